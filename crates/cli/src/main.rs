@@ -1,0 +1,2 @@
+//! `northing`: the program.
+fn main() {}
