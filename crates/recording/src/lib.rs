@@ -11,3 +11,6 @@ pub mod metadata;
 
 pub use event::{Event, Reference, Sample, SensorKind};
 pub use metadata::{Metadata, WorldFrame};
+
+#[doc(hidden)]
+pub mod test_data;
