@@ -1,1 +1,27 @@
-//! placeholder
+//! Simulated motion, simulated sensors, known truth: what estimators are tested and shown on.
+//!
+//! The parts, from the bottom up; each can be used alone:
+//!
+//! | I look for | file |
+//! |---|---|
+//! | named, independent random streams | [`random`] |
+//! | where a body is and how it moves, as closed forms | [`trajectory`] |
+//! | what a sensor makes of the truth: noise, bias, quantisation, disturbances | [`sensors`] |
+//! | arrays for Monte Carlo consistency tests of attitude filters | [`monte_carlo`] |
+//! | a recording of a phone that never existed | [`virtual_phone`] |
+//!
+//! Everything is determined by a seed. The world frame is east, north, up; the body frame is
+//! whatever the trajectory turns, in the reference pose equal to the world frame. Units are SI and
+//! radians; magnetic field is in microtesla.
+//!
+//! The few rotation formulas needed here are written out in this crate rather than taken from the
+//! estimators' geometry, so that the truth shares no code with what is tested against it. They use
+//! `libm` through nalgebra, so a seed gives the same numbers on every machine.
+
+pub mod monte_carlo;
+pub mod random;
+mod rotation;
+pub mod trajectory;
+
+pub use monte_carlo::{AttitudeTrial, AttitudeTrialConfig};
+pub use trajectory::{Trajectory, Truth};
