@@ -21,7 +21,10 @@
 pub mod monte_carlo;
 pub mod random;
 mod rotation;
+pub mod sensors;
 pub mod trajectory;
+pub mod virtual_phone;
 
 pub use monte_carlo::{AttitudeTrial, AttitudeTrialConfig};
 pub use trajectory::{Trajectory, Truth};
+pub use virtual_phone::{VirtualPhone, VirtualPhoneConfig};

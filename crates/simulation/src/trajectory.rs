@@ -3,15 +3,20 @@
 //! A trajectory is anything that can say where the body is at any instant. Rates and accelerations
 //! are analytic, never differenced, so sensors can be sampled at any instant and any rate.
 
+mod blend;
+mod bursts;
 mod coning;
 mod multi_sine;
+mod sequence;
 
 use std::fmt;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+pub use bursts::{AccelerationBursts, BurstSchedule, Shaken};
 pub use coning::Coning;
 pub use multi_sine::{MultiSine, MultiSineConfig};
+pub use sequence::{Repeated, Sequence};
 
 use crate::rotation;
 

@@ -25,7 +25,7 @@ pub struct MultiSineConfig {
     pub frequency_min_hz: f64,
     /// Highest frequency drawn, Hz. Default 0.6; higher means faster turns.
     pub frequency_max_hz: f64,
-    /// Time to fade in from rest and out to rest, s. Default 3.
+    /// Time to fade in from rest and out to rest, s; at most half the duration is used. Default 3.
     pub ramp_s: f64,
     /// Length of the motion, s. Default 60. Before and after it the body rests in the reference
     /// pose.
@@ -76,7 +76,8 @@ impl MultiSine {
         }
         Self {
             axes,
-            ramp_s: config.ramp_s,
+            // Longer ramps would meet in a kink.
+            ramp_s: config.ramp_s.min(0.5 * config.duration_s),
             duration_s: config.duration_s,
         }
     }

@@ -1,0 +1,360 @@
+//! What a virtual phone can be asked for, and what it refuses.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::sensors::{AccelerometerConfig, GyroscopeConfig, MagnetometerConfig, Sampling};
+
+/// A virtual phone and what happens to it. The default is the laboratory script in a gentle hand.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VirtualPhoneConfig {
+    /// Determines everything random. Default 1.
+    pub seed: u64,
+    /// Length of the recording, s: the script starts again until this has passed. Default: once
+    /// through the script.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub duration_s: Option<f64>,
+    /// Time stamp of the start, ns. Default 0.
+    pub start_time_ns: i64,
+    /// How the phone is moved. Default gentle.
+    pub motion: Motion,
+    /// What disturbs it while it is moved. Default nothing.
+    pub disturbance: Disturbance,
+    /// Rest in the reference pose before the motion, s. Default 10.
+    pub rest_before_s: f64,
+    /// Motion that ends in the reference pose, s. Default 60.
+    pub motion_s: f64,
+    /// Rest in the reference pose after the motion, s. Default 5.
+    pub rest_after_s: f64,
+    /// Strength of the magnetic field, microtesla. Default 43.
+    pub magnetic_field_strength_ut: f64,
+    /// How far the field points below the horizon, deg. Default 51.
+    pub magnetic_dip_deg: f64,
+    /// The gyroscope.
+    pub gyroscope: GyroscopeConfig,
+    /// The accelerometer.
+    pub accelerometer: AccelerometerConfig,
+    /// The magnetometer.
+    pub magnetometer: MagnetometerConfig,
+    /// The orientation the phone itself reports.
+    pub device_orientation: DeviceOrientationConfig,
+    /// Whether the truth is recorded, with every gyroscope sample. Default: it is.
+    pub reference: ReferenceConfig,
+}
+
+impl Default for VirtualPhoneConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            duration_s: None,
+            start_time_ns: 0,
+            motion: Motion::Gentle,
+            disturbance: Disturbance::None,
+            rest_before_s: 10.0,
+            motion_s: 60.0,
+            rest_after_s: 5.0,
+            magnetic_field_strength_ut: 43.0,
+            magnetic_dip_deg: 51.0,
+            gyroscope: GyroscopeConfig::default(),
+            accelerometer: AccelerometerConfig::default(),
+            magnetometer: MagnetometerConfig::default(),
+            device_orientation: DeviceOrientationConfig::default(),
+            reference: ReferenceConfig::default(),
+        }
+    }
+}
+
+/// How the phone is moved between the rests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Motion {
+    /// Slow turns: about 0.4 rad and 0.5 rad/s RMS per axis.
+    #[default]
+    Gentle,
+    /// Lively turns: about 0.6 rad and 1.3 rad/s RMS per axis.
+    Brisk,
+    /// None: it stays in the reference pose.
+    Rest,
+}
+
+impl Motion {
+    /// Every motion.
+    pub const ALL: [Self; 3] = [Self::Gentle, Self::Brisk, Self::Rest];
+
+    /// The name for people and for files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gentle => "gentle",
+            Self::Brisk => "brisk",
+            Self::Rest => "rest",
+        }
+    }
+}
+
+/// What disturbs the sensors while the phone is moved; never while it rests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Disturbance {
+    /// Nothing.
+    #[default]
+    None,
+    /// Shaking with 2 m/s^2 at 0.8 Hz along each axis for 8 s of every 20 s.
+    Acceleration,
+    /// 20 microtesla towards the east for the last 6 s of every 20 s.
+    Magnetic,
+    /// Both.
+    Both,
+}
+
+impl Disturbance {
+    /// Every disturbance.
+    pub const ALL: [Self; 4] = [Self::None, Self::Acceleration, Self::Magnetic, Self::Both];
+
+    /// The name for people and for files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Acceleration => "acceleration",
+            Self::Magnetic => "magnetic",
+            Self::Both => "both",
+        }
+    }
+
+    pub(super) const fn shakes(self) -> bool {
+        matches!(self, Self::Acceleration | Self::Both)
+    }
+
+    pub(super) const fn is_magnetic(self) -> bool {
+        matches!(self, Self::Magnetic | Self::Both)
+    }
+}
+
+/// The orientation the phone reports: the truth of a moment ago, with an error that wanders.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DeviceOrientationConfig {
+    /// When it is reported. Default 50 Hz, first at 5 ms, 20 ms late.
+    pub sampling: Sampling,
+    /// Standard deviation of the error about the vertical, deg. Default 3.
+    pub heading_error_std_deg: f64,
+    /// Standard deviation of the error about each horizontal axis, deg. Default 0.7.
+    pub inclination_error_std_deg: f64,
+    /// How long the error remembers itself, s. Default 20.
+    pub correlation_time_s: f64,
+}
+
+impl Default for DeviceOrientationConfig {
+    fn default() -> Self {
+        Self {
+            sampling: Sampling {
+                start_offset_s: 0.005,
+                delay_s: 0.02,
+                ..Sampling::at_rate(50.0)
+            },
+            heading_error_std_deg: 3.0,
+            inclination_error_std_deg: 0.7,
+            correlation_time_s: 20.0,
+        }
+    }
+}
+
+/// The truth track of the recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReferenceConfig {
+    /// Whether it is recorded. Default true.
+    pub recorded: bool,
+}
+
+impl Default for ReferenceConfig {
+    fn default() -> Self {
+        Self { recorded: true }
+    }
+}
+
+/// A configuration that makes no sense.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConfigError {
+    field: String,
+    value: f64,
+    expected: &'static str,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (field, value, expected) = (&self.field, self.value, self.expected);
+        write!(f, "virtual phone: {field} is {value}, expected {expected}")
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+impl VirtualPhoneConfig {
+    /// Length of one pass through the script, s.
+    #[must_use]
+    pub fn script_s(&self) -> f64 {
+        self.rest_before_s + self.motion_s + self.rest_after_s
+    }
+
+    /// Length of the recording, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.duration_s.unwrap_or_else(|| self.script_s())
+    }
+
+    /// Amplitude (rad) and highest frequency (Hz) of the motion, if there is one.
+    pub(super) const fn motion_settings(&self) -> Option<(f64, f64)> {
+        match self.motion {
+            Motion::Gentle => Some((0.8, 0.35)),
+            Motion::Brisk => Some((1.2, 0.6)),
+            Motion::Rest => None,
+        }
+    }
+
+    /// Refuses what makes no sense.
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        let fields = [
+            ("rest_before_s", self.rest_before_s),
+            ("motion_s", self.motion_s),
+            ("rest_after_s", self.rest_after_s),
+            (
+                "magnetic_field_strength_ut",
+                self.magnetic_field_strength_ut,
+            ),
+            (
+                "device_orientation.heading_error_std_deg",
+                self.device_orientation.heading_error_std_deg,
+            ),
+            (
+                "device_orientation.inclination_error_std_deg",
+                self.device_orientation.inclination_error_std_deg,
+            ),
+        ];
+        for (field, value) in fields {
+            not_negative(field, value)?;
+        }
+        positive("rest_before_s + motion_s + rest_after_s", self.script_s())?;
+        not_negative("duration_s", self.duration_s())?;
+        // Time stamps are 64-bit nanoseconds.
+        within("duration_s", self.duration_s(), 0.0..=4e9, "at most 4e9 s")?;
+        within(
+            "magnetic_dip_deg",
+            self.magnetic_dip_deg,
+            -90.0..=90.0,
+            "-90 to 90 deg",
+        )?;
+        positive(
+            "device_orientation.correlation_time_s",
+            self.device_orientation.correlation_time_s,
+        )?;
+        self.check_sensors()
+    }
+
+    fn check_sensors(&self) -> Result<(), ConfigError> {
+        for (name, sampling, model) in [
+            (
+                "gyroscope",
+                &self.gyroscope.sampling,
+                Some(self.gyroscope.error_model()),
+            ),
+            (
+                "accelerometer",
+                &self.accelerometer.sampling,
+                Some(self.accelerometer.error_model()),
+            ),
+            (
+                "magnetometer",
+                &self.magnetometer.sampling,
+                Some(self.magnetometer.error_model()),
+            ),
+            (
+                "device_orientation",
+                &self.device_orientation.sampling,
+                None,
+            ),
+        ] {
+            check_sampling(name, sampling)?;
+            let Some(model) = model else { continue };
+            for (what, value) in [
+                ("noise std", model.noise_std),
+                ("noise density", model.noise_density),
+                ("bias std", model.bias_std),
+                ("bias random walk", model.bias_random_walk),
+                ("scale error std", model.scale_error_std),
+                ("resolution", model.resolution),
+                ("range", model.range),
+            ] {
+                not_negative(&format!("{name} {what}"), value)?;
+            }
+            for value in model.bias {
+                within(
+                    &format!("{name} bias"),
+                    value,
+                    f64::MIN..=f64::MAX,
+                    "a finite number",
+                )?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_sampling(name: &str, sampling: &Sampling) -> Result<(), ConfigError> {
+    for (what, value) in [
+        ("start_offset_s", sampling.start_offset_s),
+        ("jitter_std_s", sampling.jitter_std_s),
+        ("delay_s", sampling.delay_s),
+    ] {
+        not_negative(&format!("{name}.sampling.{what}"), value)?;
+    }
+    within(
+        &format!("{name}.sampling.rate_hz"),
+        sampling.rate_hz,
+        0.0..=1e6,
+        "0 (off) to 1e6 Hz",
+    )?;
+    within(
+        &format!("{name}.sampling.dropout_probability"),
+        sampling.dropout_probability,
+        0.0..=1.0,
+        "0 to 1",
+    )
+}
+
+fn not_negative(field: &str, value: f64) -> Result<(), ConfigError> {
+    within(
+        field,
+        value,
+        0.0..=f64::MAX,
+        "a finite number, zero or more",
+    )
+}
+
+fn positive(field: &str, value: f64) -> Result<(), ConfigError> {
+    within(
+        field,
+        value,
+        f64::MIN_POSITIVE..=f64::MAX,
+        "a finite number above zero",
+    )
+}
+
+fn within(
+    field: &str,
+    value: f64,
+    allowed: std::ops::RangeInclusive<f64>,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    if allowed.contains(&value) {
+        return Ok(());
+    }
+    Err(ConfigError {
+        field: field.to_owned(),
+        value,
+        expected,
+    })
+}
