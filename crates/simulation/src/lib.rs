@@ -4,6 +4,7 @@
 //!
 //! | I look for | file |
 //! |---|---|
+//! | gravity and the magnetic field | [`world`] |
 //! | named, independent random streams | [`random`] |
 //! | where a body is and how it moves, as closed forms | [`trajectory`] |
 //! | what a sensor makes of the truth: noise, bias, quantisation, disturbances | [`sensors`] |
@@ -24,6 +25,7 @@ mod rotation;
 pub mod sensors;
 pub mod trajectory;
 pub mod virtual_phone;
+pub mod world;
 
 pub use monte_carlo::{AttitudeTrial, AttitudeTrialConfig};
 pub use trajectory::{Trajectory, Truth};

@@ -14,9 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::random::{Stream, normal_vector, stream};
 use crate::rotation::sin_cos;
-use crate::trajectory::{
-    MultiSine, MultiSineConfig, Trajectory as _, mean_rate, specific_force_at_rest,
-};
+use crate::trajectory::{MultiSine, MultiSineConfig, Trajectory as _, mean_rate};
+use crate::world::{default_magnetic_field_ut, specific_force_at_rest};
 
 /// What a trial looks like. The defaults are a phone in a brisk hand for a minute.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -85,21 +84,6 @@ pub struct AttitudeTrial {
     pub accelerometer: Vec<Vector3<f64>>,
     /// Magnetic field at the end of each interval, microtesla.
     pub magnetometer: Vec<Vector3<f64>>,
-}
-
-/// The field of [`AttitudeTrial`] and the default of the virtual phone: 43 microtesla, 51 degrees
-/// below the horizon (mid latitudes of the north). East, north, up.
-#[must_use]
-pub fn default_magnetic_field_ut() -> Vector3<f64> {
-    magnetic_field_ut(43.0, 51.0)
-}
-
-/// A field of this strength that points to magnetic north and `dip_deg` degrees below the horizon,
-/// in east, north, up; microtesla.
-#[must_use]
-pub fn magnetic_field_ut(strength_ut: f64, dip_deg: f64) -> Vector3<f64> {
-    let (sin_dip, cos_dip) = sin_cos(dip_deg.to_radians());
-    Vector3::new(0.0, strength_ut * cos_dip, -strength_ut * sin_dip)
 }
 
 impl AttitudeTrial {

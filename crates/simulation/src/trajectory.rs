@@ -19,15 +19,7 @@ pub use multi_sine::{MultiSine, MultiSineConfig};
 pub use sequence::{Repeated, Sequence};
 
 use crate::rotation;
-
-/// Standard gravity, m/s^2: what an accelerometer at rest shows on the axis that points up.
-pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
-
-/// The specific force at rest in the world frame (east, north, up), m/s^2.
-#[must_use]
-pub fn specific_force_at_rest() -> Vector3<f64> {
-    Vector3::new(0.0, 0.0, STANDARD_GRAVITY_M_S2)
-}
+use crate::world::specific_force_at_rest;
 
 /// What is true of the body at one instant. World axes are east, north, up.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -27,12 +27,12 @@ pub use config::{
 };
 pub use events::VirtualPhoneEvents;
 
-use crate::monte_carlo::magnetic_field_ut;
 use crate::random::stream;
 use crate::sensors::SensorErrors;
 use crate::trajectory::{
     AccelerationBursts, MultiSine, MultiSineConfig, Repeated, Rest, Sequence, Shaken, Trajectory,
 };
+use crate::world::magnetic_field_ut;
 
 /// Amplitude of the acceleration bursts, m/s^2.
 const ACCELERATION_BURST_M_S2: f64 = 2.0;

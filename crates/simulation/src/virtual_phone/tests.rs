@@ -97,7 +97,7 @@ fn the_script_returns_exactly_to_the_start_pose_and_scores_from_the_motion_on() 
 fn perfect_sensors_agree_with_the_reference() {
     let config = perfect();
     let (force, field) = (
-        crate::trajectory::specific_force_at_rest(),
+        crate::world::specific_force_at_rest(),
         VirtualPhone::new(config.clone())
             .unwrap()
             .magnetic_field_world_ut(),
@@ -142,7 +142,7 @@ fn at_rest_the_sensors_show_their_noise_and_their_bias() {
     let bias = phone.events().gyroscope_bias();
     let events = record(config);
     let field = phone.magnetic_field_world_ut();
-    let up = crate::trajectory::specific_force_at_rest();
+    let up = crate::world::specific_force_at_rest();
     for (kind, truth, std, tolerance) in [
         // The bias walks 2e-5 * sqrt(200) = 3e-4 in the meantime.
         (SensorKind::Gyroscope, bias, 0.005, 0.02),
