@@ -1,2 +1,39 @@
+//! Northing core: every estimator, free of allocation, panics, clocks and `unsafe`.
+//!
+//! The crate answers *which way does a device point, where is it, and where are the others*, each
+//! with an uncertainty that can be trusted. The same code runs on a microcontroller, behind the
+//! lab and in Monte-Carlo campaigns.
+//!
+//! | folder | what is in it |
+//! |---|---|
+//! | [`geometry`] | rotations: exponential and logarithm on SO(3), Jacobians, conversions, frames |
+//! | [`kalman`] | the innovation record, NIS gates, in-place scalar updates, covariance hygiene |
+//! | [`attitude`] | gyroscope integration, MEKF, USQUE, quaternion EKF, Wahba's problem, alignment |
+//! | [`calibration`] | what a sensor at rest tells: bias, noise, references, and when to refuse |
+//!
+//! # Conventions
+//!
+//! Quaternions are Hamilton, unit, body to reference (`v_ref = q v_body q*`), named
+//! `ref_from_body`, written **w, x, y, z** at every border. Attitude errors are local (body axes):
+//! `q_true = q * Exp(dtheta)`. An accelerometer measures specific force, +9.81 m/s^2 on the axis
+//! that points up at rest. SI and radians everywhere; magnetic field in microtesla.
+//!
+//! # Scalars
+//!
+//! Everything is generic over [`Scalar`] (`f32`, `f64`, and dual numbers in the tests that check
+//! Jacobians). Mathematics comes from nalgebra with `libm`, so hosts and microcontrollers agree to
+//! the bit.
 #![no_std]
-//! core
+#![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod attitude;
+pub mod calibration;
+pub mod geometry;
+pub mod kalman;
+mod scalar;
+
+pub use nalgebra;
+pub use scalar::Scalar;

@@ -1,1 +1,3 @@
-//! placeholder
+//! Run estimators over recordings and say how good they are, in numbers, words and pictures.
+
+pub mod trace;

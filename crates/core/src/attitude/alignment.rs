@@ -1,0 +1,225 @@
+//! Alignment: the state to start from, out of the first half second of samples.
+//!
+//! The device may move while it happens: every sample is turned back to the attitude of the first
+//! instant by integrating the gyroscope, averaged there, and TRIAD on the averages (gravity exact)
+//! gives the attitude (`attitude::wahba`). Strength and dip of the reference field are those just
+//! measured, so a start near a magnet gives a wrong field: better a calibration than a guess.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use super::config::AttitudeConfig;
+use super::vector_sensor::References;
+use super::{InitialState, wahba};
+use crate::geometry::{frames::TangentFrame, rotation, so3};
+use crate::kalman::innovation::check_vector;
+use crate::scalar::{Scalar, lit};
+
+/// What is known beforehand, from a calibration or from a map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior<T: Scalar> {
+    /// The frame that the estimate shall refer to.
+    pub frame: TangentFrame,
+    /// Length of the specific force at rest, m/s^2.
+    pub gravity: T,
+    /// Horizontal and downward strength of the magnetic field (microtesla), where known.
+    pub field_horizontal_down_ut: Option<[T; 2]>,
+    /// Gyroscope bias (rad/s), zero where unknown.
+    pub gyroscope_bias: Vector3<T>,
+    /// Standard deviation of that bias (rad/s); `None` takes the configuration's.
+    pub gyroscope_bias_std: Option<T>,
+}
+
+impl<T: Scalar> Default for Prior<T> {
+    fn default() -> Self {
+        Self {
+            frame: TangentFrame::Enu,
+            gravity: lit(9.806_65),
+            field_horizontal_down_ut: None,
+            gyroscope_bias: Vector3::zeros(),
+            gyroscope_bias_std: None,
+        }
+    }
+}
+
+/// Gathers samples until there is enough to start from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alignment<T: Scalar> {
+    prior: Prior<T>,
+    /// Attitude now, relative to the first instant.
+    first_from_now: UnitQuaternion<T>,
+    specific_force: Mean<T>,
+    magnetic_field: Mean<T>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Mean<T: Scalar> {
+    sum: Vector3<T>,
+    count: u32,
+}
+
+impl<T: Scalar> Mean<T> {
+    fn empty() -> Self {
+        Self { sum: Vector3::zeros(), count: 0 }
+    }
+
+    fn add(&mut self, v: Vector3<T>) {
+        self.sum += v;
+        self.count = self.count.saturating_add(1);
+    }
+
+    fn value(&self) -> Option<Vector3<T>> {
+        let mean = self.sum / lit::<T>(f64::from(self.count.max(1)));
+        (self.count > 0 && check_vector(&mean, lit(1e-3)).is_ok()).then_some(mean)
+    }
+}
+
+impl<T: Scalar> Alignment<T> {
+    /// Starts gathering.
+    pub fn new(prior: Prior<T>) -> Self {
+        Self {
+            prior,
+            first_from_now: UnitQuaternion::identity(),
+            specific_force: Mean::empty(),
+            magnetic_field: Mean::empty(),
+        }
+    }
+
+    /// Takes note of a rotation: the rate (rad/s, as measured) over `dt` seconds.
+    pub fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) {
+        let turn = (angular_rate - self.prior.gyroscope_bias) * dt;
+        if dt > T::zero() && turn.norm_squared().is_finite() {
+            self.first_from_now = rotation::renormalize(&(self.first_from_now * so3::exp(&turn)));
+        }
+    }
+
+    /// Adds a specific force (m/s^2, body axes now). Returns whether it was usable.
+    pub fn add_specific_force(&mut self, v: &Vector3<T>) -> bool {
+        let usable = check_vector(v, lit(1e-3)).is_ok();
+        if usable {
+            self.specific_force.add(self.first_from_now * v);
+        }
+        usable
+    }
+
+    /// Adds a magnetic field (microtesla, body axes now). Returns whether it was usable.
+    pub fn add_magnetic_field(&mut self, v: &Vector3<T>) -> bool {
+        let usable = check_vector(v, lit(1e-3)).is_ok();
+        if usable {
+            self.magnetic_field.add(self.first_from_now * v);
+        }
+        usable
+    }
+
+    /// The state to start from.
+    ///
+    /// Without a magnetometer the heading is arbitrary (zero) and its uncertainty the largest
+    /// allowed; without an accelerometer the whole attitude is.
+    pub fn finish(&self, config: &AttitudeConfig<T>) -> InitialState<T> {
+        let frame = self.prior.frame;
+        let force = self.specific_force.value();
+        let field = self.magnetic_field.value();
+        let unknown = config.maximum_attitude_std;
+        let gravity_up = frame.specific_force_at_rest(self.prior.gravity);
+        let (ref_from_first, tilt_std, heading_std) = match (force, field) {
+            (Some(f), Some(m)) => match wahba::triad(&f, &m, &frame.up(), &frame.north()) {
+                Some(q) => (q, config.initial_tilt_std, config.initial_heading_std),
+                None => (wahba::level(&f, &frame.up()), config.initial_tilt_std, unknown),
+            },
+            (Some(f), None) => (wahba::level(&f, &frame.up()), config.initial_tilt_std, unknown),
+            (None, _) => (UnitQuaternion::identity(), unknown, unknown),
+        };
+        let measured_field = field.map(|m| ref_from_first * m).filter(|_| force.is_some());
+        let magnetic_field = self.reference_field(measured_field);
+        let attitude = rotation::renormalize(&(ref_from_first * self.first_from_now));
+        InitialState {
+            attitude,
+            attitude_covariance: level_covariance(&attitude, &frame.up(), tilt_std, heading_std),
+            gyroscope_bias: self.prior.gyroscope_bias,
+            gyroscope_bias_std: self.prior.gyroscope_bias_std.unwrap_or(config.initial_gyroscope_bias_std),
+            references: References { specific_force: gravity_up, magnetic_field },
+        }
+    }
+
+    /// The field known beforehand, else the one just measured with its horizontal part north.
+    fn reference_field(&self, measured: Option<Vector3<T>>) -> Option<Vector3<T>> {
+        let frame = self.prior.frame;
+        if let Some([horizontal, down]) = self.prior.field_horizontal_down_ut {
+            return Some(frame.magnetic_field(horizontal, down));
+        }
+        let field = measured?;
+        let upward = field.dot(&frame.up());
+        let horizontal = (field - frame.up() * upward).norm();
+        Some(frame.magnetic_field(horizontal, -upward))
+    }
+}
+
+/// Body-axis covariance of an attitude whose tilt and heading errors have these deviations.
+pub fn level_covariance<T: Scalar>(
+    attitude: &UnitQuaternion<T>,
+    up: &Vector3<T>,
+    tilt_std: T,
+    heading_std: T,
+) -> Matrix3<T> {
+    let up_body = attitude.inverse() * up;
+    let tilt = tilt_std * tilt_std;
+    let excess = heading_std * heading_std - tilt;
+    Matrix3::identity() * tilt + up_body * up_body.transpose() * excess
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn config() -> AttitudeConfig<f64> {
+        AttitudeConfig::default()
+    }
+
+    /// GIVEN a device that turns while it is aligned WHEN samples are exact THEN so is the start.
+    #[test]
+    fn alignment_in_motion_is_exact_in_both_frames() {
+        for frame in [TangentFrame::Enu, TangentFrame::Ned] {
+            let mut alignment = Alignment::new(Prior { frame, ..Prior::default() });
+            let field = frame.magnetic_field(22.0, 42.0);
+            let (rate, dt) = (Vector3::new(0.7, -1.1, 0.4), 0.01);
+            let mut truth = so3::exp(&Vector3::new(0.2, 2.0, -0.9));
+            for _ in 0..50 {
+                alignment.propagate(&rate, dt);
+                truth *= so3::exp(&(rate * dt));
+                assert!(alignment.add_specific_force(&(truth.inverse() * frame.specific_force_at_rest(9.806_65))));
+                assert!(alignment.add_magnetic_field(&(truth.inverse() * field)));
+            }
+            let start = alignment.finish(&config());
+            assert!(rotation::angle_between(&truth, &start.attitude) < 1e-12);
+            assert_relative_eq!(start.references.magnetic_field.unwrap(), field, epsilon = 1e-10);
+        }
+    }
+
+    #[test]
+    fn without_a_magnetometer_tilt_is_known_and_heading_is_not() {
+        let mut alignment = Alignment::new(Prior::<f64>::default());
+        let truth = so3::exp(&Vector3::new(0.4, -0.3, 0.0));
+        assert!(alignment.add_specific_force(&(truth.inverse() * Vector3::new(0.0, 0.0, 9.8))));
+        let start = alignment.finish(&config());
+        assert_relative_eq!(start.attitude.inverse() * Vector3::z(), truth.inverse() * Vector3::z(), epsilon = 1e-12);
+        assert!(start.references.magnetic_field.is_none());
+        let up = start.attitude.inverse() * Vector3::z();
+        assert_relative_eq!(up.dot(&(start.attitude_covariance * up)), 1.8 * 1.8, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn nothing_at_all_is_the_identity_with_the_largest_uncertainty() {
+        let start = Alignment::new(Prior::<f64>::default()).finish(&config());
+        assert_eq!(start.attitude, UnitQuaternion::identity());
+        assert_relative_eq!(start.attitude_covariance, Matrix3::identity() * (1.8 * 1.8), epsilon = 1e-12);
+    }
+
+    #[test]
+    fn unusable_samples_do_not_count() {
+        let mut alignment = Alignment::new(Prior::<f64>::default());
+        assert!(!alignment.add_specific_force(&Vector3::zeros()));
+        assert!(!alignment.add_magnetic_field(&Vector3::new(f64::NAN, 0.0, 0.0)));
+        alignment.propagate(&Vector3::new(f64::INFINITY, 0.0, 0.0), 0.01);
+        assert_eq!(alignment, Alignment::new(Prior::default()));
+    }
+}

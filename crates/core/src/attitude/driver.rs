@@ -1,0 +1,284 @@
+//! Time for attitude estimators: stamps, mean rates, gaps, and the start from the first samples.
+//!
+//! An [`AttitudeDriver`] takes samples as sensors deliver them, each with its own integer
+//! nanosecond stamp, at any rate and with any sensor missing, and calls an [`AttitudeEstimator`]
+//! with intervals in seconds. The same driver runs on a chip, behind the lab and over recordings.
+//!
+//! - The rate of an interval between gyroscope samples is their mean (`docs/derivations/mekf.md`,
+//!   M6): between them, the last one is held and the difference made good at the next.
+//! - A sample not newer than its sensor's last is skipped; one older than the state, but new for
+//!   its sensor, updates without propagation.
+//! - Without a gyroscope sample for longer than [`DriverConfig::gap_limit_s`] the rate is unknown:
+//!   the attitude is held and its variance grows by a random walk.
+//! - It starts by [`Alignment`], and aligns again, keeping the bias, when an accelerometer or
+//!   magnetometer first appears later.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::alignment::{Alignment, Prior};
+use super::config::AttitudeConfig;
+use super::{AttitudeEstimator, InitialState, Propagation};
+use crate::kalman::{Innovation, SkipReason};
+use crate::scalar::{Scalar, lit};
+
+/// Settings of a driver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriverConfig<T: Scalar> {
+    /// Seconds of samples that are averaged for the start, default 0.5. Raising it averages noise
+    /// and vibration, and starts later.
+    pub alignment_s: T,
+    /// Longest interval between gyroscope samples that counts as continuous, s, default 0.5.
+    pub gap_limit_s: T,
+    /// How the attitude wanders while its rate is unknown, rad/sqrt(s), default 0.5.
+    pub gap_angle_random_walk: T,
+    /// What is known beforehand.
+    pub prior: Prior<T>,
+}
+
+impl<T: Scalar> Default for DriverConfig<T> {
+    fn default() -> Self {
+        Self {
+            alignment_s: lit(0.5),
+            gap_limit_s: lit(0.5),
+            gap_angle_random_walk: lit(0.5),
+            prior: Prior::default(),
+        }
+    }
+}
+
+/// Feeds an estimator with stamped samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeDriver<T: Scalar, E> {
+    /// The estimator that is driven.
+    pub estimator: E,
+    config: DriverConfig<T>,
+    settings: AttitudeConfig<T>,
+    aligning: Option<Aligning<T>>,
+    started: bool,
+    has_force: bool,
+    has_field: bool,
+    /// Time of the estimator's state.
+    now_ns: Option<i64>,
+    last_rate: Option<(i64, Vector3<T>)>,
+    last_force_ns: Option<i64>,
+    last_field_ns: Option<i64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Aligning<T: Scalar> {
+    alignment: Alignment<T>,
+    since_ns: i64,
+}
+
+impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
+    /// Drives `estimator`; `settings` says how uncertain the start is.
+    pub fn new(estimator: E, settings: AttitudeConfig<T>, config: DriverConfig<T>) -> Self {
+        Self {
+            estimator,
+            config,
+            settings,
+            aligning: None,
+            started: false,
+            has_force: false,
+            has_field: false,
+            now_ns: None,
+            last_rate: None,
+            last_force_ns: None,
+            last_field_ns: None,
+        }
+    }
+
+    /// Starts from a known state instead of aligning; takes effect at once.
+    pub fn start_from(&mut self, initial: &InitialState<T>) {
+        self.estimator.initialize(initial);
+        self.started = true;
+        self.has_force = true;
+        self.has_field = initial.references.magnetic_field.is_some();
+        self.aligning = None;
+    }
+
+    /// Whether the estimator has started.
+    pub fn is_started(&self) -> bool {
+        self.started
+    }
+
+    /// The estimate, once started.
+    pub fn attitude(&self) -> Option<UnitQuaternion<T>> {
+        self.started.then(|| self.estimator.attitude())
+    }
+
+    /// Takes an angular rate (rad/s).
+    pub fn gyroscope(&mut self, time_ns: i64, angular_rate: &Vector3<T>) -> Propagation {
+        if !angular_rate.norm_squared().is_finite() {
+            return Propagation::Skipped(SkipReason::NotFinite);
+        }
+        match self.last_rate {
+            Some((last_ns, _)) if time_ns <= last_ns => return Propagation::Skipped(SkipReason::NotNewer),
+            Some((last_ns, _)) if self.is_gap(last_ns, time_ns) => self.advance_to(time_ns),
+            Some((last_ns, last)) => self.finish_interval(last_ns, &last, time_ns, angular_rate),
+            None => self.advance_to(time_ns),
+        }
+        self.last_rate = Some((time_ns, *angular_rate));
+        self.finish_alignment(time_ns);
+        Propagation::Done
+    }
+
+    /// Takes a specific force (m/s^2).
+    pub fn accelerometer(&mut self, time_ns: i64, specific_force: &Vector3<T>) -> Innovation<T> {
+        if self.last_force_ns.is_some_and(|last| time_ns <= last) {
+            return Innovation::skipped(SkipReason::NotNewer);
+        }
+        self.last_force_ns = Some(time_ns);
+        self.advance_to(time_ns);
+        let appeared = self.started && !self.has_force;
+        if let Some(aligning) = self.alignment_at(time_ns, appeared)
+            && aligning.alignment.add_specific_force(specific_force)
+        {
+            self.has_force = true;
+        }
+        if !self.started {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        }
+        self.estimator.update_accelerometer(specific_force)
+    }
+
+    /// Takes a magnetic field (microtesla).
+    pub fn magnetometer(&mut self, time_ns: i64, magnetic_field: &Vector3<T>) -> Innovation<T> {
+        if self.last_field_ns.is_some_and(|last| time_ns <= last) {
+            return Innovation::skipped(SkipReason::NotNewer);
+        }
+        self.last_field_ns = Some(time_ns);
+        self.advance_to(time_ns);
+        let appeared = self.started && !self.has_field && self.has_force;
+        if let Some(aligning) = self.alignment_at(time_ns, appeared)
+            && aligning.alignment.add_magnetic_field(magnetic_field)
+        {
+            self.has_field = true;
+        }
+        if !self.started {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        }
+        self.estimator.update_magnetometer(magnetic_field)
+    }
+
+    /// The alignment under way; begins one at the very start, and again when a sensor `appeared`.
+    fn alignment_at(&mut self, time_ns: i64, appeared: bool) -> Option<&mut Aligning<T>> {
+        if self.aligning.is_none() && (!self.started || appeared) {
+            let alignment = Alignment::new(self.config.prior);
+            self.aligning = Some(Aligning { alignment, since_ns: time_ns });
+        }
+        self.aligning.as_mut()
+    }
+
+    /// Starts the estimator once the alignment has gathered for long enough. Without any
+    /// accelerometer sample it waits four times as long before it starts blind.
+    fn finish_alignment(&mut self, time_ns: i64) {
+        let Some(Aligning { alignment, since_ns }) = *self.alignment_or_begin(time_ns) else {
+            return;
+        };
+        let patience = if self.has_force { lit(1.0) } else { lit::<T>(4.0) };
+        if seconds::<T>(since_ns, time_ns) < self.config.alignment_s * patience {
+            return;
+        }
+        let mut initial = alignment.finish(&self.settings);
+        if self.started
+            && let Some((bias, covariance)) = self.estimator.gyroscope_bias()
+        {
+            initial.gyroscope_bias = bias;
+            initial.gyroscope_bias_std = covariance.diagonal().max().max(T::zero()).sqrt();
+        }
+        self.estimator.initialize(&initial);
+        self.started = true;
+        self.aligning = None;
+    }
+
+    fn alignment_or_begin(&mut self, time_ns: i64) -> &Option<Aligning<T>> {
+        self.alignment_at(time_ns, false);
+        &self.aligning
+    }
+
+    fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {
+        seconds::<T>(from_ns, to_ns) > self.config.gap_limit_s
+    }
+
+    /// Moves the state to `time_ns` with the last rate held, or blindly where that is too old.
+    fn advance_to(&mut self, time_ns: i64) {
+        let Some(now) = self.now_ns else {
+            self.now_ns = Some(time_ns);
+            return;
+        };
+        if time_ns <= now {
+            return;
+        }
+        self.now_ns = Some(time_ns);
+        let held_until = match self.last_rate {
+            Some((last_ns, rate)) => {
+                let limit = last_ns.saturating_add(nanoseconds(self.config.gap_limit_s));
+                let until = time_ns.min(limit).max(now);
+                self.propagate(&rate, seconds(now, until));
+                until
+            }
+            None => now,
+        };
+        self.propagate_blindly(seconds(held_until, time_ns));
+    }
+
+    /// Completes the interval between two gyroscope samples so that its mean rate was theirs.
+    fn finish_interval(&mut self, last_ns: i64, last: &Vector3<T>, time_ns: i64, rate: &Vector3<T>) {
+        let now = self.now_ns.unwrap_or(last_ns).max(last_ns);
+        let remaining: T = seconds(now, time_ns);
+        if remaining <= T::zero() {
+            return;
+        }
+        self.now_ns = Some(time_ns);
+        let whole: T = seconds(last_ns, time_ns);
+        let made_good = (rate - last) * (lit::<T>(0.5) * whole / remaining);
+        self.propagate(&(last + made_good), remaining);
+    }
+
+    fn propagate(&mut self, rate: &Vector3<T>, dt: T) {
+        if dt <= T::zero() {
+            return;
+        }
+        if let Some(aligning) = &mut self.aligning {
+            aligning.alignment.propagate(rate, dt);
+        }
+        if self.started {
+            self.estimator.propagate(rate, dt);
+        }
+    }
+
+    /// Holds the attitude over a time without rates and lets its variance grow, in steps no longer
+    /// than the gap limit.
+    fn propagate_blindly(&mut self, total: T) {
+        if total <= T::zero() || !self.started {
+            return;
+        }
+        let walk = self.config.gap_angle_random_walk;
+        // A day without samples is as blind as an hour: bound the number of steps.
+        let step = self.config.gap_limit_s.max(total * lit(1e-3));
+        let mut left = total;
+        while left > T::zero() {
+            let dt = left.min(step);
+            let still = self.estimator.gyroscope_bias().map_or_else(Vector3::zeros, |(bias, _)| bias);
+            self.estimator.propagate(&still, dt);
+            self.estimator.add_attitude_variance(walk * walk * dt);
+            left -= dt;
+        }
+    }
+}
+
+/// Seconds between two stamps.
+#[inline]
+fn seconds<T: Scalar>(from_ns: i64, to_ns: i64) -> T {
+    lit(to_ns.saturating_sub(from_ns) as f64 * 1e-9)
+}
+
+/// A short time in nanoseconds.
+#[inline]
+fn nanoseconds<T: Scalar>(seconds: T) -> i64 {
+    nalgebra::try_convert::<T, f64>(seconds).map_or(0, |s| (s * 1e9) as i64)
+}
+
+#[cfg(test)]
+mod tests;

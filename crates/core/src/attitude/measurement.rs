@@ -1,0 +1,215 @@
+//! The linearised measurements of the multiplicative filters: rows, residuals, noise, record.
+//!
+//! Read first: `docs/derivations/mekf.md`, M9-M11 (vector) and M17 (heading). The predicted vector
+//! makes the row, not the measured one: the measured one is noisy, and its sign convention is the
+//! classical mistake.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use super::config::{AttitudeConfig, MagnetometerUse};
+use super::heading::{Heading, HeadingReference};
+use super::vector_sensor::{References, VectorSensor, Weighed};
+use crate::geometry::so3;
+use crate::kalman::innovation::{Innovation, Outcome, SkipReason};
+use crate::scalar::Scalar;
+
+/// Accelerometer and magnetometer as a filter sees them; part of a filter's state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VectorSensors<T: Scalar> {
+    /// Reference, gate and history of the accelerometer.
+    pub accelerometer: VectorSensor<T>,
+    /// Reference, gate and history of the magnetometer.
+    pub magnetometer: VectorSensor<T>,
+    /// What a heading is measured against; `None` without a magnetic reference.
+    pub heading: Option<HeadingReference<T>>,
+    magnetometer_use: MagnetometerUse,
+}
+
+/// One measurement, ready for scalar updates on the local attitude error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measurement<T: Scalar> {
+    /// The record to return.
+    pub innovation: Innovation<T>,
+    /// Rows on the attitude error; as many count as the innovation has degrees of freedom.
+    pub rows: [Vector3<T>; 3],
+    /// Noise variance per row; `None` when the measurement is not to be fused.
+    pub variance: Option<T>,
+}
+
+impl<T: Scalar> Measurement<T> {
+    fn skipped(reason: SkipReason) -> Self {
+        Self { innovation: Innovation::skipped(reason), rows: [Vector3::zeros(); 3], variance: None }
+    }
+
+    fn new(weighed: Weighed<T>, rows: [Vector3<T>; 3]) -> Self {
+        Self { innovation: weighed.innovation, rows, variance: weighed.variance }
+    }
+
+    /// Row, residual and variance of each scalar to fuse; nothing when it is not to be fused.
+    #[inline]
+    pub fn scalars(&self) -> impl Iterator<Item = (&Vector3<T>, T, T)> {
+        let count = if self.variance.is_some() { usize::from(self.innovation.degrees_of_freedom) } else { 0 };
+        let r = self.variance.unwrap_or_else(T::zero);
+        let residuals = self.innovation.residual.iter();
+        self.rows.iter().zip(residuals).take(count).map(move |(row, z)| (row, *z, r))
+    }
+
+    /// The record, marked as refused by numerics unless `fused`.
+    #[inline]
+    pub fn conclude(self, fused: bool) -> Innovation<T> {
+        let mut innovation = self.innovation;
+        if innovation.outcome.is_fused() && !fused {
+            innovation.outcome = Outcome::Skipped(SkipReason::Numerical);
+        }
+        innovation
+    }
+}
+
+impl<T: Scalar> VectorSensors<T> {
+    /// Sensors without references, as `config` describes them.
+    pub fn new(config: &AttitudeConfig<T>) -> Self {
+        Self {
+            accelerometer: VectorSensor::accelerometer(config),
+            magnetometer: VectorSensor::magnetometer(config),
+            heading: None,
+            magnetometer_use: config.magnetometer_use,
+        }
+    }
+
+    /// Sets the references and forgets gates and history.
+    pub fn start(&mut self, references: &References<T>) {
+        self.accelerometer.start(Some(references.specific_force));
+        self.magnetometer.start(references.magnetic_field);
+        self.heading = HeadingReference::new(references);
+    }
+
+    /// Lets `dt` seconds pass.
+    #[inline]
+    pub fn advance(&mut self, dt: T) {
+        self.accelerometer.advance(dt);
+        self.magnetometer.advance(dt);
+    }
+
+    /// The accelerometer's measurement at `attitude` with error covariance `p` (body axes).
+    #[inline]
+    pub fn accelerometer(
+        &mut self,
+        attitude: &UnitQuaternion<T>,
+        p: &Matrix3<T>,
+        measured: &Vector3<T>,
+    ) -> Measurement<T> {
+        vector(&mut self.accelerometer, attitude, p, measured)
+    }
+
+    /// The magnetometer's measurement at `attitude` with error covariance `p` (body axes).
+    #[inline]
+    pub fn magnetometer(
+        &mut self,
+        attitude: &UnitQuaternion<T>,
+        p: &Matrix3<T>,
+        measured: &Vector3<T>,
+    ) -> Measurement<T> {
+        match self.magnetometer_use {
+            MagnetometerUse::Vector => vector(&mut self.magnetometer, attitude, p, measured),
+            MagnetometerUse::Heading => {
+                heading(&mut self.magnetometer, self.heading.as_ref(), attitude, p, measured)
+            }
+        }
+    }
+}
+
+/// All three components: `residual = y - v`, `H = [v]x` with `v = q^-1 ref` (M9, M10).
+#[inline]
+fn vector<T: Scalar>(
+    sensor: &mut VectorSensor<T>,
+    attitude: &UnitQuaternion<T>,
+    p: &Matrix3<T>,
+    measured: &Vector3<T>,
+) -> Measurement<T> {
+    let reference = match sensor.reference_for(measured) {
+        Ok(reference) => reference,
+        Err(reason) => return Measurement::skipped(reason),
+    };
+    let v = attitude.inverse() * reference;
+    let zero = T::zero();
+    let rows =
+        [Vector3::new(zero, -v.z, v.y), Vector3::new(v.z, zero, -v.x), Vector3::new(-v.y, v.x, zero)];
+    let predicted = predicted_covariance(&v, p);
+    let variance = sensor.sample_variance(measured);
+    Measurement::new(sensor.weigh(measured - v, &predicted, variance), rows)
+}
+
+/// `[v]x P [v]x^T`: what the attitude's uncertainty does to the predicted vector.
+#[inline]
+fn predicted_covariance<T: Scalar>(v: &Vector3<T>, p: &Matrix3<T>) -> Matrix3<T> {
+    let h = so3::skew(v);
+    h * p * h.transpose()
+}
+
+/// The heading alone: `residual` about up, `h` = up in body axes (M17).
+#[inline]
+fn heading<T: Scalar>(
+    sensor: &mut VectorSensor<T>,
+    reference: Option<&HeadingReference<T>>,
+    attitude: &UnitQuaternion<T>,
+    p: &Matrix3<T>,
+    measured: &Vector3<T>,
+) -> Measurement<T> {
+    if let Err(reason) = sensor.reference_for(measured) {
+        return Measurement::skipped(reason);
+    }
+    let Some(Heading { residual, variance, row }) =
+        reference.and_then(|r| r.measure(attitude, measured, sensor))
+    else {
+        return Measurement::skipped(SkipReason::Unobservable);
+    };
+    let weighed = sensor.weigh_scalar(residual, row.dot(&(p * row)), variance);
+    Measurement::new(weighed, [row, Vector3::zeros(), Vector3::zeros()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use num_dual::{DualSVec64, jacobian};
+    use nalgebra::SVector;
+
+    /// `z = C(q dq(a)) ref` linearised: `H = +[v]x`, for both parametrisations of the error.
+    #[test]
+    fn vector_rows_equal_dual_numbers() {
+        let reference = Vector3::new(3.0, -20.0, 40.0);
+        for r in [Vector3::zeros(), Vector3::new(0.4, -1.2, 2.0), Vector3::new(3.0, 0.5, -0.1)] {
+            let q = so3::exp(&r);
+            let predict = |turn: fn(&Vector3<DualSVec64<3>>) -> UnitQuaternion<DualSVec64<3>>| {
+                jacobian(
+                    |a: SVector<DualSVec64<3>, 3>| {
+                        (q.cast::<DualSVec64<3>>() * turn(&a)).inverse() * reference.map(DualSVec64::from)
+                    },
+                    &Vector3::zeros(),
+                )
+                .1
+            };
+            let mut sensors = VectorSensors::new(&AttitudeConfig::default());
+            sensors.start(&References { specific_force: reference, magnetic_field: None });
+            let v = q.inverse() * reference;
+            let m = sensors.accelerometer(&q, &Matrix3::identity(), &v);
+            let rows = Matrix3::from_rows(&m.rows.map(|row| row.transpose()));
+            assert_relative_eq!(rows, predict(so3::exp), epsilon = 1e-12);
+            assert_relative_eq!(rows, predict(so3::from_gibbs), epsilon = 1e-12);
+            assert_relative_eq!(rows, so3::skew(&v), epsilon = 1e-12);
+        }
+    }
+
+    #[test]
+    fn innovation_covariance_is_hph_plus_r() {
+        let mut sensors = VectorSensors::new(&AttitudeConfig::default());
+        let up = Vector3::new(0.0, 0.0, 10.0);
+        sensors.start(&References { specific_force: up, magnetic_field: None });
+        let p = Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.03));
+        let m = sensors.accelerometer(&UnitQuaternion::identity(), &p, &up);
+        let expected = Matrix3::from_diagonal(&Vector3::new(2.0025, 1.0025, 0.0025));
+        assert_relative_eq!(m.innovation.covariance, expected, epsilon = 1e-12);
+        assert_relative_eq!(m.innovation.nis, 0.0, epsilon = 1e-12);
+        assert_eq!(m.scalars().count(), 3);
+    }
+}

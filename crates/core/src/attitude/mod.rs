@@ -1,0 +1,90 @@
+//! Which way does it point: attitude estimators, and what starts and drives them.
+//!
+//! Every estimator implements [`AttitudeEstimator`]: propagate with the gyroscope, update with
+//! whatever vector sensor is there, in any order and at any rate. [`driver::AttitudeDriver`] adds
+//! time: stamps, gaps, mean rates, and the start from the first samples.
+//!
+//! | estimator | file | error states | when |
+//! |---|---|---|---|
+//! | [`integration::Integration`] | `integration.rs` | none | the yardstick: gyroscope alone |
+//! | [`mekf::Mekf`] | `mekf.rs` | attitude, gyroscope bias | the default |
+//! | [`mekf3::Mekf3`] | `mekf3.rs` | attitude | the paper's filter, to the letter where asked |
+//! | [`usque::Usque`] | `usque.rs` | attitude, gyroscope bias | unscented, large errors |
+//! | [`quaternion_ekf::QuaternionEkf`] | `quaternion_ekf.rs` | quaternion, gyroscope bias | additive EKF |
+
+pub mod alignment;
+pub mod config;
+pub mod driver;
+pub mod heading;
+pub mod integration;
+pub mod measurement;
+pub mod mekf;
+pub mod mekf3;
+pub mod propagation;
+pub mod quaternion_ekf;
+pub mod usque;
+pub mod vector_sensor;
+pub mod wahba;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use crate::kalman::{Innovation, SkipReason};
+use crate::scalar::Scalar;
+pub use config::{AttitudeConfig, MagnetometerUse, ProcessNoise};
+pub use vector_sensor::References;
+
+/// The state an estimator starts from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InitialState<T: Scalar> {
+    /// `ref_from_body` at the start.
+    pub attitude: UnitQuaternion<T>,
+    /// Covariance (rad^2) of the local attitude error, in body axes.
+    pub attitude_covariance: Matrix3<T>,
+    /// Gyroscope bias (rad/s), body axes.
+    pub gyroscope_bias: Vector3<T>,
+    /// Standard deviation (rad/s) of each component of that bias.
+    pub gyroscope_bias_std: T,
+    /// What the vector sensors measure in the reference frame.
+    pub references: References<T>,
+}
+
+/// What a propagation did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Propagation {
+    /// The state moved on.
+    Done,
+    /// The sample was refused and the state is untouched.
+    Skipped(SkipReason),
+}
+
+/// What all attitude estimators can do.
+///
+/// Samples that are not finite leave the state untouched; the return value says so. No method
+/// panics, and no state ever holds a non-finite number.
+pub trait AttitudeEstimator<T: Scalar> {
+    /// Starts, or starts again, from a known state.
+    fn initialize(&mut self, initial: &InitialState<T>);
+
+    /// Moves on by `dt` seconds with the angular rate (rad/s, body axes, as the gyroscope gave
+    /// it) that held over that interval. `dt <= 0` changes nothing.
+    fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation;
+
+    /// Updates with specific force (m/s^2, body axes).
+    fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T>;
+
+    /// Updates with the magnetic field (microtesla, body axes).
+    fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T>;
+
+    /// Adds variance (rad^2 per axis) to the attitude: something unseen happened, such as a gap.
+    fn add_attitude_variance(&mut self, variance: T);
+
+    /// The estimate, `ref_from_body`.
+    fn attitude(&self) -> UnitQuaternion<T>;
+
+    /// Covariance (rad^2) of the local attitude error in body axes; `None` for estimators that
+    /// make no statement about their error.
+    fn attitude_covariance(&self) -> Option<Matrix3<T>>;
+
+    /// Gyroscope bias (rad/s, body axes) and its covariance; `None` when it is not estimated.
+    fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)>;
+}

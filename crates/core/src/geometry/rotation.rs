@@ -1,0 +1,182 @@
+//! Conversions of rotations: arrays in w, x, y, z order, Euler angles, matrices, angle between two.
+//!
+//! nalgebra stores quaternions as x, y, z, w. [`to_wxyz`] and [`from_wxyz`] are the only places
+//! where that order is turned; nothing else may touch `coords` at a border.
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
+use crate::scalar::{Scalar, lit};
+
+/// The quaternion as `[w, x, y, z]` with `w >= 0`.
+#[inline]
+pub fn to_wxyz<T: Scalar>(q: &UnitQuaternion<T>) -> [T; 4] {
+    if q.w < T::zero() {
+        [-q.w, -q.i, -q.j, -q.k]
+    } else {
+        [q.w, q.i, q.j, q.k]
+    }
+}
+
+/// The unit quaternion of `[w, x, y, z]`, normalised.
+///
+/// `None` when an element is not finite or the norm is below 0.1 (all zeros: no rotation at all).
+#[inline]
+pub fn from_wxyz<T: Scalar>(wxyz: [T; 4]) -> Option<UnitQuaternion<T>> {
+    let [w, x, y, z] = wxyz;
+    let q = Quaternion::new(w, x, y, z);
+    let norm = q.norm();
+    if !norm.is_finite() || norm < lit(0.1) {
+        return None;
+    }
+    Some(UnitQuaternion::new_unchecked(q / norm))
+}
+
+/// Angle in `[0, pi]` (rad) of the rotation between two attitudes.
+#[inline]
+pub fn angle_between<T: Scalar>(a: &UnitQuaternion<T>, b: &UnitQuaternion<T>) -> T {
+    super::so3::log(&(a.inverse() * b)).norm()
+}
+
+/// Yaw, pitch and roll (rad) of `ref_from_body`, aerospace order: the body is reached from the
+/// reference by turning about z (yaw), then y (pitch), then x (roll).
+///
+/// In a NED frame yaw is the heading, clockwise from north. In an ENU frame it counts
+/// counter-clockwise from east. At pitch +-90 degrees roll is set to zero.
+#[inline]
+pub fn to_yaw_pitch_roll<T: Scalar>(ref_from_body: &UnitQuaternion<T>) -> [T; 3] {
+    let m = ref_from_body.to_rotation_matrix().into_inner();
+    let sin_pitch = -m[(2, 0)];
+    let one = T::one();
+    if sin_pitch.abs() > lit(0.999_999_9) {
+        let pitch = if sin_pitch > T::zero() {
+            T::frac_pi_2()
+        } else {
+            -T::frac_pi_2()
+        };
+        return [(-m[(0, 1)]).atan2(m[(1, 1)]), pitch, T::zero()];
+    }
+    let pitch = sin_pitch.max(-one).min(one).asin();
+    [
+        m[(1, 0)].atan2(m[(0, 0)]),
+        pitch,
+        m[(2, 1)].atan2(m[(2, 2)]),
+    ]
+}
+
+/// `ref_from_body` of yaw, pitch and roll (rad); inverse of [`to_yaw_pitch_roll`].
+#[inline]
+pub fn from_yaw_pitch_roll<T: Scalar>([yaw, pitch, roll]: [T; 3]) -> UnitQuaternion<T> {
+    use super::so3::exp;
+    let zero = T::zero();
+    exp(&Vector3::new(zero, zero, yaw))
+        * exp(&Vector3::new(zero, pitch, zero))
+        * exp(&Vector3::new(roll, zero, zero))
+}
+
+/// The unit quaternion of a rotation matrix (Shepperd 1978: divides by the largest component).
+#[inline]
+pub fn from_matrix<T: Scalar>(m: &Matrix3<T>) -> UnitQuaternion<T> {
+    let one = T::one();
+    let half = lit::<T>(0.5);
+    let trace = m.trace();
+    let diagonal = [m[(0, 0)], m[(1, 1)], m[(2, 2)]];
+    let mut largest = 0;
+    for axis in 1..3 {
+        if diagonal[axis] > diagonal[largest] {
+            largest = axis;
+        }
+    }
+    let mut v = [T::zero(); 3];
+    let w;
+    if trace >= diagonal[largest] {
+        let root = (one + trace).sqrt();
+        let f = half / root;
+        w = half * root;
+        for (i, element) in v.iter_mut().enumerate() {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            *element = (m[(k, j)] - m[(j, k)]) * f;
+        }
+    } else {
+        let (i, j, k) = (largest, (largest + 1) % 3, (largest + 2) % 3);
+        let root = (one + m[(i, i)] - m[(j, j)] - m[(k, k)]).sqrt();
+        let f = half / root;
+        v[i] = half * root;
+        v[j] = (m[(j, i)] + m[(i, j)]) * f;
+        v[k] = (m[(k, i)] + m[(i, k)]) * f;
+        w = (m[(k, j)] - m[(j, k)]) * f;
+    }
+    UnitQuaternion::new_normalize(Quaternion::new(w, v[0], v[1], v[2]))
+}
+
+/// Removes the rounding that products of quaternions gather: one Newton step towards unit norm,
+/// exact to rounding for a quaternion whose norm is within 1e-4 of one.
+#[inline]
+pub fn renormalize<T: Scalar>(q: &UnitQuaternion<T>) -> UnitQuaternion<T> {
+    let n2 = q.as_ref().norm_squared();
+    UnitQuaternion::new_unchecked(q.into_inner() * (lit::<T>(0.5) * (lit::<T>(3.0) - n2)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::so3;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    #[test]
+    fn order_at_the_border_is_w_first_and_w_is_not_negative() {
+        let q = UnitQuaternion::new_normalize(Quaternion::new(-0.5, 0.1, 0.2, 0.3));
+        let [w, x, y, z] = to_wxyz(&q);
+        assert!(w > 0.0 && x < 0.0 && y < 0.0 && z < 0.0);
+        assert_relative_eq!(w / x, -5.0, epsilon = 1e-12);
+        assert_relative_eq!(
+            from_wxyz([w, x, y, z]).unwrap().angle_to(&q),
+            0.0,
+            epsilon = 1e-7
+        );
+    }
+
+    #[test]
+    fn rubbish_is_no_rotation() {
+        assert!(from_wxyz([0.0; 4]).is_none());
+        assert!(from_wxyz([f64::NAN, 0.0, 0.0, 1.0]).is_none());
+        assert!(from_wxyz([f64::INFINITY, 0.0, 0.0, 1.0]).is_none());
+    }
+
+    #[test]
+    fn heading_east_in_ned_is_yaw_of_a_quarter_turn() {
+        let q = from_yaw_pitch_roll([core::f64::consts::FRAC_PI_2, 0.0, 0.0]);
+        assert_relative_eq!(q * Vector3::x(), Vector3::y(), epsilon = 1e-15);
+    }
+
+    #[test]
+    fn gimbal_lock_keeps_the_rotation() {
+        for pitch in [core::f64::consts::FRAC_PI_2, -core::f64::consts::FRAC_PI_2] {
+            let q = from_yaw_pitch_roll([0.4, pitch, 0.0]);
+            let back = from_yaw_pitch_roll(to_yaw_pitch_roll(&q));
+            assert!(angle_between(&q, &back) < 1e-7);
+        }
+    }
+
+    #[test]
+    fn renormalize_removes_small_drift() {
+        let q = so3::exp(&Vector3::new(0.3, 0.2, -0.4));
+        let drifted = UnitQuaternion::new_unchecked(q.into_inner() * 1.00005_f64);
+        assert_relative_eq!(renormalize(&drifted).norm(), 1.0, epsilon = 1e-8);
+        assert_relative_eq!(
+            renormalize(&renormalize(&drifted)).norm(),
+            1.0,
+            epsilon = 1e-15
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn conversions_round_trip(r in prop::array::uniform3(-3.1..3.1f64)) {
+            let q = so3::exp(&Vector3::from(r));
+            prop_assert!(angle_between(&q, &from_yaw_pitch_roll(to_yaw_pitch_roll(&q))) < 1e-6);
+            prop_assert!(angle_between(&q, &from_matrix(&q.to_rotation_matrix().into_inner())) < 1e-7);
+            prop_assert!(angle_between(&q, &from_wxyz(to_wxyz(&q)).unwrap()) < 1e-7);
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Covariance hygiene: symmetry, positivity, limits, and quadratic forms (NIS, NEES).
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use crate::scalar::{Scalar, lit};
+
+/// Copies the upper triangle over the lower one.
+#[inline]
+pub fn mirror_upper<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
+    for j in 0..N {
+        for i in 0..j {
+            p[(j, i)] = p[(i, j)];
+        }
+    }
+}
+
+/// Replaces `p` by `(p + p^T) / 2`.
+#[inline]
+pub fn symmetrize<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
+    let half = lit::<T>(0.5);
+    for j in 0..N {
+        for i in 0..j {
+            let mean = half * (p[(i, j)] + p[(j, i)]);
+            p[(i, j)] = mean;
+            p[(j, i)] = mean;
+        }
+    }
+}
+
+/// Lower Cholesky factor, or `None` when the matrix is not positive definite or not finite.
+#[inline]
+pub fn cholesky<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> Option<SMatrix<T, N, N>> {
+    let mut l = SMatrix::<T, N, N>::zeros();
+    for j in 0..N {
+        let mut d = p[(j, j)];
+        for k in 0..j {
+            d -= l[(j, k)] * l[(j, k)];
+        }
+        if !(d > T::zero() && d.is_finite()) {
+            return None;
+        }
+        let root = d.sqrt();
+        l[(j, j)] = root;
+        for i in (j + 1)..N {
+            let mut s = p[(i, j)];
+            for k in 0..j {
+                s -= l[(i, k)] * l[(j, k)];
+            }
+            l[(i, j)] = s / root;
+        }
+    }
+    Some(l)
+}
+
+/// `x^T P^-1 x` for a positive definite `P` (NIS, NEES); `None` when `P` is not.
+#[inline]
+pub fn normalized_square<T: Scalar, const N: usize>(
+    x: &SVector<T, N>,
+    p: &SMatrix<T, N, N>,
+) -> Option<T> {
+    let l = cholesky(p)?;
+    let mut sum = T::zero();
+    let mut y = SVector::<T, N>::zeros();
+    for i in 0..N {
+        let mut v = x[i];
+        for k in 0..i {
+            v -= l[(i, k)] * y[k];
+        }
+        y[i] = v / l[(i, i)];
+        sum += y[i] * y[i];
+    }
+    sum.is_finite().then_some(sum)
+}
+
+/// `x^T S^-1 x` for a symmetric 3 by 3 matrix by cofactors: no square roots, for the sample path.
+///
+/// `None` when the determinant is not positive, which a positive definite `S` never shows.
+#[inline]
+pub fn normalized_square3<T: Scalar>(x: &Vector3<T>, s: &Matrix3<T>) -> Option<T> {
+    let (a, b, c) = (s[(0, 0)], s[(0, 1)], s[(0, 2)]);
+    let (d, e, f) = (s[(1, 1)], s[(1, 2)], s[(2, 2)]);
+    let (c00, c01, c02) = (d * f - e * e, c * e - b * f, b * e - c * d);
+    let (c11, c12, c22) = (a * f - c * c, b * c - a * e, a * d - b * b);
+    let determinant = a * c00 + b * c01 + c * c02;
+    if !(determinant > T::zero() && determinant.is_finite()) {
+        return None;
+    }
+    let two = lit::<T>(2.0);
+    let sum = x.x * x.x * c00
+        + x.y * x.y * c11
+        + x.z * x.z * c22
+        + two * (x.x * x.y * c01 + x.x * x.z * c02 + x.y * x.z * c12);
+    let nis = sum / determinant;
+    nis.is_finite().then_some(nis.max(T::zero()))
+}
+
+/// Keeps the variance of one state below `limit` by shrinking its row and column alike, so that
+/// correlations keep their value and the matrix stays positive.
+///
+/// An unobservable direction (heading without magnetometer) grows without bound otherwise, until
+/// single precision fails.
+#[inline]
+pub fn cap_variance<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>, index: usize, limit: T) {
+    let variance = p[(index, index)];
+    if variance > limit {
+        let scale = (limit / variance).sqrt();
+        for k in 0..N {
+            p[(index, k)] *= scale;
+            p[(k, index)] *= scale;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn quadratic_forms_equal_the_inverse(a in prop::collection::vec(-1.0..1.0f64, 9), x in prop::array::uniform3(-3.0..3.0f64)) {
+            let a = Matrix3::from_column_slice(&a);
+            let p = a * a.transpose() + Matrix3::identity() * 0.05;
+            let x = Vector3::from(x);
+            let expected = (x.transpose() * p.try_inverse().unwrap() * x)[0];
+            prop_assert!((normalized_square(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
+            prop_assert!((normalized_square3(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
+        }
+    }
+
+    #[test]
+    fn indefinite_and_non_finite_matrices_have_no_factor() {
+        let p = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+        assert!(cholesky(&p).is_none() && normalized_square3(&Vector3::x(), &p).is_none());
+        assert!(cholesky(&(Matrix3::identity() * f64::NAN)).is_none());
+    }
+
+    #[test]
+    fn capping_keeps_correlations() {
+        let mut p = Matrix3::new(100.0, 5.0, 0.0, 5.0, 1.0, 0.1, 0.0, 0.1, 1.0);
+        let correlation = 5.0 / (100.0_f64 * 1.0).sqrt();
+        cap_variance(&mut p, 0, 4.0);
+        assert_relative_eq!(p[(0, 0)], 4.0, epsilon = 1e-12);
+        assert_relative_eq!(
+            p[(0, 1)] / f64::sqrt(p[(0, 0)] * p[(1, 1)]),
+            correlation,
+            epsilon = 1e-12
+        );
+        assert!(cholesky(&p).is_some());
+    }
+}

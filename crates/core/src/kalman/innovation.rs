@@ -1,0 +1,113 @@
+//! The innovation record: what every update of every estimator returns.
+//!
+//! Plots, logs, NIS statistics, verdicts and the lab all feed on this one record.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::scalar::Scalar;
+
+/// What one measurement of up to three components told the filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Innovation<T> {
+    /// Measured minus predicted, in the unit of the sensor (rad for a heading). Components beyond
+    /// [`Self::degrees_of_freedom`] are zero.
+    pub residual: Vector3<T>,
+    /// Covariance `S = H P H^T + R` that the filter expected of the residual; components beyond
+    /// the degrees of freedom are zero.
+    pub covariance: Matrix3<T>,
+    /// Normalised innovation squared, `residual^T S^-1 residual`: chi-square distributed with
+    /// [`Self::degrees_of_freedom`] when the tuning is honest.
+    pub nis: T,
+    /// Number of components measured: 3 for a vector, 1 for a heading, 0 when skipped.
+    pub degrees_of_freedom: u8,
+    /// What was done with the measurement.
+    pub outcome: Outcome,
+}
+
+/// What a filter did with a measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Used with its stated noise.
+    Fused,
+    /// Used with inflated noise, because the gate had refused everything for its time-out.
+    Inflated,
+    /// Refused: the NIS was above the gate.
+    Gated,
+    /// Not looked at, for the reason given; the state is untouched.
+    Skipped(SkipReason),
+}
+
+impl Outcome {
+    /// Whether the measurement changed the state.
+    #[inline]
+    pub const fn is_fused(self) -> bool {
+        matches!(self, Self::Fused | Self::Inflated)
+    }
+}
+
+/// Why a measurement was not looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SkipReason {
+    /// A component is NaN or infinite.
+    NotFinite,
+    /// The vector has no direction: all zero, or too short to carry one.
+    ZeroNorm,
+    /// Its time stamp is not after the sensor's last: repeated, or out of order.
+    NotNewer,
+    /// The estimator does not use this sensor.
+    NotUsed,
+    /// The estimator has no attitude or no reference for this sensor yet.
+    NotInitialized,
+    /// The sensor is blind to the state right now (field vertical: no heading).
+    Unobservable,
+    /// Numerics refused it: the innovation covariance was not positive.
+    Numerical,
+}
+
+impl SkipReason {
+    /// The reason in words.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::NotFinite => "not a finite number",
+            Self::ZeroNorm => "zero vector",
+            Self::NotNewer => "time stamp repeated or going back",
+            Self::NotUsed => "sensor not used",
+            Self::NotInitialized => "not initialised",
+            Self::Unobservable => "direction gives no information",
+            Self::Numerical => "innovation covariance not positive",
+        }
+    }
+}
+
+impl<T: Scalar> Innovation<T> {
+    /// A measurement that was not looked at.
+    #[inline]
+    pub fn skipped(reason: SkipReason) -> Self {
+        Self {
+            residual: Vector3::zeros(),
+            covariance: Matrix3::zeros(),
+            nis: T::zero(),
+            degrees_of_freedom: 0,
+            outcome: Outcome::Skipped(reason),
+        }
+    }
+
+    /// Standard deviations of the residual's components, the square roots of the diagonal of `S`.
+    #[inline]
+    pub fn residual_std(&self) -> Vector3<T> {
+        self.covariance.diagonal().map(|v| v.max(T::zero()).sqrt())
+    }
+}
+
+/// Refuses vectors that carry no direction, before they reach a state.
+#[inline]
+pub(crate) fn check_vector<T: Scalar>(v: &Vector3<T>, shortest: T) -> Result<(), SkipReason> {
+    let n2 = v.norm_squared();
+    if !n2.is_finite() {
+        Err(SkipReason::NotFinite)
+    } else if n2 < shortest * shortest {
+        Err(SkipReason::ZeroNorm)
+    } else {
+        Ok(())
+    }
+}

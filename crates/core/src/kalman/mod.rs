@@ -1,0 +1,10 @@
+//! What every Kalman filter here shares: the innovation record, gates, in-place scalar updates
+//! and covariance hygiene.
+
+pub mod covariance;
+pub mod gate;
+pub mod innovation;
+pub mod scalar_update;
+
+pub use gate::{Gate, GateDecision, GateState};
+pub use innovation::{Innovation, Outcome, SkipReason};

@@ -1,0 +1,148 @@
+//! Kalman measurement updates one scalar at a time, in place.
+//!
+//! For measurements with independent components the sequence of scalar updates equals the joint
+//! update exactly, without a matrix inverse and without temporaries: on a Cortex-M3 it needs a
+//! tenth of the instructions of the dense form. The dense Joseph form lives in the tests, as the
+//! oracle. Corrections are collected in `correction` relative to the state at which the rows `h`
+//! were computed, and are injected once at the end.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::scalar::Scalar;
+
+/// One scalar measurement of the first three states: `residual = h . x[0..3] + noise`.
+///
+/// `residual` is relative to the state before any of the pending `correction`. Returns `false`
+/// and changes nothing when the innovation variance is not positive.
+#[inline]
+pub fn update_leading3<T: Scalar, const N: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    correction: &mut SVector<T, N>,
+    h: &Vector3<T>,
+    residual: T,
+    variance: T,
+) -> bool {
+    const { assert!(N >= 3) };
+    let mut ph = SVector::<T, N>::zeros();
+    for i in 0..N {
+        ph[i] = covariance[(i, 0)] * h.x + covariance[(i, 1)] * h.y + covariance[(i, 2)] * h.z;
+    }
+    let s = ph[0] * h.x + ph[1] * h.y + ph[2] * h.z + variance;
+    let expected = correction[0] * h.x + correction[1] * h.y + correction[2] * h.z;
+    apply(covariance, correction, &ph, s, residual - expected)
+}
+
+/// One scalar measurement with a full row: `residual = h . x + noise`.
+///
+/// As [`update_leading3`], for rows without known zeros.
+#[inline]
+pub fn update_full<T: Scalar, const N: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    correction: &mut SVector<T, N>,
+    h: &SVector<T, N>,
+    residual: T,
+    variance: T,
+) -> bool {
+    let ph = *covariance * h;
+    let s = ph.dot(h) + variance;
+    let expected = correction.dot(h);
+    apply(covariance, correction, &ph, s, residual - expected)
+}
+
+/// `x += K nu`, `P -= Ph Ph^T / s`, with the upper triangle computed and mirrored, so that the
+/// covariance stays symmetric to the bit.
+#[inline]
+fn apply<T: Scalar, const N: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    correction: &mut SVector<T, N>,
+    ph: &SVector<T, N>,
+    s: T,
+    nu: T,
+) -> bool {
+    if !(s > T::zero() && s.is_finite() && nu.is_finite()) {
+        return false;
+    }
+    let inverse = T::one() / s;
+    let gain_nu = nu * inverse;
+    for j in 0..N {
+        correction[j] += ph[j] * gain_nu;
+        let k = ph[j] * inverse;
+        for i in 0..=j {
+            let value = covariance[(i, j)] - ph[i] * k;
+            covariance[(i, j)] = value;
+            covariance[(j, i)] = value;
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use nalgebra::{Matrix3, SMatrix};
+    use proptest::prelude::*;
+
+    type M6 = SMatrix<f64, 6, 6>;
+
+    /// Oracle: the joint update in Joseph form.
+    fn joseph(
+        p: &M6,
+        h: &SMatrix<f64, 3, 6>,
+        r: &Matrix3<f64>,
+        z: &Vector3<f64>,
+    ) -> (M6, SVector<f64, 6>) {
+        let s = h * p * h.transpose() + r;
+        let k = p * h.transpose() * s.try_inverse().unwrap();
+        let a = M6::identity() - k * h;
+        (a * p * a.transpose() + k * r * k.transpose(), k * z)
+    }
+
+    proptest! {
+        #[test]
+        fn three_scalars_equal_the_joint_joseph_update(
+            a in prop::collection::vec(-1.0..1.0f64, 36), rows in prop::collection::vec(-5.0..5.0f64, 9),
+            r in prop::array::uniform3(0.01..2.0f64), z in prop::array::uniform3(-3.0..3.0f64),
+        ) {
+            let a = M6::from_column_slice(&a);
+            let p = a * a.transpose() + M6::identity() * 0.01;
+            let h3 = Matrix3::from_row_slice(&rows);
+            let mut h = SMatrix::<f64, 3, 6>::zeros();
+            h.fixed_columns_mut::<3>(0).copy_from(&h3);
+            let z = Vector3::from(z);
+            let (expected_p, expected_x) = joseph(&p, &h, &Matrix3::from_diagonal(&Vector3::from(r)), &z);
+
+            let (mut p3, mut x3) = (p, SVector::<f64, 6>::zeros());
+            let (mut pf, mut xf) = (p, SVector::<f64, 6>::zeros());
+            for i in 0..3 {
+                prop_assert!(update_leading3(&mut p3, &mut x3, &h3.row(i).transpose(), z[i], r[i]));
+                prop_assert!(update_full(&mut pf, &mut xf, &h.row(i).transpose(), z[i], r[i]));
+            }
+            prop_assert!((p3 - expected_p).abs().max() < 1e-9);
+            prop_assert!((x3 - expected_x).abs().max() < 1e-9);
+            prop_assert!((pf - p3).abs().max() < 1e-10 && (xf - x3).abs().max() < 1e-10);
+            prop_assert_eq!(p3, p3.transpose());
+        }
+    }
+
+    #[test]
+    fn bad_innovation_variance_changes_nothing() {
+        let (mut p, mut x) = (M6::identity(), SVector::<f64, 6>::zeros());
+        for (residual, variance) in [
+            (1.0, -5.0),
+            (1.0, f64::NAN),
+            (f64::NAN, 1.0),
+            (f64::INFINITY, 1.0),
+        ] {
+            assert!(!update_leading3(
+                &mut p,
+                &mut x,
+                &Vector3::x(),
+                residual,
+                variance
+            ));
+        }
+        assert_relative_eq!(p, M6::identity());
+        assert_relative_eq!(x, SVector::zeros());
+    }
+}

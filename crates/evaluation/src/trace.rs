@@ -1,0 +1,139 @@
+//! What plots need of one run, thinned as it grows so that memory stays bounded.
+
+use northing_core::kalman::Outcome;
+use northing_recording::SensorKind;
+
+/// The estimate at one instant. Angles in degrees: heading, pitch, roll of the aerospace order
+/// (yaw, pitch, roll) in the recording's world frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TracePoint {
+    /// Seconds since the first sample of the recording.
+    pub time_s: f64,
+    /// Yaw, pitch, roll of the estimate, deg.
+    pub angles_deg: [f64; 3],
+    /// Standard deviation of each of those angles, deg; `None` for estimators without covariance.
+    pub angles_std_deg: Option<[f64; 3]>,
+    /// Yaw, pitch, roll of the reference, deg.
+    pub reference_deg: Option<[f64; 3]>,
+    /// Yaw, pitch, roll of the device's own orientation, deg.
+    pub device_deg: Option<[f64; 3]>,
+    /// Total, heading and inclination error against the reference, deg (heading is signed).
+    pub error_deg: Option<[f64; 3]>,
+    /// Predicted standard deviation of the total error (root of the covariance's trace) and of the
+    /// heading error, deg.
+    pub error_std_deg: Option<[f64; 2]>,
+    /// Gyroscope bias estimate, deg/s, body axes.
+    pub bias_deg_s: Option<[f64; 3]>,
+    /// Its standard deviation, deg/s.
+    pub bias_std_deg_s: Option<[f64; 3]>,
+}
+
+/// One innovation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InnovationPoint {
+    /// Seconds since the first sample of the recording.
+    pub time_s: f64,
+    /// Measured minus predicted (m/s^2, microtesla, or rad for a heading).
+    pub residual: [f64; 3],
+    /// What the filter expected: square roots of the diagonal of S.
+    pub std: [f64; 3],
+    /// Normalised innovation squared.
+    pub nis: f64,
+    /// Components measured: 3, or 1 for a heading.
+    pub degrees_of_freedom: u8,
+    /// What was done with it.
+    pub outcome: Outcome,
+}
+
+/// A vector that keeps every n-th element pushed, doubling n whenever it is full.
+#[derive(Debug, Clone)]
+pub struct Thinned<T> {
+    items: Vec<T>,
+    capacity: usize,
+    stride: u64,
+    pushed: u64,
+}
+
+impl<T> Thinned<T> {
+    /// Keeps at most `capacity` elements (at least 2).
+    #[must_use]
+    pub fn new(capacity: usize) -> Self {
+        Self {
+            items: Vec::new(),
+            capacity: capacity.max(2),
+            stride: 1,
+            pushed: 0,
+        }
+    }
+
+    /// Takes the next element, or lets it pass.
+    pub fn push(&mut self, item: impl FnOnce() -> T) {
+        if self.pushed.is_multiple_of(self.stride) {
+            if self.items.len() >= self.capacity {
+                let mut keep = false;
+                self.items.retain(|_| {
+                    keep = !keep;
+                    keep
+                });
+                self.stride *= 2;
+            }
+            if self.pushed.is_multiple_of(self.stride) {
+                self.items.push(item());
+            }
+        }
+        self.pushed += 1;
+    }
+
+    /// The elements kept, in order.
+    #[must_use]
+    pub fn items(&self) -> &[T] {
+        &self.items
+    }
+
+    /// How many were pushed in all.
+    #[must_use]
+    pub const fn pushed(&self) -> u64 {
+        self.pushed
+    }
+}
+
+/// What plots need of one run.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// Estimates over time.
+    pub points: Thinned<TracePoint>,
+    /// Innovations of each sensor that was updated with.
+    pub innovations: Vec<(SensorKind, Thinned<InnovationPoint>)>,
+}
+
+impl Trace {
+    /// An empty trace that keeps at most `capacity` points a series.
+    #[must_use]
+    pub fn new(capacity: usize) -> Self {
+        let series = |kind| (kind, Thinned::new(capacity));
+        Self {
+            points: Thinned::new(capacity),
+            innovations: vec![
+                series(SensorKind::Accelerometer),
+                series(SensorKind::Magnetometer),
+            ],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_keeps_an_even_stride_and_a_bounded_length() {
+        let mut kept = Thinned::new(10);
+        for i in 0..1000_u64 {
+            kept.push(|| i);
+        }
+        let steps: Vec<u64> = kept.items().windows(2).map(|w| w[1] - w[0]).collect();
+        assert!(kept.items().len() <= 10 && kept.items().len() > 4);
+        assert!(steps.iter().all(|s| *s == steps[0]), "{:?}", kept.items());
+        assert_eq!((kept.items()[0], kept.pushed()), (0, 1000));
+    }
+}
