@@ -1,0 +1,268 @@
+//! The rules of the house that a machine can check: dependencies point down, the README's table is
+//! true, links lead somewhere, cited equations exist, and nothing names a path outside.
+//!
+//! Each rule is a function from text to complaints, tried on a bad example as well as on the house.
+
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const README: &str = include_str!("../../../README.md");
+const DERIVATION: &str = include_str!("../../../docs/derivations/mekf.md");
+
+fn root() -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    root.canonicalize().unwrap()
+}
+
+/// Every file below `folder` whose path ends in `ending`; build output and hidden folders are left
+/// out, except `.ci`.
+fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut found = Vec::new();
+    for path in entries.map(|entry| entry.unwrap().path()) {
+        let name = path.file_name().unwrap().to_string_lossy();
+        let hidden = name.starts_with('.') && name != ".ci";
+        if path.is_dir() && !hidden && !name.starts_with("target") {
+            found.extend(files(&path, ending));
+        } else if path.is_file() && name.ends_with(ending) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+/// Applies a rule to the text of each file and fails with all its complaints.
+fn check(paths: Vec<PathBuf>, at_least: usize, rule: impl Fn(&Path, &str) -> Vec<String>) {
+    assert!(paths.len() >= at_least, "found only {paths:?}");
+    let mut complaints = String::new();
+    for path in paths {
+        // Pictures and recordings are not text.
+        let text = String::from_utf8(fs::read(&path).unwrap()).unwrap_or_default();
+        for complaint in rule(&path, &text) {
+            complaints += &format!("\n{}: {complaint}", path.display());
+        }
+    }
+    assert!(complaints.is_empty(), "{complaints}\n");
+}
+
+/// The floor of one of our crates.
+fn floor(name: &str) -> Option<u8> {
+    match name {
+        "northing-core" => Some(0),
+        "northing-recording" | "northing-simulation" => Some(1),
+        "northing-evaluation" => Some(2),
+        "northing-live" => Some(3),
+        "northing" => Some(4),
+        _ => None,
+    }
+}
+
+fn may_use(user: &str, used: &str) -> bool {
+    // A virtual phone writes recordings: the one step sideways (docs/decisions/0001).
+    let sideways = user == "northing-simulation" && used == "northing-recording";
+    let below = floor(user).zip(floor(used)).map(|(user, used)| used < user);
+    below.is_some_and(|below| below || sideways)
+}
+
+/// Without a line in the manifest no `use` line compiles, so the manifests say it all.
+fn upward_dependencies(manifest: &str) -> Vec<String> {
+    let manifest: toml::Table = manifest.parse().unwrap();
+    let user = manifest["package"]["name"].as_str().unwrap();
+    let sections = ["dependencies", "dev-dependencies", "build-dependencies"];
+    let tables = sections
+        .iter()
+        .filter_map(|name| manifest.get(*name)?.as_table());
+    let ours = tables.flat_map(|table| table.keys().filter(|used| used.starts_with("northing")));
+    let upward = ours.filter(|used| !may_use(user, used));
+    upward
+        .map(|used| format!("{user} must not use {used}"))
+        .collect()
+}
+
+#[test]
+fn dependencies_point_down() {
+    let manifests = files(&root().join("crates"), "Cargo.toml");
+    check(manifests, 5, |_, manifest| upward_dependencies(manifest));
+}
+
+#[test]
+fn an_upward_dependency_is_seen() {
+    let manifest = |user: &str, section: &str, used: &str| {
+        upward_dependencies(&format!(
+            "[package]\nname = '{user}'\n[{section}]\n{used} = '1'"
+        ))
+    };
+    let upward = manifest(
+        "northing-recording",
+        "dev-dependencies",
+        "northing-evaluation",
+    );
+    assert_eq!(
+        upward,
+        ["northing-recording must not use northing-evaluation"]
+    );
+    let without_a_floor = manifest("northing-new", "dependencies", "northing-core");
+    assert_eq!(without_a_floor.len(), 1);
+    let sideways = manifest("northing-simulation", "dependencies", "northing-recording");
+    assert!(sideways.is_empty());
+}
+
+const QUESTIONS: [&str; 3] = ["attitude", "navigation", "tracking"];
+
+/// Lines of code in core's folder `own` that reach into another question's folder.
+fn questions_mixed(own: &str, source: &str) -> Vec<String> {
+    let code = source
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.starts_with("//"));
+    let mixes = |line: &&str| {
+        let others = QUESTIONS.iter().filter(|other| **other != own);
+        let mut paths = others.flat_map(|o| [format!("crate::{o}"), format!("super::{o}")]);
+        // Alignment may start from TRIAD, wherever it is needed.
+        paths.any(|path| line.contains(&path)) && !line.contains("attitude::wahba")
+    };
+    code.filter(mixes).map(str::to_owned).collect()
+}
+
+#[test]
+fn core_keeps_its_questions_apart() {
+    for own in QUESTIONS {
+        let sources = files(&root().join("crates/core/src").join(own), ".rs");
+        check(sources, 0, |_, source| questions_mixed(own, source));
+    }
+    let bad = "use crate::navigation::strapdown;";
+    assert_eq!(questions_mixed("tracking", bad), [bad]);
+    assert!(questions_mixed("navigation", "use crate::attitude::wahba;").is_empty());
+}
+
+/// Targets of the links `[...](target)` in a page.
+fn links(markdown: &str) -> impl Iterator<Item = &str> {
+    let after = markdown.split("](").skip(1);
+    after.filter_map(|rest| rest.split(')').next())
+}
+
+/// Links to files that are not there.
+fn dead_links(page: &Path, markdown: &str) -> Vec<String> {
+    let folder = page.parent().unwrap();
+    let local = links(markdown).filter(|link| !link.contains("://") && !link.starts_with('#'));
+    let dead = local.filter(|link| !folder.join(link.split('#').next().unwrap()).exists());
+    dead.map(|link| format!("no such file: {link}")).collect()
+}
+
+#[test]
+fn links_lead_to_files() {
+    check(files(&root(), ".md"), 5, dead_links);
+    let bad = dead_links(&root().join("README.md"), "see [x](no/such/file.rs)");
+    assert_eq!(bad, ["no such file: no/such/file.rs"]);
+}
+
+/// Rows of the table "I look for ... -> file".
+fn rows(readme: &str) -> impl Iterator<Item = &str> {
+    let rows = readme.lines().filter(|line| line.starts_with("| "));
+    rows.filter(|line| line.contains("]("))
+}
+
+/// Rows whose shown path is not the path they link to.
+fn false_rows(readme: &str) -> Vec<&str> {
+    let is_false = |row: &&str| {
+        let shown = row.split("[`").nth(1);
+        shown.and_then(|rest| rest.split('`').next()) != links(row).next()
+    };
+    rows(readme).filter(is_false).collect()
+}
+
+/// Estimators that no row mentions as `` (`name`) ``.
+fn unlisted<'a>(readme: &str, estimators: &'a [String]) -> Vec<&'a String> {
+    let listed = |name: &&String| rows(readme).any(|row| row.contains(&format!("(`{name}`)")));
+    estimators.iter().filter(|name| !listed(name)).collect()
+}
+
+/// The estimators that the program itself lists.
+fn estimators() -> Vec<String> {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_northing"));
+    let output = program.args(["estimators", "--json"]).output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let list = document
+        .as_array()
+        .or_else(|| document["estimators"].as_array());
+    let names = list
+        .unwrap()
+        .iter()
+        .map(|e| e["name"].as_str().unwrap().to_owned());
+    names.collect()
+}
+
+#[test]
+fn the_readme_table_is_true_and_lists_every_estimator() {
+    assert!(rows(README).count() > 30);
+    assert_eq!(false_rows(README), [""; 0]);
+    let estimators = estimators();
+    assert!(estimators.len() >= 6, "{estimators:?}");
+    assert_eq!(unlisted(README, &estimators), [""; 0]);
+
+    let bad = "| a filter (`mekf`) | [`here.rs`](there.rs) |";
+    assert_eq!(false_rows(bad), [bad]);
+    assert_eq!(unlisted(bad, &["mekf".into(), "usque".into()]), ["usque"]);
+}
+
+/// Equation numbers such as `M14b` in the comments of a source file that cites the derivation.
+fn cited_equations(source: &str) -> Vec<&str> {
+    let lines = source.lines().map(str::trim_start);
+    let comments = lines.filter(|line| line.starts_with("//"));
+    let tokens = comments.flat_map(|line| line.split(|c: char| !c.is_alphanumeric() && c != '-'));
+    // "M9-M13" is a range of equations, "Cortex-M3" is a processor.
+    let words = tokens
+        .filter(|token| !token.starts_with("Cortex"))
+        .flat_map(|t| t.split('-'));
+    let numbered = |word: &&str| {
+        let number = word.strip_prefix('M').unwrap_or_default();
+        number.starts_with(|c: char| c.is_ascii_digit())
+    };
+    words.filter(numbered).collect()
+}
+
+fn unknown_equations(source: &str) -> Vec<String> {
+    if !source.contains("derivations/mekf.md") {
+        return Vec::new();
+    }
+    let known = |equation: &&str| DERIVATION.contains(&format!("\\tag{{{equation}}}"));
+    let unknown = cited_equations(source)
+        .into_iter()
+        .filter(|equation| !known(equation));
+    unknown
+        .map(|equation| format!("({equation}) is not in the derivation"))
+        .collect()
+}
+
+#[test]
+fn cited_equations_exist_in_the_derivation() {
+    check(files(&root().join("crates"), ".rs"), 20, |_, s| {
+        unknown_equations(s)
+    });
+    let bad = "//! docs/derivations/mekf.md (M9-M14b), (M99) on a Cortex-M3\nlet m = M6;";
+    assert_eq!(cited_equations(bad), ["M9", "M14b", "M99"]);
+    assert_eq!(unknown_equations(bad), ["(M99) is not in the derivation"]);
+}
+
+/// Lines that name folders beside the repository, which a reader does not have.
+fn outside_paths(text: &str) -> Vec<String> {
+    let forbidden = [concat!("../", "shared"), concat!("/wo", "rk/")];
+    let names_one = |line: &&str| forbidden.iter().any(|path| line.contains(path));
+    text.lines().filter(names_one).map(str::to_owned).collect()
+}
+
+#[test]
+fn nothing_names_a_path_outside_the_repository() {
+    let mut paths = files(&root(), "");
+    paths.retain(|path| !path.ends_with(".ci/run"));
+    check(paths, 50, |_, text| outside_paths(text));
+    let bad = concat!("see ../", "shared/data");
+    assert_eq!(outside_paths(bad), [bad]);
+}
