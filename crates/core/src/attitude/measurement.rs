@@ -9,7 +9,6 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use super::config::{AttitudeConfig, MagnetometerUse};
 use super::heading::{Heading, HeadingReference};
 use super::vector_sensor::{References, VectorSensor, Weighed};
-use crate::geometry::so3;
 use crate::kalman::innovation::{Innovation, Outcome, SkipReason};
 use crate::scalar::Scalar;
 
@@ -139,11 +138,18 @@ fn vector<T: Scalar>(
     Measurement::new(sensor.weigh(measured - v, &predicted, variance), rows)
 }
 
-/// `[v]x P [v]x^T`: what the attitude's uncertainty does to the predicted vector.
+/// `[v]x P [v]x^T`: what the attitude's uncertainty does to the predicted vector. Two rounds of
+/// cross products with the columns, since `P` is symmetric.
 #[inline]
 fn predicted_covariance<T: Scalar>(v: &Vector3<T>, p: &Matrix3<T>) -> Matrix3<T> {
-    let h = so3::skew(v);
-    h * p * h.transpose()
+    let turned = [cross_column(v, p, 0), cross_column(v, p, 1), cross_column(v, p, 2)];
+    let row = |i: usize| v.cross(&Vector3::new(turned[0][i], turned[1][i], turned[2][i]));
+    Matrix3::from_columns(&[row(0), row(1), row(2)])
+}
+
+#[inline]
+fn cross_column<T: Scalar>(v: &Vector3<T>, p: &Matrix3<T>, j: usize) -> Vector3<T> {
+    v.cross(&Vector3::new(p[(0, j)], p[(1, j)], p[(2, j)]))
 }
 
 /// The heading alone: `residual` about up, `h` = up in body axes (M17).
@@ -170,6 +176,7 @@ fn heading<T: Scalar>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::so3;
     use approx::assert_relative_eq;
     use num_dual::{DualSVec64, jacobian};
     use nalgebra::SVector;
@@ -198,6 +205,14 @@ mod tests {
             assert_relative_eq!(rows, predict(so3::from_gibbs), epsilon = 1e-12);
             assert_relative_eq!(rows, so3::skew(&v), epsilon = 1e-12);
         }
+    }
+
+    #[test]
+    fn predicted_covariance_is_the_matrix_product() {
+        let m = Matrix3::from_fn(|i, j| ((2 * i + 5 * j) as f64).sin());
+        let (p, v) = (m * m.transpose(), Vector3::new(1.0, -2.0, 3.0));
+        let h = so3::skew(&v);
+        assert_relative_eq!(predicted_covariance(&v, &p), h * p * h.transpose(), epsilon = 1e-13);
     }
 
     #[test]

@@ -51,7 +51,10 @@ fn exp_and_log_are_inverse_on_nasty_values() {
         );
         assert!((exp(&r).norm() - 1.0).abs() < 1e-15);
         let r32 = r.map(|x| x as f32);
-        assert!((log(&exp(&r32)) - r32).norm() <= 3e-6, "f32 {r32}");
+        // In single precision the largest angles round to more than a half turn.
+        if r.norm() < 3.1 {
+            assert!((log(&exp(&r32)) - r32).norm() <= 3e-6, "f32 {r32}");
+        }
     }
 }
 

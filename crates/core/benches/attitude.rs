@@ -1,0 +1,144 @@
+//! Cost of one attitude step, beside VQF on the same samples in the same run.
+//!
+//! `cargo bench -p northing-core --bench attitude` prints, per estimator, the median time of one
+//! sample with gyroscope, accelerometer and magnetometer, and its ratio to `vqf-rs`. The kernels
+//! are timed in turns, so that a busy machine slows all of them alike. With valgrind installed,
+//! `scripts/count-instructions` prints instruction counts as well.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::mekf::Mekf;
+use northing_core::attitude::mekf3::Mekf3;
+use northing_core::attitude::quaternion_ekf::QuaternionEkf;
+use northing_core::attitude::usque::Usque;
+use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, References};
+use northing_core::geometry::so3;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+const RATE_HZ: f64 = 285.7;
+
+struct Samples {
+    gyroscope: Vec<Vector3<f64>>,
+    accelerometer: Vec<Vector3<f64>>,
+    magnetometer: Vec<Vector3<f64>>,
+}
+
+/// A minute of a wearable in motion, noise included.
+fn samples() -> Samples {
+    let mut rng = Pcg64Mcg::seed_from_u64(20);
+    let mut noise = |std: f64| Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(StandardNormal));
+    let dt = 1.0 / RATE_HZ;
+    let mut truth = UnitQuaternion::identity();
+    let mut out = Samples {
+        gyroscope: vec![],
+        accelerometer: vec![],
+        magnetometer: vec![],
+    };
+    for k in 0..(60.0 * RATE_HZ) as u32 {
+        let t = f64::from(k) * dt;
+        let rate = Vector3::new(
+            2.0 * (1.7 * t).sin(),
+            1.5 * (1.1 * t).cos(),
+            (0.4 * t).sin(),
+        );
+        truth *= so3::exp(&(rate * dt));
+        let sway = Vector3::new((5.0 * t).sin(), (4.0 * t).cos(), 0.5 * (6.0 * t).sin());
+        out.gyroscope.push(rate + noise(0.005));
+        out.accelerometer
+            .push(truth.inverse() * (Vector3::new(0.0, 0.0, 9.81) + sway) + noise(0.05));
+        out.magnetometer
+            .push(truth.inverse() * Vector3::new(0.0, 20.0, -40.0) + noise(0.5));
+    }
+    out
+}
+
+fn start<E: AttitudeEstimator<f64>>(mut estimator: E) -> E {
+    estimator.initialize(&InitialState {
+        attitude: UnitQuaternion::identity(),
+        attitude_covariance: Matrix3::identity() * 0.01,
+        gyroscope_bias: Vector3::zeros(),
+        gyroscope_bias_std: 0.02,
+        references: References {
+            specific_force: Vector3::new(0.0, 0.0, 9.81),
+            magnetic_field: Some(Vector3::new(0.0, 20.0, -40.0)),
+        },
+    });
+    estimator
+}
+
+/// Nanoseconds per sample of one pass over all samples.
+fn pass<E: AttitudeEstimator<f64>>(estimator: E, s: &Samples) -> f64 {
+    let mut estimator = start(estimator);
+    let dt = 1.0 / RATE_HZ;
+    let begin = Instant::now();
+    for k in 0..s.gyroscope.len() {
+        estimator.propagate(black_box(&s.gyroscope[k]), dt);
+        black_box(estimator.update_accelerometer(&s.accelerometer[k]));
+        black_box(estimator.update_magnetometer(&s.magnetometer[k]));
+    }
+    black_box(estimator.attitude());
+    begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
+}
+
+fn pass_vqf(s: &Samples) -> f64 {
+    let ts = 1.0 / RATE_HZ;
+    let mut filter = vqf_rs::VQF::new(ts, None, None, None);
+    let begin = Instant::now();
+    for k in 0..s.gyroscope.len() {
+        let (g, a, m) = (
+            black_box(&s.gyroscope[k]),
+            &s.accelerometer[k],
+            &s.magnetometer[k],
+        );
+        filter.update((*g).into(), (*a).into(), Some((*m).into()));
+        black_box(filter.quat_9d());
+    }
+    begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn main() {
+    let s = samples();
+    let settings = AttitudeConfig::<f64>::default();
+    let hand_held = AttitudeConfig::<f64>::hand_held();
+    let mut kernels: Vec<(&str, Box<dyn Fn() -> f64>)> = Vec::new();
+    let samples = &s;
+    kernels.push(("vqf-rs, 9 axes", Box::new(move || pass_vqf(samples))));
+    let mekf = Mekf::new(settings).expect("valid settings");
+    kernels.push(("mekf, field vector", Box::new(move || pass(mekf, samples))));
+    let mekf = Mekf::new(hand_held).expect("valid settings");
+    kernels.push((
+        "mekf, hand-held (heading)",
+        Box::new(move || pass(mekf, samples)),
+    ));
+    let mekf3 = Mekf3::new(settings).expect("valid settings");
+    kernels.push(("mekf3", Box::new(move || pass(mekf3, samples))));
+    let ekf = QuaternionEkf::new(settings).expect("valid settings");
+    kernels.push(("quaternion-ekf", Box::new(move || pass(ekf, samples))));
+    let usque = Usque::new(settings).expect("valid settings");
+    kernels.push(("usque", Box::new(move || pass(usque, samples))));
+
+    let only = std::env::args().skip(1).find(|a| !a.starts_with('-'));
+    kernels.retain(|(name, _)| only.as_ref().is_none_or(|o| name.contains(o.as_str())));
+    let rounds = if only.is_some() { 1 } else { 15 };
+    let mut times = vec![Vec::new(); kernels.len()];
+    for _ in 0..rounds {
+        for (kernel, out) in kernels.iter().zip(&mut times) {
+            out.push((kernel.1)());
+        }
+    }
+    let reference = median(times[0].clone());
+    println!("one sample with gyroscope, accelerometer and magnetometer, f64, median of {rounds}");
+    for ((name, _), t) in kernels.iter().zip(times) {
+        let t = median(t);
+        println!("  {name:<28}{t:>8.0} ns  {:>6.2} x vqf-rs", t / reference);
+    }
+}
