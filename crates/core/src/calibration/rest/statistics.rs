@@ -1,0 +1,305 @@
+//! Streaming statistics of one three-axis sensor: mean, covariance, drift, resolution, rate.
+//!
+//! Welford's recursion; all sums are taken about the first sample, so that single precision keeps
+//! the small noise on top of a large gravity.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::scalar::{Scalar, lit};
+
+/// Differences below this share of the value are rounding of a stored `f32`, not resolution.
+const ROUNDING: f64 = 5e-7;
+
+/// Number of blocks of consecutive samples, a power of two.
+const BLOCKS: usize = 8;
+
+/// Statistics of one sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Statistics<T: Scalar> {
+    count: u32,
+    first: Vector3<T>,
+    last: Vector3<T>,
+    /// Mean of the deviations from the first sample.
+    mean: Vector3<T>,
+    /// Sum of the products of deviations from the mean.
+    products: Matrix3<T>,
+    /// Smallest step seen between consecutive samples per axis; zero before the first.
+    step: Vector3<T>,
+    blocks: Blocks<T>,
+    elapsed: T,
+    intervals: u32,
+}
+
+/// Sums over blocks of equal length; when they are full, neighbours merge and the length doubles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Blocks<T: Scalar> {
+    sums: [Vector3<T>; BLOCKS],
+    full: usize,
+    length: u32,
+    pending: Vector3<T>,
+    pending_count: u32,
+}
+
+impl<T: Scalar> Statistics<T> {
+    pub(super) fn new() -> Self {
+        Self {
+            count: 0,
+            first: Vector3::zeros(),
+            last: Vector3::zeros(),
+            mean: Vector3::zeros(),
+            products: Matrix3::zeros(),
+            step: Vector3::zeros(),
+            blocks: Blocks::new(),
+            elapsed: T::zero(),
+            intervals: 0,
+        }
+    }
+
+    /// Adds a sample, unless it is not finite or the counter is full.
+    pub(super) fn add(&mut self, sample: &Vector3<T>, dt: Option<T>) -> bool {
+        if !sample.norm_squared().is_finite() || self.count == u32::MAX {
+            return false;
+        }
+        if self.count == 0 {
+            self.first = *sample;
+        } else {
+            self.note_step(sample);
+        }
+        self.last = *sample;
+        self.count += 1;
+        let value = sample - self.first;
+        let before = value - self.mean;
+        self.mean += before / lit::<T>(f64::from(self.count));
+        self.products += before * (value - self.mean).transpose();
+        self.blocks.add(&value);
+        if let Some(dt) = dt.filter(|dt| *dt > T::zero() && dt.is_finite()) {
+            self.elapsed += dt;
+            self.intervals += 1;
+        }
+        true
+    }
+
+    fn note_step(&mut self, sample: &Vector3<T>) {
+        for axis in 0..3 {
+            let step = (sample[axis] - self.last[axis]).abs();
+            let rounding = lit::<T>(ROUNDING) * sample[axis].abs();
+            let smallest = self.step[axis];
+            if step > rounding && (step < smallest || smallest <= T::zero()) {
+                self.step[axis] = step;
+            }
+        }
+    }
+
+    pub(super) fn count(&self) -> u32 {
+        self.count
+    }
+
+    pub(super) fn mean(&self) -> Vector3<T> {
+        self.first + self.mean
+    }
+
+    /// Mean time between samples, s.
+    pub(super) fn interval(&self) -> Option<T> {
+        (self.intervals > 0).then(|| self.elapsed / lit::<T>(f64::from(self.intervals)))
+    }
+
+    /// Whether every sample was the same.
+    pub(super) fn is_constant(&self) -> bool {
+        self.step.amax() <= T::zero()
+    }
+
+    /// Unbiased covariance, its diagonal not below what the resolution allows to know (M21).
+    ///
+    /// An axis that never moved takes the resolution of the coarsest of the others.
+    pub(super) fn covariance(&self) -> Matrix3<T> {
+        let degrees = lit::<T>(f64::from(self.count.max(2) - 1));
+        let mut covariance = (self.products + self.products.transpose()) / (degrees + degrees);
+        let coarsest = self.step.amax();
+        for axis in 0..3 {
+            let own = self.step[axis];
+            let step = if own > T::zero() { own } else { coarsest };
+            let floor = step * step * lit(1.0 / 12.0);
+            covariance[(axis, axis)] = covariance[(axis, axis)].max(floor);
+        }
+        covariance
+    }
+
+    /// Standard deviations of one sample.
+    pub(super) fn std(&self) -> Vector3<T> {
+        self.covariance().diagonal().map(|v| v.sqrt())
+    }
+
+    /// Mean of the second half minus mean of the first, and the standard deviation that noise
+    /// alone gives this difference; `None` before there are two blocks.
+    pub(super) fn drift(&self) -> Option<(Vector3<T>, Vector3<T>)> {
+        let (difference, half) = self.blocks.second_minus_first()?;
+        let noise = self.std() * (lit::<T>(2.0) / lit::<T>(f64::from(half))).sqrt();
+        Some((difference, noise))
+    }
+}
+
+impl<T: Scalar> Blocks<T> {
+    fn new() -> Self {
+        Self {
+            sums: [Vector3::zeros(); BLOCKS],
+            full: 0,
+            length: 1,
+            pending: Vector3::zeros(),
+            pending_count: 0,
+        }
+    }
+
+    fn add(&mut self, value: &Vector3<T>) {
+        self.pending += value;
+        self.pending_count += 1;
+        if self.pending_count < self.length {
+            return;
+        }
+        if let Some(slot) = self.sums.get_mut(self.full) {
+            *slot = self.pending;
+            self.full += 1;
+        }
+        self.pending = Vector3::zeros();
+        self.pending_count = 0;
+        if self.full == BLOCKS {
+            self.merge();
+        }
+    }
+
+    fn merge(&mut self) {
+        for i in 0..BLOCKS / 2 {
+            self.sums[i] = self.sums[2 * i] + self.sums[2 * i + 1];
+        }
+        self.full = BLOCKS / 2;
+        self.length = self.length.saturating_mul(2);
+    }
+
+    /// The difference of the means of the two halves, and the samples in each half.
+    fn second_minus_first(&self) -> Option<(Vector3<T>, u32)> {
+        let half = self.full / 2;
+        let mut difference = Vector3::zeros();
+        for (k, sum) in self.sums.iter().take(self.full).enumerate() {
+            if k < half {
+                difference -= sum;
+            } else if k >= self.full - half {
+                difference += sum;
+            }
+        }
+        let samples = self.length.saturating_mul(u32::try_from(half).ok()?);
+        (samples > 0).then(|| (difference / lit::<T>(f64::from(samples)), samples))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::StandardNormal;
+    use rand_pcg::Pcg64;
+    use std::vec::Vec;
+
+    fn samples(count: usize) -> Vec<Vector3<f64>> {
+        let mut rng = Pcg64::seed_from_u64(0x0CA1_1B01);
+        let mix = Matrix3::new(0.05, 0.0, 0.0, 0.02, 0.03, 0.0, -0.01, 0.0, 0.04);
+        let noise = |rng: &mut Pcg64| Vector3::from_fn(|_, _| rng.sample(StandardNormal));
+        (0..count)
+            .map(|_| Vector3::new(9.0, -3.0, 100.0) + mix * noise(&mut rng))
+            .collect()
+    }
+
+    fn gathered<T: Scalar>(samples: &[Vector3<T>]) -> Statistics<T> {
+        let mut statistics = Statistics::new();
+        for s in samples {
+            assert!(statistics.add(s, Some(lit(0.01))));
+        }
+        statistics
+    }
+
+    /// Oracle: the two-pass formulas over the stored samples.
+    #[test]
+    fn mean_and_covariance_are_those_of_two_passes() {
+        for count in [2, 3, 50, 1000, 20_001] {
+            let samples = samples(count);
+            let mean = samples.iter().sum::<Vector3<f64>>() / count as f64;
+            let covariance = samples
+                .iter()
+                .map(|s| (s - mean) * (s - mean).transpose())
+                .sum::<Matrix3<f64>>()
+                / (count - 1) as f64;
+            let ours = gathered(&samples);
+            assert_relative_eq!(ours.mean(), mean, epsilon = 1e-11);
+            assert_relative_eq!(ours.covariance(), covariance, epsilon = 1e-13);
+            assert_relative_eq!(ours.interval().unwrap(), 0.01, epsilon = 1e-12);
+            let single: Vec<_> = samples.iter().map(|s| s.map(|x| x as f32)).collect();
+            let single = gathered(&single);
+            assert_relative_eq!(
+                single.covariance().cast::<f64>(),
+                covariance,
+                epsilon = 2e-5
+            );
+        }
+    }
+
+    /// Oracle: the means of the stored halves, at counts where the blocks are exact halves.
+    #[test]
+    fn drift_is_the_difference_of_the_halves() {
+        for count in [8, 64, 512, 4096] {
+            let samples: Vec<_> = samples(count)
+                .iter()
+                .enumerate()
+                .map(|(k, s)| s + Vector3::new(1e-3, -2e-3, 0.0) * k as f64)
+                .collect();
+            let (first, second) = samples.split_at(count / 2);
+            let mean =
+                |half: &[Vector3<f64>]| half.iter().sum::<Vector3<f64>>() / half.len() as f64;
+            let (drift, _) = gathered(&samples).drift().unwrap();
+            assert_relative_eq!(drift, mean(second) - mean(first), epsilon = 1e-10);
+        }
+    }
+
+    #[test]
+    fn noise_alone_drifts_as_much_as_predicted() {
+        let samples = samples(256 * 400);
+        let mut square = 0.0;
+        for chunk in samples.chunks(256) {
+            let (drift, noise) = gathered(chunk).drift().unwrap();
+            square += drift.component_div(&noise).norm_squared() / 3.0;
+        }
+        // 1200 squares of unit normals: mean 1, standard deviation sqrt(2/1200) = 0.041.
+        assert!((square / 400.0 - 1.0).abs() < 0.15, "{}", square / 400.0);
+    }
+
+    #[test]
+    fn resolution_is_found_through_the_rounding_of_single_precision() {
+        let step = 0.061_f64;
+        let coarse: Vec<_> = samples(400)
+            .iter()
+            .map(|s| s.map(|x| f64::from(((x / step).round() * step) as f32)))
+            .collect();
+        let mut ours = gathered(&coarse);
+        assert_relative_eq!(ours.step, Vector3::repeat(step), epsilon = 2e-5);
+        // One axis falls asleep: its variance is that of the step, not zero.
+        ours.products.fill(0.0);
+        ours.step.z = 0.0;
+        assert_relative_eq!(
+            ours.covariance()[(2, 2)],
+            step * step / 12.0,
+            max_relative = 1e-3
+        );
+        assert!(!ours.is_constant());
+    }
+
+    #[test]
+    fn non_finite_samples_and_intervals_change_nothing() {
+        let mut ours = gathered(&samples(10));
+        let before = ours;
+        assert!(!ours.add(&Vector3::new(f64::NAN, 0.0, 0.0), Some(0.01)));
+        assert!(!ours.add(&Vector3::new(0.0, f64::INFINITY, 0.0), None));
+        assert_eq!(ours, before);
+        assert!(
+            ours.add(&Vector3::zeros(), Some(f64::NAN)) && ours.add(&Vector3::zeros(), Some(-1.0))
+        );
+        assert_relative_eq!(ours.interval().unwrap(), 0.01, epsilon = 1e-12);
+    }
+}
