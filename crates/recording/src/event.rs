@@ -3,7 +3,7 @@
 //! All readers produce it and all consumers take it, so a new format is one file and a new
 //! sensor is one variant here.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// One measurement of one sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,7 +114,57 @@ impl SensorKind {
     }
 }
 
+impl SensorKind {
+    /// The place of this kind in [`SensorKind::ALL`].
+    #[must_use]
+    pub const fn order(self) -> usize {
+        match self {
+            Self::Gyroscope => 0,
+            Self::Accelerometer => 1,
+            Self::Magnetometer => 2,
+            Self::MagnetometerUncalibrated => 3,
+            Self::DeviceGyroscopeBias => 4,
+            Self::DeviceOrientation => 5,
+            Self::Position => 6,
+            Self::Velocity => 7,
+            Self::Pressure => 8,
+            Self::Reference => 9,
+        }
+    }
+}
+
 impl Sample {
+    /// Whether every number of the sample is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        match self {
+            Self::AngularRate(v)
+            | Self::SpecificForce(v)
+            | Self::MagneticField(v)
+            | Self::MagneticFieldUncalibrated(v)
+            | Self::DeviceGyroscopeBias(v)
+            | Self::Position(v)
+            | Self::Velocity(v) => v.iter().all(|x| x.is_finite()),
+            Self::DeviceOrientation(q) => q.coords.iter().all(|x| x.is_finite()),
+            Self::Reference(reference) => reference.attitude.coords.iter().all(|x| x.is_finite()),
+            Self::Pressure(p) => p.is_finite(),
+        }
+    }
+
+    /// The sample of a vector sensor; `None` for the kinds that are not vectors.
+    pub(crate) const fn from_vector(kind: SensorKind, v: Vector3<f64>) -> Option<Self> {
+        Some(match kind {
+            SensorKind::Gyroscope => Self::AngularRate(v),
+            SensorKind::Accelerometer => Self::SpecificForce(v),
+            SensorKind::Magnetometer => Self::MagneticField(v),
+            SensorKind::MagnetometerUncalibrated => Self::MagneticFieldUncalibrated(v),
+            SensorKind::DeviceGyroscopeBias => Self::DeviceGyroscopeBias(v),
+            SensorKind::Position => Self::Position(v),
+            SensorKind::Velocity => Self::Velocity(v),
+            _ => return None,
+        })
+    }
+
     /// The sensor this sample belongs to.
     #[must_use]
     pub const fn kind(&self) -> SensorKind {
@@ -129,6 +179,43 @@ impl Sample {
             Self::Position(_) => SensorKind::Position,
             Self::Velocity(_) => SensorKind::Velocity,
             Self::Pressure(_) => SensorKind::Pressure,
+        }
+    }
+}
+
+/// The unit quaternion of four numbers of a file. Numbers that are no rotation (zero, NaN,
+/// infinity) give a quaternion of NaN, which counts as a non-finite sample.
+pub(crate) fn quaternion_from_file(w: f64, x: f64, y: f64, z: f64) -> UnitQuaternion<f64> {
+    /// Below this norm the four numbers are no direction but a placeholder.
+    const SMALLEST_NORM: f64 = 1e-3;
+    let q = Quaternion::new(w, x, y, z);
+    let norm = q.norm();
+    if norm.is_finite() && norm > SMALLEST_NORM {
+        UnitQuaternion::new_unchecked(q / norm)
+    } else {
+        UnitQuaternion::new_unchecked(Quaternion::new(f64::NAN, f64::NAN, f64::NAN, f64::NAN))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Sample, SensorKind, quaternion_from_file};
+
+    #[test]
+    fn order_is_the_place_in_all() {
+        for (index, kind) in SensorKind::ALL.into_iter().enumerate() {
+            assert_eq!(kind.order(), index);
+        }
+    }
+
+    #[test]
+    fn a_quaternion_is_normalised_or_not_finite() {
+        let q = quaternion_from_file(2.0, 0.0, 0.0, 0.0);
+        approx::assert_relative_eq!(q.angle(), 0.0);
+        approx::assert_relative_eq!(q.w, 1.0);
+        for bad in [0.0, f64::NAN, f64::INFINITY, 1e300] {
+            let sample = Sample::DeviceOrientation(quaternion_from_file(bad, bad, bad, bad));
+            assert_eq!(sample.is_finite(), false, "{bad}");
         }
     }
 }

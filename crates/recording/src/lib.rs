@@ -5,12 +5,31 @@
 //!
 //! Units inside are SI and radians, with one exception named everywhere: magnetic field is in
 //! microtesla. Quaternions are Hamilton, body to reference, order w, x, y, z.
+//!
+//! [`open`] tells the format by content and returns a [`Recording`]: an iterator of events, checked
+//! on the way ([`timeline`], [`plausibility`]), with [`Metadata`] and counted [`Issues`].
 
+mod csv;
+mod delimited;
+pub mod error;
 pub mod event;
+pub mod issues;
+pub mod manifest;
 pub mod metadata;
+mod open;
+pub mod options;
+#[cfg(feature = "parquet")]
+mod parquet;
+pub mod plausibility;
+mod recording;
+mod sensor_logger;
+mod stamp;
+pub mod timeline;
 
+pub use error::RecordingError;
 pub use event::{Event, Reference, Sample, SensorKind};
+pub use issues::Issues;
 pub use metadata::{Metadata, WorldFrame};
-
-#[doc(hidden)]
-pub mod test_data;
+pub use open::{open, read_bytes, read_from};
+pub use options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
+pub use recording::Recording;

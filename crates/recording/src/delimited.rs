@@ -1,0 +1,311 @@
+//! Delimited text, row by row: the engine under our CSV, the manifest and Sensor Logger's CSV files.
+//!
+//! A [`Layout`] says which columns make which sensor; [`DelimitedSource`] walks the rows.
+
+use std::io::Read;
+
+use csv::{ByteRecord, Position};
+use nalgebra::Vector3;
+
+use crate::error::{RecordingError, Result, shown};
+use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::issues::Issues;
+use crate::recording::EventSource;
+use crate::stamp;
+
+/// Which columns (numbered from 0) make the time and the sensors.
+#[derive(Debug, Clone)]
+pub(crate) struct Layout {
+    /// Every column's name, for messages.
+    pub(crate) names: Vec<String>,
+    pub(crate) time: usize,
+    /// Decimal exponent from the time column's unit to nanoseconds.
+    pub(crate) time_exponent: i32,
+    pub(crate) channels: Vec<Channel>,
+    /// Whether numbers are written with a decimal comma.
+    pub(crate) decimal_comma: bool,
+}
+
+/// The columns of one sensor.
+#[derive(Debug, Clone)]
+pub(crate) enum Channel {
+    /// Body axis `i` is `factors[i]` times column `columns[i]`.
+    Vector {
+        kind: SensorKind,
+        columns: [usize; 3],
+        factors: [f64; 3],
+    },
+    /// Order w, x, y, z; `inverse` when the file holds body-from-world.
+    DeviceOrientation {
+        columns: [usize; 4],
+        inverse: bool,
+    },
+    Reference {
+        columns: [usize; 4],
+        inverse: bool,
+        scored: Option<usize>,
+    },
+    Pressure {
+        column: usize,
+        factor: f64,
+    },
+}
+
+impl Channel {
+    pub(crate) fn kind(&self) -> SensorKind {
+        match self {
+            Self::Vector { kind, .. } => *kind,
+            Self::DeviceOrientation { .. } => SensorKind::DeviceOrientation,
+            Self::Reference { .. } => SensorKind::Reference,
+            Self::Pressure { .. } => SensorKind::Pressure,
+        }
+    }
+}
+
+impl Layout {
+    /// The sensors in [`SensorKind::ALL`] order.
+    pub(crate) fn sensors(&self) -> Vec<SensorKind> {
+        let mut sensors: Vec<_> = self.channels.iter().map(Channel::kind).collect();
+        sensors.sort_unstable_by_key(|kind| kind.order());
+        sensors
+    }
+}
+
+/// Rows of text as events.
+pub(crate) struct DelimitedSource<R> {
+    file: String,
+    reader: csv::Reader<R>,
+    layout: Layout,
+    /// Lines of the file before the part that `reader` sees.
+    lines_before: u64,
+    record: ByteRecord,
+    /// Events of the current row, the next one last.
+    row: Vec<Event>,
+}
+
+impl<R: Read + Send> DelimitedSource<R> {
+    pub(crate) fn new(
+        file: String,
+        reader: csv::Reader<R>,
+        layout: Layout,
+        lines_before: u64,
+    ) -> Self {
+        Self {
+            file,
+            reader,
+            layout,
+            lines_before,
+            record: ByteRecord::new(),
+            row: Vec::new(),
+        }
+    }
+
+    /// Reads the next row into `self.row`; false at the end.
+    fn read_row(&mut self, issues: &mut Issues) -> Result<bool> {
+        let more = self
+            .reader
+            .read_byte_record(&mut self.record)
+            .map_err(|error| csv_error(&self.file, self.lines_before, &error))?;
+        if !more {
+            return Ok(false);
+        }
+        let cells = Cells {
+            file: &self.file,
+            record: &self.record,
+            layout: &self.layout,
+            lines_before: self.lines_before,
+        };
+        let Some(time_ns) = cells.stamp()? else {
+            issues.rows_without_stamp += 1;
+            return Ok(true);
+        };
+        for channel in self.layout.channels.iter().rev() {
+            if let Some(sample) = cells.sample(channel)? {
+                self.row.push(Event { time_ns, sample });
+            }
+        }
+        Ok(true)
+    }
+}
+
+impl<R: Read + Send> EventSource for DelimitedSource<R> {
+    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+        loop {
+            if let Some(event) = self.row.pop() {
+                return Some(Ok(event));
+            }
+            match self.read_row(issues) {
+                Ok(true) => {}
+                Ok(false) => return None,
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+/// One row, seen through the layout.
+struct Cells<'a> {
+    file: &'a str,
+    record: &'a ByteRecord,
+    layout: &'a Layout,
+    lines_before: u64,
+}
+
+impl<'a> Cells<'a> {
+    fn cell(&self, column: usize) -> &'a [u8] {
+        self.record.get(column).unwrap_or_default().trim_ascii()
+    }
+
+    fn stamp(&self) -> Result<Option<i64>> {
+        let column = self.layout.time;
+        let cell = self.cell(column);
+        if cell.is_empty() || cell.eq_ignore_ascii_case(b"nan") {
+            return Ok(None);
+        }
+        let exponent = self.layout.time_exponent;
+        let parsed = if self.layout.decimal_comma {
+            stamp::parse_ns(&with_point(cell), exponent)
+        } else {
+            stamp::parse_ns(cell, exponent)
+        };
+        parsed.map(Some).ok_or_else(|| {
+            self.bad_cell(
+                column,
+                "a time stamp (a decimal number, at most 146 years of nanoseconds)",
+            )
+        })
+    }
+
+    /// The number of a cell; `None` when it is empty.
+    fn number(&self, column: usize) -> Result<Option<f64>> {
+        let cell = self.cell(column);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        let parsed = if self.layout.decimal_comma {
+            parse_f64(&with_point(cell))
+        } else {
+            parse_f64(cell)
+        };
+        parsed.map(Some).ok_or_else(|| {
+            self.bad_cell(
+                column,
+                "a number (leave the cell empty where there is no sample)",
+            )
+        })
+    }
+
+    /// The numbers of several cells: `None` when all are empty, NaN for single empty ones.
+    fn numbers<const N: usize>(&self, columns: &[usize; N]) -> Result<Option<[f64; N]>> {
+        let mut values = [f64::NAN; N];
+        let mut any = false;
+        for (value, &column) in values.iter_mut().zip(columns) {
+            if let Some(number) = self.number(column)? {
+                (*value, any) = (number, true);
+            }
+        }
+        Ok(any.then_some(values))
+    }
+
+    fn sample(&self, channel: &Channel) -> Result<Option<Sample>> {
+        Ok(match channel {
+            Channel::Vector {
+                kind,
+                columns,
+                factors,
+            } => self.numbers(columns)?.and_then(|[x, y, z]| {
+                Sample::from_vector(
+                    *kind,
+                    Vector3::new(x * factors[0], y * factors[1], z * factors[2]),
+                )
+            }),
+            Channel::DeviceOrientation { columns, inverse } => self
+                .attitude(columns, *inverse)?
+                .map(Sample::DeviceOrientation),
+            Channel::Reference {
+                columns,
+                inverse,
+                scored,
+            } => {
+                let Some(attitude) = self.attitude(columns, *inverse)? else {
+                    return Ok(None);
+                };
+                let scored = scored.map_or(Ok(true), |column| self.flag(column))?;
+                Some(Sample::Reference(Reference { attitude, scored }))
+            }
+            Channel::Pressure { column, factor } => {
+                self.number(*column)?.map(|p| Sample::Pressure(p * factor))
+            }
+        })
+    }
+
+    fn attitude(
+        &self,
+        columns: &[usize; 4],
+        inverse: bool,
+    ) -> Result<Option<nalgebra::UnitQuaternion<f64>>> {
+        Ok(self.numbers(columns)?.map(|[w, x, y, z]| {
+            let q = quaternion_from_file(w, x, y, z);
+            if inverse { q.inverse() } else { q }
+        }))
+    }
+
+    /// 0 or false: not scored; anything else that is allowed, and an empty cell: scored.
+    fn flag(&self, column: usize) -> Result<bool> {
+        match self.cell(column) {
+            b"0" | b"false" | b"False" | b"0.0" => Ok(false),
+            b"" | b"1" | b"true" | b"True" | b"1.0" | b"-1" => Ok(true),
+            _ => Err(self.bad_cell(column, "0 or 1")),
+        }
+    }
+
+    fn bad_cell(&self, column: usize, expected: &'static str) -> RecordingError {
+        RecordingError::BadCell {
+            file: self.file.to_owned(),
+            line: self.lines_before + self.record.position().map_or(0, Position::line),
+            column: shown(self.layout.names.get(column).map_or("?", String::as_str)),
+            text: shown(&String::from_utf8_lossy(self.cell(column))),
+            expected,
+        }
+    }
+}
+
+fn parse_f64(cell: &[u8]) -> Option<f64> {
+    std::str::from_utf8(cell).ok()?.parse().ok()
+}
+
+fn with_point(cell: &[u8]) -> Vec<u8> {
+    cell.iter()
+        .map(|&b| if b == b',' { b'.' } else { b })
+        .collect()
+}
+
+/// An error of the csv crate as ours.
+pub(crate) fn csv_error(file: &str, lines_before: u64, error: &csv::Error) -> RecordingError {
+    match error.kind() {
+        csv::ErrorKind::UnequalLengths {
+            pos,
+            expected_len,
+            len,
+        } => RecordingError::BadLine {
+            file: file.to_owned(),
+            line: lines_before + pos.as_ref().map_or(0, Position::line),
+            problem: format!(
+                "{len} cells where the first row has {expected_len}; is the line cut off?"
+            ),
+        },
+        csv::ErrorKind::Io(cause) => {
+            // The csv crate lends its error, io::Error is not Clone.
+            RecordingError::io(
+                file,
+                "read it",
+                std::io::Error::new(cause.kind(), cause.to_string()),
+            )
+        }
+        _ => RecordingError::BadLine {
+            file: file.to_owned(),
+            line: lines_before + error.position().map_or(0, Position::line),
+            problem: error.to_string(),
+        },
+    }
+}

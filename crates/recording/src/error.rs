@@ -1,0 +1,223 @@
+//! What can be wrong with a recording: every error names the file, the place in it, what was
+//! expected and what to do.
+
+use std::io;
+
+use crate::event::SensorKind;
+
+/// Shorthand of this crate.
+pub type Result<T> = std::result::Result<T, RecordingError>;
+
+/// A recording that cannot be read or written. `file` is the path as the user gave it, or
+/// `standard input`.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The operating system refused.
+    #[error("{file}: cannot {action}: {source}")]
+    Io {
+        /// The file or folder.
+        file: String,
+        /// What was attempted, e.g. `open it`.
+        action: &'static str,
+        /// The system's answer.
+        source: io::Error,
+    },
+    /// The content is none of the formats.
+    #[error(
+        "{file}: not a recording: {found}; expected Parquet, CSV with a `t_s` or `t_ns` column, \
+         a Sensor Logger folder, .zip or .json, or a manifest (.toml) that describes another text file"
+    )]
+    NotARecording {
+        /// The file.
+        file: String,
+        /// What was found instead.
+        found: String,
+    },
+    /// There is nothing in it.
+    #[error("{file}: empty: {found}; expected {expected}")]
+    Empty {
+        /// The file.
+        file: String,
+        /// What little was found.
+        found: String,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// Columns are missing or do not make a complete sensor.
+    #[error("{file}: missing {missing}; the file has {present}; {advice}")]
+    MissingColumns {
+        /// The file.
+        file: String,
+        /// The columns that are missing.
+        missing: String,
+        /// The columns that are there.
+        present: String,
+        /// What to do.
+        advice: String,
+    },
+    /// One column name stands twice.
+    #[error("{file}: column `{column}` is there twice; keep one of them")]
+    RepeatedColumn {
+        /// The file.
+        file: String,
+        /// The name.
+        column: String,
+    },
+    /// A cell does not hold what its column promises.
+    #[error("{file}, line {line}, column `{column}`: `{text}` is not {expected}")]
+    BadCell {
+        /// The file.
+        file: String,
+        /// Line (in Parquet: row), counted from 1.
+        line: u64,
+        /// Column name.
+        column: String,
+        /// What stands there.
+        text: String,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// A line that cannot be used as a whole.
+    #[error("{file}, line {line}: {problem}")]
+    BadLine {
+        /// The file.
+        file: String,
+        /// Line, counted from 1.
+        line: u64,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+    /// A binary file that is cut off or damaged.
+    #[error("{file}: damaged or cut off: {detail}; get a fresh copy of the file")]
+    Damaged {
+        /// The file.
+        file: String,
+        /// What the decoder says.
+        detail: String,
+    },
+    /// No estimator can run without angular rates.
+    #[error(
+        "{file}: no gyroscope: it has {present}; every estimator needs angular rates \
+         (for CSV the columns gyro_x_rad_s, gyro_y_rad_s, gyro_z_rad_s)"
+    )]
+    NoGyroscope {
+        /// The file.
+        file: String,
+        /// What is there instead.
+        present: String,
+    },
+    /// The time stamps do not run forward.
+    #[error(
+        "{file}: time runs backwards: {back} of {total} {sensor} stamps are earlier than one before them; \
+         sort the rows by time, or check the time column and its unit"
+    )]
+    TimeGoesBack {
+        /// The file.
+        file: String,
+        /// The sensor where it was seen.
+        sensor: &'static str,
+        /// Stamps that go back.
+        back: u64,
+        /// Stamps looked at.
+        total: u64,
+    },
+    /// The numbers contradict the unit.
+    #[error("{file}: {sensor}: {evidence}; {hint}")]
+    ImplausibleUnit {
+        /// The file.
+        file: String,
+        /// The sensor.
+        sensor: &'static str,
+        /// What was measured.
+        evidence: String,
+        /// Which option to use.
+        hint: &'static str,
+    },
+    /// The manifest is wrong.
+    #[error("{file}: {problem}")]
+    Manifest {
+        /// The manifest file.
+        file: String,
+        /// What is wrong, with the line where TOML knows it.
+        problem: String,
+    },
+    /// The format is known, but not in this way or not in this build.
+    #[error("{file}: {problem}")]
+    Unsupported {
+        /// The file.
+        file: String,
+        /// Why, and what to do instead.
+        problem: String,
+    },
+    /// An output that exists already.
+    #[error("{file}: exists already and is not overwritten; choose another name or use --force")]
+    Exists {
+        /// The path.
+        file: String,
+    },
+    /// A writer got an event for which it has no column.
+    #[error("{file}: the writer has no column for {sensor}; name it when the file is created")]
+    NoColumnFor {
+        /// The output.
+        file: String,
+        /// The sensor.
+        sensor: &'static str,
+    },
+}
+
+impl RecordingError {
+    pub(crate) fn io(file: impl Into<String>, action: &'static str, source: io::Error) -> Self {
+        Self::Io {
+            file: file.into(),
+            action,
+            source,
+        }
+    }
+
+    pub(crate) fn no_gyroscope(file: &str, sensors: &[SensorKind]) -> Self {
+        let present = if sensors.is_empty() {
+            "no sensor at all".to_owned()
+        } else {
+            join(sensors.iter().map(|kind| kind.name()))
+        };
+        Self::NoGyroscope {
+            file: file.to_owned(),
+            present,
+        }
+    }
+}
+
+/// `a, b, c` for messages; long lists are cut.
+pub(crate) fn join<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    const MOST: usize = 40;
+    let mut text = String::new();
+    for (index, name) in names.into_iter().enumerate() {
+        if index == MOST {
+            text.push_str(", ...");
+            break;
+        }
+        if index > 0 {
+            text.push_str(", ");
+        }
+        text.push_str(&shown(name));
+    }
+    if text.is_empty() {
+        text.push_str("none");
+    }
+    text
+}
+
+/// A piece of the file as it may stand in a message: one line, printable, not endless.
+pub(crate) fn shown(text: &str) -> String {
+    const MOST: usize = 60;
+    let mut short: String = text
+        .chars()
+        .take(MOST)
+        .map(|c| if c.is_control() { '?' } else { c })
+        .collect();
+    if text.chars().nth(MOST).is_some() {
+        short.push_str("...");
+    }
+    short
+}

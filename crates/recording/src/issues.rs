@@ -1,0 +1,102 @@
+//! What was odd about a recording although it could be read: counters, and sentences for people.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::event::SensorKind;
+
+/// Counters filled while a recording is read; final when the recording has ended.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Issues {
+    /// Samples dropped because the same sensor already had one with that stamp.
+    pub duplicate_stamps: BTreeMap<SensorKind, u64>,
+    /// Samples dropped because their stamp is earlier than one already delivered.
+    pub stamps_going_back: BTreeMap<SensorKind, u64>,
+    /// Rows dropped because they have no usable time stamp.
+    pub rows_without_stamp: u64,
+    /// Samples with NaN or infinity in them. They are delivered; filters skip them.
+    pub non_finite_samples: BTreeMap<SensorKind, u64>,
+    /// Samples dropped because their second half is missing (Sensor Logger: an acceleration
+    /// without gravity at the same stamp).
+    pub incomplete_samples: u64,
+    /// Pauses of the gyroscope longer than `gap_limit_s`.
+    pub gaps: u64,
+    /// The limit above which a pause counts as a gap, s.
+    pub gap_limit_s: f64,
+    /// The longest gap, s; 0 without gaps.
+    pub longest_gap_s: f64,
+    /// Where the longest gap starts, s since the recording's first stamp.
+    pub longest_gap_start_s: f64,
+    /// Remarks of the reader that are not counts, each a sentence.
+    pub notes: Vec<String>,
+}
+
+impl Issues {
+    /// Whether there is nothing to tell.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.sentences().is_empty()
+    }
+
+    /// The issues for people, one sentence each, the gravest first; empty when all is well.
+    #[must_use]
+    pub fn sentences(&self) -> Vec<String> {
+        let mut sentences = Vec::new();
+        if self.gaps > 0 {
+            sentences.push(format!(
+                "The gyroscope pauses for more than {} s {}; the longest gap lasts {:.3} s and starts {:.3} s into the recording.",
+                self.gap_limit_s,
+                times(self.gaps),
+                self.longest_gap_s,
+                self.longest_gap_start_s,
+            ));
+        }
+        for (kind, count) in &self.stamps_going_back {
+            let name = kind.name();
+            sentences.push(format!(
+                "The time of {name} goes back {}; those samples are dropped.",
+                times(*count)
+            ));
+        }
+        for (kind, count) in &self.duplicate_stamps {
+            let name = kind.name();
+            sentences.push(format!(
+                "The time of {name} repeats itself {}; only the first sample of each stamp is kept.",
+                times(*count)
+            ));
+        }
+        if self.rows_without_stamp > 0 {
+            sentences.push(format!(
+                "Dropped for want of a time stamp: {} row(s).",
+                self.rows_without_stamp
+            ));
+        }
+        for (kind, count) in &self.non_finite_samples {
+            let name = kind.name();
+            sentences.push(format!(
+                "The {name} has {count} sample(s) with NaN or infinity; estimators skip them."
+            ));
+        }
+        if self.incomplete_samples > 0 {
+            sentences.push(format!(
+                "Dropped for want of their other half at the same stamp: {} sample(s).",
+                self.incomplete_samples
+            ));
+        }
+        sentences.extend(self.notes.iter().cloned());
+        sentences
+    }
+
+    pub(crate) fn count(counters: &mut BTreeMap<SensorKind, u64>, kind: SensorKind) {
+        *counters.entry(kind).or_default() += 1;
+    }
+}
+
+fn times(count: u64) -> String {
+    match count {
+        1 => "once".to_owned(),
+        2 => "twice".to_owned(),
+        _ => format!("{count} times"),
+    }
+}

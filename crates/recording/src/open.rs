@@ -1,0 +1,239 @@
+//! Opening a recording: which format it is, and the reader for it.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use crate::error::{RecordingError, Result};
+use crate::metadata::Metadata;
+use crate::options::{Format, OpenOptions};
+use crate::recording::{Opened, Recording};
+use crate::{csv, manifest, sensor_logger};
+
+/// Bytes that are looked at to tell the format.
+const SAMPLE_BYTES: usize = 4096;
+
+/// Opens a recording: a file, or a Sensor Logger folder. The format is told by content, or by
+/// `options.format`. Nothing but the head of the file is read yet.
+///
+/// # Errors
+/// When it cannot be opened, is no recording, or lacks columns ([`RecordingError`] says which).
+/// Errors further down in the file come while iterating.
+pub fn open(path: &Path, options: &OpenOptions) -> Result<Recording> {
+    let file = path.display().to_string();
+    let opened = open_path(path, &file, options)?;
+    Ok(Recording::new(file, opened, options))
+}
+
+/// Reads a recording from a stream, e.g. standard input: our CSV, or with `options.manifest` any
+/// delimited text. `name` stands for the file in messages.
+///
+/// # Errors
+/// As [`open`]; formats that need to jump in the file (Parquet, Sensor Logger) are refused.
+pub fn read_from(
+    input: impl Read + Send + 'static,
+    name: &str,
+    options: &OpenOptions,
+) -> Result<Recording> {
+    let mut input = BufReader::with_capacity(1 << 16, input);
+    let head = input
+        .fill_buf()
+        .map_err(|error| RecordingError::io(name, "read it", error))?;
+    let format = match (options.format, &options.manifest) {
+        (None, Some(_)) => Format::Manifest,
+        (Some(format), _) => format,
+        (None, None) => detect(head, name)?,
+    };
+    let metadata = named(name.to_owned());
+    let opened = match (format, &options.manifest) {
+        (Format::Csv, _) => csv::open(input, name, metadata)?,
+        (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
+        (Format::Manifest, None) => {
+            return Err(RecordingError::Unsupported {
+                file: name.to_owned(),
+                problem:
+                    "a stream of this kind needs its manifest; name it with --manifest FILE.toml"
+                        .to_owned(),
+            });
+        }
+        (Format::Parquet | Format::SensorLogger, _) => {
+            return Err(RecordingError::Unsupported {
+                file: name.to_owned(),
+                problem: format!(
+                    "{format} cannot be read from a stream; save it to a file and open that"
+                ),
+            });
+        }
+    };
+    Ok(Recording::new(name.to_owned(), opened, options))
+}
+
+/// Reads a recording that is in memory: Parquet, our CSV, Sensor Logger's zip or JSON. `name`
+/// stands for the file in messages.
+///
+/// # Errors
+/// As [`open`].
+pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<Recording> {
+    let head = &bytes[..bytes.len().min(SAMPLE_BYTES)];
+    let format = match options.format {
+        Some(format) => format,
+        None => detect(head, name)?,
+    };
+    let metadata = named(name.to_owned());
+    let opened = match format {
+        Format::Csv => csv::open(std::io::Cursor::new(bytes), name, metadata)?,
+        Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
+        Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
+        Format::Manifest => {
+            return Err(RecordingError::Unsupported {
+                file: name.to_owned(),
+                problem: "a manifest names a file; use manifest::read_bytes for data in memory"
+                    .to_owned(),
+            });
+        }
+    };
+    Ok(Recording::new(name.to_owned(), opened, options))
+}
+
+fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
+    let failed = |error| RecordingError::io(file, "open it", error);
+    let metadata = named(stem(path));
+    if path.is_dir() {
+        return sensor_logger::open_folder(path, file, metadata);
+    }
+    if let Some(manifest_path) = &options.manifest {
+        return manifest::open_with_data(manifest_path, path, options);
+    }
+    let mut input = File::open(path).map_err(failed)?;
+    let format = match options.format {
+        Some(format) => format,
+        None if has_extension(path, "toml") => Format::Manifest,
+        None => match beside(path) {
+            Some(manifest_path) => return manifest::open_with_data(&manifest_path, path, options),
+            None => detect(&head(&mut input).map_err(failed)?, file)?,
+        },
+    };
+    match format {
+        Format::Manifest if has_extension(path, "toml") => manifest::open(path, options),
+        Format::Manifest => match beside(path) {
+            Some(manifest_path) => manifest::open_with_data(&manifest_path, path, options),
+            None => Err(RecordingError::Unsupported {
+                file: file.to_owned(),
+                problem: format!(
+                    "no manifest beside it (`{file}.toml`); write one as docs/formats.md says, or name it with --manifest"
+                ),
+            }),
+        },
+        Format::Parquet => open_parquet_file(File::open(path).map_err(failed)?, file, metadata),
+        Format::Csv => csv::open(File::open(path).map_err(failed)?, file, metadata),
+        Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
+    }
+}
+
+/// The first bytes of a file.
+fn head(input: &mut File) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    input.take(SAMPLE_BYTES as u64).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+/// The format of a content that starts with `head`.
+fn detect(head: &[u8], file: &str) -> Result<Format> {
+    let not = |found: &str| RecordingError::NotARecording {
+        file: file.to_owned(),
+        found: found.to_owned(),
+    };
+    if head.is_empty() {
+        return Err(RecordingError::Empty {
+            file: file.to_owned(),
+            found: "0 bytes".to_owned(),
+            expected: "a recording",
+        });
+    }
+    if head.starts_with(b"PAR1") {
+        return Ok(Format::Parquet);
+    }
+    if head.starts_with(b"PK\x03\x04") {
+        return Ok(Format::SensorLogger);
+    }
+    if head.contains(&0) {
+        return Err(not("binary data of an unknown kind"));
+    }
+    let text = String::from_utf8_lossy(head);
+    let text = text.trim_start_matches('\u{feff}');
+    if text.trim_start().starts_with(['[', '{']) {
+        return Ok(Format::SensorLogger);
+    }
+    let header = text
+        .lines()
+        .find(|line| !line.starts_with('#'))
+        .unwrap_or_default();
+    // A header that is no time column of ours, but has the shape of one: let the reader name the
+    // columns that are missing.
+    if csv::recognises(header)
+        || (header.contains(',') && header.contains(|c: char| c.is_ascii_alphabetic()))
+    {
+        return Ok(Format::Csv);
+    }
+    Err(not(
+        "text without our column names and without a manifest beside it",
+    ))
+}
+
+/// The manifest of a data file: `FILE.EXT.toml` or `FILE.toml` beside it.
+fn beside(path: &Path) -> Option<PathBuf> {
+    let mut appended = path.as_os_str().to_owned();
+    appended.push(".toml");
+    let replaced = path.with_extension("toml");
+    [PathBuf::from(appended), replaced]
+        .into_iter()
+        .find(|candidate| candidate != path && manifest::describes(candidate, path))
+}
+
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+pub(crate) fn named(name: String) -> Metadata {
+    Metadata {
+        name,
+        ..Metadata::default()
+    }
+}
+
+#[cfg(feature = "parquet")]
+fn open_parquet_file(input: File, file: &str, metadata: Metadata) -> Result<Opened> {
+    crate::parquet::open_file(input, file, metadata)
+}
+
+#[cfg(feature = "parquet")]
+fn open_parquet_bytes(input: Vec<u8>, file: &str, metadata: Metadata) -> Result<Opened> {
+    crate::parquet::open_bytes(input, file, metadata)
+}
+
+#[cfg(not(feature = "parquet"))]
+fn without_parquet(file: &str) -> Result<Opened> {
+    Err(RecordingError::Unsupported {
+        file: file.to_owned(),
+        problem: "this build cannot read Parquet; build with `--features parquet`, or convert the file to CSV"
+            .to_owned(),
+    })
+}
+
+#[cfg(not(feature = "parquet"))]
+fn open_parquet_file(_: File, file: &str, _: Metadata) -> Result<Opened> {
+    without_parquet(file)
+}
+
+#[cfg(not(feature = "parquet"))]
+fn open_parquet_bytes(_: Vec<u8>, file: &str, _: Metadata) -> Result<Opened> {
+    without_parquet(file)
+}

@@ -1,0 +1,229 @@
+//! Time order: drops repeated and backward stamps, counts gaps and non-finite samples.
+
+use crate::error::{RecordingError, Result};
+use crate::event::{Event, SensorKind};
+use crate::issues::Issues;
+
+const SENSORS: usize = SensorKind::ALL.len();
+
+/// After this many stamps of a sensor a recording that mostly goes back is refused at once; shorter
+/// ones are judged at their end.
+const ENOUGH_STAMPS: u64 = 100;
+
+/// Decides event by event what fits into the order of time. Constant memory.
+///
+/// A stamp that repeats the last one of the same sensor is a duplicate; a stamp earlier than the
+/// latest delivered one of any sensor goes back. Both are refused and counted.
+#[derive(Debug, Clone)]
+pub struct Timeline {
+    gap_limit_ns: i64,
+    first_ns: Option<i64>,
+    latest_ns: i64,
+    last_of_sensor_ns: [Option<i64>; SENSORS],
+    seen: [u64; SENSORS],
+    back: [u64; SENSORS],
+}
+
+impl Timeline {
+    /// A timeline that counts pauses of the gyroscope longer than `gap_limit_s` (s) as gaps.
+    #[must_use]
+    pub fn new(gap_limit_s: f64) -> Self {
+        Self {
+            // Saturates for absurd limits, which then never trigger.
+            gap_limit_ns: (gap_limit_s * 1e9) as i64,
+            first_ns: None,
+            latest_ns: i64::MIN,
+            last_of_sensor_ns: [None; SENSORS],
+            seen: [0; SENSORS],
+            back: [0; SENSORS],
+        }
+    }
+
+    /// Whether the event fits; counts what does not.
+    ///
+    /// # Errors
+    /// [`RecordingError::TimeGoesBack`] when most stamps of a sensor go back.
+    pub fn admit(&mut self, event: &Event, issues: &mut Issues, file: &str) -> Result<bool> {
+        let kind = event.sample.kind();
+        let sensor = kind.order();
+        let now = event.time_ns;
+        self.seen[sensor] += 1;
+        if now < self.latest_ns {
+            self.back[sensor] += 1;
+            Issues::count(&mut issues.stamps_going_back, kind);
+            if self.seen[sensor] >= ENOUGH_STAMPS {
+                self.judge(kind, file)?;
+            }
+            return Ok(false);
+        }
+        let previous = self.last_of_sensor_ns[sensor];
+        if previous == Some(now) {
+            Issues::count(&mut issues.duplicate_stamps, kind);
+            return Ok(false);
+        }
+        let first = *self.first_ns.get_or_insert(now);
+        if let (SensorKind::Gyroscope, Some(previous)) = (kind, previous) {
+            self.note_gap(previous, now, first, issues);
+        }
+        if !event.sample.is_finite() {
+            Issues::count(&mut issues.non_finite_samples, kind);
+        }
+        self.latest_ns = now;
+        self.last_of_sensor_ns[sensor] = Some(now);
+        Ok(true)
+    }
+
+    /// The verdict at the end of a recording.
+    ///
+    /// # Errors
+    /// [`RecordingError::TimeGoesBack`] when most stamps of a sensor went back.
+    pub fn finish(&self, file: &str) -> Result<()> {
+        SensorKind::ALL
+            .into_iter()
+            .try_for_each(|kind| self.judge(kind, file))
+    }
+
+    fn judge(&self, kind: SensorKind, file: &str) -> Result<()> {
+        let (back, total) = (self.back[kind.order()], self.seen[kind.order()]);
+        if 2 * back <= total {
+            return Ok(());
+        }
+        Err(RecordingError::TimeGoesBack {
+            file: file.to_owned(),
+            sensor: kind.name(),
+            back,
+            total,
+        })
+    }
+
+    fn note_gap(&self, previous: i64, now: i64, first: i64, issues: &mut Issues) {
+        // Readers keep stamps within half the range of i64, so differences do not overflow; events
+        // from elsewhere saturate.
+        let pause = now.saturating_sub(previous);
+        if pause <= self.gap_limit_ns {
+            return;
+        }
+        issues.gaps += 1;
+        let pause_s = pause as f64 * 1e-9;
+        if pause_s > issues.longest_gap_s {
+            issues.longest_gap_s = pause_s;
+            issues.longest_gap_start_s = previous.saturating_sub(first) as f64 * 1e-9;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Timeline;
+    use crate::error::RecordingError;
+    use crate::event::{Event, Sample, SensorKind};
+    use crate::issues::Issues;
+    use nalgebra::Vector3;
+
+    fn rate(time_ms: i64) -> Event {
+        Event {
+            time_ns: time_ms * 1_000_000,
+            sample: Sample::AngularRate(Vector3::zeros()),
+        }
+    }
+
+    fn force(time_ms: i64) -> Event {
+        Event {
+            time_ns: time_ms * 1_000_000,
+            sample: Sample::SpecificForce(Vector3::new(0.0, 0.0, f64::NAN)),
+        }
+    }
+
+    fn admitted(events: &[Event], issues: &mut Issues) -> Vec<bool> {
+        let mut timeline = Timeline::new(0.5);
+        let verdicts = events
+            .iter()
+            .map(|event| timeline.admit(event, issues, "test").unwrap())
+            .collect();
+        timeline.finish("test").unwrap();
+        verdicts
+    }
+
+    #[test]
+    fn duplicates_and_backward_stamps_are_dropped_and_counted() {
+        let mut issues = Issues::default();
+        let events = [
+            rate(0),
+            force(0),
+            rate(10),
+            rate(10),
+            force(5),
+            force(10),
+            rate(20),
+        ];
+        assert_eq!(
+            admitted(&events, &mut issues),
+            [true, true, true, false, false, true, true]
+        );
+        assert_eq!(issues.duplicate_stamps[&SensorKind::Gyroscope], 1);
+        assert_eq!(issues.stamps_going_back[&SensorKind::Accelerometer], 1);
+        assert_eq!(issues.non_finite_samples[&SensorKind::Accelerometer], 2);
+        assert_eq!(issues.gaps, 0);
+    }
+
+    #[test]
+    fn the_longest_gap_and_its_start_are_found() {
+        let mut issues = Issues {
+            gap_limit_s: 0.5,
+            ..Issues::default()
+        };
+        admitted(
+            &[
+                rate(1000),
+                rate(1500),
+                rate(2100),
+                rate(2200),
+                rate(4200),
+                rate(4900),
+            ],
+            &mut issues,
+        );
+        assert_eq!(issues.gaps, 3);
+        approx::assert_relative_eq!(issues.longest_gap_s, 2.0);
+        approx::assert_relative_eq!(issues.longest_gap_start_s, 1.2);
+        assert_eq!(
+            issues.sentences(),
+            [
+                "The gyroscope pauses for more than 0.5 s 3 times; the longest gap lasts 2.000 s and starts 1.200 s into the recording."
+            ]
+        );
+    }
+
+    #[test]
+    fn a_recording_that_mostly_goes_back_is_refused() {
+        let mut issues = Issues::default();
+        let mut timeline = Timeline::new(0.5);
+        let refused_at = (0..1000)
+            .find(|i| {
+                timeline
+                    .admit(&rate(1000 - i), &mut issues, "test")
+                    .is_err()
+            })
+            .unwrap();
+        assert_eq!(refused_at, 99);
+
+        let mut short = Timeline::new(0.5);
+        for time_ms in [3, 2, 1] {
+            short.admit(&rate(time_ms), &mut issues, "test").unwrap();
+        }
+        let error = short.finish("short.csv").unwrap_err();
+        assert!(matches!(
+            error,
+            RecordingError::TimeGoesBack {
+                back: 2,
+                total: 3,
+                ..
+            }
+        ));
+        assert!(
+            error
+                .to_string()
+                .starts_with("short.csv: time runs backwards")
+        );
+    }
+}

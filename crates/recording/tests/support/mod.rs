@@ -1,0 +1,51 @@
+//! What the tests share: the real data sets, if there, and small helpers.
+#![allow(dead_code, clippy::print_stdout)] // every test file uses its own part
+
+use std::path::PathBuf;
+
+use northing_recording::{Event, OpenOptions, Recording, RecordingError};
+
+/// The Parquet files of the attitude data sets, or `None` (with a line on the screen) without them.
+pub(crate) fn attitude_files(test: &str) -> Option<Vec<PathBuf>> {
+    let Some(data) = std::env::var_os("NORTHING_DATA").map(PathBuf::from) else {
+        assert!(
+            std::env::var_os("NORTHING_REQUIRE_DATA").is_none_or(|v| v != "1"),
+            "NORTHING_DATA is not set"
+        );
+        println!("skipped (NORTHING_DATA is not set): {test}");
+        return None;
+    };
+    let mut files: Vec<PathBuf> = ["broad", "smartphone"]
+        .iter()
+        .flat_map(|set| {
+            std::fs::read_dir(data.join("attitude").join(set)).expect("NORTHING_DATA/attitude/SET")
+        })
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "parquet"))
+        .collect();
+    files.sort();
+    assert!(files.len() >= 10, "only {} Parquet files", files.len());
+    Some(files)
+}
+
+/// Reads our CSV from memory.
+pub(crate) fn csv(text: &str) -> Result<Recording, RecordingError> {
+    northing_recording::read_bytes(
+        text.as_bytes().to_vec(),
+        "test.csv",
+        &OpenOptions::default(),
+    )
+}
+
+/// All events, or the first error.
+pub(crate) fn events(recording: &mut Recording) -> Result<Vec<Event>, RecordingError> {
+    recording.collect()
+}
+
+/// The error of opening or reading to the end.
+pub(crate) fn error_of(recording: Result<Recording, RecordingError>) -> String {
+    match recording.and_then(|mut recording| events(&mut recording)) {
+        Ok(_) => panic!("no error"),
+        Err(error) => error.to_string(),
+    }
+}
