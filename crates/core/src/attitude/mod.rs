@@ -26,6 +26,9 @@ pub mod usque;
 pub mod vector_sensor;
 pub mod wahba;
 
+#[cfg(test)]
+mod test_world;
+
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::kalman::{Innovation, SkipReason};

@@ -1,0 +1,344 @@
+//! A device that turns all the time, and what every filter with bias has to do in it.
+//!
+//! Each check takes a filter made by `make`, so that the same demands hold for all of them.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use num_dual::DualSVec64;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
+
+use super::{
+    AttitudeConfig, AttitudeEstimator, InitialState, MagnetometerUse, Propagation, References,
+};
+use crate::geometry::{frames::TangentFrame, rotation, so3};
+use crate::kalman::covariance::cholesky;
+use crate::kalman::{Outcome, SkipReason};
+use crate::scalar::{Scalar, lit};
+
+/// The gyroscope's bias in this world, rad/s.
+pub(super) const BIAS: Vector3<f64> = Vector3::new(0.02, -0.01, 0.015);
+
+pub(super) fn references<T: Scalar>() -> References<T> {
+    let frame = TangentFrame::Enu;
+    References {
+        specific_force: frame.specific_force_at_rest(lit(9.806_65)),
+        magnetic_field: Some(frame.magnetic_field(lit(27.0), lit(33.0))),
+    }
+}
+
+/// The start that `config` describes, at `attitude`.
+pub(super) fn start<T: Scalar>(
+    config: &AttitudeConfig<T>,
+    attitude: UnitQuaternion<T>,
+) -> InitialState<T> {
+    InitialState {
+        attitude,
+        attitude_covariance: Matrix3::identity() * (config.initial_tilt_std.powi(2)),
+        gyroscope_bias: Vector3::zeros(),
+        gyroscope_bias_std: config.initial_gyroscope_bias_std,
+        references: references(),
+    }
+}
+
+/// Calls `step` at 100 Hz with the truth and the noisy angular rate, specific force and field.
+pub(super) fn drive(
+    seconds: u32,
+    seed: u64,
+    mut step: impl FnMut(&UnitQuaternion<f64>, [Vector3<f64>; 3]),
+) {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let mut noise = |std: f64| Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(StandardNormal));
+    let references = references::<f64>();
+    let field = references.magnetic_field.unwrap();
+    let mut truth = UnitQuaternion::identity();
+    for k in 0..seconds * 100 {
+        let t = f64::from(k) * 0.01;
+        let rate = Vector3::new(
+            (0.7 * t).sin(),
+            0.8 * (1.1 * t).cos(),
+            0.5 * (0.4 * t).sin(),
+        );
+        truth = rotation::renormalize(&(truth * so3::exp(&(rate * 0.01))));
+        let samples = [
+            rate + BIAS + noise(0.005),
+            truth.inverse() * references.specific_force + noise(0.05),
+            truth.inverse() * field + noise(0.5),
+        ];
+        step(&truth, samples);
+    }
+}
+
+/// Propagates and fuses one sample of each sensor.
+pub(super) fn step_all<T: Scalar>(f: &mut impl AttitudeEstimator<T>, [w, a, m]: &[Vector3<T>; 3]) {
+    assert_eq!(f.propagate(w, lit(0.01)), Propagation::Done);
+    f.update_accelerometer(a);
+    f.update_magnetometer(m);
+}
+
+fn variance_about<T: Scalar>(f: &impl AttitudeEstimator<T>, reference: &Vector3<T>) -> T {
+    let body = f.attitude().inverse() * reference.normalize();
+    body.dot(&(f.attitude_covariance().unwrap() * body))
+}
+
+/// From 0.5 rad per axis off, attitude and bias are found, with an honest covariance.
+pub(super) fn check_convergence<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfig<f64>) -> E) {
+    // Without gates: half a radian is far beyond what the linear innovation covariance expects.
+    let config = AttitudeConfig {
+        initial_tilt_std: 0.5,
+        accelerometer_gate_nis: 0.0,
+        magnetometer_gate_nis: 0.0,
+        ..AttitudeConfig::default()
+    };
+    for (seed, off) in [
+        (1, [0.5, -0.5, 0.5]),
+        (2, [-0.5, 0.5, 0.5]),
+        (3, [0.0, 0.0, -0.5]),
+    ] {
+        let mut f = make(config);
+        f.initialize(&start(&config, so3::exp(&Vector3::from(off))));
+        let (mut error, mut at_2s, mut count) = (Vector3::repeat(f64::NAN), f64::NAN, 0);
+        drive(30, seed, |truth, samples| {
+            step_all(&mut f, &samples);
+            error = so3::log(&(f.attitude().inverse() * truth));
+            count += 1;
+            if count == 200 {
+                at_2s = error.norm();
+            }
+        });
+        assert!(
+            at_2s.to_degrees() < 3.0,
+            "after 2 s {} deg",
+            at_2s.to_degrees()
+        );
+        assert!(
+            error.norm().to_degrees() < 0.3,
+            "{} deg",
+            error.norm().to_degrees()
+        );
+        let nees = error.dot(&(f.attitude_covariance().unwrap().try_inverse().unwrap() * error));
+        assert!(
+            nees < 16.3,
+            "attitude NEES {nees}, 99.9 % of chi-square(3) is 16.27"
+        );
+        let (bias, p) = f.gyroscope_bias().unwrap();
+        let nees = (bias - BIAS).dot(&(p.try_inverse().unwrap() * (bias - BIAS)));
+        assert!(
+            (bias - BIAS).norm() < 0.003 && nees < 16.3,
+            "bias {bias}, NEES {nees}"
+        );
+    }
+}
+
+/// Nothing non-finite, zero or unknown touches the state, and the record says why.
+pub(super) fn check_bad_samples<E: AttitudeEstimator<f64> + Copy + PartialEq + core::fmt::Debug>(
+    make: fn(AttitudeConfig<f64>) -> E,
+) {
+    let config = AttitudeConfig::default();
+    let mut f = make(config);
+    let skipped = |reason| Outcome::Skipped(reason);
+    let unknown = f.update_magnetometer(&Vector3::x()).outcome;
+    assert_eq!(unknown, skipped(SkipReason::NotInitialized));
+    f.initialize(&start(&config, so3::exp(&Vector3::new(0.1, 0.2, 0.3))));
+    let before = f;
+    let nan = Vector3::new(f64::NAN, 0.0, 0.0);
+    let huge = Vector3::new(f64::MAX, f64::MAX, 0.0);
+    let not_finite = Propagation::Skipped(SkipReason::NotFinite);
+    assert_eq!(f.propagate(&nan, 0.01), not_finite);
+    assert_eq!(f.propagate(&huge, 0.01), not_finite);
+    assert_eq!(f.propagate(&Vector3::x(), f64::NAN), not_finite);
+    assert_eq!(f.propagate(&Vector3::x(), 0.0), Propagation::Done);
+    assert_eq!(f.propagate(&Vector3::x(), -1.0), Propagation::Done);
+    for (bad, reason) in [
+        (nan, SkipReason::NotFinite),
+        (huge, SkipReason::NotFinite),
+        (Vector3::zeros(), SkipReason::ZeroNorm),
+    ] {
+        assert_eq!(f.update_accelerometer(&bad).outcome, skipped(reason));
+        assert_eq!(f.update_magnetometer(&bad).outcome, skipped(reason));
+    }
+    for variance in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
+        f.add_attitude_variance(variance);
+    }
+    assert_eq!(f, before);
+    f.add_attitude_variance(0.01);
+    let grown = f.attitude_covariance().unwrap() - before.attitude_covariance().unwrap();
+    assert!(
+        (grown - Matrix3::identity() * 0.01).amax() < 1e-12,
+        "{grown}"
+    );
+}
+
+/// A saved copy continues to the bit.
+pub(super) fn check_reproducible<
+    E: AttitudeEstimator<f64> + Copy + PartialEq + core::fmt::Debug,
+>(
+    make: fn(AttitudeConfig<f64>) -> E,
+    save_and_restore: fn(&E) -> E,
+) {
+    let config = AttitudeConfig::default();
+    let mut whole = make(config);
+    whole.initialize(&start(&config, UnitQuaternion::identity()));
+    let (mut split, mut count) = (whole, 0);
+    drive(4, 7, |_, samples| {
+        step_all(&mut whole, &samples);
+        step_all(&mut split, &samples);
+        count += 1;
+        if count == 200 {
+            split = save_and_restore(&split);
+        }
+    });
+    assert_eq!(whole, split);
+}
+
+/// With one vector sensor only, the variance about that vector grows.
+pub(super) fn check_unobservable_grows<E: AttitudeEstimator<f64>>(
+    make: fn(AttitudeConfig<f64>) -> E,
+) {
+    let config = AttitudeConfig {
+        initial_tilt_std: 0.02,
+        initial_gyroscope_bias_std: 1e-6,
+        gyroscope_bias_random_walk: 0.0,
+        gyroscope_noise_density: 5e-3,
+        ..AttitudeConfig::default()
+    };
+    let (mut tilt, mut field) = (make(config), make(config));
+    for f in [&mut tilt, &mut field] {
+        f.initialize(&start(&config, UnitQuaternion::identity()));
+    }
+    let (up, north) = (Vector3::z(), references::<f64>().magnetic_field.unwrap());
+    let (mut last, mut count) = ([4e-4; 2], 0);
+    drive(20, 3, |_, [w, a, m]| {
+        tilt.propagate(&w, 0.01);
+        tilt.update_accelerometer(&a);
+        field.propagate(&w, 0.01);
+        field.update_magnetometer(&m);
+        count += 1;
+        if count % 100 == 0 {
+            let now = [variance_about(&tilt, &up), variance_about(&field, &north)];
+            assert!(
+                now[0] > last[0] && now[1] > last[1],
+                "{now:?} after {last:?}"
+            );
+            last = now;
+        }
+    });
+    // 20 s of a walk of 5e-3 rad/sqrt(s) on top of 0.02 rad: 4e-4 + 5e-4 rad^2.
+    assert!(
+        last.iter().all(|v| (v - 9e-4).abs() < 1e-4),
+        "grew to {last:?}"
+    );
+    assert!(
+        variance_about(&tilt, &Vector3::x()) < 1e-4,
+        "tilt is observed"
+    );
+}
+
+/// A wrong field turns the heading and leaves the tilt alone.
+pub(super) fn check_heading_update<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfig<f64>) -> E) {
+    let config = AttitudeConfig {
+        magnetometer_use: MagnetometerUse::Heading,
+        magnetometer_gate_nis: 0.0,
+        ..AttitudeConfig::default()
+    };
+    let mut f = make(config);
+    f.initialize(&start(&config, UnitQuaternion::identity()));
+    for _ in 0..50 {
+        assert_eq!(
+            f.update_magnetometer(&Vector3::new(15.0, 25.0, 5.0))
+                .degrees_of_freedom,
+            1
+        );
+    }
+    let up = f.attitude() * Vector3::z();
+    assert!((up - Vector3::z()).norm() < 1e-12, "{up}");
+    let [yaw, ..] = rotation::to_yaw_pitch_roll(&f.attitude());
+    assert!((yaw - 15_f64.atan2(25.0)).abs() < 0.02, "yaw {yaw}");
+}
+
+/// A gate that refuses everything opens after its time-out and the filter recovers.
+pub(super) fn check_gate_opens<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfig<f64>) -> E) {
+    let config = AttitudeConfig {
+        initial_tilt_std: 0.01,
+        initial_gyroscope_bias_std: 1e-4,
+        ..AttitudeConfig::default()
+    };
+    let mut f = make(config);
+    f.initialize(&start(&config, so3::exp(&Vector3::new(0.0, 0.0, 1.0))));
+    let world = references::<f64>();
+    let (mut gated, mut inflated, mut fused) = (0, 0, 0);
+    for _ in 0..2000 {
+        f.propagate(&Vector3::zeros(), 0.01);
+        f.update_accelerometer(&world.specific_force);
+        match f
+            .update_magnetometer(&world.magnetic_field.unwrap())
+            .outcome
+        {
+            Outcome::Gated => gated += 1,
+            Outcome::Inflated => inflated += 1,
+            Outcome::Fused => fused += 1,
+            Outcome::Skipped(reason) => panic!("{reason:?}"),
+        }
+    }
+    assert!(
+        gated >= 299 && inflated > 0 && fused > 0,
+        "{gated} {inflated} {fused}"
+    );
+    assert!(
+        f.attitude().angle().to_degrees() < 1.0,
+        "{}",
+        f.attitude().angle().to_degrees()
+    );
+}
+
+/// Single precision: 100 000 updates, half of them without heading; symmetric, positive, right.
+pub(super) fn check_single_precision<E: AttitudeEstimator<f32>>(
+    make: fn(AttitudeConfig<f32>) -> E,
+) {
+    let config = AttitudeConfig::default();
+    let mut f = make(config);
+    f.initialize(&start(&config, UnitQuaternion::identity()));
+    let world = references::<f32>();
+    let (up, field) = (world.specific_force, world.magnetic_field.unwrap());
+    let mut truth = UnitQuaternion::<f32>::identity();
+    for k in 0..50_000_u32 {
+        let t = (k % 10_000) as f32 * 0.01;
+        let rate = Vector3::new((0.7 * t).sin(), 0.8 * (1.1 * t).cos(), 0.2);
+        truth = rotation::renormalize(&(truth * so3::exp(&(rate * 0.01))));
+        f.propagate(&rate, 0.01);
+        assert!(
+            f.update_accelerometer(&(truth.inverse() * up))
+                .outcome
+                .is_fused()
+        );
+        if (k / 5_000).is_multiple_of(2) {
+            assert!(
+                f.update_magnetometer(&(truth.inverse() * field))
+                    .outcome
+                    .is_fused()
+            );
+        } else {
+            assert!(
+                f.update_accelerometer(&(truth.inverse() * up))
+                    .outcome
+                    .is_fused()
+            );
+        }
+        if k.is_multiple_of(100) {
+            let (p, b) = (
+                f.attitude_covariance().unwrap(),
+                f.gyroscope_bias().unwrap().1,
+            );
+            assert!((p - p.transpose()).amax() <= 0.0 && (b - b.transpose()).amax() <= 0.0);
+            let positive =
+                cholesky(&p.cast::<f64>()).is_some() && cholesky(&b.cast::<f64>()).is_some();
+            assert!(positive, "step {k}: {p} {b}");
+        }
+    }
+    assert!(rotation::angle_between(&truth, &f.attitude()) < 0.02);
+}
+
+/// A dual number that is a constant.
+pub(super) fn constant<const N: usize>(x: f64) -> DualSVec64<N> {
+    DualSVec64::from(x)
+}

@@ -1,0 +1,440 @@
+//! USQUE: the unscented quaternion estimator, attitude and gyroscope bias from sigma points.
+//!
+//! Read first: Crassidis & Markley, *Unscented filtering for spacecraft attitude estimation*
+//! (2003); `docs/derivations/mekf.md`, section on the two relatives (M23, M23b, M23c).
+//!
+//! Use it to check the linearisation of [`super::mekf::Mekf`], or where the uncertainty is large
+//! while samples are few. In steady state it is the same filter at three times the cost; from an
+//! unknown start it is worse than the MEKF, whose covariance is re-centred after each correction.
+//!
+//! # Model
+//!
+//! State and error are those of the MEKF: `q_true = q * dq(p)`, `b_true = b + db`, with `p` the
+//! generalised Rodrigues parameters of `a = 1`, `f = 4` (four times the tangent of a quarter of
+//! the angle: a rotation vector for small errors, singular only at a full turn).
+//!
+//! ```text
+//! p = 4 v / (1 + w),   w = (16 - p^2)/(16 + p^2), v = 8 p/(16 + p^2)                (M23, M23b)
+//! points 0, +-sqrt(6 + lambda) columns of chol(P + Qbar), lambda = 1
+//! weights lambda/(6 + lambda) = 1/7 for the centre, 1/(2 (6 + lambda)) = 1/14 for the others
+//! Qbar = dt/2 diag((v - u dt^2/6) I, u I), added before and after                      (M23c)
+//! y_i = dq_i^-1 q^-1 ref;  K = Pxy S^-1,  P <- P - K S K^T
+//! ```
+//!
+//! A propagation draws points, moves each with its own bias, and takes mean and covariance about
+//! the moved centre; an update draws new points from the present covariance, so that sensors may
+//! come in any order and at any rate. The factor is lower triangular with the attitude first: the
+//! last three pairs of points differ from the centre in bias only and predict the same vector, so
+//! an update turns seven vectors and not thirteen.
+//!
+//! | symbol | here | unit |
+//! |---|---|---|
+//! | `q` | `state.attitude` (`ref_from_body`) | - |
+//! | `b` | `state.gyroscope_bias` | rad/s |
+//! | `P` | `state.covariance` of `[p, db]` | rad^2, rad^2/s, (rad/s)^2 |
+//! | `v`, `u` | power of gyroscope noise and bias walk | (rad/s)^2/Hz, (rad/s)^2/s |
+//!
+//! Cost: one step with two vector sensors is about 3000 multiplications and 30 square roots.
+//! Limits: needs a positive definite covariance; where rounding has taken that away it is mended,
+//! and reset to its diagonal if that fails ([`UsqueState::covariance_resets`]).
+
+use nalgebra::{Matrix3, Matrix6, Quaternion, SMatrix, UnitQuaternion, Vector3, Vector6};
+
+use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
+use super::measurement::VectorSensors;
+use super::vector_sensor::VectorSensor;
+use super::{AttitudeEstimator, InitialState, Propagation};
+use crate::geometry::{rotation, so3};
+use crate::kalman::covariance::{cap_variance, cholesky, mirror_upper};
+use crate::kalman::innovation::Outcome;
+use crate::kalman::scalar_update::update_leading3;
+use crate::kalman::{Innovation, SkipReason};
+use crate::scalar::{Scalar, lit};
+
+/// `6 + lambda`: the spread of the sigma points, squared.
+const SPREAD: f64 = 7.0;
+/// Weight of each point but the centre.
+const WEIGHT: f64 = 0.5 / SPREAD;
+/// Weight of the centre.
+const CENTRE: f64 = 1.0 / SPREAD;
+
+/// Everything the filter remembers: save it, restore it, and it continues exactly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UsqueState<T: Scalar> {
+    /// `ref_from_body`.
+    pub attitude: UnitQuaternion<T>,
+    /// Gyroscope bias, rad/s, body axes.
+    pub gyroscope_bias: Vector3<T>,
+    /// Covariance of `[attitude error (rad, body axes), bias error (rad/s)]`.
+    pub covariance: Matrix6<T>,
+    /// References, gates and histories of accelerometer and magnetometer.
+    pub sensors: VectorSensors<T>,
+    /// How often the covariance had lost its positivity and was reset to its diagonal.
+    pub covariance_resets: u32,
+}
+
+/// The filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Usque<T: Scalar> {
+    config: AttitudeConfig<T>,
+    state: UsqueState<T>,
+}
+
+/// What the sigma points predict of a vector.
+struct Predicted<T: Scalar> {
+    mean: Vector3<T>,
+    covariance: Matrix3<T>,
+    /// Covariance of state and prediction.
+    cross: SMatrix<T, 6, 3>,
+}
+
+impl<T: Scalar> Usque<T> {
+    /// A filter at the identity attitude without references: it integrates until
+    /// [`AttitudeEstimator::initialize`] gives it a start.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when a setting makes no sense.
+    pub fn new(config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let state = UsqueState {
+            attitude: UnitQuaternion::identity(),
+            gyroscope_bias: Vector3::zeros(),
+            covariance: Matrix6::from_diagonal(&largest_variances(&config)),
+            sensors: VectorSensors::new(&config),
+            covariance_resets: 0,
+        };
+        Ok(Self { config, state })
+    }
+
+    /// The settings.
+    pub fn config(&self) -> &AttitudeConfig<T> {
+        &self.config
+    }
+
+    /// The state, to save or to look at.
+    pub fn state(&self) -> &UsqueState<T> {
+        &self.state
+    }
+
+    /// Continues from a saved state.
+    pub fn restore(&mut self, state: UsqueState<T>) {
+        self.state = state;
+    }
+
+    /// The factor of the covariance plus `added` on its diagonal, times `sqrt(6 + lambda)`.
+    ///
+    /// Where there is none, the diagonal grows by rounding's share; where that does not help, the
+    /// covariance is reset to its capped diagonal.
+    fn sigma_columns(&mut self, added: &Vector6<T>) -> Matrix6<T> {
+        let spread = lit::<T>(SPREAD).sqrt();
+        let mut p = self.state.covariance;
+        for i in 0..6 {
+            p[(i, i)] += added[i];
+        }
+        if let Some(l) = cholesky(&p) {
+            return l * spread;
+        }
+        let share = lit::<T>(1e-12).max(T::default_epsilon() * lit(4.0));
+        for block in [0, 3] {
+            let largest = p[(block, block)]
+                .max(p[(block + 1, block + 1)])
+                .max(p[(block + 2, block + 2)]);
+            for i in block..block + 3 {
+                p[(i, i)] += share * largest;
+            }
+        }
+        if let Some(l) = cholesky(&p) {
+            return l * spread;
+        }
+        self.reset_covariance();
+        let diagonal = self.state.covariance.diagonal() + added;
+        Matrix6::from_diagonal(&diagonal.map(|v| v.sqrt() * spread))
+    }
+
+    /// Keeps what is usable of the variances and forgets the correlations.
+    fn reset_covariance(&mut self) {
+        let mut variances = largest_variances(&self.config);
+        for (limit, own) in variances
+            .iter_mut()
+            .zip(self.state.covariance.diagonal().iter())
+        {
+            if *own > T::zero() && *own < *limit {
+                *limit = *own;
+            }
+        }
+        self.state.covariance = Matrix6::from_diagonal(&variances);
+        self.state.covariance_resets = self.state.covariance_resets.saturating_add(1);
+    }
+
+    /// Moves the points over one interval: mean and covariance about the moved centre.
+    fn moved_points(
+        &self,
+        columns: &Matrix6<T>,
+        rate: &Vector3<T>,
+        dt: T,
+    ) -> (Vector6<T>, Matrix6<T>) {
+        let back = so3::exp(&(rate * -dt));
+        let mut points = [Vector6::zeros(); 12];
+        for (k, point) in points.iter_mut().enumerate() {
+            let sign = if k < 6 { T::one() } else { -T::one() };
+            let x = columns.column(k % 6) * sign;
+            let p: Vector3<T> = x.fixed_rows::<3>(0).into_owned();
+            let db: Vector3<T> = x.fixed_rows::<3>(3).into_owned();
+            let moved = back * from_rodrigues(&p) * so3::exp(&((rate - db) * dt));
+            point
+                .fixed_rows_mut::<3>(0)
+                .copy_from(&to_rodrigues(&moved));
+            point.fixed_rows_mut::<3>(3).copy_from(&db);
+        }
+        let weight = lit::<T>(WEIGHT);
+        let mean = points.iter().fold(Vector6::zeros(), |sum, x| sum + x) * weight;
+        let mut covariance = mean * mean.transpose() * lit::<T>(CENTRE);
+        for point in &points {
+            let d = point - mean;
+            covariance += d * d.transpose() * weight;
+        }
+        mirror_upper(&mut covariance);
+        (mean, covariance)
+    }
+
+    /// The vector that the points predict for a reference (M3b through each of them).
+    fn predict(&mut self, reference: &Vector3<T>) -> Predicted<T> {
+        let columns = self.sigma_columns(&Vector6::zeros());
+        let centre = self.state.attitude.inverse() * reference;
+        let weight = lit::<T>(WEIGHT);
+        let mut pairs = [[Vector3::zeros(); 2]; 3];
+        let mut mean = centre * lit::<T>(CENTRE + 6.0 * WEIGHT);
+        let mut cross = SMatrix::<T, 6, 3>::zeros();
+        for (j, pair) in pairs.iter_mut().enumerate() {
+            let column = columns.column(j).into_owned();
+            let turn = from_rodrigues(&column.fixed_rows::<3>(0).into_owned());
+            *pair = [turn.inverse() * centre, turn * centre];
+            let [plus, minus] = *pair;
+            mean += (plus + minus) * weight;
+            cross += column * (plus - minus).transpose() * weight;
+        }
+        let d = centre - mean;
+        let mut covariance = d * d.transpose() * lit::<T>(CENTRE + 6.0 * WEIGHT);
+        for y in pairs.iter().flatten() {
+            let d = y - mean;
+            covariance += d * d.transpose() * weight;
+        }
+        Predicted {
+            mean,
+            covariance,
+            cross,
+        }
+    }
+
+    /// Updates with all three components of a vector; `sensor` says which one it is.
+    fn update_vector(
+        &mut self,
+        measured: &Vector3<T>,
+        sensor: fn(&mut VectorSensors<T>) -> &mut VectorSensor<T>,
+    ) -> Innovation<T> {
+        let reference = match sensor(&mut self.state.sensors).reference_for(measured) {
+            Ok(reference) => reference,
+            Err(reason) => return Innovation::skipped(reason),
+        };
+        let predicted = self.predict(&reference);
+        let sensor = sensor(&mut self.state.sensors);
+        let sample_variance = sensor.sample_variance(measured);
+        let weighed = sensor.weigh(
+            measured - predicted.mean,
+            &predicted.covariance,
+            sample_variance,
+        );
+        let mut innovation = weighed.innovation;
+        if let Some(variance) = weighed.variance
+            && !self.correct(&predicted, &innovation.residual, variance)
+        {
+            innovation.outcome = Outcome::Skipped(SkipReason::Numerical);
+        }
+        innovation
+    }
+
+    /// `K = Pxy S^-1`, `x = K nu`, `P <- P - K S K^T`, through the factor of `S`.
+    fn correct(&mut self, predicted: &Predicted<T>, residual: &Vector3<T>, variance: T) -> bool {
+        let s = predicted.covariance + Matrix3::from_diagonal_element(variance);
+        let Some(l) = cholesky(&s) else {
+            return false;
+        };
+        let half_gain = l.solve_lower_triangular(&predicted.cross.transpose());
+        let (Some(half_gain), Some(whitened)) = (half_gain, l.solve_lower_triangular(residual))
+        else {
+            return false;
+        };
+        let mut covariance = self.state.covariance - half_gain.transpose() * half_gain;
+        mirror_upper(&mut covariance);
+        self.inject(&(half_gain.transpose() * whitened), covariance)
+    }
+
+    /// Takes over a correction and its covariance, unless something in them is not finite.
+    fn inject(&mut self, correction: &Vector6<T>, covariance: Matrix6<T>) -> bool {
+        if !(correction.norm_squared().is_finite() && covariance.norm_squared().is_finite()) {
+            return false;
+        }
+        let p: Vector3<T> = correction.fixed_rows::<3>(0).into_owned();
+        let db: Vector3<T> = correction.fixed_rows::<3>(3).into_owned();
+        let corrected = self.state.attitude * from_rodrigues(&p);
+        self.state.attitude = rotation::renormalize(&corrected);
+        self.state.gyroscope_bias += db;
+        self.state.covariance = recentred(&covariance, &p);
+        true
+    }
+
+    /// The heading is one linear number: a Kalman update as in the MEKF.
+    fn update_heading(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
+        let p = attitude_block(&self.state.covariance);
+        let measurement = self
+            .state
+            .sensors
+            .magnetometer(&self.state.attitude, &p, magnetic_field);
+        let (mut covariance, mut correction) = (self.state.covariance, Vector6::zeros());
+        let fused = measurement.variance.is_some()
+            && measurement
+                .scalars()
+                .all(|(h, z, r)| update_leading3(&mut covariance, &mut correction, h, z, r))
+            && self.inject(&correction, covariance);
+        measurement.conclude(fused)
+    }
+
+    fn cap_attitude(&mut self) {
+        let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
+        for i in 0..3 {
+            cap_variance(&mut self.state.covariance, i, limit);
+        }
+    }
+}
+
+/// The largest variances that make sense: attitude at its cap, bias as at the start.
+fn largest_variances<T: Scalar>(config: &AttitudeConfig<T>) -> Vector6<T> {
+    let attitude = config.maximum_attitude_std * config.maximum_attitude_std;
+    let bias = config.initial_gyroscope_bias_std * config.initial_gyroscope_bias_std;
+    Vector6::new(attitude, attitude, attitude, bias, bias, bias)
+}
+
+/// The attitude block of the covariance.
+fn attitude_block<T: Scalar>(p: &Matrix6<T>) -> Matrix3<T> {
+    p.fixed_view::<3, 3>(0, 0).into_owned()
+}
+
+/// The rotation of Rodrigues parameters with `a = 1`, `f = 4` (M23b).
+fn from_rodrigues<T: Scalar>(p: &Vector3<T>) -> UnitQuaternion<T> {
+    let (n2, sixteen) = (p.norm_squared(), lit::<T>(16.0));
+    let scale = T::one() / (sixteen + n2);
+    let q = Quaternion::from_parts((sixteen - n2) * scale, p * (lit::<T>(8.0) * scale));
+    UnitQuaternion::new_unchecked(q)
+}
+
+/// Its inverse (M23), for the sign of the quaternion as it is: errors beyond half a turn stay
+/// where they are instead of jumping to the other side.
+fn to_rodrigues<T: Scalar>(q: &UnitQuaternion<T>) -> Vector3<T> {
+    q.imag() * (lit::<T>(4.0) / (T::one() + q.w))
+}
+
+/// Jacobian of re-centring the error at the correction `p` just applied: with `s = p/4`,
+/// `G = ((1 - s^2) I - 2 [s]x + 2 s s^T) / (1 + s^2)^2`.
+fn reset_jacobian<T: Scalar>(p: &Vector3<T>) -> Matrix3<T> {
+    let (s, one, two) = (p * lit::<T>(0.25), T::one(), lit::<T>(2.0));
+    let n2 = s.norm_squared();
+    let sum =
+        Matrix3::from_diagonal_element(one - n2) - so3::skew(&s) * two + s * s.transpose() * two;
+    sum / ((one + n2) * (one + n2))
+}
+
+/// `P <- G P G^T` with `G = blockdiag(reset_jacobian(p), I)`.
+fn recentred<T: Scalar>(covariance: &Matrix6<T>, p: &Vector3<T>) -> Matrix6<T> {
+    let g = reset_jacobian(p);
+    let cross: Matrix3<T> = g * covariance.fixed_view::<3, 3>(0, 3);
+    let mut result = *covariance;
+    let block = g * attitude_block(covariance) * g.transpose();
+    result.fixed_view_mut::<3, 3>(0, 0).copy_from(&block);
+    result.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
+    mirror_upper(&mut result);
+    result
+}
+
+impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
+    fn initialize(&mut self, initial: &InitialState<T>) {
+        let bias_variance = initial.gyroscope_bias_std * initial.gyroscope_bias_std;
+        let state = &mut self.state;
+        state.attitude = initial.attitude;
+        state.gyroscope_bias = initial.gyroscope_bias;
+        state.covariance = Matrix6::from_diagonal_element(bias_variance);
+        let mut block = state.covariance.fixed_view_mut::<3, 3>(0, 0);
+        block.copy_from(&initial.attitude_covariance);
+        state.sensors.start(&initial.references);
+        state.covariance_resets = 0;
+    }
+
+    fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
+        if !(angular_rate.norm_squared().is_finite() && dt.is_finite()) {
+            return Propagation::Skipped(SkipReason::NotFinite);
+        }
+        if dt <= T::zero() {
+            return Propagation::Done;
+        }
+        let rate = angular_rate - self.state.gyroscope_bias;
+        let (v, u) = (
+            self.config.angle_noise_psd(&rate),
+            self.config.bias_walk_psd(),
+        );
+        // (M23c)
+        let angle = (v - u * dt * dt * lit(1.0 / 6.0)).max(T::zero()) * dt * lit(0.5);
+        let walk = u * dt * lit(0.5);
+        let half_noise = Vector6::new(angle, angle, angle, walk, walk, walk);
+
+        let columns = self.sigma_columns(&half_noise);
+        let (mean, mut covariance) = self.moved_points(&columns, &rate, dt);
+        for i in 0..6 {
+            covariance[(i, i)] += half_noise[i];
+        }
+        self.state.attitude =
+            rotation::renormalize(&(self.state.attitude * so3::exp(&(rate * dt))));
+        if !self.inject(&mean, covariance) {
+            self.reset_covariance();
+        }
+        self.cap_attitude();
+        self.state.sensors.advance(dt);
+        Propagation::Done
+    }
+
+    fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
+        self.update_vector(specific_force, |sensors| &mut sensors.accelerometer)
+    }
+
+    fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
+        match self.config.magnetometer_use {
+            MagnetometerUse::Vector => {
+                self.update_vector(magnetic_field, |sensors| &mut sensors.magnetometer)
+            }
+            MagnetometerUse::Heading => self.update_heading(magnetic_field),
+        }
+    }
+
+    fn add_attitude_variance(&mut self, variance: T) {
+        if variance > T::zero() && variance.is_finite() {
+            for i in 0..3 {
+                self.state.covariance[(i, i)] += variance;
+            }
+            self.cap_attitude();
+        }
+    }
+
+    fn attitude(&self) -> UnitQuaternion<T> {
+        self.state.attitude
+    }
+
+    fn attitude_covariance(&self) -> Option<Matrix3<T>> {
+        Some(attitude_block(&self.state.covariance))
+    }
+
+    fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
+        let p = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
+        Some((self.state.gyroscope_bias, p))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,277 @@
+//! Closed forms of the parameters, moments against brute force, the demands on every filter, and
+//! agreement with the MEKF.
+
+use approx::assert_relative_eq;
+use nalgebra::SVector;
+use num_dual::{DualSVec64, jacobian};
+
+use super::*;
+use crate::attitude::mekf::Mekf;
+use crate::attitude::propagation;
+use crate::attitude::test_world::*;
+
+fn make<T: Scalar>(config: AttitudeConfig<T>) -> Usque<T> {
+    Usque::new(config).unwrap()
+}
+
+/// (M23b) in its general form, at `a = 1`, `f = 4`.
+#[test]
+fn parameters_are_those_of_the_paper_and_invert_up_to_a_full_turn() {
+    for angle in [0.0, 1e-9, 0.3, 1.5, 3.0, 3.3, 4.5, 6.0_f64] {
+        let (half, axis) = (angle / 2.0, Vector3::new(0.36, -0.48, 0.8));
+        let q = Quaternion::from_parts(half.cos(), axis * half.sin());
+        let q = UnitQuaternion::new_unchecked(q);
+        let (a, f) = (1.0, 4.0);
+        let p = to_rodrigues(&q);
+        assert_relative_eq!(p, q.imag() * (f / (a + q.w)), epsilon = 1e-12);
+        assert_relative_eq!(p.norm(), 4.0 * (angle / 4.0).tan(), epsilon = 1e-12);
+        let n2 = p.norm_squared();
+        let w = (-a * n2 + f * (f * f + (1.0 - a * a) * n2).sqrt()) / (f * f + n2);
+        let back = from_rodrigues(&p);
+        assert_relative_eq!(back.w, w, epsilon = 1e-13);
+        assert_relative_eq!(back.coords, q.coords, epsilon = 1e-12);
+    }
+}
+
+#[test]
+fn small_parameters_are_the_rotation_vector() {
+    let (value, j) = jacobian(
+        |p: SVector<DualSVec64<3>, 3>| so3::log(&from_rodrigues(&p)),
+        &Vector3::zeros(),
+    );
+    assert_relative_eq!(value, Vector3::zeros());
+    assert_relative_eq!(j, Matrix3::identity(), epsilon = 1e-14);
+    let (_, j) = jacobian(
+        |p: SVector<DualSVec64<3>, 3>| to_rodrigues(&so3::exp(&p)),
+        &Vector3::zeros(),
+    );
+    assert_relative_eq!(j, Matrix3::identity(), epsilon = 1e-14);
+}
+
+/// `dq(p + d) = dq(p) * dq(G d)` to first order, for corrections up to two radians.
+#[test]
+fn reset_jacobian_equals_dual_numbers() {
+    for p in [
+        Vector3::zeros(),
+        Vector3::new(0.3, -0.2, 0.1),
+        Vector3::new(1.5, -1.0, 0.9),
+    ] {
+        let (_, j) = jacobian(
+            |d: SVector<DualSVec64<3>, 3>| {
+                let p = p.map(constant::<3>);
+                to_rodrigues(&(from_rodrigues(&p).inverse() * from_rodrigues(&(p + d))))
+            },
+            &Vector3::zeros(),
+        );
+        assert_relative_eq!(reset_jacobian(&p), j, epsilon = 1e-13);
+    }
+}
+
+fn with_covariance(scale: f64) -> Usque<f64> {
+    let mut f = make(AttitudeConfig::default());
+    f.initialize(&start(f.config(), so3::exp(&Vector3::new(0.4, -1.0, 0.7))));
+    let m = Matrix6::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin());
+    f.state.covariance = (m * m.transpose() + Matrix6::identity() * 0.2) * scale;
+    f.state.gyroscope_bias = Vector3::new(0.1, -0.2, 0.05);
+    f
+}
+
+/// Small errors: the unscented moments are the linear ones, transition and measurement alike.
+#[test]
+fn for_small_covariances_the_moments_are_the_linear_ones() {
+    let scale = 1e-8;
+    let mut f = with_covariance(scale);
+    let p = f.state.covariance;
+    let reference = Vector3::new(3.0, -20.0, 40.0);
+    let v = f.state.attitude.inverse() * reference;
+    let predicted = f.predict(&reference);
+    let mut h = SMatrix::<f64, 3, 6>::zeros();
+    h.fixed_view_mut::<3, 3>(0, 0).copy_from(&so3::skew(&v));
+    assert_relative_eq!(predicted.mean, v, epsilon = 1e-5);
+    assert_relative_eq!(
+        predicted.cross / scale,
+        p * h.transpose() / scale,
+        epsilon = 1e-4
+    );
+    assert_relative_eq!(
+        predicted.covariance / scale,
+        h * p * h.transpose() / scale,
+        epsilon = 1e-2
+    );
+
+    let (rate, dt) = (Vector3::new(2.0, -1.0, 3.0), 0.1);
+    let columns = f.sigma_columns(&Vector6::zeros());
+    let (mean, moved) = f.moved_points(&columns, &rate, dt);
+    let phi = propagation::transition(&rate, dt);
+    assert!(mean.amax() < 1e-7);
+    assert_relative_eq!(
+        moved / scale,
+        phi * p * phi.transpose() / scale,
+        epsilon = 1e-6
+    );
+}
+
+/// The short cut of seven turned vectors equals all thirteen points, at a large covariance.
+#[test]
+fn prediction_equals_all_thirteen_points() {
+    let mut f = with_covariance(0.02);
+    let reference = Vector3::new(0.0, 0.0, 9.81);
+    let columns = f.sigma_columns(&Vector6::zeros());
+    let predict = |x: &Vector6<f64>| {
+        let p = x.fixed_rows::<3>(0).into_owned();
+        (f.state.attitude * from_rodrigues(&p)).inverse() * reference
+    };
+    let mut points = vec_of_points(&columns);
+    points.push((Vector6::zeros(), 1.0 / 7.0));
+    let mean: Vector3<f64> = points.iter().map(|(x, w)| predict(x) * *w).sum();
+    let mut covariance = Matrix3::zeros();
+    let mut cross = SMatrix::<f64, 6, 3>::zeros();
+    for (x, w) in &points {
+        let d = predict(x) - mean;
+        covariance += d * d.transpose() * *w;
+        cross += x * d.transpose() * *w;
+    }
+    let ours = f.predict(&reference);
+    assert_relative_eq!(ours.mean, mean, epsilon = 1e-12);
+    assert_relative_eq!(ours.covariance, covariance, epsilon = 1e-12);
+    assert_relative_eq!(ours.cross, cross, epsilon = 1e-12);
+}
+
+fn vec_of_points(columns: &Matrix6<f64>) -> std::vec::Vec<(Vector6<f64>, f64)> {
+    let columns = columns.column_iter().map(|c| c.into_owned());
+    columns
+        .flat_map(|c| [(c, 1.0 / 14.0), (-c, 1.0 / 14.0)])
+        .collect()
+}
+
+#[test]
+fn correction_equals_the_gain_with_an_inverse() {
+    let mut f = with_covariance(1e-3);
+    let p = f.state.covariance;
+    let predicted = f.predict(&Vector3::new(0.0, 0.0, 9.81));
+    let (residual, r) = (Vector3::new(0.1, -0.2, 0.05), 0.04);
+    let s = predicted.covariance + Matrix3::identity() * r;
+    let k = predicted.cross * s.try_inverse().unwrap();
+    let (q, b) = (f.state.attitude, f.state.gyroscope_bias);
+    assert!(f.correct(&predicted, &residual, r));
+    let x = k * residual;
+    let turned = q * from_rodrigues(&x.fixed_rows::<3>(0).into_owned());
+    let mut g = Matrix6::identity();
+    g.fixed_view_mut::<3, 3>(0, 0)
+        .copy_from(&reset_jacobian(&x.fixed_rows::<3>(0).into_owned()));
+    let expected = g * (p - k * s * k.transpose()) * g.transpose();
+    assert_relative_eq!(f.state.covariance, expected, epsilon = 1e-12);
+    assert!(rotation::angle_between(&turned, &f.state.attitude) < 1e-12);
+    assert_relative_eq!(
+        f.state.gyroscope_bias,
+        b + x.fixed_rows::<3>(3),
+        epsilon = 1e-14
+    );
+}
+
+#[test]
+fn converges_from_half_a_radian_and_learns_the_bias() {
+    check_convergence(make);
+}
+
+#[test]
+fn bad_samples_leave_the_state_untouched_and_say_why() {
+    check_bad_samples(make);
+}
+
+#[test]
+fn a_saved_state_continues_exactly() {
+    check_reproducible(make, |f| {
+        let mut other = make(*f.config());
+        other.restore(*f.state());
+        other
+    });
+}
+
+#[test]
+fn with_one_sensor_the_variance_about_its_vector_grows() {
+    check_unobservable_grows(make);
+}
+
+#[test]
+fn heading_update_never_tips_the_tilt() {
+    check_heading_update(make);
+}
+
+#[test]
+fn gate_does_not_lock_out_for_ever() {
+    check_gate_opens(make);
+}
+
+#[test]
+fn single_precision_stays_positive_and_symmetric() {
+    check_single_precision(make);
+}
+
+/// In steady state it is the MEKF.
+#[test]
+fn agrees_with_the_mekf_in_steady_state() {
+    let config = AttitudeConfig::<f64>::default();
+    let (mut usque, mut mekf) = (make(config), Mekf::new(config).unwrap());
+    usque.initialize(&start(&config, UnitQuaternion::identity()));
+    mekf.initialize(&start(&config, UnitQuaternion::identity()));
+    let mut count = 0;
+    drive(20, 5, |_, samples| {
+        step_all(&mut usque, &samples);
+        step_all(&mut mekf, &samples);
+        count += 1;
+        if count > 500 {
+            let apart = rotation::angle_between(&usque.attitude(), &mekf.attitude());
+            assert!(apart.to_degrees() < 0.01, "{} deg", apart.to_degrees());
+        }
+    });
+    let (u, m) = (usque.state.covariance, mekf.state().covariance);
+    assert_relative_eq!(u, m, epsilon = m.amax() * 0.02);
+    assert_eq!(usque.state.covariance_resets, 0);
+}
+
+/// GIVEN a covariance that is not positive WHEN the filter goes on THEN it mends it and says so.
+#[test]
+fn a_broken_covariance_is_mended_and_counted() {
+    let broken = |p: Matrix6<f64>| {
+        let mut f = with_covariance(1e-3);
+        f.state.covariance = p;
+        f
+    };
+    // Singular by rounding: mended in place.
+    let mut singular = Matrix6::<f64>::identity() * 1e-4;
+    singular[(0, 1)] = 1e-4;
+    singular[(1, 0)] = 1e-4;
+    let mut f = broken(singular);
+    assert_eq!(f.propagate(&Vector3::x(), 0.01), Propagation::Done);
+    assert!(
+        f.update_accelerometer(&Vector3::new(0.0, 0.0, 9.8))
+            .nis
+            .is_finite()
+    );
+    assert_eq!(f.state.covariance_resets, 0);
+    // Indefinite, or not a number at all: reset to a diagonal within the caps.
+    let mut indefinite = singular;
+    indefinite[(2, 2)] = -1.0;
+    for p in [indefinite, Matrix6::repeat(f64::NAN)] {
+        let mut f = broken(p);
+        assert_eq!(f.propagate(&Vector3::x(), 0.01), Propagation::Done);
+        assert_eq!(f.state.covariance_resets, 1);
+        assert!(cholesky(&f.state.covariance).is_some());
+        assert!(f.state.covariance.diagonal().max() <= 1.8 * 1.8 + 1e-9);
+    }
+}
+
+/// An uncertainty at its cap puts sigma points beyond half a turn; the covariance must survive.
+#[test]
+fn points_beyond_half_a_turn_do_not_jump() {
+    let mut f = make(AttitudeConfig::<f64>::default());
+    let before = f.state.covariance;
+    assert_eq!(
+        f.propagate(&Vector3::new(0.5, -0.2, 0.1), 1e-3),
+        Propagation::Done
+    );
+    let apart = (f.state.covariance - before).amax();
+    assert!(apart < 0.01, "{}", f.state.covariance);
+    assert_eq!(f.state.covariance_resets, 0);
+}
