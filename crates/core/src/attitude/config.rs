@@ -133,6 +133,10 @@ impl<T: Scalar> Default for AttitudeConfig<T> {
 impl<T: Scalar> AttitudeConfig<T> {
     /// A phone or wearable in real use: accelerations and indoor fields whose errors last for
     /// seconds, and a gyroscope whose bias nobody calibrated.
+    ///
+    /// Samples under acceleration keep their full weight on purpose: the accelerations of a hand
+    /// average to zero over seconds, and weighing samples by their length spoils that average
+    /// (it favours those whose length happens to be right while their direction is wrong).
     pub fn hand_held() -> Self {
         Self {
             gyroscope_noise_density: lit(1.3e-3),
@@ -140,11 +144,11 @@ impl<T: Scalar> AttitudeConfig<T> {
             gyroscope_sample_interval_s: lit(0.01),
             gyroscope_scale_noise: lit(1.5e-3),
             gyroscope_bias_random_walk: lit(1e-5),
-            accelerometer_std: lit(0.5),
+            accelerometer_std: lit(1.0),
             accelerometer_gate_nis: T::zero(),
             accelerometer_correlation_time_s: lit(0.5),
-            accelerometer_norm_gain: lit(1.0),
-            magnetometer_std_ut: lit(2.5),
+            accelerometer_norm_gain: T::zero(),
+            magnetometer_std_ut: lit(3.0),
             magnetometer_gate_nis: T::zero(),
             magnetometer_correlation_time_s: lit(1.0),
             magnetometer_norm_gain: lit(1.0),
