@@ -1,0 +1,281 @@
+//! Is the stated noise honest? A verdict in words for each sensor, from its NIS.
+//!
+//! When the covariance `S` that a filter expects of its residuals is right, the NIS is chi-square
+//! distributed. Its median tells by which factor the bulk of the residuals is larger than stated,
+//! unmoved by outliers and by a gate; its mean and its tails tell of outliers; its correlation from
+//! one sample to the next tells whether white noise is the right picture at all. As `S` is mostly
+//! the sensor's `R` once a filter has settled, that factor is named as the factor of `R`.
+
+use northing_recording::SensorKind;
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF as _};
+
+use crate::nis::{NisSummary, UpdateCounts, chi_square_quantile};
+
+/// What the NIS of a sensor says about its stated noise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoiseVerdict {
+    /// Residuals are about as large as stated.
+    Honest,
+    /// The bulk of the residuals is larger than stated.
+    TooSmall,
+    /// The bulk of the residuals is smaller than stated.
+    TooLarge,
+    /// The bulk is as stated, but far more samples than chance allows are far out.
+    Outliers,
+    /// Too few samples to tell.
+    TooFew,
+}
+
+/// The verdict on one sensor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SensorVerdict {
+    /// The sensor.
+    pub sensor: SensorKind,
+    /// The verdict in a word.
+    pub verdict: NoiseVerdict,
+    /// By how much the variance of the bulk of the residuals differs from what was stated: 9 means
+    /// that `R` is about 9 times too small. `None` with too few samples.
+    pub variance_factor: Option<f64>,
+    /// 95 % band of the mean NIS for honest noise, widened for the residuals' correlation.
+    pub mean_nis_band: [f64; 2],
+    /// The verdict in sentences, the most important first.
+    pub sentences: Vec<String>,
+}
+
+/// Below this many samples nothing is said.
+const FEWEST_SAMPLES: u64 = 30;
+/// A variance this many times off is still called honest: 12 % of the standard deviation.
+const HONEST_FACTOR: f64 = 1.25;
+/// Correlation from one residual to the next above which white noise is the wrong picture.
+const STRONG_CORRELATION: f64 = 0.5;
+/// Share of refused samples above which the gate is named.
+const LARGE_GATED_SHARE: f64 = 0.05;
+
+/// Judges one sensor.
+#[must_use]
+pub fn judge(sensor: SensorKind, nis: &NisSummary, counts: &UpdateCounts) -> SensorVerdict {
+    let band = mean_band(nis);
+    let median = chi_square_quantile(nis.degrees_of_freedom, 0.5);
+    let factor = nis.median / median;
+    let verdict = classify(nis, factor, band);
+    let enough = verdict != NoiseVerdict::TooFew;
+    let mut sentences = vec![main_sentence(sensor, nis, verdict, factor)];
+    if enough && nis.lag1_autocorrelation > STRONG_CORRELATION {
+        sentences.push(correlation_sentence(sensor, nis));
+    }
+    if enough && counts.gated_share() > LARGE_GATED_SHARE {
+        sentences.push(format!(
+            "Its gate refuses {:.0} % of the samples, where an honest 99 % gate refuses 1 %: \
+             either its noise is larger than stated, or it was disturbed that often.",
+            100.0 * counts.gated_share()
+        ));
+    }
+    let variance_factor = enough.then_some(factor);
+    SensorVerdict {
+        sensor,
+        verdict,
+        variance_factor,
+        mean_nis_band: band,
+        sentences,
+    }
+}
+
+fn classify(nis: &NisSummary, factor: f64, [low, high]: [f64; 2]) -> NoiseVerdict {
+    let honest = 1.0 / HONEST_FACTOR..=HONEST_FACTOR;
+    let mean_factor = nis.mean / f64::from(nis.degrees_of_freedom.max(1));
+    if nis.samples < FEWEST_SAMPLES {
+        NoiseVerdict::TooFew
+    } else if honest.contains(&factor) && nis.mean > high && mean_factor > HONEST_FACTOR {
+        NoiseVerdict::Outliers
+    } else if honest.contains(&factor) || (low..=high).contains(&nis.mean) {
+        NoiseVerdict::Honest
+    } else if factor > 1.0 {
+        NoiseVerdict::TooSmall
+    } else {
+        NoiseVerdict::TooLarge
+    }
+}
+
+/// 95 % band of a mean of `n` NIS values. Residuals with correlation `c` from one to the next are
+/// worth fewer independent ones: their squares correlate as `c^2`, which leaves
+/// `n (1 - c^2) / (1 + c^2)`.
+fn mean_band(nis: &NisSummary) -> [f64; 2] {
+    let c2 = nis.lag1_autocorrelation.powi(2).min(1.0);
+    let independent = (nis.samples as f64 * (1.0 - c2) / (1.0 + c2)).max(1.0);
+    let dof = f64::from(nis.degrees_of_freedom.max(1));
+    let total = independent * dof;
+    let bounds = match ChiSquared::new(total) {
+        Ok(sum) if total < 1e4 => [0.025, 0.975].map(|p| sum.inverse_cdf(p) / total),
+        // A sum of so many is normal to all figures that matter.
+        _ => [-1.96, 1.96].map(|z: f64| 1.0 + z * (2.0 / total).sqrt()),
+    };
+    bounds.map(|ratio| dof * ratio)
+}
+
+fn main_sentence(
+    sensor: SensorKind,
+    nis: &NisSummary,
+    verdict: NoiseVerdict,
+    factor: f64,
+) -> String {
+    let name = sensor.name();
+    let (mean, dof) = (nis.mean, nis.degrees_of_freedom);
+    match verdict {
+        NoiseVerdict::TooFew => format!(
+            "Only {} {name} sample(s) were used: too few to judge its R.",
+            nis.samples
+        ),
+        NoiseVerdict::Honest => format!(
+            "Your {name} R is honest: the mean NIS is {mean:.2} for {dof} degree(s) of freedom."
+        ),
+        NoiseVerdict::TooSmall => format!(
+            "Your {name} R is about {} times too small \
+             (its standard deviation should be about {} times larger).",
+            rounded(factor),
+            rounded(factor.sqrt())
+        ),
+        NoiseVerdict::TooLarge => format!(
+            "Your {name} R is about {} times too large \
+             (its standard deviation should be about {} times smaller).",
+            rounded(1.0 / factor),
+            rounded((1.0 / factor).sqrt())
+        ),
+        NoiseVerdict::Outliers => format!(
+            "Your {name} R fits the bulk of the samples, but {:.1} % of them lie beyond the 99 % \
+             bound, where 1 % should: disturbances, which a gate keeps out and a larger R does not.",
+            100.0 * nis.share_above_99
+        ),
+    }
+}
+
+fn correlation_sentence(sensor: SensorKind, nis: &NisSummary) -> String {
+    let parameter = match sensor {
+        SensorKind::Accelerometer => "accelerometer_correlation_time_s",
+        _ => "magnetometer_correlation_time_s",
+    };
+    format!(
+        "Its residuals are strongly correlated ({:.2} from one sample to the next): such errors are \
+         no white noise, so no R is honest for them and the covariance is too small; {parameter} \
+         says how long they last.",
+        nis.lag1_autocorrelation
+    )
+}
+
+/// Two figures, so that an estimate does not look exact.
+fn rounded(value: f64) -> String {
+    let decimals = if value < 9.95 { 1 } else { 0 };
+    let text = format!("{value:.decimals$}");
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nis::tests::{innovation, of_noise};
+    use northing_core::kalman::Outcome;
+    use northing_simulation::random::{normal_vector, stream};
+
+    fn verdict(samples: u32, std: f64, correlation: f64) -> SensorVerdict {
+        let nis = of_noise(samples, std, correlation).summary().unwrap();
+        judge(SensorKind::Accelerometer, &nis, &UpdateCounts::default())
+    }
+
+    #[test]
+    fn a_stated_std_three_times_too_small_is_named_nine_times() {
+        let verdict = verdict(20_000, 3.0, 0.0);
+        assert_eq!(verdict.verdict, NoiseVerdict::TooSmall);
+        let factor = verdict.variance_factor.unwrap();
+        assert!((factor / 9.0 - 1.0).abs() < 0.05, "{factor}");
+        let sentence = &verdict.sentences[0];
+        assert!(
+            sentence.starts_with("Your accelerometer R is about "),
+            "{sentence}"
+        );
+        assert!(sentence.contains("times too small") && sentence.contains("about 3 times larger"));
+        assert_eq!(verdict.sentences.len(), 1);
+    }
+
+    #[test]
+    fn a_stated_std_twice_too_large_is_named() {
+        let verdict = verdict(20_000, 0.5, 0.0);
+        assert_eq!(verdict.verdict, NoiseVerdict::TooLarge);
+        assert!(
+            verdict.sentences[0].contains("about 2 times smaller"),
+            "{:?}",
+            verdict.sentences
+        );
+    }
+
+    #[test]
+    fn white_noise_as_stated_is_honest() {
+        let verdict = verdict(20_000, 1.0, 0.0);
+        assert_eq!(verdict.verdict, NoiseVerdict::Honest);
+        let [low, high] = verdict.mean_nis_band;
+        // 3 +- 1.96 sqrt(6 / 20000)
+        assert!(
+            (low - 2.966).abs() < 0.002 && (high - 3.034).abs() < 0.002,
+            "{low} {high}"
+        );
+        assert_eq!(verdict.sentences.len(), 1, "{:?}", verdict.sentences);
+    }
+
+    #[test]
+    fn correlation_widens_the_band_and_is_said() {
+        let white = verdict(2000, 1.0, 0.0);
+        let lasting = verdict(2000, 1.0, 0.95);
+        let width = |v: &SensorVerdict| v.mean_nis_band[1] - v.mean_nis_band[0];
+        // sqrt((1 + 0.9025) / (1 - 0.9025)) = 4.4
+        let ratio = width(&lasting) / width(&white);
+        assert!((3.6..5.4).contains(&ratio), "{ratio}");
+        assert!(lasting.sentences[1].contains("accelerometer_correlation_time_s"));
+    }
+
+    #[test]
+    fn disturbed_samples_do_not_blame_r() {
+        let mut noise = stream(5, "nis");
+        let mut statistics = crate::nis::NisStatistics::default();
+        let mut counts = UpdateCounts::default();
+        for k in 0..5000 {
+            let (std, outcome) = if k % 10 == 0 {
+                (20.0, Outcome::Gated)
+            } else {
+                (1.0, Outcome::Fused)
+            };
+            statistics.add(&innovation(normal_vector(&mut noise, std), outcome));
+            counts.add(outcome);
+        }
+        let nis = statistics.summary().unwrap();
+        let verdict = judge(SensorKind::Magnetometer, &nis, &counts);
+        assert_eq!(verdict.verdict, NoiseVerdict::Outliers);
+        assert!(
+            verdict.sentences[0].contains("beyond the 99 % bound"),
+            "{:?}",
+            verdict.sentences
+        );
+        assert!(
+            verdict.sentences[1].contains("refuses 10 %"),
+            "{:?}",
+            verdict.sentences
+        );
+    }
+
+    #[test]
+    fn a_handful_of_samples_is_not_judged() {
+        let verdict = verdict(20, 3.0, 0.0);
+        assert_eq!(
+            (verdict.verdict, verdict.variance_factor),
+            (NoiseVerdict::TooFew, None)
+        );
+        assert_eq!(verdict.sentences.len(), 1);
+    }
+
+    #[test]
+    fn factors_are_rounded_to_two_figures() {
+        assert_eq!(
+            [1.26, 3.02, 9.04, 12.4].map(rounded),
+            ["1.3", "3", "9", "12"]
+        );
+    }
+}

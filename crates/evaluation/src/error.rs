@@ -1,0 +1,108 @@
+//! What can go wrong when recordings are evaluated; each message is one line and says what to do.
+
+use northing_core::attitude::config::ConfigError;
+
+/// A run that cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EvaluationError {
+    /// No estimator has this name.
+    #[error("unknown estimator `{name}`; expected one of: {valid}")]
+    UnknownEstimator {
+        /// What was asked for.
+        name: String,
+        /// The names there are.
+        valid: String,
+    },
+    /// No profile has this name.
+    #[error("unknown profile `{name}`; expected one of: {valid}")]
+    UnknownProfile {
+        /// What was asked for.
+        name: String,
+        /// The names there are.
+        valid: String,
+    },
+    /// No sensor that can be chosen has this name.
+    #[error("unknown sensor `{name}`; expected a list of: {valid}")]
+    UnknownSensor {
+        /// What was asked for.
+        name: String,
+        /// The names there are.
+        valid: String,
+    },
+    /// A choice of sensors without gyroscope.
+    #[error("the gyroscope is missing in `{text}`; every estimator needs it, e.g. gyro,acc")]
+    GyroscopeNotChosen {
+        /// The choice.
+        text: String,
+    },
+    /// A setting that is not `name=value`.
+    #[error("`{text}` is not a setting; expected NAME=VALUE, e.g. accelerometer_std=0.3")]
+    NotASetting {
+        /// What was given.
+        text: String,
+    },
+    /// No parameter has this name.
+    #[error("unknown parameter `{name}`; expected one of: {valid}")]
+    UnknownParameter {
+        /// What was asked for.
+        name: String,
+        /// The names there are.
+        valid: String,
+    },
+    /// A parameter has a value it cannot have.
+    #[error("parameter `{name}`: `{value}` does not fit: {problem}")]
+    BadValue {
+        /// The parameter.
+        name: String,
+        /// What was given.
+        value: String,
+        /// Why not.
+        problem: String,
+    },
+    /// A configuration that makes no sense.
+    #[error("configuration: {0}")]
+    Config(#[from] ConfigError),
+    /// The device's own orientation was to be evaluated, and the recording has none.
+    #[error(
+        "the recording has no orientation of the device itself; leave the estimator `device` out"
+    )]
+    NoDeviceOrientation,
+    /// Smoothing was asked of an estimator that has no smoother.
+    #[error("there is no smoother for `{estimator}`; smoothing works with the estimator mekf")]
+    NoSmoother {
+        /// The estimator.
+        estimator: &'static str,
+    },
+    /// The device did not rest, or something else made its calibration useless.
+    #[error("calibration from the first {seconds} s: {reason}")]
+    CalibrationRejected {
+        /// How long a rest was promised, s.
+        seconds: f64,
+        /// Why it was refused.
+        reason: String,
+    },
+    /// The calibration does not give what a start needs.
+    #[error("calibration: {problem}")]
+    UnusableCalibration {
+        /// What is missing, and what to do.
+        problem: String,
+    },
+    /// There are two calibrations.
+    #[error("a calibration is given and another is to be taken from the first seconds; choose one")]
+    TwoCalibrations,
+    /// The recording ended before anything could be estimated.
+    #[error(
+        "too short: {seconds:.3} s of samples; an estimate starts after {needed:.3} s \
+         (alignment or calibration)"
+    )]
+    TooShort {
+        /// Length of the recording, s.
+        seconds: f64,
+        /// What is needed, s.
+        needed: f64,
+    },
+    /// The recording cannot be read, or its reader refuses it.
+    #[error("{0}")]
+    Recording(Box<dyn std::error::Error + Send + Sync>),
+}

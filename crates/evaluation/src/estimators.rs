@@ -1,0 +1,278 @@
+//! The registry of attitude estimators: the one place where their names live.
+
+use std::fmt;
+use std::str::FromStr;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::integration::Integration;
+use northing_core::attitude::mekf::Mekf;
+use northing_core::attitude::mekf3::Mekf3;
+use northing_core::attitude::quaternion_ekf::QuaternionEkf;
+use northing_core::attitude::usque::Usque;
+use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, Propagation};
+use northing_core::kalman::Innovation;
+use serde::{Deserialize, Serialize};
+
+use crate::error::EvaluationError;
+
+/// An estimator that can be asked for by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EstimatorKind {
+    /// Gyroscope alone.
+    Integration,
+    /// The paper's filter.
+    Mekf3,
+    /// With gyroscope bias: the default.
+    Mekf,
+    /// Unscented.
+    Usque,
+    /// Additive, four quaternion components.
+    QuaternionEkf,
+    /// What the device itself reported; no filter runs.
+    Device,
+}
+
+/// What people want to know of an estimator before they choose it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct EstimatorInfo {
+    /// The name on the command line and in files.
+    pub name: &'static str,
+    /// What it is, in a sentence.
+    pub summary: &'static str,
+    /// Components of its error state: what its covariance speaks of. Zero without one.
+    pub error_states: u8,
+    /// Whether it says how uncertain it is.
+    pub has_covariance: bool,
+    /// Where to read about it.
+    pub paper: &'static str,
+}
+
+impl EstimatorKind {
+    /// Every estimator, simplest first.
+    pub const ALL: [Self; 6] = [
+        Self::Integration,
+        Self::Mekf3,
+        Self::Mekf,
+        Self::Usque,
+        Self::QuaternionEkf,
+        Self::Device,
+    ];
+
+    /// What there is to know about it.
+    #[must_use]
+    pub const fn info(self) -> EstimatorInfo {
+        match self {
+            Self::Integration => EstimatorInfo {
+                name: "integration",
+                summary: "gyroscope integration alone, the yardstick: drifts with bias and noise",
+                error_states: 0,
+                has_covariance: false,
+                paper: "Utrera & Vazquez (2021), section 4",
+            },
+            Self::Mekf3 => EstimatorInfo {
+                name: "mekf3",
+                summary: "multiplicative EKF of the paper: attitude only, the bias is a constant",
+                error_states: 3,
+                has_covariance: true,
+                paper: "Utrera & Vazquez (2021), eqs 18-27",
+            },
+            Self::Mekf => EstimatorInfo {
+                name: "mekf",
+                summary: "multiplicative EKF with gyroscope bias: the default",
+                error_states: 6,
+                has_covariance: true,
+                paper: "Markley (2003); Utrera & Vazquez (2021)",
+            },
+            Self::Usque => EstimatorInfo {
+                name: "usque",
+                summary: "unscented quaternion estimator with gyroscope bias, for large errors",
+                error_states: 6,
+                has_covariance: true,
+                paper: "Crassidis & Markley (2003)",
+            },
+            Self::QuaternionEkf => EstimatorInfo {
+                name: "quaternion-ekf",
+                summary: "additive EKF on the four quaternion components and the gyroscope bias",
+                error_states: 7,
+                has_covariance: true,
+                paper: "Bar-Itzhack & Oshman (1985)",
+            },
+            Self::Device => EstimatorInfo {
+                name: "device",
+                summary: "the orientation that the device itself reported; nothing is estimated",
+                error_states: 0,
+                has_covariance: false,
+                paper: "-",
+            },
+        }
+    }
+
+    /// The name on the command line and in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        self.info().name
+    }
+
+    /// All names, separated by commas.
+    #[must_use]
+    pub fn names() -> String {
+        Self::ALL.map(Self::name).join(", ")
+    }
+}
+
+impl fmt::Display for EstimatorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for EstimatorKind {
+    type Err = EvaluationError;
+
+    fn from_str(name: &str) -> Result<Self, EvaluationError> {
+        let known = Self::ALL.into_iter().find(|kind| kind.name() == name);
+        known.ok_or_else(|| EvaluationError::UnknownEstimator {
+            name: name.to_owned(),
+            valid: Self::names(),
+        })
+    }
+}
+
+/// Any estimator that runs on sensor samples.
+#[derive(Debug, Clone)]
+pub enum AnyEstimator {
+    /// `integration`
+    Integration(Integration<f64>),
+    /// `mekf3`
+    Mekf3(Mekf3<f64>),
+    /// `mekf`
+    Mekf(Mekf<f64>),
+    /// `usque`
+    Usque(Usque<f64>),
+    /// `quaternion-ekf`
+    QuaternionEkf(QuaternionEkf<f64>),
+}
+
+impl AnyEstimator {
+    /// The estimator of this kind; `None` for [`EstimatorKind::Device`], which is no estimator but
+    /// a column of the recording.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Config`] when a setting makes no sense.
+    pub fn new(
+        kind: EstimatorKind,
+        config: &AttitudeConfig<f64>,
+    ) -> Result<Option<Self>, EvaluationError> {
+        config.validate()?;
+        Ok(Some(match kind {
+            EstimatorKind::Integration => Self::Integration(Integration::default()),
+            EstimatorKind::Mekf3 => Self::Mekf3(Mekf3::new(*config)?),
+            EstimatorKind::Mekf => Self::Mekf(Mekf::new(*config)?),
+            EstimatorKind::Usque => Self::Usque(Usque::new(*config)?),
+            EstimatorKind::QuaternionEkf => Self::QuaternionEkf(QuaternionEkf::new(*config)?),
+            EstimatorKind::Device => return Ok(None),
+        }))
+    }
+}
+
+/// Evaluates an expression with whichever estimator it is.
+macro_rules! each {
+    ($self:ident, $e:ident => $body:expr) => {
+        match $self {
+            Self::Integration($e) => $body,
+            Self::Mekf3($e) => $body,
+            Self::Mekf($e) => $body,
+            Self::Usque($e) => $body,
+            Self::QuaternionEkf($e) => $body,
+        }
+    };
+}
+
+impl AttitudeEstimator<f64> for AnyEstimator {
+    fn initialize(&mut self, initial: &InitialState<f64>) {
+        each!(self, e => e.initialize(initial));
+    }
+
+    fn propagate(&mut self, angular_rate: &Vector3<f64>, dt: f64) -> Propagation {
+        each!(self, e => e.propagate(angular_rate, dt))
+    }
+
+    fn update_accelerometer(&mut self, specific_force: &Vector3<f64>) -> Innovation<f64> {
+        each!(self, e => e.update_accelerometer(specific_force))
+    }
+
+    fn update_magnetometer(&mut self, magnetic_field: &Vector3<f64>) -> Innovation<f64> {
+        each!(self, e => e.update_magnetometer(magnetic_field))
+    }
+
+    fn add_attitude_variance(&mut self, variance: f64) {
+        each!(self, e => e.add_attitude_variance(variance));
+    }
+
+    fn attitude(&self) -> UnitQuaternion<f64> {
+        each!(self, e => e.attitude())
+    }
+
+    fn attitude_covariance(&self) -> Option<Matrix3<f64>> {
+        each!(self, e => e.attitude_covariance())
+    }
+
+    fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        each!(self, e => e.gyroscope_bias())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lead_back_to_their_estimator_and_unknown_ones_list_them() {
+        for kind in EstimatorKind::ALL {
+            assert_eq!(kind.name().parse::<EstimatorKind>().unwrap(), kind);
+            let json = serde_json::to_string(&kind).unwrap();
+            assert_eq!(json, format!("\"{}\"", kind.name()));
+        }
+        let error = "kalman".parse::<EstimatorKind>().unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "unknown estimator `kalman`; expected one of: \
+             integration, mekf3, mekf, usque, quaternion-ekf, device"
+        );
+    }
+
+    #[test]
+    fn every_estimator_but_the_device_runs_and_keeps_its_word_about_covariance() {
+        let config = AttitudeConfig::default();
+        for kind in EstimatorKind::ALL {
+            let estimator = AnyEstimator::new(kind, &config).unwrap();
+            let Some(mut estimator) = estimator else {
+                assert_eq!(kind, EstimatorKind::Device);
+                continue;
+            };
+            let rate = Vector3::new(0.1, 0.0, 0.0);
+            assert_eq!(estimator.propagate(&rate, 0.01), Propagation::Done);
+            let covariance = estimator.attitude_covariance();
+            assert_eq!(covariance.is_some(), kind.info().has_covariance, "{kind}");
+            assert_eq!(
+                estimator.gyroscope_bias().is_some(),
+                kind.info().error_states > 3
+            );
+        }
+    }
+
+    #[test]
+    fn a_configuration_without_sense_is_refused() {
+        let config = AttitudeConfig {
+            accelerometer_std: -1.0,
+            ..AttitudeConfig::default()
+        };
+        let error = AnyEstimator::new(EstimatorKind::Mekf, &config).unwrap_err();
+        let text = error.to_string();
+        assert!(
+            text.starts_with("configuration: accelerometer_std: expected"),
+            "{text}"
+        );
+    }
+}
