@@ -4,8 +4,10 @@
 //! choose it; `docs/derivations/mekf.md`, section on the two relatives (M24, M24b).
 //!
 //! Use it to compare, or to teach: it is the extended Kalman filter of the textbook, with the
-//! quaternion treated as four numbers. Elsewhere use [`super::mekf::Mekf`], which is the same
-//! filter in steady state, smaller, and never singular.
+//! quaternion treated as four numbers. Elsewhere use [`super::mekf::Mekf`]: with the exact
+//! transition and the projection below the two are the same filter to rounding, at any error, since
+//! adding `Xi a / 2` and normalising *is* the multiplication with the Gibbs-vector quaternion of
+//! `a`, and `J` is the MEKF's re-centring. The MEKF is smaller, faster and never singular.
 //!
 //! # Model
 //!
@@ -32,7 +34,7 @@
 //! `H P H^T` equals that of the local error.
 //!
 //! Cost: one step with two vector sensors is about 2500 multiplications. Limits: `P` is singular
-//! along `q`; never invert it. Large corrections are bent by the normalisation.
+//! along `q`; never invert it.
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, SMatrix, SVector};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};

@@ -3,9 +3,19 @@
 //! Read first: Crassidis & Markley, *Unscented filtering for spacecraft attitude estimation*
 //! (2003); `docs/derivations/mekf.md`, section on the two relatives (M23, M23b, M23c).
 //!
-//! Use it to check the linearisation of [`super::mekf::Mekf`], or where the uncertainty is large
-//! while samples are few. In steady state it is the same filter at three times the cost; from an
-//! unknown start it is worse than the MEKF, whose covariance is re-centred after each correction.
+//! Use it where the start is poor, or to check the linearisation of [`super::mekf::Mekf`]: in
+//! steady state it is the same filter at several times the cost. Simulated, RMS over 0.5 to 5 s
+//! from a start off by `s` rad per axis (60 runs, no gates, median / 90 %, degrees):
+//!
+//! | `s` | MEKF | USQUE | USQUE as published |
+//! |---|---|---|---|
+//! | 0.5 | 0.26 / 1.3 | 0.14 / 0.21 | 0.14 / 0.30 |
+//! | 1.0 | 1.7 / 13 | 0.18 / 3.7 | 0.22 / 13 |
+//! | 1.7 | 6.3 / 22 | 2.1 / 22 | 13 / 52 |
+//!
+//! The difference to the published filter is the re-centring of the covariance at the corrected
+//! attitude, which it leaves out. Without it the heading variance under gravity alone grows a
+//! fifth too slowly as well. Better than any of them is a start from [`super::alignment`].
 //!
 //! # Model
 //!
@@ -18,7 +28,8 @@
 //! points 0, +-sqrt(6 + lambda) columns of chol(P + Qbar), lambda = 1
 //! weights lambda/(6 + lambda) = 1/7 for the centre, 1/(2 (6 + lambda)) = 1/14 for the others
 //! Qbar = dt/2 diag((v - u dt^2/6) I, u I), added before and after                      (M23c)
-//! y_i = dq_i^-1 q^-1 ref;  K = Pxy S^-1,  P <- P - K S K^T
+//! y_i = dq_i^-1 q^-1 ref;  K = Pxy S^-1,  x = K nu,  P <- G (P - K S K^T) G^T
+//! G = ((1 - s^2) I - 2 [s]x + 2 s s^T)/(1 + s^2)^2,  s = x_p/4          re-centring
 //! ```
 //!
 //! A propagation draws points, moves each with its own bias, and takes mean and covariance about

@@ -4,6 +4,9 @@
 use approx::assert_relative_eq;
 use nalgebra::SVector;
 use num_dual::{DualSVec64, jacobian};
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
 
 use super::*;
 use crate::attitude::mekf::Mekf;
@@ -228,6 +231,46 @@ fn agrees_with_the_mekf_in_steady_state() {
     let (u, m) = (usque.state.covariance, mekf.state().covariance);
     assert_relative_eq!(u, m, epsilon = m.amax() * 0.02);
     assert_eq!(usque.state.covariance_resets, 0);
+}
+
+/// Starts off by 0.5 rad per axis: nine of ten runs are three times better than the MEKF's.
+#[test]
+fn a_poor_start_hurts_it_less_than_the_mekf() {
+    let config = AttitudeConfig {
+        initial_tilt_std: 0.5,
+        accelerometer_gate_nis: 0.0,
+        magnetometer_gate_nis: 0.0,
+        ..AttitudeConfig::<f64>::default()
+    };
+    let mut rng = Pcg64::seed_from_u64(0x0A5C_ED01);
+    let (mut ours, mut theirs) = (std::vec::Vec::new(), std::vec::Vec::new());
+    for seed in 0..40 {
+        let off = Vector3::from_fn(|_, _| 0.5 * rng.sample::<f64, _>(StandardNormal));
+        let (mut usque, mut mekf) = (make(config), Mekf::new(config).unwrap());
+        usque.initialize(&start(&config, so3::exp(&off)));
+        mekf.initialize(&start(&config, so3::exp(&off)));
+        let (mut sums, mut count) = ([0.0; 2], 0);
+        drive(5, 5000 + seed, |truth, samples| {
+            step_all(&mut usque, &samples);
+            step_all(&mut mekf, &samples);
+            count += 1;
+            if count > 50 {
+                sums[0] += rotation::angle_between(truth, &usque.attitude()).powi(2);
+                sums[1] += rotation::angle_between(truth, &mekf.attitude()).powi(2);
+            }
+        });
+        ours.push((sums[0] / 450.0).sqrt().to_degrees());
+        theirs.push((sums[1] / 450.0).sqrt().to_degrees());
+    }
+    let ninth_decile = |v: &mut std::vec::Vec<f64>| {
+        v.sort_by(f64::total_cmp);
+        v[36]
+    };
+    let (ours, theirs) = (ninth_decile(&mut ours), ninth_decile(&mut theirs));
+    assert!(
+        ours < 0.35 && theirs > 3.0 * ours,
+        "USQUE {ours} deg, MEKF {theirs} deg"
+    );
 }
 
 /// GIVEN a covariance that is not positive WHEN the filter goes on THEN it mends it and says so.
