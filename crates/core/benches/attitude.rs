@@ -130,17 +130,31 @@ fn main() {
 
     let only = std::env::args().skip(1).find(|a| !a.starts_with('-'));
     kernels.retain(|(name, _)| only.as_ref().is_none_or(|o| name.contains(o.as_str())));
-    let rounds = if only.is_some() { 1 } else { 15 };
+    let rounds = if only.is_some() { 1 } else { 41 };
     let mut times = vec![Vec::new(); kernels.len()];
     for _ in 0..rounds {
         for (kernel, out) in kernels.iter().zip(&mut times) {
             out.push((kernel.1)());
         }
     }
-    let reference = median(times[0].clone());
-    println!("one sample with gyroscope, accelerometer and magnetometer, f64, median of {rounds}");
-    for ((name, _), t) in kernels.iter().zip(times) {
-        let t = median(t);
-        println!("  {name:<28}{t:>8.0} ns  {:>6.2} x vqf-rs", t / reference);
+    println!(
+        "one sample with gyroscope, accelerometer and magnetometer, f64, {rounds} rounds in turns"
+    );
+    println!(
+        "  {:<28}{:>9}{:>11}   times vqf-rs (median of the rounds)",
+        "", "least", "median"
+    );
+    for ((name, _), t) in kernels.iter().zip(&times) {
+        let ratio = median(
+            t.iter()
+                .zip(&times[0])
+                .map(|(ours, vqf)| ours / vqf)
+                .collect(),
+        );
+        let least = t.iter().copied().fold(f64::INFINITY, f64::min);
+        println!(
+            "  {name:<28}{least:>6.0} ns{:>8.0} ns{ratio:>8.2}",
+            median(t.clone())
+        );
     }
 }

@@ -59,7 +59,10 @@ struct Mean<T: Scalar> {
 
 impl<T: Scalar> Mean<T> {
     fn empty() -> Self {
-        Self { sum: Vector3::zeros(), count: 0 }
+        Self {
+            sum: Vector3::zeros(),
+            count: 0,
+        }
     }
 
     fn add(&mut self, v: Vector3<T>) {
@@ -123,20 +126,36 @@ impl<T: Scalar> Alignment<T> {
         let (ref_from_first, tilt_std, heading_std) = match (force, field) {
             (Some(f), Some(m)) => match wahba::triad(&f, &m, &frame.up(), &frame.north()) {
                 Some(q) => (q, config.initial_tilt_std, config.initial_heading_std),
-                None => (wahba::level(&f, &frame.up()), config.initial_tilt_std, unknown),
+                None => (
+                    wahba::level(&f, &frame.up()),
+                    config.initial_tilt_std,
+                    unknown,
+                ),
             },
-            (Some(f), None) => (wahba::level(&f, &frame.up()), config.initial_tilt_std, unknown),
+            (Some(f), None) => (
+                wahba::level(&f, &frame.up()),
+                config.initial_tilt_std,
+                unknown,
+            ),
             (None, _) => (UnitQuaternion::identity(), unknown, unknown),
         };
-        let measured_field = field.map(|m| ref_from_first * m).filter(|_| force.is_some());
+        let measured_field = field
+            .map(|m| ref_from_first * m)
+            .filter(|_| force.is_some());
         let magnetic_field = self.reference_field(measured_field);
         let attitude = rotation::renormalize(&(ref_from_first * self.first_from_now));
         InitialState {
             attitude,
             attitude_covariance: level_covariance(&attitude, &frame.up(), tilt_std, heading_std),
             gyroscope_bias: self.prior.gyroscope_bias,
-            gyroscope_bias_std: self.prior.gyroscope_bias_std.unwrap_or(config.initial_gyroscope_bias_std),
-            references: References { specific_force: gravity_up, magnetic_field },
+            gyroscope_bias_std: self
+                .prior
+                .gyroscope_bias_std
+                .unwrap_or(config.initial_gyroscope_bias_std),
+            references: References {
+                specific_force: gravity_up,
+                magnetic_field,
+            },
         }
     }
 
@@ -179,19 +198,28 @@ mod tests {
     #[test]
     fn alignment_in_motion_is_exact_in_both_frames() {
         for frame in [TangentFrame::Enu, TangentFrame::Ned] {
-            let mut alignment = Alignment::new(Prior { frame, ..Prior::default() });
+            let mut alignment = Alignment::new(Prior {
+                frame,
+                ..Prior::default()
+            });
             let field = frame.magnetic_field(22.0, 42.0);
             let (rate, dt) = (Vector3::new(0.7, -1.1, 0.4), 0.01);
             let mut truth = so3::exp(&Vector3::new(0.2, 2.0, -0.9));
             for _ in 0..50 {
                 alignment.propagate(&rate, dt);
                 truth *= so3::exp(&(rate * dt));
-                assert!(alignment.add_specific_force(&(truth.inverse() * frame.specific_force_at_rest(9.806_65))));
+                assert!(alignment.add_specific_force(
+                    &(truth.inverse() * frame.specific_force_at_rest(9.806_65))
+                ));
                 assert!(alignment.add_magnetic_field(&(truth.inverse() * field)));
             }
             let start = alignment.finish(&config());
             assert!(rotation::angle_between(&truth, &start.attitude) < 1e-12);
-            assert_relative_eq!(start.references.magnetic_field.unwrap(), field, epsilon = 1e-10);
+            assert_relative_eq!(
+                start.references.magnetic_field.unwrap(),
+                field,
+                epsilon = 1e-10
+            );
         }
     }
 
@@ -201,17 +229,29 @@ mod tests {
         let truth = so3::exp(&Vector3::new(0.4, -0.3, 0.0));
         assert!(alignment.add_specific_force(&(truth.inverse() * Vector3::new(0.0, 0.0, 9.8))));
         let start = alignment.finish(&config());
-        assert_relative_eq!(start.attitude.inverse() * Vector3::z(), truth.inverse() * Vector3::z(), epsilon = 1e-12);
+        assert_relative_eq!(
+            start.attitude.inverse() * Vector3::z(),
+            truth.inverse() * Vector3::z(),
+            epsilon = 1e-12
+        );
         assert!(start.references.magnetic_field.is_none());
         let up = start.attitude.inverse() * Vector3::z();
-        assert_relative_eq!(up.dot(&(start.attitude_covariance * up)), 1.8 * 1.8, epsilon = 1e-12);
+        assert_relative_eq!(
+            up.dot(&(start.attitude_covariance * up)),
+            1.8 * 1.8,
+            epsilon = 1e-12
+        );
     }
 
     #[test]
     fn nothing_at_all_is_the_identity_with_the_largest_uncertainty() {
         let start = Alignment::new(Prior::<f64>::default()).finish(&config());
         assert_eq!(start.attitude, UnitQuaternion::identity());
-        assert_relative_eq!(start.attitude_covariance, Matrix3::identity() * (1.8 * 1.8), epsilon = 1e-12);
+        assert_relative_eq!(
+            start.attitude_covariance,
+            Matrix3::identity() * (1.8 * 1.8),
+            epsilon = 1e-12
+        );
     }
 
     #[test]

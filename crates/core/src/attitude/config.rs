@@ -12,7 +12,11 @@ use crate::scalar::{Scalar, lit};
 
 /// How a filter uses the magnetometer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum MagnetometerUse {
     /// All three components against the reference field (the paper): a wrong field tilts the
     /// estimate too.
@@ -25,7 +29,11 @@ pub enum MagnetometerUse {
 
 /// How the gyroscope's noise becomes process noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum ProcessNoise {
     /// The density is the density: `Q_d = density^2 dt`.
     #[default]
@@ -45,7 +53,10 @@ pub enum ProcessNoise {
     serde(
         default,
         deny_unknown_fields,
-        bound(serialize = "T: serde::Serialize", deserialize = "T: Scalar + serde::Deserialize<'de>")
+        bound(
+            serialize = "T: serde::Serialize",
+            deserialize = "T: Scalar + serde::Deserialize<'de>"
+        )
     )
 )]
 pub struct AttitudeConfig<T> {
@@ -169,7 +180,10 @@ impl<T: Scalar> AttitudeConfig<T> {
     pub fn validate(&self) -> Result<(), ConfigError> {
         let positive = [
             ("gyroscope_noise_density", self.gyroscope_noise_density),
-            ("gyroscope_sample_interval_s", self.gyroscope_sample_interval_s),
+            (
+                "gyroscope_sample_interval_s",
+                self.gyroscope_sample_interval_s,
+            ),
             ("accelerometer_std", self.accelerometer_std),
             ("magnetometer_std_ut", self.magnetometer_std_ut),
             ("initial_tilt_std", self.initial_tilt_std),
@@ -178,24 +192,42 @@ impl<T: Scalar> AttitudeConfig<T> {
         ];
         let not_negative = [
             ("gyroscope_scale_noise", self.gyroscope_scale_noise),
-            ("gyroscope_bias_random_walk", self.gyroscope_bias_random_walk),
+            (
+                "gyroscope_bias_random_walk",
+                self.gyroscope_bias_random_walk,
+            ),
             ("accelerometer_gate_nis", self.accelerometer_gate_nis),
-            ("accelerometer_correlation_time_s", self.accelerometer_correlation_time_s),
+            (
+                "accelerometer_correlation_time_s",
+                self.accelerometer_correlation_time_s,
+            ),
             ("accelerometer_norm_gain", self.accelerometer_norm_gain),
             ("magnetometer_gate_nis", self.magnetometer_gate_nis),
-            ("magnetometer_correlation_time_s", self.magnetometer_correlation_time_s),
+            (
+                "magnetometer_correlation_time_s",
+                self.magnetometer_correlation_time_s,
+            ),
             ("magnetometer_norm_gain", self.magnetometer_norm_gain),
             ("gate_timeout_s", self.gate_timeout_s),
-            ("initial_gyroscope_bias_std", self.initial_gyroscope_bias_std),
+            (
+                "initial_gyroscope_bias_std",
+                self.initial_gyroscope_bias_std,
+            ),
         ];
         for (field, value) in positive {
             if !(value > T::zero() && value.is_finite()) {
-                return Err(ConfigError { field, expected: "a finite number above 0" });
+                return Err(ConfigError {
+                    field,
+                    expected: "a finite number above 0",
+                });
             }
         }
         for (field, value) in not_negative {
             if !(value >= T::zero() && value.is_finite()) {
-                return Err(ConfigError { field, expected: "a finite number, 0 or above" });
+                return Err(ConfigError {
+                    field,
+                    expected: "a finite number, 0 or above",
+                });
             }
         }
         Ok(())
@@ -204,13 +236,19 @@ impl<T: Scalar> AttitudeConfig<T> {
     /// The accelerometer's gate.
     #[inline]
     pub fn accelerometer_gate(&self) -> Gate<T> {
-        Gate { nis_threshold: self.accelerometer_gate_nis, timeout_s: self.gate_timeout_s }
+        Gate {
+            nis_threshold: self.accelerometer_gate_nis,
+            timeout_s: self.gate_timeout_s,
+        }
     }
 
     /// The magnetometer's gate.
     #[inline]
     pub fn magnetometer_gate(&self) -> Gate<T> {
-        Gate { nis_threshold: self.magnetometer_gate_nis, timeout_s: self.gate_timeout_s }
+        Gate {
+            nis_threshold: self.magnetometer_gate_nis,
+            timeout_s: self.gate_timeout_s,
+        }
     }
 
     /// Power spectral density ((rad/s)^2/Hz) of the angle noise at the rate `angular_rate` (rad/s).
@@ -261,9 +299,15 @@ mod tests {
 
     #[test]
     fn nonsense_is_named() {
-        let bad = AttitudeConfig { accelerometer_std: 0.0, ..AttitudeConfig::<f64>::default() };
+        let bad = AttitudeConfig {
+            accelerometer_std: 0.0,
+            ..AttitudeConfig::<f64>::default()
+        };
         assert_eq!(bad.validate().unwrap_err().field, "accelerometer_std");
-        let bad = AttitudeConfig { gate_timeout_s: f64::NAN, ..AttitudeConfig::default() };
+        let bad = AttitudeConfig {
+            gate_timeout_s: f64::NAN,
+            ..AttitudeConfig::default()
+        };
         assert_eq!(bad.validate().unwrap_err().field, "gate_timeout_s");
     }
 }

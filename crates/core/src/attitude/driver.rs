@@ -113,7 +113,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             return Propagation::Skipped(SkipReason::NotFinite);
         }
         match self.last_rate {
-            Some((last_ns, _)) if time_ns <= last_ns => return Propagation::Skipped(SkipReason::NotNewer),
+            Some((last_ns, _)) if time_ns <= last_ns => {
+                return Propagation::Skipped(SkipReason::NotNewer);
+            }
             Some((last_ns, _)) if self.is_gap(last_ns, time_ns) => self.advance_to(time_ns),
             Some((last_ns, last)) => self.finish_interval(last_ns, &last, time_ns, angular_rate),
             None => self.advance_to(time_ns),
@@ -165,7 +167,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     fn alignment_at(&mut self, time_ns: i64, appeared: bool) -> Option<&mut Aligning<T>> {
         if self.aligning.is_none() && (!self.started || appeared) {
             let alignment = Alignment::new(self.config.prior);
-            self.aligning = Some(Aligning { alignment, since_ns: time_ns });
+            self.aligning = Some(Aligning {
+                alignment,
+                since_ns: time_ns,
+            });
         }
         self.aligning.as_mut()
     }
@@ -173,10 +178,18 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// Starts the estimator once the alignment has gathered for long enough. Without any
     /// accelerometer sample it waits four times as long before it starts blind.
     fn finish_alignment(&mut self, time_ns: i64) {
-        let Some(Aligning { alignment, since_ns }) = *self.alignment_or_begin(time_ns) else {
+        let Some(Aligning {
+            alignment,
+            since_ns,
+        }) = *self.alignment_or_begin(time_ns)
+        else {
             return;
         };
-        let patience = if self.has_force { lit(1.0) } else { lit::<T>(4.0) };
+        let patience = if self.has_force {
+            lit(1.0)
+        } else {
+            lit::<T>(4.0)
+        };
         if seconds::<T>(since_ns, time_ns) < self.config.alignment_s * patience {
             return;
         }
@@ -224,7 +237,13 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     }
 
     /// Completes the interval between two gyroscope samples so that its mean rate was theirs.
-    fn finish_interval(&mut self, last_ns: i64, last: &Vector3<T>, time_ns: i64, rate: &Vector3<T>) {
+    fn finish_interval(
+        &mut self,
+        last_ns: i64,
+        last: &Vector3<T>,
+        time_ns: i64,
+        rate: &Vector3<T>,
+    ) {
         let now = self.now_ns.unwrap_or(last_ns).max(last_ns);
         let remaining: T = seconds(now, time_ns);
         if remaining <= T::zero() {
@@ -260,7 +279,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let mut left = total;
         while left > T::zero() {
             let dt = left.min(step);
-            let still = self.estimator.gyroscope_bias().map_or_else(Vector3::zeros, |(bias, _)| bias);
+            let still = self
+                .estimator
+                .gyroscope_bias()
+                .map_or_else(Vector3::zeros, |(bias, _)| bias);
             self.estimator.propagate(&still, dt);
             self.estimator.add_attitude_variance(walk * walk * dt);
             left -= dt;

@@ -44,7 +44,12 @@ impl<T: Scalar> HeadingReference<T> {
         let horizontal = field - up * upward_ut;
         let horizontal_ut = horizontal.norm();
         let north = horizontal.try_normalize(field.norm() * lit(1e-2))?;
-        Some(Self { up, north, horizontal_ut, upward_ut })
+        Some(Self {
+            up,
+            north,
+            horizontal_ut,
+            upward_ut,
+        })
     }
 
     /// Measures the heading residual of the field `measured` (body axes) at `attitude`.
@@ -84,13 +89,15 @@ mod tests {
     use crate::attitude::AttitudeConfig;
     use crate::geometry::{frames::TangentFrame, so3};
     use approx::assert_relative_eq;
-    use num_dual::{DualSVec64, gradient};
     use nalgebra::{RealField, SVector};
+    use num_dual::{DualSVec64, gradient};
 
     fn reference(frame: TangentFrame) -> (HeadingReference<f64>, Vector3<f64>) {
         let field = frame.magnetic_field(20.0, 40.0);
-        let references =
-            References { specific_force: frame.specific_force_at_rest(9.81), magnetic_field: Some(field) };
+        let references = References {
+            specific_force: frame.specific_force_at_rest(9.81),
+            magnetic_field: Some(field),
+        };
         (HeadingReference::new(&references).unwrap(), field)
     }
 
@@ -126,10 +133,21 @@ mod tests {
     #[test]
     fn vertical_field_has_no_heading() {
         let up = Vector3::new(0.0, 0.0, 9.81);
-        let references = References { specific_force: up, magnetic_field: Some(Vector3::new(0.0, 0.01, -50.0)) };
+        let references = References {
+            specific_force: up,
+            magnetic_field: Some(Vector3::new(0.0, 0.01, -50.0)),
+        };
         assert!(HeadingReference::<f64>::new(&references).is_none());
         let (heading, _) = reference(TangentFrame::Enu);
         let sensor = VectorSensor::magnetometer(&AttitudeConfig::default());
-        assert!(heading.measure(&UnitQuaternion::identity(), &Vector3::new(0.0, 1.0, -44.0), &sensor).is_none());
+        assert!(
+            heading
+                .measure(
+                    &UnitQuaternion::identity(),
+                    &Vector3::new(0.0, 1.0, -44.0),
+                    &sensor
+                )
+                .is_none()
+        );
     }
 }

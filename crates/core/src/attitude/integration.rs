@@ -21,7 +21,10 @@ pub struct Integration<T: Scalar> {
 
 impl<T: Scalar> Default for Integration<T> {
     fn default() -> Self {
-        Self { attitude: UnitQuaternion::identity(), gyroscope_bias: Vector3::zeros() }
+        Self {
+            attitude: UnitQuaternion::identity(),
+            gyroscope_bias: Vector3::zeros(),
+        }
     }
 }
 
@@ -79,7 +82,10 @@ mod tests {
             let dt = 1.0 / f64::from(steps_per_s);
             let mut filter = Integration::default();
             for k in 0..60 * steps_per_s {
-                assert_eq!(filter.propagate(&rate((f64::from(k) + offset) * dt), dt), Propagation::Done);
+                assert_eq!(
+                    filter.propagate(&rate((f64::from(k) + offset) * dt), dt),
+                    Propagation::Done
+                );
             }
             filter.attitude()
         };
@@ -95,8 +101,14 @@ mod tests {
         let mut filter = Integration::<f32>::default();
         let before = filter;
         let bad = Vector3::new(0.0, f32::NAN, 0.0);
-        assert_eq!(filter.propagate(&bad, 0.01), Propagation::Skipped(SkipReason::NotFinite));
-        assert_eq!(filter.propagate(&Vector3::x(), f32::INFINITY), Propagation::Skipped(SkipReason::NotFinite));
+        assert_eq!(
+            filter.propagate(&bad, 0.01),
+            Propagation::Skipped(SkipReason::NotFinite)
+        );
+        assert_eq!(
+            filter.propagate(&Vector3::x(), f32::INFINITY),
+            Propagation::Skipped(SkipReason::NotFinite)
+        );
         assert_eq!(filter.propagate(&Vector3::x(), -0.01), Propagation::Done);
         assert_eq!(filter, before);
     }

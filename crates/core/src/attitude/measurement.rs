@@ -4,12 +4,13 @@
 //! makes the row, not the measured one: the measured one is noisy, and its sign convention is the
 //! classical mistake.
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::config::{AttitudeConfig, MagnetometerUse};
 use super::heading::{Heading, HeadingReference};
 use super::vector_sensor::{References, VectorSensor, Weighed};
 use crate::kalman::innovation::{Innovation, Outcome, SkipReason};
+use crate::kalman::scalar_update::{update_cross_product, update_leading3};
 use crate::scalar::Scalar;
 
 /// Accelerometer and magnetometer as a filter sees them; part of a filter's state.
@@ -31,31 +32,61 @@ pub struct Measurement<T: Scalar> {
     pub innovation: Innovation<T>,
     /// Rows on the attitude error; as many count as the innovation has degrees of freedom.
     pub rows: [Vector3<T>; 3],
+    /// The predicted vector `v`, where the rows are those of `[v]x`.
+    pub predicted: Option<Vector3<T>>,
     /// Noise variance per row; `None` when the measurement is not to be fused.
     pub variance: Option<T>,
 }
 
 impl<T: Scalar> Measurement<T> {
     fn skipped(reason: SkipReason) -> Self {
-        Self { innovation: Innovation::skipped(reason), rows: [Vector3::zeros(); 3], variance: None }
+        let innovation = Innovation::skipped(reason);
+        Self {
+            innovation,
+            rows: [Vector3::zeros(); 3],
+            predicted: None,
+            variance: None,
+        }
     }
 
-    fn new(weighed: Weighed<T>, rows: [Vector3<T>; 3]) -> Self {
-        Self { innovation: weighed.innovation, rows, variance: weighed.variance }
+    /// Fuses it into a covariance and a pending correction whose first three states are the local
+    /// attitude error; `false` when it is not to be fused or numerics refuse it.
+    #[inline]
+    pub fn fuse<const N: usize>(
+        &self,
+        covariance: &mut SMatrix<T, N, N>,
+        correction: &mut SVector<T, N>,
+    ) -> bool {
+        let Some(variance) = self.variance else {
+            return false;
+        };
+        let residual = &self.innovation.residual;
+        match &self.predicted {
+            Some(v) => update_cross_product(covariance, correction, v, residual, variance),
+            None => update_leading3(covariance, correction, &self.rows[0], residual.x, variance),
+        }
     }
 
     /// Row, residual and variance of each scalar to fuse; nothing when it is not to be fused.
     #[inline]
     pub fn scalars(&self) -> impl Iterator<Item = (&Vector3<T>, T, T)> {
-        let count = if self.variance.is_some() { usize::from(self.innovation.degrees_of_freedom) } else { 0 };
+        let count = if self.variance.is_some() {
+            usize::from(self.innovation.degrees_of_freedom)
+        } else {
+            0
+        };
         let r = self.variance.unwrap_or_else(T::zero);
         let residuals = self.innovation.residual.iter();
-        self.rows.iter().zip(residuals).take(count).map(move |(row, z)| (row, *z, r))
+        self.rows
+            .iter()
+            .zip(residuals)
+            .take(count)
+            .map(move |(row, z)| (row, *z, r))
     }
 
     /// The record, marked as refused by numerics unless `fused`.
     #[inline]
-    pub fn conclude(self, fused: bool) -> Innovation<T> {
+    pub fn conclude(&self, fused: bool) -> Innovation<T> {
         let mut innovation = self.innovation;
         if innovation.outcome.is_fused() && !fused {
             innovation.outcome = Outcome::Skipped(SkipReason::Numerical);
@@ -110,9 +141,13 @@ impl<T: Scalar> VectorSensors<T> {
     ) -> Measurement<T> {
         match self.magnetometer_use {
             MagnetometerUse::Vector => vector(&mut self.magnetometer, attitude, p, measured),
-            MagnetometerUse::Heading => {
-                heading(&mut self.magnetometer, self.heading.as_ref(), attitude, p, measured)
-            }
+            MagnetometerUse::Heading => heading(
+                &mut self.magnetometer,
+                self.heading.as_ref(),
+                attitude,
+                p,
+                measured,
+            ),
         }
     }
 }
@@ -131,18 +166,34 @@ fn vector<T: Scalar>(
     };
     let v = attitude.inverse() * reference;
     let zero = T::zero();
-    let rows =
-        [Vector3::new(zero, -v.z, v.y), Vector3::new(v.z, zero, -v.x), Vector3::new(-v.y, v.x, zero)];
+    let rows = [
+        Vector3::new(zero, -v.z, v.y),
+        Vector3::new(v.z, zero, -v.x),
+        Vector3::new(-v.y, v.x, zero),
+    ];
     let predicted = predicted_covariance(&v, p);
     let variance = sensor.sample_variance(measured);
-    Measurement::new(sensor.weigh(measured - v, &predicted, variance), rows)
+    let Weighed {
+        innovation,
+        variance,
+    } = sensor.weigh(measured - v, &predicted, variance);
+    Measurement {
+        innovation,
+        rows,
+        predicted: Some(v),
+        variance,
+    }
 }
 
 /// `[v]x P [v]x^T`: what the attitude's uncertainty does to the predicted vector. Two rounds of
 /// cross products with the columns, since `P` is symmetric.
 #[inline]
 fn predicted_covariance<T: Scalar>(v: &Vector3<T>, p: &Matrix3<T>) -> Matrix3<T> {
-    let turned = [cross_column(v, p, 0), cross_column(v, p, 1), cross_column(v, p, 2)];
+    let turned = [
+        cross_column(v, p, 0),
+        cross_column(v, p, 1),
+        cross_column(v, p, 2),
+    ];
     let row = |i: usize| v.cross(&Vector3::new(turned[0][i], turned[1][i], turned[2][i]));
     Matrix3::from_columns(&[row(0), row(1), row(2)])
 }
@@ -164,13 +215,25 @@ fn heading<T: Scalar>(
     if let Err(reason) = sensor.reference_for(measured) {
         return Measurement::skipped(reason);
     }
-    let Some(Heading { residual, variance, row }) =
-        reference.and_then(|r| r.measure(attitude, measured, sensor))
+    let Some(Heading {
+        residual,
+        variance,
+        row,
+    }) = reference.and_then(|r| r.measure(attitude, measured, sensor))
     else {
         return Measurement::skipped(SkipReason::Unobservable);
     };
-    let weighed = sensor.weigh_scalar(residual, row.dot(&(p * row)), variance);
-    Measurement::new(weighed, [row, Vector3::zeros(), Vector3::zeros()])
+    let Weighed {
+        innovation,
+        variance,
+    } = sensor.weigh_scalar(residual, row.dot(&(p * row)), variance);
+    let rows = [row, Vector3::zeros(), Vector3::zeros()];
+    Measurement {
+        innovation,
+        rows,
+        predicted: None,
+        variance,
+    }
 }
 
 #[cfg(test)]
@@ -178,26 +241,34 @@ mod tests {
     use super::*;
     use crate::geometry::so3;
     use approx::assert_relative_eq;
-    use num_dual::{DualSVec64, jacobian};
     use nalgebra::SVector;
+    use num_dual::{DualSVec64, jacobian};
 
     /// `z = C(q dq(a)) ref` linearised: `H = +[v]x`, for both parametrisations of the error.
     #[test]
     fn vector_rows_equal_dual_numbers() {
         let reference = Vector3::new(3.0, -20.0, 40.0);
-        for r in [Vector3::zeros(), Vector3::new(0.4, -1.2, 2.0), Vector3::new(3.0, 0.5, -0.1)] {
+        for r in [
+            Vector3::zeros(),
+            Vector3::new(0.4, -1.2, 2.0),
+            Vector3::new(3.0, 0.5, -0.1),
+        ] {
             let q = so3::exp(&r);
             let predict = |turn: fn(&Vector3<DualSVec64<3>>) -> UnitQuaternion<DualSVec64<3>>| {
                 jacobian(
                     |a: SVector<DualSVec64<3>, 3>| {
-                        (q.cast::<DualSVec64<3>>() * turn(&a)).inverse() * reference.map(DualSVec64::from)
+                        (q.cast::<DualSVec64<3>>() * turn(&a)).inverse()
+                            * reference.map(DualSVec64::from)
                     },
                     &Vector3::zeros(),
                 )
                 .1
             };
             let mut sensors = VectorSensors::new(&AttitudeConfig::default());
-            sensors.start(&References { specific_force: reference, magnetic_field: None });
+            sensors.start(&References {
+                specific_force: reference,
+                magnetic_field: None,
+            });
             let v = q.inverse() * reference;
             let m = sensors.accelerometer(&q, &Matrix3::identity(), &v);
             let rows = Matrix3::from_rows(&m.rows.map(|row| row.transpose()));
@@ -212,14 +283,21 @@ mod tests {
         let m = Matrix3::from_fn(|i, j| ((2 * i + 5 * j) as f64).sin());
         let (p, v) = (m * m.transpose(), Vector3::new(1.0, -2.0, 3.0));
         let h = so3::skew(&v);
-        assert_relative_eq!(predicted_covariance(&v, &p), h * p * h.transpose(), epsilon = 1e-13);
+        assert_relative_eq!(
+            predicted_covariance(&v, &p),
+            h * p * h.transpose(),
+            epsilon = 1e-13
+        );
     }
 
     #[test]
     fn innovation_covariance_is_hph_plus_r() {
         let mut sensors = VectorSensors::new(&AttitudeConfig::default());
         let up = Vector3::new(0.0, 0.0, 10.0);
-        sensors.start(&References { specific_force: up, magnetic_field: None });
+        sensors.start(&References {
+            specific_force: up,
+            magnetic_field: None,
+        });
         let p = Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.03));
         let m = sensors.accelerometer(&UnitQuaternion::identity(), &p, &up);
         let expected = Matrix3::from_diagonal(&Vector3::new(2.0025, 1.0025, 0.0025));

@@ -31,7 +31,6 @@ use super::{AttitudeEstimator, InitialState, Propagation, propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::cap_variance;
 use crate::kalman::{Innovation, SkipReason};
-use crate::kalman::scalar_update::update_leading3;
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
@@ -98,32 +97,22 @@ impl<T: Scalar> Mekf<T> {
         propagation::transition(&(angular_rate - self.state.gyroscope_bias), dt)
     }
 
-    /// Fuses one linearised measurement (M12, M13).
+    /// Fuses one linearised measurement (M12), injects the correction (M13) and re-centres the
+    /// covariance at the corrected attitude (M14).
     #[inline]
-    fn update(&mut self, measurement: Measurement<T>) -> Innovation<T> {
-        let fused = measurement.variance.is_some()
-            && self.fuse(|p, x| measurement.scalars().all(|(h, z, r)| update_leading3(p, x, h, z, r)));
-        measurement.conclude(fused)
-    }
-
-    /// Runs scalar updates on a copy of the covariance and takes the result over only when all of
-    /// it is finite: nothing non-finite ever enters the state.
-    #[inline]
-    fn fuse(&mut self, update: impl FnOnce(&mut Matrix6<T>, &mut Vector6<T>) -> bool) -> bool {
-        let mut covariance = self.state.covariance;
-        let mut correction = Vector6::zeros();
-        if !update(&mut covariance, &mut correction) || !correction.norm_squared().is_finite() {
-            return false;
+    fn update(&mut self, measurement: &Measurement<T>) -> Innovation<T> {
+        if measurement.variance.is_none() {
+            return measurement.innovation;
         }
+        let mut correction = Vector6::zeros();
+        let fused = measurement.fuse(&mut self.state.covariance, &mut correction);
         let a: Vector3<T> = correction.fixed_rows::<3>(0).into_owned();
         let db: Vector3<T> = correction.fixed_rows::<3>(3).into_owned();
-        // (M13) inject, (M14) re-centre the covariance at the corrected attitude.
-        let attitude = rotation::renormalize(&(self.state.attitude * so3::from_gibbs(&a)));
-        self.state.attitude = attitude;
+        let corrected = self.state.attitude * so3::from_gibbs(&a);
+        self.state.attitude = rotation::renormalize(&corrected);
         self.state.gyroscope_bias += db;
-        reset(&mut covariance, &a);
-        self.state.covariance = covariance;
-        true
+        reset(&mut self.state.covariance, &a);
+        measurement.conclude(fused)
     }
 }
 
@@ -163,7 +152,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
         state.attitude = initial.attitude;
         state.gyroscope_bias = initial.gyroscope_bias;
         state.covariance = Matrix6::zeros();
-        state.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&initial.attitude_covariance);
+        state
+            .covariance
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&initial.attitude_covariance);
         let bias_variance = initial.gyroscope_bias_std * initial.gyroscope_bias_std;
         for i in 3..6 {
             state.covariance[(i, i)] = bias_variance;
@@ -197,15 +189,21 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
     #[inline]
     fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
         let p = attitude_block(&self.state.covariance);
-        let m = self.state.sensors.accelerometer(&self.state.attitude, &p, specific_force);
-        self.update(m)
+        let m = self
+            .state
+            .sensors
+            .accelerometer(&self.state.attitude, &p, specific_force);
+        self.update(&m)
     }
 
     #[inline]
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
         let p = attitude_block(&self.state.covariance);
-        let m = self.state.sensors.magnetometer(&self.state.attitude, &p, magnetic_field);
-        self.update(m)
+        let m = self
+            .state
+            .sensors
+            .magnetometer(&self.state.attitude, &p, magnetic_field);
+        self.update(&m)
     }
 
     fn add_attitude_variance(&mut self, variance: T) {

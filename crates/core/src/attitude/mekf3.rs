@@ -23,7 +23,6 @@ use super::measurement::{Measurement, VectorSensors};
 use super::{AttitudeEstimator, InitialState, Propagation, propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{cap_variance, symmetrize};
-use crate::kalman::scalar_update::update_leading3;
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
 
@@ -87,23 +86,30 @@ impl<T: Scalar> Mekf3<T> {
         specific_force: Option<&Vector3<T>>,
         magnetic_field: Option<&Vector3<T>>,
     ) -> [Option<Innovation<T>>; 2] {
-        let Mekf3State { attitude, covariance, sensors, .. } = &mut self.state;
+        let Mekf3State {
+            attitude,
+            covariance,
+            sensors,
+            ..
+        } = &mut self.state;
         let acc = specific_force.map(|f| sensors.accelerometer(attitude, covariance, f));
         let mag = magnetic_field.map(|m| sensors.magnetometer(attitude, covariance, m));
         let fused = self.fuse([acc.as_ref(), mag.as_ref()]);
-        [acc.map(|m| m.conclude(fused)), mag.map(|m| m.conclude(fused))]
+        [
+            acc.map(|m| m.conclude(fused)),
+            mag.map(|m| m.conclude(fused)),
+        ]
     }
 
     /// (24)-(27) as scalar updates from one linearisation point, which equals the stacked form.
     fn fuse(&mut self, measurements: [Option<&Measurement<T>>; 2]) -> bool {
         let mut covariance = self.state.covariance;
         let mut a = Vector3::zeros();
-        for (h, z, r) in measurements.iter().flatten().flat_map(|m| m.scalars()) {
-            if !update_leading3(&mut covariance, &mut a, h, z, r) {
-                return false;
-            }
-        }
-        if !a.norm_squared().is_finite() {
+        let mut fusable = measurements
+            .iter()
+            .flatten()
+            .filter(|m| m.variance.is_some());
+        if !fusable.all(|m| m.fuse(&mut covariance, &mut a)) {
             return false;
         }
         // (26)
@@ -163,14 +169,24 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
 
     #[inline]
     fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
-        let Mekf3State { attitude, covariance, sensors, .. } = &mut self.state;
+        let Mekf3State {
+            attitude,
+            covariance,
+            sensors,
+            ..
+        } = &mut self.state;
         let m = sensors.accelerometer(attitude, covariance, specific_force);
         self.update(m)
     }
 
     #[inline]
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        let Mekf3State { attitude, covariance, sensors, .. } = &mut self.state;
+        let Mekf3State {
+            attitude,
+            covariance,
+            sensors,
+            ..
+        } = &mut self.state;
         let m = sensors.magnetometer(attitude, covariance, magnetic_field);
         self.update(m)
     }
@@ -247,13 +263,20 @@ mod tests {
     #[test]
     fn paper_literal_adds_a_hundred_times_the_noise_at_100_hz() {
         let growth = |process_noise| {
-            let config = AttitudeConfig { process_noise, ..AttitudeConfig::default() };
+            let config = AttitudeConfig {
+                process_noise,
+                ..AttitudeConfig::default()
+            };
             let mut filter = Mekf3::<f64>::new(config).unwrap();
             filter.state.covariance = Matrix3::identity() * 1e-6;
             assert_eq!(filter.propagate(&Vector3::x(), 0.01), Propagation::Done);
             filter.state.covariance[(0, 0)] - 1e-6
         };
         use crate::attitude::ProcessNoise::{Discrete, PaperLiteral};
-        assert_relative_eq!(growth(PaperLiteral) / growth(Discrete), 100.0, epsilon = 1e-3);
+        assert_relative_eq!(
+            growth(PaperLiteral) / growth(Discrete),
+            100.0,
+            epsilon = 1e-3
+        );
     }
 }

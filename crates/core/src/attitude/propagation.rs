@@ -36,11 +36,20 @@ pub fn bias_transition<T: Scalar>(angular_rate: &Vector3<T>, dt: T) -> Matrix3<T
     so3::left_jacobian(&(angular_rate * -dt)) * -dt
 }
 
+/// `Phi11` and `Phi12` together, from one set of coefficients.
+#[inline]
+pub fn transition_blocks<T: Scalar>(angular_rate: &Vector3<T>, dt: T) -> (Matrix3<T>, Matrix3<T>) {
+    let r = angular_rate * -dt;
+    let c = so3::Coefficients::of_squared_angle(r.norm_squared());
+    (c.exp_matrix(&r), c.right_jacobian(&r).transpose() * -dt)
+}
+
 /// The whole 6 by 6 transition of `[attitude error, bias error]`.
 pub fn transition<T: Scalar>(angular_rate: &Vector3<T>, dt: T) -> Matrix6<T> {
     let mut phi = Matrix6::identity();
-    phi.fixed_view_mut::<3, 3>(0, 0).copy_from(&attitude_transition(angular_rate, dt));
-    phi.fixed_view_mut::<3, 3>(0, 3).copy_from(&bias_transition(angular_rate, dt));
+    let (phi11, phi12) = transition_blocks(angular_rate, dt);
+    phi.fixed_view_mut::<3, 3>(0, 0).copy_from(&phi11);
+    phi.fixed_view_mut::<3, 3>(0, 3).copy_from(&phi12);
     phi
 }
 
@@ -64,8 +73,7 @@ pub fn propagate_covariance<T: Scalar>(
     angle_noise_psd: T,
     bias_walk_psd: T,
 ) {
-    let phi11 = attitude_transition(angular_rate, dt);
-    let phi12 = bias_transition(angular_rate, dt);
+    let (phi11, phi12) = transition_blocks(angular_rate, dt);
     let [q11, q12, q22] = process_noise(angle_noise_psd, bias_walk_psd, dt);
     let p11: Matrix3<T> = p.fixed_view::<3, 3>(0, 0).into_owned();
     let p12: Matrix3<T> = p.fixed_view::<3, 3>(0, 3).into_owned();
@@ -99,14 +107,26 @@ pub fn propagate_covariance<T: Scalar>(
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use num_dual::{DualSVec64, jacobian};
     use nalgebra::{SMatrix, SVector, Vector6};
+    use num_dual::{DualSVec64, jacobian};
 
-    const RATES: [[f64; 3]; 4] = [[0.0; 3], [1e-7, 0.0, -1e-7], [2.0, -1.0, 2.0], [-25.0, 11.0, 30.0]];
+    const RATES: [[f64; 3]; 4] = [
+        [0.0; 3],
+        [1e-7, 0.0, -1e-7],
+        [2.0, -1.0, 2.0],
+        [-25.0, 11.0, 30.0],
+    ];
 
     /// The true error dynamics: truth turns with rate `w - db`, the estimate with `w`.
-    fn error_after(w: &Vector3<f64>, dt: f64, x: &SVector<DualSVec64<6>, 6>) -> SVector<DualSVec64<6>, 3> {
-        let (a, db) = (x.fixed_rows::<3>(0).into_owned(), x.fixed_rows::<3>(3).into_owned());
+    fn error_after(
+        w: &Vector3<f64>,
+        dt: f64,
+        x: &SVector<DualSVec64<6>, 6>,
+    ) -> SVector<DualSVec64<6>, 3> {
+        let (a, db) = (
+            x.fixed_rows::<3>(0).into_owned(),
+            x.fixed_rows::<3>(3).into_owned(),
+        );
         let w = w.map(DualSVec64::<6>::from);
         let dt = DualSVec64::<6>::from(dt);
         let truth = so3::exp(&a) * so3::exp(&((w - db) * dt));
@@ -121,7 +141,8 @@ mod tests {
                 if w.norm() * dt > 3.0 {
                     continue;
                 }
-                let (_, j): (_, SMatrix<f64, 3, 6>) = jacobian(|x| error_after(&w, dt, &x), &Vector6::zeros());
+                let (_, j): (_, SMatrix<f64, 3, 6>) =
+                    jacobian(|x| error_after(&w, dt, &x), &Vector6::zeros());
                 let phi = transition(&w, dt);
                 assert_relative_eq!(j, phi.fixed_rows::<3>(0).into_owned(), epsilon = 1e-12);
             }

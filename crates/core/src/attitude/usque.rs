@@ -49,7 +49,7 @@
 //! Limits: needs a positive definite covariance; where rounding has taken that away it is mended,
 //! and reset to its diagonal if that fails ([`UsqueState::covariance_resets`]).
 
-use nalgebra::{Matrix3, Matrix6, Quaternion, SMatrix, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
 use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
 use super::measurement::VectorSensors;
@@ -61,6 +61,10 @@ use crate::kalman::innovation::Outcome;
 use crate::kalman::scalar_update::update_leading3;
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::{Scalar, lit};
+
+mod rodrigues;
+
+use rodrigues::{from_rodrigues, reset_jacobian, to_rodrigues};
 
 /// `6 + lambda`: the spread of the sigma points, squared.
 const SPREAD: f64 = 7.0;
@@ -328,30 +332,6 @@ fn largest_variances<T: Scalar>(config: &AttitudeConfig<T>) -> Vector6<T> {
 /// The attitude block of the covariance.
 fn attitude_block<T: Scalar>(p: &Matrix6<T>) -> Matrix3<T> {
     p.fixed_view::<3, 3>(0, 0).into_owned()
-}
-
-/// The rotation of Rodrigues parameters with `a = 1`, `f = 4` (M23b).
-fn from_rodrigues<T: Scalar>(p: &Vector3<T>) -> UnitQuaternion<T> {
-    let (n2, sixteen) = (p.norm_squared(), lit::<T>(16.0));
-    let scale = T::one() / (sixteen + n2);
-    let q = Quaternion::from_parts((sixteen - n2) * scale, p * (lit::<T>(8.0) * scale));
-    UnitQuaternion::new_unchecked(q)
-}
-
-/// Its inverse (M23), for the sign of the quaternion as it is: errors beyond half a turn stay
-/// where they are instead of jumping to the other side.
-fn to_rodrigues<T: Scalar>(q: &UnitQuaternion<T>) -> Vector3<T> {
-    q.imag() * (lit::<T>(4.0) / (T::one() + q.w))
-}
-
-/// Jacobian of re-centring the error at the correction `p` just applied: with `s = p/4`,
-/// `G = ((1 - s^2) I - 2 [s]x + 2 s s^T) / (1 + s^2)^2`.
-fn reset_jacobian<T: Scalar>(p: &Vector3<T>) -> Matrix3<T> {
-    let (s, one, two) = (p * lit::<T>(0.25), T::one(), lit::<T>(2.0));
-    let n2 = s.norm_squared();
-    let sum =
-        Matrix3::from_diagonal_element(one - n2) - so3::skew(&s) * two + s * s.transpose() * two;
-    sum / ((one + n2) * (one + n2))
 }
 
 /// `P <- G P G^T` with `G = blockdiag(reset_jacobian(p), I)`.

@@ -146,17 +146,28 @@ impl<T: Scalar> VectorSensor<T> {
         }
         match normalized_square3(&residual, &covariance) {
             Some(nis) => self.decide(residual, covariance, nis, 3, sample_variance),
-            None => Weighed { innovation: Innovation::skipped(SkipReason::Numerical), variance: None },
+            None => Weighed {
+                innovation: Innovation::skipped(SkipReason::Numerical),
+                variance: None,
+            },
         }
     }
 
     /// As [`Self::weigh`] for one component, such as a heading (rad).
     #[inline]
-    pub fn weigh_scalar(&mut self, residual: T, predicted_variance: T, sample_variance: T) -> Weighed<T> {
+    pub fn weigh_scalar(
+        &mut self,
+        residual: T,
+        predicted_variance: T,
+        sample_variance: T,
+    ) -> Weighed<T> {
         let s = predicted_variance + sample_variance;
         let nis = residual * residual / s;
         if !(s > T::zero() && nis.is_finite()) {
-            return Weighed { innovation: Innovation::skipped(SkipReason::Numerical), variance: None };
+            return Weighed {
+                innovation: Innovation::skipped(SkipReason::Numerical),
+                variance: None,
+            };
         }
         let mut covariance = Matrix3::zeros();
         covariance[(0, 0)] = s;
@@ -182,7 +193,16 @@ impl<T: Scalar> VectorSensor<T> {
         if variance.is_some() {
             self.since_fused = T::zero();
         }
-        Weighed { innovation: Innovation { residual, covariance, nis, degrees_of_freedom, outcome }, variance }
+        Weighed {
+            innovation: Innovation {
+                residual,
+                covariance,
+                nis,
+                degrees_of_freedom,
+                outcome,
+            },
+            variance,
+        }
     }
 
     /// Errors correlated over `tau` make a sample that follows the last after `dt` worth only
@@ -210,16 +230,31 @@ mod tests {
     #[test]
     fn unusable_vectors_are_named() {
         let s = sensor(&AttitudeConfig::default());
-        assert_eq!(s.reference_for(&Vector3::zeros()), Err(SkipReason::ZeroNorm));
-        assert_eq!(s.reference_for(&Vector3::new(0.0, f64::NAN, 0.0)), Err(SkipReason::NotFinite));
-        assert_eq!(s.reference_for(&Vector3::new(f64::INFINITY, 0.0, 0.0)), Err(SkipReason::NotFinite));
+        assert_eq!(
+            s.reference_for(&Vector3::zeros()),
+            Err(SkipReason::ZeroNorm)
+        );
+        assert_eq!(
+            s.reference_for(&Vector3::new(0.0, f64::NAN, 0.0)),
+            Err(SkipReason::NotFinite)
+        );
+        assert_eq!(
+            s.reference_for(&Vector3::new(f64::INFINITY, 0.0, 0.0)),
+            Err(SkipReason::NotFinite)
+        );
         let blank = VectorSensor::magnetometer(&AttitudeConfig::<f64>::default());
-        assert_eq!(blank.reference_for(&Vector3::x()), Err(SkipReason::NotInitialized));
+        assert_eq!(
+            blank.reference_for(&Vector3::x()),
+            Err(SkipReason::NotInitialized)
+        );
     }
 
     #[test]
     fn correlated_errors_share_one_look_per_correlation_time() {
-        let config = AttitudeConfig { accelerometer_correlation_time_s: 1.0, ..AttitudeConfig::default() };
+        let config = AttitudeConfig {
+            accelerometer_correlation_time_s: 1.0,
+            ..AttitudeConfig::default()
+        };
         let mut s = sensor(&config);
         let mut information = 0.0;
         for _ in 0..1000 {
@@ -233,9 +268,20 @@ mod tests {
 
     #[test]
     fn a_vector_of_the_wrong_length_is_trusted_less() {
-        let config = AttitudeConfig { accelerometer_norm_gain: 4.0, ..AttitudeConfig::default() };
+        let config = AttitudeConfig {
+            accelerometer_norm_gain: 4.0,
+            ..AttitudeConfig::default()
+        };
         let s = sensor(&config);
-        assert_relative_eq!(s.sample_variance(&Vector3::new(9.81, 0.0, 0.0)), 0.0025, epsilon = 1e-12);
-        assert_relative_eq!(s.sample_variance(&Vector3::new(11.81, 0.0, 0.0)), 0.0025 + 16.0, epsilon = 1e-9);
+        assert_relative_eq!(
+            s.sample_variance(&Vector3::new(9.81, 0.0, 0.0)),
+            0.0025,
+            epsilon = 1e-12
+        );
+        assert_relative_eq!(
+            s.sample_variance(&Vector3::new(11.81, 0.0, 0.0)),
+            0.0025 + 16.0,
+            epsilon = 1e-9
+        );
     }
 }

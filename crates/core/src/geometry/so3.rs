@@ -95,6 +95,20 @@ impl<T: Scalar> Coefficients<T> {
     }
 }
 
+impl<T: Scalar> Coefficients<T> {
+    /// [`exp_matrix`] of `r`, whose coefficients these are.
+    #[inline]
+    pub fn exp_matrix(&self, r: &Vector3<T>) -> Matrix3<T> {
+        second_order(r, self.sine, self.cosine)
+    }
+
+    /// [`right_jacobian`] of `r`, whose coefficients these are.
+    #[inline]
+    pub fn right_jacobian(&self, r: &Vector3<T>) -> Matrix3<T> {
+        second_order(r, -self.cosine, self.cubic)
+    }
+}
+
 /// The rotation by the rotation vector `r` (rad) as a unit quaternion.
 ///
 /// ```
@@ -160,15 +174,13 @@ pub fn log<T: Scalar>(q: &UnitQuaternion<T>) -> Vector3<T> {
 /// The rotation matrix `Exp([r]x)` (Rodrigues).
 #[inline]
 pub fn exp_matrix<T: Scalar>(r: &Vector3<T>) -> Matrix3<T> {
-    let c = Coefficients::of_squared_angle(r.norm_squared());
-    second_order(r, c.sine, c.cosine)
+    Coefficients::of_squared_angle(r.norm_squared()).exp_matrix(r)
 }
 
 /// The right Jacobian: `Exp(r + d) = Exp(r) Exp(Jr(r) d)` to first order in `d`.
 #[inline]
 pub fn right_jacobian<T: Scalar>(r: &Vector3<T>) -> Matrix3<T> {
-    let c = Coefficients::of_squared_angle(r.norm_squared());
-    second_order(r, -c.cosine, c.cubic)
+    Coefficients::of_squared_angle(r.norm_squared()).right_jacobian(r)
 }
 
 /// The left Jacobian, `Jl(r) = Jr(-r) = Jr(r)^T`.

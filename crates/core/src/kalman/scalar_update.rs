@@ -8,6 +8,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
+use super::covariance::mirror_upper;
 use crate::scalar::Scalar;
 
 /// One scalar measurement of the first three states: `residual = h . x[0..3] + noise`.
@@ -47,6 +48,79 @@ pub fn update_full<T: Scalar, const N: usize>(
     let s = ph.dot(h) + variance;
     let expected = correction.dot(h);
     apply(covariance, correction, &ph, s, residual - expected)
+}
+
+/// Three scalar measurements of the first three states whose rows are those of `[v]x`:
+/// `residual = v x x[0..3] + noise`, equal variances. What a vector measurement of a local
+/// attitude error is; uses the zeros of `[v]x` and the symmetry of the covariance.
+///
+/// Returns `false` when an innovation variance is not positive; the components before it are
+/// then in, each of them a valid measurement by itself.
+#[inline]
+pub fn update_cross_product<T: Scalar, const N: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    correction: &mut SVector<T, N>,
+    v: &Vector3<T>,
+    residual: &Vector3<T>,
+    variance: T,
+) -> bool {
+    const { assert!(N >= 3) };
+    let done = update_pair(
+        covariance,
+        correction,
+        [1, 2],
+        [-v.z, v.y],
+        residual.x,
+        variance,
+    ) && update_pair(
+        covariance,
+        correction,
+        [0, 2],
+        [v.z, -v.x],
+        residual.y,
+        variance,
+    ) && update_pair(
+        covariance,
+        correction,
+        [0, 1],
+        [-v.y, v.x],
+        residual.z,
+        variance,
+    );
+    mirror_upper(covariance);
+    done
+}
+
+/// One scalar measurement with two non-zero elements `h` at the states `at`; reads and writes the
+/// upper triangle of the covariance only.
+#[inline(always)]
+fn update_pair<T: Scalar, const N: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    correction: &mut SVector<T, N>,
+    at: [usize; 2],
+    h: [T; 2],
+    residual: T,
+    variance: T,
+) -> bool {
+    let [a, b] = at;
+    let mut ph = SVector::<T, N>::zeros();
+    for i in 0..N {
+        ph[i] = covariance[(i.min(a), i.max(a))] * h[0] + covariance[(i.min(b), i.max(b))] * h[1];
+    }
+    let s = ph[a] * h[0] + ph[b] * h[1] + variance;
+    let nu = residual - (correction[a] * h[0] + correction[b] * h[1]);
+    if !(s > T::zero() && s.is_finite() && nu.is_finite()) {
+        return false;
+    }
+    let inverse = T::one() / s;
+    for j in 0..N {
+        let k = ph[j] * inverse;
+        correction[j] += k * nu;
+        for i in 0..=j {
+            covariance[(i, j)] -= ph[i] * k;
+        }
+    }
+    true
 }
 
 /// `x += K nu`, `P -= Ph Ph^T / s`, with the upper triangle computed and mirrored, so that the
@@ -122,6 +196,25 @@ mod tests {
             prop_assert!((x3 - expected_x).abs().max() < 1e-9);
             prop_assert!((pf - p3).abs().max() < 1e-10 && (xf - x3).abs().max() < 1e-10);
             prop_assert_eq!(p3, p3.transpose());
+        }
+
+        #[test]
+        fn cross_product_update_equals_its_three_rows(
+            a in prop::collection::vec(-1.0..1.0f64, 36), v in prop::array::uniform3(-10.0..10.0f64),
+            r in 0.01..2.0f64, z in prop::array::uniform3(-3.0..3.0f64),
+        ) {
+            let a = M6::from_column_slice(&a);
+            let p = a * a.transpose() + M6::identity() * 0.01;
+            let (v, z) = (Vector3::from(v), Vector3::from(z));
+            let (mut pr, mut xr) = (p, SVector::<f64, 6>::zeros());
+            let (mut pc, mut xc) = (p, SVector::<f64, 6>::zeros());
+            let h = crate::geometry::so3::skew(&v);
+            for i in 0..3 {
+                prop_assert!(update_leading3(&mut pr, &mut xr, &h.row(i).transpose(), z[i], r));
+            }
+            prop_assert!(update_cross_product(&mut pc, &mut xc, &v, &z, r));
+            prop_assert!((pr - pc).abs().max() < 1e-10 && (xr - xc).abs().max() < 1e-10);
+            prop_assert_eq!(pc, pc.transpose());
         }
     }
 

@@ -11,7 +11,11 @@ const MS: i64 = 1_000_000;
 
 fn mekf() -> AttitudeDriver<f64, Mekf<f64>> {
     let settings = AttitudeConfig::default();
-    AttitudeDriver::new(Mekf::new(settings).unwrap(), settings, DriverConfig::default())
+    AttitudeDriver::new(
+        Mekf::new(settings).unwrap(),
+        settings,
+        DriverConfig::default(),
+    )
 }
 
 fn up() -> Vector3<f64> {
@@ -58,8 +62,14 @@ fn repeated_and_older_samples_are_skipped() {
     rest(&mut driver, 0, 1000, true);
     let before = driver;
     let skipped = Outcome::Skipped(SkipReason::NotNewer);
-    assert_eq!(driver.gyroscope(990 * MS, &Vector3::x()), Propagation::Skipped(SkipReason::NotNewer));
-    assert_eq!(driver.gyroscope(10 * MS, &Vector3::x()), Propagation::Skipped(SkipReason::NotNewer));
+    assert_eq!(
+        driver.gyroscope(990 * MS, &Vector3::x()),
+        Propagation::Skipped(SkipReason::NotNewer)
+    );
+    assert_eq!(
+        driver.gyroscope(10 * MS, &Vector3::x()),
+        Propagation::Skipped(SkipReason::NotNewer)
+    );
     assert_eq!(driver.accelerometer(990 * MS, &up()).outcome, skipped);
     assert_eq!(driver.magnetometer(500 * MS, &north()).outcome, skipped);
     assert_eq!(driver, before);
@@ -72,11 +82,17 @@ fn an_interval_turns_with_the_mean_of_its_two_rates_whatever_comes_between() {
         attitude_covariance: nalgebra::Matrix3::identity(),
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: 0.0,
-        references: crate::attitude::References { specific_force: up(), magnetic_field: None },
+        references: crate::attitude::References {
+            specific_force: up(),
+            magnetic_field: None,
+        },
     };
     let turned = |between: &[i64]| {
-        let mut driver =
-            AttitudeDriver::new(Integration::default(), AttitudeConfig::default(), DriverConfig::default());
+        let mut driver = AttitudeDriver::new(
+            Integration::default(),
+            AttitudeConfig::default(),
+            DriverConfig::default(),
+        );
         driver.start_from(&start);
         driver.gyroscope(0, &Vector3::new(0.0, 0.0, 1.0));
         for t in between {

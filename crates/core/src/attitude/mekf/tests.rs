@@ -15,7 +15,9 @@ fn references<T: Scalar>() -> References<T> {
     let frame = TangentFrame::Enu;
     References {
         specific_force: frame.specific_force_at_rest(nalgebra::convert(9.806_65)),
-        magnetic_field: Some(frame.magnetic_field(nalgebra::convert(27.0), nalgebra::convert(33.0))),
+        magnetic_field: Some(
+            frame.magnetic_field(nalgebra::convert(27.0), nalgebra::convert(33.0)),
+        ),
     }
 }
 
@@ -41,20 +43,30 @@ fn drive(seconds: u32, seed: u64, mut step: impl FnMut(&UnitQuaternion<f64>, [Ve
     let mut truth = UnitQuaternion::identity();
     for k in 0..seconds * 100 {
         let t = f64::from(k) * 0.01;
-        let rate = Vector3::new((0.7 * t).sin(), 0.8 * (1.1 * t).cos(), 0.5 * (0.4 * t).sin());
+        let rate = Vector3::new(
+            (0.7 * t).sin(),
+            0.8 * (1.1 * t).cos(),
+            0.5 * (0.4 * t).sin(),
+        );
         truth = rotation::renormalize(&(truth * so3::exp(&(rate * 0.01))));
         let bias = Vector3::new(0.02, -0.01, 0.015);
-        step(&truth, [
-            rate + bias + noise(0.005),
-            truth.inverse() * references.specific_force + noise(0.05),
-            truth.inverse() * field + noise(0.5),
-        ]);
+        step(
+            &truth,
+            [
+                rate + bias + noise(0.005),
+                truth.inverse() * references.specific_force + noise(0.05),
+                truth.inverse() * field + noise(0.5),
+            ],
+        );
     }
 }
 
 #[test]
 fn learns_attitude_and_bias_from_half_a_radian_off() {
-    let config = AttitudeConfig { initial_tilt_std: 0.5, ..AttitudeConfig::<f64>::default() };
+    let config = AttitudeConfig {
+        initial_tilt_std: 0.5,
+        ..AttitudeConfig::<f64>::default()
+    };
     let mut f = filter(config, so3::exp(&Vector3::new(0.4, -0.3, 0.5)));
     let mut error = f64::NAN;
     drive(30, 1, |truth, [w, a, m]| {
@@ -65,7 +77,10 @@ fn learns_attitude_and_bias_from_half_a_radian_off() {
     });
     assert!(error.to_degrees() < 0.4, "{} deg", error.to_degrees());
     let (bias, _) = f.gyroscope_bias().unwrap();
-    assert!((bias - Vector3::new(0.02, -0.01, 0.015)).norm() < 0.003, "{bias}");
+    assert!(
+        (bias - Vector3::new(0.02, -0.01, 0.015)).norm() < 0.003,
+        "{bias}"
+    );
 }
 
 #[test]
@@ -74,7 +89,8 @@ fn reset_equals_the_dense_product() {
     let p0 = m * m.transpose() + Matrix6::identity();
     let a = Vector3::new(0.3, -0.2, 0.4);
     let mut g = Matrix6::identity();
-    g.fixed_view_mut::<3, 3>(0, 0).copy_from(&so3::gibbs_reset_jacobian(&a));
+    g.fixed_view_mut::<3, 3>(0, 0)
+        .copy_from(&so3::gibbs_reset_jacobian(&a));
     let mut p = p0;
     reset(&mut p, &a);
     assert_relative_eq!(p, g * p0 * g.transpose(), epsilon = 1e-13);
@@ -89,7 +105,10 @@ fn transition_at_a_bias_equals_dual_numbers() {
     let (w, dt) = (Vector3::new(1.0, 2.0, -1.5), 0.02);
     let (_, j) = jacobian(
         |x: nalgebra::SVector<DualSVec64<6>, 6>| {
-            let (a, db) = (x.fixed_rows::<3>(0).into_owned(), x.fixed_rows::<3>(3).into_owned());
+            let (a, db) = (
+                x.fixed_rows::<3>(0).into_owned(),
+                x.fixed_rows::<3>(3).into_owned(),
+            );
             let b = f.state.gyroscope_bias.map(DualSVec64::<6>::from);
             let (w, dt) = (w.map(DualSVec64::<6>::from), DualSVec64::<6>::from(dt));
             let truth = so3::from_gibbs(&a) * so3::exp(&((w - b - db) * dt));
@@ -97,7 +116,11 @@ fn transition_at_a_bias_equals_dual_numbers() {
         },
         &Vector6::zeros(),
     );
-    assert_relative_eq!(j, f.transition(&w, dt).fixed_rows::<3>(0).into_owned(), epsilon = 1e-12);
+    assert_relative_eq!(
+        j,
+        f.transition(&w, dt).fixed_rows::<3>(0).into_owned(),
+        epsilon = 1e-12
+    );
 }
 
 #[test]
@@ -105,16 +128,34 @@ fn bad_samples_leave_the_state_untouched_and_say_why() {
     let mut f = filter(AttitudeConfig::<f64>::default(), UnitQuaternion::identity());
     let before = f;
     let nan = Vector3::new(f64::NAN, 0.0, 0.0);
-    assert_eq!(f.propagate(&nan, 0.01), Propagation::Skipped(SkipReason::NotFinite));
-    assert_eq!(f.propagate(&Vector3::x(), f64::NAN), Propagation::Skipped(SkipReason::NotFinite));
-    assert_eq!(f.update_accelerometer(&nan).outcome, Outcome::Skipped(SkipReason::NotFinite));
-    assert_eq!(f.update_accelerometer(&Vector3::zeros()).outcome, Outcome::Skipped(SkipReason::ZeroNorm));
+    assert_eq!(
+        f.propagate(&nan, 0.01),
+        Propagation::Skipped(SkipReason::NotFinite)
+    );
+    assert_eq!(
+        f.propagate(&Vector3::x(), f64::NAN),
+        Propagation::Skipped(SkipReason::NotFinite)
+    );
+    assert_eq!(
+        f.update_accelerometer(&nan).outcome,
+        Outcome::Skipped(SkipReason::NotFinite)
+    );
+    assert_eq!(
+        f.update_accelerometer(&Vector3::zeros()).outcome,
+        Outcome::Skipped(SkipReason::ZeroNorm)
+    );
     let huge = Vector3::new(f64::MAX, f64::MAX, 0.0);
-    assert_eq!(f.update_magnetometer(&huge).outcome, Outcome::Skipped(SkipReason::NotFinite));
+    assert_eq!(
+        f.update_magnetometer(&huge).outcome,
+        Outcome::Skipped(SkipReason::NotFinite)
+    );
     f.add_attitude_variance(f64::NAN);
     assert_eq!(f, before);
     let mut blank = Mekf::new(AttitudeConfig::<f64>::default()).unwrap();
-    assert_eq!(blank.update_magnetometer(&Vector3::x()).outcome, Outcome::Skipped(SkipReason::NotInitialized));
+    assert_eq!(
+        blank.update_magnetometer(&Vector3::x()).outcome,
+        Outcome::Skipped(SkipReason::NotInitialized)
+    );
 }
 
 #[test]
@@ -181,7 +222,10 @@ fn with_one_sensor_the_variance_about_its_vector_grows_monotonically() {
 
 #[test]
 fn heading_update_never_tips_the_tilt() {
-    let config = AttitudeConfig { magnetometer_use: MagnetometerUse::Heading, ..AttitudeConfig::<f64>::default() };
+    let config = AttitudeConfig {
+        magnetometer_use: MagnetometerUse::Heading,
+        ..AttitudeConfig::<f64>::default()
+    };
     let mut f = filter(config, UnitQuaternion::identity());
     for _ in 0..50 {
         let record = f.update_magnetometer(&Vector3::new(20.0, 20.0, 5.0));
@@ -213,8 +257,15 @@ fn gate_does_not_lock_out_for_ever() {
             Outcome::Skipped(reason) => panic!("{reason:?}"),
         }
     }
-    assert!(outcomes[0] >= 299 && outcomes[1] > 0 && outcomes[2] > 0, "{outcomes:?}");
-    assert!(f.attitude().angle().to_degrees() < 1.0, "{}", f.attitude().angle().to_degrees());
+    assert!(
+        outcomes[0] >= 299 && outcomes[1] > 0 && outcomes[2] > 0,
+        "{outcomes:?}"
+    );
+    assert!(
+        f.attitude().angle().to_degrees() < 1.0,
+        "{}",
+        f.attitude().angle().to_degrees()
+    );
 }
 
 /// Acceptance test (h): a million single-precision updates keep P symmetric and positive.
@@ -258,5 +309,9 @@ fn single_and_double_precision_agree() {
         f32s.update_magnetometer(&m.cast());
     });
     let difference = rotation::angle_between(&f64s.attitude(), &f32s.attitude().cast::<f64>());
-    assert!(difference.to_degrees() < 0.01, "{} deg", difference.to_degrees());
+    assert!(
+        difference.to_degrees() < 0.01,
+        "{} deg",
+        difference.to_degrees()
+    );
 }

@@ -1,9 +1,7 @@
-//! Closed forms of the parameters, moments against brute force, the demands on every filter, and
+//! Moments against brute force, the demands on every filter, and
 //! agreement with the MEKF.
 
 use approx::assert_relative_eq;
-use nalgebra::SVector;
-use num_dual::{DualSVec64, jacobian};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
@@ -15,59 +13,6 @@ use crate::attitude::test_world::*;
 
 fn make<T: Scalar>(config: AttitudeConfig<T>) -> Usque<T> {
     Usque::new(config).unwrap()
-}
-
-/// (M23b) in its general form, at `a = 1`, `f = 4`.
-#[test]
-fn parameters_are_those_of_the_paper_and_invert_up_to_a_full_turn() {
-    for angle in [0.0, 1e-9, 0.3, 1.5, 3.0, 3.3, 4.5, 6.0_f64] {
-        let (half, axis) = (angle / 2.0, Vector3::new(0.36, -0.48, 0.8));
-        let q = Quaternion::from_parts(half.cos(), axis * half.sin());
-        let q = UnitQuaternion::new_unchecked(q);
-        let (a, f) = (1.0, 4.0);
-        let p = to_rodrigues(&q);
-        assert_relative_eq!(p, q.imag() * (f / (a + q.w)), epsilon = 1e-12);
-        assert_relative_eq!(p.norm(), 4.0 * (angle / 4.0).tan(), epsilon = 1e-12);
-        let n2 = p.norm_squared();
-        let w = (-a * n2 + f * (f * f + (1.0 - a * a) * n2).sqrt()) / (f * f + n2);
-        let back = from_rodrigues(&p);
-        assert_relative_eq!(back.w, w, epsilon = 1e-13);
-        assert_relative_eq!(back.coords, q.coords, epsilon = 1e-12);
-    }
-}
-
-#[test]
-fn small_parameters_are_the_rotation_vector() {
-    let (value, j) = jacobian(
-        |p: SVector<DualSVec64<3>, 3>| so3::log(&from_rodrigues(&p)),
-        &Vector3::zeros(),
-    );
-    assert_relative_eq!(value, Vector3::zeros());
-    assert_relative_eq!(j, Matrix3::identity(), epsilon = 1e-14);
-    let (_, j) = jacobian(
-        |p: SVector<DualSVec64<3>, 3>| to_rodrigues(&so3::exp(&p)),
-        &Vector3::zeros(),
-    );
-    assert_relative_eq!(j, Matrix3::identity(), epsilon = 1e-14);
-}
-
-/// `dq(p + d) = dq(p) * dq(G d)` to first order, for corrections up to two radians.
-#[test]
-fn reset_jacobian_equals_dual_numbers() {
-    for p in [
-        Vector3::zeros(),
-        Vector3::new(0.3, -0.2, 0.1),
-        Vector3::new(1.5, -1.0, 0.9),
-    ] {
-        let (_, j) = jacobian(
-            |d: SVector<DualSVec64<3>, 3>| {
-                let p = p.map(constant::<3>);
-                to_rodrigues(&(from_rodrigues(&p).inverse() * from_rodrigues(&(p + d))))
-            },
-            &Vector3::zeros(),
-        );
-        assert_relative_eq!(reset_jacobian(&p), j, epsilon = 1e-13);
-    }
 }
 
 fn with_covariance(scale: f64) -> Usque<f64> {
