@@ -1,5 +1,4 @@
-//! Moments against brute force, the demands on every filter, and
-//! agreement with the MEKF.
+//! Moments against brute force, the demands on every filter, agreement with the MEKF.
 
 use approx::assert_relative_eq;
 use rand::{RngExt, SeedableRng};
