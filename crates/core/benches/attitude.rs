@@ -5,6 +5,8 @@
 //! are timed in turns, so that a busy machine slows all of them alike. With valgrind installed,
 //! `scripts/count-instructions` prints instruction counts as well.
 
+#![allow(clippy::print_stdout)] // a benchmark's output is its purpose
+
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -102,6 +104,9 @@ fn pass_vqf(s: &Samples) -> f64 {
     begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
 }
 
+/// A name and what to time: nanoseconds per sample.
+type Kernel<'a> = (&'a str, Box<dyn Fn() -> f64 + 'a>);
+
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
@@ -111,7 +116,7 @@ fn main() {
     let s = samples();
     let settings = AttitudeConfig::<f64>::default();
     let hand_held = AttitudeConfig::<f64>::hand_held();
-    let mut kernels: Vec<(&str, Box<dyn Fn() -> f64>)> = Vec::new();
+    let mut kernels: Vec<Kernel<'_>> = Vec::new();
     let samples = &s;
     kernels.push(("vqf-rs, 9 axes", Box::new(move || pass_vqf(samples))));
     let mekf = Mekf::new(settings).expect("valid settings");
