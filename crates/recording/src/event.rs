@@ -215,7 +215,7 @@ mod tests {
         approx::assert_relative_eq!(q.w, 1.0);
         for bad in [0.0, f64::NAN, f64::INFINITY, 1e300] {
             let sample = Sample::DeviceOrientation(quaternion_from_file(bad, bad, bad, bad));
-            assert_eq!(sample.is_finite(), false, "{bad}");
+            assert!(!sample.is_finite(), "{bad}");
         }
     }
 }

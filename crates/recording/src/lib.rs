@@ -9,7 +9,9 @@
 //! [`open`] tells the format by content and returns a [`Recording`]: an iterator of events, checked
 //! on the way ([`timeline`], [`plausibility`]), with [`Metadata`] and counted [`Issues`].
 
+pub mod atomic_file;
 mod csv;
+mod csv_writer;
 mod delimited;
 pub mod error;
 pub mod event;
@@ -20,16 +22,26 @@ mod open;
 pub mod options;
 #[cfg(feature = "parquet")]
 mod parquet;
+#[cfg(feature = "parquet")]
+mod parquet_writer;
 pub mod plausibility;
 mod recording;
 mod sensor_logger;
 mod stamp;
 pub mod timeline;
+mod tum_writer;
+mod writer;
 
+pub use atomic_file::AtomicFile;
+pub use csv_writer::CsvWriter;
 pub use error::RecordingError;
 pub use event::{Event, Reference, Sample, SensorKind};
 pub use issues::Issues;
 pub use metadata::{Metadata, WorldFrame};
 pub use open::{open, read_bytes, read_from};
 pub use options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
+#[cfg(feature = "parquet")]
+pub use parquet_writer::ParquetWriter;
 pub use recording::Recording;
+pub use tum_writer::TumWriter;
+pub use writer::{EventWriter, create};

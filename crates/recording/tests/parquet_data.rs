@@ -73,9 +73,11 @@ fn metadata_of_a_phone_recording() {
     assert!(events > 60_000);
 }
 
+type Alter = fn(&mut Sample);
+
 /// The recording's events with one kind of sample changed.
-fn altered(path: &std::path::Path, alter: fn(&mut Sample)) -> Recording {
-    let original = open(path, &OpenOptions::default()).unwrap();
+fn altered(path: &std::path::Path, alter: Alter) -> Recording {
+    let original = open(path, &OpenOptions::default()).expect("a data file opens");
     let metadata = Metadata {
         name: path.display().to_string(),
         ..original.metadata().clone()
@@ -130,7 +132,7 @@ fn g_and_gauss_and_tesla_are_detected_everywhere() {
     let Some(files) = attitude_files("g_and_gauss_and_tesla_are_detected_everywhere") else {
         return;
     };
-    let cases: [(fn(&mut Sample), &str); 3] = [
+    let cases: [(Alter, &str); 3] = [
         (
             |sample| {
                 if let Sample::SpecificForce(f) = sample {

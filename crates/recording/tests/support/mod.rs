@@ -20,7 +20,7 @@ pub(crate) fn attitude_files(test: &str) -> Option<Vec<PathBuf>> {
         .flat_map(|set| {
             std::fs::read_dir(data.join("attitude").join(set)).expect("NORTHING_DATA/attitude/SET")
         })
-        .map(|entry| entry.unwrap().path())
+        .map(|entry| entry.expect("a readable folder").path())
         .filter(|path| path.extension().is_some_and(|e| e == "parquet"))
         .collect();
     files.sort();

@@ -1,0 +1,253 @@
+//! What the writers write, the readers read back, to the bit.
+#![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
+
+#[cfg(feature = "parquet")]
+mod support;
+
+use std::path::Path;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use northing_recording::{
+    Event, Metadata, OpenOptions, Reference, Sample, SensorKind, WorldFrame, create, open,
+};
+#[cfg(feature = "parquet")]
+use support::error_of;
+
+/// 3000 instants of a slow turn with every sensor at its own rate, starting at an epoch stamp.
+fn all_sensors() -> Vec<Event> {
+    let mut events = Vec::new();
+    for i in 0..3000_i64 {
+        let t = i as f64 * 0.005;
+        let time_ns = 1_763_697_600_123_456_789 + i * 5_000_001;
+        let v = |scale: f64| Vector3::new(0.1, t.sin(), t.cos() / 3.0) * scale;
+        let attitude = UnitQuaternion::from_euler_angles(0.1 * t, 0.2, -0.3);
+        let mut put = |sample| events.push(Event { time_ns, sample });
+        put(Sample::AngularRate(v(0.3)));
+        if i % 2 == 0 {
+            put(Sample::SpecificForce(v(1.0) + Vector3::z() * 9.81));
+        }
+        if i % 4 == 0 {
+            put(Sample::MagneticField(v(30.0)));
+            put(Sample::MagneticFieldUncalibrated(v(300.0)));
+        }
+        if i % 5 == 0 {
+            put(Sample::DeviceGyroscopeBias(v(0.001)));
+            put(Sample::DeviceOrientation(attitude));
+        }
+        if i % 10 == 0 {
+            put(Sample::Position(v(10.0)));
+            put(Sample::Velocity(v(5.0)));
+            put(Sample::Pressure(101_325.0 + t));
+        }
+        let scored = i % 3 == 0;
+        put(Sample::Reference(Reference { attitude, scored }));
+    }
+    events
+}
+
+fn metadata() -> Metadata {
+    Metadata {
+        name: "every sensor".to_owned(),
+        format: String::new(),
+        world_frame: WorldFrame::Ned,
+        device: Some("test bench".to_owned()),
+        extra: [("weather".to_owned(), "dry: mostly".to_owned())].into(),
+    }
+}
+
+fn write(path: &Path, events: &[Event], sensors: &[SensorKind]) {
+    let mut writer = create(path, &metadata(), sensors, false).unwrap();
+    for event in events {
+        writer.write(event).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// Largest difference of two samples' numbers.
+fn difference(a: &Sample, b: &Sample) -> f64 {
+    match (a, b) {
+        (Sample::Reference(a), Sample::Reference(b)) if a.scored == b.scored => {
+            a.attitude.angle_to(&b.attitude)
+        }
+        (Sample::DeviceOrientation(a), Sample::DeviceOrientation(b)) => a.angle_to(b),
+        (a, b) if a == b => 0.0,
+        _ => f64::INFINITY,
+    }
+}
+
+fn reads_back(file: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(file);
+    let written = all_sensors();
+    write(&path, &written, &SensorKind::ALL);
+    let mut recording = open(&path, &OpenOptions::default()).unwrap();
+    let format = recording.metadata().format.clone();
+    assert_eq!(
+        *recording.metadata(),
+        Metadata {
+            format,
+            ..metadata()
+        }
+    );
+    assert_eq!(recording.sensors(), SensorKind::ALL);
+    let read: Vec<Event> = recording.by_ref().map(Result::unwrap).collect();
+    assert!(recording.issues().is_empty(), "{:?}", recording.issues());
+    assert_eq!(read.len(), written.len());
+    for (read, written) in read.iter().zip(&written) {
+        assert_eq!(read.time_ns, written.time_ns);
+        let difference = difference(&read.sample, &written.sample);
+        assert!(difference < 1e-14, "{read:?} for {written:?}");
+    }
+}
+
+#[test]
+fn csv_reads_back() {
+    reads_back("all.csv");
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn parquet_reads_back() {
+    reads_back("all.parquet");
+}
+
+/// More rows than a row group, so that groups and batches are crossed.
+#[cfg(feature = "parquet")]
+#[test]
+fn parquet_reads_back_across_row_groups() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.parquet");
+    let written: Vec<Event> = (0..70_001)
+        .map(|i| Event {
+            time_ns: i * 10_000_000,
+            sample: Sample::AngularRate(Vector3::new(i as f64, 0.5, 0.0) * 1e-5),
+        })
+        .collect();
+    write(&path, &written, &[SensorKind::Gyroscope]);
+    let read: Vec<Event> = open(&path, &OpenOptions::default())
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
+    assert!(read == written);
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn non_finite_samples_survive_parquet_unless_all_is_nan() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("odd.parquet");
+    let rate = |time_ns, x, y, z| Event {
+        time_ns,
+        sample: Sample::AngularRate(Vector3::new(x, y, z)),
+    };
+    let nan = f64::NAN;
+    let events = [
+        rate(0, 0.0, 0.0, 0.0),
+        rate(10, nan, 0.0, 0.0),
+        rate(20, nan, nan, nan),
+        rate(30, f64::INFINITY, 0.0, 0.0),
+    ];
+    write(&path, &events, &[SensorKind::Gyroscope]);
+    let mut recording = open(&path, &OpenOptions::default()).unwrap();
+    let stamps: Vec<i64> = recording
+        .by_ref()
+        .map(|event| event.unwrap().time_ns)
+        .collect();
+    assert_eq!(stamps, [0, 10, 30]);
+    assert_eq!(
+        recording.issues().non_finite_samples[&SensorKind::Gyroscope],
+        2
+    );
+}
+
+#[test]
+fn a_sensor_without_a_column_is_an_error_and_nothing_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a.csv", "a.parquet"] {
+        if cfg!(not(feature = "parquet")) && name == "a.parquet" {
+            continue;
+        }
+        let mut writer = create(
+            &folder.path().join(name),
+            &metadata(),
+            &[SensorKind::Gyroscope],
+            false,
+        )
+        .unwrap();
+        let pressure = Event {
+            time_ns: 0,
+            sample: Sample::Pressure(1.0),
+        };
+        let error = writer.write(&pressure).unwrap_err().to_string();
+        assert!(error.contains("no column for pressure"), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    let error = create(&folder.path().join("a.mat"), &metadata(), &[], false)
+        .err()
+        .unwrap();
+    assert!(
+        error.to_string().contains("written as .csv or .parquet"),
+        "{error}"
+    );
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn a_parquet_file_that_is_cut_off_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.parquet");
+    write(&path, &all_sensors(), &SensorKind::ALL);
+    let whole = std::fs::read(&path).unwrap();
+    for keep in [4, 100, whole.len() / 2, whole.len() - 1] {
+        std::fs::write(&path, &whole[..keep]).unwrap();
+        let error = error_of(open(&path, &OpenOptions::default()));
+        assert!(
+            error.contains("cut.parquet: damaged or cut off: "),
+            "{keep}: {error}"
+        );
+    }
+}
+
+#[cfg(feature = "parquet")]
+mod garbage {
+    use super::{SensorKind, all_sensors, write};
+    use northing_recording::{Format, OpenOptions, read_bytes};
+    use proptest::prelude::*;
+    use std::sync::LazyLock;
+
+    static WHOLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("whole.parquet");
+        write(&path, &all_sensors()[..200], &SensorKind::ALL);
+        std::fs::read(&path).unwrap()
+    });
+
+    fn read(bytes: Vec<u8>) {
+        let options = OpenOptions {
+            format: Some(Format::Parquet),
+            ..OpenOptions::default()
+        };
+        if let Ok(recording) = read_bytes(bytes, "fuzz", &options) {
+            recording.for_each(drop);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn arbitrary_bytes_never_panic(mut bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+            bytes.splice(..0, *b"PAR1");
+            bytes.extend(b"PAR1");
+            read(bytes);
+        }
+
+        #[test]
+        fn changed_bytes_never_panic(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8)) {
+            let mut bytes = WHOLE.clone();
+            for (place, value) in changes {
+                let place = place.index(bytes.len());
+                bytes[place] = value;
+            }
+            read(bytes);
+        }
+    }
+}
