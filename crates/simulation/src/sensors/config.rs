@@ -14,8 +14,8 @@ pub struct GyroscopeConfig {
     /// When it samples. Default 100 Hz.
     pub sampling: Sampling,
     /// Whether a sample is the mean rate since the sampling instant before it, as parts with
-    /// integration or a matched low-pass give it, rather than the rate of the instant itself.
-    /// Default true.
+    /// integration or a matched low-pass give it (a filter that averages neighbouring samples then
+    /// lags by half a sample), rather than the rate of the instant itself. Default false.
     pub averages: bool,
     /// White noise of each sample, rad/s. Default 0.005.
     pub noise_std_rad_s: f64,
@@ -39,7 +39,7 @@ impl Default for GyroscopeConfig {
     fn default() -> Self {
         Self {
             sampling: Sampling::at_rate(100.0),
-            averages: true,
+            averages: false,
             noise_std_rad_s: 0.005,
             noise_density_rad_s_sqrt_hz: 0.0,
             bias_rad_s: [0.0; 3],

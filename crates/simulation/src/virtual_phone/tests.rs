@@ -29,6 +29,7 @@ fn perfect() -> VirtualPhoneConfig {
     config.gyroscope.bias_std_rad_s = 0.0;
     config.gyroscope.bias_random_walk_rad_s_sqrt_s = 0.0;
     config.gyroscope.resolution_rad_s = 0.0;
+    config.gyroscope.averages = true;
     config.accelerometer.noise_std_m_s2 = 0.0;
     config.accelerometer.resolution_m_s2 = 0.0;
     config.magnetometer.sampling = Sampling::at_rate(100.0);
