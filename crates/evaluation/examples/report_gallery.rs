@@ -17,7 +17,10 @@ struct Noise(u64);
 
 impl Noise {
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
@@ -76,7 +79,8 @@ fn trace(character: &Character) -> Trace {
             error[i] += kick - 0.012 * error[i];
             bias[i] += 0.002 * ([0.42, -0.18, 0.07][i] - bias[i]) + 2e-4 * noise.gaussian();
         }
-        let drifts = [1.0, 0.22, 0.3].map(|f| f * character.drift_deg_s * t * (1.0 + 0.1 * (t / 11.0).sin()));
+        let drifts = [1.0, 0.22, 0.3]
+            .map(|f| f * character.drift_deg_s * t * (1.0 + 0.1 * (t / 11.0).sin()));
         let angles = truth(t);
         let off = [0, 1, 2].map(|i| error[i] + drifts[i]);
         let inclination = off[1].hypot(off[2]);
@@ -86,9 +90,19 @@ fn trace(character: &Character) -> Trace {
             angles_deg: [0, 1, 2].map(|i| wrap(angles[i] + off[i])),
             angles_std_deg: character.covariance.then_some(std),
             reference_deg: (!(70.0..74.0).contains(&t)).then_some(angles),
-            device_deg: Some([wrap(angles[0] + 9.0 * (t / 31.0).sin() - 6.0), angles[1] + 1.2, angles[2] - 0.8]),
-            error_deg: (!(70.0..74.0).contains(&t)).then_some([off[0].hypot(inclination), wrap(off[0]), inclination]),
-            error_std_deg: character.covariance.then_some([std[0].hypot(std[1]).hypot(std[2]), std[0]]),
+            device_deg: Some([
+                wrap(angles[0] + 9.0 * (t / 31.0).sin() - 6.0),
+                angles[1] + 1.2,
+                angles[2] - 0.8,
+            ]),
+            error_deg: (!(70.0..74.0).contains(&t)).then_some([
+                off[0].hypot(inclination),
+                wrap(off[0]),
+                inclination,
+            ]),
+            error_std_deg: character
+                .covariance
+                .then_some([std[0].hypot(std[1]).hypot(std[2]), std[0]]),
             bias_deg_s: character.covariance.then_some(bias),
             bias_std_deg_s: character.covariance.then_some([bias_std; 3]),
         });
@@ -111,7 +125,11 @@ fn innovations(trace: &mut Trace, noise: &mut Noise, t: f64, k: u64) {
             _ => 0.95,
         };
         let unit = [0, 1, 2].map(|i| {
-            let push = if factor > 2.0 { factor * [0.8, -0.5, 0.3][i] } else { 0.0 };
+            let push = if factor > 2.0 {
+                factor * [0.8, -0.5, 0.3][i]
+            } else {
+                0.0
+            };
             noise.gaussian() * factor.clamp(0.9, 1.6) + push
         });
         let nis: f64 = unit.iter().map(|u| u * u).sum();
@@ -143,12 +161,42 @@ fn setting(name: &str, value: &str, unit: &str, meaning: &str) -> Setting {
 
 fn settings() -> Vec<Setting> {
     vec![
-        setting("gyroscope_noise_density", "0.003", "rad/s/\u{221a}Hz", "White noise of the angular rate. Larger: the filter follows accelerometer and magnetometer more."),
-        setting("gyroscope_bias_random_walk", "0.0002", "rad/s\u{00b2}/\u{221a}Hz", "How fast the bias may wander. Larger: the bias settles sooner and is noisier."),
-        setting("accelerometer_std", "0.35", "m/s\u{00b2}", "Noise of the specific force, movements included. Larger: tilt is corrected more slowly."),
-        setting("magnetometer_std", "1.1", "\u{00b5}T", "Noise of the magnetic field, disturbances included."),
-        setting("nis_gate", "16.27", "", "NIS above which a measurement is refused (99.9 % for three components)."),
-        setting("gate_timeout_s", "3", "s", "After this long without an accepted measurement they are used again, with inflated noise."),
+        setting(
+            "gyroscope_noise_density",
+            "0.003",
+            "rad/s/\u{221a}Hz",
+            "White noise of the angular rate. Larger: the filter follows accelerometer and magnetometer more.",
+        ),
+        setting(
+            "gyroscope_bias_random_walk",
+            "0.0002",
+            "rad/s\u{00b2}/\u{221a}Hz",
+            "How fast the bias may wander. Larger: the bias settles sooner and is noisier.",
+        ),
+        setting(
+            "accelerometer_std",
+            "0.35",
+            "m/s\u{00b2}",
+            "Noise of the specific force, movements included. Larger: tilt is corrected more slowly.",
+        ),
+        setting(
+            "magnetometer_std",
+            "1.1",
+            "\u{00b5}T",
+            "Noise of the magnetic field, disturbances included.",
+        ),
+        setting(
+            "nis_gate",
+            "16.27",
+            "",
+            "NIS above which a measurement is refused (99.9 % for three components).",
+        ),
+        setting(
+            "gate_timeout_s",
+            "3",
+            "s",
+            "After this long without an accepted measurement they are used again, with inflated noise.",
+        ),
     ]
 }
 
@@ -195,7 +243,9 @@ fn run_report(trace: &Trace) -> RunReport<'_> {
 fn comparison<'a>(runs: &[(&'a str, &'a Trace)]) -> ComparisonReport<'a> {
     let mut noise = Noise(5);
     let mut spread = |median: f64| -> Vec<f64> {
-        (0..39).map(|_| median * (0.55 * noise.gaussian()).exp()).collect()
+        (0..39)
+            .map(|_| median * (0.55 * noise.gaussian()).exp())
+            .collect()
     };
     let row = |name: &str, values: [f64; 4]| {
         let mut row = vec![Cell::text(name)];
@@ -205,10 +255,15 @@ fn comparison<'a>(runs: &[(&'a str, &'a Trace)]) -> ComparisonReport<'a> {
     ComparisonReport {
         title: "Four estimators on one walk".to_owned(),
         recording: "made-up-lab.parquet".to_owned(),
-        verdicts: vec![Verdict::new(Tone::Good, "mekf is the best of all by total error, and its covariance is honest.")],
+        verdicts: vec![Verdict::new(
+            Tone::Good,
+            "mekf is the best of all by total error, and its covariance is honest.",
+        )],
         tables: vec![Table {
             title: "Errors".to_owned(),
-            caption: "Root mean square over the scored samples; lower is better, NEES is best at 1.".to_owned(),
+            caption:
+                "Root mean square over the scored samples; lower is better, NEES is best at 1."
+                    .to_owned(),
             columns: vec![
                 Column::new("Estimator", "", None),
                 Column::new("Total", "deg", Some(Best::Lowest)),
@@ -224,12 +279,27 @@ fn comparison<'a>(runs: &[(&'a str, &'a Trace)]) -> ComparisonReport<'a> {
             ],
         }],
         distributions: vec![
-            Distribution { name: "mekf".to_owned(), errors_deg: spread(3.1) },
-            Distribution { name: "usque".to_owned(), errors_deg: spread(3.2) },
-            Distribution { name: "quaternion-ekf".to_owned(), errors_deg: spread(3.6) },
-            Distribution { name: "integration".to_owned(), errors_deg: spread(31.0) },
+            Distribution {
+                name: "mekf".to_owned(),
+                errors_deg: spread(3.1),
+            },
+            Distribution {
+                name: "usque".to_owned(),
+                errors_deg: spread(3.2),
+            },
+            Distribution {
+                name: "quaternion-ekf".to_owned(),
+                errors_deg: spread(3.6),
+            },
+            Distribution {
+                name: "integration".to_owned(),
+                errors_deg: spread(31.0),
+            },
         ],
-        runs: runs.iter().map(|(name, trace)| ComparedRun { name, trace }).collect(),
+        runs: runs
+            .iter()
+            .map(|(name, trace)| ComparedRun { name, trace })
+            .collect(),
         settings: vec![("mekf".to_owned(), settings())],
         ..ComparisonReport::default()
     }
@@ -239,13 +309,23 @@ fn main() -> std::io::Result<()> {
     let folder = std::env::args().nth(1).unwrap_or_else(|| ".".to_owned());
     let folder = Path::new(&folder);
     let made = |std_deg, drift_deg_s, covariance, seed| {
-        trace(&Character { std_deg, drift_deg_s, covariance, seed })
+        trace(&Character {
+            std_deg,
+            drift_deg_s,
+            covariance,
+            seed,
+        })
     };
     let mekf = made(1.6, 0.0, true, 1);
     let usque = made(1.9, 0.0, true, 2);
     let device = made(6.0, 0.0, false, 3);
     let integration = made(0.3, 0.42, false, 4);
-    let runs = [("mekf", &mekf), ("usque", &usque), ("device", &device), ("integration", &integration)];
+    let runs = [
+        ("mekf", &mekf),
+        ("usque", &usque),
+        ("device", &device),
+        ("integration", &integration),
+    ];
     std::fs::create_dir_all(folder)?;
     std::fs::write(folder.join("run.html"), run_report(&mekf).render())?;
     std::fs::write(folder.join("comparison.html"), comparison(&runs).render())?;

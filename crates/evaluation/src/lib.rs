@@ -6,6 +6,7 @@ pub mod estimators;
 pub mod metrics;
 pub mod nis;
 pub mod parameters;
+pub mod report;
 pub mod trace;
 
 pub use error::EvaluationError;

@@ -1,7 +1,7 @@
 //! Plots of estimates over time: angles, errors against the reference, gyroscope bias.
 
 use super::axis::{self, Axis};
-use super::plot::{Figure, Key, Layer, Panel, Sign, key};
+use super::plot::{Figure, Key, LINE_POINTS, Layer, Panel, Sign, key};
 use super::series::{BandPoint, Point};
 use crate::trace::{Trace, TracePoint};
 
@@ -25,7 +25,7 @@ pub(super) fn time_axis(traces: &[&Trace]) -> Axis {
         }
     }
     let (low, high) = range.unwrap_or((0.0, 1.0));
-    Axis::linear(low, high, 10)
+    Axis::time(low, high, 10)
 }
 
 /// A value of each point over time; what is missing lifts the pen.
@@ -83,21 +83,32 @@ pub(super) fn angles(trace: &Trace) -> Option<Figure> {
         label: "Estimated heading, pitch and roll over time".to_owned(),
         time: time_axis(&[trace]),
         legend: angle_keys(points),
-        panels: panels.map(|(i, name)| angle_panel(points, i, name)).collect(),
+        panels: panels
+            .map(|(i, name)| angle_panel(points, i, name))
+            .collect(),
         right: RIGHT,
+        line_points: LINE_POINTS,
     })
 }
 
 fn angle_keys(points: &[TracePoint]) -> Vec<Key> {
     let mut keys = vec![key(Sign::Line, "line estimate", "estimate")];
     if points.iter().any(|p| p.angles_std_deg.is_some()) {
-        keys.push(key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3} of the estimate"));
+        keys.push(key(
+            Sign::Band,
+            "band estimate-fill",
+            "\u{00b1}3\u{03c3} of the estimate",
+        ));
     }
     if points.iter().any(|p| p.reference_deg.is_some()) {
         keys.push(key(Sign::Line, "line dash reference", "reference"));
     }
     if points.iter().any(|p| p.device_deg.is_some()) {
-        keys.push(key(Sign::Line, "line ghost device", "the device\u{2019}s own"));
+        keys.push(key(
+            Sign::Line,
+            "line ghost device",
+            "the device\u{2019}s own",
+        ));
     }
     keys
 }
@@ -108,7 +119,9 @@ fn angle_panel(points: &[TracePoint], i: usize, name: &str) -> Panel {
     let reference = curve(points, |p| p.reference_deg.map(|a| a[i]));
     let device = curve(points, |p| p.device_deg.map(|a| a[i]));
     let axis = angle_axis(&[&estimate, &reference, &device]);
-    let bounds = band(points, |p| p.angles_std_deg.map(|s| (p.angles_deg[i], s[i])));
+    let bounds = band(points, |p| {
+        p.angles_std_deg.map(|s| (p.angles_deg[i], s[i]))
+    });
     let layers = vec![
         band_layer(bounds, true),
         line(device, "ghost device", true),
@@ -157,13 +170,17 @@ pub(super) fn errors(trace: &Trace) -> Option<Figure> {
             error_panel("Inclination error", error(2), Vec::new(), false),
         ],
         right: RIGHT,
+        line_points: LINE_POINTS,
     })
 }
 
 fn error_panel(name: &str, error: Vec<Point>, bounds: Vec<BandPoint>, signed: bool) -> Panel {
     let (limit, note) = error_limit(&error, &bounds, "deg");
     let axis = Axis::linear(if signed { -limit } else { 0.0 }, limit, 5);
-    let layers = vec![band_layer(bounds, false), line(error, "estimate thin", signed)];
+    let layers = vec![
+        band_layer(bounds, false),
+        line(error, "estimate thin", signed),
+    ];
     let mut panel = Panel::new(name, "deg", axis, layers);
     panel.note = note;
     panel
@@ -219,6 +236,7 @@ pub(super) fn bias(trace: &Trace) -> Option<Figure> {
         legend,
         panels: panels.collect(),
         right: RIGHT,
+        line_points: LINE_POINTS,
     })
 }
 

@@ -23,6 +23,16 @@ impl Axis {
         Self::with_step(low, high, step)
     }
 
+    /// A linear axis of time: like [`Self::linear`], and it goes on to the next tick when that is
+    /// less than one percent away, so that 119.99 s of data end at a tick that says 120.
+    pub(super) fn time(low: f64, high: f64, count: usize) -> Self {
+        let (low, high) = proper(low, high);
+        let step = round_step((high - low) / count.max(1) as f64);
+        let next = (high / step).ceil() * step;
+        let near = next - high < 0.01 * (high - low);
+        Self::with_step(low, if near { next } else { high }, step)
+    }
+
     /// A linear axis of an angle in degrees: ticks at 15, 30, 45 or 90 deg when it is wide.
     pub(super) fn degrees(low: f64, high: f64, count: usize) -> Self {
         let (low, high) = proper(low, high);
@@ -56,8 +66,28 @@ impl Axis {
             low,
             high,
             logarithmic: true,
-            ticks: (first..=last).map(|e| 10_f64.powi(e)).collect(),
+            ticks: (first..=last).take(50).map(power_of_ten).collect(),
         }
+    }
+
+    /// Adds ticks at 2 and 5 times the powers of ten of a logarithmic axis.
+    pub(super) fn with_fine_ticks(mut self) -> Self {
+        let (low, high) = (self.low, self.high);
+        let first = low.log10().floor() as i32;
+        let decades = (first..=high.log10().floor() as i32).take(50);
+        let steps = decades.flat_map(|e| ROUND_STEPS.map(|s| (s, e)));
+        let value = |(s, e): (f64, i32)| {
+            if e < 0 {
+                s / 10_f64.powi(-e)
+            } else {
+                s * 10_f64.powi(e)
+            }
+        };
+        self.ticks = steps
+            .map(value)
+            .filter(|v| *v >= low && *v <= high)
+            .collect();
+        self
     }
 
     fn with_step(low: f64, high: f64, step: f64) -> Self {
@@ -87,7 +117,8 @@ impl Axis {
     }
 
     /// Lowest and highest value.
-    pub(super) const fn range(&self) -> (f64, f64) {
+    #[cfg(test)]
+    const fn range(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 
@@ -112,6 +143,14 @@ impl Axis {
             }
         };
         self.ticks.iter().map(|v| (*v, label(*v))).collect()
+    }
+}
+
+/// Divides below one, so that the text is short: 1 / 100 is 0.01 to the last digit.
+fn power_of_ten(exponent: i32) -> f64 {
+    match exponent {
+        0.. => 10_f64.powi(exponent),
+        _ => 1.0 / 10_f64.powi(-exponent),
     }
 }
 
@@ -198,6 +237,13 @@ mod tests {
     }
 
     #[test]
+    fn time_ends_at_a_tick_that_is_close() {
+        let last = |high| labels(&Axis::time(0.0, high, 10)).pop();
+        assert_eq!(last(119.99).as_deref(), Some("120"));
+        assert_eq!(last(131.0).as_deref(), Some("120"));
+    }
+
+    #[test]
     fn angles_tick_at_quarters_of_the_circle() {
         assert_eq!(
             labels(&Axis::degrees(-180.0, 180.0, 5)),
@@ -213,6 +259,8 @@ mod tests {
     fn logarithmic_axis_has_a_tick_at_each_power_of_ten() {
         let axis = Axis::logarithmic(0.05, 200.0);
         assert_eq!(labels(&axis), ["0.1", "1", "10", "100"]);
+        let fine = Axis::logarithmic(0.04, 3.0).with_fine_ticks();
+        assert_eq!(labels(&fine), ["0.05", "0.1", "0.2", "0.5", "1", "2"]);
         assert!(axis.position(0.0) < 0.0 && axis.position(0.05).abs() < 1e-12);
     }
 
@@ -234,10 +282,7 @@ mod tests {
     #[test]
     fn axis_reaches_everything_but_a_towering_start() {
         let calm = reach((0..1000).map(|i| f64::from(i) / 1000.0));
-        assert_eq!(
-            calm.map(|r| (r.limit > 0.99, r.beyond)),
-            Some((true, None))
-        );
+        assert_eq!(calm.map(|r| (r.limit > 0.99, r.beyond)), Some((true, None)));
         let start = reach((0..1000).map(|i| if i < 2 { -170.0 } else { 1.0 }));
         assert_eq!(
             start,

@@ -139,7 +139,11 @@ impl ComparisonReport<'_> {
     #[must_use]
     pub fn render(&self) -> String {
         let mut page = Page::default();
-        page.section("results", "Results", &self.tables.iter().map(table).collect::<String>());
+        page.section(
+            "results",
+            "Results",
+            &self.tables.iter().map(table).collect::<String>(),
+        );
         page.section("distribution", "Over all recordings", &self.distribution());
         page.section("errors", "Errors over time", &self.errors());
         page.section("heading", "Heading", &self.heading());
@@ -161,7 +165,7 @@ impl ComparisonReport<'_> {
     }
 
     fn distribution(&self) -> String {
-        let Some(svg) = comparison_plots::distribution(&self.distributions) else {
+        let Some(svg) = comparison_plots::distribution(&self.distributions, &self.runs) else {
             return String::new();
         };
         format!(
@@ -215,7 +219,9 @@ fn table(table: &Table) -> String {
         let name = escape(&column.name);
         let _ = write!(head, "<th scope=\"col\"{class}>{name}{unit}</th>");
     }
-    let best: Vec<Option<f64>> = (0..table.columns.len()).map(|i| best_of_column(table, i)).collect();
+    let best: Vec<Option<f64>> = (0..table.columns.len())
+        .map(|i| best_of_column(table, i))
+        .collect();
     let mut rows = String::new();
     for row in &table.rows {
         let best_of_row = best_of_row(table, row);
@@ -265,7 +271,11 @@ fn best_of_column(table: &Table, i: usize) -> Option<f64> {
         Some(Best::Nearest(target)) => Some((value - target).abs()),
         _ => None,
     };
-    let values: Vec<f64> = table.rows.iter().filter_map(|r| r.get(i)?.value()).collect();
+    let values: Vec<f64> = table
+        .rows
+        .iter()
+        .filter_map(|r| r.get(i)?.value())
+        .collect();
     lowest(&values, distance)
 }
 
@@ -304,7 +314,11 @@ mod tests {
                 Column::new("total", "deg", Some(Best::Lowest)),
                 Column::new("NIS", "", Some(Best::Nearest(3.0))),
             ],
-            rows: vec![row("a", [5.0, 2.0]), row("b", [4.0, 9.0]), row("c", [f64::NAN, 3.5])],
+            rows: vec![
+                row("a", [5.0, 2.0]),
+                row("b", [4.0, 9.0]),
+                row("c", [f64::NAN, 3.5]),
+            ],
             ..Table::default()
         });
         assert_eq!(html.matches("num best").count(), 2, "{html}");

@@ -3,7 +3,7 @@
 use super::attitude_plots::{angle_axis, curve, is_drawn, line, short, time_axis};
 use super::axis::{self, Axis};
 use super::comparison::{ComparedRun, Distribution};
-use super::plot::{Figure, Panel, Sign, WIDTH, key};
+use super::plot::{Figure, LINE_POINTS, Panel, Sign, WIDTH, key};
 use super::series::{self, Point};
 use super::style::SERIES;
 use super::svg::Svg;
@@ -12,7 +12,9 @@ use crate::trace::{Trace, TracePoint};
 /// Room at the right for names of lines.
 const RIGHT: f64 = 150.0;
 /// Windows over which errors are averaged.
-const WINDOWS: usize = 160;
+const WINDOWS: usize = 100;
+/// Axes that reach less far than this factor have ticks between powers of ten.
+const FINE_TICKS: f64 = 500.0;
 /// Smallest error shown, deg.
 const LEAST_ERROR_DEG: f64 = 0.02;
 
@@ -39,6 +41,7 @@ pub(super) fn errors(runs: &[ComparedRun<'_>]) -> Option<Figure> {
         legend: Vec::new(),
         panels,
         right: RIGHT,
+        line_points: LINE_POINTS,
     })
 }
 
@@ -51,15 +54,23 @@ fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option
         })
         .collect();
     let mut sorted: Vec<f64> = curves.iter().flatten().map(|p| p[1]).collect();
+    sorted.retain(|v| v.is_finite());
     sorted.sort_by(f64::total_cmp);
     let high = *sorted.last()?;
     let low = (axis::quantile(&sorted, 0.02) * 0.7).max(LEAST_ERROR_DEG);
-    let axis = Axis::logarithmic(low, (high * 1.3).max(low * 10.0));
+    let mut axis = Axis::logarithmic(low, (high * 1.3).max(low * 10.0));
+    if high < FINE_TICKS * low {
+        axis = axis.with_fine_ticks();
+    }
     let mut tags = Vec::new();
     let mut layers = Vec::new();
     for (i, (run, curve)) in runs.iter().zip(curves).enumerate() {
         if let Some(last) = curve.last() {
-            tags.push((last[1], format!("s{}-fill", i % SERIES), run.name.to_owned()));
+            tags.push((
+                last[1],
+                format!("s{}-fill", i % SERIES),
+                run.name.to_owned(),
+            ));
         }
         layers.push(line(curve, &class(i), false));
     }
@@ -75,9 +86,9 @@ pub(super) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
         .iter()
         .map(|r| curve(r.trace.points.items(), |p| Some(p.angles_deg[0])))
         .collect();
-    let reference = runs.iter().map(|r| {
-        curve(r.trace.points.items(), |p| p.reference_deg.map(|a| a[0]))
-    });
+    let reference = runs
+        .iter()
+        .map(|r| curve(r.trace.points.items(), |p| p.reference_deg.map(|a| a[0])));
     let reference = reference.into_iter().find(|c| is_drawn(c));
     if !curves.iter().any(|c| is_drawn(c)) {
         return None;
@@ -88,7 +99,11 @@ pub(super) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
     let mut legend = Vec::new();
     let mut layers = Vec::new();
     for (i, (run, curve)) in runs.iter().zip(curves).enumerate() {
-        legend.push(key(Sign::Line, &format!("line bold {}", class(i)), run.name));
+        legend.push(key(
+            Sign::Line,
+            &format!("line bold {}", class(i)),
+            run.name,
+        ));
         layers.push(line(curve, &class(i), true));
     }
     if let Some(reference) = reference {
@@ -103,70 +118,138 @@ pub(super) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
         legend,
         panels: vec![panel],
         right: 14.0,
+        line_points: LINE_POINTS,
     })
 }
 
-/// One row of dots for each estimator, with a bar at the median; `None` without errors.
-pub(super) fn distribution(all: &[Distribution]) -> Option<String> {
-    const LEFT: f64 = 176.0;
-    const ROW: f64 = 46.0;
-    let sorted = |d: &Distribution| {
-        let mut errors = d.errors_deg.clone();
-        errors.retain(|e| e.is_finite() && *e >= 0.0);
-        errors.sort_by(f64::total_cmp);
-        errors
-    };
-    let rows: Vec<(&str, Vec<f64>)> = all
-        .iter()
-        .map(|d| (d.name.as_str(), sorted(d)))
-        .filter(|(_, errors)| !errors.is_empty())
-        .collect();
-    let errors = || rows.iter().flat_map(|(_, e)| e.iter().copied());
-    let low = errors().fold(f64::INFINITY, f64::min).max(LEAST_ERROR_DEG);
-    let high = errors().fold(f64::NEG_INFINITY, f64::max);
-    if rows.is_empty() {
-        return None;
-    }
-    let axis = Axis::logarithmic(0.8 * low, 1.25 * high);
-    let width = WIDTH - LEFT - 130.0;
-    let height = ROW * rows.len() as f64;
-    let x = |v: f64| axis.position(v).clamp(0.0, 1.0) * width;
-    let mut svg = Svg::picture(WIDTH, height + 60.0, "Errors of each estimator, by recording");
-    svg.open_window(LEFT, 6.0, width, height);
-    svg.rectangle([0.0, 0.0], [width, height], 0.0, "frame");
-    for v in fine_ticks(&axis) {
-        svg.lines(&[vec![[x(v), 0.0], [x(v), height]]], "grid");
-    }
-    for (i, (_, errors)) in rows.iter().enumerate() {
-        let y = (i as f64 + 0.5) * ROW;
-        let dots: Vec<Point> = errors
-            .iter()
-            .enumerate()
-            // Neighbours take turns above and below, so that they can be counted.
-            .map(|(k, e)| [x(*e), y + [0.0, -8.0, 8.0, -4.0, 4.0][k % 5]])
-            .collect();
-        svg.dots(&dots, &format!("dots big soft s{}", i % SERIES));
-        let median = x(axis::quantile(errors, 0.5));
-        svg.lines(&[vec![[median, y - 16.0], [median, y + 16.0]]], "line bold mean");
-    }
-    svg.close();
-    for (i, (name, errors)) in rows.iter().enumerate() {
-        let y = 6.0 + (i as f64 + 0.5) * ROW + 5.0;
-        svg.text([LEFT - 12.0, y], &format!("tag end s{}-fill", i % SERIES), name);
-        let median = format!("median {}", short(axis::quantile(errors, 0.5)));
-        svg.text([LEFT + width + 10.0, y], "note", &median);
-    }
-    for v in fine_ticks(&axis) {
-        svg.text([LEFT + x(v), height + 26.0], "tick mid", &format!("{v}"));
-    }
-    svg.text([LEFT + width / 2.0, height + 50.0], "unit mid", "error, deg (logarithmic)");
-    svg.close();
-    Some(svg.finish())
+/// Rows of dots, one row an estimator.
+struct Dots<'a> {
+    /// Name, index of the colour, sorted errors in deg.
+    rows: Vec<(&'a str, usize, Vec<f64>)>,
+    axis: Axis,
 }
 
-/// 1, 2 and 5 times each power of ten on an axis.
-fn fine_ticks(axis: &Axis) -> Vec<f64> {
-    let decades = (-2..4).map(|e| 10_f64.powi(e));
-    let steps = decades.flat_map(|d| [d, 2.0 * d, 5.0 * d].map(|v| (v * 1e3).round() / 1e3));
-    steps.filter(|v| axis.contains(*v)).collect()
+/// Room at the left for names of estimators.
+const NAMES: f64 = 176.0;
+/// Height of a row of dots.
+const ROW: f64 = 46.0;
+/// Width of the dots' plot.
+const DOTS_WIDTH: f64 = WIDTH - NAMES - 130.0;
+
+/// One row of dots for each estimator, with a bar at the median; `None` without errors. Estimators
+/// that are also among the runs have the colour they have there.
+pub(super) fn distribution(all: &[Distribution], runs: &[ComparedRun<'_>]) -> Option<String> {
+    let mut names: Vec<&str> = runs.iter().map(|r| r.name).collect();
+    let mut rows = Vec::new();
+    for one in all {
+        let colour = names.iter().position(|n| *n == one.name);
+        let colour = colour.unwrap_or_else(|| {
+            names.push(&one.name);
+            names.len() - 1
+        });
+        let mut errors = one.errors_deg.clone();
+        errors.retain(|e| e.is_finite() && *e >= 0.0);
+        errors.sort_by(f64::total_cmp);
+        if !errors.is_empty() {
+            rows.push((one.name.as_str(), colour, errors));
+        }
+    }
+    let ends = || rows.iter().flat_map(|(_, _, e)| [e[0], e[e.len() - 1]]);
+    let low = ends().min_by(f64::total_cmp)?.max(LEAST_ERROR_DEG);
+    let high = ends().max_by(f64::total_cmp)?;
+    let axis = Axis::logarithmic(0.8 * low, 1.25 * high);
+    let fine = high < FINE_TICKS * low;
+    let axis = if fine { axis.with_fine_ticks() } else { axis };
+    Some(Dots { rows, axis }.render())
+}
+
+impl Dots<'_> {
+    fn x(&self, value: f64) -> f64 {
+        self.axis.position(value).clamp(0.0, 1.0) * DOTS_WIDTH
+    }
+
+    fn render(&self) -> String {
+        let height = ROW * self.rows.len() as f64;
+        let label = "Errors of each estimator, by recording";
+        let mut svg = Svg::picture(WIDTH, height + 60.0, label);
+        svg.open_window(NAMES, 6.0, DOTS_WIDTH, height);
+        svg.rectangle([0.0, 0.0], [DOTS_WIDTH, height], 0.0, "frame");
+        let ticks = self.axis.ticks();
+        let columns = ticks.iter().map(|(v, _)| self.x(*v));
+        let columns: Vec<_> = columns.map(|x| vec![[x, 0.0], [x, height]]).collect();
+        svg.lines(&columns, "grid");
+        for (i, (_, colour, errors)) in self.rows.iter().enumerate() {
+            self.row(&mut svg, (i as f64 + 0.5) * ROW, *colour, errors);
+        }
+        svg.close();
+        for (i, (name, colour, errors)) in self.rows.iter().enumerate() {
+            let y = 6.0 + (i as f64 + 0.5) * ROW + 5.0;
+            let class = format!("tag end s{}-fill", colour % SERIES);
+            svg.text([NAMES - 12.0, y], &class, name);
+            let median = format!("median {}", short(median(errors)));
+            svg.text([NAMES + DOTS_WIDTH + 10.0, y], "note", &median);
+        }
+        for (value, text) in &ticks {
+            let x = NAMES + self.x(*value);
+            svg.text([x, height + 26.0], "tick mid", text);
+        }
+        let middle = [NAMES + DOTS_WIDTH / 2.0, height + 50.0];
+        svg.text(middle, "unit mid", "error, deg (logarithmic)");
+        svg.close();
+        svg.finish()
+    }
+
+    fn row(&self, svg: &mut Svg, y: f64, colour: usize, errors: &[f64]) {
+        // Neighbours take turns above and below, so that they can be counted.
+        let lift = |k: usize| [0.0, -8.0, 8.0, -4.0, 4.0][k % 5];
+        let dots = errors.iter().enumerate();
+        let dots: Vec<Point> = dots.map(|(k, e)| [self.x(*e), y + lift(k)]).collect();
+        svg.dots(&dots, &format!("dots big soft s{}", colour % SERIES));
+        let x = self.x(median(errors));
+        svg.lines(&[vec![[x, y - 16.0], [x, y + 16.0]]], "line bold mean");
+    }
+}
+
+/// Median of sorted values, which are not empty.
+fn median(sorted: &[f64]) -> f64 {
+    let half = sorted.len() / 2;
+    if sorted.len().is_multiple_of(2) {
+        0.5 * (sorted[half - 1] + sorted[half])
+    } else {
+        sorted[half]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str, errors_deg: &[f64]) -> Distribution {
+        Distribution {
+            name: name.to_owned(),
+            errors_deg: errors_deg.to_vec(),
+        }
+    }
+
+    #[test]
+    fn estimator_keeps_its_colour_from_plot_to_plot() {
+        let trace = Trace::new(10);
+        let runs = ["mekf", "device"].map(|name| ComparedRun {
+            name,
+            trace: &trace,
+        });
+        let all = [of("device", &[1.0, 2.0]), of("usque", &[3.0])];
+        let svg = distribution(&all, &runs).unwrap_or_default();
+        assert!(
+            svg.contains("s1-fill\" x=\"164\" y=\"34\">device<"),
+            "{svg}"
+        );
+        assert!(svg.contains("s2-fill\" x=\"164\" y=\"80\">usque<"), "{svg}");
+        assert!(svg.contains("median 1.50") && svg.contains("median 3.00"));
+    }
+
+    #[test]
+    fn there_are_no_dots_without_errors() {
+        assert_eq!(distribution(&[of("device", &[f64::NAN])], &[]), None);
+    }
 }

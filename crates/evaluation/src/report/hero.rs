@@ -24,8 +24,12 @@ pub struct HeroPicture<'a> {
 
 /// Height of the title above the plots.
 const HEAD: f64 = 84.0;
+/// Longest name that fits at the right of a line, characters.
+const LONGEST_TAG: usize = 15;
+/// Points drawn of a line: the picture should stay small.
+const DETAIL: usize = 900;
 /// Room at the right for names of lines.
-const RIGHT: f64 = 150.0;
+const RIGHT: f64 = 142.0;
 
 /// A standalone SVG, 960 wide: heading with the filter's 3 sigma band and the dashed reference,
 /// gyroscope integration drifting away, the errors below. It brings its own light background, so
@@ -67,6 +71,7 @@ fn figure(picture: &HeroPicture<'_>) -> Figure {
         legend,
         panels: vec![heading_panel(picture), error_panel(picture)],
         right: RIGHT,
+        line_points: DETAIL,
     }
 }
 
@@ -89,6 +94,16 @@ fn heading_panel(picture: &HeroPicture<'_>) -> Panel {
     ]);
     let mut panel = Panel::new("Heading", "deg", axis, layers);
     panel.height = 190.0;
+    panel.tags = [picture.filter, picture.drifting]
+        .into_iter()
+        .zip(["estimate-fill", "gated-fill"])
+        .filter(|((name, _), _)| name.chars().count() <= LONGEST_TAG)
+        .filter_map(|((name, trace), class)| {
+            let end = trace.points.items().last()?.angles_deg[0];
+            end.is_finite()
+                .then(|| (end, class.to_owned(), name.to_owned()))
+        })
+        .collect();
     panel
 }
 
@@ -98,7 +113,11 @@ fn error_panel(picture: &HeroPicture<'_>) -> Panel {
     let points = picture.filter.1.points.items();
     let own = error(picture.filter.1);
     let bounds = band(points, |p| Some((0.0, p.error_std_deg?[0])));
-    let mut upper: Vec<f64> = bounds.iter().map(|b| b[2]).filter(|v| v.is_finite()).collect();
+    let mut upper: Vec<f64> = bounds
+        .iter()
+        .map(|b| b[2])
+        .filter(|v| v.is_finite())
+        .collect();
     upper.sort_by(f64::total_cmp);
     let shown = axis::reach(own.iter().map(|p| p[1])).map_or(1.0, |r| r.limit);
     let limit = 1.35 * shown.max(axis::quantile(&upper, 0.9)).max(1e-3);
@@ -124,8 +143,12 @@ fn error_panel(picture: &HeroPicture<'_>) -> Panel {
 /// Error at the end (mean of the last twentieth), and the words for it.
 fn end_error(trace: &Trace) -> Option<(f64, String)> {
     let points: &[TracePoint] = trace.points.items();
-    let errors: Vec<f64> = points.iter().filter_map(|p| Some(p.error_deg?[0])).collect();
+    let errors: Vec<f64> = points
+        .iter()
+        .filter_map(|p| Some(p.error_deg?[0]))
+        .collect();
     let last = &errors[errors.len() - errors.len().div_ceil(20)..];
     let mean = last.iter().sum::<f64>() / last.len() as f64;
-    mean.is_finite().then(|| (mean, format!("{} deg at end", short(mean))))
+    mean.is_finite()
+        .then(|| (mean, format!("{} deg at end", short(mean))))
 }

@@ -125,7 +125,10 @@ pub(super) fn fact_table(facts: &[Fact]) -> String {
     let mut rows = String::new();
     for fact in facts {
         let (label, value) = (escape(&fact.label), escape(&fact.value));
-        let _ = writeln!(rows, "<tr><th scope=\"row\">{label}</th><td>{value}</td></tr>");
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\">{label}</th><td>{value}</td></tr>"
+        );
     }
     table("", &rows)
 }

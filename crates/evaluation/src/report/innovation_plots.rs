@@ -6,12 +6,12 @@ use northing_recording::SensorKind;
 
 use super::attitude_plots::{error_limit, time_axis};
 use super::axis::{self, Axis};
-use super::plot::{Figure, Key, Layer, Panel, Sign, key};
+use super::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, key};
 use super::series::{self, Point};
 use crate::trace::{InnovationPoint, Trace};
 
 /// Room at the right for the names of bounds.
-const RIGHT: f64 = 62.0;
+const RIGHT: f64 = 80.0;
 /// Time windows over which a mean NIS or a share of rejections is taken.
 const WINDOWS: usize = 120;
 /// Lowest NIS shown: smaller ones say nothing more.
@@ -110,7 +110,11 @@ impl Updates<'_> {
         let mut keys: Vec<Key> = shown
             .map(|f| key(Sign::Dot, &format!("dots big {}", f.class()), f.name()))
             .collect();
-        keys.push(key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3} expected"));
+        keys.push(key(
+            Sign::Band,
+            "band estimate-fill",
+            "\u{00b1}3\u{03c3} expected",
+        ));
         keys.push(key(Sign::Line, "line bold mean", "mean NIS of a window"));
         keys
     }
@@ -131,8 +135,8 @@ pub(super) fn updates(trace: &Trace) -> Vec<Updates<'_>> {
                 found.push(Updates {
                     sensor: *sensor,
                     components,
+                    thinned: series.pushed() > series.items().len() as u64 || points.len() > DOTS,
                     points,
-                    thinned: series.pushed() > series.items().len() as u64,
                 });
             }
         }
@@ -151,11 +155,15 @@ pub(super) fn innovations(trace: &Trace, updates: &Updates<'_>) -> Figure {
     let mut panels: Vec<Panel> = names.map(|(i, n)| residual_panel(updates, i, n)).collect();
     panels.push(nis_panel(updates));
     Figure {
-        label: format!("Innovations and NIS of the {} over time", updates.sensor.name()),
+        label: format!(
+            "Innovations and NIS of the {} over time",
+            updates.sensor.name()
+        ),
         time: time_axis(&[trace]),
         legend: updates.keys(),
         panels,
         right: RIGHT,
+        line_points: LINE_POINTS,
     }
 }
 
@@ -170,7 +178,11 @@ fn residual_panel(updates: &Updates<'_>, i: usize, name: &str) -> Panel {
             [p.time_s, -half, half]
         })
         .collect();
-    let all: Vec<Point> = updates.points.iter().map(|p| [p.time_s, residual(p)]).collect();
+    let all: Vec<Point> = updates
+        .points
+        .iter()
+        .map(|p| [p.time_s, residual(p)])
+        .collect();
     let (limit, note) = error_limit(&all, &bounds, unit);
     let mut layers = vec![Layer::Band {
         points: bounds,
@@ -240,6 +252,7 @@ pub(super) fn gates(trace: &Trace, all: &[Updates<'_>]) -> Option<Figure> {
         legend,
         panels: all.iter().map(gate_panel).collect(),
         right: RIGHT,
+        line_points: LINE_POINTS,
     })
 }
 

@@ -24,6 +24,8 @@ mod comparison_plots;
 mod hero;
 mod html;
 mod innovation_plots;
+#[cfg(test)]
+mod markup_checks;
 mod plot;
 mod run;
 mod series;

@@ -7,11 +7,11 @@ use super::svg::Svg;
 /// Width of every figure in its own units; the page scales it.
 pub(super) const WIDTH: f64 = 960.0;
 /// Points drawn at most of one line.
-const LINE_POINTS: usize = 2400;
+pub(super) const LINE_POINTS: usize = 2400;
 /// Points drawn at most of one band.
 const BAND_POINTS: usize = 1000;
 /// Dots drawn at most of one class.
-const DOTS: usize = 2500;
+pub(super) const DOTS: usize = 4000;
 const LEFT: f64 = 58.0;
 const TITLE: f64 = 30.0;
 const GAP: f64 = 16.0;
@@ -22,15 +22,27 @@ const LEGEND_ROW: f64 = 28.0;
 #[derive(Debug, Clone)]
 pub(super) enum Layer {
     /// A translucent area between two curves.
-    Band { points: Vec<BandPoint>, class: String, angle: bool },
+    Band {
+        points: Vec<BandPoint>,
+        class: String,
+        angle: bool,
+    },
     /// A curve; as an angle it is cut where it wraps.
-    Line { points: Vec<Point>, class: String, angle: bool },
+    Line {
+        points: Vec<Point>,
+        class: String,
+        angle: bool,
+    },
     /// A cloud of dots.
     Dots { points: Vec<Point>, class: String },
     /// Bars from the bottom of the panel: time from, time to, height.
     Bars { bars: Vec<[f64; 3]>, class: String },
     /// A horizontal line at a value, named at its right end.
-    Rule { value: f64, label: String, class: &'static str },
+    Rule {
+        value: f64,
+        label: String,
+        class: &'static str,
+    },
 }
 
 /// One plot of a figure.
@@ -70,6 +82,8 @@ pub(super) struct Figure {
     pub(super) panels: Vec<Panel>,
     /// Room at the right for names.
     pub(super) right: f64,
+    /// Points drawn at most of one line.
+    pub(super) line_points: usize,
 }
 
 /// A key of a legend.
@@ -170,7 +184,11 @@ impl Figure {
     fn layer(&self, svg: &mut Svg, panel: &Panel, layer: &Layer) {
         let at = |p: &Point| [self.x(p[0]), panel.y(p[1])];
         match layer {
-            Layer::Band { points, class, angle } => {
+            Layer::Band {
+                points,
+                class,
+                angle,
+            } => {
                 let pieces = series::split(&series::thin_band(points, BAND_POINTS), *angle);
                 let outline = |piece: &Vec<BandPoint>| {
                     let upper = piece.iter().map(|p| at(&[p[0], p[2]]));
@@ -179,8 +197,12 @@ impl Figure {
                 };
                 svg.areas(&pieces.iter().map(outline).collect::<Vec<_>>(), class);
             }
-            Layer::Line { points, class, angle } => {
-                let pieces = series::split(&series::thin(points, LINE_POINTS), *angle);
+            Layer::Line {
+                points,
+                class,
+                angle,
+            } => {
+                let pieces = series::split(&series::thin(points, self.line_points), *angle);
                 let pieces: Vec<Vec<_>> =
                     pieces.iter().map(|l| l.iter().map(at).collect()).collect();
                 svg.lines(&pieces, class);
@@ -275,7 +297,12 @@ fn legend(svg: &mut Svg, keys: &[Key], corner: [f64; 2], right: f64) -> f64 {
 
 /// Width of text in a common sans-serif face, roughly and rather too wide.
 fn text_width(text: &str, size: f64) -> f64 {
-    text.chars().count() as f64 * size * 0.54
+    let width = |c: char| match c {
+        'i' | 'j' | 'l' | 't' | 'f' | 'r' | ' ' | '.' | ',' | '(' | ')' | '-' => 0.38,
+        'm' | 'w' | 'M' | 'W' => 0.95,
+        _ => 0.62,
+    };
+    text.chars().map(width).sum::<f64>() * size
 }
 
 #[cfg(test)]
@@ -286,13 +313,18 @@ mod tests {
     fn names_at_line_ends_do_not_overlap_and_stay_in_the_panel() {
         let at = |y: f64| (y, String::new(), "");
         let heights = spread(&[at(10.0), at(11.0), at(95.0), at(99.0)], 17.0, 100.0);
-        assert!(heights.windows(2).all(|w| w[1] - w[0] > 16.9), "{heights:?}");
+        assert!(
+            heights.windows(2).all(|w| w[1] - w[0] > 16.9),
+            "{heights:?}"
+        );
         assert!(heights.iter().all(|h| (0.0..=100.0).contains(h)));
     }
 
     #[test]
     fn legend_wraps_into_rows() {
-        let keys: Vec<Key> = (0..12).map(|i| key(Sign::Line, "s0", &format!("estimator {i}"))).collect();
+        let keys: Vec<Key> = (0..12)
+            .map(|i| key(Sign::Line, "s0", &format!("estimator {i}")))
+            .collect();
         let rows = |keys: &[Key]| legend(&mut Svg::default(), keys, [60.0, 5.0], 900.0);
         assert!(rows(&[]).abs() < 1e-12);
         assert!(rows(&keys) > rows(&keys[..2]) + LEGEND_ROW - 1.0);

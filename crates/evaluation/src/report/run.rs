@@ -101,7 +101,8 @@ fn update_table(updates: &[SensorUpdates]) -> String {
     for u in updates {
         let seen = (u.fused + u.gated).max(1);
         let share = 100.0 * u.gated as f64 / seen as f64;
-        let optional = |v: Option<f64>| v.filter(|v| v.is_finite()).map_or("\u{2013}".into(), short);
+        let optional =
+            |v: Option<f64>| v.filter(|v| v.is_finite()).map_or("\u{2013}".into(), short);
         let _ = writeln!(
             rows,
             "<tr><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"num\">{}</td>\
@@ -115,7 +116,14 @@ fn update_table(updates: &[SensorUpdates]) -> String {
             optional(u.nis_expected)
         );
     }
-    let columns = ["Used", "Refused", "Refused of those seen", "Skipped", "Mean NIS", "Expected"];
+    let columns = [
+        "Used",
+        "Refused",
+        "Refused of those seen",
+        "Skipped",
+        "Mean NIS",
+        "Expected",
+    ];
     let mut head = "<th scope=\"col\">Sensor</th>".to_owned();
     for column in columns {
         let _ = write!(head, "<th scope=\"col\" class=\"num\">{column}</th>");
@@ -149,14 +157,25 @@ fn bias(report: &RunReport<'_>) -> String {
 }
 
 fn final_test(test: &FinalTest) -> String {
-    let degrees = |v: Option<f64>| v.filter(|v| v.is_finite()).map(|v| format!("{} deg", short(v)));
+    let degrees = |v: Option<f64>| {
+        v.filter(|v| v.is_finite())
+            .map(|v| format!("{} deg", short(v)))
+    };
     let mut facts = Vec::new();
     let mut add = |label: &str, value: Option<String>| {
         facts.extend(value.map(|value| Fact::new(label, value)));
     };
-    add("calculated error (angle of the error quaternion)", degrees(test.calculated_error_deg));
-    add("estimated error (root of the trace of P)", degrees(test.estimated_error_deg));
-    let axes = test.axis_std_deg.filter(|s| s.iter().all(|v| v.is_finite()));
+    add(
+        "calculated error (angle of the error quaternion)",
+        degrees(test.calculated_error_deg),
+    );
+    add(
+        "estimated error (root of the trace of P)",
+        degrees(test.estimated_error_deg),
+    );
+    let axes = test
+        .axis_std_deg
+        .filter(|s| s.iter().all(|v| v.is_finite()));
     add(
         "standard deviation about x, y, z",
         axes.map(|s| format!("{}, {}, {} deg", short(s[0]), short(s[1]), short(s[2]))),
@@ -191,6 +210,9 @@ mod tests {
     #[test]
     fn counts_are_grouped_by_three() {
         let written = [0, 999, 1000, 12_345_678].map(grouped);
-        assert_eq!(written, ["0", "999", "1\u{202f}000", "12\u{202f}345\u{202f}678"]);
+        assert_eq!(
+            written,
+            ["0", "999", "1\u{202f}000", "12\u{202f}345\u{202f}678"]
+        );
     }
 }

@@ -22,10 +22,10 @@ pub(super) fn thin(points: &[Point], limit: usize) -> Vec<Point> {
             if !point[1].is_finite() {
                 continue;
             }
-            if !(point[1] >= bucket[low][1]) {
+            if point[1] < bucket[low][1] || bucket[low][1].is_nan() {
                 low = i;
             }
-            if !(point[1] <= bucket[high][1]) {
+            if point[1] > bucket[high][1] || bucket[high][1].is_nan() {
                 high = i;
             }
         }
@@ -47,7 +47,10 @@ pub(super) fn thin_band(points: &[BandPoint], limit: usize) -> Vec<BandPoint> {
         let middle = bucket[bucket.len() / 2];
         // A bucket across the wrap of an angle would span the whole circle: take its middle alone.
         let centre = |p: &BandPoint| 0.5 * (p[1] + p[2]);
-        if bucket.iter().any(|p| (centre(p) - centre(&middle)).abs() > 180.0) {
+        if bucket
+            .iter()
+            .any(|p| (centre(p) - centre(&middle)).abs() > 180.0)
+        {
             return middle;
         }
         bucket.iter().fold(middle, |hull, p| {
@@ -69,7 +72,10 @@ pub(super) fn split<const N: usize>(points: &[[f64; N]], angle: bool) -> Vec<Vec
     for point in points {
         let finite = point.iter().all(|v| v.is_finite());
         let line = lines.last().map_or(&[][..], |l| &l[..]);
-        let wraps = angle && line.last().is_some_and(|last| (last[1] - point[1]).abs() > 180.0);
+        let wraps = angle
+            && line
+                .last()
+                .is_some_and(|last| (last[1] - point[1]).abs() > 180.0);
         if (wraps || !finite) && !line.is_empty() {
             lines.push(Vec::new());
         }
@@ -81,9 +87,14 @@ pub(super) fn split<const N: usize>(points: &[[f64; N]], angle: bool) -> Vec<Vec
     lines
 }
 
+/// This many empty windows in a row are a gap, and lift the pen.
+const GAP_WINDOWS: usize = 3;
+
 /// Root mean square of a series in `count` windows of equal time, at the windows' middles.
+/// Windows without values are left out.
 pub(super) fn windowed_rms(points: &[Point], count: usize) -> Vec<Point> {
-    let finite: Vec<&Point> = points.iter().filter(|p| p[1].is_finite()).collect();
+    let finite = points.iter().filter(|p| p.iter().all(|v| v.is_finite()));
+    let finite: Vec<&Point> = finite.collect();
     let (Some(first), Some(last)) = (finite.first(), finite.last()) else {
         return Vec::new();
     };
@@ -94,17 +105,18 @@ pub(super) fn windowed_rms(points: &[Point], count: usize) -> Vec<Point> {
         windows[window].0 += point[1] * point[1];
         windows[window].1 += 1;
     }
-    windows
-        .iter()
-        .enumerate()
-        .filter(|(_, (_, n))| *n > 0)
-        .map(|(i, (sum, n))| {
-            [
-                first[0] + (i as f64 + 0.5) * width,
-                (sum / f64::from(*n)).sqrt(),
-            ]
-        })
-        .collect()
+    let mut curve: Vec<Point> = Vec::new();
+    let mut empty = 0;
+    for (i, (sum, n)) in windows.into_iter().enumerate() {
+        let middle = first[0] + (i as f64 + 0.5) * width;
+        empty = if n == 0 { empty + 1 } else { 0 };
+        if n > 0 {
+            curve.push([middle, (sum / f64::from(n)).sqrt()]);
+        } else if empty == GAP_WINDOWS {
+            curve.push([middle, f64::NAN]);
+        }
+    }
+    curve
 }
 
 #[cfg(test)]
@@ -114,7 +126,16 @@ mod tests {
     #[test]
     fn thinning_keeps_the_limit_and_the_spikes() {
         let points: Vec<Point> = (0..100_000)
-            .map(|i| [f64::from(i), if i == 54_321 { 9.0 } else { f64::from(i % 7) / 7.0 }])
+            .map(|i| {
+                [
+                    f64::from(i),
+                    if i == 54_321 {
+                        9.0
+                    } else {
+                        f64::from(i % 7) / 7.0
+                    },
+                ]
+            })
             .collect();
         let kept = thin(&points, 2000);
         assert!(kept.len() <= 2000 && kept.len() > 900, "{}", kept.len());
@@ -134,13 +155,27 @@ mod tests {
 
     #[test]
     fn lines_break_at_the_wrap_and_at_gaps() {
-        let heading = [[0.0, 178.0], [1.0, 179.5], [2.0, -179.0], [3.0, f64::NAN], [4.0, -170.0]];
-        let lengths = |angle| -> Vec<usize> {
-            split(&heading, angle).iter().map(Vec::len).collect()
-        };
+        let heading = [
+            [0.0, 178.0],
+            [1.0, 179.5],
+            [2.0, -179.0],
+            [3.0, f64::NAN],
+            [4.0, -170.0],
+        ];
+        let lengths =
+            |angle| -> Vec<usize> { split(&heading, angle).iter().map(Vec::len).collect() };
         assert_eq!(lengths(true), [2, 1, 1]);
         assert_eq!(lengths(false), [3, 1]);
         assert!(split::<2>(&[], true).is_empty());
+    }
+
+    #[test]
+    fn windows_lift_the_pen_once_in_a_gap() {
+        let times = (0..100).filter(|t| !(40..60).contains(t));
+        let points: Vec<Point> = times.map(|t| [f64::from(t), 1.0]).collect();
+        let rms = windowed_rms(&points, 50);
+        assert_eq!(rms.iter().filter(|p| p[1].is_nan()).count(), 1);
+        assert_eq!(split(&rms, false).len(), 2);
     }
 
     #[test]

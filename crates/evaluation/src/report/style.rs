@@ -137,11 +137,11 @@ const PLOT_SHAPES: &str = "\
 .bold{stroke-width:2.8}
 .ghost{opacity:.75;stroke-width:1.6}
 .dash{stroke-dasharray:7 5;stroke-linecap:butt}
-.dots{stroke-width:2.6;stroke-linecap:round}
-.big{stroke-width:5.4}
-.soft{opacity:.55}
+.dots{stroke-width:3.2;stroke-linecap:round}
+.big{stroke-width:6}
+.soft{opacity:.68}
 .grid{stroke-width:1}
-.zero{stroke-width:1}
+.zero{stroke-width:1;opacity:.6}
 .rule{stroke-width:1.4;stroke-dasharray:3 4}
 .band{opacity:.2;stroke:none}
 .bar{stroke:none}
@@ -191,7 +191,7 @@ nav ul{display:flex;flex-wrap:wrap;gap:4px 24px;margin:0;padding:0;list-style:no
 a{color:var(--estimate);text-decoration-thickness:1px;text-underline-offset:3px}
 nav a{text-decoration:none;font-weight:550}
 nav a:hover{text-decoration:underline}
-.facts{display:grid;grid-template-columns:repeat(auto-fill,minmax(210px,1fr));gap:14px;margin:22px 0 0}
+.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(178px,1fr));gap:14px;margin:22px 0 0}
 .facts div{background:var(--panel);border:1px solid var(--grid);border-radius:12px;padding:14px 18px 13px}
 .facts dt{color:var(--muted);font-size:15px;line-height:1.3}
 .facts dd{margin:5px 0 0;font-size:26px;font-weight:650;line-height:1.2;letter-spacing:-.012em;overflow-wrap:anywhere}
@@ -201,7 +201,7 @@ nav a:hover{text-decoration:underline}
 .good{--tone:var(--good)}.warn{--tone:var(--inflated)}.bad{--tone:var(--gated)}
 figure{margin:0 0 30px;background:var(--panel);border:1px solid var(--grid);border-radius:14px;padding:20px 18px 16px}
 figure .plot{display:block;width:100%;height:auto}
-figcaption{max-width:62em;margin:12px 6px 0;padding-top:12px;border-top:1px solid var(--grid);color:var(--muted);font-size:16.5px}
+figcaption{max-width:62em;margin:10px 6px 4px;color:var(--muted);font-size:16.5px}
 figcaption b{color:var(--ink)}
 .wide{overflow-x:auto;background:var(--panel);border:1px solid var(--grid);border-radius:14px;margin:0 0 22px}
 table{width:100%;border-collapse:collapse;font-size:16.5px}
