@@ -1,0 +1,308 @@
+//! What a calibration at rest changes in a run: noise, bias, references, and the start.
+//!
+//! A calibration from a file gives bias, noise, gravity's length, and strength and dip of the
+//! field; the attitude is still found on the recording itself. A calibration from the recording's
+//! own start also gives the start: TRIAD of the means, with the covariance of Wahba's problem.
+
+use nalgebra::{Matrix3, UnitQuaternion};
+use northing_core::attitude::driver::DriverConfig;
+use northing_core::attitude::wahba::{self, MAXIMUM_STD, Observation};
+use northing_core::attitude::{AttitudeConfig, InitialState, References};
+use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits};
+
+use crate::error::EvaluationError;
+use crate::instants::Instant;
+use crate::options::{MagnetometerSource, RunOptions, SensorSelection};
+use crate::parameters::Profile;
+
+/// The parameters with the noise that the calibration measured, except those the user set.
+///
+/// The `lab` profile takes the rest noise as it is. The `hand-held` profile stands for errors that
+/// a device at rest does not show, so its noise is raised where the sensor is worse, never lowered.
+#[must_use]
+pub fn calibrated_config(
+    options: &RunOptions,
+    calibration: &RestCalibration<f64>,
+) -> AttitudeConfig<f64> {
+    let mut config = options.config;
+    let floor = options.profile == Profile::HandHeld;
+    let measured = [
+        (
+            "gyroscope_noise_density",
+            &mut config.gyroscope_noise_density,
+            calibration.gyroscope_noise_density(),
+        ),
+        (
+            "accelerometer_std",
+            &mut config.accelerometer_std,
+            calibration.accelerometer_std(),
+        ),
+        (
+            "magnetometer_std_ut",
+            &mut config.magnetometer_std_ut,
+            calibration.magnetometer_std_ut(),
+        ),
+    ];
+    for (name, field, value) in measured {
+        if let Some(value) = value.filter(|v| *v > 0.0 && !options.is_explicit(name)) {
+            *field = if floor { value.max(*field) } else { value };
+        }
+    }
+    if let Some(interval) = calibration.gyroscope_interval_s
+        && !options.is_explicit("gyroscope_sample_interval_s")
+    {
+        config.gyroscope_sample_interval_s = interval;
+    }
+    config
+}
+
+/// The driver's settings with what the calibration knows beforehand.
+#[must_use]
+pub fn calibrated_driver(
+    options: &RunOptions,
+    calibration: &RestCalibration<f64>,
+) -> DriverConfig<f64> {
+    let mut driver = options.driver_config();
+    driver.prior.gyroscope_bias = calibration.gyroscope_bias();
+    driver.prior.gyroscope_bias_std = Some(calibration.gyroscope_bias_std());
+    if let Some(gravity) = calibration.gravity() {
+        driver.prior.gravity = gravity;
+    }
+    driver.prior.field_horizontal_down_ut = calibration.field_horizontal_down();
+    driver
+}
+
+/// The state at the end of a rest: the pose in which the calibration was made. `config` is the
+/// calibrated one, whose noise says how well the means point.
+#[must_use]
+pub fn state_at_rest(
+    calibration: &RestCalibration<f64>,
+    config: &AttitudeConfig<f64>,
+    driver: &DriverConfig<f64>,
+) -> InitialState<f64> {
+    let frame = driver.prior.frame;
+    let force = calibration.specific_force();
+    let field = calibration.magnetic_field_ut().filter(|_| force.is_some());
+    let field_ref = calibration
+        .field_horizontal_down()
+        .map(|[h, down]| frame.magnetic_field(h, down));
+    let mut observations = Vec::new();
+    if let Some(body) = force {
+        let std = config.accelerometer_std / body.norm();
+        observations.push(Observation {
+            body,
+            reference: frame.up(),
+            std,
+        });
+    }
+    if let (Some(body), Some(reference)) = (field, field_ref) {
+        let std = config.magnetometer_std_ut / body.norm();
+        observations.push(Observation {
+            body,
+            reference,
+            std,
+        });
+    }
+    let wahba = wahba::davenport(&observations);
+    let attitude = match (force, field) {
+        // Gravity is much the better of the two: it is matched exactly.
+        (Some(f), Some(m)) => wahba::triad(&f, &m, &frame.up(), &frame.north()),
+        _ => None,
+    };
+    let unknown = Matrix3::identity() * MAXIMUM_STD.powi(2);
+    InitialState {
+        attitude: attitude
+            .or(wahba.map(|w| w.ref_from_body))
+            .unwrap_or_else(UnitQuaternion::identity),
+        attitude_covariance: wahba.map_or(unknown, |w| w.covariance),
+        gyroscope_bias: calibration.gyroscope_bias(),
+        gyroscope_bias_std: calibration.gyroscope_bias_std(),
+        references: References {
+            specific_force: frame.specific_force_at_rest(driver.prior.gravity),
+            magnetic_field: field_ref,
+        },
+    }
+}
+
+/// Feeds the first seconds of a recording to a [`RestCalibrator`].
+#[derive(Debug, Clone)]
+pub struct CalibrationPhase {
+    calibrator: RestCalibrator<f64>,
+    sensors: SensorSelection,
+    seconds: f64,
+    last_ns: [Option<i64>; 3],
+}
+
+impl CalibrationPhase {
+    /// Takes the first `seconds` of the sensors chosen.
+    #[must_use]
+    pub fn new(seconds: f64, sensors: SensorSelection) -> Self {
+        let calibrator = RestCalibrator::new();
+        Self {
+            calibrator,
+            sensors,
+            seconds,
+            last_ns: [None; 3],
+        }
+    }
+
+    /// How long it takes samples, s.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Adds what was measured at one instant.
+    pub fn add(&mut self, instant: &Instant) {
+        let t = instant.time_ns;
+        if let Some(rate) = instant.angular_rate {
+            let dt = since(&mut self.last_ns[0], t);
+            self.calibrator.add_gyroscope(&rate, dt);
+        }
+        if let Some(force) = instant
+            .specific_force
+            .filter(|_| self.sensors.accelerometer)
+        {
+            let dt = since(&mut self.last_ns[1], t);
+            self.calibrator.add_accelerometer(&force, dt);
+        }
+        if let Some(field) = chosen_field(instant, &self.sensors) {
+            let dt = since(&mut self.last_ns[2], t);
+            self.calibrator.add_magnetometer(&field, dt);
+        }
+    }
+
+    /// The calibration.
+    ///
+    /// # Errors
+    /// [`EvaluationError::CalibrationRejected`] with the reason.
+    pub fn finish(&self) -> Result<RestCalibration<f64>, EvaluationError> {
+        self.calibrator
+            .finish(&RestLimits::default())
+            .map_err(|reason| EvaluationError::CalibrationRejected {
+                seconds: self.seconds,
+                reason: reason.to_string(),
+            })
+    }
+}
+
+/// The magnetic field of the stream that was chosen.
+pub(crate) fn chosen_field(
+    instant: &Instant,
+    sensors: &SensorSelection,
+) -> Option<nalgebra::Vector3<f64>> {
+    let field = match sensors.magnetometer_source {
+        MagnetometerSource::Device => instant.magnetic_field,
+        MagnetometerSource::Uncalibrated => instant.magnetic_field_uncalibrated,
+    };
+    field.filter(|_| sensors.magnetometer)
+}
+
+/// Seconds since `last`, which becomes `now`.
+fn since(last: &mut Option<i64>, now: i64) -> Option<f64> {
+    last.replace(now)
+        .map(|before| now.saturating_sub(before) as f64 * 1e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimators::EstimatorKind;
+    use nalgebra::Vector3;
+    use northing_core::geometry::{rotation, so3};
+    use northing_simulation::random::{normal_vector, stream};
+
+    const BIAS: Vector3<f64> = Vector3::new(0.01, -0.02, 0.005);
+
+    fn truth() -> UnitQuaternion<f64> {
+        so3::exp(&Vector3::new(0.1, -0.2, 1.0))
+    }
+
+    /// Ten seconds at rest in the pose [`truth`], 100 Hz.
+    fn phase() -> CalibrationPhase {
+        let mut phase = CalibrationPhase::new(10.0, SensorSelection::default());
+        let mut noise = stream(3, "rest");
+        for k in 0..1000_i64 {
+            let body = |world: Vector3<f64>| truth().inverse() * world;
+            phase.add(&Instant {
+                time_ns: k * 10_000_000,
+                angular_rate: Some(BIAS + normal_vector(&mut noise, 0.005)),
+                specific_force: Some(
+                    body(Vector3::new(0.0, 0.0, 9.81)) + normal_vector(&mut noise, 0.05),
+                ),
+                magnetic_field: Some(
+                    body(Vector3::new(0.0, 22.0, -42.0)) + normal_vector(&mut noise, 0.5),
+                ),
+                ..Instant::default()
+            });
+        }
+        phase
+    }
+
+    /// Standard errors: 0.005 / sqrt(1000) rad/s; 0.05 / 9.81 / sqrt(1000) rad in tilt; in heading
+    /// 0.5 / 22 / sqrt(1000) rad.
+    #[test]
+    fn the_start_is_the_pose_of_the_rest() {
+        let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+        let calibration = phase().finish().unwrap();
+        let config = calibrated_config(&options, &calibration);
+        let driver = calibrated_driver(&options, &calibration);
+        let start = state_at_rest(&calibration, &config, &driver);
+        assert!(rotation::angle_between(&start.attitude, &truth()) < 4.0 * 0.023 / 1000_f64.sqrt());
+        assert!((start.gyroscope_bias - BIAS).norm() < 4.0 * 0.005 * (3.0 / 1000_f64).sqrt());
+        let field = start.references.magnetic_field.unwrap();
+        assert!(
+            (field - Vector3::new(0.0, 22.0, -42.0)).norm() < 0.1,
+            "{field}"
+        );
+        assert!((config.gyroscope_noise_density / 5e-4 - 1.0).abs() < 0.05);
+        assert!((config.accelerometer_std / 0.05 - 1.0).abs() < 0.05);
+        assert!((config.gyroscope_sample_interval_s - 0.01).abs() < 1e-9);
+        // One sample of gravity points to 0.05 / 9.81 rad.
+        let up = start.attitude.inverse() * Vector3::z();
+        let across = up.cross(&Vector3::x()).normalize();
+        let tilt_std = across.dot(&(start.attitude_covariance * across)).sqrt();
+        assert!((tilt_std * 9.81 / 0.05 - 1.0).abs() < 0.2, "{tilt_std}");
+    }
+
+    #[test]
+    fn a_hand_held_device_and_the_user_keep_their_noise() {
+        let calibration = phase().finish().unwrap();
+        let hand_held = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
+        let config = calibrated_config(&hand_held, &calibration);
+        assert_eq!(config.accelerometer_std, hand_held.config.accelerometer_std);
+        let mut lab = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+        lab.set("accelerometer_std=0.7").unwrap();
+        let config = calibrated_config(&lab, &calibration);
+        assert_eq!(config.accelerometer_std, 0.7);
+        assert!(config.magnetometer_std_ut < 0.6);
+    }
+
+    #[test]
+    fn without_a_magnetometer_the_heading_is_open() {
+        let mut phase = phase();
+        phase.calibrator.forget_magnetometer();
+        let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+        let calibration = phase.finish().unwrap();
+        let config = calibrated_config(&options, &calibration);
+        let start = state_at_rest(
+            &calibration,
+            &config,
+            &calibrated_driver(&options, &calibration),
+        );
+        let up = truth().inverse() * Vector3::z();
+        assert!((start.attitude.inverse() * Vector3::z()).angle(&up) < 1e-3);
+        assert!(up.dot(&(start.attitude_covariance * up)).sqrt() > 1.7);
+        assert_eq!(start.references.magnetic_field, None);
+    }
+
+    #[test]
+    fn too_short_a_rest_is_refused_with_its_length() {
+        let phase = CalibrationPhase::new(0.1, SensorSelection::default());
+        let error = phase.finish().unwrap_err().to_string();
+        assert!(
+            error.starts_with("calibration from the first 0.1 s: too short"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,159 @@
+//! Events of one instant, taken together: what a filter has seen when it is scored.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use northing_recording::{Event, Reference, Sample, SensorKind};
+
+/// Everything measured at one time stamp.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Instant {
+    /// Time stamp, ns.
+    pub time_ns: i64,
+    /// Angular rate, rad/s.
+    pub angular_rate: Option<Vector3<f64>>,
+    /// Specific force, m/s^2.
+    pub specific_force: Option<Vector3<f64>>,
+    /// Magnetic field as the device calibrated it, microtesla.
+    pub magnetic_field: Option<Vector3<f64>>,
+    /// Magnetic field without the device's calibration, microtesla.
+    pub magnetic_field_uncalibrated: Option<Vector3<f64>>,
+    /// The device's own orientation, if finite.
+    pub device: Option<UnitQuaternion<f64>>,
+    /// The reference, if finite.
+    pub reference: Option<Reference>,
+    /// Which sensors had a sample at all: bit [`SensorKind::order`].
+    pub present: u32,
+}
+
+impl Instant {
+    fn take(&mut self, event: &Event) {
+        self.present |= 1 << event.sample.kind().order();
+        match event.sample {
+            Sample::AngularRate(v) => self.angular_rate = Some(v),
+            Sample::SpecificForce(v) => self.specific_force = Some(v),
+            Sample::MagneticField(v) => self.magnetic_field = Some(v),
+            Sample::MagneticFieldUncalibrated(v) => self.magnetic_field_uncalibrated = Some(v),
+            Sample::DeviceOrientation(q) if event.sample.is_finite() => self.device = Some(q),
+            Sample::Reference(r) if event.sample.is_finite() => self.reference = Some(r),
+            _ => {}
+        }
+    }
+
+    /// The sensors that had a sample.
+    pub fn sensors(&self) -> impl Iterator<Item = SensorKind> + use<> {
+        let present = self.present;
+        SensorKind::ALL
+            .into_iter()
+            .filter(move |kind| present & (1 << kind.order()) != 0)
+    }
+}
+
+/// Gathers events with the same time stamp. After an error it ends.
+#[derive(Debug)]
+pub struct Instants<I> {
+    events: I,
+    next: Option<Event>,
+    over: bool,
+}
+
+impl<I> Instants<I> {
+    /// Gathers these events, which must be in time order.
+    pub fn new(events: impl IntoIterator<IntoIter = I>) -> Self {
+        Self {
+            events: events.into_iter(),
+            next: None,
+            over: false,
+        }
+    }
+}
+
+impl<I, X> Iterator for Instants<I>
+where
+    I: Iterator<Item = Result<Event, X>>,
+{
+    type Item = Result<Instant, X>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.over {
+            return None;
+        }
+        let mut instant: Option<Instant> = None;
+        loop {
+            let event = match self.next.take().map(Ok).or_else(|| self.events.next()) {
+                Some(Ok(event)) => event,
+                Some(Err(error)) => {
+                    self.over = true;
+                    return Some(Err(error));
+                }
+                None => {
+                    self.over = true;
+                    return instant.map(Ok);
+                }
+            };
+            let gathered = instant.get_or_insert_with(|| Instant {
+                time_ns: event.time_ns,
+                ..Instant::default()
+            });
+            if gathered.time_ns != event.time_ns {
+                self.next = Some(event);
+                return Some(Ok(*gathered));
+            }
+            gathered.take(&event);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_of_one_stamp_come_together_and_an_error_ends_it() {
+        let event = |time_ns, sample| Ok::<_, &str>(Event { time_ns, sample });
+        let rate = Sample::AngularRate(Vector3::x());
+        let force = Sample::SpecificForce(Vector3::z());
+        let events = vec![
+            event(1, rate),
+            event(1, force),
+            event(1, Sample::Pressure(1e5)),
+            event(2, force),
+            Err("broken"),
+            event(3, rate),
+        ];
+        let got: Vec<_> = Instants::new(events).collect();
+        let first = got[0].unwrap();
+        assert_eq!((first.time_ns, first.angular_rate), (1, Some(Vector3::x())));
+        let sensors: Vec<_> = first.sensors().collect();
+        assert_eq!(
+            sensors,
+            [
+                SensorKind::Gyroscope,
+                SensorKind::Accelerometer,
+                SensorKind::Pressure
+            ]
+        );
+        assert_eq!(
+            got[1],
+            Err("broken"),
+            "the instant that an error cuts short is dropped"
+        );
+        assert_eq!(got.len(), 2);
+    }
+
+    #[test]
+    fn orientations_that_are_not_finite_do_not_count_and_vectors_are_passed_on() {
+        let nan = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(f64::NAN, 0.0, 0.0, 0.0));
+        let events = [
+            Sample::AngularRate(Vector3::new(f64::NAN, 0.0, 0.0)),
+            Sample::DeviceOrientation(nan),
+            Sample::Reference(Reference {
+                attitude: nan,
+                scored: true,
+            }),
+        ];
+        let events = events.map(|sample| Ok::<_, &str>(Event { time_ns: 0, sample }));
+        let instant = Instants::new(events).next().unwrap().unwrap();
+        assert!(instant.angular_rate.unwrap().x.is_nan());
+        assert_eq!((instant.device, instant.reference), (None, None));
+        assert_eq!(instant.sensors().count(), 3);
+    }
+}

@@ -1,0 +1,81 @@
+//! What a choice of sensors cannot tell, in words.
+
+use crate::options::SensorSelection;
+
+/// Which vector sensors gave samples that were usable, among those chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Present {
+    /// At least one accelerometer sample.
+    pub accelerometer: bool,
+    /// At least one magnetometer sample.
+    pub magnetometer: bool,
+}
+
+/// What cannot be observed, one sentence each; empty when all can.
+#[must_use]
+pub fn unobservable(present: Present, chosen: &SensorSelection) -> Vec<String> {
+    let mut sentences = Vec::new();
+    let why = |chosen: bool, sensor: &str| {
+        if chosen {
+            format!("The recording has no usable {sensor}")
+        } else {
+            format!("The {sensor} is left out")
+        }
+    };
+    if !present.accelerometer {
+        let reason = why(chosen.accelerometer, "accelerometer");
+        sentences.push(format!(
+            "{reason}: nothing says where up is, so the tilt is unknown at the start and drifts, \
+             and the whole attitude is relative to the first instant."
+        ));
+    }
+    if !present.magnetometer {
+        let reason = why(chosen.magnetometer, "magnetometer");
+        sentences.push(format!(
+            "{reason}: nothing says where north is, so the heading is arbitrary at the start and \
+             drifts with the gyroscope bias about the vertical, which is not observable either \
+             unless the device is tilted in turn."
+        ));
+    }
+    if present.magnetometer && !present.accelerometer {
+        sentences.push(
+            "The magnetometer alone is not used without an accelerometer: the direction of the \
+             field in the world is only known from gravity."
+                .to_owned(),
+        );
+    }
+    sentences
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_missing_sensor_is_named_with_what_it_takes_along() {
+        let chosen = SensorSelection::default();
+        let all = Present {
+            accelerometer: true,
+            magnetometer: true,
+        };
+        assert!(unobservable(all, &chosen).is_empty());
+        let no_field = Present {
+            magnetometer: false,
+            ..all
+        };
+        let sentences = unobservable(no_field, &chosen);
+        assert_eq!(sentences.len(), 1);
+        assert!(sentences[0].starts_with("The recording has no usable magnetometer: nothing says"));
+        let left_out = SensorSelection {
+            magnetometer: false,
+            ..chosen
+        };
+        assert!(unobservable(no_field, &left_out)[0].starts_with("The magnetometer is left out"));
+        assert_eq!(unobservable(Present::default(), &chosen).len(), 2);
+        let only_field = Present {
+            magnetometer: true,
+            ..Present::default()
+        };
+        assert!(unobservable(only_field, &chosen)[1].contains("not used without"));
+    }
+}

@@ -1,0 +1,262 @@
+//! What a run is asked for: estimator, parameters, sensors, calibration, scoring.
+
+use std::collections::BTreeSet;
+use std::str::FromStr;
+
+use northing_core::attitude::AttitudeConfig;
+use northing_core::attitude::driver::DriverConfig;
+use northing_core::calibration::RestCalibration;
+use northing_core::geometry::frames::TangentFrame;
+use northing_recording::WorldFrame;
+
+use crate::error::EvaluationError;
+use crate::estimators::EstimatorKind;
+use crate::parameters::{self, Profile};
+
+/// Everything a run is asked for. [`RunOptions::default`] is `mekf` with the hand-held profile and
+/// all sensors.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// Name of the recording, for the summary.
+    pub recording: String,
+    /// The estimator, default `mekf`.
+    pub estimator: EstimatorKind,
+    /// The profile that `config` started from; it is named in the summary.
+    pub profile: Profile,
+    /// The parameters.
+    pub config: AttitudeConfig<f64>,
+    /// Names of the parameters that the user set: a calibration does not change these.
+    pub explicit_settings: BTreeSet<String>,
+    /// Alignment and gaps. Its prior's frame is replaced by `world_frame`.
+    pub driver: DriverConfig<f64>,
+    /// The sensors to use.
+    pub sensors: SensorSelection,
+    /// A calibration made before.
+    pub calibration: Option<RestCalibration<f64>>,
+    /// Take the calibration from the first so many seconds of the recording, at rest.
+    pub calibrate_first_s: Option<f64>,
+    /// Seconds at the start that are not scored, default 5.
+    pub skip_s: f64,
+    /// The frame of the estimate and of the reference; recordings say theirs.
+    pub world_frame: WorldFrame,
+    /// Smooth backwards over the whole recording (`mekf` only; memory grows with its length).
+    pub smooth: bool,
+}
+
+impl Default for RunOptions {
+    fn default() -> Self {
+        Self::new(EstimatorKind::Mekf, Profile::default())
+    }
+}
+
+impl RunOptions {
+    /// The options of an estimator and a profile.
+    #[must_use]
+    pub fn new(estimator: EstimatorKind, profile: Profile) -> Self {
+        Self {
+            recording: String::new(),
+            estimator,
+            profile,
+            config: profile.config(),
+            explicit_settings: BTreeSet::new(),
+            driver: DriverConfig::default(),
+            sensors: SensorSelection::default(),
+            calibration: None,
+            calibrate_first_s: None,
+            skip_s: 5.0,
+            world_frame: WorldFrame::Enu,
+            smooth: false,
+        }
+    }
+
+    /// Applies one setting such as `accelerometer_std=0.3` and remembers that the user wanted it.
+    ///
+    /// # Errors
+    /// As [`parameters::apply_setting`].
+    pub fn set(&mut self, setting: &str) -> Result<(), EvaluationError> {
+        let name = parameters::apply_setting(&mut self.config, setting)?;
+        self.explicit_settings.insert(name);
+        Ok(())
+    }
+
+    /// Checks what can be checked before a recording is read.
+    ///
+    /// # Errors
+    /// A configuration without sense, two calibrations, smoothing of something that has no smoother.
+    pub fn check(&self) -> Result<(), EvaluationError> {
+        self.config.validate()?;
+        if self.calibration.is_some() && self.calibrate_first_s.is_some() {
+            return Err(EvaluationError::TwoCalibrations);
+        }
+        if self.smooth && self.estimator != EstimatorKind::Mekf {
+            return Err(EvaluationError::NoSmoother {
+                estimator: self.estimator.name(),
+            });
+        }
+        let times = [
+            ("alignment_s", self.driver.alignment_s),
+            ("gap_limit_s", self.driver.gap_limit_s),
+            ("skip_s", self.skip_s),
+            ("calibrate_first_s", self.calibrate_first_s.unwrap_or(0.0)),
+        ];
+        for (name, value) in times {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(EvaluationError::BadValue {
+                    name: name.to_owned(),
+                    value: value.to_string(),
+                    problem: "expected a time in seconds, 0 or above".to_owned(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The driver's settings with the frame of this run.
+    #[must_use]
+    pub(crate) fn driver_config(&self) -> DriverConfig<f64> {
+        let mut driver = self.driver;
+        driver.prior.frame = tangent_frame(self.world_frame);
+        driver
+    }
+
+    /// Whether the user set this parameter.
+    pub(crate) fn is_explicit(&self, name: &str) -> bool {
+        self.explicit_settings.contains(name)
+    }
+}
+
+/// The frame of core that a recording's frame is.
+pub(crate) const fn tangent_frame(frame: WorldFrame) -> TangentFrame {
+    match frame {
+        WorldFrame::Enu => TangentFrame::Enu,
+        WorldFrame::Ned => TangentFrame::Ned,
+    }
+}
+
+/// Which magnetometer stream is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MagnetometerSource {
+    /// As the device calibrated it.
+    #[default]
+    Device,
+    /// Without the device's calibration: hard iron of the device included.
+    Uncalibrated,
+}
+
+/// The sensors a run uses beside the gyroscope, which every estimator needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SensorSelection {
+    /// Whether the accelerometer is used, default true.
+    pub accelerometer: bool,
+    /// Whether the magnetometer is used, default true.
+    pub magnetometer: bool,
+    /// Which magnetometer stream, default the device's.
+    pub magnetometer_source: MagnetometerSource,
+}
+
+impl Default for SensorSelection {
+    fn default() -> Self {
+        Self {
+            accelerometer: true,
+            magnetometer: true,
+            magnetometer_source: MagnetometerSource::Device,
+        }
+    }
+}
+
+impl SensorSelection {
+    /// The names that a list of sensors can hold.
+    pub const NAMES: &'static str =
+        "gyro (gyroscope), acc (accelerometer), mag (magnetometer), mag-uncalibrated";
+}
+
+/// A list such as `gyro,acc`.
+impl FromStr for SensorSelection {
+    type Err = EvaluationError;
+
+    fn from_str(text: &str) -> Result<Self, EvaluationError> {
+        let mut gyroscope = false;
+        let mut selection = Self {
+            accelerometer: false,
+            magnetometer: false,
+            ..Self::default()
+        };
+        for name in text.split(',').map(str::trim) {
+            match name {
+                "gyro" | "gyroscope" => gyroscope = true,
+                "acc" | "accelerometer" => selection.accelerometer = true,
+                "mag" | "magnetometer" => selection.magnetometer = true,
+                "mag-uncalibrated" | "magnetometer-uncalibrated" => {
+                    selection.magnetometer = true;
+                    selection.magnetometer_source = MagnetometerSource::Uncalibrated;
+                }
+                _ => {
+                    return Err(EvaluationError::UnknownSensor {
+                        name: name.to_owned(),
+                        valid: Self::NAMES.to_owned(),
+                    });
+                }
+            }
+        }
+        if gyroscope {
+            Ok(selection)
+        } else {
+            Err(EvaluationError::GyroscopeNotChosen {
+                text: text.to_owned(),
+            })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_sensors_are_read() {
+        let chosen: SensorSelection = "gyro, acc".parse().unwrap();
+        assert!(chosen.accelerometer && !chosen.magnetometer);
+        let raw: SensorSelection = "gyroscope,mag-uncalibrated".parse().unwrap();
+        assert!(!raw.accelerometer && raw.magnetometer);
+        assert_eq!(raw.magnetometer_source, MagnetometerSource::Uncalibrated);
+        let error = |text: &str| text.parse::<SensorSelection>().unwrap_err().to_string();
+        assert!(error("acc,mag").contains("gyroscope is missing in `acc,mag`"));
+        assert!(error("gyro,baro").contains("unknown sensor `baro`; expected a list of: gyro"));
+    }
+
+    #[test]
+    fn contradictions_are_refused_before_anything_is_read() {
+        let mut options = RunOptions {
+            smooth: true,
+            ..RunOptions::default()
+        };
+        assert!(options.check().is_ok());
+        options.estimator = EstimatorKind::Usque;
+        assert!(
+            options
+                .check()
+                .unwrap_err()
+                .to_string()
+                .contains("no smoother for `usque`")
+        );
+        let options = RunOptions {
+            skip_s: f64::NAN,
+            ..RunOptions::default()
+        };
+        assert!(
+            options
+                .check()
+                .unwrap_err()
+                .to_string()
+                .starts_with("parameter `skip_s`")
+        );
+    }
+
+    #[test]
+    fn settings_of_the_user_are_remembered() {
+        let mut options = RunOptions::default();
+        options.set("accelerometer_std=0.3").unwrap();
+        assert!(options.is_explicit("accelerometer_std"));
+        assert!(!options.is_explicit("magnetometer_std_ut"));
+    }
+}

@@ -1,0 +1,215 @@
+//! Rauch-Tung-Striebel smoother for the six-state MEKF: the best estimate in hindsight.
+//!
+//! Read first: Rauch, Tung & Striebel (1965); `docs/derivations/mekf.md`, section on the smoother.
+//! A [`Recorder`] runs a [`Mekf`] and keeps what each propagation did; [`Recorder::smooth`] then
+//! walks back. It needs the whole recording and about a kilobyte for each propagation. Use it for
+//! records and for judging an estimator, not on a device.
+//!
+//! # Model
+//!
+//! Node `k` is the state after all updates before propagation `k`; the errors are local and small:
+//!
+//! ```text
+//! G_k = P_k^+ Phi_k^T (P_{k+1}^-)^-1
+//! d   = [log((q_{k+1}^-)^-1 q_{k+1}^s), b_{k+1}^s - b_{k+1}^-],   x = G_k d
+//! q_k^s = q_k^+ Exp(x_a),   b_k^s = b_k^+ + x_b
+//! P_k^s = P_k^+ + G_k (P_{k+1}^s - P_{k+1}^-) G_k^T
+//! ```
+//!
+//! | symbol | here | unit |
+//! |---|---|---|
+//! | `q^+, b^+, P^+` | `Step::filtered` | -, rad/s, rad^2 ... |
+//! | `q^-, b^-, P^-` | `Step::predicted` | |
+//! | `Phi` | `Step::transition` | |
+//!
+//! A new start of the filter ends the chain: nothing is carried back across it.
+
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
+use northing_core::attitude::config::ConfigError;
+use northing_core::attitude::mekf::Mekf;
+use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, Propagation};
+use northing_core::geometry::{rotation, so3};
+use northing_core::kalman::Innovation;
+
+/// Attitude, bias and covariance at one node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SmoothedState {
+    /// `ref_from_body`.
+    pub attitude: UnitQuaternion<f64>,
+    /// Gyroscope bias, rad/s, body axes.
+    pub gyroscope_bias: Vector3<f64>,
+    /// Covariance of `[attitude error (rad, body axes), bias error (rad/s)]`.
+    pub covariance: Matrix6<f64>,
+}
+
+impl SmoothedState {
+    fn of(mekf: &Mekf<f64>) -> Self {
+        let state = mekf.state();
+        Self {
+            attitude: state.attitude,
+            gyroscope_bias: state.gyroscope_bias,
+            covariance: state.covariance,
+        }
+    }
+
+    /// Covariance (rad^2) of the local attitude error, body axes.
+    #[must_use]
+    pub fn attitude_covariance(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+
+    /// Covariance ((rad/s)^2) of the bias.
+    #[must_use]
+    pub fn bias_covariance(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(3, 3).into_owned()
+    }
+}
+
+/// From one node to the next.
+#[derive(Debug, Clone)]
+enum Step {
+    /// A propagation.
+    Propagated {
+        filtered: SmoothedState,
+        transition: Matrix6<f64>,
+        predicted: SmoothedState,
+    },
+    /// A new start.
+    Restarted { filtered: SmoothedState },
+}
+
+/// A [`Mekf`] that remembers.
+#[derive(Debug, Clone)]
+pub struct Recorder {
+    mekf: Mekf<f64>,
+    steps: Vec<Step>,
+}
+
+impl Recorder {
+    /// A filter with these settings and nothing to remember yet.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when a setting makes no sense.
+    pub fn new(config: AttitudeConfig<f64>) -> Result<Self, ConfigError> {
+        Ok(Self {
+            mekf: Mekf::new(config)?,
+            steps: Vec::new(),
+        })
+    }
+
+    /// The node at which the filter is: its place in what [`Recorder::smooth`] returns.
+    #[must_use]
+    pub fn node(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// The smoothed state at every node, the first to the last. The last is the filter's own.
+    #[must_use]
+    pub fn smooth(&self) -> Vec<SmoothedState> {
+        let mut smoothed = Vec::with_capacity(self.steps.len() + 1);
+        let mut next = SmoothedState::of(&self.mekf);
+        smoothed.push(next);
+        for step in self.steps.iter().rev() {
+            next = match step {
+                Step::Propagated {
+                    filtered,
+                    transition,
+                    predicted,
+                } => step_back(filtered, transition, predicted, &next),
+                Step::Restarted { filtered } => *filtered,
+            };
+            smoothed.push(next);
+        }
+        smoothed.reverse();
+        smoothed
+    }
+
+    fn remember(&mut self, filtered: SmoothedState, transition: Matrix6<f64>) {
+        let predicted = SmoothedState::of(&self.mekf);
+        self.steps.push(Step::Propagated {
+            filtered,
+            transition,
+            predicted,
+        });
+    }
+}
+
+/// One step back; the filtered state where the prediction cannot be inverted.
+fn step_back(
+    filtered: &SmoothedState,
+    transition: &Matrix6<f64>,
+    predicted: &SmoothedState,
+    next: &SmoothedState,
+) -> SmoothedState {
+    let Some(factor) = predicted.covariance.cholesky() else {
+        return *filtered;
+    };
+    // G^T = (P^-)^-1 Phi P^+, as P^+ and P^- are symmetric.
+    let gain = factor
+        .solve(&(transition * filtered.covariance))
+        .transpose();
+    let mut d = Vector6::zeros();
+    let turn = so3::log(&(predicted.attitude.inverse() * next.attitude));
+    d.fixed_rows_mut::<3>(0).copy_from(&turn);
+    d.fixed_rows_mut::<3>(3)
+        .copy_from(&(next.gyroscope_bias - predicted.gyroscope_bias));
+    let x = gain * d;
+    let (a, b): (Vector3<f64>, Vector3<f64>) = (
+        x.fixed_rows::<3>(0).into_owned(),
+        x.fixed_rows::<3>(3).into_owned(),
+    );
+    let change = next.covariance - predicted.covariance;
+    let covariance = filtered.covariance + gain * change * gain.transpose();
+    SmoothedState {
+        attitude: rotation::renormalize(&(filtered.attitude * so3::exp(&a))),
+        gyroscope_bias: filtered.gyroscope_bias + b,
+        covariance: (covariance + covariance.transpose()) * 0.5,
+    }
+}
+
+impl AttitudeEstimator<f64> for Recorder {
+    fn initialize(&mut self, initial: &InitialState<f64>) {
+        let filtered = SmoothedState::of(&self.mekf);
+        self.mekf.initialize(initial);
+        self.steps.push(Step::Restarted { filtered });
+    }
+
+    fn propagate(&mut self, angular_rate: &Vector3<f64>, dt: f64) -> Propagation {
+        let filtered = SmoothedState::of(&self.mekf);
+        let transition = self.mekf.transition(angular_rate, dt);
+        let propagation = self.mekf.propagate(angular_rate, dt);
+        if propagation == Propagation::Done && dt > 0.0 {
+            self.remember(filtered, transition);
+        }
+        propagation
+    }
+
+    fn update_accelerometer(&mut self, specific_force: &Vector3<f64>) -> Innovation<f64> {
+        self.mekf.update_accelerometer(specific_force)
+    }
+
+    fn update_magnetometer(&mut self, magnetic_field: &Vector3<f64>) -> Innovation<f64> {
+        self.mekf.update_magnetometer(magnetic_field)
+    }
+
+    fn add_attitude_variance(&mut self, variance: f64) {
+        let filtered = SmoothedState::of(&self.mekf);
+        self.mekf.add_attitude_variance(variance);
+        self.remember(filtered, Matrix6::identity());
+    }
+
+    fn attitude(&self) -> UnitQuaternion<f64> {
+        self.mekf.attitude()
+    }
+
+    fn attitude_covariance(&self) -> Option<Matrix3<f64>> {
+        self.mekf.attitude_covariance()
+    }
+
+    fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        self.mekf.gyroscope_bias()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,289 @@
+//! Runs one estimator over a stream of events and says how good it was.
+//!
+//! Events of one instant are taken together, gyroscope first, and the estimate is scored after all
+//! of them. Memory does not grow with the recording, unless smoothing asks for it.
+
+use nalgebra::UnitQuaternion;
+use northing_core::attitude::driver::AttitudeDriver;
+use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, Propagation};
+use northing_core::calibration::RestCalibration;
+use northing_recording::{Event, Recording, SensorKind};
+
+use crate::calibration::{self, CalibrationPhase};
+use crate::device;
+use crate::error::EvaluationError;
+use crate::estimators::{AnyEstimator, EstimatorKind};
+use crate::instants::{Instant, Instants};
+use crate::observer::{EstimateRecord, InnovationRecord, RunObserver};
+use crate::options::RunOptions;
+use crate::rts_smoother::Recorder;
+use crate::summary::RunSummary;
+use crate::tally::Tally;
+
+/// Runs the estimator of `options` over `events`, which must be in time order.
+///
+/// # Errors
+/// The options make no sense, the events end in an error, a calibration is refused, or there was
+/// nothing to estimate: see [`EvaluationError`].
+pub fn run<I, X>(
+    events: I,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError>
+where
+    I: IntoIterator<Item = Result<Event, X>>,
+    X: std::error::Error + Send + Sync + 'static,
+{
+    let summary = run_leniently(events, options, observer)?;
+    if summary.estimates == 0 {
+        return Err(nothing_estimated(&summary, options));
+    }
+    Ok(summary)
+}
+
+/// Runs over a recording and takes name, world frame and issues from it.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_recording(
+    recording: &mut Recording,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError> {
+    let options = options_for(recording, options);
+    let mut summary = run(&mut *recording, &options, observer)?;
+    summary.issues.splice(0..0, recording.issues().sentences());
+    Ok(summary)
+}
+
+/// The options with what the recording says about itself.
+pub(crate) fn options_for(recording: &Recording, options: &RunOptions) -> RunOptions {
+    RunOptions {
+        recording: recording.metadata().name.clone(),
+        world_frame: recording.metadata().world_frame,
+        ..options.clone()
+    }
+}
+
+/// As [`run`], but a recording in which there is nothing to estimate is no error.
+pub(crate) fn run_leniently<I, X>(
+    events: I,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError>
+where
+    I: IntoIterator<Item = Result<Event, X>>,
+    X: std::error::Error + Send + Sync + 'static,
+{
+    options.check()?;
+    let instants = Instants::new(events)
+        .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
+    match options.estimator {
+        EstimatorKind::Device => device::run(instants, options, observer),
+        EstimatorKind::Mekf if options.smooth => run_smoothed(instants, options, observer),
+        kind => run_filter(instants, options, observer, kind),
+    }
+}
+
+fn nothing_estimated(summary: &RunSummary, options: &RunOptions) -> EvaluationError {
+    if options.estimator == EstimatorKind::Device {
+        return EvaluationError::NoDeviceOrientation;
+    }
+    // Without an accelerometer the driver waits four times as long for one.
+    let patience = if summary.unobservable.is_empty() {
+        1.0
+    } else {
+        4.0
+    };
+    let needed = options
+        .calibrate_first_s
+        .unwrap_or(options.driver.alignment_s * patience);
+    EvaluationError::TooShort {
+        seconds: summary.duration_s,
+        needed,
+    }
+}
+
+fn run_filter(
+    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+    kind: EstimatorKind,
+) -> Result<RunSummary, EvaluationError> {
+    let make = |config: &AttitudeConfig<f64>| {
+        AnyEstimator::new(kind, config)?.ok_or(EvaluationError::NoDeviceOrientation)
+    };
+    let mut session = Session::new(options, &make)?;
+    for instant in instants {
+        if let Some(record) = session.step(&instant?, observer)? {
+            session.tally.estimated(&record);
+            observer.estimate(&record);
+        }
+    }
+    Ok(session.tally.summary(options, true))
+}
+
+/// Forward with a filter that remembers, then backward; the estimates told and scored are smoothed.
+fn run_smoothed(
+    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError> {
+    let make = |config: &AttitudeConfig<f64>| Ok(Recorder::new(*config)?);
+    let mut session = Session::new(options, &make)?;
+    let mut records: Vec<(EstimateRecord, usize)> = Vec::new();
+    for instant in instants {
+        let record = session.step(&instant?, observer)?;
+        if let (Some(record), Phase::Running(driver)) = (record, &session.phase) {
+            records.push((record, driver.estimator.node()));
+        }
+    }
+    let smoothed = match &session.phase {
+        Phase::Running(driver) => driver.estimator.smooth(),
+        Phase::Calibrating(_) => Vec::new(),
+    };
+    for (mut record, node) in records {
+        let state = &smoothed[node];
+        record.attitude = state.attitude;
+        record.attitude_covariance = Some(state.attitude_covariance());
+        record.gyroscope_bias = Some((state.gyroscope_bias, state.bias_covariance()));
+        session.tally.estimated(&record);
+        observer.estimate(&record);
+    }
+    Ok(session.tally.summary(options, true))
+}
+
+/// Makes an estimator once its parameters are known.
+type Make<'a, E> = &'a dyn Fn(&AttitudeConfig<f64>) -> Result<E, EvaluationError>;
+
+/// One estimator on its way through one recording.
+struct Session<'a, E> {
+    options: &'a RunOptions,
+    make: Make<'a, E>,
+    phase: Phase<E>,
+    tally: Tally,
+    device: Option<UnitQuaternion<f64>>,
+}
+
+enum Phase<E> {
+    /// The device rests; nothing is estimated.
+    Calibrating(CalibrationPhase),
+    /// The estimator aligns itself and runs.
+    Running(Box<AttitudeDriver<f64, E>>),
+}
+
+impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
+    fn new(options: &'a RunOptions, make: Make<'a, E>) -> Result<Self, EvaluationError> {
+        let phase = match (options.calibrate_first_s, &options.calibration) {
+            (Some(seconds), _) => {
+                Phase::Calibrating(CalibrationPhase::new(seconds, options.sensors))
+            }
+            (None, Some(calibration)) => running(options, calibration, make)?,
+            (None, None) => {
+                let estimator = make(&options.config)?;
+                let driver = options.driver_config();
+                Phase::Running(Box::new(AttitudeDriver::new(
+                    estimator,
+                    options.config,
+                    driver,
+                )))
+            }
+        };
+        Ok(Self {
+            options,
+            make,
+            phase,
+            tally: Tally::new(options),
+            device: None,
+        })
+    }
+
+    /// Takes one instant; gives the estimate if it has a gyroscope sample and there is one.
+    fn step(
+        &mut self,
+        instant: &Instant,
+        observer: &mut dyn RunObserver,
+    ) -> Result<Option<EstimateRecord>, EvaluationError> {
+        let sensors = &self.options.sensors;
+        let force = instant.specific_force.filter(|_| sensors.accelerometer);
+        let field = calibration::chosen_field(instant, sensors);
+        self.tally.read(instant, force, field);
+        self.device = instant.device.or(self.device);
+        let time_s = self.tally.time_s(instant.time_ns);
+        if let Phase::Calibrating(phase) = &mut self.phase {
+            if time_s < phase.seconds() {
+                phase.add(instant);
+                let rate = instant.angular_rate.is_some();
+                self.tally
+                    .calibrated_with(rate, force.is_some(), field.is_some());
+                return Ok(None);
+            }
+            self.phase = started(self.options, &phase.finish()?, self.make)?;
+        }
+        let Phase::Running(driver) = &mut self.phase else {
+            return Ok(None);
+        };
+        let time_ns = instant.time_ns;
+        let mut propagation = None;
+        if let Some(rate) = instant.angular_rate {
+            propagation = Some(driver.gyroscope(time_ns, &rate));
+        }
+        let force = force.map(|f| (SensorKind::Accelerometer, driver.accelerometer(time_ns, &f)));
+        let field = field.map(|m| (SensorKind::Magnetometer, driver.magnetometer(time_ns, &m)));
+        for (sensor, innovation) in force.into_iter().chain(field) {
+            self.tally.updated(sensor, &innovation);
+            observer.innovation(&InnovationRecord {
+                time_ns,
+                time_s,
+                sensor,
+                innovation,
+            });
+        }
+        if let Some(propagation) = propagation {
+            self.tally.propagated(propagation);
+        }
+        if propagation != Some(Propagation::Done) || !driver.is_started() {
+            return Ok(None);
+        }
+        Ok(Some(EstimateRecord {
+            time_ns,
+            time_s,
+            attitude: driver.estimator.attitude(),
+            attitude_covariance: driver.estimator.attitude_covariance(),
+            gyroscope_bias: driver.estimator.gyroscope_bias(),
+            reference: instant.reference,
+            device: self.device,
+        }))
+    }
+}
+
+/// An estimator with a calibration made before; it aligns on the recording.
+fn running<E: AttitudeEstimator<f64>>(
+    options: &RunOptions,
+    calibration: &RestCalibration<f64>,
+    make: Make<'_, E>,
+) -> Result<Phase<E>, EvaluationError> {
+    let config = calibration::calibrated_config(options, calibration);
+    let driver = calibration::calibrated_driver(options, calibration);
+    Ok(Phase::Running(Box::new(AttitudeDriver::new(
+        make(&config)?,
+        config,
+        driver,
+    ))))
+}
+
+/// An estimator that starts from the rest that has just ended.
+fn started<E: AttitudeEstimator<f64>>(
+    options: &RunOptions,
+    calibration: &RestCalibration<f64>,
+    make: Make<'_, E>,
+) -> Result<Phase<E>, EvaluationError> {
+    let config = calibration::calibrated_config(options, calibration);
+    let settings = calibration::calibrated_driver(options, calibration);
+    let mut driver = AttitudeDriver::new(make(&config)?, config, settings);
+    driver.start_from(&calibration::state_at_rest(calibration, &config, &settings));
+    Ok(Phase::Running(Box::new(driver)))
+}
+
+#[cfg(test)]
+mod tests;

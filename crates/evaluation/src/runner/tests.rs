@@ -1,0 +1,344 @@
+//! Runs on the virtual phone and on events made by hand.
+
+use super::*;
+use crate::parameters::Profile;
+use nalgebra::Vector3;
+use northing_recording::{RecordingError, Reference, Sample};
+use northing_simulation::virtual_phone::{Disturbance, Motion};
+use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
+
+type Events = Vec<Result<Event, RecordingError>>;
+
+fn phone(seed: u64) -> Events {
+    let config = VirtualPhoneConfig {
+        seed,
+        motion: Motion::Gentle,
+        ..VirtualPhoneConfig::default()
+    };
+    VirtualPhone::new(config)
+        .unwrap()
+        .events()
+        .map(Ok)
+        .collect()
+}
+
+fn lab(estimator: EstimatorKind) -> RunOptions {
+    RunOptions {
+        calibrate_first_s: Some(9.0),
+        ..RunOptions::new(estimator, Profile::Lab)
+    }
+}
+
+fn summary_of(options: &RunOptions) -> RunSummary {
+    run(phone(1), options, &mut ()).unwrap()
+}
+
+#[test]
+fn the_lab_on_the_virtual_phone_ranks_the_estimators() {
+    let integration = summary_of(&lab(EstimatorKind::Integration));
+    let mekf = summary_of(&lab(EstimatorKind::Mekf));
+    let total = |s: &RunSummary| s.error_deg.unwrap().total_rmse;
+    assert!(total(&mekf) < 1.5, "{:?}", mekf.error_deg);
+    assert!(
+        total(&mekf) < total(&integration),
+        "{:?}",
+        integration.error_deg
+    );
+    assert!(integration.nees_mean.is_none() && mekf.nees_mean.is_some());
+    let last = mekf.final_test.unwrap();
+    assert!(
+        last.calculated_error_deg < 1.5 && last.verdict.is_some(),
+        "{last:?}"
+    );
+    assert!(integration.final_test.unwrap().verdict.is_none());
+}
+
+#[test]
+fn counts_add_up_to_the_samples() {
+    let summary = summary_of(&lab(EstimatorKind::Mekf));
+    let counts = |c: &crate::nis::UpdateCounts| c.fused + c.gated + c.skipped;
+    let of = |kind| summary.samples_per_sensor[&kind];
+    assert_eq!(
+        counts(&summary.updates.gyroscope),
+        of(SensorKind::Gyroscope)
+    );
+    assert_eq!(
+        counts(&summary.updates.accelerometer),
+        of(SensorKind::Accelerometer)
+    );
+    assert_eq!(
+        counts(&summary.updates.magnetometer),
+        of(SensorKind::Magnetometer)
+    );
+    let all: u64 = summary.samples_per_sensor.values().sum();
+    assert_eq!(summary.samples, all - of(SensorKind::Reference));
+    assert!((summary.duration_s - 75.0).abs() < 0.1);
+    assert!((summary.first_estimate_s.unwrap() - 9.0).abs() < 0.1);
+    assert_eq!(summary.estimates, summary.updates.gyroscope.fused);
+    assert!(summary.updates.gyroscope.skipped_because["used for the calibration"] > 0);
+}
+
+#[test]
+fn a_summary_has_the_keys_that_scripts_read() {
+    let json = serde_json::to_value(summary_of(&lab(EstimatorKind::Mekf))).unwrap();
+    assert_eq!(json["estimator"], "mekf");
+    for sensor in ["gyroscope", "accelerometer", "magnetometer"] {
+        for outcome in ["fused", "gated", "skipped"] {
+            assert!(
+                json["updates"][sensor][outcome].is_u64(),
+                "{sensor} {outcome}"
+            );
+        }
+    }
+    for key in ["total_rmse", "heading_rmse", "inclination_rmse"] {
+        assert!(json["error_deg"][key].is_f64(), "{key}");
+    }
+    assert!(json["error_deg"]["scored_samples"].is_u64());
+    assert!(json["nees_mean"].is_f64() && json["nis_mean"]["accelerometer"].is_f64());
+    for key in ["calculated_error_deg", "estimated_error_deg"] {
+        assert!(json["final"][key].is_f64(), "{key}");
+    }
+    assert!(json["final"]["verdict"].is_string());
+    assert!(json["recording"].is_string() && json["samples"].is_u64());
+    assert!(json["duration_s"].is_f64());
+
+    let options = RunOptions::new(EstimatorKind::Integration, Profile::Lab);
+    let without: Events = phone(1)
+        .into_iter()
+        .filter(|e| e.as_ref().unwrap().sample.kind() != SensorKind::Reference)
+        .collect();
+    let json = serde_json::to_value(run(without, &options, &mut ()).unwrap()).unwrap();
+    for key in ["error_deg", "nees_mean"] {
+        assert!(json[key].is_null(), "{key}");
+    }
+    assert!(json["nis_mean"]["accelerometer"].is_null());
+}
+
+#[test]
+fn a_stated_accelerometer_noise_three_times_too_small_is_found_out() {
+    let mut options = lab(EstimatorKind::Mekf);
+    let honest = summary_of(&options);
+    let sensor = |s: &RunSummary| s.verdicts[0].clone();
+    let fair = sensor(&honest).variance_factor.unwrap();
+    let stated = calibrated_std(&options) / 3.0;
+    options.set(&format!("accelerometer_std={stated}")).unwrap();
+    let found = sensor(&summary_of(&options)).variance_factor.unwrap();
+    assert!((found / fair / 9.0 - 1.0).abs() < 0.25, "{fair} {found}");
+}
+
+/// The accelerometer noise that the phone's own rest shows.
+fn calibrated_std(options: &RunOptions) -> f64 {
+    let mut phase = CalibrationPhase::new(9.0, options.sensors);
+    for instant in Instants::new(phone(1)).map(Result::unwrap) {
+        if instant.time_ns < 9_000_000_000 {
+            phase.add(&instant);
+        }
+    }
+    phase.finish().unwrap().accelerometer_std().unwrap()
+}
+
+#[test]
+fn smoothing_scores_better_than_filtering() {
+    let filtered = summary_of(&lab(EstimatorKind::Mekf));
+    let smoothed = summary_of(&RunOptions {
+        smooth: true,
+        ..lab(EstimatorKind::Mekf)
+    });
+    let total = |s: &RunSummary| s.error_deg.unwrap().total_rmse;
+    assert!(
+        total(&smoothed) < total(&filtered),
+        "{:?}",
+        smoothed.error_deg
+    );
+    assert!(smoothed.smoothed && !filtered.smoothed);
+    assert_eq!(smoothed.estimates, filtered.estimates);
+    assert_eq!(smoothed.nis_mean, filtered.nis_mean);
+}
+
+#[test]
+fn the_device_is_scored_where_the_estimators_are() {
+    let device = summary_of(&RunOptions::new(EstimatorKind::Device, Profile::Lab));
+    let error = device.error_deg.unwrap();
+    assert!(
+        error.total_rmse > 0.1 && error.total_rmse < 15.0,
+        "{error:?}"
+    );
+    assert!(device.profile.is_none() && device.verdicts.is_empty());
+    let mekf = summary_of(&RunOptions::new(EstimatorKind::Mekf, Profile::Lab));
+    let scored = mekf.error_deg.unwrap().scored_samples;
+    assert!(scored - error.scored_samples < 50, "{scored} {error:?}");
+}
+
+#[test]
+fn without_sensors_it_runs_and_says_what_is_unobservable() {
+    let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+    options.sensors = "gyro,acc".parse().unwrap();
+    let summary = summary_of(&options);
+    assert!(summary.unobservable[0].starts_with("The magnetometer is left out"));
+    assert_eq!(summary.updates.magnetometer.fused, 0);
+    assert_eq!(summary.nis_mean.magnetometer, None);
+    let error = summary.error_deg.unwrap();
+    assert!(
+        error.inclination_rmse < 1.5 && error.heading_rmse > 5.0,
+        "{error:?}"
+    );
+}
+
+#[test]
+fn calibrating_while_moving_is_refused() {
+    let options = RunOptions {
+        calibrate_first_s: Some(25.0),
+        ..lab(EstimatorKind::Mekf)
+    };
+    let error = run(phone(1), &options, &mut ()).unwrap_err().to_string();
+    assert!(
+        error.starts_with("calibration from the first 25 s: the device"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_calibration_made_before_gives_bias_and_field() {
+    let mut phase = CalibrationPhase::new(9.0, lab(EstimatorKind::Mekf).sensors);
+    let instants: Vec<_> = Instants::new(phone(1)).map(Result::unwrap).collect();
+    for instant in instants.iter().filter(|i| i.time_ns < 9_000_000_000) {
+        phase.add(instant);
+    }
+    let calibration = phase.finish().unwrap();
+    let plain = RunOptions::new(EstimatorKind::Integration, Profile::Lab);
+    let calibrated = RunOptions {
+        calibration: Some(calibration),
+        ..plain.clone()
+    };
+    let total = |o: &RunOptions| summary_of(o).error_deg.unwrap().total_rmse;
+    assert!(
+        total(&calibrated) < 0.5 * total(&plain),
+        "the bias is what integration suffers from"
+    );
+    let both = RunOptions {
+        calibrate_first_s: Some(5.0),
+        ..calibrated
+    };
+    assert!(matches!(
+        run(phone(1), &both, &mut ()),
+        Err(EvaluationError::TwoCalibrations)
+    ));
+}
+
+/// A device at rest, 100 Hz, from `from_s` to `to_s`.
+fn rest(from_s: f64, to_s: f64) -> Events {
+    let mut events = Vec::new();
+    for k in (from_s * 100.0) as i64..(to_s * 100.0) as i64 {
+        let samples = [
+            Sample::AngularRate(Vector3::zeros()),
+            Sample::SpecificForce(Vector3::new(0.0, 0.0, 9.81)),
+            Sample::MagneticField(Vector3::new(0.0, 22.0, -42.0)),
+            Sample::Reference(Reference {
+                attitude: UnitQuaternion::identity(),
+                scored: true,
+            }),
+        ];
+        events.extend(samples.map(|sample| {
+            Ok(Event {
+                time_ns: k * 10_000_000,
+                sample,
+            })
+        }));
+    }
+    events
+}
+
+#[test]
+fn a_gap_is_counted_and_widens_the_covariance() {
+    struct Widest(f64);
+    impl RunObserver for Widest {
+        fn estimate(&mut self, record: &EstimateRecord) {
+            self.0 = self
+                .0
+                .max(record.attitude_covariance.unwrap()[(2, 2)].sqrt());
+        }
+    }
+    let mut events = rest(0.0, 6.0);
+    events.extend(rest(9.0, 12.0));
+    let options = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
+    let mut late = Widest(0.0);
+    let summary = run(events, &options, &mut late).unwrap();
+    assert_eq!(summary.gaps.count, 1);
+    approx::assert_relative_eq!(summary.gaps.longest_s, 3.01, epsilon = 1e-9);
+    approx::assert_relative_eq!(summary.gaps.longest_start_s, 5.99, epsilon = 1e-9);
+    assert_eq!(summary.error_deg.unwrap().scored_samples, 400);
+}
+
+#[test]
+fn samples_that_are_not_finite_are_skipped_and_counted() {
+    let mut events = rest(0.0, 8.0);
+    for (n, event) in events.iter_mut().flatten().enumerate() {
+        if n % 40 == 0 {
+            event.sample = Sample::AngularRate(Vector3::new(f64::NAN, 0.0, 0.0));
+        }
+        if n % 40 == 1 {
+            event.sample = Sample::SpecificForce(Vector3::zeros());
+        }
+    }
+    let options = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
+    let summary = run(events, &options, &mut ()).unwrap();
+    assert_eq!(
+        summary.updates.gyroscope.skipped_because["not a finite number"],
+        80
+    );
+    assert!(summary.updates.accelerometer.skipped_because["zero vector"] >= 70);
+    assert!(summary.error_deg.unwrap().total_rmse < 0.01);
+}
+
+#[test]
+fn errors_of_the_recording_come_through_and_too_little_is_said() {
+    let mut events = rest(0.0, 1.0);
+    events.push(Err(RecordingError::Damaged {
+        file: "a.parquet".into(),
+        detail: "cut".into(),
+    }));
+    let options = RunOptions::default();
+    let error = run(events, &options, &mut ()).unwrap_err().to_string();
+    assert!(
+        error.starts_with("a.parquet: damaged or cut off"),
+        "{error}"
+    );
+    let error = run(rest(0.0, 0.2), &options, &mut ())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("too short: 0.190 s of samples"),
+        "{error}"
+    );
+    let device = RunOptions::new(EstimatorKind::Device, Profile::Lab);
+    let error = run(rest(0.0, 8.0), &device, &mut ()).unwrap_err();
+    assert!(matches!(error, EvaluationError::NoDeviceOrientation));
+}
+
+#[test]
+fn a_disturbed_magnetometer_is_gated_and_said() {
+    let config = VirtualPhoneConfig {
+        disturbance: Disturbance::Magnetic,
+        ..VirtualPhoneConfig::default()
+    };
+    let events: Events = VirtualPhone::new(config)
+        .unwrap()
+        .events()
+        .map(Ok)
+        .collect();
+    let summary = run(events, &lab(EstimatorKind::Mekf), &mut ()).unwrap();
+    assert!(
+        summary.updates.magnetometer.gated > 100,
+        "{:?}",
+        summary.updates.magnetometer
+    );
+    let verdict = summary
+        .verdicts
+        .iter()
+        .find(|v| v.sensor == SensorKind::Magnetometer)
+        .unwrap();
+    assert!(
+        verdict.sentences.iter().any(|s| s.contains("gate refuses")),
+        "{verdict:?}"
+    );
+}

@@ -1,0 +1,95 @@
+//! The outcome of a run: the object that `run --json` prints.
+
+use std::collections::BTreeMap;
+
+use northing_recording::SensorKind;
+use serde::Serialize;
+
+use crate::consistency::SensorVerdict;
+use crate::estimators::EstimatorKind;
+use crate::final_test::FinalSummary;
+use crate::metrics::ErrorSummary;
+use crate::nis::{NisSummary, UpdateCounts};
+use crate::parameters::Profile;
+
+/// The outcome of one estimator on one recording. What does not apply is `None`, `null` in JSON.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunSummary {
+    /// The estimator.
+    pub estimator: EstimatorKind,
+    /// Name of the recording.
+    pub recording: String,
+    /// Time from the first to the last sample, s.
+    pub duration_s: f64,
+    /// Samples read, of all sensors; the reference is not one.
+    pub samples: u64,
+    /// What became of the samples of each sensor. During alignment and calibration they are
+    /// skipped as updates.
+    pub updates: PerSensor<UpdateCounts>,
+    /// RMS errors against the reference, deg; `None` without a scored reference.
+    pub error_deg: Option<ErrorSummary>,
+    /// Mean NEES of the attitude per degree of freedom: 1 when the covariance is honest.
+    pub nees_mean: Option<f64>,
+    /// Mean NIS of each sensor, not divided by anything: when honest it is the sensor's degrees of
+    /// freedom (3 for a vector, 1 for a heading), which `nis` states.
+    pub nis_mean: NisOf<f64>,
+    /// The final test; `None` where the device did not rest in the same pose at both ends.
+    #[serde(rename = "final")]
+    pub final_test: Option<FinalSummary>,
+    /// All NIS statistics of each sensor.
+    pub nis: NisOf<NisSummary>,
+    /// Whether each sensor's stated noise is honest, in words.
+    pub verdicts: Vec<SensorVerdict>,
+    /// What the sensors used cannot tell, in words.
+    pub unobservable: Vec<String>,
+    /// The profile of the parameters; `None` for what has no parameters.
+    pub profile: Option<Profile>,
+    /// Where the calibration came from, in words.
+    pub calibration: Option<String>,
+    /// Whether the estimates are smoothed.
+    pub smoothed: bool,
+    /// Estimates made, one for each gyroscope sample after the start.
+    pub estimates: u64,
+    /// When the first estimate was there, s after the first sample.
+    pub first_estimate_s: Option<f64>,
+    /// Pauses of the gyroscope.
+    pub gaps: Gaps,
+    /// Samples read of each kind.
+    pub samples_per_sensor: BTreeMap<SensorKind, u64>,
+    /// What was odd about the recording or the run, one sentence each.
+    pub issues: Vec<String>,
+}
+
+/// One value for each sensor that a filter takes.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct PerSensor<V> {
+    /// Of the gyroscope: `fused` are the propagations.
+    pub gyroscope: V,
+    /// Of the accelerometer.
+    pub accelerometer: V,
+    /// Of the magnetometer that is used.
+    pub magnetometer: V,
+}
+
+/// One value for each sensor that a filter updates with; `None` where nothing was looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct NisOf<V> {
+    /// Of the accelerometer.
+    pub accelerometer: Option<V>,
+    /// Of the magnetometer.
+    pub magnetometer: Option<V>,
+}
+
+/// Pauses between gyroscope samples longer than the limit: the attitude is held and its
+/// uncertainty grows.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Gaps {
+    /// How many.
+    pub count: u64,
+    /// The limit, s.
+    pub limit_s: f64,
+    /// The longest, s; 0 without any.
+    pub longest_s: f64,
+    /// Where the longest starts, s after the first sample.
+    pub longest_start_s: f64,
+}

@@ -1,0 +1,252 @@
+//! What is counted while a run goes on, and how it becomes a summary.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use northing_core::attitude::Propagation;
+use northing_core::kalman::Innovation;
+use northing_recording::SensorKind;
+
+use crate::consistency::{self, SensorVerdict};
+use crate::final_test::FinalTest;
+use crate::instants::Instant;
+use crate::metrics::ErrorStatistics;
+use crate::nis::{NisStatistics, UpdateCounts};
+use crate::observability::{self, Present};
+use crate::observer::EstimateRecord;
+use crate::options::RunOptions;
+use crate::summary::{Gaps, NisOf, PerSensor, RunSummary};
+
+/// Counts samples, updates, gaps, scores; constant memory.
+#[derive(Debug, Clone)]
+pub(crate) struct Tally {
+    skip_s: f64,
+    first_ns: Option<i64>,
+    last_ns: i64,
+    samples: [u64; SensorKind::ALL.len()],
+    updates: PerSensor<UpdateCounts>,
+    nis: [NisStatistics; 2],
+    present: Present,
+    last_rate_ns: Option<i64>,
+    gaps: Gaps,
+    scores: ErrorStatistics,
+    final_test: FinalTest,
+    estimates: u64,
+    first_estimate_s: Option<f64>,
+}
+
+impl Tally {
+    pub(crate) fn new(options: &RunOptions) -> Self {
+        Self {
+            skip_s: options.skip_s,
+            first_ns: None,
+            last_ns: 0,
+            samples: [0; SensorKind::ALL.len()],
+            updates: PerSensor::default(),
+            nis: [NisStatistics::default(), NisStatistics::default()],
+            present: Present::default(),
+            last_rate_ns: None,
+            gaps: Gaps {
+                limit_s: options.driver.gap_limit_s,
+                ..Gaps::default()
+            },
+            scores: ErrorStatistics::default(),
+            final_test: FinalTest::default(),
+            estimates: 0,
+            first_estimate_s: None,
+        }
+    }
+
+    /// Takes what was read at one instant; `force` and `field` are of the sensors in use.
+    pub(crate) fn read(
+        &mut self,
+        instant: &Instant,
+        force: Option<Vector3<f64>>,
+        field: Option<Vector3<f64>>,
+    ) {
+        self.first_ns.get_or_insert(instant.time_ns);
+        self.last_ns = instant.time_ns;
+        for kind in instant.sensors() {
+            self.samples[kind.order()] += 1;
+        }
+        self.present.accelerometer |= force.is_some_and(usable);
+        self.present.magnetometer |= field.is_some_and(usable);
+        self.final_test.measured(instant, field);
+        if instant
+            .angular_rate
+            .is_some_and(|rate| rate.norm_squared().is_finite())
+        {
+            self.watch_gap(instant.time_ns);
+        }
+    }
+
+    fn watch_gap(&mut self, now_ns: i64) {
+        if let Some(last_ns) = self.last_rate_ns.replace(now_ns) {
+            let pause = now_ns.saturating_sub(last_ns) as f64 * 1e-9;
+            if pause > self.gaps.limit_s {
+                self.gaps.count += 1;
+                if pause > self.gaps.longest_s {
+                    self.gaps.longest_s = pause;
+                    self.gaps.longest_start_s = self.time_s(last_ns);
+                }
+            }
+        }
+    }
+
+    /// Seconds since the first sample.
+    pub(crate) fn time_s(&self, time_ns: i64) -> f64 {
+        time_ns.saturating_sub(self.first_ns.unwrap_or(time_ns)) as f64 * 1e-9
+    }
+
+    /// Seconds from the first to the last sample.
+    fn duration_s(&self) -> f64 {
+        self.time_s(self.last_ns)
+    }
+
+    pub(crate) fn propagated(&mut self, propagation: Propagation) {
+        match propagation {
+            Propagation::Done => self.updates.gyroscope.fused += 1,
+            Propagation::Skipped(reason) => self.updates.gyroscope.skip(reason),
+        }
+    }
+
+    pub(crate) fn updated(&mut self, sensor: SensorKind, innovation: &Innovation<f64>) {
+        let (counts, nis) = match sensor {
+            SensorKind::Accelerometer => (&mut self.updates.accelerometer, &mut self.nis[0]),
+            _ => (&mut self.updates.magnetometer, &mut self.nis[1]),
+        };
+        counts.add(innovation.outcome);
+        nis.add(innovation);
+    }
+
+    /// Samples that went into a calibration instead of an update.
+    pub(crate) fn calibrated_with(&mut self, gyroscope: bool, force: bool, field: bool) {
+        let used = [
+            (gyroscope, &mut self.updates.gyroscope),
+            (force, &mut self.updates.accelerometer),
+            (field, &mut self.updates.magnetometer),
+        ];
+        for (_, counts) in used.into_iter().filter(|(present, _)| *present) {
+            counts.skipped += 1;
+            *counts
+                .skipped_because
+                .entry("used for the calibration")
+                .or_default() += 1;
+        }
+    }
+
+    /// Takes an estimate: scores it where the reference counts.
+    pub(crate) fn estimated(&mut self, record: &EstimateRecord) {
+        self.estimates += 1;
+        self.first_estimate_s.get_or_insert(record.time_s);
+        self.final_test
+            .estimated(&record.attitude, record.attitude_covariance);
+        if let Some(reference) = record.reference.filter(|r| r.scored)
+            && record.time_s >= self.skip_s
+        {
+            let covariance = record.attitude_covariance.as_ref();
+            self.scores
+                .add(&record.attitude, covariance, &reference.attitude);
+        }
+    }
+
+    /// Samples read of one kind.
+    fn samples_of(&self, kind: SensorKind) -> u64 {
+        self.samples[kind.order()]
+    }
+
+    /// What it all comes to. `runs_filter` is false for what only reads a column.
+    pub(crate) fn summary(&self, options: &RunOptions, runs_filter: bool) -> RunSummary {
+        let [accelerometer, magnetometer] = [&self.nis[0], &self.nis[1]].map(|nis| nis.summary());
+        let nis = NisOf {
+            accelerometer,
+            magnetometer,
+        };
+        let error_deg = self.scores.summary();
+        let mut unobservable = Vec::new();
+        if runs_filter {
+            unobservable = observability::unobservable(self.present, &options.sensors);
+        }
+        RunSummary {
+            estimator: options.estimator,
+            recording: options.recording.clone(),
+            duration_s: self.duration_s(),
+            samples: self.sensor_samples(),
+            updates: self.updates.clone(),
+            error_deg,
+            nees_mean: self.scores.nees_per_degree_of_freedom(),
+            nis_mean: NisOf {
+                accelerometer: nis.accelerometer.map(|n| n.mean),
+                magnetometer: nis.magnetometer.map(|n| n.mean),
+            },
+            final_test: self.final_test.summary(),
+            verdicts: self.verdicts(&nis),
+            nis,
+            unobservable,
+            profile: runs_filter.then_some(options.profile),
+            calibration: calibration_in_words(options).filter(|_| runs_filter),
+            smoothed: options.smooth,
+            estimates: self.estimates,
+            first_estimate_s: self.first_estimate_s,
+            gaps: self.gaps,
+            samples_per_sensor: self.samples_per_sensor(),
+            issues: self.issues(error_deg.is_some()),
+        }
+    }
+
+    fn sensor_samples(&self) -> u64 {
+        let total: u64 = self.samples.iter().sum();
+        total - self.samples_of(SensorKind::Reference)
+    }
+
+    fn samples_per_sensor(&self) -> BTreeMap<SensorKind, u64> {
+        let counted = SensorKind::ALL
+            .into_iter()
+            .map(|kind| (kind, self.samples_of(kind)));
+        counted.filter(|(_, count)| *count > 0).collect()
+    }
+
+    fn verdicts(&self, nis: &NisOf<crate::nis::NisSummary>) -> Vec<SensorVerdict> {
+        let sensors = [
+            (
+                SensorKind::Accelerometer,
+                &nis.accelerometer,
+                &self.updates.accelerometer,
+            ),
+            (
+                SensorKind::Magnetometer,
+                &nis.magnetometer,
+                &self.updates.magnetometer,
+            ),
+        ];
+        let looked_at = sensors.into_iter().filter_map(|(kind, nis, counts)| {
+            nis.as_ref()
+                .map(|nis| consistency::judge(kind, nis, counts))
+        });
+        looked_at.collect()
+    }
+
+    fn issues(&self, scored: bool) -> Vec<String> {
+        let mut issues = Vec::new();
+        if self.samples_of(SensorKind::Reference) > 0 && !scored {
+            issues.push(format!(
+                "The reference was not scored: none of its samples counts, falls on a gyroscope \
+                 sample and comes {} s or more after the first sample.",
+                self.skip_s
+            ));
+        }
+        issues
+    }
+}
+
+fn calibration_in_words(options: &RunOptions) -> Option<String> {
+    match (&options.calibration, options.calibrate_first_s) {
+        (Some(_), _) => Some("made before".to_owned()),
+        (None, Some(seconds)) => Some(format!("from the first {seconds} s of the recording")),
+        (None, None) => None,
+    }
+}
+
+fn usable(v: Vector3<f64>) -> bool {
+    v.norm_squared().is_finite() && v.norm_squared() > 0.0
+}
