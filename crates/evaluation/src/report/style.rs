@@ -204,6 +204,7 @@ figure .plot{display:block;width:100%;height:auto}
 figcaption{max-width:62em;margin:10px 6px 4px;color:var(--muted);font-size:16.5px}
 figcaption b{color:var(--ink)}
 .wide{overflow-x:auto;background:var(--panel);border:1px solid var(--grid);border-radius:14px;margin:0 0 22px}
+.verdicts+.wide{margin-top:14px}
 table{width:100%;border-collapse:collapse;font-size:16.5px}
 caption{padding:14px 18px 2px;text-align:left;color:var(--muted)}
 th,td{padding:9px 18px;text-align:left;vertical-align:baseline;border-bottom:1px solid var(--grid)}
@@ -228,7 +229,12 @@ const PRINT_RULES: &str = "\
 body{font-size:10.5pt;background:#fff}
 nav{display:none}
 main,header,footer{max-width:none;padding-left:0;padding-right:0}
-h2{margin-top:22pt;break-after:avoid}
+h2{margin-top:22pt}
+h2,h3{break-after:avoid}
+.wide{overflow:visible}
+th,td{padding:4pt 7pt}
+thead th{white-space:normal;font-size:9pt}
+footer{margin-top:24pt;padding-bottom:0;font-size:9pt}
 figure,.facts div,.verdicts li,tr{break-inside:avoid}
 figure,.wide,.facts div,.verdicts li{border-color:#ccc}
 table,figcaption{font-size:9.5pt}
