@@ -3,6 +3,8 @@
 //! The expected values are those of an independent NumPy prototype of the same equations; the
 //! derivation is `docs/derivations/mekf.md`. Every campaign is seeded, so the results are fixed.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
@@ -23,7 +25,9 @@ fn campaign<R: Send>(seeds: std::ops::Range<u64>, run: impl Fn(u64) -> R + Sync 
 }
 
 fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
-    let (sum, n) = values.into_iter().fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+    let (sum, n) = values
+        .into_iter()
+        .fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
     sum / n
 }
 
@@ -53,7 +57,12 @@ fn honest(trial: &AttitudeTrialConfig) -> AttitudeConfig<f64> {
     }
 }
 
-fn initial(trial: &AttitudeTrial, attitude: UnitQuaternion<f64>, std: f64, bias_std: f64) -> InitialState<f64> {
+fn initial(
+    trial: &AttitudeTrial,
+    attitude: UnitQuaternion<f64>,
+    std: f64,
+    bias_std: f64,
+) -> InitialState<f64> {
     InitialState {
         attitude,
         attitude_covariance: Matrix3::identity() * (std * std),
@@ -67,7 +76,10 @@ fn initial(trial: &AttitudeTrial, attitude: UnitQuaternion<f64>, std: f64, bias_
 }
 
 /// Local attitude error `a` with `q_true = q * dq(a)`, rad.
-fn attitude_error<E: AttitudeEstimator<f64>>(filter: &E, truth: &UnitQuaternion<f64>) -> Vector3<f64> {
+fn attitude_error<E: AttitudeEstimator<f64>>(
+    filter: &E,
+    truth: &UnitQuaternion<f64>,
+) -> Vector3<f64> {
     so3::to_gibbs(&(filter.attitude().inverse() * truth))
 }
 
@@ -87,7 +99,10 @@ fn feed<E: AttitudeEstimator<f64>>(
 
 /// One run of the six-state campaign: start 0.1 rad off, bias unknown to 0.02 rad/s.
 fn walking_bias() -> AttitudeTrialConfig {
-    AttitudeTrialConfig { gyroscope_bias_random_walk_rad_s_sqrt_s: 2e-4, ..AttitudeTrialConfig::default() }
+    AttitudeTrialConfig {
+        gyroscope_bias_random_walk_rad_s_sqrt_s: 2e-4,
+        ..AttitudeTrialConfig::default()
+    }
 }
 
 fn start_off(seed: u64, trial: &AttitudeTrial) -> InitialState<f64> {
@@ -116,20 +131,32 @@ fn mekf_nees_and_nis_are_inside_their_bands() {
             nis[1].push(m);
             square.push(e.norm_squared());
         });
-        [mean(nees), mean(nis[0].iter().copied()), mean(nis[1].iter().copied()), mean(square)]
+        [
+            mean(nees),
+            mean(nis[0].iter().copied()),
+            mean(nis[1].iter().copied()),
+            mean(square),
+        ]
     });
     let average = |i: usize| mean(runs.iter().map(|r| r[i]));
     let (nees, acc, mag, rms) = (average(0), average(1), average(2), rms_deg(average(3)));
-    println!("NEES(6) {nees:.3}, NIS accelerometer {acc:.3}, magnetometer {mag:.3}, RMS {rms:.4} deg");
+    println!(
+        "NEES(6) {nees:.3}, NIS accelerometer {acc:.3}, magnetometer {mag:.3}, RMS {rms:.4} deg"
+    );
     assert!((5.0..7.0).contains(&nees), "NEES {nees}");
-    assert!((2.9..3.1).contains(&acc) && (2.9..3.1).contains(&mag), "NIS {acc} {mag}");
+    assert!(
+        (2.9..3.1).contains(&acc) && (2.9..3.1).contains(&mag),
+        "NIS {acc} {mag}"
+    );
     within(rms, 0.0876, 0.05, "attitude RMS");
 }
 
 /// (d) MEKF, USQUE and quaternion EKF agree in the steady state within 2 %.
 #[test]
 fn three_filters_share_one_steady_state() {
-    fn rms<E: AttitudeEstimator<f64>>(make: impl Fn(AttitudeConfig<f64>) -> E + Sync + Send) -> f64 {
+    fn rms<E: AttitudeEstimator<f64>>(
+        make: impl Fn(AttitudeConfig<f64>) -> E + Sync + Send,
+    ) -> f64 {
         let config = walking_bias();
         let runs = campaign(5000..5020, |seed| {
             let trial = AttitudeTrial::simulate(seed, &config);
@@ -160,24 +187,47 @@ struct Calibrated {
     std: [f64; 3],
 }
 
-fn calibrate(seed: u64, trial: &AttitudeTrial, config: &AttitudeTrialConfig, n: usize) -> Calibrated {
+fn calibrate(
+    seed: u64,
+    trial: &AttitudeTrial,
+    config: &AttitudeTrialConfig,
+    n: usize,
+) -> Calibrated {
     let mut rest = stream(seed, "calibration");
     let mut sensor = |mean_value: Vector3<f64>, std: f64| {
-        let samples: Vec<_> = (0..n).map(|_| mean_value + normal_vector(&mut rest, std)).collect();
+        let samples: Vec<_> = (0..n)
+            .map(|_| mean_value + normal_vector(&mut rest, std))
+            .collect();
         let m = samples.iter().sum::<Vector3<f64>>() / n as f64;
         let spread = samples.iter().map(|s| (s - m).norm_squared()).sum::<f64>();
         (m, (spread / (3.0 * (n as f64 - 1.0))).sqrt())
     };
     let (bias, g) = sensor(trial.gyroscope_bias[0], config.gyroscope_noise_std_rad_s);
-    let (force, a) = sensor(trial.specific_force_world, config.accelerometer_noise_std_m_s2);
-    let (field, m) = sensor(trial.magnetic_field_world_ut, config.magnetometer_noise_std_ut);
-    let references = References { specific_force: force, magnetic_field: Some(field) };
-    Calibrated { bias, references, std: [g, a, m] }
+    let (force, a) = sensor(
+        trial.specific_force_world,
+        config.accelerometer_noise_std_m_s2,
+    );
+    let (field, m) = sensor(
+        trial.magnetic_field_world_ut,
+        config.magnetometer_noise_std_ut,
+    );
+    let references = References {
+        specific_force: force,
+        magnetic_field: Some(field),
+    };
+    Calibrated {
+        bias,
+        references,
+        std: [g, a, m],
+    }
 }
 
 /// NEES(3), attitude RMS, final calculated and final estimated error (deg) of the paper's filter.
 fn paper_campaign(process_noise: ProcessNoise) -> [f64; 4] {
-    let config = AttitudeTrialConfig { gyroscope_bias_random_walk_rad_s_sqrt_s: 0.0, ..AttitudeTrialConfig::default() };
+    let config = AttitudeTrialConfig {
+        gyroscope_bias_random_walk_rad_s_sqrt_s: 0.0,
+        ..AttitudeTrialConfig::default()
+    };
     let runs = campaign(1000..1100, |seed| {
         let trial = AttitudeTrial::simulate(seed, &config);
         let calibrated = calibrate(seed, &trial, &config, 1000);
@@ -212,7 +262,12 @@ fn paper_campaign(process_noise: ProcessNoise) -> [f64; 4] {
         [mean(nees), mean(square), calculated * calculated, estimated]
     });
     let average = |i: usize| mean(runs.iter().map(|r| r[i]));
-    [average(0), rms_deg(average(1)), rms_deg(average(2)), rms_deg(average(3))]
+    [
+        average(0),
+        rms_deg(average(1)),
+        rms_deg(average(2)),
+        rms_deg(average(3)),
+    ]
 }
 
 /// (c) The paper's Q read literally is pessimistic, the discrete one nearly honest.
@@ -220,10 +275,22 @@ fn paper_campaign(process_noise: ProcessNoise) -> [f64; 4] {
 fn literal_and_discrete_process_noise_reproduce_the_known_table() {
     let literal = paper_campaign(ProcessNoise::PaperLiteral);
     let discrete = paper_campaign(ProcessNoise::Discrete);
-    println!("literal  NEES(3) {:.2}, RMS {:.3}, final calculated {:.3}, estimated {:.3} deg", literal[0], literal[1], literal[2], literal[3]);
-    println!("discrete NEES(3) {:.2}, RMS {:.3}, final calculated {:.3}, estimated {:.3} deg", discrete[0], discrete[1], discrete[2], discrete[3]);
-    for (found, expected) in [(literal, [1.64, 0.160, 0.156, 0.216]), (discrete, [3.75, 0.081, 0.085, 0.069])] {
-        for (i, what) in ["NEES", "RMS", "final calculated", "final estimated"].iter().enumerate() {
+    println!(
+        "literal  NEES(3) {:.2}, RMS {:.3}, final calculated {:.3}, estimated {:.3} deg",
+        literal[0], literal[1], literal[2], literal[3]
+    );
+    println!(
+        "discrete NEES(3) {:.2}, RMS {:.3}, final calculated {:.3}, estimated {:.3} deg",
+        discrete[0], discrete[1], discrete[2], discrete[3]
+    );
+    for (found, expected) in [
+        (literal, [1.64, 0.160, 0.156, 0.216]),
+        (discrete, [3.75, 0.081, 0.085, 0.069]),
+    ] {
+        for (i, what) in ["NEES", "RMS", "final calculated", "final estimated"]
+            .iter()
+            .enumerate()
+        {
             within(found[i], expected[i], 0.15, what);
         }
     }
@@ -280,7 +347,10 @@ fn gating_table() {
             disturbed(acc, mag, INFLATE, 0.0),
             disturbed(acc, mag, OPEN, 4.0),
         ];
-        println!("{name:<14} none {:.3}, reject {:.3}, inflate {:.3}, adaptive {:.3} deg", found[0], found[1], found[2], found[3]);
+        println!(
+            "{name:<14} none {:.3}, reject {:.3}, inflate {:.3}, adaptive {:.3} deg",
+            found[0], found[1], found[2], found[3]
+        );
         table.push((name, found, row));
     }
     for (name, found, row) in table {
