@@ -1,5 +1,7 @@
 //! Writes our CSV: one row per instant, streaming. See `docs/formats.md`.
 
+use std::fmt::{self, Write as _};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use crate::atomic_file::AtomicFile;
@@ -13,11 +15,22 @@ use crate::stamp;
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
 /// A CSV being written. Numbers are written so that they read back exactly.
-#[derive(Debug)]
 pub struct CsvWriter {
-    output: AtomicFile,
-    sensors: Vec<SensorKind>,
+    output: Output,
+    /// The sensors, and how many columns each has.
+    sensors: Vec<(SensorKind, usize)>,
     row: Row,
+    /// The row as text.
+    line: String,
+}
+
+/// Where the lines go.
+enum Output {
+    File(AtomicFile),
+    Stream {
+        name: String,
+        output: BufWriter<Box<dyn Write>>,
+    },
 }
 
 impl CsvWriter {
@@ -32,53 +45,120 @@ impl CsvWriter {
         sensors: &[SensorKind],
         force: bool,
     ) -> Result<Self> {
-        let mut output = AtomicFile::create(path, force)?;
-        write_metadata(&mut output, metadata)?;
+        let output = Output::File(AtomicFile::create(path, force)?);
+        Self::start(output, metadata, sensors)
+    }
+
+    /// Writes to a stream such as standard output; `name` stands for it in messages. Unlike a
+    /// file, a stream holds what has been written even if the writer is never finished.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn to_stream(
+        output: impl Write + 'static,
+        name: &str,
+        metadata: &Metadata,
+        sensors: &[SensorKind],
+    ) -> Result<Self> {
+        let output = Output::Stream {
+            name: name.to_owned(),
+            output: BufWriter::with_capacity(1 << 16, Box::new(output)),
+        };
+        Self::start(output, metadata, sensors)
+    }
+
+    fn start(output: Output, metadata: &Metadata, sensors: &[SensorKind]) -> Result<Self> {
         let sensors = in_order(sensors);
         let mut header = vec![TIME_S.to_owned()];
         header.extend(sensors.iter().flat_map(|kind| columns(*kind)));
-        output.print(format_args!("{}\n", header.join(",")))?;
-        Ok(Self {
+        let mut writer = Self {
             output,
-            sensors,
+            sensors: sensors
+                .iter()
+                .map(|kind| (*kind, columns(*kind).len()))
+                .collect(),
             row: Row::new(),
-        })
+            line: metadata_lines(metadata),
+        };
+        writer.line.push_str(&header.join(","));
+        writer.end_line()?;
+        Ok(writer)
     }
 
     fn write_row(&mut self) -> Result<()> {
         if self.row.is_empty() {
             return Ok(());
         }
-        self.output
-            .print(format_args!("{}", stamp::format_s(self.row.time_ns)))?;
-        for &kind in &self.sensors {
-            match self.row.get(kind) {
-                Some(sample) => {
-                    let (values, count) = numbers(sample);
-                    for value in &values[..count] {
-                        self.output.print(format_args!(",{value}"))?;
-                    }
-                    if let Sample::Reference(reference) = sample {
-                        self.output
-                            .print(format_args!(",{}", u8::from(reference.scored)))?;
-                    }
-                }
-                None => self
-                    .output
-                    .print(format_args!("{:,<1$}", "", columns(kind).len()))?,
+        self.line.push_str(&stamp::format_s(self.row.time_ns));
+        for (kind, columns) in &self.sensors {
+            let Some(sample) = self.row.get(*kind) else {
+                self.line.extend(std::iter::repeat_n(',', *columns));
+                continue;
+            };
+            let (values, count) = numbers(sample);
+            for value in &values[..count] {
+                // Writing to a string cannot fail.
+                let _ = write!(self.line, ",{value}");
+            }
+            if let Sample::Reference(reference) = sample {
+                self.line
+                    .push_str(if reference.scored { ",1" } else { ",0" });
             }
         }
         self.row.clear();
-        self.output.print(format_args!("\n"))
+        self.end_line()
+    }
+
+    fn end_line(&mut self) -> Result<()> {
+        self.line.push('\n');
+        let written = self.output.write(self.line.as_bytes());
+        self.line.clear();
+        written
+    }
+}
+
+impl fmt::Debug for CsvWriter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("CsvWriter")
+            .field("output", &self.output.name())
+            .field("sensors", &self.sensors)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Output {
+    fn name(&self) -> String {
+        match self {
+            Self::File(file) => file.path().display().to_string(),
+            Self::Stream { name, .. } => name.clone(),
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        match self {
+            Self::File(file) => file.write_all(bytes),
+            Self::Stream { output, .. } => output.write_all(bytes),
+        }
+        .map_err(|error| RecordingError::io(self.name(), "write it", error))
+    }
+
+    fn finish(self) -> Result<()> {
+        match self {
+            Self::File(file) => file.commit(),
+            Self::Stream { name, mut output } => {
+                let flushed = output.flush();
+                flushed.map_err(|error| RecordingError::io(name, "write it", error))
+            }
+        }
     }
 }
 
 impl EventWriter for CsvWriter {
     fn write(&mut self, event: &Event) -> Result<()> {
         let kind = event.sample.kind();
-        if !self.sensors.contains(&kind) {
+        if !self.sensors.iter().any(|(known, _)| *known == kind) {
             return Err(RecordingError::NoColumnFor {
-                file: self.output.path().display().to_string(),
+                file: self.output.name(),
                 sensor: kind.name(),
             });
         }
@@ -91,7 +171,7 @@ impl EventWriter for CsvWriter {
 
     fn finish(mut self: Box<Self>) -> Result<()> {
         self.write_row()?;
-        self.output.commit()
+        self.output.finish()
     }
 }
 
@@ -110,19 +190,21 @@ fn columns(kind: SensorKind) -> Vec<String> {
     }
 }
 
-fn write_metadata(output: &mut AtomicFile, metadata: &Metadata) -> Result<()> {
+fn metadata_lines(metadata: &Metadata) -> String {
+    let mut lines = String::new();
     let mut line = |key: &str, value: &str| {
         let value = value.replace(['\n', '\r'], " ");
-        output.print(format_args!("# {key}: {value}\n"))
+        // Writing to a string cannot fail.
+        let _ = writeln!(lines, "# {key}: {value}");
     };
-    line("name", &metadata.name)?;
+    line("name", &metadata.name);
     if let Some(device) = &metadata.device {
-        line("device", device)?;
+        line("device", device);
     }
-    line("world_frame", metadata.world_frame.name())?;
+    line("world_frame", metadata.world_frame.name());
     for (key, value) in &metadata.extra {
         // A colon or a line break in a key would read back as another key.
-        line(&key.replace([':', '\n', '\r'], "_"), value)?;
+        line(&key.replace([':', '\n', '\r'], "_"), value);
     }
-    Ok(())
+    lines
 }
