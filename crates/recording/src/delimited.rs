@@ -113,7 +113,7 @@ impl<R: Read + Send> DelimitedSource<R> {
             file: &self.file,
             record: &self.record,
             layout: &self.layout,
-            lines_before: self.lines_before,
+            line: self.lines_before + self.record.position().map_or(0, Position::line),
         };
         let Some(time_ns) = cells.stamp()? else {
             issues.rows_without_stamp += 1;
@@ -144,11 +144,12 @@ impl<R: Read + Send> EventSource for DelimitedSource<R> {
 }
 
 /// One row, seen through the layout.
-struct Cells<'a> {
-    file: &'a str,
-    record: &'a ByteRecord,
-    layout: &'a Layout,
-    lines_before: u64,
+pub(crate) struct Cells<'a> {
+    pub(crate) file: &'a str,
+    pub(crate) record: &'a ByteRecord,
+    pub(crate) layout: &'a Layout,
+    /// The row's line in the file, for messages.
+    pub(crate) line: u64,
 }
 
 impl<'a> Cells<'a> {
@@ -156,7 +157,8 @@ impl<'a> Cells<'a> {
         self.record.get(column).unwrap_or_default().trim_ascii()
     }
 
-    fn stamp(&self) -> Result<Option<i64>> {
+    /// The row's time stamp; `None` when the cell is empty or NaN.
+    pub(crate) fn stamp(&self) -> Result<Option<i64>> {
         let column = self.layout.time;
         let cell = self.cell(column);
         if cell.is_empty() || cell.eq_ignore_ascii_case(b"nan") {
@@ -207,7 +209,8 @@ impl<'a> Cells<'a> {
         Ok(any.then_some(values))
     }
 
-    fn sample(&self, channel: &Channel) -> Result<Option<Sample>> {
+    /// The row's sample of one sensor; `None` when its cells are empty.
+    pub(crate) fn sample(&self, channel: &Channel) -> Result<Option<Sample>> {
         Ok(match channel {
             Channel::Vector {
                 kind,
@@ -262,7 +265,7 @@ impl<'a> Cells<'a> {
     fn bad_cell(&self, column: usize, expected: &'static str) -> RecordingError {
         RecordingError::BadCell {
             file: self.file.to_owned(),
-            line: self.lines_before + self.record.position().map_or(0, Position::line),
+            line: self.line,
             column: shown(self.layout.names.get(column).map_or("?", String::as_str)),
             text: shown(&String::from_utf8_lossy(self.cell(column))),
             expected,

@@ -17,6 +17,7 @@ pub mod error;
 pub mod event;
 pub mod issues;
 pub mod manifest;
+mod merge;
 pub mod metadata;
 mod open;
 pub mod options;
@@ -45,3 +46,6 @@ pub use parquet_writer::ParquetWriter;
 pub use recording::Recording;
 pub use tum_writer::TumWriter;
 pub use writer::{EventWriter, create};
+
+#[doc(hidden)]
+pub mod test_data;

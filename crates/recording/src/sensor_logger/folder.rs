@@ -1,0 +1,143 @@
+//! Sensor Logger's folder: one CSV file a sensor, and `Metadata.csv`.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+
+use super::plain;
+use crate::delimited::{Channel, DelimitedSource, Layout, csv_error};
+use crate::error::{RecordingError, Result, join};
+use crate::recording::EventSource;
+use crate::stamp;
+
+/// The name of the time column of every table.
+pub(super) const TIME: &str = "time";
+
+/// The tables of a folder.
+pub(super) struct Folder {
+    /// The folder (or zip) as the user gave it.
+    shown: String,
+    /// Plain name of a table to its file and the name to show.
+    tables: BTreeMap<String, (PathBuf, String)>,
+    /// Keeps the files of an unpacked zip.
+    pub(super) unpacked: Option<TempDir>,
+}
+
+impl Folder {
+    /// Lists the CSV files of a folder.
+    pub(super) fn list(path: &Path, shown: &str) -> Result<Self> {
+        let failed = |error| RecordingError::io(shown, "list the folder", error);
+        let mut tables = BTreeMap::new();
+        for entry in std::fs::read_dir(path).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            if !path
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("csv"))
+            {
+                continue;
+            }
+            let stem = path
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            let name = path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            tables.insert(plain(&stem), (path, name));
+        }
+        Ok(Self {
+            shown: shown.to_owned(),
+            tables,
+            unpacked: None,
+        })
+    }
+
+    pub(super) fn has(&self, table: &str) -> bool {
+        self.tables.contains_key(table)
+    }
+
+    pub(super) fn names(&self) -> Vec<String> {
+        self.tables.values().map(|(_, name)| name.clone()).collect()
+    }
+
+    /// The first row of `Metadata.csv` by column name.
+    pub(super) fn metadata(&self) -> Result<Option<BTreeMap<String, String>>> {
+        if !self.has("metadata") {
+            return Ok(None);
+        }
+        let (file, mut reader) = self.reader("metadata")?;
+        let failed = |error| csv_error(&file, 0, &error);
+        let names = reader.headers().map_err(failed)?.clone();
+        let mut row = csv::StringRecord::new();
+        reader.read_record(&mut row).map_err(failed)?;
+        let pairs = names.iter().zip(&row);
+        Ok(Some(
+            pairs
+                .map(|(name, value)| (name.to_owned(), value.to_owned()))
+                .collect(),
+        ))
+    }
+
+    /// The events of one table; `channel` makes the channel from the places of `columns`.
+    pub(super) fn stream<const N: usize>(
+        &self,
+        table: &str,
+        columns: [&str; N],
+        channel: impl FnOnce([usize; N]) -> Channel,
+    ) -> Result<Box<dyn EventSource>> {
+        let (file, mut reader) = self.reader(table)?;
+        let headers = reader
+            .byte_headers()
+            .map_err(|error| csv_error(&file, 0, &error))?;
+        let names: Vec<String> = headers
+            .iter()
+            .map(|name| {
+                let name = String::from_utf8_lossy(name);
+                name.trim().trim_start_matches('\u{feff}').to_owned()
+            })
+            .collect();
+        let find = |column: &str| {
+            names.iter().position(|name| name == column).ok_or_else(|| {
+                RecordingError::MissingColumns {
+                    file: file.clone(),
+                    missing: format!("column {column}"),
+                    present: join(names.iter().map(String::as_str)),
+                    advice: format!("a Sensor Logger table has time and {}", columns.join(", ")),
+                }
+            })
+        };
+        let mut places = [0; N];
+        for (place, column) in places.iter_mut().zip(columns) {
+            *place = find(column)?;
+        }
+        let layout = Layout {
+            time: find(TIME)?,
+            time_exponent: stamp::NANOSECONDS,
+            channels: vec![channel(places)],
+            decimal_comma: false,
+            names,
+        };
+        Ok(Box::new(DelimitedSource::new(file, reader, layout, 0)))
+    }
+
+    fn reader(&self, table: &str) -> Result<(String, csv::Reader<File>)> {
+        let Some((path, name)) = self.tables.get(table) else {
+            return Err(RecordingError::Unsupported {
+                file: self.shown.clone(),
+                problem: format!("there is no table `{table}` in it"),
+            });
+        };
+        let file = format!("{}/{name}", self.shown);
+        let input =
+            File::open(path).map_err(|error| RecordingError::io(&file, "open it", error))?;
+        let reader = csv::ReaderBuilder::new()
+            .buffer_capacity(1 << 16)
+            .from_reader(input);
+        Ok((file, reader))
+    }
+}

@@ -1,0 +1,439 @@
+//! Sensor Logger's JSON: one array of flat objects, every value a string, usually table after table.
+//!
+//! A first pass notes where each table starts and ends; then every table is read by a reader of
+//! its own between those places, so nothing is held in memory whatever the order.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Cursor, Seek, SeekFrom};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde::Deserialize;
+use serde::de::{IgnoredAny, MapAccess, SeqAccess};
+
+use super::folder::TIME;
+use super::plain;
+use crate::delimited::{Cells, Channel, Layout};
+use crate::error::{RecordingError, Result, join, shown};
+use crate::event::Event;
+use crate::issues::Issues;
+use crate::recording::EventSource;
+use crate::stamp;
+
+/// Longest entry that is believed, bytes.
+const LONGEST_ENTRY: usize = 1 << 20;
+
+/// Where the JSON is.
+#[derive(Debug, Clone)]
+pub(super) enum Store {
+    File(PathBuf),
+    Bytes(Arc<[u8]>),
+}
+
+impl Store {
+    fn read_from(&self, offset: u64) -> io::Result<Box<dyn BufRead + Send>> {
+        Ok(match self {
+            Self::File(path) => {
+                let mut file = File::open(path)?;
+                file.seek(SeekFrom::Start(offset))?;
+                Box::new(BufReader::with_capacity(1 << 16, file))
+            }
+            Self::Bytes(bytes) => {
+                let mut cursor = Cursor::new(Arc::clone(bytes));
+                cursor.set_position(offset);
+                Box::new(BufReader::new(cursor))
+            }
+        })
+    }
+}
+
+/// A table's place in the file.
+#[derive(Debug, Clone)]
+struct Span {
+    /// The name as it stands there.
+    name: String,
+    start: u64,
+    start_line: u64,
+    /// Just behind the last entry.
+    end: u64,
+}
+
+/// The tables of a JSON export.
+pub(super) struct Json {
+    file: String,
+    store: Store,
+    tables: BTreeMap<String, Span>,
+    metadata: Option<BTreeMap<String, String>>,
+}
+
+impl Json {
+    /// Walks through the file once and notes where the tables are.
+    pub(super) fn index(store: Store, file: &str) -> Result<Self> {
+        let input = store
+            .read_from(0)
+            .map_err(|error| RecordingError::io(file, "open it", error))?;
+        let mut entries = Entries::new(input, file, 0, 1);
+        entries.expect_array()?;
+        let mut tables: BTreeMap<String, Span> = BTreeMap::new();
+        let mut metadata = None;
+        while let Some(entry) = entries.next()? {
+            let name: Name<'_> = entry.parse(file)?;
+            let table = plain(&name.sensor);
+            if table == "metadata" && metadata.is_none() {
+                metadata = Some(metadata_of(&entry, file)?);
+            }
+            let end = entry.end;
+            match tables.get_mut(&table) {
+                Some(span) => span.end = end,
+                None => {
+                    let span = Span {
+                        name: name.sensor.into_owned(),
+                        start: entry.start,
+                        start_line: entry.line,
+                        end,
+                    };
+                    tables.insert(table, span);
+                }
+            }
+        }
+        Ok(Self {
+            file: file.to_owned(),
+            store,
+            tables,
+            metadata,
+        })
+    }
+
+    pub(super) fn has(&self, table: &str) -> bool {
+        self.tables.contains_key(table)
+    }
+
+    pub(super) fn names(&self) -> Vec<String> {
+        self.tables.values().map(|span| span.name.clone()).collect()
+    }
+
+    pub(super) fn metadata(&self) -> Option<BTreeMap<String, String>> {
+        self.metadata.clone()
+    }
+
+    /// The events of one table; `channel` makes the channel from the places of `columns`.
+    pub(super) fn stream<const N: usize>(
+        &self,
+        table: &str,
+        columns: [&'static str; N],
+        channel: impl FnOnce([usize; N]) -> Channel,
+    ) -> Result<Box<dyn EventSource>> {
+        let Some(span) = self.tables.get(table) else {
+            return Err(RecordingError::Unsupported {
+                file: self.file.clone(),
+                problem: format!("there is no table `{table}` in it"),
+            });
+        };
+        let input = self
+            .store
+            .read_from(span.start)
+            .map_err(|error| RecordingError::io(&self.file, "open it", error))?;
+        let names: Vec<String> = std::iter::once(TIME)
+            .chain(columns)
+            .map(str::to_owned)
+            .collect();
+        Ok(Box::new(Table {
+            file: self.file.clone(),
+            table: table.to_owned(),
+            end: span.end,
+            entries: Entries::new(input, &self.file, span.start, span.start_line),
+            layout: Layout {
+                names,
+                time: 0,
+                time_exponent: stamp::NANOSECONDS,
+                channels: vec![channel(std::array::from_fn(|index| index + 1))],
+                decimal_comma: false,
+            },
+        }))
+    }
+}
+
+/// One table, read between its first and its last entry.
+struct Table {
+    file: String,
+    table: String,
+    end: u64,
+    entries: Entries,
+    layout: Layout,
+}
+
+impl Table {
+    fn next(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        loop {
+            if self.entries.offset >= self.end {
+                return Ok(None);
+            }
+            let Some(entry) = self.entries.next()? else {
+                return Ok(None);
+            };
+            let name: Name<'_> = entry.parse(&self.file)?;
+            if plain(&name.sensor) != self.table {
+                continue;
+            }
+            let row: Row<'_> = entry.parse(&self.file)?;
+            let record =
+                record(&row, &self.layout.names).map_err(|missing| RecordingError::BadLine {
+                    file: self.file.clone(),
+                    line: entry.line,
+                    problem: format!("an entry of {} {missing}", self.table),
+                })?;
+            let cells = Cells {
+                file: &self.file,
+                record: &record,
+                layout: &self.layout,
+                line: entry.line,
+            };
+            let Some(time_ns) = cells.stamp()? else {
+                issues.rows_without_stamp += 1;
+                continue;
+            };
+            if let Some(sample) = cells.sample(&self.layout.channels[0])? {
+                return Ok(Some(Event { time_ns, sample }));
+            }
+        }
+    }
+}
+
+impl EventSource for Table {
+    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+        self.next(issues).transpose()
+    }
+}
+
+/// An entry's values in the order of the layout's names.
+fn record(row: &Row<'_>, names: &[String]) -> std::result::Result<csv::ByteRecord, String> {
+    let mut record = csv::ByteRecord::new();
+    for name in names {
+        let value = row.get(name.as_str()).ok_or_else(|| {
+            let present = join(row.keys().map(Cow::as_ref));
+            format!("without `{name}`; it has {present}")
+        })?;
+        record.push_field(value.0.as_bytes());
+    }
+    Ok(record)
+}
+
+/// A flat object.
+type Row<'a> = BTreeMap<Cow<'a, str>, Value<'a>>;
+
+#[derive(Deserialize)]
+struct Name<'a> {
+    #[serde(borrow)]
+    sensor: Cow<'a, str>,
+}
+
+/// A value as text: strings and numbers as they are, anything else as nothing.
+struct Value<'a>(Cow<'a, str>);
+
+impl<'de: 'a, 'a> Deserialize<'de> for Value<'a> {
+    fn deserialize<D: serde::Deserializer<'de>>(
+        deserializer: D,
+    ) -> std::result::Result<Self, D::Error> {
+        deserializer.deserialize_any(ValueVisitor)
+    }
+}
+
+struct ValueVisitor;
+
+impl<'de> serde::de::Visitor<'de> for ValueVisitor {
+    type Value = Value<'de>;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("a string or a number")
+    }
+
+    fn visit_borrowed_str<E>(self, v: &'de str) -> std::result::Result<Value<'de>, E> {
+        Ok(Value(Cow::Borrowed(v)))
+    }
+
+    fn visit_str<E>(self, v: &str) -> std::result::Result<Value<'de>, E> {
+        Ok(Value(Cow::Owned(v.to_owned())))
+    }
+
+    fn visit_i64<E>(self, v: i64) -> std::result::Result<Value<'de>, E> {
+        Ok(Value(Cow::Owned(v.to_string())))
+    }
+
+    fn visit_u64<E>(self, v: u64) -> std::result::Result<Value<'de>, E> {
+        Ok(Value(Cow::Owned(v.to_string())))
+    }
+
+    fn visit_f64<E>(self, v: f64) -> std::result::Result<Value<'de>, E> {
+        Ok(Value(Cow::Owned(v.to_string())))
+    }
+
+    fn visit_bool<E>(self, v: bool) -> std::result::Result<Value<'de>, E> {
+        Ok(Value(Cow::Borrowed(if v { "true" } else { "false" })))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> std::result::Result<Value<'de>, A::Error> {
+        while seq.next_element::<IgnoredAny>()?.is_some() {}
+        self.visit_unit()
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> std::result::Result<Value<'de>, A::Error> {
+        while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+        self.visit_unit()
+    }
+
+    fn visit_unit<E>(self) -> std::result::Result<Value<'de>, E> {
+        Ok(Value(Cow::Borrowed("")))
+    }
+}
+
+fn metadata_of(entry: &Entry<'_>, file: &str) -> Result<BTreeMap<String, String>> {
+    let row: Row<'_> = entry.parse(file)?;
+    let pairs = row.into_iter().filter(|(key, _)| key != "sensor");
+    Ok(pairs
+        .map(|(key, value)| (key.into_owned(), value.0.into_owned()))
+        .collect())
+}
+
+/// One object of the array as text.
+struct Entry<'a> {
+    text: &'a [u8],
+    start: u64,
+    end: u64,
+    line: u64,
+}
+
+impl<'a> Entry<'a> {
+    fn parse<T: Deserialize<'a>>(&self, file: &str) -> Result<T> {
+        serde_json::from_slice(self.text).map_err(|error| RecordingError::BadLine {
+            file: file.to_owned(),
+            line: self.line,
+            problem: format!(
+                "{}; expected a flat object with `sensor`, `time` and the sensor's values",
+                shown(&error.to_string())
+            ),
+        })
+    }
+}
+
+/// Splits the array into its objects.
+struct Entries {
+    file: String,
+    input: Box<dyn BufRead + Send>,
+    /// Place and line of the next byte.
+    offset: u64,
+    line: u64,
+    text: Vec<u8>,
+}
+
+impl Entries {
+    fn new(input: Box<dyn BufRead + Send>, file: &str, offset: u64, line: u64) -> Self {
+        Self {
+            file: file.to_owned(),
+            input,
+            offset,
+            line,
+            text: Vec::new(),
+        }
+    }
+
+    fn byte(&mut self) -> Result<Option<u8>> {
+        let available = self
+            .input
+            .fill_buf()
+            .map_err(|error| RecordingError::io(&self.file, "read it", error))?;
+        let Some(&byte) = available.first() else {
+            return Ok(None);
+        };
+        self.input.consume(1);
+        self.offset += 1;
+        self.line += u64::from(byte == b'\n');
+        Ok(Some(byte))
+    }
+
+    /// The next byte that is neither blank nor comma.
+    fn visible(&mut self) -> Result<Option<u8>> {
+        loop {
+            match self.byte()? {
+                Some(b' ' | b'\t' | b'\r' | b'\n' | b',') => {}
+                other => return Ok(other),
+            }
+        }
+    }
+
+    fn expect_array(&mut self) -> Result<()> {
+        let mut first = self.visible()?;
+        if first == Some(0xef) {
+            // A byte order mark.
+            self.byte()?;
+            self.byte()?;
+            first = self.visible()?;
+        }
+        if first == Some(b'[') {
+            return Ok(());
+        }
+        Err(RecordingError::NotARecording {
+            file: self.file.clone(),
+            found: "JSON that is not Sensor Logger's array of objects".to_owned(),
+        })
+    }
+
+    /// The next object; `None` at the end of the array.
+    fn next(&mut self) -> Result<Option<Entry<'_>>> {
+        match self.visible()? {
+            Some(b'{') => {}
+            Some(b']') => return Ok(None),
+            Some(other) => {
+                let found = char::from(other).escape_default();
+                return Err(self.bad(format!("`{found}` where an entry {{...}} was expected")));
+            }
+            None => return Err(self.cut_off()),
+        }
+        let (start, line) = (self.offset - 1, self.line);
+        self.text.clear();
+        self.text.push(b'{');
+        let (mut depth, mut in_string, mut escaped) = (1_u32, false, false);
+        while depth > 0 {
+            let Some(byte) = self.byte()? else {
+                return Err(self.cut_off());
+            };
+            self.text.push(byte);
+            if self.text.len() > LONGEST_ENTRY {
+                return Err(self.bad("an entry of more than a megabyte".to_owned()));
+            }
+            match byte {
+                _ if escaped => escaped = false,
+                b'\\' if in_string => escaped = true,
+                b'"' => in_string = !in_string,
+                b'{' | b'[' if !in_string => depth += 1,
+                b'}' | b']' if !in_string => depth -= 1,
+                _ => {}
+            }
+        }
+        Ok(Some(Entry {
+            text: &self.text,
+            start,
+            end: self.offset,
+            line,
+        }))
+    }
+
+    fn bad(&self, problem: String) -> RecordingError {
+        RecordingError::BadLine {
+            file: self.file.clone(),
+            line: self.line,
+            problem,
+        }
+    }
+
+    fn cut_off(&self) -> RecordingError {
+        RecordingError::Damaged {
+            file: self.file.clone(),
+            detail: format!(
+                "the array is not closed at the end of the file, line {}",
+                self.line
+            ),
+        }
+    }
+}
