@@ -85,7 +85,7 @@ where
     }
 }
 
-fn nothing_estimated(summary: &RunSummary, options: &RunOptions) -> EvaluationError {
+pub(crate) fn nothing_estimated(summary: &RunSummary, options: &RunOptions) -> EvaluationError {
     if options.estimator == EstimatorKind::Device {
         return EvaluationError::NoDeviceOrientation;
     }

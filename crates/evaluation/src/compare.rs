@@ -1,0 +1,268 @@
+//! Several estimators over many recordings: in parallel, in order, and as one table.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use northing_recording::{Metadata, OpenOptions};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::error::EvaluationError;
+use crate::estimators::EstimatorKind;
+use crate::metrics::ErrorSummary;
+use crate::observer::RunObserver;
+use crate::options::RunOptions;
+use crate::runner;
+use crate::summary::RunSummary;
+
+/// What is compared, and how.
+#[derive(Debug, Clone)]
+pub struct CompareOptions {
+    /// The estimators, in the order of the table.
+    pub estimators: Vec<EstimatorKind>,
+    /// The options of every run; the estimator in it is replaced.
+    pub run: RunOptions,
+    /// How recordings are opened.
+    pub open: OpenOptions,
+}
+
+/// One estimator on one recording.
+#[derive(Debug)]
+pub struct Compared<O = ()> {
+    /// The recording's file.
+    pub path: PathBuf,
+    /// Name of the folder it is in: the table has a part for each.
+    pub folder: String,
+    /// The estimator.
+    pub estimator: EstimatorKind,
+    /// The outcome. A recording without orientation of the device is no error for `device`: its
+    /// summary then has no values and says so.
+    pub outcome: Result<RunSummary, EvaluationError>,
+    /// What watched the run; `None` where the recording could not be opened.
+    pub observer: Option<O>,
+}
+
+/// Runs every estimator over every recording, on all processors. The result is in the order of
+/// `paths` and `estimators`, whatever finishes first. `finished` is called after each run, from any
+/// thread.
+pub fn compare(
+    paths: &[PathBuf],
+    options: &CompareOptions,
+    finished: &(dyn Fn() + Sync),
+) -> Vec<Compared> {
+    compare_observed(paths, options, finished, &|_| ())
+}
+
+/// As [`compare`], with an observer of its own for each run, which comes back with the result.
+pub fn compare_observed<O: RunObserver + Send>(
+    paths: &[PathBuf],
+    options: &CompareOptions,
+    finished: &(dyn Fn() + Sync),
+    observe: &(dyn Fn(&Metadata) -> O + Sync),
+) -> Vec<Compared<O>> {
+    let pairs: Vec<_> = paths
+        .iter()
+        .flat_map(|path| options.estimators.iter().map(move |e| (path, *e)))
+        .collect();
+    pairs
+        .into_par_iter()
+        .map(|(path, estimator)| {
+            let run = RunOptions {
+                estimator,
+                smooth: options.run.smooth && estimator == EstimatorKind::Mekf,
+                ..options.run.clone()
+            };
+            let (outcome, observer) = match run_file(path, &run, &options.open, observe) {
+                Ok((summary, observer)) => (Ok(summary), Some(observer)),
+                Err(error) => (Err(error), None),
+            };
+            finished();
+            Compared {
+                path: path.clone(),
+                folder: folder_of(path),
+                estimator,
+                outcome,
+                observer,
+            }
+        })
+        .collect()
+}
+
+fn run_file<O: RunObserver>(
+    path: &Path,
+    options: &RunOptions,
+    open: &OpenOptions,
+    observe: &(dyn Fn(&Metadata) -> O + Sync),
+) -> Result<(RunSummary, O), EvaluationError> {
+    let mut recording = northing_recording::open(path, open)
+        .map_err(|error| EvaluationError::Recording(Box::new(error)))?;
+    let options = runner::options_for(&recording, options);
+    let mut observer = observe(recording.metadata());
+    let mut summary = runner::run_leniently(&mut recording, &options, &mut observer)?;
+    if summary.estimates == 0 {
+        match runner::nothing_estimated(&summary, &options) {
+            error @ EvaluationError::NoDeviceOrientation => summary.issues.push(error.to_string()),
+            error => return Err(error),
+        }
+    }
+    summary.issues.splice(0..0, recording.issues().sentences());
+    Ok((summary, observer))
+}
+
+/// Name of the folder that a file is in; `.` for a bare file name.
+fn folder_of(path: &Path) -> String {
+    let folder = path.parent().and_then(Path::file_name);
+    folder.map_or_else(
+        || ".".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    )
+}
+
+/// Mean and median of one value over recordings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MeanMedian {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// Median; with an even number of values the mean of the middle two.
+    pub median: f64,
+}
+
+impl MeanMedian {
+    /// Of these values; `None` without any.
+    #[must_use]
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        values.sort_by(f64::total_cmp);
+        let (n, half) = (values.len(), values.len() / 2);
+        let upper = *values.get(half)?;
+        let median = if n % 2 == 1 {
+            upper
+        } else {
+            0.5 * (values[half - 1] + upper)
+        };
+        Some(Self {
+            mean: values.iter().sum::<f64>() / n as f64,
+            median,
+        })
+    }
+}
+
+/// One estimator over the recordings of one folder, or over all.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TableRow {
+    /// The folder; `None` for all recordings together.
+    pub folder: Option<String>,
+    /// The estimator.
+    pub estimator: EstimatorKind,
+    /// Recordings with a score.
+    pub scored_recordings: usize,
+    /// RMS total error, deg.
+    pub total_deg: Option<MeanMedian>,
+    /// RMS heading error, deg.
+    pub heading_deg: Option<MeanMedian>,
+    /// RMS inclination error, deg.
+    pub inclination_deg: Option<MeanMedian>,
+    /// Mean NEES per degree of freedom.
+    pub nees: Option<MeanMedian>,
+}
+
+/// Mean and median per estimator, folder by folder in the order in which they come, and over all
+/// recordings if there is more than one folder.
+#[must_use]
+pub fn statistics<O>(compared: &[Compared<O>]) -> Vec<TableRow> {
+    let (mut folders, mut estimators) = (Vec::new(), Vec::new());
+    for one in compared {
+        if !folders.contains(&&one.folder) {
+            folders.push(&one.folder);
+        }
+        if !estimators.contains(&one.estimator) {
+            estimators.push(one.estimator);
+        }
+    }
+    let mut parts: Vec<_> = folders.iter().map(|folder| Some(*folder)).collect();
+    if folders.len() > 1 {
+        parts.push(None);
+    }
+    let rows = parts.into_iter().flat_map(|folder| {
+        estimators.iter().map(move |estimator| {
+            let of = compared.iter().filter(|one| {
+                one.estimator == *estimator && folder.is_none_or(|folder| one.folder == *folder)
+            });
+            row(
+                folder.cloned(),
+                *estimator,
+                of.filter_map(|one| one.outcome.as_ref().ok()),
+            )
+        })
+    });
+    rows.collect()
+}
+
+fn row<'a>(
+    folder: Option<String>,
+    estimator: EstimatorKind,
+    summaries: impl Iterator<Item = &'a RunSummary>,
+) -> TableRow {
+    let scored: Vec<_> = summaries
+        .filter_map(|s| s.error_deg.map(|error| (error, s.nees_mean)))
+        .collect();
+    let over = |value: fn(&ErrorSummary) -> f64| {
+        MeanMedian::of(scored.iter().map(|(error, _)| value(error)).collect())
+    };
+    TableRow {
+        folder,
+        estimator,
+        scored_recordings: scored.len(),
+        total_deg: over(|e| e.total_rmse),
+        heading_deg: over(|e| e.heading_rmse),
+        inclination_deg: over(|e| e.inclination_rmse),
+        nees: MeanMedian::of(scored.iter().filter_map(|(_, nees)| *nees).collect()),
+    }
+}
+
+/// The rows as aligned text: RMS errors in degrees, mean / median over recordings.
+#[must_use]
+pub fn table(rows: &[TableRow]) -> String {
+    let name = |row: &TableRow| row.folder.clone().unwrap_or_else(|| "all".to_owned());
+    let folder_width = rows
+        .iter()
+        .map(|row| name(row).len())
+        .max()
+        .unwrap_or(0)
+        .max(6);
+    let mut text = format!(
+        "{:folder_width$}  {:14}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}\n",
+        "folder", "estimator", "n", "total deg", "heading deg", "inclination deg", "NEES / dof"
+    );
+    let _ = writeln!(
+        text,
+        "{:folder_width$}  {:14}  {:>3}  {m:>15}  {m:>15}  {m:>15}  {m:>15}",
+        "",
+        "",
+        "",
+        m = "mean / median"
+    );
+    for row in rows {
+        let _ = writeln!(
+            text,
+            "{:folder_width$}  {:14}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}",
+            name(row),
+            row.estimator.name(),
+            row.scored_recordings,
+            cell(row.total_deg),
+            cell(row.heading_deg),
+            cell(row.inclination_deg),
+            cell(row.nees),
+        );
+    }
+    text
+}
+
+fn cell(value: Option<MeanMedian>) -> String {
+    value.map_or_else(
+        || "-".to_owned(),
+        |v| format!("{:.2} / {:.2}", v.mean, v.median),
+    )
+}
+
+#[cfg(test)]
+mod tests;
