@@ -270,11 +270,12 @@ mod tests {
         let calibration = phase().finish().unwrap();
         let hand_held = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
         let config = calibrated_config(&hand_held, &calibration);
-        assert_eq!(config.accelerometer_std, hand_held.config.accelerometer_std);
+        let profile = hand_held.config.accelerometer_std;
+        approx::assert_relative_eq!(config.accelerometer_std, profile);
         let mut lab = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         lab.set("accelerometer_std=0.7").unwrap();
         let config = calibrated_config(&lab, &calibration);
-        assert_eq!(config.accelerometer_std, 0.7);
+        approx::assert_relative_eq!(config.accelerometer_std, 0.7);
         assert!(config.magnetometer_std_ut < 0.6);
     }
 

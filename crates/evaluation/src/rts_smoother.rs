@@ -67,15 +67,15 @@ impl SmoothedState {
 
 /// From one node to the next.
 #[derive(Debug, Clone)]
-enum Step {
-    /// A propagation.
-    Propagated {
-        filtered: SmoothedState,
-        transition: Matrix6<f64>,
-        predicted: SmoothedState,
-    },
-    /// A new start.
-    Restarted { filtered: SmoothedState },
+struct Step {
+    /// The state before.
+    filtered: SmoothedState,
+    /// How its error moves on.
+    transition: Matrix6<f64>,
+    /// The state after, before any update.
+    predicted: SmoothedState,
+    /// Whether it was a propagation. A new start carries nothing back.
+    propagated: bool,
 }
 
 /// A [`Mekf`] that remembers.
@@ -110,13 +110,10 @@ impl Recorder {
         let mut next = SmoothedState::of(&self.mekf);
         smoothed.push(next);
         for step in self.steps.iter().rev() {
-            next = match step {
-                Step::Propagated {
-                    filtered,
-                    transition,
-                    predicted,
-                } => step_back(filtered, transition, predicted, &next),
-                Step::Restarted { filtered } => *filtered,
+            next = if step.propagated {
+                step_back(step, &next)
+            } else {
+                step.filtered
             };
             smoothed.push(next);
         }
@@ -124,23 +121,25 @@ impl Recorder {
         smoothed
     }
 
-    fn remember(&mut self, filtered: SmoothedState, transition: Matrix6<f64>) {
+    fn remember(&mut self, filtered: SmoothedState, transition: Matrix6<f64>, propagated: bool) {
         let predicted = SmoothedState::of(&self.mekf);
-        self.steps.push(Step::Propagated {
+        self.steps.push(Step {
             filtered,
             transition,
             predicted,
+            propagated,
         });
     }
 }
 
 /// One step back; the filtered state where the prediction cannot be inverted.
-fn step_back(
-    filtered: &SmoothedState,
-    transition: &Matrix6<f64>,
-    predicted: &SmoothedState,
-    next: &SmoothedState,
-) -> SmoothedState {
+fn step_back(step: &Step, next: &SmoothedState) -> SmoothedState {
+    let Step {
+        filtered,
+        transition,
+        predicted,
+        ..
+    } = step;
     let Some(factor) = predicted.covariance.cholesky() else {
         return *filtered;
     };
@@ -171,7 +170,7 @@ impl AttitudeEstimator<f64> for Recorder {
     fn initialize(&mut self, initial: &InitialState<f64>) {
         let filtered = SmoothedState::of(&self.mekf);
         self.mekf.initialize(initial);
-        self.steps.push(Step::Restarted { filtered });
+        self.remember(filtered, Matrix6::identity(), false);
     }
 
     fn propagate(&mut self, angular_rate: &Vector3<f64>, dt: f64) -> Propagation {
@@ -179,7 +178,7 @@ impl AttitudeEstimator<f64> for Recorder {
         let transition = self.mekf.transition(angular_rate, dt);
         let propagation = self.mekf.propagate(angular_rate, dt);
         if propagation == Propagation::Done && dt > 0.0 {
-            self.remember(filtered, transition);
+            self.remember(filtered, transition, true);
         }
         propagation
     }
@@ -195,7 +194,7 @@ impl AttitudeEstimator<f64> for Recorder {
     fn add_attitude_variance(&mut self, variance: f64) {
         let filtered = SmoothedState::of(&self.mekf);
         self.mekf.add_attitude_variance(variance);
-        self.remember(filtered, Matrix6::identity());
+        self.remember(filtered, Matrix6::identity(), true);
     }
 
     fn attitude(&self) -> UnitQuaternion<f64> {

@@ -167,7 +167,7 @@ struct Session<'a, E> {
 
 enum Phase<E> {
     /// The device rests; nothing is estimated.
-    Calibrating(CalibrationPhase),
+    Calibrating(Box<CalibrationPhase>),
     /// The estimator aligns itself and runs.
     Running(Box<AttitudeDriver<f64, E>>),
 }
@@ -176,7 +176,7 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
     fn new(options: &'a RunOptions, make: Make<'a, E>) -> Result<Self, EvaluationError> {
         let phase = match (options.calibrate_first_s, &options.calibration) {
             (Some(seconds), _) => {
-                Phase::Calibrating(CalibrationPhase::new(seconds, options.sensors))
+                Phase::Calibrating(Box::new(CalibrationPhase::new(seconds, options.sensors)))
             }
             (None, Some(calibration)) => running(options, calibration, make)?,
             (None, None) => {
