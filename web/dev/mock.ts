@@ -1,0 +1,134 @@
+// A stand-in for the program's WebSocket: one or more synthetic devices, good enough to look at every screen.
+
+import type { Calibration, Device, Frame, FromProgram, Innovation, Quaternion, RunSummary, ToProgram, Triple } from "../lab/protocol";
+
+const noise = (): number => Math.sqrt(-2 * Math.log(1 - Math.random())) * Math.cos(2 * Math.PI * Math.random());
+const noise3 = (s: number): Triple => [noise() * s, noise() * s, noise() * s];
+const norm = (q: number[]): Quaternion => q.map((v) => v / Math.hypot(...q)) as Quaternion;
+const mul = ([a, b, c, d]: Quaternion, [e, f, g, h]: Quaternion): Quaternion =>
+  norm([a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g, a * g - b * h + c * e + d * f, a * h + b * g - c * f + d * e]);
+const exp = (v: number[]): Quaternion => norm([1, ...v.map((x) => x / 2)]);
+const angles = ([w, x, y, z]: Quaternion): Triple => [Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), Math.asin(2 * (w * y - z * x)), Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))].map((v) => (v * 180) / Math.PI) as Triple;
+const truthAt = (t: number, k: number): Quaternion => mul(mul(exp([0, 0, 0.9 * Math.sin(0.31 * t + k)]), exp([0.7 * Math.sin(0.53 * t + k), 0, 0])), exp([0, 0.6 * Math.sin(0.4 * t), 0]));
+
+const parameters: [string, string, number][] = [
+  ["gyroscope_noise_density", "rad/s/sqrt(Hz)", 5e-4], ["gyroscope_bias_random_walk", "rad/s/sqrt(s)", 2e-4], ["accelerometer_std", "m/s^2", 0.05], ["magnetometer_std_ut", "microtesla", 0.5],
+  ["accelerometer_gate_nis", "-", 11.34], ["magnetometer_gate_nis", "-", 11.34], ["gate_timeout_s", "s", 3], ["initial_tilt_std", "rad", 0.1],
+];
+
+function summary(name: string, error: number, estimated: number | null): RunSummary {
+  return {
+    estimator: name, duration_s: 30, samples: 9000, error_deg: { total: error * 0.8 }, nis_mean: { accelerometer: 3.1, magnetometer: 2.9 }, nis: {}, issues: [],
+    final: { calculated_error_deg: error, estimated_error_deg: estimated, estimated_std_deg: null, normalised_square: 2.2, verdict: estimated ? "consistent" : null, sentence: `Back in the first pose the estimate is ${error.toFixed(2)} deg away from it, as the filter's 0.54 deg allow: consistent. A hand puts a device back only to 0.5 to 1 deg: a calculated error of that size says nothing against the filter.` },
+    verdicts: [{ sensor: "accelerometer", verdict: "honest", variance_factor: 1.03, sentences: ["NIS is 3.1 on average, 3 when honest: the stated noise fits."] }, { sensor: "magnetometer", verdict: "too-small", variance_factor: 2.4, sentences: ["R is about 2.4 times too small."] }],
+  };
+}
+
+class Mock extends EventTarget {
+  static readonly OPEN = 1;
+  readonly readyState = 1;
+  onopen: (() => void) | null = null;
+  onmessage: ((e: { data: string }) => void) | null = null;
+  onclose: (() => void) | null = null;
+  private devices: Device[] = [];
+  private rows: Extract<FromProgram, { type: "experiments" }>["rows"] = [];
+  private t = 0;
+
+  constructor() {
+    super();
+    setTimeout(() => {
+      this.onopen?.();
+      this.say({
+        type: "hello", version: "0.0.0", phone_urls: ["https://192.0.2.7:7771/p#t=J7p3vX0mQk2b9sT4uY6wZg"], ingest_urls: ["http://192.0.2.7:7772/in/J7p3vX0mQk2b9sT4uY6wZg"], qr_svg: "qr.svg",
+        estimators: [], parameters: parameters.map(([name, unit, v]) => ({ name, unit, meaning: name.replaceAll("_", " "), default: { lab: v, "hand-held": v * 4 } })), fingerprint: "A1:B2:C3:D4:E5:F6:07:18:29:3A:4B:5C",
+      });
+      this.say({ type: "devices", devices: [] });
+    });
+    setInterval(() => this.tick(), 33);
+    setInterval(() => this.say({ type: "devices", devices: structuredClone(this.devices) }), 500);
+  }
+
+  private say(message: FromProgram): void {
+    this.onmessage?.({ data: JSON.stringify(message) });
+  }
+
+  private tick(): void {
+    this.t += 0.033;
+    this.devices.forEach((device, k) => {
+      device.received += 10;
+      const q = truthAt(this.t, k), mekf = mul(q, exp(noise3(0.003)));
+      const estimates: Frame["estimates"] = {};
+      const drift = 0.004 * this.t;
+      for (const [name, other, std] of [["mekf", mekf, true], ["integration", mul(exp([drift, drift * 0.5, drift * 2]), q), false], ["device", mul(exp([0, 0, 0.06]), q), false]] as [string, Quaternion, boolean][]) {
+        estimates[name] = { q: other, angles_deg: angles(other), std_deg: std ? [0.7, 0.25, 0.25] : null, bias_deg_s: null };
+      }
+      const innovations = ["accelerometer", "magnetometer"].map((sensor): Innovation => {
+        const s = sensor === "accelerometer" ? 0.05 : 0.5, residual = noise3(sensor === "accelerometer" ? s : s * 1.5);
+        const nis = residual.reduce((sum, r) => sum + (r / s) ** 2, 0);
+        return { sensor, t_s: this.t, residual, std: [s, s, s], nis, dof: 3, outcome: nis > 11.34 ? "gated" : "fused" };
+      });
+      this.say({
+        type: "frame", device: device.id, t_s: this.t, estimates, truth: { q }, between_deg: {}, rate_rad_s: noise3(0.02).map((n, i) => n + 0.4 * Math.cos(0.4 * this.t + i)) as Triple, innovations,
+        lamp: [{ sensor: "accelerometer", tone: "good", text: "as noisy as stated.", nis_mean: 3.1 }, { sensor: "magnetometer", tone: "warn", text: "R is about 2.3 times too small: raise it or look for iron near by.", nis_mean: 6.8 }],
+      });
+    });
+  }
+
+  send(text: string): void {
+    const m = JSON.parse(text) as ToProgram;
+    if (m.type === "virtual_phone" && m.action === "add") {
+      const n = this.devices.length + 1;
+      this.devices.push({ id: `v${n}`, name: `Virtual phone ${n}`, source: "virtual", connected: true, health: [{ tone: n % 3 === 2 ? "warn" : "good", text: n % 3 === 2 ? "The accelerometer is rounded to 0.1 m/s²." : "All sensors deliver." }], rates_hz: { gyroscope: 100, accelerometer: 100, magnetometer: 50 }, resolution: {}, received: 0, lost: 0, duplicated: 0, duration_s: 0 });
+    }
+    if (m.type === "calibrate") this.calibrate(m.device, m.seconds);
+    if (m.type === "experiment") this.experiment(m.device, m.seconds, m.name);
+    if (m.type === "what_if") this.whatIf(m);
+    if (m.type === "rename") this.devices.find((d) => d.id === m.device)!.name = m.name;
+  }
+
+  private calibrate(device: string, seconds: number): void {
+    const series = (s: number): { t_s: number[]; x: number[]; y: number[]; z: number[] } => {
+      const t_s = Array.from({ length: 200 }, (_, i) => (i * seconds) / 200);
+      const column = (): number[] => t_s.map(() => noise() * s);
+      return { t_s, x: column(), y: column(), z: column() };
+    };
+    const done: Calibration = {
+      type: "calibration", device, state: "done", progress: 1, remaining_s: 0, verdict: { tone: "good", text: "At rest for the whole time; the bias is known to 0.003 deg/s." }, samples: { gyroscope: series(0.005), accelerometer: series(0.05), magnetometer: series(0.5) },
+      result: { gyroscope_samples: 1000, gyroscope_bias_rad_s: [0.011, -0.004, 0.002], gyroscope_bias_std_rad_s: [1e-4, 1e-4, 1e-4], gyroscope_std_rad_s: [0.005, 0.005, 0.005], accelerometer_samples: 1000, specific_force_m_s2: [0.02, 0.1, 9.79], accelerometer_std_m_s2: [0.05, 0.05, 0.05], magnetometer_samples: 500, magnetic_field_ut: [0.3, 22.1, -41.8], magnetometer_std_ut: [0.5, 0.5, 0.5] },
+    };
+    this.progress(1200, (p) => this.say(p < 1 ? { ...done, state: "running", progress: p, remaining_s: (1 - p) * seconds, result: null, samples: null, verdict: null } : done));
+  }
+
+  private experiment(device: string, seconds: number, name: string): void {
+    const id = `e${this.rows.length + 1}`;
+    this.progress(2500, (p) => {
+      if (p < 1) return this.say({ type: "experiment", device, id, state: "running", progress: p, remaining_s: (1 - p) * seconds, result: null });
+      const results = { mekf: summary("mekf", 0.41, 0.54), integration: summary("integration", 12.3, null), device: summary("device", 1.1, null) };
+      this.rows.push({ id, device, name, at: "", duration_s: seconds, settings: Object.fromEntries(parameters.map(([n, , v]) => [n, v])), results: Object.fromEntries(Object.entries(results).map(([n, s]) => [n, { calculated_error_deg: s.final!.calculated_error_deg, estimated_error_deg: s.final!.estimated_error_deg, verdict: s.final!.verdict }])) });
+      this.say({ type: "experiments", rows: this.rows });
+      this.say({ type: "experiment", device, id, state: "done", progress: 1, remaining_s: 0, result: { summary: results, settings: {}, hash: "9f2c4e8d1a7b6053f4e1" } });
+    });
+  }
+
+  private whatIf(m: Extract<ToProgram, { type: "what_if" }>): void {
+    const std = Number(m.settings["accelerometer_std"]);
+    const t_s = Array.from({ length: 300 }, (_, i) => i / 10);
+    const values = Array.from({ length: 25 }, (_, i) => 10 ** (-3 + i / 6));
+    setTimeout(() => this.say({
+      type: "what_if", request: m.request, id: m.id, elapsed_ms: 38, results: { mekf: summary("mekf", 0.41 + Math.abs(Math.log10(std / 0.05)), 0.54) },
+      trace: { t_s, angles_deg: t_s.map((t) => angles(truthAt(t, 0))), error_deg: t_s.map(() => 0.4 + 0.1 * Math.abs(noise()) * (std / 0.05)) },
+      curve: m.curve ? { parameter: m.curve, values, nis_acc: values.map((v) => 3 * (0.05 / v) ** 2), nis_mag: values.map(() => 3), error_deg: values.map((v) => 0.3 + 0.2 * Math.log10(v / 0.05) ** 2) } : null,
+    }), 40);
+  }
+
+  private progress(ms: number, tell: (p: number) => void): void {
+    const start = performance.now();
+    const timer = setInterval(() => {
+      const p = Math.min(1, (performance.now() - start) / ms);
+      tell(p);
+      if (p >= 1) clearInterval(timer);
+    }, 100);
+  }
+}
+
+(window as unknown as { WebSocket: unknown }).WebSocket = Mock;

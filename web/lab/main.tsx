@@ -1,0 +1,137 @@
+// The lab page: devices on the left, the device and its numbers in the middle, the step of the path on the right.
+
+import { render } from "preact";
+import { useEffect, useState } from "preact/hooks";
+import "./style.css";
+import { connect } from "./connection";
+import { Angles, Device3d, Lamps, LivePlots } from "./live";
+import { Calibrate, Place } from "./panels/calibrate";
+import { Connect } from "./panels/connect";
+import { Devices, Wall } from "./panels/devices";
+import { Experiment, ExperimentTable, Result, Return } from "./panels/experiment";
+import { Tune } from "./panels/tune";
+import { WhatIf, WhatIfPlots } from "./panels/what_if";
+import type { Device } from "./protocol";
+import { goTo, type Lower, onChange, selectedDevice, send, state, STEPS, type Step, update } from "./store";
+
+const TITLES: Record<Step, string> = {
+  connect: "Connect", place: "Place", calibrate: "Calibrate", tune: "Q and R", experiment: "Experiment", return: "Return", result: "Result", "what-if": "What if?",
+};
+const HEADINGS: Record<Step, string> = {
+  connect: "Connect a phone", place: "Place it at rest", calibrate: "Calibrate at rest", tune: "Set Q and R", experiment: "Move it", return: "Bring it back", result: "How far off?", "what-if": "What if?",
+};
+
+function App() {
+  const [, again] = useState(0);
+  useEffect(() => onChange(() => again((n) => n + 1)), []);
+  useEffect(() => {
+    const keys = (e: KeyboardEvent): void => {
+      const typing = e.target instanceof HTMLElement && e.target.closest("input, select, textarea");
+      const step = STEPS[Number(e.key) - 1];
+      if (!typing && step && !e.ctrlKey && !e.metaKey && !e.altKey) goTo(step);
+    };
+    window.addEventListener("keydown", keys);
+    return () => window.removeEventListener("keydown", keys);
+  }, []);
+  return (
+    <>
+      <Header />
+      <main class={state.view}>
+        {state.view === "wall" ? <Wall /> : <><Devices /><Centre /><Panel /></>}
+      </main>
+      <Notice />
+    </>
+  );
+}
+
+function Header() {
+  return (
+    <header>
+      <h1>Northing <span>lab</span></h1>
+      <nav aria-label="Steps">
+        <ol>
+          {STEPS.map((step, i) => (
+            <li key={step}>
+              <button type="button" aria-current={state.view === "lab" && state.step === step ? "step" : undefined} title={`Key ${i + 1}`} onClick={() => goTo(step)}>
+                <span>{i + 1}</span>{TITLES[step]}
+              </button>
+            </li>
+          ))}
+        </ol>
+      </nav>
+      <label class="rate">Display
+        <select value={String(state.displayHz)} onChange={(e) => { const hz = Number(e.currentTarget.value); update((s) => (s.displayHz = hz)); send({ type: "display_rate", hz }); }}>
+          {[5, 10, 20, 30, 60].map((hz) => <option key={hz} value={String(hz)}>{hz} Hz</option>)}
+        </select>
+      </label>
+      <button type="button" aria-pressed={state.view === "wall"} onClick={() => update((s) => (s.view = s.view === "wall" ? "lab" : "wall"))}>Wall</button>
+    </header>
+  );
+}
+
+const LOWER: [Lower, string][] = [["live", "Live"], ["experiments", "All experiments"], ["what-if", "What if"]];
+
+function Centre() {
+  const device = selectedDevice();
+  return (
+    <section class="centre" aria-label="Attitude">
+      <div class="stage">
+        <Device3d device={device?.id ?? null} />
+        {device && <Angles device={device.id} />}
+        {!device && <p class="empty">The device appears here once one is connected.</p>}
+      </div>
+      {device ? <Lamps device={device.id} key={device.id} /> : <div class="lamps" />}
+      <div class="lower">
+        <div class="tabs" role="tablist" aria-label="Lower half">
+          {LOWER.map(([key, text]) => (
+            <button key={key} type="button" role="tab" aria-selected={state.lower === key} onClick={() => update((s) => (s.lower = key))}>{text}</button>
+          ))}
+        </div>
+        {state.lower === "live" && (device ? <LivePlots device={device.id} key={device.id} /> : <p class="empty">Plots start with the first samples.</p>)}
+        {state.lower === "experiments" && <ExperimentTable />}
+        {state.lower === "what-if" && <WhatIfPlots />}
+      </div>
+    </section>
+  );
+}
+
+function Panel() {
+  const device = selectedDevice();
+  return (
+    <section class="panel" aria-label={HEADINGS[state.step]}>
+      <h2><span>{STEPS.indexOf(state.step) + 1}</span>{HEADINGS[state.step]}</h2>
+      {state.step === "connect" ? <Connect /> : device ? <StepOf device={device} key={`${state.step} ${device.id}`} /> : (
+        <p>First <button type="button" class="link" onClick={() => goTo("connect")}>connect a phone</button>, or add a virtual one.</p>
+      )}
+    </section>
+  );
+}
+
+function StepOf({ device }: { device: Device }) {
+  switch (state.step) {
+    case "place": return <Place device={device} />;
+    case "calibrate": return <Calibrate device={device} />;
+    case "tune": return <Tune device={device} />;
+    case "experiment": return <Experiment device={device} />;
+    case "return": return <Return device={device} />;
+    case "result": return <Result device={device} />;
+    case "what-if": return <WhatIf />;
+    case "connect": return null;
+  }
+}
+
+/** What went wrong, over the page's foot so that nothing moves. */
+function Notice() {
+  const lost = state.connection === "lost";
+  const text = lost ? "The lab program does not answer. This page connects again by itself." : state.error;
+  if (!text) return null;
+  return (
+    <div class="notice" role="alert">
+      <span>{text}</span>
+      {!lost && <button type="button" onClick={() => update((s) => (s.error = null))}>Close</button>}
+    </div>
+  );
+}
+
+render(<App />, document.getElementById("lab")!);
+connect();

@@ -1,0 +1,49 @@
+// Step 1: phones come in by QR code; a virtual phone is one click away.
+
+import { useState } from "preact/hooks";
+import { goTo, send, state } from "../store";
+
+const MOTIONS: [string, string][] = [["gentle", "gentle turns"], ["brisk", "brisk turns"], ["rest", "stays at rest"]];
+const DISTURBANCES: [string, string][] = [["none", "none"], ["acceleration", "shaking"], ["magnetic", "a magnet near"], ["both", "shaking and a magnet"]];
+
+export function Connect() {
+  const hello = state.hello;
+  return (
+    <>
+      <p>Scan with the phone's camera, accept the lab's own certificate once, then tap <b>Start sending</b>. Phone and laptop share one network.</p>
+      <div class="qr">{hello && <img src={hello.qr_svg} width="190" height="190" alt={`QR code of ${hello.phone_urls[0] ?? "the phone page"}`} />}</div>
+      {hello?.phone_urls.map((url) => <code class="url" key={url}>{url}</code>)}
+      <VirtualPhone />
+      <details>
+        <summary>Other apps, and the certificate</summary>
+        <p class="small">Sensor Logger: HTTP push to</p>
+        {hello?.ingest_urls.map((url) => <code class="url" key={url}>{url}</code>)}
+        <p class="small">Fingerprint of the certificate, to compare with what the phone shows:</p>
+        <code class="url">{hello?.fingerprint}</code>
+      </details>
+      {state.devices.length > 0 && <button type="button" class="primary" onClick={() => goTo("place")}>Next: place at rest</button>}
+    </>
+  );
+}
+
+function VirtualPhone() {
+  const [motion, setMotion] = useState("gentle");
+  const [disturbance, setDisturbance] = useState("none");
+  const [seed, setSeed] = useState(1);
+  const add = (): void => {
+    send({ type: "virtual_phone", action: "add", motion, disturbance, seed });
+    setSeed(seed + 1);
+  };
+  return (
+    <fieldset class="virtual">
+      <legend>No phone at hand?</legend>
+      <label>Motion
+        <select value={motion} onChange={(e) => setMotion(e.currentTarget.value)}>{MOTIONS.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
+      </label>
+      <label>Disturbance
+        <select value={disturbance} onChange={(e) => setDisturbance(e.currentTarget.value)}>{DISTURBANCES.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
+      </label>
+      <button type="button" class={state.devices.length ? "" : "primary"} onClick={add}>Add a virtual phone</button>
+    </fieldset>
+  );
+}

@@ -1,0 +1,98 @@
+// The devices, with rates and health; and the wall that shows them all.
+
+import { useEffect, useRef } from "preact/hooks";
+import { LiveText, attitudes } from "../live";
+import { mainEstimate } from "../history";
+import type { Device } from "../protocol";
+import { View, World } from "../scene";
+import { goTo, historyOf, onFrame, send, state, update } from "../store";
+
+const SHORT: [string, string][] = [["gyroscope", "gyr"], ["accelerometer", "acc"], ["magnetometer", "mag"]];
+
+export function Devices() {
+  return (
+    <aside class="devices" aria-label="Devices">
+      <h2>Devices</h2>
+      {!state.devices.length && <p class="small">None yet. Scan the QR code with a phone, or add a virtual phone.</p>}
+      <ul>
+        {state.devices.map((device) => <DeviceCard key={device.id} device={device} />)}
+      </ul>
+      <button type="button" onClick={() => goTo("connect")}>Add a device</button>
+    </aside>
+  );
+}
+
+function DeviceCard({ device }: { device: Device }) {
+  const selected = device.id === state.selected;
+  const worst = device.health.find((h) => h.tone === "bad") ?? device.health.find((h) => h.tone === "warn") ?? device.health[0];
+  const remove = device.source === "virtual" ? <button type="button" class="link" onClick={() => send({ type: "virtual_phone", action: "remove", device: device.id })}>Remove</button> : null;
+  return (
+    <li class={`device ${device.connected ? worst?.tone ?? "good" : "bad"}`} aria-current={selected} data-device={device.id}>
+      <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => (s.selected = device.id))}>
+        <b>{device.name}</b> <small>{device.source}</small>
+      </button>
+      <p class="rates">{SHORT.map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
+      <p class="health">{device.connected ? worst?.text ?? "No complaint." : "Connection lost; waiting for it."}</p>
+      {selected && (
+        <>
+          {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health">{h.text}</p>)}
+          <p class="counts">{device.received} received · {device.lost} lost · {device.duplicated} twice</p>
+          <label class="rename">Name <input type="text" maxLength={40} value={device.name} onChange={(e) => send({ type: "rename", device: device.id, name: e.currentTarget.value })} /></label>
+          {remove}
+        </>
+      )}
+    </li>
+  );
+}
+
+/** All devices as boxes, for a class. */
+export function Wall() {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const grid = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const worlds = new Map<string, World>();
+    const worldOf = (id: string): World => {
+      let world = worlds.get(id);
+      if (!world) worlds.set(id, (world = new World()));
+      return world;
+    };
+    const cells = (): { world: World; box: DOMRect }[] =>
+      [...grid.current!.querySelectorAll<HTMLElement>("[data-cell]")].map((element) => ({ world: worldOf(element.dataset["cell"]!), box: element.getBoundingClientRect() }));
+    let view: View;
+    try {
+      view = new View(canvas.current!, cells, false);
+    } catch {
+      return;
+    }
+    const stop = onFrame((frame) => {
+      worldOf(frame.device).set(attitudes(frame).slice(0, 1));
+      view.ask();
+    });
+    for (const device of state.devices) {
+      const latest = historyOf(device.id).latest;
+      if (latest) worldOf(device.id).set(attitudes(latest).slice(0, 1));
+    }
+    const scrolled = (): void => view.ask();
+    grid.current!.parentElement!.addEventListener("scroll", scrolled);
+    view.ask();
+    return () => {
+      stop();
+      view.close();
+    };
+  }, []);
+  return (
+    <section class="wall" aria-label="All devices">
+      <canvas ref={canvas} aria-hidden="true" />
+      <div class="grid" ref={grid}>
+        {state.devices.map((device) => (
+          <button key={device.id} type="button" class={`cell ${device.connected ? "" : "bad"}`} onClick={() => update((s) => { s.selected = device.id; s.view = "lab"; })}>
+            <b>{device.name}</b>
+            <span data-cell={device.id} class="box" />
+            <LiveText device={device.id} text={(f) => { const a = mainEstimate(f)?.angles_deg; return a ? a.map((v) => `${v.toFixed(0)}°`).join("  ") : "–"; }} />
+          </button>
+        ))}
+      </div>
+      {!state.devices.length && <p class="empty">No device yet.</p>}
+    </section>
+  );
+}

@@ -1,0 +1,207 @@
+// Steps 5 to 7: move, come back, and compare the calculated with the estimated error.
+
+import { useEffect, useRef, useState } from "preact/hooks";
+import { angleBetween, mainEstimate, mainName } from "../history";
+import { LiveText } from "../live";
+import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary } from "../protocol";
+import { goTo, historyOf, send, state } from "../store";
+import { nameOf, roleOf } from "../theme";
+import { degrees, number, VERDICTS } from "../words";
+
+/** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
+const starts = new Map<string, number[]>();
+
+export function Experiment({ device }: { device: Device }) {
+  const [seconds, setSeconds] = useState(30);
+  const [name, setName] = useState("");
+  const running = state.running[device.id];
+  const start = (): void => {
+    const now = historyOf(device.id).latest;
+    const estimate = now && mainEstimate(now);
+    if (estimate) starts.set(device.id, estimate.q);
+    send({ type: "experiment", device: device.id, seconds, name: name.trim() || `Experiment ${state.rows.length + 1}` });
+  };
+  return (
+    <>
+      <p>Start at rest, move the phone as you like, and lay it back in its outline before the time is over. Everything is recorded.</p>
+      <label class="field">Name
+        <input type="text" maxLength={60} value={name} placeholder={`Experiment ${state.rows.length + 1}`} onInput={(e) => setName(e.currentTarget.value)} />
+      </label>
+      <label class="row">Duration
+        <input type="range" min="10" max="300" step="5" value={seconds} disabled={!!running} onInput={(e) => setSeconds(Number(e.currentTarget.value))} />
+        <output>{seconds} s</output>
+      </label>
+      {running ? <Running device={device} running={running} /> : <button type="button" class="primary" onClick={start}>Start the experiment</button>}
+    </>
+  );
+}
+
+function Running({ device, running }: { device: Device; running: Message }) {
+  return (
+    <>
+      <progress max="1" value={running.progress} aria-label="Progress of the experiment" />
+      <p class="big" role="timer">{Math.ceil(running.remaining_s)} s left</p>
+      <button type="button" onClick={() => send({ type: "stop", device: device.id })}>Stop now</button>
+    </>
+  );
+}
+
+export function Return({ device }: { device: Device }) {
+  const running = state.running[device.id];
+  const fromStart = (frame: Frame): string => {
+    const start = starts.get(device.id), now = mainEstimate(frame)?.q;
+    return start && now ? `${angleBetween(start, now).toFixed(1)}°` : "–";
+  };
+  const others = (frame: Frame): string => {
+    const angle = frame.between_deg[`${mainName(frame)}|integration`];
+    return angle === undefined ? "–" : `${angle.toFixed(1)}°`;
+  };
+  return (
+    <>
+      <p>Lay the phone back exactly where it lay, and let it rest until the time is over. A hand manages 0.5 to 1 degree.</p>
+      <dl class="facts">
+        <div><dt>From the start pose, as estimated</dt><dd><LiveText device={device.id} text={fromStart} /></dd></div>
+        <div><dt>Integration is off by</dt><dd><LiveText device={device.id} text={others} /></dd></div>
+      </dl>
+      {running ? <Running device={device} running={running} /> : (
+        <>
+          <p class="small">No experiment is running.</p>
+          <button type="button" class="primary" onClick={() => goTo("experiment")}>Back to: experiment</button>
+        </>
+      )}
+    </>
+  );
+}
+
+export function Result({ device }: { device: Device }) {
+  const heading = useRef<HTMLDivElement>(null);
+  const id = state.shownResult ?? state.rows.filter((r) => r.device === device.id).at(-1)?.id;
+  const finished = id ? state.finished[id] : undefined;
+  useEffect(() => heading.current?.focus({ preventScroll: true }), [id]);
+  if (!id) return <p>No experiment has ended yet. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
+  const row = state.rows.find((r) => r.id === id);
+  return (
+    <div class="result" tabIndex={-1} ref={heading}>
+      <h3>{row?.name ?? id}</h3>
+      {finished?.result ? <Summary summary={finished.result.summary} /> : row && <RowSummary row={row} />}
+      <Downloads id={id} hash={finished?.result?.hash} />
+      <button type="button" class="primary" onClick={() => goTo("what-if")}>Next: what if?</button>
+    </div>
+  );
+}
+
+/** Calculated against estimated error of every estimator, then what the sensors' noise looked like. */
+export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
+  const names = Object.keys(summary).sort((a, b) => Number(b === "mekf") - Number(a === "mekf"));
+  const main = summary[names[0]!]!;
+  return (
+    <>
+      {main.final ? <Final final={main.final} /> : (
+        <div class="verdict warn"><b>No verdict</b><span>The device did not rest in the same pose at both ends.</span></div>
+      )}
+      <table class="compact results">
+        <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>{main.error_deg && <th scope="col" class="num" title="RMS error against the truth">RMS</th>}</tr></thead>
+        <tbody>
+          {names.map((name) => {
+            const s = summary[name]!;
+            return (
+              <tr key={name} data-estimator={name}>
+                <th scope="row"><span class="swatch" style={{ "--role": `var(--${roleOf(name)})` }} /> {nameOf(name)}</th>
+                <td class="num" data-value="calculated">{degrees(s.final?.calculated_error_deg)}</td>
+                <td class="num" data-value="estimated">{degrees(s.final?.estimated_error_deg)}</td>
+                {main.error_deg && <td class="num" data-value="rms">{degrees(rms(s))}</td>}
+              </tr>
+            );
+          })}
+        </tbody>
+      </table>
+      {main.final && <p class="small">{main.final.sentence}</p>}
+      <ul class="sentences">
+        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "honest" ? "good" : "warn"}><b>{v.sensor}</b> {v.sentences[0]}</li>)}
+      </ul>
+    </>
+  );
+}
+
+/** The one RMS error to show: the whole rotation, whatever the summary calls it. */
+export function rms(summary: RunSummary): number | null {
+  const error = summary.error_deg;
+  if (!error) return null;
+  return error["total"] ?? error["attitude"] ?? error["orientation"] ?? Object.values(error).find((v) => typeof v === "number") ?? null;
+}
+
+function Final({ final }: { final: FinalSummary }) {
+  const verdict = (final.verdict && VERDICTS[final.verdict]) || { tone: "warn", text: "No covariance" };
+  return (
+    <div class={`final ${verdict.tone}`}>
+      <div><span>calculated</span><b>{degrees(final.calculated_error_deg)}</b></div>
+      <div><span>estimated</span><b>{degrees(final.estimated_error_deg)}</b></div>
+      <p data-verdict={final.verdict ?? "none"}>{verdict.text}</p>
+    </div>
+  );
+}
+
+function RowSummary({ row }: { row: (typeof state.rows)[number] }) {
+  return (
+    <table class="compact">
+      <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th></tr></thead>
+      <tbody>
+        {Object.entries(row.results).map(([name, r]) => (
+          <tr key={name}><th scope="row">{nameOf(name)}</th><td class="num">{degrees(r.calculated_error_deg)}</td><td class="num">{degrees(r.estimated_error_deg)}</td></tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+function Downloads({ id, hash }: { id: string; hash: string | undefined }) {
+  const files: [string, string][] = [["report.html", "Report"], ["recording.csv", "CSV"], ["recording.parquet", "Parquet"], ["estimates.tum", "TUM"]];
+  return (
+    <>
+      <div class="buttons downloads">
+        {files.map(([file, text]) => <a key={file} href={`/api/experiments/${encodeURIComponent(id)}/${file}`} {...(file === "report.html" ? { target: "_blank", rel: "noopener" } : { download: "" })}>{text}</a>)}
+      </div>
+      {hash && <p class="small">Recording <code title={hash}>{hash.slice(0, 16)}</code></p>}
+    </>
+  );
+}
+
+/** All experiments so far, in the lower half. */
+export function ExperimentTable() {
+  if (!state.rows.length) return <p class="empty">No experiment yet: each one adds a row here.</p>;
+  const show = (id: string): void => {
+    goTo("result");
+    state.shownResult = id;
+  };
+  return (
+    <div class="scroll">
+      <table class="experiments">
+        <thead>
+          <tr>
+            <th scope="col">Experiment</th><th scope="col">Device</th><th scope="col" class="num">s</th><th scope="col" class="num">R acc</th><th scope="col" class="num">R mag</th>
+            <th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th><th scope="col" class="num">Integration</th><th scope="col">Verdict</th>
+          </tr>
+        </thead>
+        <tbody>
+          {[...state.rows].reverse().map((row) => {
+            const main = row.results["mekf"];
+            const verdict = main?.verdict ? VERDICTS[main.verdict] : undefined;
+            return (
+              <tr key={row.id} aria-current={row.id === state.shownResult}>
+                <th scope="row"><button type="button" class="link" onClick={() => show(row.id)}>{row.name}</button></th>
+                <td>{state.devices.find((d) => d.id === row.device)?.name ?? row.device}</td>
+                <td class="num">{number(row.duration_s, 0)}</td>
+                <td class="num">{String(row.settings["accelerometer_std"] ?? "–")}</td>
+                <td class="num">{String(row.settings["magnetometer_std_ut"] ?? "–")}</td>
+                <td class="num">{degrees(main?.calculated_error_deg)}</td>
+                <td class="num">{degrees(main?.estimated_error_deg)}</td>
+                <td class="num">{degrees(row.results["integration"]?.calculated_error_deg)}</td>
+                <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? "–"}</span></td>
+              </tr>
+            );
+          })}
+        </tbody>
+      </table>
+    </div>
+  );
+}

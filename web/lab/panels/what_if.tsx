@@ -1,0 +1,151 @@
+// Step 8: the same recording with other numbers, at once; and the curve that shows where tuning is honest.
+
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import type uPlot from "uplot";
+import { Chart, type ChartSpec } from "../chart";
+import { AllParameters, curveChoices, Sliders } from "../parameters";
+import type { ExperimentRow, Settings, WhatIf as Message } from "../protocol";
+import { goTo, send, state, update } from "../store";
+import { nameOf, roleOf } from "../theme";
+import { degrees, number } from "../words";
+import { rms } from "./experiment";
+
+let request = 0;
+/** What was asked last and is not answered: only one is under way, so that a drag cannot pile up work. */
+let underWay: number | null = null;
+let next: (() => void) | null = null;
+/** Settings under trial; kept here so that leaving the step does not lose them. */
+let tried: { id: string; settings: Settings } | null = null;
+
+function ask(row: ExperimentRow, settings: Settings, curve: string | null): void {
+  const go = (): void => {
+    underWay = ++request;
+    send({ type: "what_if", request, id: row.id, settings, curve });
+  };
+  if (underWay !== null && state.whatIf?.request !== underWay) next = go;
+  else go();
+}
+
+export function WhatIf() {
+  const rows = state.rows;
+  const [id, setId] = useState(state.shownResult ?? rows.at(-1)?.id ?? "");
+  const row = rows.find((r) => r.id === id) ?? rows.at(-1);
+  const [settings, setSettings] = useState<Settings>(tried && tried.id === row?.id ? tried.settings : { ...row?.settings });
+  const [curve, setCurve] = useState("accelerometer_std");
+  const asked = useRef(false);
+  useEffect(() => {
+    // The first answer: the recording as it was run.
+    if (row && !asked.current) ask(row, settings, curve);
+    asked.current = true;
+  });
+  useEffect(() => {
+    if (state.whatIf?.request !== underWay || !next) return;
+    const go = next;
+    next = null;
+    go();
+  }, [state.whatIf]);
+  if (!row) return <p>What-if needs an experiment. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
+  const run = (changed: Settings, parameter = curve, of = row): void => {
+    setSettings(changed);
+    tried = { id: of.id, settings: changed };
+    update((s) => (s.lower = "what-if"));
+    ask(of, changed, parameter);
+  };
+  return (
+    <>
+      <p>Move a slider: the whole recording runs again, and the answer is below.</p>
+      <label class="field">Recording
+        <select value={row.id} onChange={(e) => { const other = rows.find((r) => r.id === e.currentTarget.value)!; setId(other.id); run({ ...other.settings }, curve, other); }}>
+          {rows.map((r) => <option key={r.id} value={r.id}>{r.name}</option>)}
+        </select>
+      </label>
+      <Sliders settings={settings} change={(name, value) => run({ ...settings, [name]: value })} />
+      <label class="field">Curve over
+        <select value={curve} onChange={(e) => { setCurve(e.currentTarget.value); run(settings, e.currentTarget.value); }}>
+          {curveChoices().map((c) => <option key={c.name} value={c.name}>{c.text}</option>)}
+        </select>
+      </label>
+      <button type="button" onClick={() => run({ ...row.settings })}>Back to the numbers of the experiment</button>
+      <Answer message={state.whatIf} row={row} />
+      <AllParameters settings={settings} change={(name, value) => run({ ...settings, [name]: value })} />
+    </>
+  );
+}
+
+function Answer({ message, row }: { message: Message | null; row: ExperimentRow }) {
+  if (!message || message.id !== row.id) return null;
+  const names = Object.keys(message.results).sort((a, b) => Number(b === "mekf") - Number(a === "mekf"));
+  const truth = names.some((name) => rms(message.results[name]!) !== null);
+  return (
+    <table class="compact results what-if">
+      <caption>Run again in <b>{number(message.elapsed_ms, 0)} ms</b></caption>
+      <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Then</th><th scope="col" class="num">Now</th>{truth && <th scope="col" class="num">RMS now</th>}<th scope="col" class="num">NIS acc</th></tr></thead>
+      <tbody>
+        {names.map((name) => (
+          <tr key={name} data-estimator={name}>
+            <th scope="row"><span class="swatch" style={{ "--role": `var(--${roleOf(name)})` }} /> {nameOf(name)}</th>
+            <td class="num">{degrees(row.results[name]?.calculated_error_deg)}</td>
+            <td class="num" data-value="calculated">{degrees(message.results[name]!.final?.calculated_error_deg)}</td>
+            {truth && <td class="num" data-value="rms">{degrees(rms(message.results[name]!))}</td>}
+            <td class="num">{number(message.results[name]!.nis_mean.accelerometer, 1)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+const TRACE: ChartSpec = {
+  title: "Angles, run again", unit: "deg", leastSpan: 4,
+  legend: [{ text: "yaw", role: "s0" }, { text: "pitch", role: "s1" }, { text: "roll", role: "s2" }],
+  lines: [{ role: "s0" }, { role: "s1" }, { role: "s2" }],
+};
+const errorSpec = (truth: boolean): ChartSpec => ({
+  title: truth ? "Error against truth" : "Expected error, 1σ", unit: "deg", leastSpan: 0.5,
+  legend: [{ text: truth ? "error" : "σ", role: "estimate" }], lines: [{ role: "estimate" }],
+});
+const curveSpec = (parameter: string, value: () => number | null): ChartSpec => ({
+  title: "Where is it honest?", unit: `NIS over ${parameter.replaceAll("_", " ")}`, logX: true, logY: true,
+  legend: [{ text: "NIS acc", role: "s1" }, { text: "NIS mag", role: "s2" }, { text: "error, deg", role: "estimate", dash: true }],
+  lines: [{ role: "s1", width: 2.2 }, { role: "s2", width: 2.2 }, { role: "estimate", dash: true, width: 2.2 }],
+  rules: () => [{ value: 3, text: "honest: 3" }],
+  mark: value,
+});
+
+const positive = (v: number | null): number | null => (v !== null && v > 0 ? v : null);
+
+/** The lower half: trace and curve of the last answer. */
+export function WhatIfPlots() {
+  const message = state.whatIf;
+  const trace = message?.trace ?? null;
+  const curve = message?.curve ?? null;
+  const numbers = (key: string): number[][] | null => {
+    const value = trace?.[key];
+    return Array.isArray(value) && Array.isArray(value[0]) ? (value as number[][]) : null;
+  };
+  const angles = useMemo(() => {
+    const rows = numbers("angles_deg");
+    const columns = [trace?.t_s ?? [], ...[0, 1, 2].map((i) => rows?.map((r) => r[i]!) ?? [])] as uPlot.AlignedData;
+    return () => columns;
+  }, [trace]);
+  const truth = Array.isArray(trace?.["error_deg"]);
+  const errors = useMemo(() => {
+    const values = (truth ? trace?.["error_deg"] : numbers("std_deg")?.map((s) => Math.hypot(...s))) as number[] | undefined;
+    const columns = [trace?.t_s ?? [], values ?? []] as uPlot.AlignedData;
+    return () => columns;
+  }, [trace]);
+  const errorOf = useMemo(() => errorSpec(truth), [truth]);
+  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(tried?.settings[curve?.parameter ?? ""]) || null), [curve?.parameter]);
+  const curveData = useMemo(() => {
+    const columns = [curve?.values ?? [], curve?.nis_acc.map(positive) ?? [], curve?.nis_mag.map(positive) ?? [], curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
+    return () => columns;
+  }, [curve]);
+  if (!message) return <p class="empty">{state.rows.length ? "Move a slider on the right: the recording runs again at once." : "What-if needs an experiment first."}</p>;
+  return (
+    <div class="plots what-if-plots">
+      <Chart spec={TRACE} data={angles} />
+      {curve && <Chart spec={spec} data={curveData} />}
+      <Chart spec={errorOf} data={errors} />
+    </div>
+  );
+}

@@ -1,0 +1,204 @@
+// The messages between lab page and program. Quaternions are w, x, y, z, body to reference; angles are yaw, pitch, roll.
+
+export type Quaternion = [number, number, number, number];
+export type Triple = [number, number, number];
+export type Tone = "good" | "warn" | "bad";
+export type SettingValue = number | string;
+export type Settings = Record<string, SettingValue>;
+export type Sensor = "gyroscope" | "accelerometer" | "magnetometer";
+
+export interface Parameter {
+  name: string;
+  unit: string;
+  meaning: string;
+  default: Record<string, SettingValue>;
+}
+
+export interface Hello {
+  type: "hello";
+  version: string;
+  phone_urls: string[];
+  ingest_urls: string[];
+  qr_svg: string;
+  estimators: { name: string; summary: string }[];
+  parameters: Parameter[];
+  fingerprint: string;
+}
+
+export interface Device {
+  id: string;
+  name: string;
+  source: string;
+  connected: boolean;
+  health: { tone: Tone; text: string }[];
+  rates_hz: Record<string, number>;
+  resolution: Record<string, number>;
+  received: number;
+  lost: number;
+  duplicated: number;
+  duration_s: number;
+  settings?: Settings;
+  use?: Partial<Record<Sensor, boolean>>;
+}
+
+export interface Estimate {
+  q: Quaternion;
+  std_deg: Triple | null;
+  angles_deg: Triple;
+  bias_deg_s: Triple | null;
+}
+
+export interface Innovation {
+  sensor: string;
+  t_s: number;
+  residual: Triple;
+  std: Triple;
+  nis: number;
+  dof: number;
+  outcome: "fused" | "inflated" | "gated" | "skipped";
+}
+
+export interface Lamp {
+  sensor: string;
+  tone: Tone;
+  text: string;
+  nis_mean: number | null;
+}
+
+export interface Frame {
+  type: "frame";
+  device: string;
+  t_s: number;
+  estimates: Record<string, Estimate>;
+  truth: { q: Quaternion } | null;
+  between_deg: Record<string, number>;
+  rate_rad_s: Triple | null;
+  innovations: Innovation[];
+  lamp: Lamp[];
+}
+
+/** A thinned series of one sensor: time and three axes. */
+export interface Series {
+  t_s: number[];
+  x: number[];
+  y: number[];
+  z: number[];
+}
+
+export interface RestCalibration {
+  gyroscope_samples: number;
+  gyroscope_bias_rad_s: Triple;
+  gyroscope_bias_std_rad_s: Triple;
+  gyroscope_std_rad_s: Triple;
+  accelerometer_samples: number;
+  specific_force_m_s2?: Triple;
+  accelerometer_std_m_s2?: Triple;
+  magnetometer_samples: number;
+  magnetic_field_ut?: Triple;
+  magnetometer_std_ut?: Triple;
+}
+
+export interface Calibration {
+  type: "calibration";
+  device: string;
+  state: "running" | "done" | "refused";
+  progress: number;
+  remaining_s: number;
+  verdict: { tone: Tone; text: string } | null;
+  result: RestCalibration | null;
+  samples: Partial<Record<Sensor, Series>> | null;
+}
+
+export interface FinalSummary {
+  calculated_error_deg: number;
+  estimated_error_deg: number | null;
+  estimated_std_deg: Triple | null;
+  normalised_square: number | null;
+  verdict: "consistent" | "optimistic" | "pessimistic" | null;
+  sentence: string;
+}
+
+export interface NisSummary {
+  mean: number;
+  median: number;
+  degrees_of_freedom: number;
+  samples: number;
+  share_above_95: number;
+  share_above_99: number;
+}
+
+export interface RunSummary {
+  estimator: string;
+  duration_s: number;
+  samples: number;
+  error_deg: Record<string, number> | null;
+  nis_mean: Partial<Record<Sensor, number | null>>;
+  final: FinalSummary | null;
+  nis: Partial<Record<Sensor, NisSummary | null>>;
+  verdicts: { sensor: string; verdict: string; variance_factor: number | null; sentences: string[] }[];
+  issues: string[];
+}
+
+export interface Experiment {
+  type: "experiment";
+  device: string;
+  id: string;
+  state: "running" | "done";
+  progress: number;
+  remaining_s: number;
+  result: {
+    summary: Record<string, RunSummary>;
+    final?: Record<string, FinalSummary | null>;
+    settings: Settings;
+    hash: string;
+    trace_url?: string;
+  } | null;
+}
+
+export interface ExperimentRow {
+  id: string;
+  device: string;
+  name: string;
+  at: string;
+  duration_s: number;
+  settings: Settings;
+  results: Record<string, {
+    calculated_error_deg: number | null;
+    estimated_error_deg: number | null;
+    verdict: string | null;
+    nis_acc?: number | null;
+    nis_mag?: number | null;
+    error_deg?: number | null;
+  }>;
+}
+
+export interface WhatIf {
+  type: "what_if";
+  request: unknown;
+  id: string;
+  elapsed_ms: number;
+  results: Record<string, RunSummary>;
+  trace: { t_s: number[]; [column: string]: unknown } | null;
+  curve: { parameter: string; values: number[]; nis_acc: (number | null)[]; nis_mag: (number | null)[]; error_deg: (number | null)[] } | null;
+}
+
+export type FromProgram =
+  | Hello
+  | { type: "devices"; devices: Device[] }
+  | Frame
+  | Calibration
+  | Experiment
+  | { type: "experiments"; rows: ExperimentRow[] }
+  | WhatIf
+  | { type: "error"; text: string; request?: unknown };
+
+export type ToProgram =
+  | { type: "virtual_phone"; action: "add" | "remove"; motion?: string; disturbance?: string; seed?: number; device?: string }
+  | { type: "calibrate"; device: string; seconds: number }
+  | { type: "experiment"; device: string; seconds: number; name: string }
+  | { type: "stop"; device: string }
+  | { type: "settings"; device: string; settings: Settings; profile?: string }
+  | { type: "sensors"; device: string; use: Record<Sensor, boolean> }
+  | { type: "display_rate"; hz: number }
+  | { type: "what_if"; request: number; id: string; settings: Settings; curve: string | null }
+  | { type: "rename"; device: string; name: string };

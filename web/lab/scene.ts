@@ -1,0 +1,223 @@
+// The 3-D view: the device as the estimate turns it, ghosts of the other attitudes, north and the horizon.
+
+import {
+  BoxGeometry, CanvasTexture, CircleGeometry, DirectionalLight, EdgesGeometry, Group, HemisphereLight, LineBasicMaterial, LineSegments,
+  BufferGeometry, Float32BufferAttribute, Mesh, MeshBasicMaterial, MeshStandardMaterial, type Object3D, PerspectiveCamera, Scene, Sprite, SpriteMaterial, WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import type { Quaternion } from "./protocol";
+import { colour, onTheme, roleOf } from "./theme";
+
+const SIZE: [number, number, number] = [0.86, 1.7, 0.1];
+
+/** One attitude to draw; the first is solid, the others are ghosts. */
+export interface Body {
+  name: string;
+  q: Quaternion;
+}
+
+function label(text: string, role: string, size = 0.26): Sprite {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 128;
+  const context = canvas.getContext("2d")!;
+  context.font = "600 84px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.fillStyle = colour(role);
+  context.fillText(text, 64, 68);
+  const sprite = new Sprite(new SpriteMaterial({ map: new CanvasTexture(canvas), transparent: true, depthTest: false }));
+  sprite.scale.set(size, size, 1);
+  return sprite;
+}
+
+function lines(points: number[], role: string, opacity = 1): LineSegments {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new Float32BufferAttribute(points, 3));
+  return new LineSegments(geometry, new LineBasicMaterial({ color: colour(role), transparent: opacity < 1, opacity }));
+}
+
+/** A phone with its screen and body axes, solid or as edges with a tint. */
+function phone(name: string, solid: boolean): Group {
+  const group = new Group();
+  const role = roleOf(name);
+  const box = new BoxGeometry(...SIZE);
+  if (solid) {
+    group.add(new Mesh(box, new MeshStandardMaterial({ color: colour(role), roughness: 0.55, metalness: 0.05 })));
+    const screen = new Mesh(new BoxGeometry(SIZE[0] * 0.88, SIZE[1] * 0.86, 0.012), new MeshStandardMaterial({ color: "#10202c", roughness: 0.35 }));
+    screen.position.z = SIZE[2] / 2 + 0.002;
+    const camera = new Mesh(new CircleGeometry(0.035, 20), new MeshBasicMaterial({ color: "#dfe8ef" }));
+    camera.position.set(0, SIZE[1] * 0.465, SIZE[2] / 2 + 0.003);
+    const arrow = new Mesh(new CircleGeometry(0.2, 3, Math.PI / 2), new MeshBasicMaterial({ color: colour(role) }));
+    arrow.position.set(0, SIZE[1] * 0.27, SIZE[2] / 2 + 0.012);
+    group.add(screen, camera, arrow, bodyAxes());
+  } else {
+    group.add(new Mesh(box, new MeshBasicMaterial({ color: colour(role), transparent: true, opacity: 0.1, depthWrite: false })));
+    group.add(new LineSegments(new EdgesGeometry(box), new LineBasicMaterial({ color: colour(role) })));
+    const [x, y, z] = [SIZE[0] / 2, SIZE[1] / 2, SIZE[2] / 2];
+    group.add(lines([-x * 0.3, y * 0.7, z, 0, y * 0.9, z, 0, y * 0.9, z, x * 0.3, y * 0.7, z], role));
+  }
+  return group;
+}
+
+function bodyAxes(): Group {
+  const group = new Group();
+  const tips: [string, string, [number, number, number]][] = [["x", "s1", [0.95, 0, 0]], ["y", "s2", [0, 1.3, 0]], ["z", "s0", [0, 0, 0.75]]];
+  for (const [text, role, tip] of tips) {
+    group.add(lines([0, 0, 0, ...tip], role));
+    const name = label(text, role, 0.2);
+    name.position.set(...(tip.map((v) => v * 1.09) as [number, number, number]));
+    group.add(name);
+  }
+  return group;
+}
+
+/** The ground with its compass: east is x, north is y, up is z. */
+function ground(): Group {
+  const group = new Group();
+  const points: number[] = [];
+  for (let i = -4; i <= 4; i++) points.push(i * 0.5, -2, 0, i * 0.5, 2, 0, -2, i * 0.5, 0, 2, i * 0.5, 0);
+  group.add(lines(points, "grid"));
+  group.add(lines([0, 0, 0, 0, 2, 0, 0, 2, 0, -0.1, 1.82, 0, 0, 2, 0, 0.1, 1.82, 0], "muted"));
+  const marks: [string, [number, number, number]][] = [["N", [0, 2.2, 0]], ["E", [2.2, 0, 0]], ["S", [0, -2.2, 0]], ["W", [-2.2, 0, 0]]];
+  for (const [text, at] of marks) {
+    const name = label(text, text === "N" ? "ink" : "muted");
+    name.position.set(...at);
+    group.add(name);
+  }
+  group.position.z = -1.15;
+  return group;
+}
+
+function dispose(object: Object3D): void {
+  object.traverse((part) => {
+    const mesh = part as Mesh;
+    mesh.geometry?.dispose();
+    for (const material of [mesh.material].flat()) {
+      (material as SpriteMaterial | undefined)?.map?.dispose();
+      material?.dispose();
+    }
+  });
+}
+
+/** What is needed to draw one world: used once for the lab view, many times for the wall. */
+export class World {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(32, 1, 0.1, 30);
+  private bodies = new Map<string, Group>();
+  private fixed: Object3D[] = [];
+
+  constructor() {
+    this.camera.up.set(0, 0, 1);
+    this.camera.position.set(1.6, -5.1, 2.5);
+    this.camera.lookAt(0, 0, -0.12);
+    this.build();
+  }
+
+  /** Makes everything anew, in the colours of now. */
+  build(): void {
+    for (const object of this.fixed) {
+      this.scene.remove(object);
+      dispose(object);
+    }
+    const sun = new DirectionalLight("#ffffff", 2.2);
+    sun.position.set(2, -3, 5);
+    this.fixed = [new HemisphereLight("#ffffff", "#8a99a8", 1.5), sun, ground()];
+    this.scene.add(...this.fixed);
+    for (const name of [...this.bodies.keys()]) this.remove(name);
+  }
+
+  private remove(name: string): void {
+    const body = this.bodies.get(name);
+    if (!body) return;
+    this.scene.remove(body);
+    dispose(body);
+    this.bodies.delete(name);
+  }
+
+  /** Shows these attitudes and no others. */
+  set(bodies: Body[]): void {
+    for (const name of [...this.bodies.keys()]) if (!bodies.some((b, i) => key(b, i) === name)) this.remove(name);
+    bodies.forEach((body, i) => {
+      let group = this.bodies.get(key(body, i));
+      if (!group) {
+        group = phone(body.name, i === 0);
+        this.bodies.set(key(body, i), group);
+        this.scene.add(group);
+      }
+      const [w, x, y, z] = body.q;
+      group.quaternion.set(x, y, z, w);
+    });
+  }
+}
+
+const key = (body: Body, i: number): string => `${i === 0 ? "solid" : "ghost"} ${body.name}`;
+
+/** Draws worlds on one canvas, only when something changed. */
+export class View {
+  private readonly renderer: WebGLRenderer;
+  readonly world = new World();
+  private controls: OrbitControls | null = null;
+  private asked = 0;
+  private stopTheme: () => void;
+  private watch: ResizeObserver;
+
+  constructor(private readonly canvas: HTMLCanvasElement, private readonly cells?: () => { world: World; box: DOMRect }[], turnable = true) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
+    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
+    if (turnable) {
+      this.controls = new OrbitControls(this.world.camera, canvas);
+      this.controls.target.set(0, 0, -0.12);
+      this.controls.enablePan = false;
+      this.controls.minDistance = 3;
+      this.controls.maxDistance = 12;
+      this.controls.addEventListener("change", () => this.ask());
+    }
+    this.stopTheme = onTheme(() => {
+      this.world.build();
+      for (const cell of this.cells?.() ?? []) cell.world.build();
+      this.ask();
+    });
+    this.watch = new ResizeObserver(() => this.ask());
+    this.watch.observe(canvas);
+  }
+
+  /** Draws at the next chance. */
+  ask(): void {
+    this.asked ||= requestAnimationFrame(() => {
+      this.asked = 0;
+      this.draw();
+    });
+  }
+
+  private draw(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height, false);
+    if (!this.cells) {
+      this.world.camera.aspect = width / height;
+      this.world.camera.updateProjectionMatrix();
+      this.renderer.render(this.world.scene, this.world.camera);
+      return;
+    }
+    const origin = this.canvas.getBoundingClientRect();
+    this.renderer.setScissorTest(true);
+    this.renderer.clear();
+    for (const { world, box } of this.cells()) {
+      const left = box.left - origin.left, bottom = origin.bottom - box.bottom;
+      if (box.bottom < origin.top || box.top > origin.bottom) continue;
+      this.renderer.setViewport(left, bottom, box.width, box.height);
+      this.renderer.setScissor(left, bottom, box.width, box.height);
+      world.camera.aspect = box.width / box.height;
+      world.camera.updateProjectionMatrix();
+      this.renderer.render(world.scene, world.camera);
+    }
+  }
+
+  close(): void {
+    cancelAnimationFrame(this.asked);
+    this.stopTheme();
+    this.watch.disconnect();
+    this.controls?.dispose();
+    this.renderer.dispose();
+  }
+}

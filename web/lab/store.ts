@@ -1,0 +1,178 @@
+// What the page knows and what it shows: one state, changed here only, drawn again when it changes.
+
+import { History } from "./history";
+import type { Calibration, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Sensor, Settings, ToProgram, WhatIf } from "./protocol";
+
+export const STEPS = ["connect", "place", "calibrate", "tune", "experiment", "return", "result", "what-if"] as const;
+export type Step = (typeof STEPS)[number];
+export type Lower = "live" | "experiments" | "what-if";
+
+export interface State {
+  connection: "connecting" | "open" | "lost";
+  hello: Hello | null;
+  devices: Device[];
+  selected: string | null;
+  step: Step;
+  lower: Lower;
+  view: "lab" | "wall";
+  displayHz: number;
+  hidden: Set<string>;
+  calibrations: Record<string, Calibration>;
+  running: Record<string, Experiment>;
+  finished: Record<string, Experiment>;
+  shownResult: string | null;
+  rows: ExperimentRow[];
+  whatIf: WhatIf | null;
+  settings: Record<string, Settings>;
+  use: Record<string, Record<Sensor, boolean>>;
+  error: string | null;
+}
+
+export const state: State = {
+  connection: "connecting",
+  hello: null,
+  devices: [],
+  selected: null,
+  step: "connect",
+  lower: "live",
+  view: "lab",
+  displayHz: 30,
+  hidden: new Set(),
+  calibrations: {},
+  running: {},
+  finished: {},
+  shownResult: null,
+  rows: [],
+  whatIf: null,
+  settings: {},
+  use: {},
+  error: null,
+};
+
+export const histories = new Map<string, History>();
+const changeListeners = new Set<() => void>();
+const frameListeners = new Set<(frame: Frame) => void>();
+let sender: (message: ToProgram) => void = () => undefined;
+let scheduled = false;
+
+export function onChange(listener: () => void): () => void {
+  changeListeners.add(listener);
+  return () => changeListeners.delete(listener);
+}
+
+export function onFrame(listener: (frame: Frame) => void): () => void {
+  frameListeners.add(listener);
+  return () => frameListeners.delete(listener);
+}
+
+/** Changes the state and draws once, however many changes a moment brings. */
+export function update(change: (s: State) => void): void {
+  change(state);
+  if (scheduled) return;
+  scheduled = true;
+  queueMicrotask(() => {
+    scheduled = false;
+    for (const listener of changeListeners) listener();
+  });
+}
+
+export function setSender(send: (message: ToProgram) => void): void {
+  sender = send;
+}
+
+export function send(message: ToProgram): void {
+  sender(message);
+}
+
+export function historyOf(device: string): History {
+  let history = histories.get(device);
+  if (!history) histories.set(device, (history = new History()));
+  return history;
+}
+
+export function selectedDevice(): Device | undefined {
+  return state.devices.find((d) => d.id === state.selected);
+}
+
+/** The settings in force for a device as far as the page knows: what the program said, what was set, or the profile. */
+export function settingsOf(device: string): Settings {
+  return { ...profileSettings("lab"), ...state.devices.find((d) => d.id === device)?.settings, ...state.settings[device] };
+}
+
+export function profileSettings(profile: string): Settings {
+  return Object.fromEntries((state.hello?.parameters ?? []).map((p) => [p.name, p.default[profile]!]));
+}
+
+export function useOf(device: string): Record<Sensor, boolean> {
+  const everything: Record<Sensor, boolean> = { gyroscope: true, accelerometer: true, magnetometer: true };
+  return Object.assign(everything, state.devices.find((d) => d.id === device)?.use, state.use[device]);
+}
+
+export function goTo(step: Step): void {
+  update((s) => {
+    s.step = step;
+    s.view = "lab";
+    s.lower = step === "result" ? "experiments" : step === "what-if" ? "what-if" : "live";
+  });
+}
+
+/** Takes one message of the program. */
+export function receive(message: FromProgram): void {
+  if (message.type === "frame") {
+    historyOf(message.device).add(message);
+    for (const listener of frameListeners) listener(message);
+    return;
+  }
+  update((s) => take(s, message));
+}
+
+function take(s: State, message: Exclude<FromProgram, Frame>): void {
+  switch (message.type) {
+    case "hello":
+      s.hello = message;
+      break;
+    case "devices":
+      takeDevices(s, message.devices);
+      break;
+    case "calibration":
+      s.calibrations[message.device] = message;
+      break;
+    case "experiment":
+      takeExperiment(s, message);
+      break;
+    case "experiments":
+      s.rows = message.rows;
+      break;
+    case "what_if":
+      s.whatIf = message;
+      break;
+    case "error":
+      s.error = message.text;
+      break;
+  }
+}
+
+function takeDevices(s: State, devices: Device[]): void {
+  const before = new Set(s.devices.map((d) => d.id));
+  s.devices = devices;
+  const fresh = devices.find((d) => !before.has(d.id));
+  const gone = !devices.some((d) => d.id === s.selected);
+  if (gone) s.selected = devices[0]?.id ?? null;
+  else if (fresh && s.step === "connect") s.selected = fresh.id;
+}
+
+function takeExperiment(s: State, message: Experiment): void {
+  if (message.state === "running") {
+    s.running[message.device] = message;
+    if (message.device === s.selected && s.step === "experiment" && message.remaining_s < 6) s.step = "return";
+    return;
+  }
+  delete s.running[message.device];
+  s.finished[message.id] = message;
+  if (message.device !== s.selected) return;
+  s.shownResult = message.id;
+  if (s.step === "experiment" || s.step === "return") {
+    s.step = "result";
+    s.lower = "experiments";
+  }
+}

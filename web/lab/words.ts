@@ -1,0 +1,27 @@
+// Numbers in words: one way to write them everywhere on the page.
+
+/** A number with as many digits as it deserves. */
+export function number(v: number | null | undefined, digits = 2): string {
+  if (v === null || v === undefined || !Number.isFinite(v)) return "–";
+  return v.toFixed(digits).replace("-", "−");
+}
+
+/** A small or large number to three figures, without the exponent where it can be read. */
+export function figures(v: number): string {
+  if (v === 0) return "0";
+  const size = Math.abs(v);
+  return (size < 1e-3 || size >= 1e5 ? v.toExponential(1).replace("e", "·10^").replace(/\^([+-]?)(\d+)/, (_, sign: string, power: string) => raised(sign + power)) : String(+v.toPrecision(3))).replace("-", "−");
+}
+
+function raised(power: string): string {
+  const marks: Record<string, string> = { "-": "⁻", "+": "", "0": "⁰", "1": "¹", "2": "²", "3": "³", "4": "⁴", "5": "⁵", "6": "⁶", "7": "⁷", "8": "⁸", "9": "⁹" };
+  return [...power].map((c) => marks[c] ?? c).join("");
+}
+
+export const degrees = (v: number | null | undefined): string => (v === null || v === undefined ? "–" : `${number(v)}°`);
+
+export const VERDICTS: Record<string, { tone: "good" | "warn" | "bad"; text: string }> = {
+  consistent: { tone: "good", text: "Consistent" },
+  pessimistic: { tone: "warn", text: "Pessimistic" },
+  optimistic: { tone: "bad", text: "Optimistic" },
+};

@@ -1,0 +1,159 @@
+// The phone page: one tap, then every reading goes to the lab in batches of 100 ms.
+
+import "./main.css";
+import { askPermission, type Channel, meters, type Row, startSensors } from "./sensors";
+import { Uplink } from "./uplink";
+
+const BATCH_MS = 100;
+const MOST_ROWS = 400;
+const byId = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
+const token = new URLSearchParams(location.hash.slice(1)).get("t") ?? "";
+const platform = /iPhone|iPad|iPod/.test(navigator.userAgent) || (navigator.platform === "MacIntel" && navigator.maxTouchPoints > 1) ? "ios" : /Android/.test(navigator.userAgent) ? "android" : "other";
+
+/** A random name that is nobody's. */
+function randomId(): string {
+  return Array.from(crypto.getRandomValues(new Uint8Array(9)), (b) => b.toString(36).padStart(2, "0")).join("");
+}
+
+/** Storage can be forbidden (private windows): then the value lives as long as the page. */
+function kept(storage: "sessionStorage" | "localStorage", key: string, make: () => string): string {
+  try {
+    const value = window[storage].getItem(key) ?? make();
+    window[storage].setItem(key, value);
+    return value;
+  } catch {
+    return make();
+  }
+}
+
+const device = kept("sessionStorage", "northing-device", randomId);
+const session = randomId();
+const nameField = byId<HTMLInputElement>("name");
+nameField.value = kept("localStorage", "northing-name", () => (platform === "ios" ? "iPhone" : platform === "android" ? "Android phone" : "Phone"));
+nameField.addEventListener("change", () => {
+  try {
+    localStorage.setItem("northing-name", nameField.value);
+  } catch {
+    // The name is then asked for again next time.
+  }
+});
+
+const rows: Record<Channel, Row[]> = { a: [], g: [], m: [], q: [], dm: [], do: [] };
+let events: { t_ms: number; kind: string; text: string }[] = [];
+let started = false;
+let lastBatchMs = 0;
+
+function note(kind: string, text: string): void {
+  events.push({ t_ms: performance.now(), kind, text });
+}
+
+const uplink = new Uplink(token, (text) => {
+  byId("say").textContent = `The lab says: ${text}`;
+  byId("say").hidden = false;
+});
+
+/** Puts what has gathered into a batch; an empty one each second keeps the connection known. */
+function flush(): void {
+  const count = Object.values(rows).reduce((sum, list) => sum + list.length, 0);
+  const now = performance.now();
+  if (!started || (!count && !events.length && now - lastBatchMs < 1000)) return uplink.pump();
+  lastBatchMs = now;
+  const take = (channel: Channel): Row[] => rows[channel].splice(0, MOST_ROWS);
+  const said = events;
+  events = [];
+  const body = { dm: take("dm"), gs: { a: take("a"), g: take("g"), m: take("m"), q: take("q") }, do: take("do"), events: said };
+  uplink.add((seq) => ({ v: 1, device, name: nameField.value.trim() || "Phone", session, seq, ua: navigator.userAgent, platform, sent_ms: now, ...body }));
+}
+
+async function stayAwake(): Promise<void> {
+  try {
+    await navigator.wakeLock?.request("screen");
+  } catch {
+    note("wake-lock", "refused: the screen may switch off");
+  }
+}
+
+async function start(): Promise<void> {
+  const button = byId<HTMLButtonElement>("go");
+  button.disabled = true;
+  const refused = await askPermission();
+  note("permission", refused.length ? refused.join("; ") : "granted");
+  if (refused.length) {
+    show("bad", "Sensors refused", `${refused.join("; ")}. Allow motion and orientation access for this page in the browser's settings, then reload it.`);
+    button.disabled = false;
+    return;
+  }
+  started = true;
+  button.textContent = "Sending";
+  button.className = "quiet";
+  startSensors((channel, row) => rows[channel].push(row), (text) => note("sensor", text));
+  uplink.trySocket();
+  void stayAwake();
+}
+
+function show(tone: string, text: string, detail: string): void {
+  const state = byId("state");
+  state.dataset["tone"] = tone;
+  if (state.textContent !== text) state.textContent = text;
+  byId("detail").textContent = detail;
+}
+
+function showState(): void {
+  if (!started) return;
+  const link = uplink.state;
+  const slow = meters.g.count > 0 && meters.g.rateHz > 0 && meters.g.rateHz < 20;
+  if (link.tone === "bad") show("bad", "Not connected", link.text + ".");
+  else if (document.visibilityState === "hidden") show("warn", "Paused", "Browsers give no sensors to a hidden page.");
+  else if (link.tone === "warn") show("warn", link.waiting > 20 ? "Holding data back" : "Connecting", `${link.text}. Readings of the last minute are kept.`);
+  else if (!meters.a.count && !meters.g.count) show("warn", "No readings yet", "Waiting for the sensors.");
+  else show(slow ? "warn" : "good", slow ? "Sending, slowly" : "Sending", slow ? "The sensors come slowly: is low-power mode on?" : "Keep this page in front. Lay the phone down to calibrate.");
+}
+
+function element(tag: string, text: string, className = ""): HTMLElement {
+  const made = document.createElement(tag);
+  made.textContent = text;
+  made.className = className;
+  return made;
+}
+
+/** Steps of a converter or of the browser's rounding, in words. */
+function stepText(step: number, unit: string): string {
+  return step > 0 && step < 100 ? ` · steps of ${step < 0.001 ? step.toExponential(0) : step.toPrecision(1)} ${unit}` : "";
+}
+
+function showSensors(): void {
+  byId("sensors").replaceChildren(
+    ...Object.values(meters).map((m) => {
+      const line = element("li", "", m.tone);
+      line.append(element("b", m.name), element("i", m.count ? `${m.rateHz.toFixed(0)} Hz` : "–"), element("span", m.text + stepText(m.step, m.unit)));
+      return line;
+    }),
+  );
+  const link = uplink.state;
+  const facts: [string, string][] = [["Received by lab", String(link.acknowledged)], ["Waiting", String(link.waiting)], [`By ${link.by}`, link.roundTripMs ? `${link.roundTripMs.toFixed(0)} ms` : "–"]];
+  if (link.dropped) facts.push(["Given up", String(link.dropped)]);
+  byId("link").replaceChildren(
+    ...facts.map(([term, value]) => {
+      const group = element("div", "");
+      group.append(element("dt", term), element("dd", value));
+      return group;
+    }),
+  );
+}
+
+document.addEventListener("visibilitychange", () => {
+  if (!started) return;
+  note(document.visibilityState, document.visibilityState === "hidden" ? "page hidden: no sensors" : "page visible again");
+  flush();
+  if (document.visibilityState === "visible") void stayAwake();
+});
+
+if (token) {
+  byId("go").addEventListener("click", () => void start());
+  window.setInterval(flush, BATCH_MS);
+  window.setInterval(() => (showState(), showSensors()), 500);
+} else {
+  show("bad", "No code in the address", "Scan the QR code on the lab's screen: it carries the code of this lab.");
+  byId<HTMLButtonElement>("go").disabled = true;
+}
+showSensors();

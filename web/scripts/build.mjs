@@ -1,0 +1,37 @@
+// Bundles the pages: dist/lab and dist/phone (with --dev: dist-dev/lab, fed by a synthetic device).
+import { build } from "esbuild";
+import { copyFile, mkdir, rm, stat } from "node:fs/promises";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const root = dirname(dirname(fileURLToPath(import.meta.url)));
+const dev = process.argv.includes("--dev");
+const out = join(root, dev ? "dist-dev" : "dist");
+
+const common = {
+  bundle: true,
+  minify: !dev,
+  sourcemap: dev ? "inline" : false,
+  target: "es2020",
+  format: "iife",
+  charset: "utf8",
+  legalComments: "eof",
+  jsx: "automatic",
+  jsxImportSource: "preact",
+  logLevel: "warning",
+};
+
+async function page(name, entry) {
+  const folder = join(out, name);
+  await mkdir(folder, { recursive: true });
+  await build({ ...common, entryPoints: { [name]: join(root, entry) }, outdir: folder });
+  await copyFile(join(root, name, "index.html"), join(folder, "index.html"));
+  for (const file of ["index.html", `${name}.js`, `${name}.css`]) {
+    const { size } = await stat(join(folder, file));
+    console.log(`${name}/${file}: ${(size / 1000).toFixed(1)} kB`);
+  }
+}
+
+await rm(out, { recursive: true, force: true });
+await page("lab", dev ? "dev/lab.ts" : "lab/main.tsx");
+await page("phone", "phone/main.ts");
