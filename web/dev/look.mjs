@@ -53,13 +53,14 @@ async function walk(width, height, colorScheme) {
   await step(8);
   await page.waitForTimeout(700);
   await shot("8-what-if");
+  for (let i = 0; process.argv.includes("--class") && i < 28; i++) { await step(1); await page.getByRole("button", { name: "Add a virtual phone" }).click(); }
   await page.getByRole("button", { name: "Wall" }).click();
   await page.waitForTimeout(700);
   await shot("9-wall");
   await page.close();
 }
 
-const sizes = process.argv.includes("--one") ? [[1280, 720, "light"]] : [[1280, 720, "light"], [1920, 1080, "dark"], [1280, 720, "dark"], [1920, 1080, "light"]];
+const sizes = process.argv.includes("--one") ? [[1280, 720, "light"]] : [[1920, 1080, "dark"], [1280, 720, "light"], [1280, 720, "dark"], [1920, 1080, "light"]];
 for (const size of sizes) await walk(...size);
 const phone = await browser.newPage({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2 });
 await phone.goto(`${url}/p#t=x`);

@@ -4,6 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { colour, faded, onTheme } from "./theme";
+import { power } from "./words";
 
 /** One line of a chart. */
 export interface Line {
@@ -19,6 +20,8 @@ export interface Line {
 export interface Rule {
   value: number;
   text: string;
+  /** The name stands below the line instead of above. */
+  below?: boolean;
 }
 
 export interface ChartSpec {
@@ -51,20 +54,23 @@ function roomy(low: number, high: number, least: number): [number, number] {
   return [Math.floor((middle - span * 0.54) / step) * step, Math.ceil((middle + span * 0.54) / step) * step];
 }
 
+const isDecade = (v: number): boolean => Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6;
+
 function short(v: number): string {
   const size = Math.abs(v);
-  if (size !== 0 && (size < 0.001 || size >= 1e5)) return v.toExponential(0).replace("e-", "e−");
+  if (size !== 0 && (size < 0.001 || size >= 1e5)) return power(v);
   return String(+v.toPrecision(4)).replace("-", "−");
 }
 
 function options(spec: ChartSpec, width: number, height: number): uPlot.Options {
   const axis = (log: boolean | undefined): uPlot.Axis => ({
     stroke: () => colour("muted"),
-    grid: { stroke: () => colour("grid"), width: 1 },
+    // On a log scale only the decades get a line.
+    grid: { stroke: () => colour("grid"), width: 1, ...(log ? { filter: (_: uPlot, splits: number[]) => splits.map((v) => (isDecade(v) ? v : null)) } : {}) },
     ticks: { show: false },
     font: FONT,
     gap: 4,
-    values: (_, splits) => splits.map((v) => (v === null || (log && Math.abs(Math.log10(v) % 1) > 1e-6) ? "" : short(v))),
+    values: (_, splits) => splits.map((v) => (v === null || (log && !isDecade(v)) ? "" : short(v))),
   });
   return {
     width,
@@ -115,7 +121,8 @@ function drawRules(u: uPlot, spec: ChartSpec): void {
     if (y < u.bbox.top || y > u.bbox.top + u.bbox.height) continue;
     line(u.bbox.left, y, u.bbox.left + u.bbox.width, y);
     ctx.textAlign = "left";
-    ctx.fillText(rule.text, u.bbox.left + 5 * ratio, y - 4 * ratio);
+    ctx.textBaseline = rule.below ? "top" : "bottom";
+    halo(ctx, rule.text, u.bbox.left + 5 * ratio, y + (rule.below ? 2 : -1) * ratio);
   }
   const mark = spec.mark?.();
   if (mark !== null && mark !== undefined) {
@@ -123,6 +130,18 @@ function drawRules(u: uPlot, spec: ChartSpec): void {
     const x = u.valToPos(mark, "x", true);
     line(x, u.bbox.top, x, u.bbox.top + u.bbox.height);
   }
+  ctx.restore();
+}
+
+/** Text that stays readable over lines. */
+function halo(ctx: CanvasRenderingContext2D, text: string, x: number, y: number): void {
+  ctx.save();
+  ctx.setLineDash([]);
+  ctx.lineJoin = "round";
+  ctx.lineWidth = 5 * devicePixelRatio;
+  ctx.strokeStyle = colour("paper");
+  ctx.strokeText(text, x, y);
+  ctx.fillText(text, x, y);
   ctx.restore();
 }
 

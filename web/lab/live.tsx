@@ -147,7 +147,7 @@ export function Angles({ device }: { device: string }) {
   );
 }
 
-const signed = (v: number | undefined): string => (v === undefined ? "–" : `${v < 0 ? "−" : " "}${Math.abs(v).toFixed(1)}°`);
+const signed = (v: number | undefined): string => (v === undefined ? "–" : `${v < 0 ? "−" : "\u2007"}${Math.abs(v).toFixed(1)}°`);
 const threeSigma = (v: number | undefined): string => (v === undefined ? "" : `±${(3 * v).toFixed(3 * v < 10 ? 2 : 0)}°`);
 
 /** One lamp a sensor: is its stated noise honest? In words. */
@@ -183,17 +183,17 @@ const ANGLE_SPEC: ChartSpec = {
 const RATE_SPEC: ChartSpec = { ...time, title: "Angular rate", unit: "deg/s", leastSpan: 4, legend: XYZ, lines: XYZ.map((l) => ({ role: l.role })) };
 
 const residualSpec = (sensor: string): ChartSpec => ({
-  ...time, title: `Innovation, ${sensor}`, unit: sensor === "magnetometer" ? "µT, ±3σ band" : "m/s², ±3σ band", leastSpan: sensor === "magnetometer" ? 2 : 0.2, legend: XYZ,
+  ...time, title: "Innovation ±3σ", unit: sensor === "magnetometer" ? "µT" : "m/s²", leastSpan: sensor === "magnetometer" ? 2 : 0.2, legend: XYZ,
   lines: [{ role: "muted", edge: true }, { role: "muted", edge: true }, ...XYZ.map((l) => ({ role: l.role, width: 1.4 }))],
   bands: [{ high: 1, low: 2, role: "muted" }],
 });
 /** 95 % and 99 % of chi-square for 1 and 3 degrees of freedom. */
 const BOUNDS: Record<number, [number, number]> = { 1: [3.841, 6.635], 2: [5.991, 9.21], 3: [7.815, 11.345] };
-const nisSpec = (sensor: string, dof: () => number): ChartSpec => ({
-  ...time, title: `NIS, ${sensor}`, unit: "log scale", logY: true, y: [0.03, 300],
+const nisSpec = (dof: () => number): ChartSpec => ({
+  ...time, title: "NIS", unit: "log scale", logY: true, y: [0.03, 300],
   legend: [{ text: "fused", role: "estimate", dot: true }, { text: "refused", role: "gated", dot: true }],
   lines: [{ role: "estimate", points: true }, { role: "gated", points: true }],
-  rules: () => { const [a, b] = BOUNDS[dof()] ?? BOUNDS[3]!; return [{ value: b, text: "99 %" }, { value: a, text: "95 %" }]; },
+  rules: () => { const [a, b] = BOUNDS[dof()] ?? BOUNDS[3]!; return [{ value: b, text: "99 %" }, { value: a, text: "95 %", below: true }]; },
 });
 
 const aligned = (columns: (number | null)[][]): uPlot.AlignedData => columns as unknown as uPlot.AlignedData;
@@ -204,7 +204,7 @@ export function LivePlots({ device }: { device: string }) {
   const history = historyOf(device);
   const end = (): number => history.latest?.t_s ?? 0;
   const residual = useMemo(() => residualSpec(sensor), [sensor]);
-  const nis = useMemo(() => nisSpec(sensor, () => history.degreesOfFreedom[sensor] ?? 3), [sensor, device]);
+  const nis = useMemo(() => nisSpec(() => history.degreesOfFreedom[sensor] ?? 3), [sensor, device]);
 
   const angles = (): uPlot.AlignedData => {
     const [t, y, p, r, sy, sp, sr, ty, tp, tr] = history.angles.window(WINDOW_S, end()) as (number | null)[][];

@@ -75,16 +75,16 @@ function bodyAxes(): Group {
 function ground(): Group {
   const group = new Group();
   const points: number[] = [];
-  for (let i = -4; i <= 4; i++) points.push(i * 0.5, -2, 0, i * 0.5, 2, 0, -2, i * 0.5, 0, 2, i * 0.5, 0);
+  for (let i = -4; i <= 4; i++) points.push(i * 0.4, -1.6, 0, i * 0.4, 1.6, 0, -1.6, i * 0.4, 0, 1.6, i * 0.4, 0);
   group.add(lines(points, "grid"));
-  group.add(lines([0, 0, 0, 0, 2, 0, 0, 2, 0, -0.1, 1.82, 0, 0, 2, 0, 0.1, 1.82, 0], "muted"));
-  const marks: [string, [number, number, number]][] = [["N", [0, 2.2, 0]], ["E", [2.2, 0, 0]], ["S", [0, -2.2, 0]], ["W", [-2.2, 0, 0]]];
+  group.add(lines([0, 0, 0, 0, 1.6, 0, 0, 1.6, 0, -0.09, 1.44, 0, 0, 1.6, 0, 0.09, 1.44, 0], "muted"));
+  const marks: [string, [number, number, number]][] = [["N", [0, 1.8, 0]], ["E", [1.8, 0, 0]], ["S", [0, -1.8, 0]], ["W", [-1.8, 0, 0]]];
   for (const [text, at] of marks) {
     const name = label(text, text === "N" ? "ink" : "muted");
     name.position.set(...at);
     group.add(name);
   }
-  group.position.z = -1.15;
+  group.position.z = -0.95;
   return group;
 }
 
@@ -108,8 +108,8 @@ export class World {
 
   constructor() {
     this.camera.up.set(0, 0, 1);
-    this.camera.position.set(1.6, -5.1, 2.5);
-    this.camera.lookAt(0, 0, -0.12);
+    this.camera.position.set(1.35, -3.9, 2.35);
+    this.camera.lookAt(0, 0, -0.06);
     this.build();
   }
 
@@ -166,7 +166,7 @@ export class View {
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     if (turnable) {
       this.controls = new OrbitControls(this.world.camera, canvas);
-      this.controls.target.set(0, 0, -0.12);
+      this.controls.target.set(0, 0, -0.06);
       this.controls.enablePan = false;
       this.controls.minDistance = 3;
       this.controls.maxDistance = 12;

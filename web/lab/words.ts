@@ -10,7 +10,13 @@ export function number(v: number | null | undefined, digits = 2): string {
 export function figures(v: number): string {
   if (v === 0) return "0";
   const size = Math.abs(v);
-  return (size < 1e-3 || size >= 1e5 ? v.toExponential(1).replace("e", "·10^").replace(/\^([+-]?)(\d+)/, (_, sign: string, power: string) => raised(sign + power)) : String(+v.toPrecision(3))).replace("-", "−");
+  return (size < 1e-3 || size >= 1e5 ? `${v.toExponential(1).split("e")[0]}·${power(10 ** Math.floor(Math.log10(size) + 1e-9))}` : String(+v.toPrecision(3))).replace("-", "−");
+}
+
+/** A power of ten, raised: 10⁻⁴. Other numbers are rounded to one figure. */
+export function power(v: number): string {
+  const [head, exponent] = v.toExponential(0).split("e");
+  return `${head === "1" ? "" : `${head}·`}10${raised(exponent!)}`.replace("-", "−");
 }
 
 function raised(power: string): string {

@@ -6,7 +6,7 @@ import { Chart, type ChartSpec } from "../chart";
 import { useFrame } from "../live";
 import type { Calibration, Device, RestCalibration, Sensor, Triple } from "../protocol";
 import { goTo, send, state } from "../store";
-import { figures } from "../words";
+import { number } from "../words";
 
 const STILL_DEG_S = 3;
 
@@ -69,7 +69,7 @@ function Numbers({ result }: { result: RestCalibration }) {
       <thead><tr><th scope="col">At rest</th>{["x", "y", "z"].map((a) => <th key={a} scope="col" class="num">{a}</th>)}</tr></thead>
       <tbody>
         {rows.filter((r) => r[2]).map(([name, unit, v]) => (
-          <tr key={name}><th scope="row">{name} <small>{unit}</small></th>{v!.map((x, i) => <td key={i} class="num">{figures(x)}</td>)}</tr>
+          <tr key={name}><th scope="row">{name} <small>{unit}</small></th>{v!.map((x, i) => <td key={i} class="num">{number(x, 3)}</td>)}</tr>
         ))}
       </tbody>
     </table>

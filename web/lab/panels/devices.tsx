@@ -29,20 +29,26 @@ function DeviceCard({ device }: { device: Device }) {
   return (
     <li class={`device ${device.connected ? worst?.tone ?? "good" : "bad"}`} aria-current={selected} data-device={device.id}>
       <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => (s.selected = device.id))}>
-        <b>{device.name}</b> <small>{device.source}</small>
+        <b>{device.name}</b>
       </button>
       <p class="rates">{SHORT.map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
       <p class="health">{device.connected ? worst?.text ?? "No complaint." : "Connection lost; waiting for it."}</p>
       {selected && (
         <>
           {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health">{h.text}</p>)}
-          <p class="counts">{device.received} received · {device.lost} lost · {device.duplicated} twice</p>
+          <p class="counts">{device.source}, {device.received} samples, {lost(device)}</p>
           <label class="rename">Name <input type="text" maxLength={40} value={device.name} onChange={(e) => send({ type: "rename", device: device.id, name: e.currentTarget.value })} /></label>
           {remove}
         </>
       )}
     </li>
   );
+}
+
+/** What got lost on the way, or came twice, in words. */
+function lost(device: Device): string {
+  const twice = device.duplicated ? `, ${device.duplicated} came twice` : "";
+  return (device.lost ? `${device.lost} lost` : "none lost") + twice;
 }
 
 /** All devices as boxes, for a class. */
@@ -80,15 +86,17 @@ export function Wall() {
       view.close();
     };
   }, []);
+  // About as many columns as make cells that are a little wider than high.
+  const columns = Math.max(2, Math.ceil(Math.sqrt(state.devices.length * 1.35)));
   return (
     <section class="wall" aria-label="All devices">
       <canvas ref={canvas} aria-hidden="true" />
-      <div class="grid" ref={grid}>
+      <div class="grid" ref={grid} style={{ "--columns": String(columns) }}>
         {state.devices.map((device) => (
           <button key={device.id} type="button" class={`cell ${device.connected ? "" : "bad"}`} onClick={() => update((s) => { s.selected = device.id; s.view = "lab"; })}>
             <b>{device.name}</b>
             <span data-cell={device.id} class="box" />
-            <LiveText device={device.id} text={(f) => { const a = mainEstimate(f)?.angles_deg; return a ? a.map((v) => `${v.toFixed(0)}°`).join("  ") : "–"; }} />
+            <LiveText device={device.id} text={(f) => { const a = mainEstimate(f)?.angles_deg; return a ? a.map((v) => `${v.toFixed(0)}°`.replace("-", "−")).join("   ") : "–"; }} />
           </button>
         ))}
       </div>

@@ -100,7 +100,7 @@ export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
         <div class="verdict warn"><b>No verdict</b><span>The device did not rest in the same pose at both ends.</span></div>
       )}
       <table class="compact results">
-        <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>{main.error_deg && <th scope="col" class="num" title="RMS error against the truth">RMS</th>}</tr></thead>
+        <thead><tr><th scope="col">Error</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>{main.error_deg && <th scope="col" class="num" title="RMS error against the truth">RMS</th>}</tr></thead>
         <tbody>
           {names.map((name) => {
             const s = summary[name]!;
@@ -178,8 +178,8 @@ export function ExperimentTable() {
       <table class="experiments">
         <thead>
           <tr>
-            <th scope="col">Experiment</th><th scope="col">Device</th><th scope="col" class="num">s</th><th scope="col" class="num">R acc</th><th scope="col" class="num">R mag</th>
-            <th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th><th scope="col" class="num">Integration</th><th scope="col">Verdict</th>
+            <th scope="col">Experiment</th><th scope="col">Verdict</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>
+            <th scope="col" class="num">Integration</th><th scope="col" class="num">R acc</th><th scope="col" class="num">R mag</th><th scope="col" class="num">s</th><th scope="col">Device</th>
           </tr>
         </thead>
         <tbody>
@@ -189,14 +189,14 @@ export function ExperimentTable() {
             return (
               <tr key={row.id} aria-current={row.id === state.shownResult}>
                 <th scope="row"><button type="button" class="link" onClick={() => show(row.id)}>{row.name}</button></th>
-                <td>{state.devices.find((d) => d.id === row.device)?.name ?? row.device}</td>
-                <td class="num">{number(row.duration_s, 0)}</td>
-                <td class="num">{String(row.settings["accelerometer_std"] ?? "–")}</td>
-                <td class="num">{String(row.settings["magnetometer_std_ut"] ?? "–")}</td>
+                <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? "–"}</span></td>
                 <td class="num">{degrees(main?.calculated_error_deg)}</td>
                 <td class="num">{degrees(main?.estimated_error_deg)}</td>
                 <td class="num">{degrees(row.results["integration"]?.calculated_error_deg)}</td>
-                <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? "–"}</span></td>
+                <td class="num">{String(row.settings["accelerometer_std"] ?? "–")}</td>
+                <td class="num">{String(row.settings["magnetometer_std_ut"] ?? "–")}</td>
+                <td class="num">{number(row.duration_s, 0)}</td>
+                <td>{state.devices.find((d) => d.id === row.device)?.name ?? row.device}</td>
               </tr>
             );
           })}

@@ -14,10 +14,13 @@ let request = 0;
 /** What was asked last and is not answered: only one is under way, so that a drag cannot pile up work. */
 let underWay: number | null = null;
 let next: (() => void) | null = null;
+/** Settings of the last question, marked in the curve. */
+let asked: Settings = {};
 /** Settings under trial; kept here so that leaving the step does not lose them. */
 let tried: { id: string; settings: Settings } | null = null;
 
 function ask(row: ExperimentRow, settings: Settings, curve: string | null): void {
+  asked = settings;
   const go = (): void => {
     underWay = ++request;
     send({ type: "what_if", request, id: row.id, settings, curve });
@@ -32,11 +35,11 @@ export function WhatIf() {
   const row = rows.find((r) => r.id === id) ?? rows.at(-1);
   const [settings, setSettings] = useState<Settings>(tried && tried.id === row?.id ? tried.settings : { ...row?.settings });
   const [curve, setCurve] = useState("accelerometer_std");
-  const asked = useRef(false);
+  const begun = useRef(false);
   useEffect(() => {
     // The first answer: the recording as it was run.
-    if (row && !asked.current) ask(row, settings, curve);
-    asked.current = true;
+    if (row && !begun.current) ask(row, settings, curve);
+    begun.current = true;
   });
   useEffect(() => {
     if (state.whatIf?.request !== underWay || !next) return;
@@ -105,8 +108,8 @@ const errorSpec = (truth: boolean): ChartSpec => ({
   legend: [{ text: truth ? "error" : "σ", role: "estimate" }], lines: [{ role: "estimate" }],
 });
 const curveSpec = (parameter: string, value: () => number | null): ChartSpec => ({
-  title: "Where is it honest?", unit: `NIS over ${parameter.replaceAll("_", " ")}`, logX: true, logY: true,
-  legend: [{ text: "NIS acc", role: "s1" }, { text: "NIS mag", role: "s2" }, { text: "error, deg", role: "estimate", dash: true }],
+  title: `NIS over ${curveChoices().find((c) => c.name === parameter)?.text ?? parameter}`, unit: "", logX: true, logY: true,
+  legend: [{ text: "acc", role: "s1" }, { text: "mag", role: "s2" }, { text: "error°", role: "estimate", dash: true }],
   lines: [{ role: "s1", width: 2.2 }, { role: "s2", width: 2.2 }, { role: "estimate", dash: true, width: 2.2 }],
   rules: () => [{ value: 3, text: "honest: 3" }],
   mark: value,
@@ -135,7 +138,7 @@ export function WhatIfPlots() {
     return () => columns;
   }, [trace]);
   const errorOf = useMemo(() => errorSpec(truth), [truth]);
-  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(tried?.settings[curve?.parameter ?? ""]) || null), [curve?.parameter]);
+  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null), [curve?.parameter]);
   const curveData = useMemo(() => {
     const columns = [curve?.values ?? [], curve?.nis_acc.map(positive) ?? [], curve?.nis_mag.map(positive) ?? [], curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
     return () => columns;
