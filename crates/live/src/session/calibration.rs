@@ -1,0 +1,132 @@
+//! A calibration at rest under way: the samples of so many seconds, and what plots need of them.
+
+use northing_core::calibration::RestCalibration;
+use northing_core::nalgebra::Vector3;
+use northing_evaluation::EvaluationError;
+use northing_evaluation::calibration::CalibrationPhase;
+use northing_evaluation::instants::Instant;
+use northing_evaluation::options::SensorSelection;
+use northing_evaluation::trace::Thinned;
+use northing_recording::{Event, Sample, SensorKind};
+use serde_json::{Map, Value, json};
+
+/// Points kept for the plot of one sensor.
+const PLOT_POINTS: usize = 600;
+/// Shortest and longest calibration, s.
+pub const SECONDS: [f64; 2] = [1.0, 600.0];
+
+type Series = (SensorKind, Thinned<(f64, Vector3<f64>)>);
+
+/// A calibration under way.
+#[derive(Debug)]
+pub struct CalibrationRun {
+    phase: CalibrationPhase,
+    seconds: f64,
+    since_ns: Option<i64>,
+    now_ns: i64,
+    series: [Series; 3],
+}
+
+impl CalibrationRun {
+    /// Begins with the next sample.
+    #[must_use]
+    pub fn new(seconds: f64, sensors: SensorSelection) -> Self {
+        let series = |kind| (kind, Thinned::new(PLOT_POINTS));
+        Self {
+            phase: CalibrationPhase::new(seconds, sensors),
+            seconds,
+            since_ns: None,
+            now_ns: 0,
+            series: [
+                series(SensorKind::Gyroscope),
+                series(SensorKind::Accelerometer),
+                series(SensorKind::Magnetometer),
+            ],
+        }
+    }
+
+    /// Takes one event. Returns whether it has seen enough.
+    pub fn add(&mut self, event: &Event) -> bool {
+        let since = *self.since_ns.get_or_insert(event.time_ns);
+        self.now_ns = self.now_ns.max(event.time_ns);
+        let mut instant = Instant {
+            time_ns: event.time_ns,
+            ..Instant::default()
+        };
+        let vector = match event.sample {
+            Sample::AngularRate(v) => {
+                instant.angular_rate = Some(v);
+                v
+            }
+            Sample::SpecificForce(v) => {
+                instant.specific_force = Some(v);
+                v
+            }
+            Sample::MagneticField(v) => {
+                instant.magnetic_field = Some(v);
+                v
+            }
+            _ => return self.elapsed_s() >= self.seconds,
+        };
+        self.phase.add(&instant);
+        let kind = event.sample.kind();
+        if let Some((_, series)) = self.series.iter_mut().find(|(k, _)| *k == kind) {
+            let t_s = event.time_ns.saturating_sub(since) as f64 * 1e-9;
+            series.push(|| (t_s, vector));
+        }
+        self.elapsed_s() >= self.seconds
+    }
+
+    /// How far it is: 0 to 1.
+    #[must_use]
+    pub fn progress(&self) -> f64 {
+        (self.elapsed_s() / self.seconds).clamp(0.0, 1.0)
+    }
+
+    /// Seconds still to come.
+    #[must_use]
+    pub fn remaining_s(&self) -> f64 {
+        (self.seconds - self.elapsed_s()).max(0.0)
+    }
+
+    /// The calibration, or why there is none.
+    ///
+    /// # Errors
+    /// The reason in a sentence.
+    pub fn finish(&self) -> Result<RestCalibration<f64>, String> {
+        self.phase.finish().map_err(|error| match error {
+            EvaluationError::CalibrationRejected { reason, .. } => reason,
+            other => other.to_string(),
+        })
+    }
+
+    /// The samples, thinned: `{"gyroscope":{"t_s":[..],"x":[..],"y":[..],"z":[..]},..}`.
+    #[must_use]
+    pub fn samples(&self) -> Value {
+        let mut all = Map::new();
+        for (kind, series) in &self.series {
+            let items = series.items();
+            if items.is_empty() {
+                continue;
+            }
+            let column = |of: fn(&(f64, Vector3<f64>)) -> f64| -> Vec<f64> {
+                items.iter().map(of).collect()
+            };
+            all.insert(
+                kind.name().to_owned(),
+                json!({
+                    "t_s": column(|p| p.0),
+                    "x": column(|p| p.1.x),
+                    "y": column(|p| p.1.y),
+                    "z": column(|p| p.1.z),
+                }),
+            );
+        }
+        Value::Object(all)
+    }
+
+    fn elapsed_s(&self) -> f64 {
+        let since = self.since_ns.unwrap_or(self.now_ns);
+        self.now_ns.saturating_sub(since) as f64 * 1e-9
+    }
+}

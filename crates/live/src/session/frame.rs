@@ -1,0 +1,227 @@
+//! What a page draws of one device: a frame, and the state of the device.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::AttitudeEstimator;
+use northing_core::geometry::rotation;
+use northing_core::kalman::{Innovation, Outcome};
+use northing_evaluation::observer::angles_covariance;
+use northing_recording::SensorKind;
+use serde::Serialize;
+
+use super::lamp::{Lamp, Remark};
+use super::{DeviceSession, health};
+
+/// A sensor is called stopped when the newest sample of the device is this much newer, s.
+const STOPPED_S: f64 = 2.0;
+
+/// One estimator's estimate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Estimate {
+    /// `world_from_body`: w, x, y, z with w >= 0.
+    pub q: [f64; 4],
+    /// Standard deviation of yaw, pitch, roll, deg.
+    pub std_deg: Option<[f64; 3]>,
+    /// Yaw, pitch, roll, deg.
+    pub angles_deg: [f64; 3],
+    /// Gyroscope bias, deg/s, where it is estimated.
+    pub bias_deg_s: Option<[f64; 3]>,
+}
+
+/// The truth, where it is known.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TruthPose {
+    /// `world_from_body`: w, x, y, z with w >= 0.
+    pub q: [f64; 4],
+}
+
+/// One measurement and what `mekf` made of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InnovationPoint {
+    /// The sensor.
+    pub sensor: SensorKind,
+    /// Seconds since the device's first sample.
+    pub t_s: f64,
+    /// Measured minus predicted, body axes, in the sensor's unit.
+    pub residual: [f64; 3],
+    /// Its standard deviation as the filter expects it.
+    pub std: [f64; 3],
+    /// Normalised innovation squared.
+    pub nis: f64,
+    /// Degrees of freedom; 0 when skipped.
+    pub dof: u8,
+    /// `fused`, `inflated`, `gated` or `skipped`.
+    pub outcome: &'static str,
+}
+
+impl InnovationPoint {
+    /// The point of one innovation.
+    #[must_use]
+    pub fn new(sensor: SensorKind, t_s: f64, innovation: &Innovation<f64>) -> Self {
+        Self {
+            sensor,
+            t_s,
+            residual: innovation.residual.into(),
+            std: innovation.residual_std().into(),
+            nis: innovation.nis,
+            dof: innovation.degrees_of_freedom,
+            outcome: match innovation.outcome {
+                Outcome::Fused => "fused",
+                Outcome::Inflated => "inflated",
+                Outcome::Gated => "gated",
+                Outcome::Skipped(_) => "skipped",
+            },
+        }
+    }
+}
+
+/// What a page draws of one device at one moment.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Frame {
+    /// Always `frame`.
+    #[serde(rename = "type")]
+    pub kind: &'static str,
+    /// The device.
+    pub device: String,
+    /// Seconds since the device's first sample.
+    pub t_s: f64,
+    /// Estimates by name of the estimator.
+    pub estimates: BTreeMap<&'static str, Estimate>,
+    /// The truth, where it is known.
+    pub truth: Option<TruthPose>,
+    /// Angles between pairs of estimates, deg, keys such as `mekf|integration`.
+    pub between_deg: BTreeMap<String, f64>,
+    /// The last angular rate as measured, rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// Innovations of `mekf` since the last frame.
+    pub innovations: Vec<InnovationPoint>,
+    /// Whether the stated noise fits.
+    pub lamp: Vec<Lamp>,
+}
+
+/// How a device is.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct SessionStatus {
+    /// In words, the worst first.
+    pub health: Vec<Remark>,
+    /// Samples a second of each sensor.
+    pub rates_hz: BTreeMap<&'static str, f64>,
+    /// Smallest step of sensors with coarse values, in the sensor's unit.
+    pub resolution: BTreeMap<&'static str, f64>,
+    /// Samples received.
+    pub received: u64,
+    /// Samples whose stamp repeated the one before.
+    pub duplicated: u64,
+    /// Samples refused: not finite or absurd.
+    pub refused: u64,
+    /// Samples that were too late for the live estimate.
+    pub late: u64,
+    /// Seconds from the first to the newest sample.
+    pub duration_s: f64,
+}
+
+fn estimate(
+    q: &UnitQuaternion<f64>,
+    covariance: Option<Matrix3<f64>>,
+    bias: Option<Vector3<f64>>,
+) -> Estimate {
+    let std = |p: Matrix3<f64>| -> [f64; 3] {
+        let angles = angles_covariance(q, &p);
+        angles
+            .diagonal()
+            .map(|v| v.max(0.0).sqrt().to_degrees())
+            .into()
+    };
+    Estimate {
+        q: rotation::to_wxyz(q),
+        std_deg: covariance.map(std),
+        angles_deg: rotation::to_yaw_pitch_roll(q).map(f64::to_degrees),
+        bias_deg_s: bias.map(|b| b.map(f64::to_degrees).into()),
+    }
+}
+
+impl DeviceSession {
+    /// Estimates by name, the device's own orientation included.
+    #[must_use]
+    pub fn estimates(&self) -> BTreeMap<&'static str, Estimate> {
+        let mut estimates = BTreeMap::new();
+        for track in self.tracks.iter().filter(|t| t.driver.is_started()) {
+            let estimator = &track.driver.estimator;
+            let bias = estimator.gyroscope_bias().map(|(bias, _)| bias);
+            let q = estimator.attitude();
+            let covariance = estimator.attitude_covariance();
+            estimates.insert(track.kind.name(), estimate(&q, covariance, bias));
+        }
+        if let Some(q) = &self.device {
+            estimates.insert("device", estimate(q, None, None));
+        }
+        estimates
+    }
+
+    /// The attitude of one running estimator.
+    #[must_use]
+    pub fn attitude(&self, name: &str) -> Option<UnitQuaternion<f64>> {
+        let track = self.tracks.iter().find(|t| t.kind.name() == name)?;
+        track.driver.attitude()
+    }
+
+    /// The next frame. It takes the innovations gathered since the last one.
+    pub fn frame(&mut self, device: &str) -> Frame {
+        Frame {
+            kind: "frame",
+            device: device.to_owned(),
+            t_s: self.duration_s(),
+            estimates: self.estimates(),
+            truth: self.truth.map(|q| TruthPose {
+                q: rotation::to_wxyz(&q),
+            }),
+            between_deg: self.between_deg(),
+            rate_rad_s: self.rate_rad_s.into(),
+            innovations: std::mem::take(&mut self.innovations),
+            lamp: self
+                .lamps
+                .iter()
+                .filter_map(|l| l.lamp().cloned())
+                .collect(),
+        }
+    }
+
+    fn between_deg(&self) -> BTreeMap<String, f64> {
+        let mut poses: Vec<(&str, UnitQuaternion<f64>)> = Vec::new();
+        for track in &self.tracks {
+            if let Some(q) = track.driver.attitude() {
+                poses.push((track.kind.name(), q));
+            }
+        }
+        poses.extend(self.device.map(|q| ("device", q)));
+        poses.extend(self.truth.map(|q| ("truth", q)));
+        // `mekf` first: it is what the others are compared with.
+        poses.sort_by_key(|(name, _)| *name != "mekf");
+        let mut angles = BTreeMap::new();
+        for (i, (a, p)) in poses.iter().enumerate() {
+            for (b, q) in &poses[i + 1..] {
+                let angle = rotation::angle_between(p, q).to_degrees();
+                angles.insert(format!("{a}|{b}"), angle);
+            }
+        }
+        angles
+    }
+
+    /// How the device is.
+    #[must_use]
+    pub fn status(&self, lost_batches: u64) -> SessionStatus {
+        let intake = &self.intake;
+        let stopped = intake.stopped(self.now_ns, STOPPED_S);
+        SessionStatus {
+            health: health::remarks(intake, &stopped, lost_batches),
+            rates_hz: intake.rates_hz().map(|(k, v)| (k.name(), v)).collect(),
+            resolution: intake.resolutions().map(|(k, v)| (k.name(), v)).collect(),
+            received: intake.received(),
+            duplicated: intake.duplicated(),
+            refused: intake.refused(),
+            late: intake.late(),
+            duration_s: self.duration_s(),
+        }
+    }
+}

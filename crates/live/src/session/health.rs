@@ -1,0 +1,88 @@
+//! How well a device delivers, in words.
+
+use northing_recording::SensorKind;
+
+use super::intake::Intake;
+use super::lamp::{Remark, Tone};
+
+/// Below this rate fast turns are missed, Hz.
+const SLOW_HZ: f64 = 20.0;
+
+/// What there is to say about a device; the worst comes first.
+#[must_use]
+pub fn remarks(intake: &Intake, stopped: &[SensorKind], lost_batches: u64) -> Vec<Remark> {
+    let mut remarks = Vec::new();
+    if intake.received_of(SensorKind::Gyroscope) == 0 {
+        remarks.push(Remark::new(
+            Tone::Bad,
+            "No gyroscope: nothing can be estimated. Allow motion sensors on the phone, or choose a device that has one.",
+        ));
+    }
+    if intake.received_of(SensorKind::Accelerometer) == 0 {
+        remarks.push(Remark::new(
+            Tone::Bad,
+            "No accelerometer: which way is up cannot be told.",
+        ));
+    }
+    for kind in stopped {
+        let text = format!("The {} has stopped delivering.", kind.name());
+        remarks.push(Remark::new(Tone::Bad, text));
+    }
+    for (kind, rate) in intake.rates_hz() {
+        if kind == SensorKind::Gyroscope && rate < SLOW_HZ {
+            remarks.push(Remark::new(
+                Tone::Warn,
+                format!(
+                    "Only {rate:.1} gyroscope samples a second: fast turns are missed. Set a sampling \
+                     interval of 10 ms in the app, or turn power saving off."
+                ),
+            ));
+        }
+    }
+    if intake.received_of(SensorKind::Magnetometer) == 0 {
+        remarks.push(Remark::new(
+            Tone::Warn,
+            "No magnetometer: the heading cannot be observed and drifts slowly.",
+        ));
+    }
+    for (kind, step) in intake.resolutions() {
+        let (step, unit) = match kind {
+            SensorKind::Gyroscope => (step.to_degrees(), "deg/s"),
+            SensorKind::Accelerometer => (step, "m/s^2"),
+            _ => (step, "microtesla"),
+        };
+        remarks.push(Remark::new(
+            Tone::Warn,
+            format!(
+                "Coarse values: the {} comes in steps of {step:.3} {unit}. A calibration takes at \
+                 least step/sqrt(12) as its noise.",
+                kind.name()
+            ),
+        ));
+    }
+    counted(&mut remarks, intake, lost_batches);
+    if remarks.iter().all(|r| r.tone == Tone::Good) {
+        remarks.push(Remark::new(Tone::Good, "All sensors deliver."));
+    }
+    remarks
+}
+
+fn counted(remarks: &mut Vec<Remark>, intake: &Intake, lost_batches: u64) {
+    let mut warn = |count: u64, text: &str| {
+        if count > 0 {
+            remarks.push(Remark::new(Tone::Warn, format!("{count} {text}")));
+        }
+    };
+    warn(
+        lost_batches,
+        "batches never arrived: the network loses data.",
+    );
+    warn(
+        intake.refused(),
+        "samples were refused: not finite, or larger than any sensor measures.",
+    );
+    warn(
+        intake.late(),
+        "samples came too late for the live estimate.",
+    );
+}

@@ -1,0 +1,122 @@
+//! The consistency lamp: whether the last seconds of innovations fit the stated noise, in words.
+
+use northing_core::kalman::Innovation;
+use northing_evaluation::consistency::{NoiseVerdict, judge};
+use northing_evaluation::nis::{NisStatistics, UpdateCounts};
+use northing_recording::SensorKind;
+use serde::Serialize;
+
+/// Samples after which the older half of the window is forgotten.
+const HALF: u32 = 250;
+/// Samples after which the verdict is made anew: quantiles are not free.
+const RENEW: u32 = 25;
+
+/// How welcome something is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tone {
+    /// As it should be.
+    Good,
+    /// Worth a look.
+    Warn,
+    /// Wrong.
+    Bad,
+}
+
+/// A statement with its tone.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Remark {
+    /// How welcome it is.
+    pub tone: Tone,
+    /// One sentence.
+    pub text: String,
+}
+
+impl Remark {
+    /// A remark from its two parts.
+    pub fn new(tone: Tone, text: impl Into<String>) -> Self {
+        Self {
+            tone,
+            text: text.into(),
+        }
+    }
+}
+
+/// The lamp of one sensor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Lamp {
+    /// The sensor.
+    pub sensor: SensorKind,
+    /// Its colour.
+    pub tone: Tone,
+    /// What is the matter, or that nothing is.
+    pub text: String,
+    /// Mean NIS of the window.
+    pub nis_mean: f64,
+}
+
+/// The innovations of the last 250 to 500 samples of one sensor.
+#[derive(Debug, Clone)]
+pub struct LampWindow {
+    sensor: SensorKind,
+    old: (NisStatistics, UpdateCounts),
+    new: (NisStatistics, UpdateCounts),
+    count: u32,
+    lamp: Option<Lamp>,
+}
+
+impl LampWindow {
+    /// An empty window.
+    #[must_use]
+    pub fn new(sensor: SensorKind) -> Self {
+        Self {
+            sensor,
+            old: Default::default(),
+            new: Default::default(),
+            count: 0,
+            lamp: None,
+        }
+    }
+
+    /// Takes one innovation.
+    pub fn add(&mut self, innovation: &Innovation<f64>) {
+        if innovation.degrees_of_freedom == 0 {
+            return;
+        }
+        // Both windows see it; the older one is read until the newer is half full.
+        for (nis, counts) in [&mut self.old, &mut self.new] {
+            nis.add(innovation);
+            counts.add(innovation.outcome);
+        }
+        self.count += 1;
+        if self.count % RENEW == 0 || self.lamp.is_none() {
+            self.lamp = self.judge();
+        }
+        if self.count >= HALF {
+            self.old = std::mem::take(&mut self.new);
+            self.count = 0;
+        }
+    }
+
+    /// The lamp; `None` before there was anything to look at.
+    #[must_use]
+    pub fn lamp(&self) -> Option<&Lamp> {
+        self.lamp.as_ref()
+    }
+
+    fn judge(&self) -> Option<Lamp> {
+        let nis = self.old.0.summary()?;
+        let verdict = judge(self.sensor, &nis, &self.old.1);
+        let tone = match verdict.verdict {
+            NoiseVerdict::Honest => Tone::Good,
+            NoiseVerdict::TooSmall => Tone::Bad,
+            _ => Tone::Warn,
+        };
+        Some(Lamp {
+            sensor: self.sensor,
+            tone,
+            text: verdict.sentences.join(" "),
+            nis_mean: nis.mean,
+        })
+    }
+}

@@ -1,0 +1,423 @@
+//! One device in the lab: its events in, estimates, innovations, calibration and experiment out.
+//!
+//! Everything here runs on sensor time and on nothing else: the same events and the same settings
+//! in the same order give the same numbers to the bit, whenever and however fast they arrive.
+
+pub mod calibration;
+pub mod experiment;
+pub mod frame;
+pub mod health;
+pub mod intake;
+pub mod lamp;
+pub mod resolution;
+pub mod track;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use northing_core::attitude::AttitudeConfig;
+use northing_core::attitude::driver::DriverConfig;
+use northing_core::calibration::RestCalibration;
+use northing_core::geometry::frames::TangentFrame;
+use northing_evaluation::calibration::{calibrated_config, calibrated_driver, state_at_rest};
+use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::options::{RunOptions, SensorSelection};
+use northing_evaluation::{EvaluationError, Profile};
+use northing_recording::{Event, Sample, SensorKind, WorldFrame};
+use serde_json::{Map, Value};
+
+use calibration::CalibrationRun;
+use experiment::{Experiment, ExperimentRun};
+use frame::InnovationPoint;
+use intake::{Admission, Intake};
+use lamp::{LampWindow, Remark, Tone};
+use track::Track;
+
+/// A pause of the gyroscope after which a filter starts again rather than guesses, ns.
+const RESTART_GAP_NS: i64 = 2_000_000_000;
+/// Innovations kept for the page between two frames.
+const MOST_INNOVATIONS: usize = 200;
+
+/// Something that came to its end while events were taken.
+#[derive(Debug)]
+pub enum Happening {
+    /// The calibration is made, or was refused with this reason.
+    Calibrated(
+        Box<CalibrationRun>,
+        Result<Box<RestCalibration<f64>>, String>,
+    ),
+    /// The experiment has all its samples.
+    Experimented(Box<Experiment>),
+    /// Something to tell people.
+    Note(Remark),
+}
+
+/// One device. See the [module](self).
+#[derive(Debug)]
+pub struct DeviceSession {
+    options: RunOptions,
+    tracks: Vec<Track>,
+    intake: Intake,
+    first_ns: Option<i64>,
+    now_ns: i64,
+    last_gyroscope_ns: Option<i64>,
+    rate_rad_s: Vector3<f64>,
+    device: Option<UnitQuaternion<f64>>,
+    truth: Option<UnitQuaternion<f64>>,
+    innovations: Vec<InnovationPoint>,
+    lamps: [LampWindow; 2],
+    calibration: Option<CalibrationRun>,
+    experiment: Option<ExperimentRun>,
+}
+
+impl DeviceSession {
+    /// A device nothing has come from yet, with integration and `mekf` running.
+    ///
+    /// # Errors
+    /// The options make no sense.
+    pub fn new(options: RunOptions) -> Result<Self, EvaluationError> {
+        options.check()?;
+        let mut session = Self {
+            options,
+            tracks: Vec::new(),
+            intake: Intake::default(),
+            first_ns: None,
+            now_ns: i64::MIN,
+            last_gyroscope_ns: None,
+            rate_rad_s: Vector3::zeros(),
+            device: None,
+            truth: None,
+            innovations: Vec::new(),
+            lamps: new_lamps(),
+            calibration: None,
+            experiment: None,
+        };
+        session.use_estimators(&[EstimatorKind::Integration, EstimatorKind::Mekf])?;
+        Ok(session)
+    }
+
+    /// Takes a batch of events of any order; it is put in the order of time.
+    pub fn take(&mut self, events: &mut [Event]) -> Vec<Happening> {
+        events.sort_by_key(|event| (event.time_ns, event.sample.kind().order()));
+        let mut happenings = Vec::new();
+        for event in events.iter() {
+            match self.intake.admit(event) {
+                Admission::Taken => self.take_one(event, &mut happenings),
+                // Good for the recording, which is put in order at its end.
+                Admission::Late => self.record(event, &mut happenings),
+                Admission::Duplicate | Admission::Refused => {}
+                Admission::NewStart => {
+                    self.start_again();
+                    let text = "The device's clock went back: its estimates start anew.";
+                    happenings.push(Happening::Note(Remark::new(Tone::Warn, text)));
+                    if self.intake.admit(event) == Admission::Taken {
+                        self.take_one(event, &mut happenings);
+                    }
+                }
+            }
+        }
+        happenings
+    }
+
+    fn take_one(&mut self, event: &Event, happenings: &mut Vec<Happening>) {
+        self.first_ns.get_or_insert(event.time_ns);
+        self.now_ns = self.now_ns.max(event.time_ns);
+        match event.sample {
+            Sample::AngularRate(rate) => self.take_rate(event.time_ns, rate, happenings),
+            Sample::SpecificForce(v) => self.update(event.time_ns, SensorKind::Accelerometer, &v),
+            Sample::MagneticField(v) => self.update(event.time_ns, SensorKind::Magnetometer, &v),
+            Sample::DeviceOrientation(q) => self.device = Some(q),
+            Sample::Reference(reference) => self.truth = Some(reference.attitude),
+            _ => {}
+        }
+        self.calibrate_with(event, happenings);
+        self.record(event, happenings);
+    }
+
+    fn take_rate(&mut self, time_ns: i64, rate: Vector3<f64>, happenings: &mut Vec<Happening>) {
+        if let Some(last) = self.last_gyroscope_ns
+            && time_ns.saturating_sub(last) > RESTART_GAP_NS
+        {
+            let seconds = time_ns.saturating_sub(last) as f64 * 1e-9;
+            let text = format!("Nothing came for {seconds:.1} s: the estimates start anew.");
+            happenings.push(Happening::Note(Remark::new(Tone::Warn, text)));
+            // Options were checked when they were set.
+            let _ = self.restart_tracks();
+        }
+        self.last_gyroscope_ns = Some(time_ns);
+        self.rate_rad_s = rate;
+        for track in &mut self.tracks {
+            track.driver.gyroscope(time_ns, &rate);
+        }
+    }
+
+    fn update(&mut self, time_ns: i64, sensor: SensorKind, v: &Vector3<f64>) {
+        let sensors = &self.options.sensors;
+        let (used, lamp) = match sensor {
+            SensorKind::Accelerometer => (sensors.accelerometer, 0),
+            _ => (sensors.magnetometer, 1),
+        };
+        if !used {
+            return;
+        }
+        for track in &mut self.tracks {
+            let innovation = match sensor {
+                SensorKind::Accelerometer => track.driver.accelerometer(time_ns, v),
+                _ => track.driver.magnetometer(time_ns, v),
+            };
+            if track.kind != EstimatorKind::Mekf {
+                continue;
+            }
+            self.lamps[lamp].add(&innovation);
+            if self.innovations.len() < MOST_INNOVATIONS {
+                let t_s = seconds_since(self.first_ns, time_ns);
+                self.innovations
+                    .push(InnovationPoint::new(sensor, t_s, &innovation));
+            }
+        }
+    }
+
+    fn calibrate_with(&mut self, event: &Event, happenings: &mut Vec<Happening>) {
+        let Some(run) = &mut self.calibration else {
+            return;
+        };
+        if !run.add(event) {
+            return;
+        }
+        let Some(run) = self.calibration.take() else {
+            return;
+        };
+        let made = run.finish();
+        if let Ok(calibration) = &made {
+            self.start_from(calibration);
+        }
+        happenings.push(Happening::Calibrated(Box::new(run), made.map(Box::new)));
+    }
+
+    fn record(&mut self, event: &Event, happenings: &mut Vec<Happening>) {
+        let Some(run) = &mut self.experiment else {
+            return;
+        };
+        if run.add(event) {
+            happenings.extend(self.end_experiment());
+        }
+    }
+
+    fn end_experiment(&mut self) -> Option<Happening> {
+        let experiment = self.experiment.take()?.finish();
+        Some(Happening::Experimented(Box::new(experiment)))
+    }
+
+    /// Every estimator starts from the rest that has just ended.
+    fn start_from(&mut self, calibration: &RestCalibration<f64>) {
+        self.options.calibration = Some(*calibration);
+        if self.restart_tracks().is_err() {
+            return;
+        }
+        let (config, driver) = (self.config(), self.driver());
+        let initial = state_at_rest(calibration, &config, &driver);
+        for track in &mut self.tracks {
+            track.driver.start_from(&initial);
+        }
+    }
+
+    fn start_again(&mut self) {
+        self.intake.restart();
+        self.first_ns = None;
+        self.now_ns = i64::MIN;
+        self.last_gyroscope_ns = None;
+        self.calibration = None;
+        self.experiment = None;
+        (self.device, self.truth) = (None, None);
+        // Options were checked when they were set.
+        let _ = self.restart_tracks();
+    }
+
+    fn restart_tracks(&mut self) -> Result<(), EvaluationError> {
+        let kinds: Vec<_> = self.tracks.iter().map(|track| track.kind).collect();
+        self.lamps = new_lamps();
+        self.use_estimators_anew(&kinds)
+    }
+
+    fn use_estimators_anew(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
+        let (config, driver) = (self.config(), self.driver());
+        let tracks: Result<Vec<_>, _> = kinds
+            .iter()
+            .map(|kind| Track::new(*kind, &config, driver))
+            .collect();
+        self.tracks = tracks?.into_iter().flatten().collect();
+        Ok(())
+    }
+
+    /// Chooses the estimators that run; those already running go on undisturbed.
+    ///
+    /// # Errors
+    /// A parameter makes no sense.
+    pub fn use_estimators(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
+        let (config, driver) = (self.config(), self.driver());
+        let mut tracks = Vec::new();
+        for kind in kinds {
+            if tracks.iter().any(|track: &Track| track.kind == *kind) {
+                continue;
+            }
+            let running = self.tracks.iter().position(|track| track.kind == *kind);
+            match running {
+                Some(index) => tracks.push(self.tracks[index].clone()),
+                None => tracks.extend(Track::new(*kind, &config, driver)?),
+            }
+        }
+        self.tracks = tracks;
+        Ok(())
+    }
+
+    /// Changes profile and parameters; the estimates go on from where they are.
+    ///
+    /// # Errors
+    /// A name or value does not fit; nothing has changed then.
+    pub fn set(
+        &mut self,
+        profile: Option<Profile>,
+        settings: &Map<String, Value>,
+    ) -> Result<(), EvaluationError> {
+        let changed = with_settings(&self.options, profile, settings)?;
+        let before = std::mem::replace(&mut self.options, changed);
+        let config = self.config();
+        let mut tracks = self.tracks.clone();
+        if let Err(error) = tracks.iter_mut().try_for_each(|t| t.retune(&config)) {
+            self.options = before;
+            return Err(error);
+        }
+        self.tracks = tracks;
+        self.lamps = new_lamps();
+        Ok(())
+    }
+
+    /// Chooses the sensors that the filters use.
+    pub fn use_sensors(&mut self, sensors: SensorSelection) {
+        self.options.sensors = sensors;
+        self.lamps = new_lamps();
+    }
+
+    /// Begins a calibration with the next sample; one under way is dropped.
+    ///
+    /// # Errors
+    /// The time is no time one can rest for, in a sentence.
+    pub fn calibrate(&mut self, seconds: f64) -> Result<(), String> {
+        let [shortest, longest] = calibration::SECONDS;
+        if !(shortest..=longest).contains(&seconds) {
+            return Err(format!(
+                "calibration of {seconds} s: expected {shortest} to {longest} s"
+            ));
+        }
+        self.calibration = Some(CalibrationRun::new(seconds, self.options.sensors));
+        Ok(())
+    }
+
+    /// Begins an experiment with the next sample.
+    ///
+    /// # Errors
+    /// One is under way, or the time makes no sense, in a sentence.
+    pub fn start_experiment(&mut self, seconds: f64, name: &str) -> Result<(), String> {
+        if self.experiment.is_some() {
+            return Err("an experiment is under way; stop it first".to_owned());
+        }
+        self.experiment = Some(ExperimentRun::new(seconds, name)?);
+        Ok(())
+    }
+
+    /// Ends an experiment early and drops a calibration.
+    pub fn stop(&mut self) -> Option<Happening> {
+        self.calibration = None;
+        self.end_experiment()
+    }
+
+    /// The options in force: what an experiment is run with.
+    #[must_use]
+    pub fn options(&self) -> &RunOptions {
+        &self.options
+    }
+
+    /// The estimators that run, in order.
+    #[must_use]
+    pub fn estimators(&self) -> Vec<EstimatorKind> {
+        self.tracks.iter().map(|track| track.kind).collect()
+    }
+
+    /// The calibration under way.
+    #[must_use]
+    pub fn calibration(&self) -> Option<&CalibrationRun> {
+        self.calibration.as_ref()
+    }
+
+    /// The experiment under way.
+    #[must_use]
+    pub fn experiment(&self) -> Option<&ExperimentRun> {
+        self.experiment.as_ref()
+    }
+
+    /// What has arrived.
+    #[must_use]
+    pub fn intake(&self) -> &Intake {
+        &self.intake
+    }
+
+    /// Seconds of samples since the start.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        seconds_since(self.first_ns, self.now_ns)
+    }
+
+    /// The parameters in force: the profile's, the calibration's, the user's.
+    #[must_use]
+    pub fn config(&self) -> AttitudeConfig<f64> {
+        match &self.options.calibration {
+            Some(calibration) => calibrated_config(&self.options, calibration),
+            None => self.options.config,
+        }
+    }
+
+    fn driver(&self) -> DriverConfig<f64> {
+        if let Some(calibration) = &self.options.calibration {
+            return calibrated_driver(&self.options, calibration);
+        }
+        let mut driver = self.options.driver;
+        driver.prior.frame = match self.options.world_frame {
+            WorldFrame::Enu => TangentFrame::Enu,
+            WorldFrame::Ned => TangentFrame::Ned,
+        };
+        driver
+    }
+}
+
+/// Options with another profile and other parameters.
+///
+/// # Errors
+/// A name or value does not fit.
+pub fn with_settings(
+    options: &RunOptions,
+    profile: Option<Profile>,
+    settings: &Map<String, Value>,
+) -> Result<RunOptions, EvaluationError> {
+    let mut changed = options.clone();
+    if let Some(profile) = profile {
+        changed.profile = profile;
+        changed.config = profile.config();
+        changed.explicit_settings.clear();
+    }
+    for (name, value) in settings {
+        let text = value
+            .as_str()
+            .map_or_else(|| value.to_string(), str::to_owned);
+        changed.set(&format!("{name}={text}"))?;
+    }
+    Ok(changed)
+}
+
+fn new_lamps() -> [LampWindow; 2] {
+    [SensorKind::Accelerometer, SensorKind::Magnetometer].map(LampWindow::new)
+}
+
+fn seconds_since(first_ns: Option<i64>, time_ns: i64) -> f64 {
+    first_ns.map_or(0.0, |first| time_ns.saturating_sub(first) as f64 * 1e-9)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,183 @@
+//! The lab on virtual phones, whose truth is known.
+
+use super::*;
+use northing_evaluation::run;
+use northing_recording::RecordingError;
+use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
+use serde_json::json;
+
+fn phone(seed: u64) -> VirtualPhone {
+    VirtualPhone::new(VirtualPhoneConfig {
+        seed,
+        rest_before_s: 8.0,
+        motion_s: 12.0,
+        rest_after_s: 4.0,
+        ..VirtualPhoneConfig::default()
+    })
+    .unwrap()
+}
+
+fn session() -> DeviceSession {
+    DeviceSession::new(RunOptions::new(EstimatorKind::Mekf, Profile::Lab)).unwrap()
+}
+
+fn error_deg(session: &DeviceSession, name: &str) -> f64 {
+    let truth = session.truth.unwrap();
+    session
+        .attitude(name)
+        .unwrap()
+        .angle_to(&truth)
+        .to_degrees()
+}
+
+/// The live filter and the runner over files are one: equal to the bit, however it is cut in batches.
+#[test]
+fn live_estimates_equal_those_of_a_run() {
+    let events: Vec<Event> = phone(3).events().collect();
+    let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+    let mut last = LastEstimate(None);
+    let stream = events.iter().map(|e| Ok::<_, RecordingError>(*e));
+    run(stream, &options, &mut last).unwrap();
+    for size in [1, 7, 1000] {
+        let mut live = DeviceSession::new(options.clone()).unwrap();
+        for batch in events.chunks(size) {
+            live.take(&mut batch.to_vec());
+        }
+        let live = live.attitude("mekf").unwrap();
+        assert_eq!(Some(live), last.0, "batches of {size}");
+    }
+}
+
+struct LastEstimate(Option<UnitQuaternion<f64>>);
+
+impl northing_evaluation::RunObserver for LastEstimate {
+    fn estimate(&mut self, record: &northing_evaluation::EstimateRecord) {
+        self.0 = Some(record.attitude);
+    }
+}
+
+#[test]
+fn calibration_then_experiment_end_near_the_truth() {
+    let mut live = session();
+    live.calibrate(6.0).unwrap();
+    let events: Vec<Event> = phone(1).events().collect();
+    let (mut calibrated, mut experiment) = (false, None);
+    for batch in events.chunks(40) {
+        for happening in live.take(&mut batch.to_vec()) {
+            match happening {
+                Happening::Calibrated(run, made) => {
+                    assert!(made.is_ok(), "{made:?}");
+                    assert!(run.samples()["gyroscope"]["t_s"].as_array().unwrap().len() > 100);
+                    calibrated = true;
+                    live.start_experiment(60.0, "turn and return").unwrap();
+                }
+                Happening::Experimented(done) => experiment = Some(done),
+                Happening::Note(note) => panic!("{note:?}"),
+            }
+        }
+    }
+    assert!(calibrated && experiment.is_none());
+    let Some(Happening::Experimented(done)) = live.stop() else {
+        panic!("no experiment to stop");
+    };
+    assert!(
+        (done.duration_s() - 18.0).abs() < 0.3,
+        "{}",
+        done.duration_s()
+    );
+    assert!(
+        error_deg(&live, "mekf") < 0.5,
+        "{}",
+        error_deg(&live, "mekf")
+    );
+    assert!(error_deg(&live, "integration") < 2.0);
+    let frame = live.frame("phone");
+    assert!(
+        frame.between_deg.contains_key("mekf|integration"),
+        "{:?}",
+        frame.between_deg
+    );
+    assert_eq!(frame.lamp.len(), 2);
+    assert!(
+        live.frame("phone").innovations.is_empty(),
+        "each innovation is told once"
+    );
+}
+
+#[test]
+fn a_calibration_in_motion_is_refused_with_a_reason() {
+    let mut live = session();
+    let events: Vec<Event> = phone(1).events().collect();
+    live.calibrate(5.0).unwrap();
+    let moving = events.iter().filter(|e| e.time_ns > 9_000_000_000);
+    let happenings = live.take(&mut moving.copied().collect::<Vec<_>>());
+    let Some(Happening::Calibrated(_, Err(reason))) = happenings.first() else {
+        panic!("{happenings:?}");
+    };
+    assert!(!reason.is_empty());
+    assert!(live.options().calibration.is_none());
+    assert!(live.calibrate(0.0).is_err() && live.calibrate(f64::NAN).is_err());
+}
+
+#[test]
+fn parameters_change_without_a_jump_and_mistakes_change_nothing() {
+    let mut live = session();
+    live.take(&mut phone(2).events().take(4000).collect::<Vec<_>>());
+    let before = live.attitude("mekf").unwrap();
+    let settings = json!({"accelerometer_std": 0.3, "magnetometer_use": "heading"});
+    live.set(None, settings.as_object().unwrap()).unwrap();
+    assert_eq!(live.attitude("mekf").unwrap(), before);
+    assert!((live.config().accelerometer_std - 0.3).abs() < 1e-12);
+    let wrong = json!({"accelerometer_std": 0.5, "gyro": 1.0});
+    let error = live.set(None, wrong.as_object().unwrap()).unwrap_err();
+    assert!(
+        error.to_string().contains("unknown parameter `gyro`"),
+        "{error}"
+    );
+    assert!((live.config().accelerometer_std - 0.3).abs() < 1e-12);
+    live.use_estimators(&[EstimatorKind::Mekf, EstimatorKind::Usque])
+        .unwrap();
+    assert_eq!(live.attitude("mekf").unwrap(), before);
+    assert_eq!(
+        live.estimators(),
+        [EstimatorKind::Mekf, EstimatorKind::Usque]
+    );
+}
+
+#[test]
+fn a_clock_that_goes_back_and_a_long_pause_start_anew_and_say_so() {
+    let mut live = session();
+    let events: Vec<Event> = phone(2).events().take(2000).collect();
+    let shifted = |by_s: i64| -> Vec<Event> {
+        let shift = |e: &Event| Event {
+            time_ns: e.time_ns + by_s * 1_000_000_000,
+            ..*e
+        };
+        events.iter().map(shift).collect()
+    };
+    assert!(live.take(&mut shifted(100)).is_empty());
+    let pause = live.take(&mut shifted(200));
+    assert!(matches!(&pause[..], [Happening::Note(n)] if n.text.contains("Nothing came")));
+    let back = live.take(&mut shifted(0));
+    assert!(
+        matches!(&back[..], [Happening::Note(n)] if n.text.contains("clock went back")),
+        "{back:?}"
+    );
+    assert!(live.attitude("mekf").is_some());
+}
+
+#[test]
+fn health_says_what_is_missing() {
+    let mut live = session();
+    let only_gyroscope = phone(1)
+        .events()
+        .take(3000)
+        .filter(|e| e.sample.kind() == SensorKind::Gyroscope);
+    live.take(&mut only_gyroscope.collect::<Vec<_>>());
+    let status = live.status(0);
+    let words: String = status.health.iter().map(|r| r.text.as_str()).collect();
+    assert!(
+        words.contains("No accelerometer") && words.contains("No magnetometer"),
+        "{words}"
+    );
+}

@@ -1,0 +1,108 @@
+//! One estimator on a live stream: its driver, and changing its parameters while it runs.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
+use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, Propagation};
+use northing_core::kalman::Innovation;
+use northing_evaluation::EvaluationError;
+use northing_evaluation::estimators::{AnyEstimator, EstimatorKind};
+
+/// An estimator that remembers its start, to be rebuilt with other parameters.
+#[derive(Debug, Clone)]
+pub struct Rebuildable {
+    inner: AnyEstimator,
+    start: Option<InitialState<f64>>,
+}
+
+impl AttitudeEstimator<f64> for Rebuildable {
+    fn initialize(&mut self, initial: &InitialState<f64>) {
+        self.start = Some(*initial);
+        self.inner.initialize(initial);
+    }
+
+    fn propagate(&mut self, angular_rate: &Vector3<f64>, dt: f64) -> Propagation {
+        self.inner.propagate(angular_rate, dt)
+    }
+
+    fn update_accelerometer(&mut self, specific_force: &Vector3<f64>) -> Innovation<f64> {
+        self.inner.update_accelerometer(specific_force)
+    }
+
+    fn update_magnetometer(&mut self, magnetic_field: &Vector3<f64>) -> Innovation<f64> {
+        self.inner.update_magnetometer(magnetic_field)
+    }
+
+    fn add_attitude_variance(&mut self, variance: f64) {
+        self.inner.add_attitude_variance(variance);
+    }
+
+    fn attitude(&self) -> UnitQuaternion<f64> {
+        self.inner.attitude()
+    }
+
+    fn attitude_covariance(&self) -> Option<Matrix3<f64>> {
+        self.inner.attitude_covariance()
+    }
+
+    fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        self.inner.gyroscope_bias()
+    }
+}
+
+/// An estimator and its driver.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// Which estimator.
+    pub kind: EstimatorKind,
+    /// What feeds it.
+    pub driver: AttitudeDriver<f64, Rebuildable>,
+}
+
+impl Track {
+    /// A track that aligns itself; `None` for the device's own orientation, which needs no driver.
+    ///
+    /// # Errors
+    /// A parameter makes no sense.
+    pub fn new(
+        kind: EstimatorKind,
+        config: &AttitudeConfig<f64>,
+        driver: DriverConfig<f64>,
+    ) -> Result<Option<Self>, EvaluationError> {
+        Ok(AnyEstimator::new(kind, config)?.map(|inner| {
+            let estimator = Rebuildable { inner, start: None };
+            Self {
+                kind,
+                driver: AttitudeDriver::new(estimator, *config, driver),
+            }
+        }))
+    }
+
+    /// Goes on from the present estimate with other parameters.
+    ///
+    /// # Errors
+    /// A parameter makes no sense; nothing has changed then.
+    pub fn retune(&mut self, config: &AttitudeConfig<f64>) -> Result<(), EvaluationError> {
+        let Some(mut inner) = AnyEstimator::new(self.kind, config)? else {
+            return Ok(());
+        };
+        let estimator = &mut self.driver.estimator;
+        if let Some(start) = estimator.start {
+            // Filters without a bias state keep the bias they started with.
+            let (bias, bias_std) = match estimator.gyroscope_bias() {
+                Some((bias, p)) => (bias, p.diagonal().max().max(0.0).sqrt()),
+                None => (start.gyroscope_bias, start.gyroscope_bias_std),
+            };
+            inner.initialize(&InitialState {
+                attitude: estimator.attitude(),
+                attitude_covariance: estimator
+                    .attitude_covariance()
+                    .unwrap_or(start.attitude_covariance),
+                gyroscope_bias: bias,
+                gyroscope_bias_std: bias_std,
+                references: start.references,
+            });
+        }
+        estimator.inner = inner;
+        Ok(())
+    }
+}
