@@ -236,6 +236,8 @@ fn a_stream_is_read_and_formats_that_jump_are_refused() {
 }
 
 proptest! {
+    #![proptest_config(support::arbitrary_cases(256, 0xc5))]
+
     #[test]
     fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
         let options = OpenOptions { format: Some(Format::Csv), ..OpenOptions::default() };

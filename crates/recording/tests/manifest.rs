@@ -273,6 +273,8 @@ fn mistakes_in_the_data_name_line_and_column() {
 }
 
 proptest! {
+    #![proptest_config(support::arbitrary_cases(256, 0x3a))]
+
     #[test]
     fn arbitrary_manifests_never_panic(text in "[a-z_ =\"\\[\\]\n0-9,.;{}]{0,200}") {
         let _ = manifest::parse(&text, "fuzz");

@@ -478,7 +478,7 @@ fn drain(bytes: Vec<u8>) -> Result<(), RecordingError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(support::arbitrary_cases(128, 0x5e))]
 
     #[test]
     fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {

@@ -3,6 +3,8 @@
 
 use std::path::PathBuf;
 
+use proptest::test_runner::{Config as ProptestConfig, RngSeed};
+
 use northing_recording::{Event, OpenOptions, Recording, RecordingError, test_data};
 
 /// The Parquet files of the attitude data sets, or `None` (said aloud) without them.
@@ -17,6 +19,16 @@ pub(crate) fn attitude_files(test: &str) -> Option<Vec<PathBuf>> {
     files.sort();
     assert!(files.len() >= 10, "only {} Parquet files", files.len());
     Some(files)
+}
+
+/// A configuration of property tests whose cases are the same on every run.
+pub(crate) fn arbitrary_cases(cases: u32, seed: u64) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        rng_seed: RngSeed::Fixed(seed),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
 }
 
 /// Reads our CSV from memory.
