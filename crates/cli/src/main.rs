@@ -1,2 +1,48 @@
-//! `northing`: the program.
-fn main() {}
+//! `northing`: the program. Each command is one file in `commands`; what they share is beside it.
+
+mod calibration_file;
+mod cli;
+mod commands;
+mod comparison_report;
+mod estimate_file;
+mod estimation;
+mod failure;
+mod input;
+mod interrupt;
+mod output;
+#[cfg(feature = "parquet")]
+mod parquet_table;
+mod progress;
+mod recordings;
+mod rest_span;
+mod run_report;
+mod settings;
+mod sheet;
+mod summary_text;
+mod table;
+mod virtual_recording;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use cli::{Cli, Command};
+
+fn main() -> ExitCode {
+    interrupt::install();
+    match Cli::try_parse() {
+        Ok(cli) => failure::exit_code(&execute(cli)),
+        Err(error) => failure::exit_code_of_arguments(&error),
+    }
+}
+
+fn execute(cli: Cli) -> anyhow::Result<()> {
+    match cli.command {
+        None => output::print(cli::INTRODUCTION),
+        Some(Command::Demo(args)) => commands::demo::execute(&args),
+        Some(Command::Run(args)) => commands::run::execute(&args),
+        Some(Command::Compare(args)) => commands::compare::execute(&args),
+        Some(Command::Calibrate(args)) => commands::calibrate::execute(&args),
+        Some(Command::Convert(args)) => commands::convert::execute(&args),
+        Some(Command::Estimators(args)) => commands::estimators::execute(&args),
+    }
+}

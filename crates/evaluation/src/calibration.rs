@@ -73,7 +73,7 @@ pub fn calibrated_driver(
 }
 
 /// The state at the end of a rest: the pose in which the calibration was made. `config` is the
-/// calibrated one, whose noise says how well the means point.
+/// calibrated one; its noise, averaged over the rest, says how well the means point.
 #[must_use]
 pub fn state_at_rest(
     calibration: &RestCalibration<f64>,
@@ -88,7 +88,12 @@ pub fn state_at_rest(
         .map(|[h, down]| frame.magnetic_field(h, down));
     let mut observations = Vec::new();
     if let Some(body) = force {
-        let std = config.accelerometer_std / body.norm();
+        let independent = independent_samples(
+            calibration.accelerometer_samples,
+            calibration.accelerometer_interval_s,
+            config.accelerometer_correlation_time_s,
+        );
+        let std = config.accelerometer_std / body.norm() / independent.sqrt();
         observations.push(Observation {
             body,
             reference: frame.up(),
@@ -96,7 +101,12 @@ pub fn state_at_rest(
         });
     }
     if let (Some(body), Some(reference)) = (field, field_ref) {
-        let std = config.magnetometer_std_ut / body.norm();
+        let independent = independent_samples(
+            calibration.magnetometer_samples,
+            calibration.magnetometer_interval_s,
+            config.magnetometer_correlation_time_s,
+        );
+        let std = config.magnetometer_std_ut / body.norm() / independent.sqrt();
         observations.push(Observation {
             body,
             reference,
@@ -122,6 +132,16 @@ pub fn state_at_rest(
             magnetic_field: field_ref,
         },
     }
+}
+
+/// How many independent samples a mean of `samples` is worth: one that comes sooner after the last
+/// than errors forget themselves counts for that share, as in the filter.
+fn independent_samples(samples: u32, interval_s: Option<f64>, correlation_time_s: f64) -> f64 {
+    let share = match interval_s {
+        Some(interval) if correlation_time_s > interval => interval / correlation_time_s,
+        _ => 1.0,
+    };
+    (f64::from(samples) * share).max(1.0)
 }
 
 /// Feeds the first seconds of a recording to a [`RestCalibrator`].
@@ -208,6 +228,7 @@ fn since(last: &mut Option<i64>, now: i64) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::estimators::EstimatorKind;
+    use approx::assert_relative_eq;
     use nalgebra::Vector3;
     use northing_core::geometry::{rotation, so3};
     use northing_simulation::random::{normal_vector, stream};
@@ -258,11 +279,20 @@ mod tests {
         assert!((config.gyroscope_noise_density / 5e-4 - 1.0).abs() < 0.05);
         assert!((config.accelerometer_std / 0.05 - 1.0).abs() < 0.05);
         assert!((config.gyroscope_sample_interval_s - 0.01).abs() < 1e-9);
-        // One sample of gravity points to 0.05 / 9.81 rad.
+        // A thousand samples of gravity point to 0.05 / 9.81 / sqrt(1000) rad.
         let up = start.attitude.inverse() * Vector3::z();
         let across = up.cross(&Vector3::x()).normalize();
         let tilt_std = across.dot(&(start.attitude_covariance * across)).sqrt();
-        assert!((tilt_std * 9.81 / 0.05 - 1.0).abs() < 0.2, "{tilt_std}");
+        let expected = 0.05 / 9.81 / 1000_f64.sqrt();
+        assert!((tilt_std / expected - 1.0).abs() < 0.2, "{tilt_std}");
+    }
+
+    #[test]
+    fn errors_that_last_make_fewer_independent_samples() {
+        assert_relative_eq!(independent_samples(1000, Some(0.01), 0.0), 1000.0);
+        assert_relative_eq!(independent_samples(1000, Some(0.01), 0.5), 20.0);
+        assert_relative_eq!(independent_samples(1000, None, 0.5), 1000.0);
+        assert_relative_eq!(independent_samples(10, Some(0.01), 100.0), 1.0);
     }
 
     #[test]
@@ -271,11 +301,11 @@ mod tests {
         let hand_held = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
         let config = calibrated_config(&hand_held, &calibration);
         let profile = hand_held.config.accelerometer_std;
-        approx::assert_relative_eq!(config.accelerometer_std, profile);
+        assert_relative_eq!(config.accelerometer_std, profile);
         let mut lab = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         lab.set("accelerometer_std=0.7").unwrap();
         let config = calibrated_config(&lab, &calibration);
-        approx::assert_relative_eq!(config.accelerometer_std, 0.7);
+        assert_relative_eq!(config.accelerometer_std, 0.7);
         assert!(config.magnetometer_std_ut < 0.6);
     }
 

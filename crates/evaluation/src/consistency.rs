@@ -53,17 +53,22 @@ const STRONG_CORRELATION: f64 = 0.5;
 /// Share of refused samples above which the gate is named.
 const LARGE_GATED_SHARE: f64 = 0.05;
 
-/// Judges one sensor.
+/// Judges one sensor; `correlation_time_s` is how long its errors are already taken to last.
 #[must_use]
-pub fn judge(sensor: SensorKind, nis: &NisSummary, counts: &UpdateCounts) -> SensorVerdict {
+pub fn judge(
+    sensor: SensorKind,
+    nis: &NisSummary,
+    counts: &UpdateCounts,
+    correlation_time_s: f64,
+) -> SensorVerdict {
     let band = mean_band(nis);
     let median = chi_square_quantile(nis.degrees_of_freedom, 0.5);
     let factor = nis.median / median;
     let verdict = classify(nis, factor, band);
     let enough = verdict != NoiseVerdict::TooFew;
     let mut sentences = vec![main_sentence(sensor, nis, verdict, factor)];
-    if enough && nis.lag1_autocorrelation > STRONG_CORRELATION {
-        sentences.push(correlation_sentence(sensor, nis));
+    if enough && is_correlated(nis) {
+        sentences.push(correlation_sentence(sensor, nis, correlation_time_s));
     }
     if enough && counts.gated_share() > LARGE_GATED_SHARE {
         sentences.push(format!(
@@ -72,14 +77,17 @@ pub fn judge(sensor: SensorKind, nis: &NisSummary, counts: &UpdateCounts) -> Sen
             100.0 * counts.gated_share()
         ));
     }
-    let variance_factor = enough.then_some(factor);
     SensorVerdict {
         sensor,
         verdict,
-        variance_factor,
+        variance_factor: enough.then_some(factor),
         mean_nis_band: band,
         sentences,
     }
+}
+
+fn is_correlated(nis: &NisSummary) -> bool {
+    nis.lag1_autocorrelation > STRONG_CORRELATION
 }
 
 fn classify(nis: &NisSummary, factor: f64, [low, high]: [f64; 2]) -> NoiseVerdict {
@@ -89,7 +97,10 @@ fn classify(nis: &NisSummary, factor: f64, [low, high]: [f64; 2]) -> NoiseVerdic
         NoiseVerdict::TooFew
     } else if honest.contains(&factor) && nis.mean > high && mean_factor > HONEST_FACTOR {
         NoiseVerdict::Outliers
-    } else if honest.contains(&factor) || (low..=high).contains(&nis.mean) {
+    } else if honest.contains(&factor)
+        // The band of correlated residuals is so wide that it excuses anything.
+        || (!is_correlated(nis) && (low..=high).contains(&nis.mean))
+    {
         NoiseVerdict::Honest
     } else if factor > 1.0 {
         NoiseVerdict::TooSmall
@@ -121,46 +132,63 @@ fn main_sentence(
     factor: f64,
 ) -> String {
     let name = sensor.name();
-    let (mean, dof) = (nis.mean, nis.degrees_of_freedom);
+    let your = if is_correlated(nis) {
+        "Sample by sample, your"
+    } else {
+        "Your"
+    };
     match verdict {
         NoiseVerdict::TooFew => format!(
             "Only {} {name} sample(s) were used: too few to judge its R.",
             nis.samples
         ),
         NoiseVerdict::Honest => format!(
-            "Your {name} R is honest: the mean NIS is {mean:.2} for {dof} degree(s) of freedom."
+            "{your} {name} R is honest: the mean NIS is {:.2} for {}.",
+            nis.mean,
+            degrees_of_freedom(nis)
         ),
         NoiseVerdict::TooSmall => format!(
-            "Your {name} R is about {} times too small \
+            "{your} {name} R is about {} times too small \
              (its standard deviation should be about {} times larger).",
             rounded(factor),
             rounded(factor.sqrt())
         ),
         NoiseVerdict::TooLarge => format!(
-            "Your {name} R is about {} times too large \
+            "{your} {name} R is about {} times too large \
              (its standard deviation should be about {} times smaller).",
             rounded(1.0 / factor),
             rounded((1.0 / factor).sqrt())
         ),
         NoiseVerdict::Outliers => format!(
-            "Your {name} R fits the bulk of the samples, but {:.1} % of them lie beyond the 99 % \
+            "{your} {name} R fits the bulk of the samples, but {:.1} % of them lie beyond the 99 % \
              bound, where 1 % should: disturbances, which a gate keeps out and a larger R does not.",
             100.0 * nis.share_above_99
         ),
     }
 }
 
-fn correlation_sentence(sensor: SensorKind, nis: &NisSummary) -> String {
+fn degrees_of_freedom(nis: &NisSummary) -> String {
+    match nis.degrees_of_freedom {
+        1 => "1 degree of freedom".to_owned(),
+        n => format!("{n} degrees of freedom"),
+    }
+}
+
+fn correlation_sentence(sensor: SensorKind, nis: &NisSummary, correlation_time_s: f64) -> String {
     let parameter = match sensor {
         SensorKind::Accelerometer => "accelerometer_correlation_time_s",
         _ => "magnetometer_correlation_time_s",
     };
-    format!(
-        "Its residuals are strongly correlated ({:.2} from one sample to the next): such errors are \
-         no white noise, so no R is honest for them and the covariance is too small; {parameter} \
-         says how long they last.",
+    let start = format!(
+        "But its residuals are strongly correlated ({:.2} from one sample to the next): errors that \
+         last are no white noise, and no R is honest for them",
         nis.lag1_autocorrelation
-    )
+    );
+    if correlation_time_s > 0.0 {
+        format!("{start}; {parameter} = {correlation_time_s} allows for it.")
+    } else {
+        format!("{start}: the covariance is too small. State how long they last: {parameter}.")
+    }
 }
 
 /// Two figures, so that an estimate does not look exact.
@@ -179,7 +207,12 @@ mod tests {
 
     fn verdict(samples: u32, std: f64, correlation: f64) -> SensorVerdict {
         let nis = of_noise(samples, std, correlation).summary().unwrap();
-        judge(SensorKind::Accelerometer, &nis, &UpdateCounts::default())
+        judge(
+            SensorKind::Accelerometer,
+            &nis,
+            &UpdateCounts::default(),
+            0.0,
+        )
     }
 
     #[test]
@@ -229,7 +262,18 @@ mod tests {
         // sqrt((1 + 0.9025) / (1 - 0.9025)) = 4.4
         let ratio = width(&lasting) / width(&white);
         assert!((3.6..5.4).contains(&ratio), "{ratio}");
-        assert!(lasting.sentences[1].contains("accelerometer_correlation_time_s"));
+        assert!(lasting.sentences[1].ends_with("last: accelerometer_correlation_time_s."));
+        let nis = of_noise(2000, 1.0, 0.95).summary().unwrap();
+        let stated = judge(
+            SensorKind::Accelerometer,
+            &nis,
+            &UpdateCounts::default(),
+            0.5,
+        );
+        assert!(
+            stated.sentences[1].contains("time_s = 0.5 allows for it"),
+            "{stated:?}"
+        );
     }
 
     #[test]
@@ -247,7 +291,7 @@ mod tests {
             counts.add(outcome);
         }
         let nis = statistics.summary().unwrap();
-        let verdict = judge(SensorKind::Magnetometer, &nis, &counts);
+        let verdict = judge(SensorKind::Magnetometer, &nis, &counts, 0.0);
         assert_eq!(verdict.verdict, NoiseVerdict::Outliers);
         assert!(
             verdict.sentences[0].contains("beyond the 99 % bound"),

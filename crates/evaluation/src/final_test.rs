@@ -29,6 +29,8 @@ const LARGEST_BIAS_RAD_S: f64 = 0.2;
 const SAME_POSE_DEG: f64 = 3.0;
 /// Largest turn that the magnetic field may show between the two rests, deg: fields change indoors.
 const SAME_HEADING_DEG: f64 = 10.0;
+/// Above this error, deg, the hand is no excuse and is not mentioned.
+const HAND_NOTE_DEG: f64 = 3.0;
 /// A window never holds more samples than this, however many share a second.
 const MOST_SAMPLES: usize = 5000;
 
@@ -138,6 +140,9 @@ fn sentence(calculated: f64, estimated: Option<f64>, verdict: Option<FinalVerdic
         }
         _ => "; this estimator says nothing about its own error.".to_owned(),
     };
+    if calculated > HAND_NOTE_DEG {
+        return format!("{back}{judged}");
+    }
     format!(
         "{back}{judged} A hand puts a device back only to 0.5 to 1 deg: a calculated error of that \
          size says nothing against the filter."

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use northing_core::attitude::Propagation;
+use northing_core::attitude::{AttitudeConfig, Propagation};
 use northing_core::kalman::Innovation;
 use northing_recording::SensorKind;
 
@@ -11,7 +11,7 @@ use crate::consistency::{self, SensorVerdict};
 use crate::final_test::FinalTest;
 use crate::instants::Instant;
 use crate::metrics::ErrorStatistics;
-use crate::nis::{NisStatistics, UpdateCounts};
+use crate::nis::{NisStatistics, NisSummary, UpdateCounts};
 use crate::observability::{self, Present};
 use crate::observer::EstimateRecord;
 use crate::options::RunOptions;
@@ -180,7 +180,7 @@ impl Tally {
                 magnetometer: nis.magnetometer.map(|n| n.mean),
             },
             final_test: self.final_test.summary(),
-            verdicts: self.verdicts(&nis),
+            verdicts: self.verdicts(&nis, &options.config),
             nis,
             unobservable,
             profile: runs_filter.then_some(options.profile),
@@ -206,24 +206,30 @@ impl Tally {
         counted.filter(|(_, count)| *count > 0).collect()
     }
 
-    fn verdicts(&self, nis: &NisOf<crate::nis::NisSummary>) -> Vec<SensorVerdict> {
-        let sensors = [
-            (
+    fn verdicts(
+        &self,
+        nis: &NisOf<NisSummary>,
+        config: &AttitudeConfig<f64>,
+    ) -> Vec<SensorVerdict> {
+        let accelerometer = nis.accelerometer.as_ref().map(|nis| {
+            let lasts = config.accelerometer_correlation_time_s;
+            consistency::judge(
                 SensorKind::Accelerometer,
-                &nis.accelerometer,
+                nis,
                 &self.updates.accelerometer,
-            ),
-            (
-                SensorKind::Magnetometer,
-                &nis.magnetometer,
-                &self.updates.magnetometer,
-            ),
-        ];
-        let looked_at = sensors.into_iter().filter_map(|(kind, nis, counts)| {
-            nis.as_ref()
-                .map(|nis| consistency::judge(kind, nis, counts))
+                lasts,
+            )
         });
-        looked_at.collect()
+        let magnetometer = nis.magnetometer.as_ref().map(|nis| {
+            let lasts = config.magnetometer_correlation_time_s;
+            consistency::judge(
+                SensorKind::Magnetometer,
+                nis,
+                &self.updates.magnetometer,
+                lasts,
+            )
+        });
+        accelerometer.into_iter().chain(magnetometer).collect()
     }
 
     fn issues(&self, scored: bool) -> Vec<String> {

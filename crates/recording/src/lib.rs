@@ -15,6 +15,7 @@ mod csv_writer;
 mod delimited;
 pub mod error;
 pub mod event;
+mod instant;
 pub mod issues;
 pub mod manifest;
 mod merge;

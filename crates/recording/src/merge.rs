@@ -133,6 +133,7 @@ mod tests {
     use crate::recording::EventSource;
     use nalgebra::Vector3;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     struct List(std::vec::IntoIter<Result<Event>>);
 
@@ -163,6 +164,12 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(0x3e),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn merged_streams_are_sorted_and_complete(
             mut a in proptest::collection::vec(0..100_i64, 0..50),

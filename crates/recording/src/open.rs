@@ -164,13 +164,15 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     if text.trim_start().starts_with(['[', '{']) {
         return Ok(Format::SensorLogger);
     }
+    let comments_only = !text.is_empty() && text.lines().all(|line| line.starts_with('#'));
     let header = text
         .lines()
         .find(|line| !line.starts_with('#'))
         .unwrap_or_default();
     // A header that is no time column of ours, but has the shape of one: let the reader name the
     // columns that are missing.
-    if csv::recognises(header)
+    if comments_only
+        || csv::recognises(header)
         || (header.contains(',') && header.contains(|c: char| c.is_ascii_alphabetic()))
     {
         return Ok(Format::Csv);

@@ -4,6 +4,7 @@ use std::fmt;
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
+use crate::instant::Instant;
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::options::OpenOptions;
@@ -224,37 +225,6 @@ impl fmt::Debug for Recording {
             .field("sensors", &self.sensors)
             .field("issues", &self.issues)
             .finish_non_exhaustive()
-    }
-}
-
-/// The events of one stamp, at most one a sensor, taken out in [`SensorKind::ALL`] order.
-#[derive(Default)]
-struct Instant {
-    slots: [Option<Event>; SensorKind::ALL.len()],
-    /// Bit `i` is set while slot `i` is full.
-    full: u32,
-    time_ns: i64,
-}
-
-impl Instant {
-    fn accepts(&self, time_ns: i64) -> bool {
-        self.full == 0 || self.time_ns == time_ns
-    }
-
-    fn put(&mut self, event: Event) {
-        let slot = event.sample.kind().order();
-        self.slots[slot] = Some(event);
-        self.full |= 1 << slot;
-        self.time_ns = event.time_ns;
-    }
-
-    fn take(&mut self) -> Option<Event> {
-        if self.full == 0 {
-            return None;
-        }
-        let slot = self.full.trailing_zeros() as usize;
-        self.full &= self.full - 1;
-        self.slots[slot].take()
     }
 }
 

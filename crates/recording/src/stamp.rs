@@ -105,6 +105,7 @@ pub(crate) fn format_s(nanoseconds: i64) -> String {
 mod tests {
     use super::{NANOSECONDS, SECONDS, format_s, from_seconds, parse_ns};
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     #[test]
     fn decimal_seconds_are_exact_where_a_float_is_not() {
@@ -157,6 +158,12 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(0x71),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
         #[test]
         fn written_stamps_read_back(ns in -(i64::MAX / 2)..(i64::MAX / 2)) {
             prop_assert_eq!(parse_ns(format_s(ns).as_bytes(), SECONDS), Some(ns));

@@ -63,6 +63,14 @@ fn columns_in_any_order_with_metadata_and_empty_cells() {
 }
 
 #[test]
+fn more_comments_than_the_head_that_tells_the_format() {
+    let comments: String = (0..500).map(|i| format!("# key {i}: value\n")).collect();
+    let recording = csv(&format!("{comments}t_s,{GYRO}\n0,0,0,0\n")).unwrap();
+    assert_eq!(recording.metadata().extra.len(), 500);
+    assert_eq!(recording.count(), 1);
+}
+
+#[test]
 fn nanosecond_stamps_and_unused_columns() {
     let mut recording = csv(&format!(
         "t_ns,{GYRO},temperature\n1763697600000000001,0,0,0,20\n"
@@ -236,6 +244,8 @@ fn a_stream_is_read_and_formats_that_jump_are_refused() {
 }
 
 proptest! {
+    #![proptest_config(support::arbitrary_cases(256, 0xc5))]
+
     #[test]
     fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
         let options = OpenOptions { format: Some(Format::Csv), ..OpenOptions::default() };

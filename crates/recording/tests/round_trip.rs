@@ -233,6 +233,8 @@ mod garbage {
     }
 
     proptest! {
+        #![proptest_config(crate::support::arbitrary_cases(256, 0x9a))]
+
         #[test]
         fn arbitrary_bytes_never_panic(mut bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
             bytes.splice(..0, *b"PAR1");

@@ -11,7 +11,7 @@ use std::path::Path;
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::{
     Event, Format, OpenOptions, Recording, RecordingError, Sample, SensorKind, WorldFrame, open,
-    read_bytes,
+    read_bytes, test_data,
 };
 use proptest::prelude::*;
 use support::error_of;
@@ -435,13 +435,10 @@ fn other_zips_are_named() {
 /// The exports that were made independently of this program, if there.
 #[test]
 fn independent_fixtures_agree_with_their_truth() {
-    let Some(fixtures) = std::env::var_os("NORTHING_FIXTURES") else {
-        println!(
-            "skipped (NORTHING_FIXTURES is not set): independent_fixtures_agree_with_their_truth"
-        );
+    let Some(fixtures) = test_data::fixtures_dir("independent_fixtures_agree_with_their_truth")
+    else {
         return;
     };
-    let fixtures = Path::new(&fixtures);
     let truth = std::fs::read_to_string(fixtures.join("truth.csv")).unwrap();
     let truth: Vec<Vec<f64>> = truth
         .lines()
@@ -481,7 +478,7 @@ fn drain(bytes: Vec<u8>) -> Result<(), RecordingError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(support::arbitrary_cases(128, 0x5e))]
 
     #[test]
     fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {

@@ -7,6 +7,7 @@
 //! whose world x axis points north; all that is turned here into specific force, m/s^2 and ENU.
 
 mod channels;
+mod entries;
 mod folder;
 mod json;
 mod zip;

@@ -1,31 +1,34 @@
 //! What the tests share: the real data sets, if there, and small helpers.
-#![allow(dead_code, clippy::print_stdout)] // every test file uses its own part
+#![allow(dead_code)] // every test file uses its own part
 
 use std::path::PathBuf;
 
-use northing_recording::{Event, OpenOptions, Recording, RecordingError};
+use proptest::test_runner::{Config as ProptestConfig, RngSeed};
 
-/// The Parquet files of the attitude data sets, or `None` (with a line on the screen) without them.
+use northing_recording::{Event, OpenOptions, Recording, RecordingError, test_data};
+
+/// The Parquet files of the attitude data sets, or `None` (said aloud) without them.
 pub(crate) fn attitude_files(test: &str) -> Option<Vec<PathBuf>> {
-    let Some(data) = std::env::var_os("NORTHING_DATA").map(PathBuf::from) else {
-        assert!(
-            std::env::var_os("NORTHING_REQUIRE_DATA").is_none_or(|v| v != "1"),
-            "NORTHING_DATA is not set"
-        );
-        println!("skipped (NORTHING_DATA is not set): {test}");
-        return None;
-    };
+    let data = test_data::data_dir(test)?.join("attitude");
     let mut files: Vec<PathBuf> = ["broad", "smartphone"]
         .iter()
-        .flat_map(|set| {
-            std::fs::read_dir(data.join("attitude").join(set)).expect("NORTHING_DATA/attitude/SET")
-        })
+        .flat_map(|set| std::fs::read_dir(data.join(set)).expect("NORTHING_DATA/attitude/SET"))
         .map(|entry| entry.expect("a readable folder").path())
         .filter(|path| path.extension().is_some_and(|e| e == "parquet"))
         .collect();
     files.sort();
     assert!(files.len() >= 10, "only {} Parquet files", files.len());
     Some(files)
+}
+
+/// A configuration of property tests whose cases are the same on every run.
+pub(crate) fn arbitrary_cases(cases: u32, seed: u64) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        rng_seed: RngSeed::Fixed(seed),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
 }
 
 /// Reads our CSV from memory.

@@ -4,18 +4,21 @@
 //! no row group is held as a whole. A sensor whose columns are all NaN (or null) on a row has no
 //! sample there; a partial NaN or an infinity is a non-finite sample and passed on.
 
+mod column;
+mod layout;
+
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bytes::Bytes;
 use nalgebra::Vector3;
-use parquet::basic::Type as Physical;
-use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 
-use crate::error::{RecordingError, Result, join, shown};
+use column::{Column, read_rows};
+use layout::Layout;
+
+use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
@@ -40,9 +43,6 @@ pub(crate) const SENSORS: [(SensorKind, &[&str]); 10] = [
     (SensorKind::Pressure, &["pressure"]),
     (SensorKind::Reference, &["qw", "qx", "qy", "qz"]),
 ];
-
-/// Rows decoded at a time.
-const BATCH: usize = 2048;
 
 /// Opens a Parquet file on disk.
 pub(crate) fn open_file(input: File, file: &str, metadata: Metadata) -> Result<Opened> {
@@ -134,110 +134,6 @@ fn read_metadata<R: ChunkReader + 'static>(
         }
     }
     Ok(start_ns)
-}
-
-/// Which columns of the file are read, and what they make.
-struct Layout {
-    /// Column numbers in the file; the first is the time.
-    columns: Vec<usize>,
-    names: Vec<String>,
-    /// Sensor and where its first value stands in `columns`.
-    sensors: Vec<(SensorKind, usize)>,
-    moving: Option<usize>,
-}
-
-impl Layout {
-    fn find<R: ChunkReader + 'static>(
-        reader: &SerializedFileReader<R>,
-        file: &str,
-    ) -> Result<Self> {
-        let schema = reader.metadata().file_metadata().schema_descr();
-        let present: Vec<(String, Physical)> = schema
-            .columns()
-            .iter()
-            .map(|column| (column.path().string(), column.physical_type()))
-            .collect();
-        let place_of = |name: &str| present.iter().position(|(n, _)| n == name);
-        let missing = |names: &[&str]| {
-            RecordingError::MissingColumns {
-            file: file.to_owned(),
-            missing: format!("column {}", join(names.iter().copied())),
-            present: join(present.iter().map(|(name, _)| name.as_str())),
-            advice: "the columns are t (s), gx gy gz (rad/s), ax ay az (m/s^2), mx my mz (uT), as docs/formats.md says"
-                .to_owned(),
-        }
-        };
-        let mut layout = Self {
-            columns: vec![place_of(TIME).ok_or_else(|| missing(&[TIME]))?],
-            names: Vec::new(),
-            sensors: Vec::new(),
-            moving: None,
-        };
-        for (kind, names) in SENSORS {
-            let absent: Vec<&str> = names
-                .iter()
-                .copied()
-                .filter(|n| place_of(n).is_none())
-                .collect();
-            if absent.len() == names.len() {
-                continue;
-            }
-            if !absent.is_empty() {
-                return Err(missing(&absent));
-            }
-            layout.sensors.push((kind, layout.columns.len()));
-            layout
-                .columns
-                .extend(names.iter().filter_map(|n| place_of(n)));
-        }
-        if !layout
-            .sensors
-            .iter()
-            .any(|(kind, _)| *kind == SensorKind::Gyroscope)
-        {
-            let others: Vec<_> = layout.sensors.iter().map(|(kind, _)| *kind).collect();
-            return if others.is_empty() {
-                Err(missing(&["gx", "gy", "gz"]))
-            } else {
-                Err(RecordingError::no_gyroscope(file, &others))
-            };
-        }
-        if let Some(place) = place_of(MOVING) {
-            layout.moving = Some(layout.columns.len());
-            layout.columns.push(place);
-        }
-        layout.check_types(&present, file)?;
-        let repetitions = |place: usize| schema.column(place).max_rep_level();
-        if layout.columns.iter().any(|place| repetitions(*place) > 0) {
-            return Err(missing(&["with single numbers (lists are not read)"]));
-        }
-        Ok(layout)
-    }
-
-    fn check_types(&mut self, present: &[(String, Physical)], file: &str) -> Result<()> {
-        for &place in &self.columns {
-            let (name, physical) = &present[place];
-            let numeric = matches!(
-                physical,
-                Physical::FLOAT
-                    | Physical::DOUBLE
-                    | Physical::INT32
-                    | Physical::INT64
-                    | Physical::BOOLEAN
-            );
-            if !numeric {
-                return Err(RecordingError::Unsupported {
-                    file: file.to_owned(),
-                    problem: format!(
-                        "column `{}` is of type {physical}; expected float or double",
-                        shown(name)
-                    ),
-                });
-            }
-            self.names.push(name.clone());
-        }
-        Ok(())
-    }
 }
 
 struct ParquetSource<R: ChunkReader + 'static> {
@@ -375,102 +271,5 @@ impl<R: ChunkReader + 'static> EventSource for ParquetSource<R> {
                 }
             }
         }
-    }
-}
-
-/// One column: its decoder in the current row group and its values of the current batch.
-struct Column {
-    place: usize,
-    decoder: Option<ColumnReader>,
-    values: Vec<f64>,
-    levels: Vec<i16>,
-}
-
-/// Reads up to [`BATCH`] rows of every column; all must give the same number. `None` without decoders.
-fn read_rows(columns: &mut [Column]) -> std::result::Result<Option<usize>, ParquetError> {
-    let mut rows = None;
-    for column in columns {
-        let read = column.read()?;
-        if *rows.get_or_insert(read) != read {
-            return Err(ParquetError::General(
-                "columns of different length".to_owned(),
-            ));
-        }
-    }
-    Ok(rows)
-}
-
-impl Column {
-    fn new(place: usize) -> Self {
-        Self {
-            place,
-            decoder: None,
-            values: Vec::new(),
-            levels: Vec::new(),
-        }
-    }
-
-    /// Fills `values` with the next batch, NaN for nulls; returns the number of rows.
-    fn read(&mut self) -> std::result::Result<usize, ParquetError> {
-        let Self {
-            decoder,
-            values,
-            levels,
-            ..
-        } = self;
-        match decoder {
-            Some(ColumnReader::FloatColumnReader(d)) => {
-                read_as(d, values, levels, |v: f32| f64::from(v))
-            }
-            Some(ColumnReader::DoubleColumnReader(d)) => read_as(d, values, levels, |v: f64| v),
-            Some(ColumnReader::Int32ColumnReader(d)) => {
-                read_as(d, values, levels, |v: i32| f64::from(v))
-            }
-            // Stamps and flags stay far below 2^53.
-            Some(ColumnReader::Int64ColumnReader(d)) => {
-                read_as(d, values, levels, |v: i64| v as f64)
-            }
-            Some(ColumnReader::BoolColumnReader(d)) => {
-                read_as(d, values, levels, |v: bool| f64::from(u8::from(v)))
-            }
-            _ => Err(ParquetError::General(
-                "a column is not of a numeric type".to_owned(),
-            )),
-        }
-    }
-}
-
-fn read_as<T: DataType>(
-    decoder: &mut ColumnReaderImpl<T>,
-    values: &mut Vec<f64>,
-    levels: &mut Vec<i16>,
-    convert: impl Fn(T::T) -> f64,
-) -> std::result::Result<usize, ParquetError> {
-    values.clear();
-    levels.clear();
-    let mut present = Vec::with_capacity(BATCH);
-    let mut rows = 0;
-    while rows < BATCH {
-        let (read, _, _) = decoder.read_records(BATCH - rows, Some(levels), None, &mut present)?;
-        if read == 0 {
-            break;
-        }
-        rows += read;
-    }
-    if levels.is_empty() {
-        // A required column has no definition levels: every value is there.
-        values.extend(present.into_iter().map(convert));
-    } else {
-        // Level 1 of a flat optional column: the value is there.
-        let mut present = present.into_iter();
-        values.extend(levels.iter().map(|level| {
-            let value = if *level > 0 { present.next() } else { None };
-            value.map_or(f64::NAN, &convert)
-        }));
-    }
-    if values.len() == rows {
-        Ok(rows)
-    } else {
-        Err(ParquetError::General("fewer values than rows".to_owned()))
     }
 }

@@ -1,0 +1,145 @@
+//! `northing convert`: a recording in another format, told by the extension of the output.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use clap::Args;
+use northing_core::nalgebra::Vector3;
+use northing_recording::{Issues, Recording, Sample, TumWriter, create};
+use serde::Serialize;
+
+use crate::input::{InputArgs, shown};
+use crate::interrupt::interruptible;
+use crate::output::{check_free, print, print_json};
+use crate::progress::Progress;
+
+/// Arguments of `convert`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Writes a recording in another format: .csv or .parquet keep every sensor; .tum is a \
+                  trajectory of poses (the reference, or without one the device's own orientation).",
+    after_help = "\
+Examples:
+  northing convert walk.zip walk.parquet
+  northing convert walk.parquet walk.csv
+  northing convert trial.csv trial.tum
+  northing convert imu.txt imu.csv --manifest imu.toml"
+)]
+pub(crate) struct ConvertArgs {
+    /// The recording: file, Sensor Logger folder, or - for standard input
+    #[arg(value_name = "RECORDING")]
+    recording: PathBuf,
+    /// Where to write it: .csv, .parquet or .tum
+    #[arg(value_name = "OUTPUT", required_unless_present = "out")]
+    output: Option<PathBuf>,
+    /// The same as OUTPUT
+    #[arg(long, value_name = "FILE", conflicts_with = "output")]
+    out: Option<PathBuf>,
+    /// Overwrite the output if it exists
+    #[arg(long)]
+    force: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    input: InputArgs,
+}
+
+/// What was written.
+#[derive(Serialize)]
+struct Converted {
+    recording: String,
+    output: String,
+    samples: u64,
+    issues: Issues,
+}
+
+/// Converts.
+pub(crate) fn execute(args: &ConvertArgs) -> Result<()> {
+    let Some(output) = args.output.as_ref().or(args.out.as_ref()) else {
+        bail!("no output named; expected northing convert RECORDING OUTPUT");
+    };
+    check_free(output, args.force)?;
+    let mut recording = args.input.open(&args.recording)?;
+    let samples = if has_extension(output, "tum") {
+        write_trajectory(&mut recording, output, args)?
+    } else {
+        write_recording(&mut recording, output, args)?
+    };
+    let converted = Converted {
+        recording: shown(&args.recording),
+        output: output.display().to_string(),
+        samples,
+        issues: recording.issues().clone(),
+    };
+    if args.json {
+        return print_json(&converted);
+    }
+    let mut text = format!(
+        "{}: {} samples written to {}\n",
+        converted.recording, samples, converted.output
+    );
+    for sentence in converted.issues.sentences() {
+        text.push_str(&format!("  {sentence}\n"));
+    }
+    print(&text)
+}
+
+fn write_recording(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> Result<u64> {
+    let metadata = recording.metadata().clone();
+    let sensors = recording.sensors().to_vec();
+    let mut writer = create(output, &metadata, &sensors, args.force)?;
+    let mut progress = Progress::of_stream("converting");
+    let mut samples = 0;
+    for event in interruptible(recording) {
+        writer.write(&event?)?;
+        progress.event();
+        samples += 1;
+    }
+    writer.finish()?;
+    Ok(samples)
+}
+
+/// The reference as poses, or the device's orientation where the recording has no reference.
+fn write_trajectory(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> Result<u64> {
+    use northing_recording::SensorKind::{DeviceOrientation, Reference};
+    let sensors = recording.sensors();
+    if !sensors.contains(&Reference) && !sensors.contains(&DeviceOrientation) {
+        bail!(
+            "{}: neither reference nor device orientation, so there are no poses to write; estimate them: \
+             northing run {0} --out {}",
+            shown(&args.recording),
+            output.display()
+        );
+    }
+    let from_reference = sensors.contains(&Reference);
+    let mut writer = TumWriter::create(output, args.force)?;
+    let mut progress = Progress::of_stream("converting");
+    let mut position = Vector3::zeros();
+    let mut samples = 0;
+    for event in interruptible(recording) {
+        let event = event?;
+        progress.event();
+        let attitude = match event.sample {
+            Sample::Position(p) if event.sample.is_finite() => {
+                position = p;
+                continue;
+            }
+            Sample::Reference(reference) if from_reference => reference.attitude,
+            Sample::DeviceOrientation(attitude) if !from_reference => attitude,
+            _ => continue,
+        };
+        if event.sample.is_finite() {
+            writer.write(event.time_ns, &position, &attitude)?;
+            samples += 1;
+        }
+    }
+    writer.finish()?;
+    Ok(samples)
+}
+
+/// Whether a path ends in `.extension`, in any case.
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}

@@ -1,0 +1,127 @@
+//! `northing run`: one estimator over one recording.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::Args;
+use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
+use northing_recording::atomic_file::write_whole;
+
+use crate::estimate_file::EstimateFile;
+use crate::estimation::{EstimationArgs, parameters_used, run_over};
+use crate::input::{InputArgs, shown};
+use crate::output::{check_free, print, print_json};
+use crate::progress::Progress;
+use crate::{run_report, summary_text};
+
+/// Points a series of a report's plots has at most.
+pub(crate) const TRACE_CAPACITY: usize = 6000;
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Estimates the attitude over one recording and says how good the estimate is: the error \
+                  against a reference if the recording has one, whether the stated uncertainty and the noise \
+                  of each sensor are honest, and the final test of a device that is put back where it began.",
+    after_help = "\
+Examples:
+  northing run walk.zip --report walk.html
+  northing run lab.csv --profile lab --calibrate-first 10 --report lab.html
+  northing run walk.zip --sensors gyro,acc --set accelerometer_std=0.3 --out estimates.csv
+  northing run walk.parquet --smooth --out smoothed.tum
+  northing demo --record-only - | northing run - --json"
+)]
+pub(crate) struct RunArgs {
+    /// The recording: file, Sensor Logger folder, or - for standard input
+    #[arg(value_name = "RECORDING")]
+    recording: PathBuf,
+    /// Estimator; `northing estimators` lists them
+    #[arg(long, value_name = "NAME", default_value = "mekf")]
+    estimator: EstimatorKind,
+    /// Write a report with plots: one HTML file for a browser
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Write the estimates: .csv, .parquet or .tum
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Overwrite outputs that exist
+    #[arg(long)]
+    force: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    estimation: EstimationArgs,
+    #[command(flatten)]
+    input: InputArgs,
+}
+
+/// Runs.
+pub(crate) fn execute(args: &RunArgs) -> Result<()> {
+    let options = args.estimation.options(args.estimator, &args.input)?;
+    if let Some(report) = &args.report {
+        check_free(report, args.force)?;
+    }
+    let file = args
+        .out
+        .as_ref()
+        .map(|out| EstimateFile::create(out, args.force))
+        .transpose()?;
+    let mut recording = args.input.open(&args.recording)?;
+    let metadata = recording.metadata().clone();
+    let traced = args.report.as_ref();
+    let mut watchers = Watchers {
+        trace: traced.map(|_| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame)),
+        file,
+    };
+    let mut progress = Progress::of_stream("estimating");
+    let name = shown(&args.recording);
+    let summary = run_over(&mut recording, &name, &options, &mut watchers, || {
+        progress.event()
+    });
+    drop(progress);
+    let summary = summary?;
+    let mut written = Vec::new();
+    if let (Some(path), Some(trace)) = (&args.report, watchers.trace) {
+        let config = parameters_used(&options, None);
+        let html = run_report::render(&summary, &config, &metadata, trace.trace());
+        write_whole(path, html.as_bytes(), args.force)?;
+        written.push(format!("Report: {} (open it in a browser)", path.display()));
+    }
+    if let (Some(path), Some(file)) = (&args.out, watchers.file) {
+        file.finish()?;
+        written.push(format!("Estimates: {}", path.display()));
+    }
+    if args.json {
+        return print_json(&summary);
+    }
+    let mut text = summary_text::describe(&summary);
+    if !written.is_empty() {
+        text.push_str(&format!("\n{}\n", written.join("\n")));
+    }
+    print(&text)
+}
+
+/// What watches a run: nothing, plots, a file.
+struct Watchers {
+    trace: Option<TraceObserver>,
+    file: Option<EstimateFile>,
+}
+
+impl RunObserver for Watchers {
+    fn estimate(&mut self, record: &EstimateRecord) {
+        if let Some(trace) = &mut self.trace {
+            trace.estimate(record);
+        }
+        if let Some(file) = &mut self.file {
+            file.estimate(record);
+        }
+    }
+
+    fn innovation(&mut self, record: &InnovationRecord) {
+        if let Some(trace) = &mut self.trace {
+            trace.innovation(record);
+        }
+    }
+}

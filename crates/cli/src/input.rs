@@ -1,0 +1,121 @@
+//! The recordings that a command reads: files, folders, standard input, and what may be said of them.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::Args;
+use northing_evaluation::options::MagnetometerSource;
+use northing_recording::{
+    FieldUnit, ForceUnit, Format, OpenOptions, RateUnit, Recording, open, read_from,
+};
+
+/// What stands for standard input in place of a file.
+pub(crate) const STDIN: &str = "-";
+
+/// Options about the recording itself.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "About the recording")]
+pub(crate) struct InputArgs {
+    /// Format, where it shall not be told by content: parquet, csv, sensor-logger, manifest
+    #[arg(long, value_name = "FORMAT")]
+    format: Option<Format>,
+    /// TOML file that describes the columns of any other table (see docs/formats.md)
+    #[arg(long, value_name = "FILE")]
+    manifest: Option<PathBuf>,
+    /// Unit of the gyroscope in the file: rad-per-s, deg-per-s
+    #[arg(long, value_name = "UNIT")]
+    gyroscope_unit: Option<RateUnit>,
+    /// Unit of the accelerometer in the file: m-per-s2, g
+    #[arg(long, value_name = "UNIT")]
+    accelerometer_unit: Option<ForceUnit>,
+    /// Unit of the magnetometer in the file: microtesla, nanotesla, tesla, gauss, milligauss
+    #[arg(long, value_name = "UNIT")]
+    magnetometer_unit: Option<FieldUnit>,
+    /// Longest pause of the gyroscope that is no gap; the uncertainty grows over a gap
+    #[arg(long, value_name = "SECONDS", default_value = "0.5", value_parser = positive_seconds)]
+    gap_limit: f64,
+}
+
+impl InputArgs {
+    /// The longest pause of the gyroscope that is no gap, s.
+    pub(crate) fn gap_limit_s(&self) -> f64 {
+        self.gap_limit
+    }
+
+    /// The options for the readers.
+    pub(crate) fn options(&self) -> OpenOptions {
+        OpenOptions {
+            format: self.format,
+            manifest: self.manifest.clone(),
+            gyroscope_unit: self.gyroscope_unit,
+            accelerometer_unit: self.accelerometer_unit,
+            magnetometer_unit: self.magnetometer_unit,
+            gap_limit_s: self.gap_limit,
+            ..OpenOptions::default()
+        }
+    }
+
+    /// Opens a recording, `-` being standard input.
+    ///
+    /// # Errors
+    /// It is no recording; the message says which file and why.
+    pub(crate) fn open(&self, path: &Path) -> Result<Recording> {
+        let options = self.options();
+        Ok(if path == Path::new(STDIN) {
+            read_from(std::io::stdin(), "standard input", &options)?
+        } else {
+            open(path, &options)?
+        })
+    }
+}
+
+/// A duration above zero.
+pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
+    let seconds = seconds(text)?;
+    if seconds > 0.0 {
+        Ok(seconds)
+    } else {
+        Err("expected seconds above 0, e.g. 10".to_owned())
+    }
+}
+
+/// A time or duration, zero or more.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds >= 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("expected seconds, e.g. 10".to_owned()),
+    }
+}
+
+/// Which of a phone's two magnetometers is meant.
+pub(crate) fn magnetometer_source(text: &str) -> Result<MagnetometerSource, String> {
+    match text {
+        "device" => Ok(MagnetometerSource::Device),
+        "uncalibrated" => Ok(MagnetometerSource::Uncalibrated),
+        _ => Err("expected device or uncalibrated".to_owned()),
+    }
+}
+
+/// A file name for messages.
+pub(crate) fn shown(path: &Path) -> String {
+    if path == Path::new(STDIN) {
+        "standard input".to_owned()
+    } else {
+        path.display().to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{positive_seconds, seconds};
+
+    #[test]
+    fn seconds_are_finite_and_not_negative() {
+        assert_eq!(seconds("2.5"), Ok(2.5));
+        assert_eq!(seconds("0"), Ok(0.0));
+        for bad in ["-1", "nan", "inf", "ten", ""] {
+            assert!(seconds(bad).is_err(), "{bad}");
+        }
+        assert!(positive_seconds("0").is_err());
+    }
+}

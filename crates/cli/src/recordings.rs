@@ -1,0 +1,129 @@
+//! Which recordings are meant: files as they are named, folders searched.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use northing_recording::{OpenOptions, RecordingError, open};
+
+/// Endings of files that may be recordings.
+const ENDINGS: [&str; 4] = ["parquet", "csv", "zip", "json"];
+/// Recordings made for calibration begin so; they are left out of folders.
+const CALIBRATION_PREFIX: &str = "calib_";
+
+/// The recordings, and sentences about files of folders that were left out.
+#[derive(Debug, Default)]
+pub(crate) struct Recordings {
+    /// In the order of the arguments, within a folder by name.
+    pub(crate) paths: Vec<PathBuf>,
+    /// Files that are no recordings, with the reason.
+    pub(crate) left_out: Vec<String>,
+}
+
+/// The recordings behind the arguments.
+///
+/// # Errors
+/// A file or folder cannot be read, a folder has no recording, or a recording is damaged.
+pub(crate) fn find(arguments: &[PathBuf], options: &OpenOptions) -> Result<Recordings> {
+    let mut found = Recordings::default();
+    for path in arguments {
+        if !path.is_dir() || open(path, options).is_ok() {
+            // A file, or a folder that is a recording itself (Sensor Logger).
+            found.paths.push(path.clone());
+            continue;
+        }
+        let before = found.paths.len();
+        found.search(path, options)?;
+        if found.paths.len() == before {
+            bail!(
+                "{}: no recordings in this folder; expected files that end in .{}, or name the files",
+                path.display(),
+                ENDINGS.join(", .")
+            );
+        }
+    }
+    Ok(found)
+}
+
+impl Recordings {
+    fn search(&mut self, folder: &Path, options: &OpenOptions) -> Result<()> {
+        let entries = fs::read_dir(folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+        let entries = entries.with_context(|| format!("{}: cannot search it", folder.display()))?;
+        let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+        paths.sort();
+        for path in paths {
+            let name = path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            if name.starts_with('.') || name.starts_with(CALIBRATION_PREFIX) {
+                continue;
+            }
+            if path.is_dir() {
+                match open(&path, options) {
+                    Ok(_) => self.paths.push(path),
+                    Err(_) => self.search(&path, options)?,
+                }
+            } else if ENDINGS
+                .iter()
+                .any(|e| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
+            {
+                self.take(path, options)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a recording, leaves other files out, and fails on a recording that is broken.
+    fn take(&mut self, path: PathBuf, options: &OpenOptions) -> Result<()> {
+        match open(&path, options) {
+            Ok(_) => self.paths.push(path),
+            Err(
+                error @ (RecordingError::NotARecording { .. }
+                | RecordingError::MissingColumns { .. }
+                | RecordingError::NoGyroscope { .. }),
+            ) => self.left_out.push(error.to_string()),
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_are_searched_and_calibrations_left_out_unless_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(&path, text).unwrap();
+            path
+        };
+        let recording = "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s\n0,0,0,0\n";
+        let b = write("b.csv", recording);
+        let a = write("a.csv", recording);
+        let c = write("deeper/c.csv", recording);
+        let calibration = write("calib_a.csv", recording);
+        write("notes.csv", "when,what\n1,2\n");
+        write("picture.png", "x");
+        let found = find(&[folder.path().to_owned()], &OpenOptions::default()).unwrap();
+        assert_eq!(found.paths, [a, b, c]);
+        assert_eq!(found.left_out.len(), 1, "{:?}", found.left_out);
+        let named = find(std::slice::from_ref(&calibration), &OpenOptions::default()).unwrap();
+        assert_eq!(named.paths, [calibration]);
+    }
+
+    #[test]
+    fn an_empty_folder_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = find(&[folder.path().to_owned()], &OpenOptions::default()).unwrap_err();
+        assert!(
+            error.to_string().contains("no recordings in this folder"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,164 @@
+//! Parameters of the estimators: a profile, then a configuration file, then single settings.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, anyhow};
+use clap::Args;
+use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::options::RunOptions;
+use northing_evaluation::parameters::Profile;
+use toml::de::{DeTable, DeValue};
+
+/// Options that set parameters.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Parameters")]
+pub(crate) struct SettingArgs {
+    /// Parameters to start from: hand-held (real use, the default) or lab (moved gently)
+    #[arg(long, value_name = "NAME")]
+    profile: Option<Profile>,
+    /// TOML file with parameters, one `name = value` a line, and perhaps `profile = "lab"`
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// One parameter, e.g. accelerometer_std=0.3; may be repeated; `northing estimators` lists them
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<String>,
+}
+
+impl SettingArgs {
+    /// Options with these parameters: the profile (named here, or in the file, or hand-held),
+    /// changed by the file, changed by `--set`.
+    ///
+    /// # Errors
+    /// The file cannot be read or is no TOML; a name is unknown or a value does not fit.
+    pub(crate) fn options(&self, estimator: EstimatorKind) -> Result<RunOptions> {
+        let file = self.config.as_deref().map(ConfigFile::read).transpose()?;
+        let in_file = file.as_ref().and_then(|file| file.profile);
+        let profile = self.profile.or(in_file).unwrap_or_default();
+        let mut options = RunOptions::new(estimator, profile);
+        for (setting, place) in file.iter().flat_map(|file| &file.settings) {
+            options.set(setting).with_context(|| place.clone())?;
+        }
+        for setting in &self.set {
+            options.set(setting).context("--set")?;
+        }
+        Ok(options)
+    }
+}
+
+/// A configuration file, taken apart: settings as `name=value`, with the place for messages.
+struct ConfigFile {
+    profile: Option<Profile>,
+    settings: Vec<(String, String)>,
+}
+
+impl ConfigFile {
+    fn read(path: &Path) -> Result<Self> {
+        let file = path.display().to_string();
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("{file}: cannot open it"))?;
+        Self::parse(&text, &file)
+    }
+
+    fn parse(text: &str, file: &str) -> Result<Self> {
+        let place = |start: usize| {
+            let line = text[..start].bytes().filter(|byte| *byte == b'\n').count() + 1;
+            format!("{file}, line {line}")
+        };
+        let table = DeTable::parse(text).map_err(|error| {
+            let start = error.span().map_or(0, |span| span.start.min(text.len()));
+            anyhow!(
+                "{}: not TOML: {}; expected lines such as accelerometer_std = 0.3",
+                place(start),
+                error.message()
+            )
+        })?;
+        let mut parsed = Self {
+            profile: None,
+            settings: Vec::new(),
+        };
+        let mut entries: Vec<_> = table.get_ref().iter().collect();
+        entries.sort_by_key(|(key, _)| key.span().start);
+        for (key, value) in entries {
+            let name = key.get_ref();
+            let place = place(key.span().start);
+            let value = match value.get_ref() {
+                DeValue::String(word) => word.to_string(),
+                DeValue::Integer(_) | DeValue::Float(_) => text[value.span()].replace('_', ""),
+                _ => {
+                    return Err(anyhow!(
+                        "{place}: `{name}` is no number and no word; expected e.g. {name} = 0.3"
+                    ));
+                }
+            };
+            if name == "profile" {
+                parsed.profile = Some(value.parse().context(place)?);
+            } else {
+                parsed.settings.push((format!("{name}={value}"), place));
+            }
+        }
+        Ok(parsed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use northing_core::attitude::{AttitudeConfig, MagnetometerUse};
+
+    fn settings(file: &str, args: SettingArgs) -> Result<RunOptions> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("lab.toml");
+        std::fs::write(&path, file)?;
+        SettingArgs {
+            config: Some(path),
+            ..args
+        }
+        .options(EstimatorKind::Mekf)
+    }
+
+    fn message(file: &str) -> String {
+        let error = settings(file, SettingArgs::default()).unwrap_err();
+        format!("{error:#}")
+    }
+
+    #[test]
+    fn without_anything_it_is_the_hand_held_profile() {
+        let settings = SettingArgs::default().options(EstimatorKind::Mekf).unwrap();
+        assert_eq!(settings.config, AttitudeConfig::hand_held());
+        assert!(settings.explicit_settings.is_empty());
+    }
+
+    #[test]
+    fn single_settings_win_over_the_file_and_the_file_over_the_profile() {
+        let file = "profile = 'lab'\naccelerometer_std = 0.2\nmagnetometer_use = \"heading\"\n";
+        let args = SettingArgs {
+            set: vec!["accelerometer_std=0.3".to_owned()],
+            ..SettingArgs::default()
+        };
+        let settings = settings(file, args).unwrap();
+        assert_eq!(settings.profile, Profile::Lab);
+        let expected = AttitudeConfig {
+            accelerometer_std: 0.3,
+            magnetometer_use: MagnetometerUse::Heading,
+            ..AttitudeConfig::default()
+        };
+        assert_eq!(settings.config, expected);
+        let explicit: Vec<_> = settings.explicit_settings.into_iter().collect();
+        assert_eq!(explicit, ["accelerometer_std", "magnetometer_use"]);
+    }
+
+    #[test]
+    fn errors_name_file_and_line_and_what_was_expected() {
+        let unknown = message("accelerometer_std = 1\n\nacc_std = 1\n");
+        assert!(
+            unknown.contains("lab.toml, line 3: unknown parameter `acc_std`"),
+            "{unknown}"
+        );
+        assert!(unknown.contains("magnetometer_std_ut"), "{unknown}");
+        let broken = message("accelerometer_std = 1\nmagnetometer_std_ut 2\n");
+        assert!(broken.contains("lab.toml, line 2: not TOML"), "{broken}");
+        assert!(message("a = [1]").contains("`a` is no number"));
+        assert!(message("profile = 'car'").contains("line 1: unknown profile `car`"));
+        assert!(message("gate_timeout_s = -1").contains("0 or above"));
+    }
+}

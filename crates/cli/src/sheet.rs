@@ -1,0 +1,82 @@
+//! A sheet of facts for people: a label, and beside it text that is wrapped to the width of a page.
+
+/// Width of a line.
+const WIDTH: usize = 100;
+
+/// Labels and texts.
+#[derive(Debug, Default)]
+pub(crate) struct Sheet {
+    rows: Vec<(String, String)>,
+}
+
+impl Sheet {
+    /// Adds a row; rows with an empty label go on with the label above.
+    pub(crate) fn row(&mut self, label: &str, text: impl Into<String>) {
+        self.rows.push((label.to_owned(), text.into()));
+    }
+
+    /// Adds sentences under one label, each on a line of its own.
+    pub(crate) fn sentences(&mut self, label: &str, sentences: &[String]) {
+        for (index, sentence) in sentences.iter().enumerate() {
+            self.row(if index == 0 { label } else { "" }, sentence.as_str());
+        }
+    }
+
+    /// The text, indented by two.
+    pub(crate) fn render(&self) -> String {
+        let labels = self
+            .rows
+            .iter()
+            .map(|(label, _)| label.chars().count())
+            .max()
+            .unwrap_or(0);
+        let mut text = String::new();
+        for (label, words) in &self.rows {
+            let mut margin = format!("  {label:<labels$}  ");
+            for line in wrap(words, WIDTH.saturating_sub(labels + 4)) {
+                text.push_str(format!("{margin}{line}").trim_end());
+                text.push('\n');
+                margin = " ".repeat(labels + 4);
+            }
+        }
+        text
+    }
+}
+
+/// Lines of at most `width` characters, broken between words.
+fn wrap(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let last = lines.len() - 1;
+        let line = &mut lines[last];
+        if line.is_empty() {
+            line.push_str(word);
+        } else if line.chars().count() + 1 + word.chars().count() <= width {
+            line.push(' ');
+            line.push_str(word);
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_stand_beside_their_labels() {
+        let mut sheet = Sheet::default();
+        sheet.row("error", "1 deg");
+        sheet.sentences("uncertainty", &["Honest.".to_owned(), "Really.".to_owned()]);
+        let expected = "  error        1 deg\n  uncertainty  Honest.\n               Really.\n";
+        assert_eq!(sheet.render(), expected);
+    }
+
+    #[test]
+    fn long_texts_are_broken_between_words() {
+        assert_eq!(wrap("one two three", 8), ["one two", "three"]);
+        assert_eq!(wrap("unbreakable", 3), ["unbreakable"]);
+    }
+}

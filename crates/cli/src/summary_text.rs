@@ -1,0 +1,140 @@
+//! The outcome of a run for people: a short sheet, numbers with words.
+
+use northing_evaluation::final_test::FinalVerdict;
+use northing_evaluation::nis::UpdateCounts;
+use northing_evaluation::summary::RunSummary;
+use northing_recording::SensorKind;
+
+use crate::sheet::Sheet;
+
+/// A mean NEES per degree of freedom between these is called honest: a standard deviation that is
+/// right within 30 %.
+const HONEST_NEES: [f64; 2] = [1.0 / 1.7, 1.7];
+
+/// The sheet of a run.
+pub(crate) fn describe(summary: &RunSummary) -> String {
+    let mut sheet = Sheet::default();
+    if let Some(error) = &summary.error_deg {
+        sheet.row(
+            "attitude error",
+            format!(
+                "{:.2} deg RMS (heading {:.2}, inclination {:.2}) over {} scored samples",
+                error.total_rmse, error.heading_rmse, error.inclination_rmse, error.scored_samples
+            ),
+        );
+    } else {
+        sheet.row(
+            "attitude error",
+            "unknown: the recording has no reference to score against",
+        );
+    }
+    if let Some(nees) = summary.nees_mean {
+        sheet.row("uncertainty", nees_in_words(nees));
+    }
+    sensor(
+        &mut sheet,
+        summary,
+        SensorKind::Accelerometer,
+        &summary.updates.accelerometer,
+    );
+    sensor(
+        &mut sheet,
+        summary,
+        SensorKind::Magnetometer,
+        &summary.updates.magnetometer,
+    );
+    match &summary.final_test {
+        Some(test) => sheet.row("final test", test.sentence.as_str()),
+        None => sheet.row(
+            "final test",
+            "does not apply: the device does not rest in the same pose at both ends",
+        ),
+    }
+    if let Some(calibration) = &summary.calibration {
+        sheet.row("calibration", calibration.as_str());
+    }
+    sheet.sentences("unobservable", &summary.unobservable);
+    sheet.sentences("recording", &summary.issues);
+    format!("{}\n\n{}", title(summary), sheet.render())
+}
+
+fn title(summary: &RunSummary) -> String {
+    let smoothed = if summary.smoothed { ", smoothed" } else { "" };
+    let profile = summary
+        .profile
+        .map(|p| format!(" ({} profile{smoothed})", p.name()));
+    format!(
+        "{}: {}{} over {:.1} s, {} samples",
+        summary.recording,
+        summary.estimator,
+        profile.unwrap_or_default(),
+        summary.duration_s,
+        summary.samples
+    )
+}
+
+/// A sensor's use, and its verdict.
+fn sensor(sheet: &mut Sheet, summary: &RunSummary, kind: SensorKind, counts: &UpdateCounts) {
+    let total = counts.fused + counts.gated + counts.skipped;
+    if total == 0 {
+        return;
+    }
+    let mut text = format!(
+        "{} fused, {} gated, {} skipped.",
+        counts.fused, counts.gated, counts.skipped
+    );
+    let verdict = summary
+        .verdicts
+        .iter()
+        .find(|verdict| verdict.sensor == kind);
+    for sentence in verdict.iter().flat_map(|verdict| &verdict.sentences) {
+        text.push(' ');
+        text.push_str(sentence);
+    }
+    sheet.row(kind.name(), text);
+}
+
+/// Whether the covariance is honest, in words.
+pub(crate) fn nees_in_words(nees: f64) -> String {
+    let [low, high] = HONEST_NEES;
+    let verdict = if nees > high {
+        format!(
+            "the stated uncertainty is about {:.1} times too small",
+            nees.sqrt()
+        )
+    } else if nees < low {
+        format!(
+            "the stated uncertainty is about {:.1} times too large",
+            nees.sqrt().recip()
+        )
+    } else {
+        "the stated uncertainty is honest".to_owned()
+    };
+    format!("mean NEES {nees:.2} per degree of freedom (1 is ideal): {verdict}")
+}
+
+/// A verdict of the final test in a word.
+pub(crate) fn verdict_word(verdict: FinalVerdict) -> &'static str {
+    match verdict {
+        FinalVerdict::Consistent => "consistent",
+        FinalVerdict::Optimistic => "optimistic",
+        FinalVerdict::Pessimistic => "pessimistic",
+    }
+}
+
+/// Whether a mean NEES per degree of freedom is honest.
+pub(crate) fn is_honest(nees: f64) -> bool {
+    (HONEST_NEES[0]..=HONEST_NEES[1]).contains(&nees)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_uncertainty_three_times_too_small_is_called_so() {
+        assert!(nees_in_words(9.0).contains("3.0 times too small"));
+        assert!(nees_in_words(0.25).contains("2.0 times too large"));
+        assert!(nees_in_words(1.1).ends_with("honest"));
+    }
+}

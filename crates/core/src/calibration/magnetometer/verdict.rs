@@ -1,0 +1,179 @@
+//! When a magnetometer calibration is refused, and how the refusal reads.
+
+use core::fmt;
+
+use crate::scalar::{Scalar, lit};
+
+/// Limits beyond which a calibration is refused, and what is known beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(
+        default,
+        deny_unknown_fields,
+        bound(
+            serialize = "T: serde::Serialize",
+            deserialize = "T: Scalar + serde::Deserialize<'de>"
+        )
+    )
+)]
+pub struct MagnetometerLimits<T> {
+    /// Strength of the field at this place, microtesla, to which calibrated samples are scaled.
+    /// Default none: the mean radius that the sensor itself shows.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub field_strength_ut: Option<T>,
+    /// Fewest different samples, default 100. Raising it asks for longer recordings.
+    pub minimum_samples: u32,
+    /// Share of the sphere that an ellipsoid needs, default 0.5; with less a sphere is fitted.
+    /// Raising it asks for more turning and refuses soft iron found from half a view.
+    pub ellipsoid_coverage: T,
+    /// Share of the sphere that a sphere needs, default 0.35; with less nothing is fitted.
+    pub sphere_coverage: T,
+    /// Largest condition number of a fit, default 30 (a full view has 3.2 for an ellipsoid and 2
+    /// for a sphere). Raising it accepts directions that happen to leave a parameter open.
+    pub condition_number: T,
+    /// Largest ratio of the ellipsoid's longest and shortest axis, default 2; beyond it no
+    /// ellipsoid is believed.
+    pub axis_ratio: T,
+    /// Largest standard deviation of the calibrated samples' distance from the surface,
+    /// microtesla, default 3. Raising it accepts disturbed surroundings.
+    pub residual_std_ut: T,
+    /// Weakest mean radius, microtesla, default 20 (the Earth's field is 22 to 67).
+    pub field_minimum_ut: T,
+    /// Strongest mean radius, microtesla, default 80 (sensors may be some percent too sensitive).
+    pub field_maximum_ut: T,
+}
+
+impl<T: Scalar> Default for MagnetometerLimits<T> {
+    fn default() -> Self {
+        Self {
+            field_strength_ut: None,
+            minimum_samples: 100,
+            ellipsoid_coverage: lit(0.5),
+            sphere_coverage: lit(0.35),
+            condition_number: lit(30.0),
+            axis_ratio: lit(2.0),
+            residual_std_ut: lit(3.0),
+            field_minimum_ut: lit(20.0),
+            field_maximum_ut: lit(80.0),
+        }
+    }
+}
+
+/// Why a magnetometer calibration is refused. The text is one line that ends with what to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MagnetometerError<T> {
+    /// Too few samples that differ from the one before.
+    TooFewSamples {
+        /// Samples used.
+        samples: u32,
+        /// Samples needed.
+        required: u32,
+        /// Samples ignored: zero, not finite, or out of every magnetometer's range.
+        ignored: u32,
+    },
+    /// The sensor repeats one value: it does not run.
+    Constant {
+        /// Samples seen.
+        samples: u32,
+    },
+    /// Too little of the sphere was seen.
+    NotEnoughCoverage {
+        /// Share seen, 0 to 1.
+        share: T,
+        /// Share needed.
+        required: T,
+    },
+    /// The directions leave a parameter open, as those of a turn about one axis do.
+    Flat,
+    /// The field's strength is not that of the Earth.
+    NotTheEarthsField {
+        /// Mean radius, microtesla.
+        measured_ut: T,
+        /// Weakest allowed, microtesla.
+        minimum_ut: T,
+        /// Strongest allowed, microtesla.
+        maximum_ut: T,
+    },
+    /// The samples do not lie on the surface.
+    ResidualTooLarge {
+        /// Standard deviation of the distance, microtesla.
+        std_ut: T,
+        /// The limit, microtesla.
+        limit_ut: T,
+    },
+    /// The samples lie neither on a credible ellipsoid nor on a sphere.
+    NotAnEllipsoid {
+        /// Standard deviation of the distance from the best sphere, microtesla.
+        std_ut: T,
+        /// The limit, microtesla.
+        limit_ut: T,
+    },
+    /// The field strength given is not a positive number.
+    BadFieldStrength {
+        /// What was given, microtesla.
+        field_strength_ut: T,
+    },
+}
+
+impl<T: fmt::Display + Scalar> fmt::Display for MagnetometerError<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |share: &T| *share * lit(100.0);
+        match self {
+            Self::TooFewSamples {
+                samples,
+                required,
+                ignored,
+            } => {
+                write!(
+                    f,
+                    "too short: {samples} different magnetometer samples, at least {required} needed"
+                )?;
+                if *ignored > 0 {
+                    write!(f, " ({ignored} were zero or not finite)")?;
+                }
+                f.write_str("; turn the device through all directions for 20 seconds or more")
+            }
+            Self::Constant { samples } => write!(
+                f,
+                "the magnetometer repeated one value {samples} times; check that it is connected and running"
+            ),
+            Self::NotEnoughCoverage { share, required } => write!(
+                f,
+                "turn the device through more directions: only {:.1} % of the sphere seen, at least {:.0} % needed",
+                percent(share),
+                percent(required)
+            ),
+            Self::Flat => f.write_str(
+                "the directions seen lie in one plane, which leaves the hard iron across it open; turn the \
+                 device about another axis too",
+            ),
+            Self::NotTheEarthsField {
+                measured_ut,
+                minimum_ut,
+                maximum_ut,
+            } => write!(
+                f,
+                "the field is {measured_ut:.1} uT strong, expected {minimum_ut:.0} to {maximum_ut:.0}; move away \
+                 from iron, check the unit (uT), or turn through more directions"
+            ),
+            Self::ResidualTooLarge { std_ut, limit_ut } => write!(
+                f,
+                "the samples scatter by {std_ut:.1} uT about the best fit, limit {limit_ut:.1}: a magnet or a \
+                 moving car nearby; go elsewhere and turn the device on the spot"
+            ),
+            Self::NotAnEllipsoid { std_ut, limit_ut } => write!(
+                f,
+                "the samples fit no ellipsoid, and scatter by {std_ut:.1} uT about the best sphere, limit \
+                 {limit_ut:.1}; turn through more directions, away from magnets, cars and cables"
+            ),
+            Self::BadFieldStrength { field_strength_ut } => write!(
+                f,
+                "a field of {field_strength_ut} uT was given; expected a positive number such as 48"
+            ),
+        }
+    }
+}
+
+impl<T: fmt::Debug + fmt::Display + Scalar> core::error::Error for MagnetometerError<T> {}

@@ -1,0 +1,47 @@
+//! The examples of `docs/formats.md` are read as they stand there.
+#![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
+
+use northing_recording::{OpenOptions, Recording, SensorKind, manifest, read_bytes};
+
+/// The first block of that kind in the document, after `heading`.
+fn block(heading: &str, kind: &str) -> String {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/formats.md");
+    let text = std::fs::read_to_string(path).unwrap();
+    let section = text.split(&format!("\n## {heading}")).nth(1).unwrap();
+    let block = section.split(&format!("```{kind}\n")).nth(1).unwrap();
+    block.split("```").next().unwrap().to_owned()
+}
+
+fn kinds(recording: Recording) -> Vec<SensorKind> {
+    recording
+        .map(|event| event.unwrap().sample.kind())
+        .collect()
+}
+
+#[test]
+fn the_csv_example_reads() {
+    let bytes = block("CSV", "csv").into_bytes();
+    let recording = read_bytes(bytes, "formats.md", &OpenOptions::default()).unwrap();
+    assert_eq!(recording.metadata().device.as_deref(), Some("phone"));
+    assert!(recording.issues().is_empty());
+    assert_eq!(kinds(recording).len(), 6);
+}
+
+#[test]
+fn the_manifest_example_reads_its_data() {
+    let toml = block("Any other text file", "toml");
+    let data = block("Any other text file", "text").into_bytes();
+    let recording =
+        manifest::read_bytes(&toml, data, "formats.md", &OpenOptions::default()).unwrap();
+    assert_eq!(
+        kinds(recording),
+        [
+            SensorKind::Gyroscope,
+            SensorKind::Accelerometer,
+            SensorKind::Magnetometer,
+            SensorKind::DeviceOrientation,
+            SensorKind::Reference,
+            SensorKind::Gyroscope,
+        ]
+    );
+}
