@@ -32,6 +32,7 @@ mod sensor_logger;
 mod stamp;
 pub mod timeline;
 mod tum_writer;
+pub mod wire;
 mod writer;
 
 pub use atomic_file::AtomicFile;

@@ -1,0 +1,261 @@
+//! What phones and boards send while they measure: bytes in, events and remarks out.
+//!
+//! Read first: `docs/wire_formats.md`. One file a format. A decoder is a plain structure: it does no
+//! input or output and reads no clock, so a live run and its replay give the same events. It never
+//! panics, and one bad reading never costs the others: what cannot be used is left out, counted,
+//! and said in words for the person who can act on it ([`Notice`]).
+//!
+//! All decoders give the events of the crate: SI and radians, field in microtesla, body axes x to
+//! the right edge, y to the top edge, z out of the screen, specific force +9.81 on the axis that
+//! points up at rest, orientations `enu_from_body`. Events of one [`Decoded`] are in time order;
+//! those of two consecutive ones may overlap by as much as the device's batches do.
+
+mod force_sign;
+pub mod hyperimu;
+mod json;
+mod lines;
+pub mod linkoping;
+pub mod phone_page;
+pub mod phyphox;
+mod preference;
+pub mod razor;
+mod resequencer;
+mod rounding;
+pub mod sensor_logger_push;
+pub mod sensorserver;
+pub mod sensorstreamer;
+mod stream;
+
+use std::fmt;
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::event::{Event, Sample, SensorKind, quaternion_from_file};
+
+pub use force_sign::ForceSign;
+pub use resequencer::{Placed, Resequencer};
+
+/// Longest batch that is read, bytes.
+pub const LONGEST_BATCH_BYTES: usize = 256 * 1024;
+/// Most readings of one batch that are used.
+pub const MOST_READINGS: usize = 2000;
+/// Most distinct remarks on one batch.
+pub const MOST_NOTICES: usize = 32;
+
+/// What came out of some bytes.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Decoded {
+    /// Measurements in time order.
+    pub events: Vec<Event>,
+    /// Remarks, each once, with how often it applies to these bytes.
+    pub notices: Vec<Notice>,
+}
+
+/// A remark for people: what happened and what to do about it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Notice {
+    /// How much it matters.
+    pub tone: Tone,
+    /// One sentence or two.
+    pub text: String,
+    /// How often it applied since the remark before.
+    pub count: u64,
+}
+
+/// How much a remark matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Tone {
+    /// Good to know.
+    Info,
+    /// The results suffer.
+    Warning,
+    /// Something was left out.
+    Bad,
+}
+
+/// Bytes of which nothing can be used: one line for whoever sent them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WireError {
+    /// What is wrong and what was expected.
+    pub problem: String,
+}
+
+impl WireError {
+    pub(crate) fn new(problem: impl Into<String>) -> Self {
+        Self {
+            problem: problem.into(),
+        }
+    }
+}
+
+impl fmt::Display for WireError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.problem)
+    }
+}
+
+impl std::error::Error for WireError {}
+
+impl Decoded {
+    /// Adds a remark; an equal one is counted instead. Beyond [`MOST_NOTICES`] distinct ones the
+    /// last stands for the rest.
+    pub fn note(&mut self, tone: Tone, text: impl Into<String>) {
+        self.note_many(tone, text, 1);
+    }
+
+    fn note_many(&mut self, tone: Tone, text: impl Into<String>, count: u64) {
+        let text = text.into();
+        if let Some(known) = self
+            .notices
+            .iter_mut()
+            .find(|notice| notice.tone == tone && notice.text == text)
+        {
+            known.count = known.count.saturating_add(count);
+            return;
+        }
+        if self.notices.len() + 1 < MOST_NOTICES {
+            self.notices.push(Notice { tone, text, count });
+            return;
+        }
+        let rest = "There are further remarks that are not shown.";
+        match self.notices.last_mut() {
+            Some(last) if last.text == rest => last.count = last.count.saturating_add(count),
+            _ => self.notices.push(Notice {
+                tone: Tone::Warning,
+                text: rest.to_owned(),
+                count,
+            }),
+        }
+    }
+
+    /// Takes over the events and remarks of `later` behind its own.
+    pub fn append(&mut self, later: Self) {
+        self.events.extend(later.events);
+        for notice in later.notices {
+            self.note_many(notice.tone, notice.text, notice.count);
+        }
+    }
+
+    /// The answer to bytes of which nothing can be used.
+    fn refused(error: &WireError) -> Self {
+        let mut decoded = Self::default();
+        decoded.note(Tone::Bad, error.to_string());
+        decoded
+    }
+
+    /// Adds a vector reading unless it is not finite or absurd.
+    fn vector(&mut self, time_ns: i64, kind: SensorKind, v: Vector3<f64>) {
+        if let Some(sample) = Sample::from_vector(kind, v) {
+            self.sample(time_ns, kind, sample, v.amax(), &v);
+        }
+    }
+
+    /// Adds a static pressure, Pa.
+    fn pressure(&mut self, time_ns: i64, pascal: f64) {
+        let kind = SensorKind::Pressure;
+        self.sample(time_ns, kind, Sample::Pressure(pascal), pascal, &[pascal]);
+    }
+
+    /// Adds the device's orientation from the numbers as they stand in the message.
+    fn orientation(&mut self, time_ns: i64, [w, x, y, z]: [f64; 4]) {
+        let q = quaternion_from_file(w, x, y, z);
+        self.attitude(time_ns, q);
+    }
+
+    fn attitude(&mut self, time_ns: i64, q: UnitQuaternion<f64>) {
+        let kind = SensorKind::DeviceOrientation;
+        let q = if q.w < 0.0 {
+            UnitQuaternion::new_unchecked(-q.into_inner())
+        } else {
+            q
+        };
+        let sample = Sample::DeviceOrientation(q);
+        self.sample(time_ns, kind, sample, 1.0, q.as_vector().as_slice());
+    }
+
+    fn sample<'a>(
+        &mut self,
+        time_ns: i64,
+        kind: SensorKind,
+        sample: Sample,
+        size: f64,
+        numbers: impl IntoIterator<Item = &'a f64>,
+    ) {
+        let name = kind.name();
+        if !numbers.into_iter().all(|x| x.is_finite()) {
+            self.note(
+                Tone::Bad,
+                format!("A reading of the {name} was left out: a number is missing or not finite."),
+            );
+            return;
+        }
+        let (largest, unit) = believed(kind);
+        if size.abs() > largest {
+            self.note(
+                Tone::Bad,
+                format!(
+                    "A reading of the {name} was left out: more than {largest} {unit} is not believed."
+                ),
+            );
+            return;
+        }
+        self.events.push(Event { time_ns, sample });
+    }
+}
+
+/// The largest number that is believed of a sensor, and its unit: far beyond what such sensors
+/// can measure.
+fn believed(kind: SensorKind) -> (f64, &'static str) {
+    match kind {
+        SensorKind::Gyroscope | SensorKind::DeviceGyroscopeBias => (200.0, "rad/s"),
+        SensorKind::Accelerometer => (2000.0, "m/s^2"),
+        SensorKind::Magnetometer | SensorKind::MagnetometerUncalibrated => (20_000.0, "uT"),
+        SensorKind::Pressure => (200_000.0, "Pa"),
+        _ => (1e9, ""),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_remarks_are_counted_and_their_number_is_limited() {
+        let mut decoded = Decoded::default();
+        for _ in 0..3 {
+            decoded.note(Tone::Bad, "the same");
+        }
+        assert_eq!(decoded.notices.len(), 1);
+        assert_eq!(decoded.notices[0].count, 3);
+        for index in 0..1000 {
+            decoded.note(Tone::Info, format!("remark {index}"));
+        }
+        assert_eq!(decoded.notices.len(), MOST_NOTICES);
+        let total: u64 = decoded.notices.iter().map(|notice| notice.count).sum();
+        assert_eq!(total, 1003);
+    }
+
+    #[test]
+    fn absurd_and_missing_numbers_are_left_out_and_said() {
+        let mut decoded = Decoded::default();
+        decoded.vector(0, SensorKind::Gyroscope, Vector3::new(0.0, 201.0, 0.0));
+        decoded.vector(0, SensorKind::Gyroscope, Vector3::new(0.0, f64::NAN, 0.0));
+        decoded.pressure(0, f64::INFINITY);
+        decoded.orientation(0, [0.0; 4]);
+        decoded.vector(7, SensorKind::Gyroscope, Vector3::new(0.0, 1.0, 0.0));
+        assert_eq!(decoded.events.len(), 1);
+        assert_eq!(decoded.events[0].time_ns, 7);
+        assert_eq!(decoded.notices.len(), 4);
+        assert!(decoded.notices.iter().all(|n| n.tone == Tone::Bad));
+    }
+
+    #[test]
+    fn orientations_have_a_positive_scalar() {
+        let mut decoded = Decoded::default();
+        decoded.orientation(0, [-2.0, 0.0, 0.0, 2.0]);
+        let Sample::DeviceOrientation(q) = decoded.events[0].sample else {
+            panic!("no orientation");
+        };
+        assert!(q.w > 0.0 && q.k < 0.0);
+    }
+}
