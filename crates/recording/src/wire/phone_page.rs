@@ -6,6 +6,8 @@
 //! while they come. Rotation rates alpha, beta, gamma are about x, y, z. iOS writes the opposite
 //! sign of specific force.
 
+mod readings;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::Value;
 
@@ -14,7 +16,8 @@ use super::preference::Preference;
 use super::rounding::Rounding;
 use super::stream::Stream;
 use super::{Decoded, MOST_READINGS, Tone, WireError, json};
-use crate::event::{SensorKind, quaternion_from_file};
+use crate::event::SensorKind;
+use readings::{Motion, Orientation};
 
 /// The version of the batches that is read.
 const VERSION: u64 = 1;
@@ -371,80 +374,4 @@ fn stamped<'a>(row: &'a Value, out: &mut Decoded) -> Option<(i64, &'a [Value])> 
 
 fn stamped_vector(row: &Value, out: &mut Decoded) -> Option<(i64, Vector3<f64>)> {
     stamped(row, out).map(|(time_ns, row)| (time_ns, json::vector(row, 1)))
-}
-
-/// One DeviceMotion reading as written.
-struct Motion {
-    time_ns: Option<i64>,
-    with_gravity: Vector3<f64>,
-    rate_deg_s: Vector3<f64>,
-}
-
-impl Motion {
-    fn read(row: &Value) -> Self {
-        let row = json::array(Some(row));
-        Self {
-            time_ns: json::stamp_ms(row.first()),
-            with_gravity: json::vector(row, 4),
-            rate_deg_s: json::vector(row, 7),
-        }
-    }
-}
-
-/// One DeviceOrientation reading as written.
-struct Orientation {
-    time_ns: i64,
-    /// alpha, beta, gamma about z, x, y.
-    angles_deg: [f64; 3],
-    absolute: bool,
-    heading_deg: f64,
-    heading_std_deg: f64,
-}
-
-impl Orientation {
-    fn read(row: &Value) -> Option<Self> {
-        let row = json::array(Some(row));
-        let angles_deg = json::numbers::<3>(row, 1);
-        let absolute = match row.get(4) {
-            Some(Value::Bool(absolute)) => *absolute,
-            other => json::number(other) > 0.5,
-        };
-        angles_deg.iter().all(|x| x.is_finite()).then_some(())?;
-        Some(Self {
-            time_ns: json::stamp_ms(row.first())?,
-            angles_deg,
-            absolute,
-            heading_deg: json::number(row.get(5)),
-            heading_std_deg: json::number(row.get(6)),
-        })
-    }
-
-    /// `Rz(alpha) Rx(beta) Ry(gamma)`.
-    fn world_from_body(&self) -> UnitQuaternion<f64> {
-        let [alpha, beta, gamma] = self.angles_deg.map(f64::to_radians);
-        let q = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), alpha)
-            * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), beta)
-            * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), gamma);
-        quaternion_from_file(q.w, q.i, q.j, q.k)
-    }
-
-    /// The compass, unless the phone says that it is not to be trusted (a negative accuracy).
-    fn heading_rad(&self) -> Option<f64> {
-        let trusted = (0.0..=360.0).contains(&self.heading_deg) && self.heading_std_deg >= 0.0;
-        trusted.then(|| self.heading_deg.to_radians())
-    }
-
-    /// The turn about the vertical after which the top edge points where the compass says.
-    fn north_from_arbitrary(&self) -> Option<UnitQuaternion<f64>> {
-        /// With the top edge nearer to the vertical than this (cosine), it has no heading.
-        const LEAST_HORIZONTAL: f64 = 0.3;
-        let top = self.world_from_body() * Vector3::y();
-        let horizontal = top.x.hypot(top.y);
-        let heading = self.heading_rad()?;
-        (horizontal > LEAST_HORIZONTAL).then(|| {
-            // Heading runs clockwise from north, angles about the vertical the other way.
-            let turn = top.x.atan2(top.y) - heading;
-            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn)
-        })
-    }
 }

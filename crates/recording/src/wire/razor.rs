@@ -61,6 +61,8 @@ pub struct Razor {
     /// Bytes of the binary frame under way.
     partial: Vec<u8>,
     alignment: Alignment,
+    /// Norms of force and field in the frame before, counts.
+    norms: Option<(f64, f64)>,
     clock: FrameClock,
 }
 
@@ -71,11 +73,15 @@ enum Alignment {
     #[default]
     Unknown,
     Found,
-    Lost,
+    /// For so many bytes.
+    Lost(u32),
 }
 
 const BYTES_LOST: &str =
     "A byte was left out to find the next binary frame: bytes were lost on the serial line.";
+
+/// Force, field and rate of a binary frame as the board counts them.
+type Counts = [Vector3<f64>; 3];
 
 /// Counts frames: one ends when a kind of line comes again.
 #[derive(Debug, Clone, Default)]
@@ -140,23 +146,16 @@ impl Razor {
         buffer.extend_from_slice(bytes);
         let mut rest = buffer.as_slice();
         while let Some((frame, after)) = rest.split_first_chunk::<FRAME>() {
-            let aligned = self.alignment == Alignment::Found;
-            let frame = match (believed(frame), after.first_chunk::<FRAME>()) {
-                (Some(frame), _) if aligned => Some(frame),
-                // Where a frame starts is told by two in a row.
-                (Some(_), None) => break,
-                (Some(frame), Some(next)) => believed(next).map(|_| frame),
-                (None, _) => None,
+            let Some(verdict) = self.starts_here(frame, after) else {
+                break;
             };
-            let Some([force, field, rate]) = frame else {
-                if self.alignment != Alignment::Unknown {
-                    self.alignment = Alignment::Lost;
-                    out.note(Tone::Bad, BYTES_LOST);
-                }
+            let Some([force, field, rate]) = verdict else {
+                self.miss(out);
                 rest = &rest[1..];
                 continue;
             };
             self.alignment = Alignment::Found;
+            self.norms = Some((force.norm(), field.norm()));
             let time_ns = self.config.time_ns(self.clock.frame_of(0));
             self.config.force(time_ns, force, out);
             self.config.rate(time_ns, rate, out);
@@ -165,6 +164,54 @@ impl Razor {
             rest = after;
         }
         self.partial = rest.to_vec();
+    }
+
+    /// The frame when one starts here, `Some(None)` when none does, `None` when more bytes must tell.
+    fn starts_here(&self, bytes: &[u8; FRAME], after: &[u8]) -> Option<Option<Counts>> {
+        let Some(frame) = believed(bytes) else {
+            return Some(None);
+        };
+        if self.alignment == Alignment::Found {
+            // Nothing marks a frame; but the field's strength hardly changes from one to the next.
+            let steady = self
+                .norms
+                .is_none_or(|(_, field)| near(frame[1].norm(), field, 2.0));
+            return Some(steady.then_some(frame));
+        }
+        if !self.is_familiar(&frame) {
+            return Some(None);
+        }
+        // Where frames start is told by two in a row.
+        let next = believed(after.first_chunk()?);
+        Some(next.filter(|next| self.is_familiar(next)).map(|_| frame))
+    }
+
+    /// Whether force and field are as strong as before, or the force about 1 g at the start.
+    fn is_familiar(&self, frame: &Counts) -> bool {
+        const FACTOR: f64 = 1.4;
+        let (force, field) = self
+            .norms
+            .map_or((self.config.counts_per_g, None), |(force, field)| {
+                (force, Some(field))
+            });
+        near(frame[0].norm(), force, FACTOR)
+            && field.is_none_or(|field| near(frame[1].norm(), field, FACTOR))
+    }
+
+    /// No frame starts at this byte.
+    fn miss(&mut self, out: &mut Decoded) {
+        /// After so many bytes the board itself may have changed: start as if new.
+        const PATIENCE: u32 = 40 * FRAME as u32;
+        self.alignment = match self.alignment {
+            Alignment::Unknown => return,
+            Alignment::Found => Alignment::Lost(1),
+            Alignment::Lost(PATIENCE..) => {
+                self.norms = None;
+                Alignment::Unknown
+            }
+            Alignment::Lost(bytes) => Alignment::Lost(bytes + 1),
+        };
+        out.note(Tone::Bad, BYTES_LOST);
     }
 }
 
@@ -241,9 +288,14 @@ fn angles(time_ns: i64, angles_deg: [f64; 3], out: &mut Decoded) {
     out.attitude(time_ns, swap * ned_from_frd * swap);
 }
 
+/// Whether two norms are within a factor of each other.
+fn near(norm: f64, reference: f64, factor: f64) -> bool {
+    norm < reference * factor && norm * factor > reference
+}
+
 /// The three vectors of a binary frame, unless a number cannot be one of this board's: then the
 /// frame does not start here.
-fn believed(frame: &[u8; FRAME]) -> Option<[Vector3<f64>; 3]> {
+fn believed(frame: &[u8; FRAME]) -> Option<Counts> {
     /// Beyond what 16 bits can count, with room for the firmware's calibration.
     const LARGEST: f32 = 100_000.0;
     /// Smaller numbers than this come from bytes that belong to two numbers.
