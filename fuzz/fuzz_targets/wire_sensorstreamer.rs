@@ -1,0 +1,13 @@
+//! SensorStreamer's lines: any bytes, in pieces divided by a zero byte, are decoded or refused, never a panic.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use northing_recording::wire::sensorstreamer::SensorStreamer;
+
+fuzz_target!(|bytes: &[u8]| {
+    let mut decoder = SensorStreamer::new();
+    for piece in bytes.split(|byte| *byte == 0) {
+        let decoded = decoder.push(piece);
+        assert!(decoded.events.iter().all(|event| event.sample.is_finite()));
+    }
+});
