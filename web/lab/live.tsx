@@ -159,7 +159,7 @@ export function Lamps({ device }: { device: string }) {
       {shown.map((lamp) => (
         <div key={lamp.sensor} class={`lamp ${lamp.tone}`}>
           <span class="light" aria-hidden="true" />
-          <p><b>{lamp.sensor}</b> {lamp.text}</p>
+          <p title={lamp.text}><b>{lamp.sensor}</b> {lamp.text}</p>
           <span class="nis" title="Mean NIS of the last seconds: 3 when honest">NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(1)}</span>
         </div>
       ))}

@@ -3,6 +3,7 @@
 import { History } from "./history";
 import type { Calibration, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Sensor, Settings, ToProgram, WhatIf } from "./protocol";
 
+const CONFIRMED_MS = 1500;
 export const STEPS = ["connect", "place", "calibrate", "tune", "experiment", "return", "result", "what-if"] as const;
 export type Step = (typeof STEPS)[number];
 export type Lower = "live" | "experiments" | "what-if";
@@ -26,6 +27,8 @@ export interface State {
   settings: Record<string, Settings>;
   use: Record<string, Record<Sensor, boolean>>;
   error: string | null;
+  /** The request that the last error answered. */
+  failed: unknown;
 }
 
 export const state: State = {
@@ -47,6 +50,7 @@ export const state: State = {
   settings: {},
   use: {},
   error: null,
+  failed: null,
 };
 
 export const histories = new Map<string, History>();
@@ -96,10 +100,10 @@ export function selectedDevice(): Device | undefined {
 
 /** The settings in force for a device as far as the page knows: what the program said, what was set, or the profile. */
 export function settingsOf(device: string): Settings {
-  return { ...profileSettings("lab"), ...state.devices.find((d) => d.id === device)?.settings, ...state.settings[device] };
+  return { ...profileSettings("hand-held"), ...state.devices.find((d) => d.id === device)?.settings, ...state.settings[device] };
 }
 
-export function profileSettings(profile: string): Settings {
+function profileSettings(profile: string): Settings {
   return Object.fromEntries((state.hello?.parameters ?? []).map((p) => [p.name, p.default[profile]!]));
 }
 
@@ -148,11 +152,27 @@ function take(s: State, message: Exclude<FromProgram, Frame>): void {
       break;
     case "error":
       s.error = message.text;
+      s.failed = message.request ?? null;
       break;
   }
 }
 
+/** When settings of a device were last changed on this page. */
+const changedHere = new Map<string, number>();
+
+/** Shows a change at once, before the program has confirmed it. */
+export function changeHere(device: string, change: (s: State) => void): void {
+  changedHere.set(device, performance.now());
+  update(change);
+}
+
 function takeDevices(s: State, devices: Device[]): void {
+  for (const { id } of devices) {
+    // What the program says counts again once a change has had the time to come back.
+    if (performance.now() - (changedHere.get(id) ?? 0) < CONFIRMED_MS) continue;
+    delete s.settings[id];
+    delete s.use[id];
+  }
   const before = new Set(s.devices.map((d) => d.id));
   s.devices = devices;
   const fresh = devices.find((d) => !before.has(d.id));

@@ -43,6 +43,7 @@ function VirtualPhone() {
       <label>Disturbance
         <select value={disturbance} onChange={(e) => setDisturbance(e.currentTarget.value)}>{DISTURBANCES.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
       </label>
+      <p class="small">It rests, is turned about, comes back after 75 s, and begins again. Its truth is known.</p>
       <button type="button" class={state.devices.length ? "" : "primary"} onClick={add}>Add a virtual phone</button>
     </fieldset>
   );

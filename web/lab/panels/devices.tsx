@@ -36,7 +36,8 @@ function DeviceCard({ device }: { device: Device }) {
       {selected && (
         <>
           {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health">{h.text}</p>)}
-          <p class="counts">{device.source}, {device.received} samples, {lost(device)}</p>
+          <p class="counts">{device.source}, {lost(device)}</p>
+          <p class="counts">{device.received} samples</p>
           <label class="rename">Name <input type="text" maxLength={40} value={device.name} onChange={(e) => send({ type: "rename", device: device.id, name: e.currentTarget.value })} /></label>
           {remove}
         </>
@@ -47,8 +48,8 @@ function DeviceCard({ device }: { device: Device }) {
 
 /** What got lost on the way, or came twice, in words. */
 function lost(device: Device): string {
-  const twice = device.duplicated ? `, ${device.duplicated} came twice` : "";
-  return (device.lost ? `${device.lost} lost` : "none lost") + twice;
+  const twice = device.duplicated ? `, ${device.duplicated} stamps twice` : "";
+  return (device.lost ? `${device.lost} batches lost` : "none lost") + twice;
 }
 
 /** All devices as boxes, for a class. */

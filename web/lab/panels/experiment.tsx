@@ -12,7 +12,8 @@ import { degrees, number, VERDICTS } from "../words";
 const starts = new Map<string, number[]>();
 
 export function Experiment({ device }: { device: Device }) {
-  const [seconds, setSeconds] = useState(30);
+  // A virtual phone comes back after 75 s.
+  const [seconds, setSeconds] = useState(device.source === "virtual" ? 75 : 30);
   const [name, setName] = useState("");
   const running = state.running[device.id];
   const start = (): void => {
@@ -75,7 +76,7 @@ export function Return({ device }: { device: Device }) {
 
 export function Result({ device }: { device: Device }) {
   const heading = useRef<HTMLDivElement>(null);
-  const id = state.shownResult ?? state.rows.filter((r) => r.device === device.id).at(-1)?.id;
+  const id = state.shownResult ?? state.rows.filter((r) => r.device === device.id || r.device === device.name).at(-1)?.id;
   const finished = id ? state.finished[id] : undefined;
   useEffect(() => heading.current?.focus({ preventScroll: true }), [id]);
   if (!id) return <p>No experiment has ended yet. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
@@ -123,11 +124,11 @@ export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
   );
 }
 
-/** The one RMS error to show: the whole rotation, whatever the summary calls it. */
+/** RMS of the total error, where the truth is known. */
 export function rms(summary: RunSummary): number | null {
   const error = summary.error_deg;
   if (!error) return null;
-  return error["total"] ?? error["attitude"] ?? error["orientation"] ?? Object.values(error).find((v) => typeof v === "number") ?? null;
+  return error["total_rmse"] ?? null;
 }
 
 function Final({ final }: { final: FinalSummary }) {

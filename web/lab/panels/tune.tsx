@@ -2,7 +2,7 @@
 
 import { AllParameters, Sliders } from "../parameters";
 import type { Device, Sensor, Settings } from "../protocol";
-import { goTo, profileSettings, send, settingsOf, update, useOf } from "../store";
+import { changeHere, goTo, send, settingsOf, useOf } from "../store";
 
 const SENSORS: Sensor[] = ["gyroscope", "accelerometer", "magnetometer"];
 
@@ -10,20 +10,20 @@ export function Tune({ device }: { device: Device }) {
   const settings = settingsOf(device.id);
   const use = useOf(device.id);
   const apply = (changed: Settings, profile?: string): void => {
-    update((s) => (s.settings[device.id] = { ...s.settings[device.id], ...changed }));
+    changeHere(device.id, (s) => (s.settings[device.id] = { ...s.settings[device.id], ...changed }));
     send({ type: "settings", device: device.id, settings: changed, ...(profile ? { profile } : {}) });
   };
   const toggle = (sensor: Sensor): void => {
     const next = { ...use, [sensor]: !use[sensor] };
-    update((s) => (s.use[device.id] = next));
+    changeHere(device.id, (s) => (s.use[device.id] = next));
     send({ type: "sensors", device: device.id, use: next });
   };
   return (
     <>
       <p>Q says how fast the estimate may be wrong by itself, R how far each sensor may be wrong. Watch the lamps: they say when a number is not honest.</p>
       <div class="buttons" role="group" aria-label="Start from">
-        <button type="button" onClick={() => apply(profileSettings("lab"), "lab")}>As at rest</button>
-        <button type="button" onClick={() => apply(profileSettings("hand-held"), "hand-held")}>Hand-held</button>
+        <button type="button" onClick={() => apply({}, "lab")}>As at rest</button>
+        <button type="button" onClick={() => apply({}, "hand-held")}>Hand-held</button>
       </div>
       <Sliders settings={settings} change={(name, value) => apply({ [name]: value })} />
       <fieldset class="toggles">

@@ -19,13 +19,17 @@ let asked: Settings = {};
 /** Settings under trial; kept here so that leaving the step does not lose them. */
 let tried: { id: string; settings: Settings } | null = null;
 
+function isUnderWay(): boolean {
+  return underWay !== null && state.whatIf?.request !== underWay && state.failed !== underWay;
+}
+
 function ask(row: ExperimentRow, settings: Settings, curve: string | null): void {
   asked = settings;
   const go = (): void => {
     underWay = ++request;
     send({ type: "what_if", request, id: row.id, settings, curve });
   };
-  if (underWay !== null && state.whatIf?.request !== underWay) next = go;
+  if (isUnderWay()) next = go;
   else go();
 }
 
@@ -42,11 +46,11 @@ export function WhatIf() {
     begun.current = true;
   });
   useEffect(() => {
-    if (state.whatIf?.request !== underWay || !next) return;
+    if (isUnderWay() || !next) return;
     const go = next;
     next = null;
     go();
-  }, [state.whatIf]);
+  }, [state.whatIf, state.failed]);
   if (!row) return <p>What-if needs an experiment. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
   const run = (changed: Settings, parameter = curve, of = row): void => {
     setSettings(changed);
