@@ -1,7 +1,9 @@
 //! Two sources of one quantity: the worse is used only while the better is silent.
 
-/// How long a source must be silent before the other takes over, ns.
-const SILENCE_NS: i64 = 1_000_000_000;
+/// How long the better source must be silent before the other takes over, ns.
+const SILENCE_NS: i64 = 500_000_000;
+/// How long the better source is given to appear, ns.
+const WAIT_NS: i64 = 1_000_000_000;
 
 /// Which of two sources of one quantity is alive, by sensor time.
 #[derive(Debug, Clone, Copy, Default)]
@@ -26,7 +28,7 @@ impl Preference {
     /// The same for sources that come reading by reading: the better is given time to appear.
     pub(super) fn take_worse_after_wait(&mut self, time_ns: i64) -> bool {
         let since = *self.worse_since_ns.get_or_insert(time_ns);
-        time_ns.saturating_sub(since) > SILENCE_NS && self.take_worse(time_ns)
+        time_ns.saturating_sub(since) > WAIT_NS && self.take_worse(time_ns)
     }
 }
 
@@ -42,10 +44,10 @@ mod tests {
         assert!(preference.take_worse(0));
         preference.better(100 * MS);
         assert!(!preference.take_worse(50 * MS));
-        assert!(!preference.take_worse(1100 * MS));
-        assert!(preference.take_worse(1101 * MS));
-        preference.better(1200 * MS);
-        assert!(!preference.take_worse(1250 * MS));
+        assert!(!preference.take_worse(600 * MS));
+        assert!(preference.take_worse(601 * MS));
+        preference.better(700 * MS);
+        assert!(!preference.take_worse(750 * MS));
     }
 
     #[test]
