@@ -44,7 +44,7 @@ export class Uplink {
 
   /** Queues a batch; `fill` gets its number. */
   add(fill: (seq: number) => object): void {
-    const seq = ++this.seq;
+    const seq = this.seq++;
     this.queue.push({ seq, body: JSON.stringify(fill(seq)), madeMs: performance.now(), sentMs: 0, flying: false });
     this.pump();
   }
