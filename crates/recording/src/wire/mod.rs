@@ -9,6 +9,15 @@
 //! the right edge, y to the top edge, z out of the screen, specific force +9.81 on the axis that
 //! points up at rest, orientations `enu_from_body`. Events of one [`Decoded`] are in time order;
 //! those of two consecutive ones may overlap by as much as the device's batches do.
+//!
+//! ```
+//! use northing_recording::wire::sensorserver::SensorServer;
+//!
+//! let frame = br#"{"values":[0,0,9.81],"timestamp":5,"accuracy":3,"type":"android.sensor.accelerometer"}"#;
+//! let decoded = SensorServer::new().push(frame);
+//! assert_eq!(decoded.events[0].time_ns, 5);
+//! assert!(decoded.notices.is_empty());
+//! ```
 
 mod force_sign;
 pub mod hyperimu;

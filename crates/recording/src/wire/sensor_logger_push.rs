@@ -243,6 +243,11 @@ impl SensorLoggerPush {
                 self.seen.insert(shown(reading.name));
                 channels::remark_on(reading.name, out);
             }
+        }
+        // A message may hold sensor after sensor; evidence belongs together by time.
+        let mut evidence: Vec<_> = push.readings().take(MOST_READINGS).collect();
+        evidence.sort_by_key(|reading| (reading.time_ns, reading.name != "orientation"));
+        for reading in evidence {
             let Some(time_ns) = reading.time_ns else {
                 continue;
             };

@@ -77,18 +77,25 @@ fn uncalibrated_acceleration_of_one_is_an_iphones_in_g() {
 #[test]
 fn the_orientation_tells_the_sign_in_any_posture() {
     // Screen down: half a turn about x. Gravity as Android writes it is then negative on z.
-    let mut payload = Vec::new();
-    for t in stamps(8) {
-        payload.push(json!({"name": "orientation", "time": t, "values": {"qw": 0, "qx": 1, "qy": 0, "qz": 0}}));
-        payload.push(reading("gravity", t, [0.0, 0.0, -G]));
-        payload.push(reading("accelerometer", t, [0.0; 3]));
+    let flipped = |t| json!({"name": "orientation", "time": t, "values": {"qw": 0, "qx": 1, "qy": 0, "qz": 0}});
+    let gravity = |t| reading("gravity", t, [0.0, 0.0, -G]);
+    let rest = |t| reading("accelerometer", t, [0.0; 3]);
+    let mixed: Vec<_> = stamps(8)
+        .flat_map(|t| [gravity(t), rest(t), flipped(t)])
+        .collect();
+    let grouped: Vec<_> = stamps(8)
+        .map(gravity)
+        .chain(stamps(8).map(rest))
+        .chain(stamps(8).map(flipped))
+        .collect();
+    for payload in [mixed, grouped] {
+        let out = decode(&payload);
+        assert_eq!(
+            vectors(&out, SensorKind::Accelerometer),
+            [[0.0, 0.0, -G]; 8]
+        );
+        assert!(said(&out, "as Android and the standard have it"));
     }
-    let out = decode(&payload);
-    assert_eq!(
-        vectors(&out, SensorKind::Accelerometer),
-        [[0.0, 0.0, -G]; 8]
-    );
-    assert!(said(&out, "as Android and the standard have it"));
 }
 
 #[test]
