@@ -125,7 +125,7 @@ function showSensors(): void {
   byId("sensors").replaceChildren(
     ...Object.values(meters).map((m) => {
       const line = element("li", "", m.tone);
-      line.append(element("b", m.name), element("i", m.count ? `${m.rateHz.toFixed(0)} Hz` : "–"), element("span", m.text + stepText(m.step, m.unit)));
+      line.append(element("b", m.name), element("i", m.count && m.rateHz >= 0 ? `${m.rateHz.toFixed(0)} Hz` : "–"), element("span", m.text + stepText(m.step, m.unit)));
       return line;
     }),
   );

@@ -11,6 +11,7 @@ export interface Meter {
   tone: "good" | "warn" | "bad" | "idle";
   text: string;
   count: number;
+  /** Readings a second; negative while it is not known yet. */
   rateHz: number;
   step: number;
 }
@@ -27,7 +28,7 @@ interface GenericSensor extends EventTarget {
 type SensorClass = new (options: { frequency: number; referenceFrame?: string }) => GenericSensor;
 type Permission = { requestPermission?: () => Promise<string> };
 
-const meter = (name: string, unit: string): Meter => ({ name, unit, tone: "idle", text: "not started", count: 0, rateHz: 0, step: 0 });
+const meter = (name: string, unit: string): Meter => ({ name, unit, tone: "idle", text: "not started", count: 0, rateHz: -1, step: 0 });
 
 /** One line for each kind of sensor. */
 export const meters = {

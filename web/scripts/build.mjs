@@ -25,8 +25,8 @@ async function page(name, entry) {
   const folder = join(out, name);
   await mkdir(folder, { recursive: true });
   await build({ ...common, entryPoints: { [name]: join(root, entry) }, outdir: folder });
-  await copyFile(join(root, name, "index.html"), join(folder, "index.html"));
-  for (const file of ["index.html", `${name}.js`, `${name}.css`]) {
+  for (const file of ["index.html", "icon.svg"]) await copyFile(join(root, name, file), join(folder, file));
+  for (const file of ["index.html", "icon.svg", `${name}.js`, `${name}.css`]) {
     const { size } = await stat(join(folder, file));
     console.log(`${name}/${file}: ${(size / 1000).toFixed(1)} kB`);
   }

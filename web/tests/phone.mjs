@@ -6,8 +6,8 @@ import { join } from "node:path";
 import { atRest, certificate, finish, launch, phone, screenshots, test, until, web } from "./browser.mjs";
 
 const TOKEN = "Zm9yIHRlc3RzIG9ubHkhIQ";
-const TYPES = { html: "text/html; charset=utf-8", js: "text/javascript", css: "text/css" };
-const PAGE = { "/p": "index.html", "/assets/phone.js": "phone.js", "/assets/phone.css": "phone.css" };
+const TYPES = { html: "text/html; charset=utf-8", js: "text/javascript", css: "text/css", svg: "image/svg+xml" };
+const PAGE = { "/p": "index.html", "/assets/phone.js": "phone.js", "/assets/phone.css": "phone.css", "/assets/icon.svg": "icon.svg" };
 
 /** Serves the page and takes batches. `answer` may be replaced by a test. */
 async function lab(port = 0) {

@@ -10,17 +10,24 @@ import { number } from "../words";
 
 const STILL_DEG_S = 3;
 
-export function Place({ device }: { device: Device }) {
+/** Whether the device rests now, in words. */
+export function Stillness({ device }: { device: Device }) {
   const rate = useFrame<number | null>(device.id, (f) => (f.rate_rad_s ? (Math.hypot(...f.rate_rad_s) * 180) / Math.PI : null), 4, null);
   const still = rate !== null && rate < STILL_DEG_S;
+  return (
+    <div class={`verdict ${rate === null ? "idle" : still ? "good" : "warn"}`} role="status">
+      <b>{rate === null ? "Waiting" : still ? "At rest" : "Moving"}</b>
+      <span>{rate === null ? "No readings yet." : `It turns at ${rate.toFixed(1)} deg/s.`}</span>
+    </div>
+  );
+}
+
+export function Place({ device }: { device: Device }) {
   return (
     <>
       <p>Lay the phone flat on the table, screen up, away from iron, magnets and loudspeakers. Mark its outline: it comes back to the same place at the end.</p>
       <p>This pose is the reference: gravity and the magnetic field as measured here.</p>
-      <div class={`verdict ${rate === null ? "idle" : still ? "good" : "warn"}`} role="status">
-        <b>{rate === null ? "Waiting" : still ? "At rest" : "Moving"}</b>
-        <span>{rate === null ? "No readings yet." : `It turns at ${rate.toFixed(1)} deg/s.`}</span>
-      </div>
+      <Stillness device={device} />
       <button type="button" class="primary" onClick={() => goTo("calibrate")}>Next: calibrate</button>
     </>
   );

@@ -7,6 +7,7 @@ import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary } f
 import { goTo, historyOf, send, state } from "../store";
 import { nameOf, roleOf } from "../theme";
 import { degrees, number, VERDICTS } from "../words";
+import { Stillness } from "./calibrate";
 
 /** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
 const starts = new Map<string, number[]>();
@@ -32,6 +33,7 @@ export function Experiment({ device }: { device: Device }) {
         <input type="range" min="10" max="300" step="5" value={seconds} disabled={!!running} onInput={(e) => setSeconds(Number(e.currentTarget.value))} />
         <output>{seconds} s</output>
       </label>
+      {!running && <Stillness device={device} />}
       {running ? <Running device={device} running={running} /> : <button type="button" class="primary" onClick={start}>Start the experiment</button>}
     </>
   );
