@@ -2,6 +2,8 @@
 
 use clap::{Parser, Subcommand};
 
+#[cfg(feature = "live")]
+use crate::commands::live;
 use crate::commands::{calibrate, compare, convert, demo, estimators, run};
 
 /// Which way does a device point, and how sure are we?
@@ -17,7 +19,7 @@ use crate::commands::{calibrate, compare, convert, demo, estimators, run};
     disable_help_subcommand = true
 )]
 pub(crate) struct Cli {
-    /// What to do; without it a short introduction is printed.
+    /// What to do; without it the lab starts.
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
 }
@@ -25,6 +27,9 @@ pub(crate) struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    /// The lab: phones deliver into it, a page shows it; what `northing` alone starts
+    #[cfg(feature = "live")]
+    Live(live::LiveArgs),
     /// A virtual phone with known truth, the lab's steps on it, and a report: start here
     Demo(demo::DemoArgs),
     /// Estimate the attitude of one recording and say how good it is
@@ -39,7 +44,8 @@ pub(crate) enum Command {
     Estimators(estimators::EstimatorsArgs),
 }
 
-/// What `northing` alone prints.
+/// What `northing` alone prints where the lab is not built in.
+#[cfg(not(feature = "live"))]
 pub(crate) const INTRODUCTION: &str = "\
 northing: which way does a device point, and how sure are we?
 

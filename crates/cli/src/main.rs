@@ -37,6 +37,11 @@ fn main() -> ExitCode {
 
 fn execute(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
+        #[cfg(feature = "live")]
+        None => commands::live::execute(&commands::live::LiveArgs::default()),
+        #[cfg(feature = "live")]
+        Some(Command::Live(args)) => commands::live::execute(&args),
+        #[cfg(not(feature = "live"))]
         None => output::print(cli::INTRODUCTION),
         Some(Command::Demo(args)) => commands::demo::execute(&args),
         Some(Command::Run(args)) => commands::run::execute(&args),

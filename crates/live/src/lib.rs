@@ -3,6 +3,35 @@
 //!
 //! | I look for | file |
 //! |---|---|
+//! | starting it: ports, addresses, certificate | [`server`], [`tls`], [`token`] |
+//! | who may ask, and how much | [`security`], [`limits`] |
+//! | what phones and apps talk to | [`ingest`] |
+//! | what the lab page talks to, and the messages | [`lab_api`], [`messages`] |
+//! | the devices and what they share | [`lab`], [`device`] |
 //! | one device: events in, estimates, calibration, experiment out | [`session`] |
+//! | finished experiments, what-if, files, report | [`experiments`], [`export`], [`report`] |
+//! | devices without a phone | [`virtual_phones`], [`replay`] |
+//! | the pages and the QR code | [`assets`], [`qr`] |
+//!
+//! A sample's way: a listener reads a batch and hands it to the task of its device, which alone
+//! puts batches in order, decodes them, and runs the session. Queues are bounded: when a device is
+//! busy, its phone is told to send again, so samples are never dropped; frames for drawing are.
 
+pub mod assets;
+pub mod device;
+pub mod experiments;
+pub mod export;
+pub mod ingest;
+pub mod lab;
+pub mod lab_api;
+pub mod limits;
+pub mod messages;
+pub mod qr;
+pub mod replay;
+pub mod report;
+pub mod security;
+pub mod server;
 pub mod session;
+pub mod tls;
+pub mod token;
+pub mod virtual_phones;

@@ -5,4 +5,6 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod estimators;
+#[cfg(feature = "live")]
+pub(crate) mod live;
 pub(crate) mod run;

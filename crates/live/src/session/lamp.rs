@@ -59,6 +59,7 @@ pub struct Lamp {
 #[derive(Debug, Clone)]
 pub struct LampWindow {
     sensor: SensorKind,
+    correlation_time_s: f64,
     old: (NisStatistics, UpdateCounts),
     new: (NisStatistics, UpdateCounts),
     count: u32,
@@ -66,11 +67,12 @@ pub struct LampWindow {
 }
 
 impl LampWindow {
-    /// An empty window.
+    /// An empty window; the filter takes the sensor's errors to stay alike for `correlation_time_s`.
     #[must_use]
-    pub fn new(sensor: SensorKind) -> Self {
+    pub fn new(sensor: SensorKind, correlation_time_s: f64) -> Self {
         Self {
             sensor,
+            correlation_time_s,
             old: Default::default(),
             new: Default::default(),
             count: 0,
@@ -106,7 +108,7 @@ impl LampWindow {
 
     fn judge(&self) -> Option<Lamp> {
         let nis = self.old.0.summary()?;
-        let verdict = judge(self.sensor, &nis, &self.old.1);
+        let verdict = judge(self.sensor, &nis, &self.old.1, self.correlation_time_s);
         let tone = match verdict.verdict {
             NoiseVerdict::Honest => Tone::Good,
             NoiseVerdict::TooSmall => Tone::Bad,

@@ -76,6 +76,7 @@ impl DeviceSession {
     pub fn new(options: RunOptions) -> Result<Self, EvaluationError> {
         options.check()?;
         let mut session = Self {
+            lamps: new_lamps(&options.config),
             options,
             tracks: Vec::new(),
             intake: Intake::default(),
@@ -86,7 +87,6 @@ impl DeviceSession {
             device: None,
             truth: None,
             innovations: Vec::new(),
-            lamps: new_lamps(),
             calibration: None,
             experiment: None,
         };
@@ -233,7 +233,7 @@ impl DeviceSession {
 
     fn restart_tracks(&mut self) -> Result<(), EvaluationError> {
         let kinds: Vec<_> = self.tracks.iter().map(|track| track.kind).collect();
-        self.lamps = new_lamps();
+        self.lamps = new_lamps(&self.config());
         self.use_estimators_anew(&kinds)
     }
 
@@ -286,14 +286,14 @@ impl DeviceSession {
             return Err(error);
         }
         self.tracks = tracks;
-        self.lamps = new_lamps();
+        self.lamps = new_lamps(&self.config());
         Ok(())
     }
 
     /// Chooses the sensors that the filters use.
     pub fn use_sensors(&mut self, sensors: SensorSelection) {
         self.options.sensors = sensors;
-        self.lamps = new_lamps();
+        self.lamps = new_lamps(&self.config());
     }
 
     /// Begins a calibration with the next sample; one under way is dropped.
@@ -411,8 +411,17 @@ pub fn with_settings(
     Ok(changed)
 }
 
-fn new_lamps() -> [LampWindow; 2] {
-    [SensorKind::Accelerometer, SensorKind::Magnetometer].map(LampWindow::new)
+fn new_lamps(config: &AttitudeConfig<f64>) -> [LampWindow; 2] {
+    [
+        LampWindow::new(
+            SensorKind::Accelerometer,
+            config.accelerometer_correlation_time_s,
+        ),
+        LampWindow::new(
+            SensorKind::Magnetometer,
+            config.magnetometer_correlation_time_s,
+        ),
+    ]
 }
 
 fn seconds_since(first_ns: Option<i64>, time_ns: i64) -> f64 {

@@ -1,0 +1,256 @@
+//! `northing live`: the lab on this computer, phones deliver into it.
+
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow};
+use clap::{Args, ValueEnum};
+use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
+use northing_live::replay::{self, Speed};
+use northing_live::server::{self, LiveConfig, Running};
+use northing_live::{lab::Lab, qr};
+use serde_json::{Value, json};
+
+use crate::interrupt;
+use crate::output::print;
+
+/// How often a running lab looks whether Ctrl-C was pressed.
+const LOOK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Arguments of `live`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Starts the lab: a page on this computer, and an address for phones. Scan the QR code with a \
+                  phone in the same network and accept the certificate once; or add a virtual phone on the \
+                  page. Phones reach only the page that reads their sensors; the lab's page answers to this \
+                  computer alone. Nothing is fetched from elsewhere.",
+    after_help = "\
+Examples:
+  northing live
+  northing live --port 8000 --no-open
+  northing live --replay walk.csv
+  northing live --no-open --json
+  northing live --replay walk.csv --speed max --exit --json | tail -n 1
+
+Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), uploads of apps on N+2."
+)]
+pub(crate) struct LiveArgs {
+    /// Port of the lab page; phones use the next, apps the one after; 0 takes free ones
+    #[arg(long, value_name = "N", default_value_t = 7770)]
+    port: u16,
+    /// Do not open the lab page in a browser
+    #[arg(long)]
+    no_open: bool,
+    /// Print one JSON line when ready and one for each event, and open no browser
+    #[arg(long)]
+    json: bool,
+    /// Listen on this computer only: no phones, but virtual ones
+    #[arg(long)]
+    local: bool,
+    /// Play a recording into the lab
+    #[arg(long, value_name = "FILE")]
+    replay: Option<PathBuf>,
+    /// How fast a recording is played
+    #[arg(long, value_enum, default_value_t = ReplaySpeed::Real, requires = "replay")]
+    speed: ReplaySpeed,
+    /// End when the recording has ended, with the summary of `northing run`
+    #[arg(long, requires = "replay")]
+    exit: bool,
+    /// Folder for the certificate; default: the user's folder for data
+    #[arg(long, value_name = "FOLDER")]
+    data_dir: Option<PathBuf>,
+    /// Pages from this folder in place of the built-in ones
+    #[arg(long, value_name = "FOLDER")]
+    web_dir: Option<PathBuf>,
+}
+
+/// How fast a recording is played.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ReplaySpeed {
+    /// As it was measured
+    Real,
+    /// As fast as it goes
+    Max,
+}
+
+impl Default for LiveArgs {
+    fn default() -> Self {
+        Self {
+            port: 7770,
+            no_open: false,
+            json: false,
+            local: false,
+            replay: None,
+            speed: ReplaySpeed::Real,
+            exit: false,
+            data_dir: None,
+            web_dir: None,
+        }
+    }
+}
+
+/// Runs the lab until Ctrl-C, or until the recording has ended.
+pub(crate) fn execute(args: &LiveArgs) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()
+        .context("the lab's threads")?;
+    let outcome = runtime.block_on(run(args));
+    runtime.shutdown_timeout(Duration::from_secs(1));
+    outcome
+}
+
+async fn run(args: &LiveArgs) -> Result<()> {
+    let options = match args.replay {
+        // What `northing run` takes.
+        Some(_) => RunOptions::default(),
+        None => RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
+    };
+    let config = LiveConfig {
+        port: args.port,
+        data_dir: args.data_dir.clone().map_or_else(data_dir, Ok)?,
+        web_dir: args.web_dir.clone(),
+        network: !args.local,
+        options: options.clone(),
+    };
+    let running = server::start(config).await?;
+    let events = running.lab.listen();
+    ready(args, &running)?;
+    let telling = args.json.then(|| tokio::spawn(tell(events)));
+    let outcome = work(args, &running.lab, &options).await;
+    running.stop().await;
+    if let Some(telling) = telling {
+        telling.abort();
+    }
+    match outcome? {
+        Some(summary) if args.json => print(&format!("{}\n", serde_json::to_string(&summary)?)),
+        Some(summary) => print(&crate::summary_text::describe(&summary)),
+        None => Ok(()),
+    }
+}
+
+/// Plays what is to be played, then waits. Ctrl-C ends both.
+async fn work(
+    args: &LiveArgs,
+    lab: &std::sync::Arc<Lab>,
+    options: &RunOptions,
+) -> Result<Option<RunSummary>> {
+    if let Some(path) = &args.replay {
+        let speed = match args.speed {
+            ReplaySpeed::Real => Speed::Real,
+            ReplaySpeed::Max => Speed::Max,
+        };
+        let ended = tokio::select! {
+            played = replay::play(lab, path, speed) => {
+                played.map_err(|text| anyhow!(text))?;
+                true
+            }
+            () = interrupted() => false,
+        };
+        if !ended {
+            return Ok(None);
+        }
+        if args.exit {
+            let (path, options) = (path.clone(), options.clone());
+            let summary = tokio::task::spawn_blocking(move || replay::summary(path, &options));
+            return Ok(Some(summary.await.context("the summary")??));
+        }
+    }
+    interrupted().await;
+    Ok(None)
+}
+
+async fn interrupted() {
+    while !interrupt::happened() {
+        tokio::time::sleep(LOOK_INTERVAL).await;
+    }
+}
+
+/// Says where the lab is.
+fn ready(args: &LiveArgs, running: &Running) -> Result<()> {
+    let phone = running.phone_urls.first().map_or("", String::as_str);
+    let app = running.ingest_urls.first().map_or("", String::as_str);
+    if args.json {
+        let line = json!({
+            "event": "ready", "lab": running.lab_url, "phone": phone, "ingest": app,
+            "phones": running.phone_urls, "ingests": running.ingest_urls,
+            "token": running.token.as_str(), "fingerprint": running.fingerprint,
+        });
+        return print(&format!("{line}\n"));
+    }
+    let mut text = format!("The lab is at {}\n\n", running.lab_url);
+    if !args.local {
+        text.push_str(&qr::terminal(phone).unwrap_or_default());
+        text.push_str(&format!(
+            "\nPhones in the same network: scan the code, or open\n  {}\n\
+             The phone warns once, because the certificate is made by this computer: go on.\n\
+             Apps that push (Sensor Logger): {app}\n",
+            running.phone_urls.join("\n  ")
+        ));
+    }
+    text.push_str("No phone at hand? Add a virtual one on the page. Ctrl-C ends the lab.\n");
+    print(&text)?;
+    if !args.no_open {
+        open_browser(&running.lab_url);
+    }
+    Ok(())
+}
+
+/// Opens the page where there is a browser; the address has been printed in any case.
+fn open_browser(url: &str) {
+    let mut command = if cfg!(target_os = "macos") {
+        Command::new("open")
+    } else if cfg!(windows) {
+        let mut command = Command::new("cmd");
+        command.args(["/C", "start", ""]);
+        command
+    } else {
+        Command::new("xdg-open")
+    };
+    let quiet = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let _ = quiet.arg(url).spawn();
+}
+
+/// Prints one line for each event.
+async fn tell(mut events: tokio::sync::broadcast::Receiver<std::sync::Arc<str>>) {
+    use tokio::sync::broadcast::error::RecvError;
+    loop {
+        let text = match events.recv().await {
+            Ok(text) => text,
+            Err(RecvError::Lagged(_)) => continue,
+            Err(RecvError::Closed) => return,
+        };
+        let mut message: Value = serde_json::from_str(&text).unwrap_or_default();
+        if let Some(object) = message.as_object_mut()
+            && let Some(kind) = object.remove("type")
+        {
+            object.insert("event".to_owned(), kind);
+        }
+        if print(&format!("{message}\n")).is_err() {
+            return;
+        }
+    }
+}
+
+/// The user's folder for data of this program.
+fn data_dir() -> Result<PathBuf> {
+    let variable = |name: &str| {
+        std::env::var_os(name)
+            .filter(|v| !v.is_empty())
+            .map(PathBuf::from)
+    };
+    let home = || std::env::home_dir().filter(|home| home.is_absolute());
+    let base = if cfg!(target_os = "macos") {
+        home().map(|home| home.join("Library/Application Support"))
+    } else if cfg!(windows) {
+        variable("LOCALAPPDATA")
+    } else {
+        variable("XDG_DATA_HOME").or_else(|| home().map(|home| home.join(".local/share")))
+    };
+    let base = base.context("no folder for the user's data; name one with --data-dir")?;
+    Ok(base.join("northing"))
+}

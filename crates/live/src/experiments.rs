@@ -1,0 +1,292 @@
+//! Finished experiments: their results, what-if, and the rows of their table.
+
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::time::Instant;
+
+use northing_core::attitude::AttitudeConfig;
+use northing_evaluation::calibration::calibrated_config;
+use northing_evaluation::trace::Trace;
+use northing_evaluation::{
+    EstimatorKind, EvaluationError, Profile, RunObserver, RunOptions, RunSummary, TraceObserver,
+    run,
+};
+use northing_recording::{Event, SensorKind};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+
+use crate::session::experiment::Experiment;
+use crate::session::with_settings;
+
+/// Points of a trace that a page draws.
+pub const TRACE_POINTS: usize = 1500;
+/// Values of a curve over one parameter.
+const CURVE_POINTS: usize = 21;
+/// How far a curve reaches to both sides of the present value.
+const CURVE_REACH: f64 = 30.0;
+/// Seconds at the start that are not scored: the alignment.
+const SKIP_S: f64 = 1.0;
+
+/// A finished experiment.
+#[derive(Debug)]
+pub struct Finished {
+    /// What it is addressed by.
+    pub id: String,
+    /// The device.
+    pub device: String,
+    /// What people call the device.
+    pub device_name: String,
+    /// When it ended, UTC.
+    pub at: String,
+    /// What was measured.
+    pub experiment: Experiment,
+    /// The options it is run with.
+    pub options: RunOptions,
+    /// The parameters in force, a calibration's included.
+    pub settings: AttitudeConfig<f64>,
+    /// The estimators that ran.
+    pub estimators: Vec<EstimatorKind>,
+    /// The outcome of each.
+    pub summaries: BTreeMap<&'static str, RunSummary>,
+    /// SHA-256 of the events, in hexadecimal.
+    pub hash: String,
+}
+
+/// The answer to a what-if.
+#[derive(Debug)]
+pub struct WhatIf {
+    /// The outcome of each estimator.
+    pub summaries: BTreeMap<&'static str, RunSummary>,
+    /// What plots need, of `mekf` or the first estimator.
+    pub trace: Value,
+    /// The curve, if one was asked for.
+    pub curve: Value,
+    /// How long the runs of all estimators took, ms.
+    pub elapsed_ms: f64,
+}
+
+/// Now, in UTC.
+#[must_use]
+pub fn now() -> String {
+    let now = time::OffsetDateTime::now_utc();
+    let (date, clock) = (now.date(), now.time());
+    format!(
+        "{date} {:02}:{:02}:{:02} UTC",
+        clock.hour(),
+        clock.minute(),
+        clock.second()
+    )
+}
+
+/// Runs one estimator over events.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_over(
+    events: &[Event],
+    options: &RunOptions,
+    estimator: EstimatorKind,
+    observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError> {
+    let options = RunOptions {
+        estimator,
+        skip_s: SKIP_S,
+        ..options.clone()
+    };
+    let events = events.iter().map(|event| Ok::<_, Infallible>(*event));
+    run(events, &options, observer)
+}
+
+/// Runs several estimators at once on all processors.
+fn run_all(
+    events: &[Event],
+    options: &RunOptions,
+    estimators: &[EstimatorKind],
+) -> Result<(BTreeMap<&'static str, RunSummary>, Trace), EvaluationError> {
+    let runs: Result<Vec<_>, EvaluationError> = estimators
+        .par_iter()
+        .map(|kind| {
+            let mut trace = TraceObserver::new(TRACE_POINTS, options.world_frame);
+            let summary = run_over(events, options, *kind, &mut trace)?;
+            Ok((*kind, summary, trace.into_trace()))
+        })
+        .collect();
+    let mut runs = runs?;
+    // `mekf` is what is drawn, where it ran.
+    runs.sort_by_key(|(kind, ..)| *kind != EstimatorKind::Mekf);
+    let mut summaries = BTreeMap::new();
+    let mut drawn = None;
+    for (kind, summary, trace) in runs {
+        summaries.insert(kind.name(), summary);
+        drawn.get_or_insert(trace);
+    }
+    Ok((summaries, drawn.unwrap_or_else(|| Trace::new(0))))
+}
+
+impl Finished {
+    /// With its results and its hash.
+    ///
+    /// # Errors
+    /// There was nothing to estimate, in a sentence.
+    pub fn evaluated(mut self) -> Result<Self, String> {
+        let events = &self.experiment.events;
+        let has_device = events
+            .iter()
+            .any(|e| e.sample.kind() == SensorKind::DeviceOrientation);
+        if has_device {
+            self.estimators.push(EstimatorKind::Device);
+        }
+        self.options.recording = format!("{} of {}", self.title(), self.device_name);
+        let (summaries, _) = run_all(events, &self.options, &self.estimators)
+            .map_err(|error| format!("experiment `{}`: {error}", self.title()))?;
+        self.summaries = summaries;
+        self.hash = hash(events);
+        Ok(self)
+    }
+
+    /// What people call it.
+    #[must_use]
+    pub fn title(&self) -> &str {
+        match self.experiment.name.as_str() {
+            "" => &self.id,
+            name => name,
+        }
+    }
+
+    /// Runs it again with other parameters.
+    ///
+    /// # Errors
+    /// A name or value does not fit, in a sentence.
+    pub fn what_if(
+        &self,
+        profile: Option<Profile>,
+        settings: &Map<String, Value>,
+        curve: Option<&str>,
+    ) -> Result<WhatIf, String> {
+        let started = Instant::now();
+        let text = |error: EvaluationError| error.to_string();
+        let options = with_settings(&self.options, profile, settings).map_err(text)?;
+        let events = &self.experiment.events;
+        let (summaries, trace) = run_all(events, &options, &self.estimators).map_err(text)?;
+        let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+        let curve = match curve {
+            Some(parameter) => self.curve(&options, parameter)?,
+            None => Value::Null,
+        };
+        Ok(WhatIf {
+            summaries,
+            trace: trace_columns(&trace),
+            curve,
+            elapsed_ms,
+        })
+    }
+
+    /// NIS and error of `mekf` over a range of one parameter.
+    fn curve(&self, options: &RunOptions, parameter: &str) -> Result<Value, String> {
+        let config = match &options.calibration {
+            Some(calibration) => calibrated_config(options, calibration),
+            None => options.config,
+        };
+        let values = serde_json::to_value(config).unwrap_or_default();
+        let present = values.get(parameter).and_then(Value::as_f64);
+        let present = present.filter(|v| *v > 0.0).ok_or_else(|| {
+            format!("there is no curve over `{parameter}`: choose a number above 0")
+        })?;
+        let step = |i: usize| CURVE_REACH.powf(2.0 * i as f64 / (CURVE_POINTS - 1) as f64 - 1.0);
+        let values: Vec<f64> = (0..CURVE_POINTS).map(|i| present * step(i)).collect();
+        let runs: Vec<Option<RunSummary>> = values
+            .par_iter()
+            .map(|value| {
+                let mut options = options.clone();
+                options.set(&format!("{parameter}={value}")).ok()?;
+                let events = &self.experiment.events;
+                run_over(events, &options, EstimatorKind::Mekf, &mut ()).ok()
+            })
+            .collect();
+        let column = |of: fn(&RunSummary) -> Option<f64>| -> Vec<Option<f64>> {
+            runs.iter().map(|run| run.as_ref().and_then(of)).collect()
+        };
+        Ok(json!({
+            "parameter": parameter,
+            "values": values,
+            "nis_acc": column(|s| s.nis_mean.accelerometer),
+            "nis_mag": column(|s| s.nis_mean.magnetometer),
+            "error_deg": column(error_deg),
+        }))
+    }
+
+    /// The message that says it is done.
+    #[must_use]
+    pub fn message(&self) -> Value {
+        let finals: BTreeMap<_, _> = self
+            .summaries
+            .iter()
+            .map(|(name, s)| (name, &s.final_test))
+            .collect();
+        json!({
+            "type": "experiment", "device": self.device, "id": self.id, "state": "done",
+            "progress": 1.0, "remaining_s": 0.0,
+            "result": {
+                "summary": self.summaries, "final": finals,
+                "settings": self.settings, "hash": self.hash,
+            },
+        })
+    }
+
+    /// Its row in the table of experiments.
+    #[must_use]
+    pub fn row(&self) -> Value {
+        let results: BTreeMap<_, _> = self
+            .summaries
+            .iter()
+            .map(|(name, s)| {
+                let test = s.final_test.as_ref();
+                let row = json!({
+                    "calculated_error_deg": test.map(|t| t.calculated_error_deg),
+                    "estimated_error_deg": test.and_then(|t| t.estimated_error_deg),
+                    "verdict": test.and_then(|t| t.verdict),
+                    "nis_acc": s.nis_mean.accelerometer,
+                    "nis_mag": s.nis_mean.magnetometer,
+                    "error_deg": error_deg(s),
+                });
+                (name, row)
+            })
+            .collect();
+        json!({
+            "id": self.id, "device": self.device_name, "name": self.title(), "at": self.at,
+            "duration_s": self.experiment.duration_s(), "settings": self.settings,
+            "results": results,
+        })
+    }
+}
+
+/// RMS error where the truth is known, otherwise the error of the final test.
+fn error_deg(summary: &RunSummary) -> Option<f64> {
+    let known = summary.error_deg.map(|e| e.total_rmse);
+    known.or(summary.final_test.as_ref().map(|t| t.calculated_error_deg))
+}
+
+/// What plots need, column by column; angles are rows of yaw, pitch, roll.
+fn trace_columns(trace: &Trace) -> Value {
+    let points = trace.points.items();
+    let t_s: Vec<f64> = points.iter().map(|p| p.time_s).collect();
+    let angles: Vec<[f64; 3]> = points.iter().map(|p| p.angles_deg).collect();
+    let std: Option<Vec<[f64; 3]>> = points.iter().map(|p| p.angles_std_deg).collect();
+    let error: Option<Vec<f64>> = points.iter().map(|p| p.error_deg.map(|e| e[0])).collect();
+    json!({"t_s": t_s, "angles_deg": angles, "std_deg": std, "error_deg": error})
+}
+
+/// SHA-256 of the events: stamp, sensor, and every number in its shortest exact form.
+fn hash(events: &[Event]) -> String {
+    let mut context = ring::digest::Context::new(&ring::digest::SHA256);
+    for event in events {
+        context.update(&event.time_ns.to_le_bytes());
+        context.update(format!("{:?}", event.sample).as_bytes());
+    }
+    context
+        .finish()
+        .as_ref()
+        .iter()
+        .map(|b| format!("{b:02x}"))
+        .collect()
+}

@@ -1,0 +1,272 @@
+//! What phones talk to: the phone page over TLS, and plain uploads of native apps.
+//!
+//! Nothing else of the lab can be reached here. The phone page sends its token in a header, apps
+//! that can only be given an address have it in the path.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::{Body, Bytes};
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use northing_recording::wire::LONGEST_BATCH_BYTES;
+use northing_recording::wire::phone_page::Batch;
+use northing_recording::wire::sensor_logger_push::Push;
+use serde_json::{Value, json};
+use tokio::sync::oneshot;
+use tokio::time::timeout;
+
+use crate::assets::Assets;
+use crate::device::Work;
+use crate::lab::{Device, Lab};
+use crate::token::Token;
+
+/// The header with the token.
+const TOKEN_HEADER: &str = "x-northing-token";
+/// A body must have arrived after so long.
+const BODY_TIMEOUT: Duration = Duration::from_secs(10);
+/// A WebSocket must say its token within so long.
+const TOKEN_TIMEOUT: Duration = Duration::from_secs(5);
+/// Sensor Logger shows the text of an answer with this status to the person.
+const SHOWN_TO_PERSON: u16 = 499;
+
+/// What the listeners of phones share.
+#[derive(Debug, Clone)]
+pub struct Ingest {
+    /// The lab.
+    pub lab: Arc<Lab>,
+    /// What phones must know.
+    pub token: Arc<Token>,
+    /// The phone page.
+    pub assets: Arc<Assets>,
+}
+
+/// A refusal: status and one line.
+struct Refusal(StatusCode, String);
+
+impl Refusal {
+    fn new(status: StatusCode, text: impl Into<String>) -> Self {
+        Self(status, text.into())
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        (self.0, axum::Json(json!({"error": self.1}))).into_response()
+    }
+}
+
+/// The listener of the phone page.
+pub fn phone_router(ingest: Ingest) -> Router {
+    Router::new()
+        .route("/p", get(page))
+        .route("/assets/{name}", get(asset))
+        .route("/in", post(page_upload))
+        .route("/in/ws", get(socket))
+        .with_state(ingest)
+}
+
+/// The listener of native apps.
+pub fn app_router(ingest: Ingest) -> Router {
+    Router::new()
+        .route("/in/{token}", post(app_upload))
+        .with_state(ingest)
+}
+
+async fn page(State(ingest): State<Ingest>) -> Response {
+    file(&ingest, "index.html")
+}
+
+async fn asset(State(ingest): State<Ingest>, Path(name): Path<String>) -> Response {
+    file(&ingest, &name)
+}
+
+fn file(ingest: &Ingest, name: &str) -> Response {
+    match ingest.assets.get("phone", name) {
+        Some((bytes, kind)) => {
+            let headers = [
+                (header::CONTENT_TYPE, kind),
+                (header::CACHE_CONTROL, "no-cache"),
+            ];
+            (headers, bytes.into_owned()).into_response()
+        }
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+/// The body, if it comes in time and is not too large.
+async fn body(body: Body) -> Result<Bytes, Refusal> {
+    let read = timeout(
+        BODY_TIMEOUT,
+        axum::body::to_bytes(body, LONGEST_BATCH_BYTES),
+    )
+    .await;
+    match read {
+        Ok(Ok(bytes)) => Ok(bytes),
+        Ok(Err(_)) => Err(Refusal::new(
+            StatusCode::PAYLOAD_TOO_LARGE,
+            format!("a batch has at most {LONGEST_BATCH_BYTES} bytes"),
+        )),
+        Err(_) => Err(Refusal::new(
+            StatusCode::REQUEST_TIMEOUT,
+            "the batch did not arrive in time",
+        )),
+    }
+}
+
+async fn page_upload(
+    State(ingest): State<Ingest>,
+    headers: HeaderMap,
+    content: Body,
+) -> Result<axum::Json<Value>, Refusal> {
+    let token = headers.get(TOKEN_HEADER).and_then(|t| t.to_str().ok());
+    if !token.is_some_and(|token| ingest.token.matches(token)) {
+        return Err(wrong_token());
+    }
+    let bytes = body(content).await?;
+    take_page(&ingest.lab, &bytes).await.map(axum::Json)
+}
+
+fn wrong_token() -> Refusal {
+    Refusal::new(
+        StatusCode::UNAUTHORIZED,
+        "wrong token: scan the QR code of the lab again",
+    )
+}
+
+/// A batch of the phone page; the answer is made when the lab has taken it.
+async fn take_page(lab: &Arc<Lab>, bytes: &[u8]) -> Result<Value, Refusal> {
+    let batch = Batch::parse(bytes)
+        .map_err(|error| Refusal::new(StatusCode::BAD_REQUEST, error.to_string()))?;
+    let device = device(lab, &batch.device, &batch.name, "page")?;
+    let seq = batch.seq;
+    give(&device, bytes.len(), |reply| {
+        Work::Page(Box::new(batch), reply)
+    })
+    .await?;
+    Ok(json!({"ack": seq, "recv_ns": unix_ns(), "commands": []}))
+}
+
+fn device(
+    lab: &Arc<Lab>,
+    id: &str,
+    name: &str,
+    source: &'static str,
+) -> Result<Arc<Device>, Refusal> {
+    let device = lab
+        .device(id, name, source)
+        .map_err(|full| Refusal::new(StatusCode::SERVICE_UNAVAILABLE, full))?;
+    if device.source == source {
+        return Ok(device);
+    }
+    let text = format!("the name `{id}` is taken by another kind of device");
+    Err(Refusal::new(StatusCode::BAD_REQUEST, text))
+}
+
+async fn give(
+    device: &Device,
+    bytes: usize,
+    work: impl FnOnce(oneshot::Sender<()>) -> Work,
+) -> Result<(), Refusal> {
+    let busy = |text: String| Refusal::new(StatusCode::TOO_MANY_REQUESTS, text);
+    if !device.admits(bytes) {
+        return Err(busy("too fast: send it again later".to_owned()));
+    }
+    let (reply, taken) = oneshot::channel();
+    device.try_give(work(reply)).map_err(busy)?;
+    taken
+        .await
+        .map_err(|_| busy("the device has been taken away".to_owned()))
+}
+
+fn unix_ns() -> u64 {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    now.map_or(0, |t| u64::try_from(t.as_nanos()).unwrap_or(u64::MAX))
+}
+
+/// Uploads of native apps: Sensor Logger's push, or batches as the phone page sends them.
+async fn app_upload(
+    State(ingest): State<Ingest>,
+    Path(token): Path<String>,
+    content: Body,
+) -> Response {
+    if !ingest.token.matches(&token) {
+        return shown("wrong token: copy the address from the lab's page again");
+    }
+    let bytes = match body(content).await {
+        Ok(bytes) => bytes,
+        Err(refusal) => return refusal.into_response(),
+    };
+    if let Ok(push) = Push::parse(&bytes) {
+        return match take_push(&ingest.lab, push, bytes.len()).await {
+            Ok(answer) => axum::Json(answer).into_response(),
+            Err(Refusal(StatusCode::SERVICE_UNAVAILABLE, text)) => shown(&text),
+            Err(refusal) => refusal.into_response(),
+        };
+    }
+    match take_page(&ingest.lab, &bytes).await {
+        Ok(answer) => axum::Json(answer).into_response(),
+        Err(refusal) => refusal.into_response(),
+    }
+}
+
+async fn take_push(lab: &Arc<Lab>, push: Push, bytes: usize) -> Result<Value, Refusal> {
+    let name = format!(
+        "Sensor Logger {}",
+        push.device_id.chars().take(6).collect::<String>()
+    );
+    let device = device(lab, &push.device_id, &name, "sensor-logger")?;
+    let ack = push.message_id;
+    give(&device, bytes, |reply| Work::Push(Box::new(push), reply)).await?;
+    Ok(json!({"ack": ack}))
+}
+
+fn shown(text: &str) -> Response {
+    let status = StatusCode::from_u16(SHOWN_TO_PERSON).unwrap_or(StatusCode::UNAUTHORIZED);
+    (status, text.to_owned()).into_response()
+}
+
+async fn socket(State(ingest): State<Ingest>, upgrade: WebSocketUpgrade) -> Response {
+    upgrade
+        .max_message_size(LONGEST_BATCH_BYTES)
+        .max_frame_size(LONGEST_BATCH_BYTES)
+        .on_upgrade(move |socket| serve_socket(ingest, socket))
+}
+
+/// First the token, then batches, each answered as a post would be.
+async fn serve_socket(ingest: Ingest, mut socket: WebSocket) {
+    let first = timeout(TOKEN_TIMEOUT, socket.recv()).await;
+    let Ok(Some(Ok(Message::Text(hello)))) = first else {
+        return;
+    };
+    let hello: Value = serde_json::from_str(&hello).unwrap_or_default();
+    let token = hello
+        .get("token")
+        .and_then(Value::as_str)
+        .unwrap_or_default();
+    if !ingest.token.matches(token) {
+        let text = json!({"error": wrong_token().1}).to_string();
+        let _ = socket.send(Message::Text(text.into())).await;
+        return;
+    }
+    while let Some(Ok(message)) = socket.recv().await {
+        let bytes = match message {
+            Message::Text(text) => Bytes::from(text),
+            Message::Binary(bytes) => bytes,
+            Message::Close(_) => return,
+            Message::Ping(_) | Message::Pong(_) => continue,
+        };
+        let answer = match take_page(&ingest.lab, &bytes).await {
+            Ok(answer) => answer,
+            Err(refusal) => json!({"error": refusal.1}),
+        };
+        let sent = socket.send(Message::Text(answer.to_string().into())).await;
+        if sent.is_err() {
+            return;
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! The lab: its devices, what pages are told, and the finished experiments.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use northing_evaluation::RunOptions;
+use serde_json::{Value, json};
+use tokio::sync::{broadcast, mpsc, oneshot};
+
+use crate::device::{self, Work};
+use crate::experiments::Finished;
+use crate::limits::RateLimit;
+use crate::messages::{Command, DeviceStatus};
+use crate::session::DeviceSession;
+
+/// Most devices at a time.
+pub const MOST_DEVICES: usize = 64;
+/// Batches that may wait for one device.
+const QUEUE: usize = 64;
+/// Frames that a slow page may lag behind before it misses some.
+const FRAMES: usize = 256;
+/// Messages that a slow page may lag behind.
+const MESSAGES: usize = 1024;
+/// Finished experiments that are kept.
+const MOST_EXPERIMENTS: usize = 200;
+/// Events of all experiments that are kept: about 700 MB.
+const MOST_KEPT_EVENTS: usize = 12_000_000;
+
+/// A frame on its way to the pages.
+#[derive(Debug)]
+pub struct FrameText {
+    /// The device.
+    pub device: String,
+    /// The frame as JSON.
+    pub text: String,
+}
+
+/// A device as the rest of the lab sees it.
+#[derive(Debug)]
+pub struct Device {
+    /// What it is addressed by.
+    pub id: String,
+    /// How it delivers.
+    pub source: &'static str,
+    queue: mpsc::Sender<Work>,
+    pub(crate) status: Mutex<DeviceStatus>,
+    pub(crate) limit: Mutex<RateLimit>,
+    gone: AtomicBool,
+}
+
+/// The lab. Shared by all listeners and tasks.
+#[derive(Debug)]
+pub struct Lab {
+    devices: Mutex<BTreeMap<String, Arc<Device>>>,
+    experiments: Mutex<VecDeque<Arc<Finished>>>,
+    next_experiment: AtomicU64,
+    next_virtual: AtomicU64,
+    pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
+    pub(crate) messages: broadcast::Sender<Arc<str>>,
+    options: RunOptions,
+}
+
+/// The guard of a mutex. A task that panicked has left plain data, which is still good.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Lab {
+    /// A lab without devices; each one starts with `options`.
+    #[must_use]
+    pub fn new(options: RunOptions) -> Arc<Self> {
+        Arc::new(Self {
+            devices: Mutex::default(),
+            experiments: Mutex::default(),
+            next_experiment: AtomicU64::new(1),
+            next_virtual: AtomicU64::new(1),
+            frames: broadcast::channel(FRAMES).0,
+            messages: broadcast::channel(MESSAGES).0,
+            options,
+        })
+    }
+
+    /// Tells all pages.
+    pub fn tell(&self, message: &Value) {
+        // Without a page nobody listens, and that is fine.
+        let _ = self.messages.send(message.to_string().into());
+    }
+
+    /// Follows what pages are told.
+    #[must_use]
+    pub fn listen(&self) -> broadcast::Receiver<Arc<str>> {
+        self.messages.subscribe()
+    }
+
+    /// The device of this id, made if it is new.
+    ///
+    /// # Errors
+    /// The lab is full, in a sentence.
+    pub fn device(
+        self: &Arc<Self>,
+        id: &str,
+        name: &str,
+        source: &'static str,
+    ) -> Result<Arc<Device>, String> {
+        let mut devices = lock(&self.devices);
+        if let Some(device) = devices.get(id) {
+            return Ok(device.clone());
+        }
+        if devices.len() >= MOST_DEVICES {
+            return Err(format!("the lab is full: it takes {MOST_DEVICES} devices"));
+        }
+        let session = DeviceSession::new(self.options.clone()).map_err(|e| e.to_string())?;
+        let (queue, work) = mpsc::channel(QUEUE);
+        let status = DeviceStatus {
+            id: id.to_owned(),
+            name: if name.is_empty() { id } else { name }.to_owned(),
+            source,
+            connected: true,
+            ..DeviceStatus::default()
+        };
+        let device = Arc::new(Device {
+            id: id.to_owned(),
+            source,
+            queue,
+            status: Mutex::new(status),
+            limit: Mutex::new(RateLimit::new(Instant::now())),
+            gone: AtomicBool::new(false),
+        });
+        devices.insert(id.to_owned(), device.clone());
+        drop(devices);
+        device::spawn(self.clone(), device.clone(), session, work);
+        self.tell_devices();
+        Ok(device)
+    }
+
+    /// A device that is there.
+    ///
+    /// # Errors
+    /// It is not, in a sentence.
+    pub fn find(&self, id: &str) -> Result<Arc<Device>, String> {
+        let known = lock(&self.devices).get(id).cloned();
+        known.ok_or_else(|| format!("there is no device `{id}`"))
+    }
+
+    /// Takes a device away; its experiments stay.
+    pub fn remove(&self, id: &str) {
+        if let Some(device) = lock(&self.devices).remove(id) {
+            device.gone.store(true, Ordering::Relaxed);
+        }
+        self.tell_devices();
+    }
+
+    /// Every device as it is now.
+    #[must_use]
+    pub fn statuses(&self) -> Vec<DeviceStatus> {
+        let devices: Vec<_> = lock(&self.devices).values().cloned().collect();
+        devices.iter().map(|d| lock(&d.status).clone()).collect()
+    }
+
+    /// Tells all pages the list of devices.
+    pub fn tell_devices(&self) {
+        self.tell(&self.devices_message());
+    }
+
+    /// The list of devices as a message.
+    #[must_use]
+    pub fn devices_message(&self) -> Value {
+        json!({"type": "devices", "devices": self.statuses()})
+    }
+
+    /// An identifier for the next virtual phone, and its number.
+    pub(crate) fn next_virtual(&self) -> u64 {
+        self.next_virtual.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// The newest virtual phone.
+    pub(crate) fn newest_virtual(&self) -> Option<String> {
+        let devices = lock(&self.devices);
+        let virtual_phones = devices.values().filter(|d| d.source == "virtual");
+        virtual_phones
+            .map(|d| d.id.clone())
+            .max_by_key(|id| (id.len(), id.clone()))
+    }
+
+    /// An identifier for the next experiment.
+    pub(crate) fn next_experiment(&self) -> String {
+        let number = self.next_experiment.fetch_add(1, Ordering::Relaxed);
+        format!("e{number}")
+    }
+
+    /// Keeps a finished experiment; the oldest go when there are too many.
+    pub(crate) fn keep(&self, finished: Finished) -> Arc<Finished> {
+        let finished = Arc::new(finished);
+        let mut kept = lock(&self.experiments);
+        kept.push_back(finished.clone());
+        let events = |kept: &VecDeque<Arc<Finished>>| -> usize {
+            kept.iter().map(|f| f.experiment.events.len()).sum()
+        };
+        while kept.len() > 1 && (kept.len() > MOST_EXPERIMENTS || events(&kept) > MOST_KEPT_EVENTS)
+        {
+            kept.pop_front();
+        }
+        finished
+    }
+
+    /// A finished experiment.
+    ///
+    /// # Errors
+    /// There is none of this id, in a sentence.
+    pub fn experiment(&self, id: &str) -> Result<Arc<Finished>, String> {
+        let kept = lock(&self.experiments);
+        let found = kept.iter().find(|f| f.id == id).cloned();
+        found.ok_or_else(|| format!("there is no experiment `{id}`"))
+    }
+
+    /// The table of experiments as a message.
+    #[must_use]
+    pub fn experiments_message(&self) -> Value {
+        let rows: Vec<Value> = lock(&self.experiments).iter().map(|f| f.row()).collect();
+        json!({"type": "experiments", "rows": rows})
+    }
+}
+
+impl Device {
+    /// Whether it has been taken away.
+    #[must_use]
+    pub fn is_gone(&self) -> bool {
+        self.gone.load(Ordering::Relaxed)
+    }
+
+    /// Hands over work; waits while the device is busy. Samples are never dropped here.
+    ///
+    /// # Errors
+    /// The device has been taken away.
+    pub async fn give(&self, work: Work) -> Result<(), String> {
+        let sent = self.queue.send(work).await;
+        sent.map_err(|_| "the device has been taken away".to_owned())
+    }
+
+    /// Hands over work if there is room for it.
+    ///
+    /// # Errors
+    /// The queue is full: whoever sent it keeps it and sends it again.
+    pub fn try_give(&self, work: Work) -> Result<(), String> {
+        let sent = self.queue.try_send(work);
+        sent.map_err(|_| "the lab is busy; send it again".to_owned())
+    }
+
+    /// Carries out a command.
+    ///
+    /// # Errors
+    /// Why it cannot be done, in a sentence.
+    pub async fn command(&self, command: Command) -> Result<(), String> {
+        let (reply, answer) = oneshot::channel();
+        self.give(Work::Command(command, reply)).await?;
+        let answer = answer.await;
+        answer.unwrap_or_else(|_| Err("the device has been taken away".to_owned()))
+    }
+
+    /// Whether one more request of `bytes` is within the limits.
+    pub(crate) fn admits(&self, bytes: usize) -> bool {
+        lock(&self.limit).admits(Instant::now(), bytes)
+    }
+}

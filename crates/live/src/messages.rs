@@ -1,0 +1,207 @@
+//! What the lab page and the program tell each other, apart from frames.
+
+use std::collections::BTreeMap;
+
+use northing_evaluation::options::SensorSelection;
+use northing_evaluation::{EstimatorKind, Profile};
+use northing_simulation::virtual_phone::{Disturbance, Motion};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::session::frame::{Estimate, SessionStatus};
+
+/// What a page can ask for.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum Request {
+    /// A virtual phone comes or goes.
+    VirtualPhone {
+        /// What to do.
+        action: Action,
+        /// How it is moved.
+        #[serde(default)]
+        motion: Motion,
+        /// What disturbs it.
+        #[serde(default)]
+        disturbance: Disturbance,
+        /// Determines everything random; the same seed is the same phone.
+        #[serde(default)]
+        seed: Option<u64>,
+        /// Which one goes; without it the newest.
+        #[serde(default)]
+        device: Option<String>,
+    },
+    /// Calibrate at rest.
+    Calibrate {
+        /// The device.
+        device: String,
+        /// For how long, s.
+        seconds: f64,
+    },
+    /// Begin an experiment.
+    Experiment {
+        /// The device.
+        device: String,
+        /// For how long, s.
+        seconds: f64,
+        /// What people call it.
+        #[serde(default)]
+        name: String,
+    },
+    /// End what is under way.
+    Stop {
+        /// The device.
+        device: String,
+    },
+    /// Change parameters.
+    Settings {
+        /// The device.
+        device: String,
+        /// Parameters by name.
+        #[serde(default)]
+        settings: Map<String, Value>,
+        /// Start from this profile.
+        #[serde(default)]
+        profile: Option<String>,
+    },
+    /// Choose sensors.
+    Sensors {
+        /// The device.
+        device: String,
+        /// Which are used.
+        #[serde(rename = "use")]
+        used: SensorUse,
+    },
+    /// Choose estimators.
+    Estimators {
+        /// The device.
+        device: String,
+        /// Which run.
+        #[serde(rename = "use")]
+        used: Vec<EstimatorKind>,
+    },
+    /// How many frames a second this page wants.
+    DisplayRate {
+        /// Frames a second.
+        hz: f64,
+    },
+    /// Run an experiment again with other parameters.
+    WhatIf {
+        /// The experiment.
+        id: String,
+        /// Parameters by name.
+        #[serde(default)]
+        settings: Map<String, Value>,
+        /// A parameter to run over a range.
+        #[serde(default)]
+        curve: Option<String>,
+    },
+    /// Give a device a name.
+    Rename {
+        /// The device.
+        device: String,
+        /// Its name.
+        name: String,
+    },
+}
+
+/// What happens to a virtual phone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Action {
+    /// It comes.
+    Add,
+    /// It goes.
+    Remove,
+}
+
+/// The sensors that the filters use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SensorUse {
+    /// Always needed.
+    #[serde(default = "yes")]
+    pub gyroscope: bool,
+    /// Whether the accelerometer is used.
+    #[serde(default = "yes")]
+    pub accelerometer: bool,
+    /// Whether the magnetometer is used.
+    #[serde(default = "yes")]
+    pub magnetometer: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl SensorUse {
+    /// As the options have it.
+    ///
+    /// # Errors
+    /// Without gyroscope nothing can be estimated.
+    pub fn selection(self) -> Result<SensorSelection, String> {
+        if !self.gyroscope {
+            return Err("the gyroscope cannot be left out: every estimator needs it".to_owned());
+        }
+        Ok(SensorSelection {
+            accelerometer: self.accelerometer,
+            magnetometer: self.magnetometer,
+            ..SensorSelection::default()
+        })
+    }
+
+    /// Of the options.
+    #[must_use]
+    pub fn of(selection: &SensorSelection) -> Self {
+        Self {
+            gyroscope: true,
+            accelerometer: selection.accelerometer,
+            magnetometer: selection.magnetometer,
+        }
+    }
+}
+
+/// A command for one device.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Command {
+    /// Calibrate for so many seconds.
+    Calibrate(f64),
+    /// Experiment for so many seconds under a name.
+    Experiment(f64, String),
+    /// End what is under way.
+    Stop,
+    /// Change profile and parameters.
+    Settings(Option<Profile>, Map<String, Value>),
+    /// Choose sensors.
+    Sensors(SensorSelection),
+    /// Choose estimators.
+    Estimators(Vec<EstimatorKind>),
+    /// Give it a name.
+    Rename(String),
+}
+
+/// One row of the list of devices.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct DeviceStatus {
+    /// What it is addressed by.
+    pub id: String,
+    /// What people call it.
+    pub name: String,
+    /// How it delivers: `page`, `sensor-logger`, `virtual`, `replay`.
+    pub source: &'static str,
+    /// Whether something came during the last seconds.
+    pub connected: bool,
+    /// How it is.
+    #[serde(flatten)]
+    pub session: SessionStatus,
+    /// Batches that never came.
+    pub lost: u64,
+    /// Batches that came again.
+    pub duplicated_batches: u64,
+    /// The parameters in force.
+    pub settings: Value,
+    /// The sensors in use.
+    #[serde(rename = "use")]
+    pub used: Option<SensorUse>,
+    /// The estimates of this moment.
+    pub estimates: BTreeMap<&'static str, Estimate>,
+}

@@ -1,0 +1,244 @@
+//! The certificate of the phone page: made here, kept between starts, accepted by phones with a tap.
+//!
+//! Phones refuse certificates that hold for more than 825 days or that do not name the address, so
+//! this one holds for 397 days and names every address of this computer; it is made anew when the
+//! addresses change or when it has less than 30 days left. Browsers remember an accepted
+//! certificate, hence it is kept in the data folder, the key readable by the user alone.
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::net::IpAddr;
+use std::path::Path;
+use std::sync::Arc;
+
+use rcgen::{
+    CertificateParams, DistinguishedName, DnType, ExtendedKeyUsagePurpose, KeyPair,
+    KeyUsagePurpose, SanType,
+};
+use rustls::pki_types::pem::PemObject as _;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use serde::{Deserialize, Serialize};
+use time::{Duration, OffsetDateTime};
+
+/// How long a certificate holds, days: what phones accept.
+const DAYS: i64 = 397;
+/// It is made anew when fewer days are left.
+const RENEW_DAYS: i64 = 30;
+
+/// What can go wrong with the certificate.
+#[derive(Debug, thiserror::Error)]
+pub enum TlsError {
+    /// A file of the data folder.
+    #[error("{path}: cannot {action}: {error}; choose another folder with --data-dir")]
+    File {
+        /// The file.
+        path: String,
+        /// What was tried.
+        action: &'static str,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// The certificate could not be made.
+    #[error("cannot make a certificate: {0}")]
+    Make(#[from] rcgen::Error),
+    /// The certificate could not be used.
+    #[error("cannot use the certificate: {0}")]
+    Use(String),
+}
+
+/// A certificate with its key.
+#[derive(Debug)]
+pub struct Certificate {
+    certificate: CertificateDer<'static>,
+    key: PrivateKeyDer<'static>,
+}
+
+/// What is remembered of a certificate beside it.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Facts {
+    addresses: Vec<IpAddr>,
+    not_after_unix_s: i64,
+}
+
+impl Certificate {
+    /// The kept certificate if it still fits, or a new one, which is kept.
+    ///
+    /// # Errors
+    /// The folder cannot be written, or no certificate can be made.
+    pub fn load_or_make(folder: &Path, addresses: &[IpAddr]) -> Result<Self, TlsError> {
+        let now = OffsetDateTime::now_utc();
+        match Self::load(folder, addresses, now) {
+            Some(kept) => Ok(kept),
+            None => Self::make(folder, addresses, now),
+        }
+    }
+
+    fn load(folder: &Path, addresses: &[IpAddr], now: OffsetDateTime) -> Option<Self> {
+        let facts = fs::read(folder.join("certificate.json")).ok()?;
+        let facts: Facts = serde_json::from_slice(&facts).ok()?;
+        let fresh = facts.not_after_unix_s > (now + Duration::days(RENEW_DAYS)).unix_timestamp();
+        if !fresh || facts.addresses != addresses {
+            return None;
+        }
+        Some(Self {
+            certificate: CertificateDer::from_pem_file(folder.join("certificate.pem")).ok()?,
+            key: PrivateKeyDer::from_pem_file(folder.join("key.pem")).ok()?,
+        })
+    }
+
+    fn make(folder: &Path, addresses: &[IpAddr], now: OffsetDateTime) -> Result<Self, TlsError> {
+        let not_after = now + Duration::days(DAYS - 1);
+        let mut params = CertificateParams::new(vec!["localhost".to_owned()])?;
+        let local = [
+            IpAddr::from([127, 0, 0, 1]),
+            IpAddr::from([0, 0, 0, 0, 0, 0, 0, 1]),
+        ];
+        let named = local.iter().chain(addresses);
+        params
+            .subject_alt_names
+            .extend(named.map(|address| SanType::IpAddress(*address)));
+        let mut name = DistinguishedName::new();
+        name.push(DnType::CommonName, "Northing live lab");
+        params.distinguished_name = name;
+        params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
+        params.extended_key_usages = vec![ExtendedKeyUsagePurpose::ServerAuth];
+        // A day of grace for clocks that are behind.
+        params.not_before = now - Duration::days(1);
+        params.not_after = not_after;
+        let key = KeyPair::generate()?;
+        let certificate = params.self_signed(&key)?;
+        let facts = Facts {
+            addresses: addresses.to_vec(),
+            not_after_unix_s: not_after.unix_timestamp(),
+        };
+        let facts = serde_json::to_vec(&facts).map_err(|e| TlsError::Use(e.to_string()))?;
+        fs::create_dir_all(folder).map_err(|error| failed(folder, "make this folder", error))?;
+        write(&folder.join("key.pem"), key.serialize_pem().as_bytes())?;
+        write(
+            &folder.join("certificate.pem"),
+            certificate.pem().as_bytes(),
+        )?;
+        // Last: it vouches for the two others.
+        write(&folder.join("certificate.json"), &facts)?;
+        Ok(Self {
+            certificate: certificate.der().clone(),
+            key: PrivateKeyDer::try_from(key.serialize_der())
+                .map_err(|e| TlsError::Use(e.to_owned()))?,
+        })
+    }
+
+    /// SHA-256 of the certificate as browsers show it: pairs of digits with colons.
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        let digest = ring::digest::digest(&ring::digest::SHA256, &self.certificate);
+        let pairs: Vec<String> = digest.as_ref().iter().map(|b| format!("{b:02X}")).collect();
+        pairs.join(":")
+    }
+
+    /// The configuration of a server with this certificate: TLS 1.2 and 1.3, HTTP/1.1.
+    ///
+    /// # Errors
+    /// Certificate and key do not fit.
+    pub fn server_config(&self) -> Result<Arc<rustls::ServerConfig>, TlsError> {
+        let failed = |error: rustls::Error| TlsError::Use(error.to_string());
+        let provider = Arc::new(rustls::crypto::ring::default_provider());
+        let mut config = rustls::ServerConfig::builder_with_provider(provider)
+            .with_safe_default_protocol_versions()
+            .map_err(failed)?
+            .with_no_client_auth()
+            .with_single_cert(vec![self.certificate.clone()], self.key.clone_key())
+            .map_err(failed)?;
+        config.alpn_protocols = vec![b"http/1.1".to_vec()];
+        Ok(Arc::new(config))
+    }
+}
+
+fn failed(path: &Path, action: &'static str, error: io::Error) -> TlsError {
+    TlsError::File {
+        path: path.display().to_string(),
+        action,
+        error,
+    }
+}
+
+/// Writes a file that only the user can read.
+fn write(path: &Path, bytes: &[u8]) -> Result<(), TlsError> {
+    let mut options = fs::OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt as _;
+        options.mode(0o600);
+    }
+    // A new file, so that it never has the permissions of an old one.
+    if path.exists() {
+        fs::remove_file(path).map_err(|error| failed(path, "replace it", error))?;
+    }
+    let mut file = options
+        .open(path)
+        .map_err(|error| failed(path, "write it", error))?;
+    file.write_all(bytes)
+        .map_err(|error| failed(path, "write it", error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use x509_parser::prelude::*;
+
+    const LAN: [IpAddr; 1] = [IpAddr::V4(std::net::Ipv4Addr::new(192, 168, 7, 9))];
+
+    #[test]
+    fn phones_accept_its_dates_names_and_purpose() {
+        let folder = tempfile::tempdir().unwrap();
+        let made = Certificate::load_or_make(folder.path(), &LAN).unwrap();
+        let (_, x509) = X509Certificate::from_der(&made.certificate).unwrap();
+        let validity = x509.validity();
+        let days = (validity.not_after.timestamp() - validity.not_before.timestamp()) / 86_400;
+        assert!(days <= 397, "{days}");
+        assert!(validity.is_valid());
+        let names = x509.subject_alternative_name().unwrap().unwrap().value;
+        let has = |name: &GeneralName<'_>| names.general_names.contains(name);
+        assert!(has(&GeneralName::DNSName("localhost")));
+        assert!(has(&GeneralName::IPAddress(&[127, 0, 0, 1])));
+        assert!(has(&GeneralName::IPAddress(&[192, 168, 7, 9])));
+        assert!(
+            x509.extended_key_usage()
+                .unwrap()
+                .unwrap()
+                .value
+                .server_auth
+        );
+        assert_eq!(made.fingerprint().len(), 32 * 3 - 1);
+    }
+
+    #[test]
+    fn it_is_kept_until_addresses_change_or_it_runs_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let make = |addresses: &[IpAddr]| {
+            let made = Certificate::load_or_make(folder.path(), addresses).unwrap();
+            made.server_config().unwrap();
+            made.fingerprint()
+        };
+        let first = make(&LAN);
+        assert_eq!(make(&LAN), first);
+        let moved = make(&[]);
+        assert_ne!(moved, first);
+        let later = OffsetDateTime::now_utc() + Duration::days(DAYS - RENEW_DAYS);
+        assert!(Certificate::load(folder.path(), &[], later).is_none());
+        assert!(Certificate::load(folder.path(), &[], later - Duration::days(3)).is_some());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn only_the_user_reads_the_key() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        Certificate::load_or_make(folder.path(), &LAN).unwrap();
+        let mode = fs::metadata(folder.path().join("key.pem"))
+            .unwrap()
+            .permissions()
+            .mode();
+        assert_eq!(mode & 0o777, 0o600);
+    }
+}

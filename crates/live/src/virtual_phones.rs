@@ -1,0 +1,77 @@
+//! Virtual phones: simulated devices with known truth that deliver as real ones do.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use northing_recording::Event;
+use northing_simulation::virtual_phone::{Disturbance, Motion};
+use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
+use tokio::time::{Instant, MissedTickBehavior};
+
+use crate::device::Work;
+use crate::lab::{Device, Lab};
+
+/// How often a virtual phone sends a batch.
+const BATCH: Duration = Duration::from_millis(40);
+/// A virtual phone plays its script again and again for so long, s.
+const DURATION_S: f64 = 86_400.0;
+
+/// What a virtual phone is like.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct VirtualPhoneRequest {
+    /// How it is moved.
+    pub motion: Motion,
+    /// What disturbs it.
+    pub disturbance: Disturbance,
+    /// Determines everything random; without it each one is another phone.
+    pub seed: Option<u64>,
+}
+
+/// Adds a virtual phone that delivers in real time. Returns its identifier.
+///
+/// # Errors
+/// The lab is full, in a sentence.
+pub fn add(lab: &Arc<Lab>, request: VirtualPhoneRequest) -> Result<String, String> {
+    let number = lab.next_virtual();
+    let phone = VirtualPhone::new(VirtualPhoneConfig {
+        seed: request.seed.unwrap_or(number),
+        duration_s: Some(DURATION_S),
+        motion: request.motion,
+        disturbance: request.disturbance,
+        ..VirtualPhoneConfig::default()
+    })
+    .map_err(|error| error.to_string())?;
+    let id = format!("virtual-{number}");
+    let device = lab.device(&id, &format!("Virtual phone {number}"), "virtual")?;
+    tokio::spawn(async move { play(phone.events(), &device).await });
+    Ok(id)
+}
+
+/// Delivers events when they are due, until they end or the device is gone.
+pub(crate) async fn play(events: impl Iterator<Item = Event> + Send, device: &Device) {
+    let mut events = events.peekable();
+    let Some(first_ns) = events.peek().map(|event| event.time_ns) else {
+        return;
+    };
+    let start = Instant::now();
+    let mut tick = tokio::time::interval(BATCH);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tick.tick().await;
+        if device.is_gone() {
+            return;
+        }
+        let elapsed = start.elapsed().as_nanos();
+        let due = first_ns.saturating_add(i64::try_from(elapsed).unwrap_or(i64::MAX));
+        let mut batch = Vec::new();
+        while let Some(event) = events.next_if(|event| event.time_ns <= due) {
+            batch.push(event);
+        }
+        if !batch.is_empty() && device.give(Work::Events(batch)).await.is_err() {
+            return;
+        }
+        if events.peek().is_none() {
+            return;
+        }
+    }
+}
