@@ -69,7 +69,7 @@ class Mock extends EventTarget {
       });
       this.say({
         type: "frame", device: device.id, t_s: this.t, estimates, truth: { q }, between_deg: {}, rate_rad_s: noise3(0.02).map((n, i) => n + 0.4 * Math.cos(0.4 * this.t + i)) as Triple, innovations,
-        lamp: [{ sensor: "accelerometer", tone: "good", text: "as noisy as stated.", nis_mean: 3.1 }, { sensor: "magnetometer", tone: "warn", text: "R is about 2.3 times too small: raise it or look for iron near by.", nis_mean: 6.8 }],
+        lamp: [{ sensor: "accelerometer", tone: "good", text: "The residuals are as large as stated.", nis_mean: 3.1 }, { sensor: "magnetometer", tone: "warn", text: "R is about 2.3 times too small: raise it or look for iron near by.", nis_mean: 6.8 }],
       });
     });
   }

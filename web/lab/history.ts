@@ -77,7 +77,7 @@ export class History {
     this.lastInnovation[i.sensor] = i.t_s;
     this.degreesOfFreedom[i.sensor] = i.dof;
     const rows = (this.innovations[i.sensor] ??= new Rows(9));
-    const nis = Math.max(i.nis, 1e-3);
+    const nis = Math.max(i.nis, 1.2e-3);
     const refused = i.outcome === "gated";
     rows.push([i.t_s, ...i.residual, ...i.std, refused ? null : nis, refused ? nis : null]);
   }

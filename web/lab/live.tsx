@@ -7,6 +7,7 @@ import type { Frame, Lamp } from "./protocol";
 import { type Body, View } from "./scene";
 import { historyOf, onFrame, state, update } from "./store";
 import { nameOf, roleOf } from "./theme";
+import { unnamed } from "./words";
 import type uPlot from "uplot";
 
 export const WINDOW_S = 20;
@@ -159,8 +160,8 @@ export function Lamps({ device }: { device: string }) {
       {shown.map((lamp) => (
         <div key={lamp.sensor} class={`lamp ${lamp.tone}`}>
           <span class="light" aria-hidden="true" />
-          <p title={lamp.text}><b>{lamp.sensor}</b> {lamp.text}</p>
-          <span class="nis" title="Mean NIS of the last seconds: 3 when honest">NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(1)}</span>
+          <p title={lamp.text}><b>{lamp.sensor}</b> {unnamed(lamp.text)}</p>
+          <span class="nis" title="Mean NIS of the last seconds: 3 when honest">NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(lamp.nis_mean < 0.95 ? 2 : 1)}</span>
         </div>
       ))}
     </div>
@@ -190,7 +191,7 @@ const residualSpec = (sensor: string): ChartSpec => ({
 /** 95 % and 99 % of chi-square for 1 and 3 degrees of freedom. */
 const BOUNDS: Record<number, [number, number]> = { 1: [3.841, 6.635], 2: [5.991, 9.21], 3: [7.815, 11.345] };
 const nisSpec = (dof: () => number): ChartSpec => ({
-  ...time, title: "NIS", unit: "log scale", logY: true, y: [0.03, 300],
+  ...time, title: "NIS", unit: "log scale", logY: true, y: [0.001, 1000],
   legend: [{ text: "fused", role: "estimate", dot: true }, { text: "refused", role: "gated", dot: true }],
   lines: [{ role: "estimate", points: true }, { role: "gated", points: true }],
   rules: () => { const [a, b] = BOUNDS[dof()] ?? BOUNDS[3]!; return [{ value: b, text: "99 %" }, { value: a, text: "95 %", below: true }]; },

@@ -24,6 +24,11 @@ function raised(power: string): string {
   return [...power].map((c) => marks[c] ?? c).join("");
 }
 
+/** The sentence on a sensor's R without naming the sensor, for places where its name stands before. */
+export function unnamed(sentence: string): string {
+  return sentence.replace(/\b[Yy]our (accelerometer|magnetometer) R\b/g, "R");
+}
+
 export const degrees = (v: number | null | undefined): string => (v === null || v === undefined ? "–" : `${number(v)}°`);
 
 export const VERDICTS: Record<string, { tone: "good" | "warn" | "bad"; text: string }> = {

@@ -32,10 +32,10 @@ function DeviceCard({ device }: { device: Device }) {
         <b>{device.name}</b>
       </button>
       <p class="rates">{SHORT.map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
-      <p class="health">{device.connected ? worst?.text ?? "No complaint." : "Connection lost; waiting for it."}</p>
+      <p class="health" title={worst?.text}>{device.connected ? worst?.text ?? "No complaint." : "Connection lost; waiting for it."}</p>
       {selected && (
         <>
-          {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health">{h.text}</p>)}
+          {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={h.text}>{h.text}</p>)}
           <p class="counts">{device.source}, {lost(device)}</p>
           <p class="counts">{device.received} samples</p>
           <label class="rename">Name <input type="text" maxLength={40} value={device.name} onChange={(e) => send({ type: "rename", device: device.id, name: e.currentTarget.value })} /></label>

@@ -6,7 +6,7 @@ import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary } from "../protocol";
 import { goTo, historyOf, send, state } from "../store";
 import { nameOf, roleOf } from "../theme";
-import { degrees, number, VERDICTS } from "../words";
+import { degrees, number, unnamed, VERDICTS } from "../words";
 import { Stillness } from "./calibrate";
 
 /** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
@@ -120,7 +120,7 @@ export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
       </table>
       {main.final && <p class="small">{main.final.sentence}</p>}
       <ul class="sentences">
-        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "honest" ? "good" : "warn"}><b>{v.sensor}</b> {v.sentences[0]}</li>)}
+        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "honest" ? "good" : "warn"}><b>{v.sensor}</b> {unnamed(v.sentences[0] ?? "")}</li>)}
       </ul>
     </>
   );

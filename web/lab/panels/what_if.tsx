@@ -94,7 +94,7 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
             <td class="num">{degrees(row.results[name]?.calculated_error_deg)}</td>
             <td class="num" data-value="calculated">{degrees(message.results[name]!.final?.calculated_error_deg)}</td>
             {truth && <td class="num" data-value="rms">{degrees(rms(message.results[name]!))}</td>}
-            <td class="num">{number(message.results[name]!.nis_mean.accelerometer, 1)}</td>
+            <td class="num">{number(message.results[name]!.nis_mean.accelerometer, 2)}</td>
           </tr>
         ))}
       </tbody>
