@@ -3,10 +3,10 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { angleBetween, mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
-import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary } from "../protocol";
+import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
 import { goTo, historyOf, send, state } from "../store";
 import { nameOf, roleOf } from "../theme";
-import { degrees, number, unnamed, VERDICTS } from "../words";
+import { degrees, figures, number, unnamed, VERDICTS } from "../words";
 import { Stillness } from "./calibrate";
 
 /** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
@@ -169,6 +169,8 @@ function Downloads({ id, hash }: { id: string; hash: string | undefined }) {
   );
 }
 
+const setting = (v: SettingValue | undefined): string => (typeof v === "number" ? figures(v) : "–");
+
 /** All experiments so far, in the lower half. */
 export function ExperimentTable() {
   if (!state.rows.length) return <p class="empty">No experiment yet: each one adds a row here.</p>;
@@ -196,8 +198,8 @@ export function ExperimentTable() {
                 <td class="num">{degrees(main?.calculated_error_deg)}</td>
                 <td class="num">{degrees(main?.estimated_error_deg)}</td>
                 <td class="num">{degrees(row.results["integration"]?.calculated_error_deg)}</td>
-                <td class="num">{String(row.settings["accelerometer_std"] ?? "–")}</td>
-                <td class="num">{String(row.settings["magnetometer_std_ut"] ?? "–")}</td>
+                <td class="num">{setting(row.settings["accelerometer_std"])}</td>
+                <td class="num">{setting(row.settings["magnetometer_std_ut"])}</td>
                 <td class="num">{number(row.duration_s, 0)}</td>
                 <td>{state.devices.find((d) => d.id === row.device)?.name ?? row.device}</td>
               </tr>
