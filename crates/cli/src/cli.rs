@@ -19,7 +19,7 @@ use crate::commands::{calibrate, compare, convert, demo, estimators, run};
     disable_help_subcommand = true
 )]
 pub(crate) struct Cli {
-    /// What to do; without it the lab starts.
+    /// What to do; without it the lab starts, if this is a terminal.
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
 }
@@ -27,7 +27,7 @@ pub(crate) struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// The lab: phones deliver into it, a page shows it; what `northing` alone starts
+    /// The lab: phones deliver into it, a page shows it; what `northing` alone starts at a terminal
     #[cfg(feature = "live")]
     Live(live::LiveArgs),
     /// A virtual phone with known truth, the lab's steps on it, and a report: start here
@@ -44,8 +44,7 @@ pub(crate) enum Command {
     Estimators(estimators::EstimatorsArgs),
 }
 
-/// What `northing` alone prints where the lab is not built in.
-#[cfg(not(feature = "live"))]
+/// What `northing` alone prints where it does not start the lab.
 pub(crate) const INTRODUCTION: &str = "\
 northing: which way does a device point, and how sure are we?
 

@@ -22,6 +22,8 @@ mod summary_text;
 mod table;
 mod virtual_recording;
 
+#[cfg(feature = "live")]
+use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 use clap::Parser as _;
@@ -37,12 +39,14 @@ fn main() -> ExitCode {
 
 fn execute(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
+        // At a terminal the lab starts; a script gets an answer that ends.
         #[cfg(feature = "live")]
-        None => commands::live::execute(&commands::live::LiveArgs::default()),
+        None if std::io::stdout().is_terminal() => {
+            commands::live::execute(&commands::live::LiveArgs::default())
+        }
+        None => output::print(cli::INTRODUCTION),
         #[cfg(feature = "live")]
         Some(Command::Live(args)) => commands::live::execute(&args),
-        #[cfg(not(feature = "live"))]
-        None => output::print(cli::INTRODUCTION),
         Some(Command::Demo(args)) => commands::demo::execute(&args),
         Some(Command::Run(args)) => commands::run::execute(&args),
         Some(Command::Compare(args)) => commands::compare::execute(&args),

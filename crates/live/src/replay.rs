@@ -1,6 +1,6 @@
 //! A recording played into the lab as if it were measured now, or as fast as it goes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use northing_evaluation::{EvaluationError, RunOptions, RunSummary, run_recording};
@@ -71,8 +71,8 @@ async fn at_once(device: &Device, recording: Recording) -> Result<(), String> {
 ///
 /// # Errors
 /// As [`run_recording`].
-pub fn summary(path: PathBuf, options: &RunOptions) -> Result<RunSummary, EvaluationError> {
+pub fn summary(path: &Path, options: &RunOptions) -> Result<RunSummary, EvaluationError> {
     let file = |error: RecordingError| EvaluationError::Recording(Box::new(error));
-    let mut recording = open(&path, &OpenOptions::default()).map_err(file)?;
+    let mut recording = open(path, &OpenOptions::default()).map_err(file)?;
     run_recording(&mut recording, options, &mut ())
 }

@@ -152,9 +152,13 @@ async fn work(
             return Ok(None);
         }
         if args.exit {
+            let name = path.display().to_string();
             let (path, options) = (path.clone(), options.clone());
-            let summary = tokio::task::spawn_blocking(move || replay::summary(path, &options));
-            return Ok(Some(summary.await.context("the summary")??));
+            let summary = tokio::task::spawn_blocking(move || replay::summary(&path, &options));
+            let mut summary = summary.await.context("the summary")??;
+            // The name that `northing run` gives it.
+            summary.recording = name;
+            return Ok(Some(summary));
         }
     }
     interrupted().await;
