@@ -148,7 +148,11 @@ export function Angles({ device }: { device: string }) {
   );
 }
 
-const signed = (v: number | undefined): string => (v === undefined ? "–" : `${v < 0 ? "−" : "\u2007"}${Math.abs(v).toFixed(1)}°`);
+const signed = (v: number | undefined): string => {
+  if (v === undefined) return "–";
+  const size = Math.abs(v).toFixed(1);
+  return `${v < 0 && size !== "0.0" ? "−" : "\u2007"}${size}°`;
+};
 const threeSigma = (v: number | undefined): string => (v === undefined ? "" : `±${(3 * v).toFixed(3 * v < 10 ? 2 : 0)}°`);
 
 /** One lamp a sensor: is its stated noise honest? In words. */

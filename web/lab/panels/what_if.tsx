@@ -86,7 +86,7 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
   return (
     <table class="compact results what-if">
       <caption>Run again in <b>{number(message.elapsed_ms, 0)} ms</b></caption>
-      <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Then</th><th scope="col" class="num">Now</th>{truth && <th scope="col" class="num">RMS now</th>}<th scope="col" class="num">NIS acc</th></tr></thead>
+      <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Then</th><th scope="col" class="num">Now</th>{truth && <th scope="col" class="num" title="RMS error against the truth, now">RMS</th>}<th scope="col" class="num" title="Mean NIS of the accelerometer, now">NIS</th></tr></thead>
       <tbody>
         {names.map((name) => (
           <tr key={name} data-estimator={name}>
@@ -112,7 +112,7 @@ const errorSpec = (truth: boolean): ChartSpec => ({
   legend: [{ text: truth ? "error" : "σ", role: "estimate" }], lines: [{ role: "estimate" }],
 });
 const curveSpec = (parameter: string, value: () => number | null): ChartSpec => ({
-  title: `NIS over ${curveChoices().find((c) => c.name === parameter)?.text ?? parameter}`, unit: "", logX: true, logY: true,
+  title: "NIS", unit: `over ${curveChoices().find((c) => c.name === parameter)?.text ?? parameter}`, logX: true, logY: true,
   legend: [{ text: "acc", role: "s1" }, { text: "mag", role: "s2" }, { text: "error°", role: "estimate", dash: true }],
   lines: [{ role: "s1", width: 2.2 }, { role: "s2", width: 2.2 }, { role: "estimate", dash: true, width: 2.2 }],
   rules: () => [{ value: 3, text: "honest: 3" }],
