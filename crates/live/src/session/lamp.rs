@@ -91,7 +91,7 @@ impl LampWindow {
             counts.add(innovation.outcome);
         }
         self.count += 1;
-        if self.count % RENEW == 0 || self.lamp.is_none() {
+        if self.count.is_multiple_of(RENEW) || self.lamp.is_none() {
             self.lamp = self.judge();
         }
         if self.count >= HALF {
