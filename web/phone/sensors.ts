@@ -39,6 +39,8 @@ export const meters = {
 };
 type Key = keyof typeof meters;
 
+/** A sensor that has given nothing for so long is taken to be missing. */
+const FIRST_READING_MS = 3000;
 const lastValue: Partial<Record<Key, number[]>> = {};
 const GENERIC: [Key, string, number][] = [["a", "Accelerometer", 60], ["g", "Gyroscope", 60], ["m", "Magnetometer", 50], ["q", "AbsoluteOrientationSensor", 60]];
 const running: Partial<Record<Key, GenericSensor>> = {};
@@ -80,15 +82,18 @@ export async function askPermission(): Promise<string[]> {
 /** Starts everything that this browser has. */
 export function startSensors(push: (channel: Channel, row: Row) => void, note: (text: string) => void): void {
   for (const [key, name, frequency] of GENERIC) startGeneric(key, name, frequency, push, note);
+  const motion = !!win["Accelerometer"] && !!win["Gyroscope"], orientation = !!win["AbsoluteOrientationSensor"];
+  if (!motion) useMotionEvents(push, note);
+  if (!orientation) useOrientationEvents(push, note);
   // A class that exists can still have no sensor behind it: after a while use events instead.
   window.setTimeout(() => {
-    if (!meters.a.count || !meters.g.count) useMotionEvents(push, note);
-    if (!meters.q.count) useOrientationEvents(push, note);
+    if (motion && (!meters.a.count || !meters.g.count)) useMotionEvents(push, note);
+    if (orientation && !meters.q.count) useOrientationEvents(push, note);
     if (!meters.m.count) {
       stop("m");
       say("m", "warn", win["Magnetometer"] ? "this browser has none to give" : "this browser offers none; the lab uses the compass heading where there is one");
     }
-  }, 1200);
+  }, FIRST_READING_MS);
   // Frozen sensors show as a rate of zero.
   let last = performance.now();
   let counts = Object.values(meters).map((m) => m.count);
