@@ -29,7 +29,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Recording> {
 /// delimited text. `name` stands for the file in messages.
 ///
 /// # Errors
-/// As [`open`]; formats that need to jump in the file (Parquet, Sensor Logger) are refused.
+/// As [`open()`]; formats that need to jump in the file (Parquet, Sensor Logger) are refused.
 pub fn read_from(
     input: impl Read + Send + 'static,
     name: &str,
@@ -72,7 +72,7 @@ pub fn read_from(
 /// stands for the file in messages.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<Recording> {
     let head = &bytes[..bytes.len().min(SAMPLE_BYTES)];
     let format = match options.format {
