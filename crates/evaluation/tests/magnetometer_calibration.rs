@@ -31,9 +31,9 @@ fn recordings(test: &str) -> Vec<PathBuf> {
 
 /// The samples of the uncalibrated magnetometer, microtesla.
 fn uncalibrated(path: &Path) -> Vec<Vector3<f64>> {
-    let recording = open(path, &OpenOptions::default()).unwrap();
+    let recording = open(path, &OpenOptions::default()).expect("a recording");
     recording
-        .filter_map(|event| match event.unwrap().sample {
+        .filter_map(|event| match event.expect("an event").sample {
             Sample::MagneticFieldUncalibrated(field) => Some(field),
             _ => None,
         })
@@ -45,7 +45,8 @@ fn calibrated(samples: &[Vector3<f64>]) -> MagnetometerCalibration<f64> {
     for sample in samples {
         calibrator.add(sample);
     }
-    calibrator.finish(&MagnetometerLimits::default()).unwrap()
+    let limits = MagnetometerLimits::default();
+    calibrator.finish(&limits).expect("a calibration")
 }
 
 fn std(values: impl Iterator<Item = f64> + Clone) -> f64 {
