@@ -31,7 +31,7 @@ pub(crate) struct PhoneArgs {
     #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     seed: u64,
     /// Length of the recording; the script of 75 s starts again until it has passed
-    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// How it is moved: gentle, brisk, rest
     #[arg(long, value_name = "HOW", default_value = "gentle", value_parser = motion)]

@@ -48,10 +48,10 @@ struct RestArgs {
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
     /// Start of the rest, seconds after the first sample
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     from: Option<f64>,
     /// End of the rest, seconds after the first sample
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     to: Option<f64>,
     /// Which magnetometer: device (calibrated by the device) or uncalibrated
     #[arg(long, value_name = "WHICH", default_value = "device", value_parser = magnetometer_source)]
