@@ -102,6 +102,14 @@ pub(super) fn fit(points: &[Measured]) -> NoiseCoefficients {
     best
 }
 
+/// Octaves that the curve spans: about as many independent values it has.
+fn octaves(points: &[Measured]) -> f64 {
+    match (points.first(), points.last()) {
+        (Some(first), Some(last)) => 1.0 + (last.tau_s / first.tau_s).log2(),
+        _ => 0.0,
+    }
+}
+
 /// One over the standard deviation of each variance; neighbours closer than an octave share what
 /// they say, as overlapping averages do.
 fn weights(points: &[Measured], model: &[f64]) -> Vec<f64> {
@@ -156,6 +164,9 @@ fn solve(
     let inverse = (design.transpose() * &design).cholesky()?.inverse();
     let solution = &inverse * design.transpose() * &target;
     let cost = (&design * &solution - &target).norm_squared();
+    // Where the four noises explain the curve badly, their coefficients are less certain (A7).
+    let independent = (octaves(points) - active.len() as f64).max(1.0);
+    let misfit = (cost / independent).max(1.0).sqrt();
     let mut found = [None; 4];
     for (j, index) in active.iter().enumerate() {
         let square = solution[j] / scales[j];
@@ -163,7 +174,7 @@ fn solve(
             return None;
         }
         let value = square.sqrt();
-        let std = inverse[(j, j)].sqrt() / scales[j] / (2.0 * value);
+        let std = misfit * inverse[(j, j)].sqrt() / scales[j] / (2.0 * value);
         found[*index] = Some(Coefficient { value, std });
     }
     let [quantisation, noise_density, bias_instability, random_walk] = found;

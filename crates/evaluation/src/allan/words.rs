@@ -8,6 +8,9 @@ use super::{AllanReport, Coefficient};
 /// A factor between curve and model beyond which the model is called in question.
 const MISFIT: f64 = 1.3;
 
+/// A floor before this time, s, is earlier than the bias of any usual sensor moves.
+const EARLY_S: f64 = 3.0;
+
 /// The explanation, the most important first.
 pub(super) fn sentences(report: &AllanReport, regular: &Regular) -> Vec<String> {
     let mut sentences = vec![white_noise(report)];
@@ -47,8 +50,8 @@ fn quantisation(report: &AllanReport) -> Option<String> {
         _ => "uT s",
     };
     Some(format!(
-        "At the shortest times the curve falls more steeply (slope -1): {} {unit} {} of quantisation, or a filter \
-         in the sensor.",
+        "At the shortest times the curve falls more steeply (slope -1): {} {unit} {} of quantisation, or a vibration, \
+         whose mean falls as fast.",
         significant(q.value),
         precision(&q)
     ))
@@ -83,8 +86,13 @@ fn floor(report: &AllanReport) -> String {
 fn walk(report: &AllanReport) -> Option<String> {
     let k = report.coefficients.random_walk?;
     let unit = report.unit;
+    let doubt = if report.floor.tau_s < EARLY_S {
+        " So early a rise is rarely the sensor: make sure that the device lay still and was warm."
+    } else {
+        ""
+    };
     Some(format!(
-        "For long times the curve rises with the slope +1/2: the bias walks by {} {unit}/sqrt(s) {}.",
+        "For long times the curve rises with the slope +1/2: the bias walks by {} {unit}/sqrt(s) {}.{doubt}",
         significant(k.value),
         precision(&k)
     ))
