@@ -3,7 +3,7 @@
 //! What was found: the Nexus 5 lay where something hummed (a hill in the curve of its y axis),
 //! the iPhones show white noise, 3.1e-4 to 3.4e-4 (4S) and 2.0e-4 rad/s/sqrt(Hz) (5).
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use northing_core::calibration::{RestCalibrator, RestLimits};
 use northing_evaluation::allan::{AllanConfig, AllanReport, analyze_recording};
@@ -16,11 +16,11 @@ fn path(test: &str, device: &str) -> Option<PathBuf> {
     Some(data_dir(test)?.join(file))
 }
 
-fn opened(path: &PathBuf) -> Recording {
+fn opened(path: &Path) -> Recording {
     open(path, &OpenOptions::default()).expect("a recording")
 }
 
-fn report(path: &PathBuf) -> Result<AllanReport, EvaluationError> {
+fn report(path: &Path) -> Result<AllanReport, EvaluationError> {
     let config = AllanConfig {
         minimum_duration_s: 5.0,
         ..AllanConfig::default()
@@ -29,7 +29,7 @@ fn report(path: &PathBuf) -> Result<AllanReport, EvaluationError> {
 }
 
 /// The density that the scatter of single samples gives, as a calibration at rest has it.
-fn density_at_rest(path: &PathBuf) -> f64 {
+fn density_at_rest(path: &Path) -> f64 {
     let mut calibrator = RestCalibrator::<f64>::new();
     let mut last = None;
     for event in opened(path) {
