@@ -78,7 +78,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let mut progress = Progress::of_stream("estimating");
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers, || {
-        progress.event()
+        progress.event();
     });
     drop(progress);
     let summary = summary?;
