@@ -162,8 +162,8 @@ fn a_known_field_strength_sets_the_scale() {
     }
 }
 
-/// Condition numbers of a full view, by hand: sqrt((4/3) / (2/15)) and sqrt((4/3) / 1) doubled by
-/// the scale of the features; the variance of the centre is 3 sigma^2 / n.
+/// A full view by hand: the design matrix has eigenvalues 4/3 (centre), 1/3, 4/15 and 2/15 (shape);
+/// the variance of the centre is 3 sigma^2 / n.
 #[test]
 fn a_full_view_has_the_precision_of_the_closed_form() {
     let world = World {
@@ -234,6 +234,39 @@ fn a_third_of_the_sphere_gives_a_sphere_and_less_is_refused() {
         text.starts_with("turn the device through more directions: only "),
         "{text}"
     );
+}
+
+/// A sphere fitted to a part of an ellipsoid is wrong by what it cannot see, and says so: mean of
+/// (error / std)^2 over 200 soft irons of three percent.
+#[test]
+fn a_sphere_counts_the_soft_iron_that_it_cannot_see() {
+    let mut sum = 0.0;
+    for seed in 0..200 {
+        let mut rng = Pcg64::seed_from_u64(5000 + seed);
+        let mut entry = || 0.03 * rng.sample::<f64, _>(StandardNormal);
+        let (d, o) = ([entry(), entry(), entry()], [entry(), entry(), entry()]);
+        let shape = Matrix3::new(d[0], o[0], o[1], o[0], d[1], o[2], o[1], o[2], d[2]);
+        let world = World {
+            count: 300,
+            from: 0.4,
+            distortion: Matrix3::identity() + shape,
+            noise_ut: 0.3,
+            seed,
+            ..World::default()
+        };
+        let limits = MagnetometerLimits {
+            ellipsoid_coverage: 1.1,
+            sphere_coverage: 0.2,
+            ..MagnetometerLimits::default()
+        };
+        let c = gathered(&world.samples()).finish(&limits).unwrap();
+        assert_eq!(c.model, MagnetometerModel::Sphere);
+        let error = c.hard_iron() - HARD_IRON;
+        sum += error
+            .component_div(&Vector3::from(c.hard_iron_std_ut))
+            .norm_squared();
+    }
+    assert!((sum / 600.0 - 1.0).abs() < 0.3, "{}", sum / 600.0);
 }
 
 #[test]
