@@ -29,7 +29,7 @@ pub(crate) fn to_toml(calibrated: &Calibrated, recording: &str) -> Result<String
 /// It cannot be read, is no TOML, or lacks something; the message names the line.
 pub(crate) fn read(path: &Path) -> Result<RestCalibration<f64>> {
     let file = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot open it"))?;
+    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
     parse(&text, &file)
 }
 

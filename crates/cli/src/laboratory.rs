@@ -21,6 +21,7 @@ use northing_simulation::VirtualPhone;
 use northing_simulation::virtual_phone::Motion;
 
 use crate::calibration_file;
+use crate::cli::called;
 use crate::commands::calibrate;
 use crate::commands::run::TRACE_CAPACITY;
 use crate::estimate_file::EstimateFile;
@@ -326,16 +327,17 @@ impl<'a> Lab<'a> {
     }
 
     fn what_next(&self) -> Result<()> {
+        let northing = called();
         let recording = self.folder.recording.display();
         let calibration = self.folder.calibration.display();
         self.say(&format!(
             "Report: {} (open it in a browser)\n\n\
              Try next:\n  \
-             northing run {recording} --calibration {calibration} --sensors gyro,acc\n  \
-             northing compare {recording} --calibration {calibration} --profile lab\n  \
-             northing run {recording} --calibration {calibration} --profile lab --smooth\n\
+             {northing} run {recording} --calibration {calibration} --sensors gyro,acc\n  \
+             {northing} compare {recording} --calibration {calibration} --profile lab\n  \
+             {northing} run {recording} --calibration {calibration} --profile lab --smooth\n\
              and on a recording of your own, from Sensor Logger or as CSV:\n  \
-             northing run walk.zip --report walk.html",
+             {northing} run walk.zip --report walk.html",
             self.folder.report.display()
         ))
     }

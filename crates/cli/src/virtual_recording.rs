@@ -28,7 +28,12 @@ const LONGEST_S: f64 = 4e9;
 #[command(next_help_heading = "The virtual phone")]
 pub(crate) struct PhoneArgs {
     /// Determines everything random: noise, bias, motion
-    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    #[arg(
+        long,
+        value_name = "NUMBER",
+        default_value_t = 1,
+        allow_negative_numbers = true
+    )]
     seed: u64,
     /// Length of the recording; the script of 75 s starts again until it has passed
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]

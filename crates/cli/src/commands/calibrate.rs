@@ -11,6 +11,7 @@ use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
 use crate::calibration_file;
+use crate::cli::called;
 use crate::input::{InputArgs, magnetometer_source, seconds, shown};
 use crate::interrupt::interruptible;
 use crate::output::{check_free, print, print_json};
@@ -19,6 +20,7 @@ use crate::rest_span::{self, Calibrated, Span};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, Args)]
+#[command(subcommand_required = true, arg_required_else_help = false)]
 pub(crate) struct CalibrateArgs {
     #[command(subcommand)]
     what: What,
@@ -95,7 +97,8 @@ pub(crate) fn execute(args: &CalibrateArgs) -> Result<()> {
             let out = out.display();
             let _ = write!(
                 text,
-                "\nWritten to {out}; use it with\n  northing run {recording} --calibration {out}\n"
+                "\nWritten to {out}; use it with\n  {} run {recording} --calibration {out}\n",
+                called()
             );
         }
         None => text.push_str(

@@ -316,7 +316,7 @@ fn configuration_files_are_checked_line_by_line() {
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--config", "none.toml"]),
-        &["none.toml: cannot open it"],
+        &["none.toml: cannot read it"],
     );
 }
 
@@ -387,6 +387,14 @@ fn mistakes_in_the_arguments_are_one_line_that_names_the_help() {
     contains(
         &lab.refuses(&["run"]),
         &["<RECORDING>", "northing run --help"],
+    );
+    contains(
+        &lab.refuses(&["calibrate"]),
+        &["requires a subcommand", "rest", "northing calibrate --help"],
+    );
+    contains(
+        &lab.refuses(&["demo", "--seed", "-1"]),
+        &["'-1'", "--seed", "see northing demo --help"],
     );
     contains(&lab.refuses(&["fly"]), &["fly", "northing --help"]);
     contains(

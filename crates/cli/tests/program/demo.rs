@@ -49,8 +49,8 @@ fn the_commands_to_try_next_work() {
     let (next, _) = next.split_once("and on a recording of your own").unwrap();
     let commands: Vec<Vec<&str>> = next
         .lines()
-        .filter_map(|line| line.trim().strip_prefix("northing "))
-        .map(|c| c.split(' ').collect())
+        .filter_map(|line| line.split_once("northing "))
+        .map(|(_, arguments)| arguments.split(' ').collect())
         .collect();
     assert_eq!(commands.len(), 3, "{next}");
     for command in commands {
