@@ -458,3 +458,44 @@ fn a_calibration_survives_serialisation() {
     assert_eq!(limits.field_strength_ut, Some(48.5));
     assert_eq!(limits.minimum_samples, 100);
 }
+
+/// The table of `docs/derivations/magnetometer_calibration.md`: 1000 samples, noise 0.7
+/// microtesla, the sphere seen above a height. Worst axis of the hard iron: what an ellipsoid and
+/// a sphere state, and by how much each is wrong where soft iron reaches ten percent.
+#[test]
+fn a_smaller_view_costs_what_the_table_says() {
+    let any = MagnetometerLimits {
+        sphere_coverage: 0.0,
+        condition_number: 1e9,
+        residual_std_ut: 50.0,
+        ..MagnetometerLimits::default()
+    };
+    let world = |from, distortion| World {
+        from,
+        distortion,
+        noise_ut: 0.7,
+        ..World::default()
+    };
+    for (from, condition, stated, wrong) in [
+        (-1.0, [3.2, 1.2], [0.04, 0.04], [0.05, 0.04]),
+        (-0.5, [7.0, 1.7], [0.08, 0.89], [0.05, 2.6]),
+        (0.0, [22.0, 3.8], [0.30, 1.8], [0.11, 5.2]),
+        (0.35, [76.0, 7.8], [0.88, 2.4], [0.24, 7.2]),
+    ] {
+        for (k, ellipsoid_coverage) in [0.0, 2.0].into_iter().enumerate() {
+            let limits = MagnetometerLimits {
+                ellipsoid_coverage,
+                ..any
+            };
+            let round = world(from, Matrix3::identity()).samples();
+            let c = gathered(&round).finish(&limits).unwrap();
+            let std = Vector3::from(c.hard_iron_std_ut).max();
+            let bent = world(from, distortion()).samples();
+            let bent = gathered(&bent).finish(&limits).unwrap();
+            let error = (bent.hard_iron() - HARD_IRON).amax();
+            assert_relative_eq!(c.condition_number, condition[k], max_relative = 0.05);
+            assert_relative_eq!(std, stated[k], max_relative = 0.1);
+            assert_relative_eq!(error, wrong[k], max_relative = 0.1);
+        }
+    }
+}
