@@ -499,3 +499,37 @@ fn a_smaller_view_costs_what_the_table_says() {
         }
     }
 }
+
+proptest::proptest! {
+    /// Whatever comes in, an answer comes out, and one that is given is usable: few points, points
+    /// on lines and planes, tiny and huge ones.
+    #[test]
+    fn no_samples_make_it_panic(
+        points in proptest::collection::vec(proptest::array::uniform3(-1.0_f32..1.0), 0..60),
+        scale in -30.0_f32..5.0,
+        flatten in proptest::array::uniform3(0_u8..2),
+        centre in -2000.0_f32..2000.0,
+    ) {
+        let mut calibrator = MagnetometerCalibrator::<f32>::new();
+        let squeeze = Vector3::from(flatten).map(f32::from) * 10_f32.powf(scale);
+        for point in points.iter().cycle().take(points.len() * 3) {
+            calibrator.add(&(Vector3::from(*point).component_mul(&squeeze).add_scalar(centre)));
+        }
+        let limits = MagnetometerLimits {
+            minimum_samples: 10,
+            ellipsoid_coverage: 0.0,
+            sphere_coverage: 0.0,
+            condition_number: f32::MAX,
+            axis_ratio: f32::MAX,
+            residual_std_ut: f32::MAX,
+            field_minimum_ut: 0.0,
+            field_maximum_ut: f32::MAX,
+            ..MagnetometerLimits::default()
+        };
+        if let Ok(c) = calibrator.finish(&limits) {
+            proptest::prop_assert!(c.hard_iron().iter().all(|x| x.is_finite()));
+            proptest::prop_assert!(c.soft_iron().iter().all(|x| x.is_finite()));
+        }
+        let _ = (calibrator.coverage().share(), calibrator.sphere_ut());
+    }
+}
