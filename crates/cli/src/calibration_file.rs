@@ -118,4 +118,14 @@ mod tests {
             message(&bad)
         );
     }
+
+    #[test]
+    fn every_key_is_documented() {
+        let formats = include_str!("../../../docs/formats.md");
+        let values = toml::Table::try_from(calibrated().calibration).unwrap();
+        assert!(values.len() > 10);
+        for key in values.keys() {
+            assert!(formats.contains(&format!("`{key}`")), "{key}");
+        }
+    }
 }

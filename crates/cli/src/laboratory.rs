@@ -311,8 +311,7 @@ impl<'a> Lab<'a> {
         };
         let config = self.phone.config();
         let subtitle = format!(
-            "A virtual phone with known truth (seed {}, {} motion, disturbance {}): the error stays inside \
-             the band that the filter states.",
+            "A virtual phone whose truth is known (seed {}, {} motion, disturbance: {}).",
             config.seed,
             config.motion.name(),
             config.disturbance.name()

@@ -33,7 +33,7 @@ impl Progress {
 
     /// Work on a stream of unknown length.
     pub(crate) fn of_stream(what: &str) -> Self {
-        let style = "{spinner} {msg}: {human_pos} events, {per_sec}, {elapsed}";
+        let style = "{spinner} {msg}: {human_pos} samples, {elapsed}";
         Self::new(
             ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()),
             style,
@@ -58,9 +58,14 @@ impl Progress {
 
     /// One more event of a stream; cheap enough to be called for each.
     pub(crate) fn event(&mut self) {
+        self.event_at(self.count + 1);
+    }
+
+    /// One more event, after which so many steps are done.
+    pub(crate) fn event_at(&mut self, steps: u64) {
         self.count += 1;
         if self.count.is_multiple_of(EVENTS_PER_LOOK) && self.may_draw() {
-            self.bar.set_position(self.count);
+            self.bar.set_position(steps);
         }
     }
 

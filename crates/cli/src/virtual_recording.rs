@@ -109,7 +109,11 @@ pub(crate) fn write(
     } else {
         create(output, &metadata, &SENSORS, force)?
     };
-    let mut progress = Progress::of_stream("recording");
+    let mut progress = Progress::of_steps(
+        samples.unwrap_or(phone.config().duration_s() as u64),
+        "recording",
+    );
+    let start_ns = phone.config().start_time_ns;
     let mut written = 0;
     for event in interruptible(phone.events().map(Ok)) {
         if samples.is_some_and(|samples| written >= samples) {
@@ -117,8 +121,12 @@ pub(crate) fn write(
         }
         let event = event?;
         writer.write(&event)?;
-        progress.event();
         written += u64::from(event.sample.kind() != SensorKind::Reference);
+        progress.event_at(
+            samples.map_or((event.time_ns - start_ns) as u64 / 1_000_000_000, |_| {
+                written
+            }),
+        );
     }
     writer.finish()?;
     Ok(written)
