@@ -150,5 +150,5 @@ fn end_error(trace: &Trace) -> Option<(f64, String)> {
     let last = &errors[errors.len() - errors.len().div_ceil(20)..];
     let mean = last.iter().sum::<f64>() / last.len() as f64;
     mean.is_finite()
-        .then(|| (mean, format!("{} deg at end", short(mean))))
+        .then(|| (mean, format!("{}° at end", short(mean))))
 }
