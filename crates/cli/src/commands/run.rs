@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
@@ -61,6 +61,12 @@ pub(crate) struct RunArgs {
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let options = args.estimation.options(args.estimator, &args.input)?;
     if let Some(report) = &args.report {
+        if args.out.as_ref() == Some(report) {
+            bail!(
+                "--report and --out name the same file, {}; name two",
+                report.display()
+            );
+        }
         check_free(report, args.force)?;
     }
     let file = args

@@ -356,6 +356,10 @@ fn outputs_that_cannot_be_written_are_named() {
         &["e.txt", ".csv, .parquet or .tum"],
     );
     contains(
+        &lab.refuses(&["run", "phone.csv", "--report", "a.csv", "--out", "a.csv"]),
+        &["--report and --out name the same file"],
+    );
+    contains(
         &lab.refuses(&["run", "phone.csv", "--report", "."]),
         &["it is a folder"],
     );
