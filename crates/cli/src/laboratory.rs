@@ -27,6 +27,7 @@ use crate::commands::run::TRACE_CAPACITY;
 use crate::estimate_file::EstimateFile;
 use crate::estimation::{parameters_used, run_over};
 use crate::output::{check_free, print};
+use crate::progress::Progress;
 use crate::rest_span::{self, Calibrated, Span};
 use crate::sheet::paragraph;
 use crate::table::Table;
@@ -244,7 +245,8 @@ impl<'a> Lab<'a> {
         observer: &mut dyn RunObserver,
     ) -> Result<RunSummary> {
         let name = self.folder.recording.display().to_string();
-        run_over(recording, &name, options, observer, || {})
+        let mut progress = Progress::of_stream("estimating");
+        run_over(recording, &name, options, observer, || progress.event())
     }
 
     fn compare(&mut self, options: &RunOptions) -> Result<()> {

@@ -7,6 +7,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Nothing is drawn before this has passed.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// How often a drawn bar moves.
+const TICK: Duration = Duration::from_millis(200);
 /// Events between two looks at the clock, a power of two.
 const EVENTS_PER_LOOK: u64 = 4096;
 
@@ -79,6 +81,8 @@ impl Progress {
     fn may_draw(&mut self) -> bool {
         if !self.shown && self.terminal && self.started.elapsed() > PATIENCE {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
+            // Goes on turning when nothing is counted, as while a smoother looks back.
+            self.bar.enable_steady_tick(TICK);
             self.shown = true;
         }
         self.shown
