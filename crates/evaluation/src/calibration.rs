@@ -119,12 +119,22 @@ pub fn state_at_rest(
         (Some(f), Some(m)) => wahba::triad(&f, &m, &frame.up(), &frame.north()),
         _ => None,
     };
+    let attitude = attitude
+        .or(wahba.map(|w| w.ref_from_body))
+        .unwrap_or_else(UnitQuaternion::identity);
+    let attitude_covariance = match (force, field) {
+        (Some(_), Some(_)) => wahba.map(|w| w.covariance),
+        // Without a field the heading is a matter of choice, and the start chooses it: it knows
+        // its heading as well as its tilt, and what grows from there is the drift.
+        (Some(_), None) => observations
+            .first()
+            .map(|o| Matrix3::identity() * o.std.powi(2)),
+        _ => None,
+    };
     let unknown = Matrix3::identity() * MAXIMUM_STD.powi(2);
     InitialState {
-        attitude: attitude
-            .or(wahba.map(|w| w.ref_from_body))
-            .unwrap_or_else(UnitQuaternion::identity),
-        attitude_covariance: wahba.map_or(unknown, |w| w.covariance),
+        attitude,
+        attitude_covariance: attitude_covariance.unwrap_or(unknown),
         gyroscope_bias: calibration.gyroscope_bias(),
         gyroscope_bias_std: calibration.gyroscope_bias_std(),
         references: References {
