@@ -14,7 +14,7 @@ use crate::calibration_file;
 use crate::cli::called;
 use crate::input::{InputArgs, magnetometer_source, seconds, shown};
 use crate::interrupt::interruptible;
-use crate::output::{check_free, print, print_json};
+use crate::output::{check_free, check_not_input, print, print_json};
 use crate::progress::Progress;
 use crate::rest_span::{self, Calibrated, Span};
 
@@ -81,6 +81,7 @@ pub(crate) fn execute(args: &CalibrateArgs) -> Result<()> {
     }
     if let Some(out) = &args.out {
         check_free(out, args.force)?;
+        check_not_input(out, &args.recording)?;
     }
     let calibrated = calibrate(args)?;
     let recording = shown(&args.recording);
