@@ -29,7 +29,7 @@ pub(crate) fn to_toml(calibrated: &Calibrated, recording: &str) -> Result<String
 /// It cannot be read, is no TOML, or lacks something; the message names the line.
 pub(crate) fn read(path: &Path) -> Result<RestCalibration<f64>> {
     let file = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot open it"))?;
+    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
     parse(&text, &file)
 }
 
@@ -117,5 +117,15 @@ mod tests {
             "{}",
             message(&bad)
         );
+    }
+
+    #[test]
+    fn every_key_is_documented() {
+        let formats = include_str!("../../../docs/formats.md");
+        let values = toml::Table::try_from(calibrated().calibration).unwrap();
+        assert!(values.len() > 10);
+        for key in values.keys() {
+            assert!(formats.contains(&format!("`{key}`")), "{key}");
+        }
     }
 }

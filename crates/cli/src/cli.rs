@@ -57,3 +57,12 @@ northing: which way does a device point, and how sure are we?
 
 `northing COMMAND --help` says more, with examples.
 ";
+
+/// The program as it was called, for commands that people may copy: its path, or `northing`.
+pub(crate) fn called() -> String {
+    let path = std::env::args_os()
+        .next()
+        .map(|path| path.to_string_lossy().into_owned());
+    path.filter(|path| path.contains('/') && !path.contains(' '))
+        .unwrap_or_else(|| "northing".to_owned())
+}

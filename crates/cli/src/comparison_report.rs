@@ -33,12 +33,17 @@ pub(crate) fn render(runs: &[Run], options: &RunOptions) -> String {
         .iter()
         .map(|estimator| estimator.name())
         .collect();
+    let rows = statistics(runs);
+    let tables = match recordings.len() {
+        1 => vec![estimators_table(&summaries)],
+        _ => vec![statistics_table(&rows), recordings_table(runs, &estimators)],
+    };
     ComparisonReport {
         title: "Comparison of estimators".to_owned(),
         recording: over,
         command: Some(command_line()),
-        summary: best(&statistics(runs)),
-        tables: tables(runs, &summaries, recordings.len()),
+        summary: best(&rows, recordings.len()),
+        tables,
         distributions: distributions(&summaries, &estimators, recordings.len()),
         runs: runs.iter().filter_map(drawn).collect(),
         issues: issues(&summaries),
@@ -62,51 +67,42 @@ fn drawn(run: &Run) -> Option<ComparedRun<'_>> {
 }
 
 /// The estimator with the lowest median of each part of the table.
-fn best(rows: &[TableRow]) -> Vec<Fact> {
+fn best(rows: &[TableRow], recordings: usize) -> Vec<Fact> {
     let mut folders: Vec<Option<&String>> = rows.iter().map(|row| row.folder.as_ref()).collect();
     folders.dedup();
     let best = folders.into_iter().filter_map(|folder| {
         let of = rows.iter().filter(|row| row.folder.as_ref() == folder);
         let scored = of.filter_map(|row| Some((row.estimator, row.total_deg?.median)));
         let (estimator, median) = scored.min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let place = folder.map_or("all recordings", String::as_str);
-        Some(Fact::new(
-            format!("lowest median error, {place}"),
-            format!("{estimator}: {median:.2} deg"),
-        ))
+        let label = match folder {
+            _ if recordings == 1 => "lowest error".to_owned(),
+            Some(folder) => format!("lowest median error, {folder}"),
+            None => "lowest median error, all recordings".to_owned(),
+        };
+        Some(Fact::new(label, format!("{estimator}: {median:.2} deg")))
     });
     best.collect()
 }
 
-fn tables(runs: &[Run], summaries: &[&RunSummary], recordings: usize) -> Vec<Table> {
-    let mut tables = Vec::new();
-    if recordings > 1 {
-        tables.push(statistics_table(&statistics(runs)));
-    }
-    tables.push(runs_table(summaries));
-    tables
-}
-
 fn statistics_table(rows: &[TableRow]) -> Table {
-    let number = |value: Option<MeanMedian>, of: fn(&MeanMedian) -> f64| {
-        Cell::number(value.as_ref().map(of), 2)
+    let both = |value: Option<MeanMedian>| match value {
+        Some(v) => Cell::Text(format!("{:.2} / {:.2}", v.mean, v.median)),
+        None => Cell::Missing,
     };
-    let column = |name: &str| Column::new(name, "deg", None);
+    let column = |name: &str, unit: &str| Column::new(name, unit, None);
     Table {
-        title: "Mean and median".to_owned(),
-        caption:
-            "RMS error of each recording, its mean and its median over the recordings of a folder."
-                .to_owned(),
+        title: "Mean / median".to_owned(),
+        caption: "RMS error of each recording, its mean and its median over the recordings of a \
+                  folder. NEES per degree of freedom is 1 when the stated uncertainty is honest."
+            .to_owned(),
         columns: vec![
-            Column::new("folder", "", None),
-            Column::new("estimator", "", None),
-            Column::new("recordings", "", None),
-            column("total, mean"),
-            column("total, median"),
-            column("heading, mean"),
-            column("heading, median"),
-            column("inclination, mean"),
-            column("inclination, median"),
+            column("folder", ""),
+            column("estimator", ""),
+            column("recordings", ""),
+            column("total", "deg"),
+            column("heading", "deg"),
+            column("inclination", "deg"),
+            column("NEES, median", ""),
         ],
         rows: rows
             .iter()
@@ -115,47 +111,77 @@ fn statistics_table(rows: &[TableRow]) -> Table {
                     Cell::text(row.folder.as_deref().unwrap_or("all")),
                     Cell::text(row.estimator.name()),
                     Cell::number(Some(row.scored_recordings as f64), 0),
-                    number(row.total_deg, |v| v.mean),
-                    number(row.total_deg, |v| v.median),
-                    number(row.heading_deg, |v| v.mean),
-                    number(row.heading_deg, |v| v.median),
-                    number(row.inclination_deg, |v| v.mean),
-                    number(row.inclination_deg, |v| v.median),
+                    both(row.total_deg),
+                    both(row.heading_deg),
+                    both(row.inclination_deg),
+                    Cell::number(row.nees.map(|nees| nees.median), 2),
                 ]
             })
             .collect(),
     }
 }
 
-fn runs_table(summaries: &[&RunSummary]) -> Table {
+/// Total error, a row for each recording and a column for each estimator.
+fn recordings_table(runs: &[Run], estimators: &[EstimatorKind]) -> Table {
+    let best = Some(Best::LowestOfRow);
+    let mut columns = vec![Column::new("recording", "", None)];
+    columns.extend(
+        estimators
+            .iter()
+            .map(|estimator| Column::new(estimator.name(), "deg", best)),
+    );
+    let row = |runs: &[Run]| {
+        let name = runs
+            .first()
+            .and_then(|run| run.path.file_stem())
+            .unwrap_or_default();
+        let errors = runs.iter().map(|run| {
+            let error = run
+                .outcome
+                .as_ref()
+                .ok()
+                .and_then(|summary| summary.error_deg);
+            Cell::number(error.map(|error| error.total_rmse), 2)
+        });
+        std::iter::once(Cell::Text(name.to_string_lossy().into_owned()))
+            .chain(errors)
+            .collect()
+    };
     Table {
-        title: "Each run".to_owned(),
-        caption:
-            "RMS errors against the reference; NEES is 1 when the stated uncertainty is honest."
-                .to_owned(),
-        columns: vec![
-            Column::new("recording", "", None),
-            Column::new("estimator", "", None),
-            Column::new("total", "deg", None),
-            Column::new("heading", "deg", None),
-            Column::new("inclination", "deg", None),
-            Column::new(
-                "NEES / dof",
-                "",
-                Some(Best::Nearest(1.0)).filter(|_| summaries.len() < 10),
-            ),
-            Column::new("final test", "deg", None),
-            Column::new("expected", "deg", None),
-        ],
-        rows: summaries.iter().map(|summary| run_cells(summary)).collect(),
+        title: "Each recording".to_owned(),
+        caption: "RMS of the total error.".to_owned(),
+        columns,
+        rows: runs.chunks(estimators.len().max(1)).map(row).collect(),
     }
 }
 
-fn run_cells(summary: &RunSummary) -> Vec<Cell> {
+/// Everything about each estimator on one recording.
+fn estimators_table(summaries: &[&RunSummary]) -> Table {
+    let column = |name: &str, best| Column::new(name, "deg", best);
+    let lowest = Some(Best::Lowest);
+    Table {
+        title: "Each estimator".to_owned(),
+        caption: "RMS errors against the reference. NEES per degree of freedom is 1 when the \
+                  stated uncertainty is honest. In the final test the device is back where it began: \
+                  how far the estimate is from there, and how far the filter expects it to be."
+            .to_owned(),
+        columns: vec![
+            Column::new("estimator", "", None),
+            column("total", lowest),
+            column("heading", lowest),
+            column("inclination", lowest),
+            Column::new("NEES", "", Some(Best::Nearest(1.0))),
+            column("final test", None),
+            column("expected", None),
+        ],
+        rows: summaries.iter().map(|summary| estimator_cells(summary)).collect(),
+    }
+}
+
+fn estimator_cells(summary: &RunSummary) -> Vec<Cell> {
     let error = summary.error_deg;
     let test = summary.final_test.as_ref();
     vec![
-        Cell::text(summary.recording.as_str()),
         Cell::text(summary.estimator.name()),
         Cell::number(error.map(|e| e.total_rmse), 2),
         Cell::number(error.map(|e| e.heading_rmse), 2),

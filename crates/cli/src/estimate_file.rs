@@ -214,4 +214,12 @@ mod tests {
             .to_string();
         assert!(error.contains(".csv, .parquet or .tum"), "{error}");
     }
+
+    #[test]
+    fn every_column_is_documented() {
+        let formats = include_str!("../../../docs/formats.md");
+        for column in COLUMNS {
+            assert!(formats.contains(&format!("`{column}`")), "{column}");
+        }
+    }
 }

@@ -34,7 +34,7 @@ pub(crate) struct EstimationArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "calibrate_first")]
     calibration: Option<PathBuf>,
     /// Calibrate from the first seconds of the recording, in which the device must rest
-    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     calibrate_first: Option<f64>,
     /// Look back: smooth over the whole recording (RTS; mekf only, keeps it in memory)
     #[arg(long)]

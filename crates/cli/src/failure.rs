@@ -3,6 +3,9 @@
 use std::io;
 use std::process::ExitCode;
 
+use clap::CommandFactory as _;
+
+use crate::cli::Cli;
 use crate::interrupt;
 
 /// Exit code for anything the user can put right: arguments, files, settings.
@@ -35,7 +38,10 @@ pub(crate) fn exit_code_of_arguments(error: &clap::Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let text = error.render().to_string();
-    complain(&one_line_of_clap(&text));
+    let arguments = std::env::args_os()
+        .skip(1)
+        .map(|word| word.to_string_lossy().into_owned());
+    complain(&one_line_of_clap(&text, &command_of(arguments)));
     ExitCode::from(BAD_INPUT)
 }
 
@@ -68,30 +74,30 @@ fn one_line(message: &str) -> String {
 }
 
 /// clap's paragraph as a sentence: what is wrong, any tip, and where to read on.
-fn one_line_of_clap(text: &str) -> String {
-    let mut message = String::new();
-    let mut usage = None;
-    for line in text.lines().map(str::trim) {
-        if let Some(shown) = line.strip_prefix("Usage: ") {
-            usage = Some(shown.to_owned());
-        } else if !line.is_empty() && !line.starts_with("For more information") && usage.is_none() {
-            if !message.is_empty() {
-                message.push(' ');
-            }
-            message.push_str(line.strip_prefix("error: ").unwrap_or(line));
-        }
-    }
-    let words = usage.unwrap_or_default();
-    let command: Vec<&str> = words
-        .split(' ')
-        .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase()))
+fn one_line_of_clap(text: &str, command: &str) -> String {
+    let about = text
+        .lines()
+        .map(str::trim)
+        .take_while(|line| !line.starts_with("Usage: "));
+    let kept = about.filter(|line| !line.is_empty() && !line.starts_with("For more information"));
+    let words: Vec<&str> = kept
+        .map(|line| line.strip_prefix("error: ").unwrap_or(line))
         .collect();
-    let command = if command.is_empty() {
-        "northing".to_owned()
-    } else {
-        command.join(" ")
-    };
-    format!("{message}; see {command} --help")
+    format!("{}; see {command} --help", words.join(" "))
+}
+
+/// The command whose help applies to these arguments.
+fn command_of(arguments: impl Iterator<Item = String>) -> String {
+    let mut known = Cli::command();
+    let mut name = known.get_name().to_owned();
+    for argument in arguments {
+        let Some(next) = known.find_subcommand(&argument).cloned() else {
+            break;
+        };
+        name = format!("{name} {argument}");
+        known = next;
+    }
+    name
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
@@ -117,10 +123,21 @@ mod tests {
                     tip: a similar argument exists: '--set'\n\n\
                     Usage: northing run [OPTIONS] <RECORDING>\n\nFor more information, try '--help'.\n";
         assert_eq!(
-            one_line_of_clap(text),
+            one_line_of_clap(text, "northing run"),
             "unexpected argument '--sets' found tip: a similar argument exists: '--set'; \
              see northing run --help"
         );
+    }
+
+    #[test]
+    fn the_command_is_found_behind_its_name() {
+        let command = |words: &str| command_of(words.split_whitespace().map(str::to_owned));
+        assert_eq!(
+            command("calibrate rest x.csv --from"),
+            "northing calibrate rest"
+        );
+        assert_eq!(command("fly away"), "northing");
+        assert_eq!(command(""), "northing");
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub(crate) struct InputArgs {
     #[arg(long, value_name = "UNIT")]
     magnetometer_unit: Option<FieldUnit>,
     /// Longest pause of the gyroscope that is no gap; the uncertainty grows over a gap
-    #[arg(long, value_name = "SECONDS", default_value = "0.5", value_parser = positive_seconds)]
+    #[arg(long, value_name = "SECONDS", default_value = "0.5", value_parser = positive_seconds, allow_negative_numbers = true)]
     gap_limit: f64,
 }
 

@@ -9,6 +9,7 @@ mod estimation;
 mod failure;
 mod input;
 mod interrupt;
+mod laboratory;
 mod output;
 #[cfg(feature = "parquet")]
 mod parquet_table;

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use northing_recording::AtomicFile;
 use serde::Serialize;
 
@@ -32,9 +32,45 @@ pub(crate) fn check_free(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
+/// Refuses an output that is the recording being read: not even `--force` means that.
+pub(crate) fn check_not_input(output: &Path, input: &Path) -> Result<()> {
+    if same_file(output, input) {
+        bail!(
+            "{}: it is the recording being read; name another file to write",
+            output.display()
+        );
+    }
+    Ok(())
+}
+
+/// Whether two paths lead to the same file, whatever they are spelt like; the files need not exist.
+pub(crate) fn same_file(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| {
+        path.canonicalize().ok().or_else(|| {
+            let folder = path
+                .parent()
+                .filter(|folder| !folder.as_os_str().is_empty());
+            let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
+            Some(folder.join(path.file_name()?))
+        })
+    };
+    a == b || place(a).is_some_and(|a| Some(a) == place(b))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::check_free;
+    use super::{check_free, check_not_input, same_file};
+
+    #[test]
+    fn one_file_under_two_names_is_one_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let detour = folder.path().join(".").join("a.csv");
+        assert!(same_file(&path, &detour), "before it exists");
+        std::fs::write(&path, "x").unwrap();
+        assert!(same_file(&path, &detour) && check_not_input(&detour, &path).is_err());
+        assert!(check_not_input(&folder.path().join("b.csv"), &path).is_ok());
+    }
 
     #[test]
     fn a_free_name_in_a_folder_that_exists_is_accepted_and_nothing_else() {

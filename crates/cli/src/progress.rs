@@ -7,6 +7,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Nothing is drawn before this has passed.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// How often a drawn bar moves.
+const TICK: Duration = Duration::from_millis(200);
 /// Events between two looks at the clock, a power of two.
 const EVENTS_PER_LOOK: u64 = 4096;
 
@@ -33,7 +35,7 @@ impl Progress {
 
     /// Work on a stream of unknown length.
     pub(crate) fn of_stream(what: &str) -> Self {
-        let style = "{spinner} {msg}: {human_pos} events, {per_sec}, {elapsed}";
+        let style = "{spinner} {msg}: {human_pos} samples, {elapsed}";
         Self::new(
             ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()),
             style,
@@ -58,9 +60,14 @@ impl Progress {
 
     /// One more event of a stream; cheap enough to be called for each.
     pub(crate) fn event(&mut self) {
+        self.event_at(self.count + 1);
+    }
+
+    /// One more event, after which so many steps are done.
+    pub(crate) fn event_at(&mut self, steps: u64) {
         self.count += 1;
         if self.count.is_multiple_of(EVENTS_PER_LOOK) && self.may_draw() {
-            self.bar.set_position(self.count);
+            self.bar.set_position(steps);
         }
     }
 
@@ -74,6 +81,8 @@ impl Progress {
     fn may_draw(&mut self) -> bool {
         if !self.shown && self.terminal && self.started.elapsed() > PATIENCE {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
+            // Goes on turning when nothing is counted, as while a smoother looks back.
+            self.bar.enable_steady_tick(TICK);
             self.shown = true;
         }
         self.shown

@@ -55,7 +55,7 @@ impl ConfigFile {
     fn read(path: &Path) -> Result<Self> {
         let file = path.display().to_string();
         let text =
-            std::fs::read_to_string(path).with_context(|| format!("{file}: cannot open it"))?;
+            std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
         Self::parse(&text, &file)
     }
 

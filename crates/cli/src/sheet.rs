@@ -43,6 +43,15 @@ impl Sheet {
     }
 }
 
+/// A text on lines that begin with `indent` and are not wider than a page.
+pub(crate) fn paragraph(text: &str, indent: &str) -> String {
+    let lines = wrap(text, WIDTH.saturating_sub(indent.chars().count()));
+    lines
+        .iter()
+        .map(|line| format!("{indent}{line}\n"))
+        .collect()
+}
+
 /// Lines of at most `width` characters, broken between words.
 fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];

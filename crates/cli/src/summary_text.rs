@@ -1,5 +1,8 @@
 //! The outcome of a run for people: a short sheet, numbers with words.
 
+use std::fmt::Write as _;
+
+use northing_core::kalman::SkipReason;
 use northing_evaluation::final_test::FinalVerdict;
 use northing_evaluation::nis::UpdateCounts;
 use northing_evaluation::summary::RunSummary;
@@ -83,6 +86,12 @@ fn sensor(sheet: &mut Sheet, summary: &RunSummary, kind: SensorKind, counts: &Up
         "{} fused, {} gated, {} skipped.",
         counts.fused, counts.gated, counts.skipped
     );
+    // What is skipped before the start needs no word; anything else does.
+    for (reason, count) in &counts.skipped_because {
+        if *reason != SkipReason::NotInitialized.description() {
+            let _ = write!(text, " {count} of them: {reason}.");
+        }
+    }
     let verdict = summary
         .verdicts
         .iter()

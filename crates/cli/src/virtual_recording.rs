@@ -28,10 +28,15 @@ const LONGEST_S: f64 = 4e9;
 #[command(next_help_heading = "The virtual phone")]
 pub(crate) struct PhoneArgs {
     /// Determines everything random: noise, bias, motion
-    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    #[arg(
+        long,
+        value_name = "NUMBER",
+        default_value_t = 1,
+        allow_negative_numbers = true
+    )]
     seed: u64,
     /// Length of the recording; the script of 75 s starts again until it has passed
-    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// How it is moved: gentle, brisk, rest
     #[arg(long, value_name = "HOW", default_value = "gentle", value_parser = motion)]
@@ -104,7 +109,11 @@ pub(crate) fn write(
     } else {
         create(output, &metadata, &SENSORS, force)?
     };
-    let mut progress = Progress::of_stream("recording");
+    let mut progress = Progress::of_steps(
+        samples.unwrap_or(phone.config().duration_s() as u64),
+        "recording",
+    );
+    let start_ns = phone.config().start_time_ns;
     let mut written = 0;
     for event in interruptible(phone.events().map(Ok)) {
         if samples.is_some_and(|samples| written >= samples) {
@@ -112,8 +121,12 @@ pub(crate) fn write(
         }
         let event = event?;
         writer.write(&event)?;
-        progress.event();
         written += u64::from(event.sample.kind() != SensorKind::Reference);
+        progress.event_at(
+            samples.map_or((event.time_ns - start_ns) as u64 / 1_000_000_000, |_| {
+                written
+            }),
+        );
     }
     writer.finish()?;
     Ok(written)

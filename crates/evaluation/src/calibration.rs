@@ -119,12 +119,22 @@ pub fn state_at_rest(
         (Some(f), Some(m)) => wahba::triad(&f, &m, &frame.up(), &frame.north()),
         _ => None,
     };
+    let attitude = attitude
+        .or(wahba.map(|w| w.ref_from_body))
+        .unwrap_or_else(UnitQuaternion::identity);
+    let attitude_covariance = match (force, field) {
+        (Some(_), Some(_)) => wahba.map(|w| w.covariance),
+        // Without a field the heading is a matter of choice, and the start chooses it: it knows
+        // its heading as well as its tilt, and what grows from there is the drift.
+        (Some(_), None) => observations
+            .first()
+            .map(|o| Matrix3::identity() * o.std.powi(2)),
+        _ => None,
+    };
     let unknown = Matrix3::identity() * MAXIMUM_STD.powi(2);
     InitialState {
-        attitude: attitude
-            .or(wahba.map(|w| w.ref_from_body))
-            .unwrap_or_else(UnitQuaternion::identity),
-        attitude_covariance: wahba.map_or(unknown, |w| w.covariance),
+        attitude,
+        attitude_covariance: attitude_covariance.unwrap_or(unknown),
         gyroscope_bias: calibration.gyroscope_bias(),
         gyroscope_bias_std: calibration.gyroscope_bias_std(),
         references: References {
@@ -310,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_magnetometer_the_heading_is_open() {
+    fn without_a_magnetometer_the_start_defines_the_heading() {
         let mut phase = phase();
         phase.calibrator.forget_magnetometer();
         let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
@@ -323,7 +333,10 @@ mod tests {
         );
         let up = truth().inverse() * Vector3::z();
         assert!((start.attitude.inverse() * Vector3::z()).angle(&up) < 1e-3);
-        assert!(up.dot(&(start.attitude_covariance * up)).sqrt() > 1.7);
+        // Known as well as the tilt: the same in every direction, and small.
+        let about_up = up.dot(&(start.attitude_covariance * up));
+        assert!((about_up - start.attitude_covariance[(0, 0)]).abs() < 1e-12);
+        assert!(about_up > 0.0 && about_up.sqrt() < 0.01, "{about_up}");
         assert_eq!(start.references.magnetic_field, None);
     }
 

@@ -82,6 +82,9 @@ pub enum EvaluationError {
         /// Why it was refused.
         reason: String,
     },
+    /// A record at rest gives no Allan deviation.
+    #[error("Allan deviation: {0}")]
+    Allan(#[from] crate::allan::AllanError),
     /// The calibration does not give what a start needs.
     #[error("calibration: {problem}")]
     UnusableCalibration {

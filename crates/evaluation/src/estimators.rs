@@ -221,6 +221,10 @@ impl AttitudeEstimator<f64> for AnyEstimator {
     fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         each!(self, e => e.gyroscope_bias())
     }
+
+    fn rate_at_rest(&self) -> Vector3<f64> {
+        each!(self, e => e.rate_at_rest())
+    }
 }
 
 #[cfg(test)]

@@ -1,9 +1,11 @@
 //! The paper's final test: the device is back in its first pose; is the estimate too?
 //!
 //! Read first: Utrera & Vazquez (2021), section 4. The *calculated* error is the angle of
-//! `q_e = q_start^-1 q_end`, which would be zero; the *estimated* error is what the filter's
-//! covariance says, `sqrt(tr P)`. With the local error `a = log(q_e)` the square `a^T P^-1 a` lies
-//! between 0.22 and 9.35 in 95 % of all cases when the filter is honest.
+//! `q_e = q_start^-1 q_end` (M26), which would be zero; the *estimated* error is what the filter's
+//! covariance says, `sqrt(tr P)` (M26b). `q_start` is the estimate just before the motion, when the
+//! filter had settled, and its covariance counts as well: with the local error `a = log(q_e)` the
+//! square `a^T (P + P_start)^-1 a` lies between 0.22 and 9.35 in 95 % of all cases when the filter
+//! is honest (M26c).
 //!
 //! The test applies when the device rested in the same pose for a second at both ends. Whether it
 //! did is read from the sensors, not from the estimate.
@@ -13,6 +15,7 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::wahba;
 use northing_core::geometry::so3;
+use northing_core::kalman::covariance::normalized_square;
 use serde::Serialize;
 
 use crate::instants::Instant;
@@ -23,6 +26,8 @@ const BOUNDS: [f64; 2] = [0.22, 9.35];
 const WINDOW_NS: i64 = 1_000_000_000;
 /// Largest deviation of a rate from its mean at rest, rad/s.
 const STILL_RAD_S: f64 = 0.1;
+/// Largest change of a second's mean rate at rest, rad/s: more is a slow turn.
+const TURNING_RAD_S: f64 = 0.02;
 /// Largest mean rate that can still be a gyroscope bias, rad/s (11 deg/s).
 const LARGEST_BIAS_RAD_S: f64 = 0.2;
 /// Largest angle between the directions of gravity, and of the references, of the same pose, deg.
@@ -63,14 +68,23 @@ pub struct FinalSummary {
     pub sentence: String,
 }
 
+/// Attitude and its covariance.
+type Estimate = (UnitQuaternion<f64>, Option<Matrix3<f64>>);
+
 /// Watches the sensors and the estimates, and tests at the end.
 #[derive(Debug, Clone, Default)]
 pub struct FinalTest {
     start: Option<Pose>,
     window: Window,
     first_ns: Option<i64>,
-    first_estimate: Option<UnitQuaternion<f64>>,
-    last_estimate: Option<(UnitQuaternion<f64>, Option<Matrix3<f64>>)>,
+    /// Whether the device has left the rest it began in.
+    moved: bool,
+    /// The newest estimate of the rest at the start: the reference pose, as well as it was known
+    /// before the motion.
+    first_estimate: Option<Estimate>,
+    /// An estimate that becomes the reference pose if the device rests for a second more.
+    candidate: Option<(i64, Estimate)>,
+    last_estimate: Option<Estimate>,
 }
 
 impl FinalTest {
@@ -85,28 +99,53 @@ impl FinalTest {
 
     /// Takes the estimate at one instant.
     pub fn estimated(&mut self, attitude: &UnitQuaternion<f64>, covariance: Option<Matrix3<f64>>) {
-        self.first_estimate.get_or_insert(*attitude);
-        self.last_estimate = Some((*attitude, covariance));
+        let now = (*attitude, covariance);
+        self.first_estimate.get_or_insert(now);
+        self.last_estimate = Some(now);
+        if !self.moved {
+            self.follow_the_rest(now);
+        }
+    }
+
+    /// Takes an estimate of the rest at the start as the reference pose once the second after it
+    /// has shown that the device still rested.
+    fn follow_the_rest(&mut self, now: Estimate) {
+        let time_ns = self.window.now_ns;
+        let Some((since_ns, candidate)) = self.candidate else {
+            self.candidate = Some((time_ns, now));
+            return;
+        };
+        if time_ns.saturating_sub(since_ns) < WINDOW_NS {
+            return;
+        }
+        let (pose, start) = (self.window.pose(), self.start.as_ref());
+        let rests = start.is_none_or(|s| s.still && (pose.rate - s.rate).amax() < TURNING_RAD_S);
+        self.moved = !(pose.still && rests);
+        if !self.moved {
+            self.first_estimate = Some(candidate);
+            self.candidate = Some((time_ns, now));
+        }
     }
 
     /// The outcome; `None` where the device did not rest in the same pose at both ends.
     #[must_use]
     pub fn summary(&self) -> Option<FinalSummary> {
         let (start, end) = (self.start.as_ref()?, self.window.pose());
-        let (end_attitude, covariance) = self.last_estimate?;
-        same_pose(start, &end).then(|| compare(&self.first_estimate?, &end_attitude, covariance))?
+        let (first, last) = (self.first_estimate?, self.last_estimate?);
+        same_pose(start, &end).then(|| compare(&first, &last))?
     }
 }
 
 fn compare(
-    first: &UnitQuaternion<f64>,
-    last: &UnitQuaternion<f64>,
-    covariance: Option<Matrix3<f64>>,
+    (first, first_covariance): &Estimate,
+    (last, covariance): &Estimate,
 ) -> Option<FinalSummary> {
-    // The error of the end: the start is where it truly is.
+    let covariance = *covariance;
     let a = so3::log(&(last.inverse() * first));
+    // The reference pose is itself only known as well as the estimate before the motion. Both are
+    // in the same pose, hence in the same body axes.
     let square = covariance
-        .and_then(|p| Some(a.dot(&p.cholesky()?.solve(&a))))
+        .and_then(|p| normalized_square(&a, &(p + first_covariance.unwrap_or_default())))
         .filter(|s| s.is_finite());
     let verdict = square.map(|s| match s {
         s if s < BOUNDS[0] => FinalVerdict::Pessimistic,
@@ -153,6 +192,8 @@ fn sentence(calculated: f64, estimated: Option<f64>, verdict: Option<FinalVerdic
 #[derive(Debug, Clone, Default)]
 struct Pose {
     still: bool,
+    /// Mean rate, rad/s: the gyroscope's bias if it was still.
+    rate: Vector3<f64>,
     force: Option<Vector3<f64>>,
     field: Option<Vector3<f64>>,
     reference: Option<UnitQuaternion<f64>>,
@@ -205,6 +246,7 @@ impl Window {
         let rate = mean(&self.rates, since);
         Pose {
             still: rate.is_some_and(|rate| self.is_still(&rate)),
+            rate: rate.unwrap_or_default(),
             force: mean(&self.forces, since),
             field: mean(&self.fields, since),
             reference: self.reference.filter(|(t, _)| *t >= since).map(|(_, q)| q),

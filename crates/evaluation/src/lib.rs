@@ -44,6 +44,7 @@
 //! A file is run with [`run_recording`] on what `northing_recording::open` gives; it takes name,
 //! world frame and issues from there. [`compare::compare`] does many files on all processors.
 
+pub mod allan;
 pub mod calibration;
 pub mod compare;
 pub mod consistency;

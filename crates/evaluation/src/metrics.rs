@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion};
 use northing_core::geometry::so3;
+use northing_core::kalman::covariance::normalized_square;
 use serde::Serialize;
 
 /// Error of one estimate, rad.
@@ -118,8 +119,7 @@ pub fn attitude_nees(
     reference: &UnitQuaternion<f64>,
 ) -> Option<f64> {
     let a = so3::log(&(estimate.inverse() * reference));
-    let nees = a.dot(&covariance.cholesky()?.solve(&a));
-    nees.is_finite().then_some(nees)
+    normalized_square(&a, covariance)
 }
 
 #[cfg(test)]

@@ -208,6 +208,10 @@ impl AttitudeEstimator<f64> for Recorder {
     fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         self.mekf.gyroscope_bias()
     }
+
+    fn rate_at_rest(&self) -> Vector3<f64> {
+        self.mekf.rate_at_rest()
+    }
 }
 
 #[cfg(test)]

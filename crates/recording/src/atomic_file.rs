@@ -37,6 +37,12 @@ impl AtomicFile {
                 "it is a folder; name a file in it",
             );
         }
+        if path.metadata().is_ok_and(|found| !found.is_file()) {
+            return refused(
+                io::ErrorKind::InvalidInput,
+                "it is a device or a pipe and not a file; name a file",
+            );
+        }
         if !force && path.symlink_metadata().is_ok() {
             return Err(RecordingError::Exists { file });
         }

@@ -6,7 +6,7 @@
 //! Units inside are SI and radians, with one exception named everywhere: magnetic field is in
 //! microtesla. Quaternions are Hamilton, body to reference, order w, x, y, z.
 //!
-//! [`open`] tells the format by content and returns a [`Recording`]: an iterator of events, checked
+//! [`open()`] tells the format by content and returns a [`Recording`]: an iterator of events, checked
 //! on the way ([`timeline`], [`plausibility`]), with [`Metadata`] and counted [`Issues`].
 
 pub mod atomic_file;

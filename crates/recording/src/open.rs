@@ -1,7 +1,7 @@
 //! Opening a recording: which format it is, and the reader for it.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{Cursor, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
@@ -29,21 +29,21 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Recording> {
 /// delimited text. `name` stands for the file in messages.
 ///
 /// # Errors
-/// As [`open`]; formats that need to jump in the file (Parquet, Sensor Logger) are refused.
+/// As [`open()`]; formats that need to jump in the file (Parquet, Sensor Logger) are refused.
 pub fn read_from(
     input: impl Read + Send + 'static,
     name: &str,
     options: &OpenOptions,
 ) -> Result<Recording> {
-    let mut input = BufReader::with_capacity(1 << 16, input);
-    let head = input
-        .fill_buf()
-        .map_err(|error| RecordingError::io(name, "read it", error))?;
+    let mut input = input;
+    let head =
+        stream_head(&mut input).map_err(|error| RecordingError::io(name, "read it", error))?;
     let format = match (options.format, &options.manifest) {
         (None, Some(_)) => Format::Manifest,
         (Some(format), _) => format,
-        (None, None) => detect(head, name)?,
+        (None, None) => detect(&head, name)?,
     };
+    let input = Cursor::new(head).chain(input);
     let metadata = named(name.to_owned());
     let opened = match (format, &options.manifest) {
         (Format::Csv, _) => csv::open(input, name, metadata)?,
@@ -72,7 +72,7 @@ pub fn read_from(
 /// stands for the file in messages.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<Recording> {
     let head = &bytes[..bytes.len().min(SAMPLE_BYTES)];
     let format = match options.format {
@@ -81,7 +81,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
     };
     let metadata = named(name.to_owned());
     let opened = match format {
-        Format::Csv => csv::open(std::io::Cursor::new(bytes), name, metadata)?,
+        Format::Csv => csv::open(Cursor::new(bytes), name, metadata)?,
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
         Format::Manifest => {
@@ -135,6 +135,27 @@ fn head(input: &mut File) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     input.take(SAMPLE_BYTES as u64).read_to_end(&mut head)?;
     Ok(head)
+}
+
+/// The first bytes of a stream: up to its header line, however small the pieces in which it comes,
+/// so that a live stream is not waited for longer than needed.
+fn stream_head(input: &mut impl Read) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    let mut piece = [0; SAMPLE_BYTES];
+    loop {
+        let read = match input.read(&mut piece[..SAMPLE_BYTES - head.len()]) {
+            Ok(read) => read,
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            Err(error) => return Err(error),
+        };
+        head.extend_from_slice(&piece[..read]);
+        let has_header = head
+            .split_inclusive(|byte| *byte == b'\n')
+            .any(|line| line.ends_with(b"\n") && !line.starts_with(b"#"));
+        if read == 0 || has_header || head.len() == SAMPLE_BYTES {
+            return Ok(head);
+        }
+    }
 }
 
 /// The format of a content that starts with `head`.

@@ -243,6 +243,25 @@ fn a_stream_is_read_and_formats_that_jump_are_refused() {
     );
 }
 
+/// A pipe whose writer is slow: one byte at a time.
+struct Trickle(std::io::Cursor<Vec<u8>>);
+
+impl std::io::Read for Trickle {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let most = out.len().min(1);
+        self.0.read(&mut out[..most])
+    }
+}
+
+#[test]
+fn a_stream_may_come_in_pieces_of_any_size() {
+    let text = format!("# device: slow\nt_s,{GYRO}\n0,0,0,0\n0.01,0,0,0\n");
+    let input = Trickle(std::io::Cursor::new(text.into_bytes()));
+    let recording = read_from(input, "standard input", &OpenOptions::default()).unwrap();
+    assert_eq!(recording.metadata().device.as_deref(), Some("slow"));
+    assert_eq!(recording.count(), 2);
+}
+
 proptest! {
     #![proptest_config(support::arbitrary_cases(256, 0xc5))]
 

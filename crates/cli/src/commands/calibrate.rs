@@ -11,14 +11,16 @@ use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
 use crate::calibration_file;
+use crate::cli::called;
 use crate::input::{InputArgs, magnetometer_source, seconds, shown};
 use crate::interrupt::interruptible;
-use crate::output::{check_free, print, print_json};
+use crate::output::{check_free, check_not_input, print, print_json};
 use crate::progress::Progress;
 use crate::rest_span::{self, Calibrated, Span};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, Args)]
+#[command(subcommand_required = true, arg_required_else_help = false)]
 pub(crate) struct CalibrateArgs {
     #[command(subcommand)]
     what: What,
@@ -48,10 +50,10 @@ struct RestArgs {
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
     /// Start of the rest, seconds after the first sample
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     from: Option<f64>,
     /// End of the rest, seconds after the first sample
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     to: Option<f64>,
     /// Which magnetometer: device (calibrated by the device) or uncalibrated
     #[arg(long, value_name = "WHICH", default_value = "device", value_parser = magnetometer_source)]
@@ -79,6 +81,7 @@ pub(crate) fn execute(args: &CalibrateArgs) -> Result<()> {
     }
     if let Some(out) = &args.out {
         check_free(out, args.force)?;
+        check_not_input(out, &args.recording)?;
     }
     let calibrated = calibrate(args)?;
     let recording = shown(&args.recording);
@@ -95,7 +98,8 @@ pub(crate) fn execute(args: &CalibrateArgs) -> Result<()> {
             let out = out.display();
             let _ = write!(
                 text,
-                "\nWritten to {out}; use it with\n  northing run {recording} --calibration {out}\n"
+                "\nWritten to {out}; use it with\n  {} run {recording} --calibration {out}\n",
+                called()
             );
         }
         None => text.push_str(

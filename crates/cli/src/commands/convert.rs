@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::input::{InputArgs, shown};
 use crate::interrupt::interruptible;
-use crate::output::{check_free, print, print_json};
+use crate::output::{check_free, check_not_input, print, print_json};
 use crate::progress::Progress;
 
 /// Arguments of `convert`.
@@ -60,6 +60,7 @@ pub(crate) fn execute(args: &ConvertArgs) -> Result<()> {
         bail!("no output named; expected northing convert RECORDING OUTPUT");
     };
     check_free(output, args.force)?;
+    check_not_input(output, &args.recording)?;
     let mut recording = args.input.open(&args.recording)?;
     let samples = if has_extension(output, "tum") {
         write_trajectory(&mut recording, output, args)?

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
@@ -11,7 +11,7 @@ use northing_recording::atomic_file::write_whole;
 use crate::estimate_file::EstimateFile;
 use crate::estimation::{EstimationArgs, parameters_used, run_over};
 use crate::input::{InputArgs, shown};
-use crate::output::{check_free, print, print_json};
+use crate::output::{check_free, check_not_input, print, print_json, same_file};
 use crate::progress::Progress;
 use crate::{run_report, summary_text};
 
@@ -61,7 +61,16 @@ pub(crate) struct RunArgs {
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let options = args.estimation.options(args.estimator, &args.input)?;
     if let Some(report) = &args.report {
+        if args.out.as_ref().is_some_and(|out| same_file(out, report)) {
+            bail!(
+                "--report and --out name the same file, {}; name two",
+                report.display()
+            );
+        }
         check_free(report, args.force)?;
+    }
+    for output in args.report.iter().chain(&args.out) {
+        check_not_input(output, &args.recording)?;
     }
     let file = args
         .out
@@ -78,7 +87,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let mut progress = Progress::of_stream("estimating");
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers, || {
-        progress.event()
+        progress.event();
     });
     drop(progress);
     let summary = summary?;

@@ -14,6 +14,11 @@ use crate::geometry::{frames::TangentFrame, rotation, so3};
 use crate::kalman::innovation::check_vector;
 use crate::scalar::{Scalar, lit};
 
+/// No specific force at a start is stronger (m/s^2): 50 g.
+const STRONGEST_FORCE: f64 = 500.0;
+/// No field at a start is stronger (microtesla): fifty times the Earth's.
+const STRONGEST_FIELD_UT: f64 = 3000.0;
+
 /// What is known beforehand, from a calibration or from a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior<T: Scalar> {
@@ -72,7 +77,7 @@ impl<T: Scalar> Mean<T> {
 
     fn value(&self) -> Option<Vector3<T>> {
         let mean = self.sum / lit::<T>(f64::from(self.count.max(1)));
-        (self.count > 0 && check_vector(&mean, lit(1e-3)).is_ok()).then_some(mean)
+        (self.count > 0 && check_vector(&mean, lit(1e-3), lit(1e6)).is_ok()).then_some(mean)
     }
 }
 
@@ -87,6 +92,16 @@ impl<T: Scalar> Alignment<T> {
         }
     }
 
+    /// Whether a vector can be a specific force (m/s^2): finite, not zero, not absurdly long.
+    pub fn is_force(v: &Vector3<T>) -> bool {
+        check_vector(v, lit(1e-3), lit(STRONGEST_FORCE)).is_ok()
+    }
+
+    /// Whether a vector can be a magnetic field (microtesla).
+    pub fn is_field(v: &Vector3<T>) -> bool {
+        check_vector(v, lit(1e-3), lit(STRONGEST_FIELD_UT)).is_ok()
+    }
+
     /// Takes note of a rotation: the rate (rad/s, as measured) over `dt` seconds.
     pub fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) {
         let turn = (angular_rate - self.prior.gyroscope_bias) * dt;
@@ -97,7 +112,7 @@ impl<T: Scalar> Alignment<T> {
 
     /// Adds a specific force (m/s^2, body axes now). Returns whether it was usable.
     pub fn add_specific_force(&mut self, v: &Vector3<T>) -> bool {
-        let usable = check_vector(v, lit(1e-3)).is_ok();
+        let usable = Self::is_force(v);
         if usable {
             self.specific_force.add(self.first_from_now * v);
         }
@@ -106,7 +121,7 @@ impl<T: Scalar> Alignment<T> {
 
     /// Adds a magnetic field (microtesla, body axes now). Returns whether it was usable.
     pub fn add_magnetic_field(&mut self, v: &Vector3<T>) -> bool {
-        let usable = check_vector(v, lit(1e-3)).is_ok();
+        let usable = Self::is_field(v);
         if usable {
             self.magnetic_field.add(self.first_from_now * v);
         }
@@ -115,8 +130,10 @@ impl<T: Scalar> Alignment<T> {
 
     /// The state to start from.
     ///
-    /// Without a magnetometer the heading is arbitrary (zero) and its uncertainty the largest
-    /// allowed; without an accelerometer the whole attitude is.
+    /// Without a magnetometer the reference frame's heading is a matter of choice: it is the start's,
+    /// so the start knows it as well as its tilt, and what grows from there is the drift. (An unknown
+    /// heading would have to be stated as a huge variance, which leaks through the linearisation into
+    /// invented headings.) Without an accelerometer the whole attitude is unknown.
     pub fn finish(&self, config: &AttitudeConfig<T>) -> InitialState<T> {
         let frame = self.prior.frame;
         let force = self.specific_force.value();
@@ -224,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_magnetometer_tilt_is_known_and_heading_is_not() {
+    fn without_a_magnetometer_the_start_defines_the_heading() {
         let mut alignment = Alignment::new(Prior::<f64>::default());
         let truth = so3::exp(&Vector3::new(0.4, -0.3, 0.0));
         assert!(alignment.add_specific_force(&(truth.inverse() * Vector3::new(0.0, 0.0, 9.8))));

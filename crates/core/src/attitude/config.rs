@@ -215,7 +215,8 @@ impl<T: Scalar> AttitudeConfig<T> {
             ),
         ];
         for (field, value) in positive {
-            if !(value > T::zero() && value.is_finite()) {
+            // Its square enters covariances: that must be a number above zero too.
+            if !(value > T::zero() && value * value > T::zero() && (value * value).is_finite()) {
                 return Err(ConfigError {
                     field,
                     expected: "a finite number above 0",
@@ -223,7 +224,7 @@ impl<T: Scalar> AttitudeConfig<T> {
             }
         }
         for (field, value) in not_negative {
-            if !(value >= T::zero() && value.is_finite()) {
+            if !(value >= T::zero() && (value * value).is_finite()) {
                 return Err(ConfigError {
                     field,
                     expected: "a finite number, 0 or above",

@@ -60,6 +60,8 @@ pub struct AttitudeDriver<T: Scalar, E> {
     /// Time of the estimator's state.
     now_ns: Option<i64>,
     last_rate: Option<(i64, Vector3<T>)>,
+    /// Turn (rad) that the last interval between gyroscope samples still owes.
+    passed_on: Vector3<T>,
     last_force_ns: Option<i64>,
     last_field_ns: Option<i64>,
 }
@@ -83,6 +85,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             has_field: false,
             now_ns: None,
             last_rate: None,
+            passed_on: Vector3::zeros(),
             last_force_ns: None,
             last_field_ns: None,
         }
@@ -132,7 +135,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         self.last_force_ns = Some(time_ns);
         self.advance_to(time_ns);
-        let appeared = self.started && !self.has_force;
+        let appeared = self.started && !self.has_force && Alignment::is_force(specific_force);
         if let Some(aligning) = self.alignment_at(time_ns, appeared)
             && aligning.alignment.add_specific_force(specific_force)
         {
@@ -151,7 +154,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         self.last_field_ns = Some(time_ns);
         self.advance_to(time_ns);
-        let appeared = self.started && !self.has_field && self.has_force;
+        let appeared = self.started
+            && !self.has_field
+            && self.has_force
+            && Alignment::is_field(magnetic_field);
         if let Some(aligning) = self.alignment_at(time_ns, appeared)
             && aligning.alignment.add_magnetic_field(magnetic_field)
         {
@@ -251,8 +257,13 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         self.now_ns = Some(time_ns);
         let whole: T = seconds(last_ns, time_ns);
-        let made_good = (rate - last) * (lit::<T>(0.5) * whole / remaining);
-        self.propagate(&(last + made_good), remaining);
+        // What the mean of both rates turns more than the last one held, applied over what is left
+        // of the interval; a sliver of it is not asked to turn at an absurd rate, it passes the
+        // rest on to the next interval.
+        let missing = (rate - last) * (lit::<T>(0.5) * whole) + self.passed_on;
+        let extra = missing / remaining.max(whole * lit(0.25));
+        self.passed_on = missing - extra * remaining;
+        self.propagate(&(last + extra), remaining);
     }
 
     fn propagate(&mut self, rate: &Vector3<T>, dt: T) {
@@ -279,10 +290,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let mut left = total;
         while left > T::zero() {
             let dt = left.min(step);
-            let still = self
-                .estimator
-                .gyroscope_bias()
-                .map_or_else(Vector3::zeros, |(bias, _)| bias);
+            let still = self.estimator.rate_at_rest();
             self.estimator.propagate(&still, dt);
             self.estimator.add_attitude_variance(walk * walk * dt);
             left -= dt;

@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use super::propagation::checked_rate;
 use super::{AttitudeEstimator, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::{Innovation, SkipReason};
@@ -30,20 +31,24 @@ impl<T: Scalar> Default for Integration<T> {
 
 impl<T: Scalar> AttitudeEstimator<T> for Integration<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() {
+            return;
+        }
         self.attitude = initial.attitude;
         self.gyroscope_bias = initial.gyroscope_bias;
     }
 
     #[inline]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
-        if !(angular_rate.norm_squared().is_finite() && dt.is_finite()) {
-            return Propagation::Skipped(SkipReason::NotFinite);
+        match checked_rate(angular_rate, &self.gyroscope_bias, dt) {
+            Ok(Some(rate)) => {
+                let turned = self.attitude * so3::exp(&(rate * dt));
+                self.attitude = rotation::renormalize(&turned);
+                Propagation::Done
+            }
+            Ok(None) => Propagation::Done,
+            Err(reason) => Propagation::Skipped(reason),
         }
-        if dt > T::zero() {
-            let turn = so3::exp(&((angular_rate - self.gyroscope_bias) * dt));
-            self.attitude = rotation::renormalize(&(self.attitude * turn));
-        }
-        Propagation::Done
     }
 
     fn update_accelerometer(&mut self, _specific_force: &Vector3<T>) -> Innovation<T> {
@@ -66,6 +71,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Integration<T> {
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         None
+    }
+
+    fn rate_at_rest(&self) -> Vector3<T> {
+        self.gyroscope_bias
     }
 }
 

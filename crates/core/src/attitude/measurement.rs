@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use super::config::{AttitudeConfig, MagnetometerUse};
 use super::heading::{Heading, HeadingReference};
 use super::vector_sensor::{References, VectorSensor, Weighed};
-use crate::kalman::innovation::{Innovation, Outcome, SkipReason};
+use crate::kalman::innovation::{Innovation, SkipReason};
 use crate::kalman::scalar_update::{update_cross_product, update_leading3};
 use crate::scalar::Scalar;
 
@@ -84,14 +84,14 @@ impl<T: Scalar> Measurement<T> {
             .map(move |(row, z)| (row, *z, r))
     }
 
-    /// The record, marked as refused by numerics unless `fused`.
+    /// The record, or that of a measurement that numerics refused unless `fused`.
     #[inline]
     pub fn conclude(&self, fused: bool) -> Innovation<T> {
-        let mut innovation = self.innovation;
-        if innovation.outcome.is_fused() && !fused {
-            innovation.outcome = Outcome::Skipped(SkipReason::Numerical);
+        if self.variance.is_some() && !fused {
+            Innovation::skipped(SkipReason::Numerical)
+        } else {
+            self.innovation
         }
-        innovation
     }
 }
 

@@ -27,10 +27,11 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
 use super::config::{AttitudeConfig, ConfigError};
 use super::measurement::{Measurement, VectorSensors};
+use super::propagation::checked_rate;
 use super::{AttitudeEstimator, InitialState, Propagation, propagation};
 use crate::geometry::{rotation, so3};
+use crate::kalman::Innovation;
 use crate::kalman::covariance::cap_variance;
-use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
@@ -104,15 +105,19 @@ impl<T: Scalar> Mekf<T> {
         if measurement.variance.is_none() {
             return measurement.innovation;
         }
+        let before = self.state.covariance;
         let mut correction = Vector6::zeros();
-        let fused = measurement.fuse(&mut self.state.covariance, &mut correction);
+        if !measurement.fuse(&mut self.state.covariance, &mut correction) {
+            self.state.covariance = before;
+            return measurement.conclude(false);
+        }
         let a: Vector3<T> = correction.fixed_rows::<3>(0).into_owned();
         let db: Vector3<T> = correction.fixed_rows::<3>(3).into_owned();
         let corrected = self.state.attitude * so3::from_gibbs(&a);
         self.state.attitude = rotation::renormalize(&corrected);
         self.state.gyroscope_bias += db;
         reset(&mut self.state.covariance, &a);
-        measurement.conclude(fused)
+        measurement.innovation
     }
 }
 
@@ -148,6 +153,9 @@ fn reset<T: Scalar>(p: &mut Matrix6<T>, a: &Vector3<T>) {
 
 impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() {
+            return;
+        }
         let state = &mut self.state;
         state.attitude = initial.attitude;
         state.gyroscope_bias = initial.gyroscope_bias;
@@ -165,13 +173,11 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
 
     #[inline]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
-        if !(angular_rate.norm_squared().is_finite() && dt.is_finite()) {
-            return Propagation::Skipped(SkipReason::NotFinite);
-        }
-        if dt <= T::zero() {
-            return Propagation::Done;
-        }
-        let rate = angular_rate - self.state.gyroscope_bias;
+        let rate = match checked_rate(angular_rate, &self.state.gyroscope_bias, dt) {
+            Ok(Some(rate)) => rate,
+            Ok(None) => return Propagation::Done,
+            Err(reason) => return Propagation::Skipped(reason),
+        };
         // (M6) closed form of the kinematics, (M7, M8) of the covariance.
         let turned = self.state.attitude * so3::exp(&(rate * dt));
         self.state.attitude = rotation::renormalize(&turned);
@@ -228,6 +234,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         let p = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
         Some((self.state.gyroscope_bias, p))
+    }
+
+    fn rate_at_rest(&self) -> Vector3<T> {
+        self.state.gyroscope_bias
     }
 }
 

@@ -20,10 +20,11 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::config::{AttitudeConfig, ConfigError};
 use super::measurement::{Measurement, VectorSensors};
+use super::propagation::checked_rate;
 use super::{AttitudeEstimator, InitialState, Propagation, propagation};
 use crate::geometry::{rotation, so3};
+use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
-use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers.
@@ -108,8 +109,9 @@ impl<T: Scalar> Mekf3<T> {
         let mut fusable = measurements
             .iter()
             .flatten()
-            .filter(|m| m.variance.is_some());
-        if !fusable.all(|m| m.fuse(&mut covariance, &mut a)) {
+            .filter(|m| m.variance.is_some())
+            .peekable();
+        if fusable.peek().is_none() || !fusable.all(|m| m.fuse(&mut covariance, &mut a)) {
             return false;
         }
         // (26)
@@ -135,6 +137,9 @@ impl<T: Scalar> Mekf3<T> {
 
 impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() {
+            return;
+        }
         self.state.attitude = initial.attitude;
         self.state.gyroscope_bias = initial.gyroscope_bias;
         self.state.covariance = initial.attitude_covariance;
@@ -143,13 +148,11 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
 
     #[inline]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
-        if !(angular_rate.norm_squared().is_finite() && dt.is_finite()) {
-            return Propagation::Skipped(SkipReason::NotFinite);
-        }
-        if dt <= T::zero() {
-            return Propagation::Done;
-        }
-        let rate = angular_rate - self.state.gyroscope_bias;
+        let rate = match checked_rate(angular_rate, &self.state.gyroscope_bias, dt) {
+            Ok(Some(rate)) => rate,
+            Ok(None) => return Propagation::Done,
+            Err(reason) => return Propagation::Skipped(reason),
+        };
         // (20) in closed form
         let turned = self.state.attitude * so3::exp(&(rate * dt));
         self.state.attitude = rotation::renormalize(&turned);
@@ -210,6 +213,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         None
+    }
+
+    fn rate_at_rest(&self) -> Vector3<T> {
+        self.state.gyroscope_bias
     }
 }
 

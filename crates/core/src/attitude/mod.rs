@@ -51,6 +51,19 @@ pub struct InitialState<T: Scalar> {
     pub references: References<T>,
 }
 
+impl<T: Scalar> InitialState<T> {
+    /// Whether every number of it is finite and no variance negative.
+    pub fn is_usable(&self) -> bool {
+        let variances = self.attitude_covariance.diagonal();
+        let std = self.gyroscope_bias_std;
+        self.attitude.as_ref().norm_squared().is_finite()
+            && self.attitude_covariance.norm_squared().is_finite()
+            && variances.iter().all(|v| *v >= T::zero())
+            && self.gyroscope_bias.norm_squared().is_finite()
+            && (std * std).is_finite()
+    }
+}
+
 /// What a propagation did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Propagation {
@@ -65,7 +78,8 @@ pub enum Propagation {
 /// Samples that are not finite leave the state untouched; the return value says so. No method
 /// panics, and no state ever holds a non-finite number.
 pub trait AttitudeEstimator<T: Scalar> {
-    /// Starts, or starts again, from a known state.
+    /// Starts, or starts again, from a known state; one that is not
+    /// [usable](InitialState::is_usable) changes nothing.
     fn initialize(&mut self, initial: &InitialState<T>);
 
     /// Moves on by `dt` seconds with the angular rate (rad/s, body axes, as the gyroscope gave
@@ -90,4 +104,8 @@ pub trait AttitudeEstimator<T: Scalar> {
 
     /// Gyroscope bias (rad/s, body axes) and its covariance; `None` when it is not estimated.
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)>;
+
+    /// The angular rate (rad/s, as the gyroscope would give it) that means no rotation: the bias
+    /// that the estimator removes, estimated or constant.
+    fn rate_at_rest(&self) -> Vector3<T>;
 }

@@ -20,7 +20,36 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
 use crate::geometry::so3;
+use crate::kalman::SkipReason;
 use crate::scalar::{Scalar, lit};
+
+/// The rate (rad/s) that turns the body over `dt`, bias removed; `None` where there is nothing to
+/// propagate (`dt <= 0`). Every estimator propagates through this door, so none ever sees an angle
+/// or an interval from which a finite covariance could not follow.
+///
+/// # Errors
+/// [`SkipReason::NotFinite`], or [`SkipReason::OutOfRange`] above [`FASTEST_RAD_S`] or
+/// [`LONGEST_INTERVAL_S`].
+#[inline]
+pub fn checked_rate<T: Scalar>(
+    angular_rate: &Vector3<T>,
+    bias: &Vector3<T>,
+    dt: T,
+) -> Result<Option<Vector3<T>>, SkipReason> {
+    let n2 = angular_rate.norm_squared();
+    if !(n2.is_finite() && dt.is_finite()) {
+        return Err(SkipReason::NotFinite);
+    }
+    if n2 > lit(FASTEST_RAD_S * FASTEST_RAD_S) || dt > lit(LONGEST_INTERVAL_S) {
+        return Err(SkipReason::OutOfRange);
+    }
+    Ok((dt > T::zero()).then(|| angular_rate - bias))
+}
+
+/// Rates above are no gyroscope's (rad/s).
+pub const FASTEST_RAD_S: f64 = 1e4;
+/// Intervals above are refused (s): eleven days.
+pub const LONGEST_INTERVAL_S: f64 = 1e6;
 
 /// `Phi11`: the local attitude error turns against the body, `exp(-[w dt]x)`.
 #[inline]

@@ -41,11 +41,12 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::config::{AttitudeConfig, ConfigError};
 use super::measurement::{Measurement, VectorSensors};
+use super::propagation::checked_rate;
 use super::{AttitudeEstimator, InitialState, Propagation, propagation};
 use crate::geometry::so3;
+use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::kalman::scalar_update::update_full;
-use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::{Scalar, lit};
 
 /// A 7 by 7 matrix on `[w, x, y, z, bias]`.
@@ -318,6 +319,9 @@ fn add_process_noise<T: Scalar>(p: &mut Matrix7<T>, q: &Vector4<T>, [q11, q12, q
 
 impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() {
+            return;
+        }
         let bias_variance = initial.gyroscope_bias_std * initial.gyroscope_bias_std;
         let state = &mut self.state;
         state.attitude = initial.attitude;
@@ -331,13 +335,11 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
     }
 
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
-        if !(angular_rate.norm_squared().is_finite() && dt.is_finite()) {
-            return Propagation::Skipped(SkipReason::NotFinite);
-        }
-        if dt <= T::zero() {
-            return Propagation::Done;
-        }
-        let rate = angular_rate - self.state.gyroscope_bias;
+        let rate = match checked_rate(angular_rate, &self.state.gyroscope_bias, dt) {
+            Ok(Some(rate)) => rate,
+            Ok(None) => return Propagation::Done,
+            Err(reason) => return Propagation::Skipped(reason),
+        };
         let (f, next) = transition(&wxyz(&self.state.attitude), &rate, dt);
         let next = next / next.norm();
         let mut p = f * self.state.covariance * f.transpose();
@@ -392,6 +394,10 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         let p = self.state.covariance.fixed_view::<3, 3>(4, 4).into_owned();
         Some((self.state.gyroscope_bias, p))
+    }
+
+    fn rate_at_rest(&self) -> Vector3<T> {
+        self.state.gyroscope_bias
     }
 }
 

@@ -53,6 +53,7 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
 use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
 use super::measurement::VectorSensors;
+use super::propagation::checked_rate;
 use super::vector_sensor::VectorSensor;
 use super::{AttitudeEstimator, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
@@ -348,6 +349,9 @@ fn recentred<T: Scalar>(covariance: &Matrix6<T>, p: &Vector3<T>) -> Matrix6<T> {
 
 impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() {
+            return;
+        }
         let bias_variance = initial.gyroscope_bias_std * initial.gyroscope_bias_std;
         let state = &mut self.state;
         state.attitude = initial.attitude;
@@ -360,13 +364,11 @@ impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
     }
 
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
-        if !(angular_rate.norm_squared().is_finite() && dt.is_finite()) {
-            return Propagation::Skipped(SkipReason::NotFinite);
-        }
-        if dt <= T::zero() {
-            return Propagation::Done;
-        }
-        let rate = angular_rate - self.state.gyroscope_bias;
+        let rate = match checked_rate(angular_rate, &self.state.gyroscope_bias, dt) {
+            Ok(Some(rate)) => rate,
+            Ok(None) => return Propagation::Done,
+            Err(reason) => return Propagation::Skipped(reason),
+        };
         let (v, u) = (
             self.config.angle_noise_psd(&rate),
             self.config.bias_walk_psd(),
@@ -424,6 +426,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         let p = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
         Some((self.state.gyroscope_bias, p))
+    }
+
+    fn rate_at_rest(&self) -> Vector3<T> {
+        self.state.gyroscope_bias
     }
 }
 

@@ -14,6 +14,9 @@ use crate::kalman::innovation::check_vector;
 use crate::kalman::{Gate, GateDecision, GateState, Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
 
+/// A sample this many times longer than its reference was not measured: 50 g, 2.5 millitesla.
+pub const LONGEST: f64 = 50.0;
+
 /// What the vector sensors measure in the reference frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct References<T: Scalar> {
@@ -82,7 +85,7 @@ impl<T: Scalar> VectorSensor<T> {
 
     /// Sets the reference and forgets gates and history; a zero or non-finite vector counts as none.
     pub fn start(&mut self, reference: Option<Vector3<T>>) {
-        self.reference = reference.filter(|r| check_vector(r, lit(1e-6)).is_ok());
+        self.reference = reference.filter(|r| check_vector(r, lit(1e-6), lit(1e6)).is_ok());
         self.reference_norm = self.reference.map_or(T::zero(), |r| r.norm());
         self.gate_state = GateState::default();
         self.since_fused = -T::one();
@@ -104,7 +107,8 @@ impl<T: Scalar> VectorSensor<T> {
     #[inline]
     pub fn reference_for(&self, measured: &Vector3<T>) -> Result<Vector3<T>, SkipReason> {
         let reference = self.reference.ok_or(SkipReason::NotInitialized)?;
-        check_vector(measured, self.reference_norm * lit(1e-3))?;
+        let norm = self.reference_norm;
+        check_vector(measured, norm * lit(1e-3), norm * lit(LONGEST))?;
         Ok(reference)
     }
 

@@ -28,7 +28,8 @@
 //! in `f32`. A sample costs about 200 operations, every 128th a fit of a sphere. Sums are taken
 //! about the first sample, in units of 50 microtesla, so that single precision bears hard iron of
 //! hundreds of microtesla. Limits: the rotation between magnetometer and device cannot be seen
-//! from the field alone; `hard_iron_std_ut` counts noise, not a field that varies in space.
+//! from the field alone; `hard_iron_std_ut` counts noise and, for a sphere, soft iron of three
+//! percent, not a field that varies in space.
 
 use nalgebra::Vector3;
 
@@ -270,28 +271,48 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
         let (Some(sphere), Some(precision)) = (sphere, well) else {
             return Err(self.undetermined(sphere, limits));
         };
-        let fitted = quadric::fit_ellipsoid(&means, &sphere)
-            .filter(|ellipsoid| ellipsoid.axis_ratio <= limits.axis_ratio)
-            .and_then(|ellipsoid| Some((ellipsoid, ellipsoid.ellipsoid_precision(&means)?)))
-            .filter(|(_, precision)| precision.condition <= limits.condition_number);
-        let best = fitted.map_or(sphere, |(ellipsoid, _)| ellipsoid);
-        let share = self.coverage_about(&best).share();
-        if let Some(error) = self.too_little(share, limits) {
-            return Err(error);
+        let sphere = self.judged(MagnetometerModel::Sphere, &sphere, precision);
+        let fit = self.fit_ellipsoid(limits, &sphere).unwrap_or(sphere);
+        match self.too_little(fit.share, limits) {
+            Some(error) => Err(error),
+            None => Ok(fit),
         }
-        let (model, surface, precision) = match fitted {
-            Some((ellipsoid, precision)) if share >= limits.ellipsoid_coverage => {
-                (MagnetometerModel::Ellipsoid, ellipsoid, precision)
-            }
-            _ => (MagnetometerModel::Sphere, sphere, precision),
-        };
-        let surface = self.in_microtesla(&surface);
-        Ok(Fit {
+    }
+
+    /// The ellipsoid, if it is credible, enough of it was seen, and its centre is not much less
+    /// certain than that of the sphere.
+    fn fit_ellipsoid(&self, limits: &MagnetometerLimits<T>, sphere: &Fit<T>) -> Option<Fit<T>> {
+        let means = self.moments.means();
+        let ellipsoid = quadric::fit_ellipsoid(&means, &quadric::fit_sphere(&means)?)?;
+        let precision = ellipsoid.ellipsoid_precision(&means)?;
+        let fit = self.judged(MagnetometerModel::Ellipsoid, &ellipsoid, precision);
+        let credible = fit.surface.axis_ratio <= limits.axis_ratio
+            && fit.share >= limits.ellipsoid_coverage
+            && precision.condition <= limits.condition_number;
+        let bearable = sphere.centre_std.max() * lit(1.5) + lit(0.1);
+        (credible && fit.centre_std.max() <= bearable).then_some(fit)
+    }
+
+    /// A surface in inner units with how well it is known, in microtesla.
+    fn judged(
+        &self,
+        model: MagnetometerModel,
+        inner: &Surface<T>,
+        precision: Precision<T>,
+    ) -> Fit<T> {
+        let surface = self.in_microtesla(inner);
+        let residual_std = self.residual_std(model, &surface);
+        let n = lit::<T>(f64::from(self.samples().max(1)));
+        let noise = precision.centre_variance * (residual_std * residual_std / n);
+        let soft_iron = precision.soft_iron_variance * (surface.radius * surface.radius);
+        Fit {
             model,
             surface,
-            precision,
-            share,
-        })
+            residual_std,
+            centre_std: (noise + soft_iron).map(|v| v.sqrt()),
+            condition: precision.condition,
+            share: self.coverage_about(&surface).share(),
+        }
     }
 
     /// Why no sphere is determined: too little seen, scatter, or a turn about one axis.
@@ -317,10 +338,9 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
         (share < required).then_some(MagnetometerError::NotEnoughCoverage { share, required })
     }
 
-    /// Coverage about the centre of a surface in inner units; sorted again only where the centre
-    /// has moved so far that it matters.
+    /// Coverage about the centre of a surface; sorted again only where the centre has moved so far
+    /// that it matters.
     fn coverage_about(&self, surface: &Surface<T>) -> Coverage<T> {
-        let surface = self.in_microtesla(surface);
         let moved = (surface.centre - self.coverage.centre()).norm();
         if moved > surface.radius * lit(0.1) {
             self.coverage.about(surface.centre)
@@ -334,7 +354,7 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
         fit: &Fit<T>,
         limits: &MagnetometerLimits<T>,
     ) -> Result<(), MagnetometerError<T>> {
-        let (std_ut, limit_ut) = (self.residual_std(fit), limits.residual_std_ut);
+        let (std_ut, limit_ut) = (fit.residual_std, limits.residual_std_ut);
         if std_ut <= limit_ut {
             Ok(())
         } else if fit.model == MagnetometerModel::Sphere && fit.share >= limits.ellipsoid_coverage {
@@ -345,14 +365,14 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
     }
 
     /// Unbiased: the parameters fitted take their share of the scatter (C8b).
-    fn residual_std(&self, fit: &Fit<T>) -> T {
-        let parameters = match fit.model {
+    fn residual_std(&self, model: MagnetometerModel, surface: &Surface<T>) -> T {
+        let parameters = match model {
             MagnetometerModel::Ellipsoid => 9,
             MagnetometerModel::Sphere => 4,
         };
         let n = lit::<T>(f64::from(self.samples()));
         let degrees = lit::<T>(f64::from(self.samples().saturating_sub(parameters).max(1)));
-        (fit.surface.mean_square * n / degrees).sqrt()
+        (surface.mean_square * n / degrees).sqrt()
     }
 
     /// A surface of inner units in microtesla about the sensor's zero.
@@ -374,9 +394,6 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
         strength: T,
     ) -> MagnetometerCalibration<T> {
         let n = lit::<T>(f64::from(self.samples()));
-        let residual_std = self.residual_std(fit);
-        let scale = residual_std / n.sqrt();
-        let std = fit.precision.centre_variance.map(|v| v.sqrt() * scale);
         MagnetometerCalibration {
             model: fit.model,
             samples: self.samples(),
@@ -384,22 +401,24 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
             rejected_samples: 0,
             coverage: fit.share,
             hard_iron_ut: fit.surface.centre.into(),
-            hard_iron_std_ut: std.into(),
+            hard_iron_std_ut: fit.centre_std.into(),
             soft_iron,
             field_strength_ut: strength,
             radius_ut: fit.surface.radius,
-            residual_std_ut: residual_std,
+            residual_std_ut: fit.residual_std,
             uncalibrated_norm_std_ut: (self.norm_squares / n).sqrt(),
-            condition_number: fit.precision.condition,
+            condition_number: fit.condition,
         }
     }
 }
 
-/// A surface in microtesla and how well it is known.
+/// A surface and how well it is known, microtesla.
 struct Fit<T: Scalar> {
     model: MagnetometerModel,
     surface: Surface<T>,
-    precision: Precision<T>,
+    residual_std: T,
+    centre_std: Vector3<T>,
+    condition: T,
     share: T,
 }
 

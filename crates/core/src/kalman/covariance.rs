@@ -102,7 +102,14 @@ pub fn normalized_square3<T: Scalar>(x: &Vector3<T>, s: &Matrix3<T>) -> Option<T
 #[inline]
 pub fn cap_variance<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>, index: usize, limit: T) {
     let variance = p[(index, index)];
-    if variance > limit {
+    if !variance.is_finite() {
+        // Nothing is left to scale: forget what it was correlated with.
+        for k in 0..N {
+            p[(index, k)] = T::zero();
+            p[(k, index)] = T::zero();
+        }
+        p[(index, index)] = limit;
+    } else if variance > limit {
         let scale = (limit / variance).sqrt();
         for k in 0..N {
             p[(index, k)] *= scale;
@@ -148,5 +155,12 @@ mod tests {
             epsilon = 1e-12
         );
         assert!(cholesky(&p).is_some());
+    }
+
+    #[test]
+    fn an_infinite_variance_becomes_the_limit_without_correlations() {
+        let mut p = Matrix3::new(f64::INFINITY, 5.0, 0.0, 5.0, 1.0, 0.1, 0.0, 0.1, 1.0);
+        cap_variance(&mut p, 0, 4.0);
+        assert_eq!(p, Matrix3::new(4.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.0, 0.1, 1.0));
     }
 }

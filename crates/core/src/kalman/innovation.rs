@@ -52,6 +52,8 @@ pub enum SkipReason {
     NotFinite,
     /// The vector has no direction: all zero, or too short to carry one.
     ZeroNorm,
+    /// Finite, but far beyond what the sensor can have measured.
+    OutOfRange,
     /// Its time stamp is not after the sensor's last: repeated, or out of order.
     NotNewer,
     /// The estimator does not use this sensor.
@@ -70,6 +72,7 @@ impl SkipReason {
         match self {
             Self::NotFinite => "not a finite number",
             Self::ZeroNorm => "zero vector",
+            Self::OutOfRange => "far out of range",
             Self::NotNewer => "time stamp repeated or going back",
             Self::NotUsed => "sensor not used",
             Self::NotInitialized => "not initialised",
@@ -99,14 +102,20 @@ impl<T: Scalar> Innovation<T> {
     }
 }
 
-/// Refuses vectors that carry no direction, before they reach a state.
+/// Refuses vectors that carry no direction, or cannot be a measurement, before they reach a state.
 #[inline]
-pub(crate) fn check_vector<T: Scalar>(v: &Vector3<T>, shortest: T) -> Result<(), SkipReason> {
+pub(crate) fn check_vector<T: Scalar>(
+    v: &Vector3<T>,
+    shortest: T,
+    longest: T,
+) -> Result<(), SkipReason> {
     let n2 = v.norm_squared();
     if !n2.is_finite() {
         Err(SkipReason::NotFinite)
     } else if n2 < shortest * shortest {
         Err(SkipReason::ZeroNorm)
+    } else if n2 > longest * longest {
+        Err(SkipReason::OutOfRange)
     } else {
         Ok(())
     }

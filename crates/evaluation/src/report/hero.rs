@@ -29,7 +29,7 @@ const LONGEST_TAG: usize = 15;
 /// Points drawn of a line: the picture should stay small.
 const DETAIL: usize = 900;
 /// Room at the right for names of lines.
-const RIGHT: f64 = 142.0;
+const RIGHT: f64 = 160.0;
 
 /// A standalone SVG, 960 wide: heading with the filter's 3 sigma band and the dashed reference,
 /// gyroscope integration drifting away, the errors below. It brings its own light background, so
@@ -150,5 +150,5 @@ fn end_error(trace: &Trace) -> Option<(f64, String)> {
     let last = &errors[errors.len() - errors.len().div_ceil(20)..];
     let mean = last.iter().sum::<f64>() / last.len() as f64;
     mean.is_finite()
-        .then(|| (mean, format!("{} deg at end", short(mean))))
+        .then(|| (mean, format!("{}° at end", short(mean))))
 }

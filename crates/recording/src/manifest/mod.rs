@@ -27,7 +27,7 @@ pub use schema::{
 /// Reads delimited text in memory through a manifest in memory; `name` stands for both in messages.
 ///
 /// # Errors
-/// As [`crate::open`].
+/// As [`crate::open()`].
 pub fn read_bytes(
     manifest: &str,
     data: Vec<u8>,

@@ -199,7 +199,7 @@ fn yes() -> bool {
 /// Reads the text of a manifest; `file` stands for it in messages.
 ///
 /// # Errors
-/// [`RecordingError::Manifest`] with the line and what was expected.
+/// [`crate::RecordingError::Manifest`] with the line and what was expected.
 pub fn parse(text: &str, file: &str) -> Result<Manifest> {
     let manifest: Manifest = toml::from_str(text).map_err(|error| {
         let line = error.span().map_or(String::new(), |span| {

@@ -144,12 +144,33 @@ fn bad_samples_leave_the_state_untouched_and_say_why() {
         f.update_accelerometer(&Vector3::zeros()).outcome,
         Outcome::Skipped(SkipReason::ZeroNorm)
     );
+    let reach = [1e4, 1e160, f64::MAX].map(|x| f.propagate(&Vector3::new(x, x, 0.0), 1e3));
+    assert!(
+        reach.iter().all(|p| matches!(p, Propagation::Skipped(_))),
+        "{reach:?}"
+    );
+    assert_eq!(
+        f.propagate(&Vector3::x(), 1e30),
+        Propagation::Skipped(SkipReason::OutOfRange)
+    );
+    let far = Vector3::new(1e4, 0.0, 9.81);
+    assert_eq!(
+        f.update_accelerometer(&far).outcome,
+        Outcome::Skipped(SkipReason::OutOfRange)
+    );
     let huge = Vector3::new(f64::MAX, f64::MAX, 0.0);
     assert_eq!(
         f.update_magnetometer(&huge).outcome,
         Outcome::Skipped(SkipReason::NotFinite)
     );
     f.add_attitude_variance(f64::NAN);
+    f.initialize(&InitialState {
+        attitude: UnitQuaternion::identity(),
+        attitude_covariance: Matrix3::identity() * f64::NAN,
+        gyroscope_bias: Vector3::zeros(),
+        gyroscope_bias_std: 0.1,
+        references: references(),
+    });
     assert_eq!(f, before);
     let mut blank = Mekf::new(AttitudeConfig::<f64>::default()).unwrap();
     assert_eq!(

@@ -13,6 +13,10 @@ use crate::scalar::{Scalar, lit};
 /// Iterations allowed to an eigenvalue decomposition; it needs two or three an eigenvalue.
 const ITERATIONS: usize = 300;
 
+/// Standard deviation of the entries of `shape` in units of the radius, where soft iron cannot be
+/// seen: semi-axes that differ by three percent, as those of phones do.
+const UNSEEN_SOFT_IRON: f64 = 0.06;
+
 type Matrix9<T> = SMatrix<T, 9, 9>;
 
 /// An ellipsoid `(x - centre)^T shape (x - centre) = 1`.
@@ -33,6 +37,9 @@ pub(super) struct Surface<T: Scalar> {
 pub(super) struct Precision<T: Scalar> {
     /// Variance of the centre per component, for unit noise and one sample.
     pub(super) centre_variance: Vector3<T>,
+    /// Variance of the centre that soft iron gives which the surface cannot show, in units of the
+    /// radius squared; zero for an ellipsoid (C8c).
+    pub(super) soft_iron_variance: Vector3<T>,
     /// Condition number of the design matrix, 1.0 or more.
     pub(super) condition: T,
 }
@@ -85,18 +92,25 @@ impl<T: Scalar> Surface<T> {
         let variance = Vector3::from_fn(|i, _| half.column(LINEAR + i).norm_squared());
         let eigenvalues =
             SymmetricEigen::try_new(information, T::default_epsilon(), ITERATIONS)?.eigenvalues;
-        precision(variance, eigenvalues.max(), eigenvalues.min())
+        let none = Vector3::zeros();
+        precision(variance, none, eigenvalues.max(), eigenvalues.min())
     }
 
     /// Precision of the four parameters of a sphere.
     pub(super) fn sphere_precision(&self, means: &FeatureMatrix<T>) -> Option<Precision<T>> {
         let basis = sphere_basis::<T>();
-        let information: Matrix4<T> = basis.transpose() * self.information(means) * basis;
+        let all = self.information(means);
+        let information: Matrix4<T> = basis.transpose() * all * basis;
         let half = inverse_root(&information)?;
         let variance = Vector3::from_fn(|i, _| half.column(1 + i).norm_squared());
         let eigenvalues =
             SymmetricEigen::try_new(information, T::default_epsilon(), ITERATIONS)?.eigenvalues;
-        precision(variance, eigenvalues.max(), eigenvalues.min())
+        // What each entry of a shape that is no sphere does to the four parameters.
+        let seen = basis.transpose() * all.fixed_columns::<LINEAR>(0);
+        let moved = half.transpose() * (half * seen);
+        let prior = lit::<T>(UNSEEN_SOFT_IRON * UNSEEN_SOFT_IRON);
+        let soft = Vector3::from_fn(|i, _| moved.row(1 + i).norm_squared() * prior);
+        precision(variance, soft, eigenvalues.max(), eigenvalues.min())
     }
 
     /// Information of one sample about the parameters, in units of the radius (C8).
@@ -107,12 +121,18 @@ impl<T: Scalar> Surface<T> {
     }
 }
 
-fn precision<T: Scalar>(variance: Vector3<T>, largest: T, smallest: T) -> Option<Precision<T>> {
+fn precision<T: Scalar>(
+    variance: Vector3<T>,
+    soft_iron_variance: Vector3<T>,
+    largest: T,
+    smallest: T,
+) -> Option<Precision<T>> {
     let condition = (largest / smallest).sqrt();
     let usable = smallest > T::zero() && condition.is_finite();
     usable.then(|| Precision {
         // The value of a quadric is twice the distance, in units of the radius.
         centre_variance: variance * lit::<T>(4.0),
+        soft_iron_variance,
         condition,
     })
 }

@@ -57,7 +57,8 @@ pub struct MagnetometerCalibration<T> {
     pub coverage: T,
     /// Centre of the surface, microtesla: the hard iron, `measured = true + hard iron`.
     pub hard_iron_ut: [T; 3],
-    /// Its standard deviation if the residuals were independent noise, microtesla.
+    /// Its standard deviation if the residuals were independent noise, microtesla; for a sphere
+    /// with what soft iron of three percent does to it where only a part of the sphere was seen.
     pub hard_iron_std_ut: [T; 3],
     /// Symmetric positive matrix, rows, that turns the ellipsoid into a sphere; for a sphere a
     /// multiple of the identity.
@@ -70,7 +71,7 @@ pub struct MagnetometerCalibration<T> {
     pub residual_std_ut: T,
     /// Standard deviation of the length of the samples before calibration, microtesla.
     pub uncalibrated_norm_std_ut: T,
-    /// Condition number of the design matrix: 3.2 for an ellipsoid and 2 for a sphere seen from
+    /// Condition number of the design matrix: 3.2 for an ellipsoid and 1.2 for a sphere seen from
     /// all sides; the larger, the more the least certain parameter is left to chance.
     pub condition_number: T,
 }

@@ -25,12 +25,13 @@ pub struct MagnetometerLimits<T> {
     pub field_strength_ut: Option<T>,
     /// Fewest different samples, default 100. Raising it asks for longer recordings.
     pub minimum_samples: u32,
-    /// Share of the sphere that an ellipsoid needs, default 0.5; with less a sphere is fitted.
+    /// Share of the sphere that an ellipsoid needs, default 0.45; with less, or where the sphere's
+    /// centre is much better known, a sphere is fitted.
     /// Raising it asks for more turning and refuses soft iron found from half a view.
     pub ellipsoid_coverage: T,
     /// Share of the sphere that a sphere needs, default 0.35; with less nothing is fitted.
     pub sphere_coverage: T,
-    /// Largest condition number of a fit, default 30 (a full view has 3.2 for an ellipsoid and 2
+    /// Largest condition number of a fit, default 60 (a full view has 3.2 for an ellipsoid and 1.2
     /// for a sphere). Raising it accepts directions that happen to leave a parameter open.
     pub condition_number: T,
     /// Largest ratio of the ellipsoid's longest and shortest axis, default 2; beyond it no
@@ -50,9 +51,9 @@ impl<T: Scalar> Default for MagnetometerLimits<T> {
         Self {
             field_strength_ut: None,
             minimum_samples: 100,
-            ellipsoid_coverage: lit(0.5),
+            ellipsoid_coverage: lit(0.45),
             sphere_coverage: lit(0.35),
-            condition_number: lit(30.0),
+            condition_number: lit(60.0),
             axis_ratio: lit(2.0),
             residual_std_ut: lit(3.0),
             field_minimum_ut: lit(20.0),

@@ -1,0 +1,451 @@
+//! Everything that can be wrong with what the program is given: one line that says what, where, what
+//! was expected and what to do; exit code 2; no output left behind.
+
+use crate::support::{IMU, Lab, contains, csv, refusal};
+
+/// The message about a file `x.csv` with this content.
+fn refused(content: impl AsRef<[u8]>) -> String {
+    let lab = Lab::new();
+    lab.write("x.csv", content);
+    let message = lab.refuses(&[
+        "run", "x.csv", "--json", "--out", "e.csv", "--report", "r.html",
+    ]);
+    contains(&message, &["x.csv"]);
+    message
+}
+
+/// A device at rest that is tilted slowly to and fro, so that gyroscope and accelerometer must agree.
+fn rocking(rate_scale: f64, force_scale: f64) -> String {
+    csv(IMU, 6000, |k| {
+        let t = k as f64 * 0.01;
+        let angle = 0.8 * (0.7 * t).sin();
+        let rate = 0.8 * 0.7 * (0.7 * t).cos() * rate_scale;
+        let (sin, cos) = angle.sin_cos();
+        format!(
+            "{rate},0,0,0,{},{}",
+            9.81 * sin * force_scale,
+            9.81 * cos * force_scale
+        )
+    })
+}
+
+#[test]
+fn no_such_file() {
+    let message = Lab::new().refuses(&["run", "nowhere.csv"]);
+    contains(&message, &["nowhere.csv: cannot open it", "No such file"]);
+}
+
+#[test]
+fn not_a_recording() {
+    contains(
+        &refused("dear diary\nnothing happened\n"),
+        &["not a recording", "expected Parquet, CSV"],
+    );
+    contains(
+        &refused([0_u8, 159, 146, 150, 0, 7]),
+        &["not a recording", "binary data"],
+    );
+    contains(&refused("\u{7f}ELF\0\0"), &["not a recording"]);
+}
+
+#[test]
+fn empty_files() {
+    contains(&refused(""), &["empty: 0 bytes", "expected a recording"]);
+    contains(
+        &refused(format!("{IMU}\n")),
+        &["empty", "expected at least one sample"],
+    );
+}
+
+#[test]
+fn wrong_and_missing_columns() {
+    contains(
+        &refused("t_s,gyro_x_rad_s,gyro_y_rad_s\n0,0,0\n"),
+        &["missing column gyro_z_rad_s", "docs/formats.md"],
+    );
+    contains(
+        &refused("time,wx,wy,wz\n0,0,0,0\n"),
+        &["missing column t_s", "time, wx, wy, wz"],
+    );
+    let twice = refused("t_s,gyro_x_rad_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s\n0,0,0,0,0\n");
+    contains(&twice, &["`gyro_x_rad_s` is there twice"]);
+}
+
+#[test]
+fn a_recording_without_gyroscope() {
+    let message = refused("t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2\n0,0,0,9.81\n");
+    contains(
+        &message,
+        &["no gyroscope", "it has accelerometer", "gyro_x_rad_s"],
+    );
+}
+
+#[test]
+fn a_cell_that_is_no_number() {
+    let message = refused(csv(IMU, 50, |k| {
+        if k == 7 {
+            "0,0,oops,0,0,9.81"
+        } else {
+            "0,0,0,0,0,9.81"
+        }
+        .to_owned()
+    }));
+    contains(
+        &message,
+        &["x.csv, line 9, column `gyro_z_rad_s`: `oops` is not"],
+    );
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn truncated_parquet() {
+    let lab = Lab::with_phone();
+    lab.succeeds(&["convert", "phone.csv", "phone.parquet"]);
+    let bytes = std::fs::read(lab.path("phone.parquet")).unwrap();
+    for length in [4, 100, bytes.len() / 2, bytes.len() - 1] {
+        lab.write("cut.parquet", &bytes[..length]);
+        let message = lab.refuses(&["run", "cut.parquet", "--json", "--out", "e.csv"]);
+        contains(&message, &["cut.parquet", "damaged or cut off"]);
+    }
+}
+
+#[test]
+fn samples_that_are_not_finite_are_skipped_and_counted() {
+    let lab = Lab::new();
+    let row = |k: usize| match k {
+        300..310 => "nan,0,0,0,0,9.81",
+        400..405 => "0,0,0,inf,0,9.81",
+        _ => "0,0,0,0,0,9.81",
+    };
+    lab.write("nan.csv", csv(IMU, 1000, |k| row(k).to_owned()));
+    let json = lab.json(&["run", "nan.csv", "--json"]);
+    assert_eq!(json["updates"]["gyroscope"]["skipped"], 10);
+    let text = lab.succeeds(&["run", "nan.csv"]);
+    contains(
+        &text,
+        &[
+            "gyroscope has 10 sample(s) with NaN",
+            "accelerometer has 5 sample(s)",
+        ],
+    );
+}
+
+#[test]
+fn time_that_goes_back_now_and_then_is_dropped_and_counted() {
+    let lab = Lab::new();
+    let mut text = format!("{IMU}\n");
+    for k in 0..1000 {
+        let t = if k == 500 { 2.0 } else { f64::from(k) * 0.01 };
+        text += &format!("{t:.2},0,0,0,0,0,9.81\n");
+        if k == 700 {
+            text += &format!("{t:.2},0,0,0,0,0,9.81\n");
+        }
+    }
+    lab.write("back.csv", text);
+    let text = lab.succeeds(&["run", "back.csv"]);
+    contains(
+        &text,
+        &[
+            "time of gyroscope goes back once",
+            "time of gyroscope repeats itself once",
+        ],
+    );
+}
+
+#[test]
+fn time_that_runs_backwards_is_refused() {
+    let message = refused((0..500).rev().fold(format!("{IMU}\n"), |text, k| {
+        text + &format!("{:.2},0,0,0,0,0,9.81\n", f64::from(k) * 0.01)
+    }));
+    contains(&message, &["time runs backwards", "sort the rows by time"]);
+}
+
+#[test]
+fn gaps_are_reported_and_widen_the_uncertainty() {
+    let lab = Lab::new();
+    let gap = |seconds: f64| {
+        let mut text = format!("{IMU}\n");
+        for k in 0..2000 {
+            let t = f64::from(k) * 0.01 + if k >= 1000 { seconds } else { 0.0 };
+            text += &format!("{t:.2},0,0,0,0,0,9.81\n");
+        }
+        text
+    };
+    lab.write("gap.csv", gap(4.0));
+    lab.write("whole.csv", gap(0.0));
+    let text = lab.succeeds(&["run", "gap.csv"]);
+    contains(
+        &text,
+        &[
+            "pauses for more than 0.5 s once",
+            "the longest gap lasts 4.010 s",
+        ],
+    );
+    let json = lab.json(&["run", "gap.csv", "--json"]);
+    assert_eq!(json["gaps"]["count"], 1);
+    let tilt_std = |name: &str| -> Vec<f64> {
+        let out = format!("e-{name}");
+        lab.succeeds(&["run", name, "--profile", "lab", "--out", &out]);
+        let cell = |line: &str| line.split(',').nth(5).unwrap().parse().unwrap();
+        lab.read(&out).lines().skip(1).map(cell).collect()
+    };
+    let largest = |stds: Vec<f64>| stds[500..].iter().copied().fold(0.0, f64::max);
+    assert!(largest(tilt_std("gap.csv")) > 3.0 * largest(tilt_std("whole.csv")));
+    let patient = lab.succeeds(&["run", "gap.csv", "--gap-limit", "10"]);
+    assert!(!patient.contains("pauses"), "{patient}");
+}
+
+#[test]
+fn without_accelerometer_or_magnetometer_it_runs_and_says_what_is_unobservable() {
+    let lab = Lab::new();
+    lab.write("imu.csv", csv(IMU, 1000, |_| "0,0,0,0,0,9.81".to_owned()));
+    contains(
+        &lab.succeeds(&["run", "imu.csv"]),
+        &["unobservable", "heading"],
+    );
+    let gyro = "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s";
+    lab.write("gyro.csv", csv(gyro, 1000, |_| "0,0,0".to_owned()));
+    contains(&lab.succeeds(&["run", "gyro.csv"]), &["unobservable"]);
+}
+
+#[test]
+fn all_zero_vectors_are_skipped() {
+    let lab = Lab::new();
+    let header = format!("{IMU},mag_x_ut,mag_y_ut,mag_z_ut");
+    lab.write(
+        "zero.csv",
+        csv(&header, 1000, |_| "0,0,0,0,0,9.81,0,0,0".to_owned()),
+    );
+    let json = lab.json(&["run", "zero.csv", "--json"]);
+    assert_eq!(json["updates"]["magnetometer"]["fused"], 0);
+    assert!(json["updates"]["magnetometer"]["skipped"].as_u64().unwrap() >= 900);
+}
+
+#[test]
+fn degrees_where_radians_belong() {
+    let message = refused(rocking(1_f64.to_degrees(), 1.0));
+    contains(&message, &["gyroscope", "use --gyroscope-unit deg-per-s"]);
+    let lab = Lab::new();
+    lab.write("degrees.csv", rocking(1_f64.to_degrees(), 1.0));
+    lab.succeeds(&["run", "degrees.csv", "--gyroscope-unit", "deg-per-s"]);
+    lab.write("radians.csv", rocking(1.0, 1.0));
+    lab.succeeds(&["run", "radians.csv"]);
+}
+
+#[test]
+fn g_where_metres_per_second_squared_belong() {
+    let message = refused(rocking(1.0, 1.0 / 9.81));
+    contains(&message, &["accelerometer", "--accelerometer-unit g"]);
+    let lab = Lab::new();
+    lab.write("g.csv", rocking(1.0, 1.0 / 9.81));
+    lab.succeeds(&["run", "g.csv", "--accelerometer-unit", "g"]);
+}
+
+#[test]
+fn unknown_estimators_parameters_and_sensors_list_the_valid_ones() {
+    let lab = Lab::with_phone();
+    let names = "integration, mekf3, mekf, usque, quaternion-ekf, device";
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--estimator", "kalman"]),
+        &["`kalman`", names],
+    );
+    contains(
+        &lab.refuses(&["compare", "phone.csv", "--estimators", "mekf,ukf"]),
+        &["`ukf`", names],
+    );
+    let parameter = lab.refuses(&["run", "phone.csv", "--set", "acc_std=1"]);
+    contains(
+        &parameter,
+        &[
+            "unknown parameter `acc_std`",
+            "accelerometer_std, ",
+            "magnetometer_use",
+        ],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--set", "accelerometer_std"]),
+        &["NAME=VALUE"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--set", "accelerometer_std=-1"]),
+        &["accelerometer_std", "above 0"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--profile", "car"]),
+        &["hand-held, lab"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--sensors", "gyro,gps"]),
+        &["`gps`", "acc (accelerometer)"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--sensors", "acc,mag"]),
+        &["gyroscope is missing"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--magnetometer", "mine"]),
+        &["device or uncalibrated"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--format", "xls"]),
+        &["xls", "parquet, csv"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--smooth", "--estimator", "usque"]),
+        &["no smoother for `usque`"],
+    );
+}
+
+#[test]
+fn configuration_files_are_checked_line_by_line() {
+    let lab = Lab::with_phone();
+    lab.write("bad.toml", "profile = 'lab'\nacc_std = 1\n");
+    let message = lab.refuses(&["run", "phone.csv", "--config", "bad.toml"]);
+    contains(
+        &message,
+        &[
+            "bad.toml, line 2",
+            "unknown parameter `acc_std`",
+            "accelerometer_std",
+        ],
+    );
+    lab.write("bad.toml", "accelerometer_std = 1\nmagnetometer_std_ut\n");
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--config", "bad.toml"]),
+        &["bad.toml, line 2: not TOML"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--config", "none.toml"]),
+        &["none.toml: cannot read it"],
+    );
+}
+
+#[test]
+fn outputs_that_exist_are_not_touched_without_force() {
+    let lab = Lab::with_phone();
+    for option in ["--out", "--report"] {
+        lab.write("old.csv", "old");
+        contains(
+            &lab.refuses(&["run", "phone.csv", option, "old.csv"]),
+            &["old.csv: exists already", "--force"],
+        );
+        assert_eq!(lab.read("old.csv"), "old");
+        lab.succeeds(&["run", "phone.csv", option, "old.csv", "--force"]);
+        assert_ne!(lab.read("old.csv"), "old");
+    }
+    lab.write("old.toml", "old");
+    contains(
+        &lab.refuses(&["calibrate", "rest", "phone.csv", "--out", "old.toml"]),
+        &["exists already"],
+    );
+    contains(
+        &lab.refuses(&["demo", "--record-only", "phone.csv"]),
+        &["exists already"],
+    );
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_named() {
+    let lab = Lab::with_phone();
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--out", "no/e.csv"]),
+        &["no/e.csv", "folder `no` does not exist"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--out", "e.txt"]),
+        &["e.txt", ".csv, .parquet or .tum"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--report", "a.csv", "--out", "a.csv"]),
+        &["--report and --out name the same file"],
+    );
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--report", "."]),
+        &["it is a folder"],
+    );
+    contains(
+        &lab.refuses(&["demo", "--out", "phone.csv"]),
+        &["phone.csv", "cannot make this folder"],
+    );
+}
+
+/// A failure late in the file leaves no half-written output behind.
+#[test]
+fn nothing_is_left_behind_by_a_run_that_fails_late() {
+    let row = |k: usize| {
+        if k == 1999 {
+            "0,0,0,0,0,x"
+        } else {
+            "0,0,0,0,0,9.81"
+        }
+    };
+    contains(
+        &refused(csv(IMU, 2000, |k| row(k).to_owned())),
+        &["line 2001", "`x`"],
+    );
+}
+
+#[test]
+fn mistakes_in_the_arguments_are_one_line_that_names_the_help() {
+    let lab = Lab::new();
+    contains(
+        &lab.refuses(&["run"]),
+        &["<RECORDING>", "northing run --help"],
+    );
+    contains(
+        &lab.refuses(&["calibrate"]),
+        &["requires a subcommand", "rest", "northing calibrate --help"],
+    );
+    contains(
+        &lab.refuses(&["demo", "--seed", "-1"]),
+        &["'-1'", "--seed", "see northing demo --help"],
+    );
+    contains(&lab.refuses(&["fly"]), &["fly", "northing --help"]);
+    contains(
+        &lab.refuses(&["run", "a.csv", "--sets", "x=1"]),
+        &["--sets", "--set"],
+    );
+    contains(
+        &lab.refuses(&["run", "a.csv", "--gap-limit", "-1"]),
+        &["--gap-limit", "expected seconds"],
+    );
+    contains(
+        &lab.refuses(&["demo", "--record-only", "-", "--format", "parquet"]),
+        &["a stream can only be csv"],
+    );
+    contains(
+        &lab.refuses(&["demo", "--record-only", "a.csv", "--format", "parquet"]),
+        &["a.csv", ".parquet"],
+    );
+}
+
+#[test]
+fn a_stream_that_is_no_recording() {
+    let lab = Lab::new();
+    let output = lab
+        .program(&["run", "-", "--json"])
+        .write_stdin("nonsense\n")
+        .output()
+        .unwrap();
+    contains(
+        &refusal(&output, "stream"),
+        &["standard input: not a recording"],
+    );
+    let output = lab
+        .program(&["run", "-"])
+        .write_stdin("PAR1xxxx")
+        .output()
+        .unwrap();
+    contains(
+        &refusal(&output, "stream"),
+        &["standard input", "cannot be read from a stream"],
+    );
+}
+
+#[test]
+fn too_short_a_recording() {
+    contains(
+        &refused(csv(IMU, 20, |_| "0,0,0,0,0,9.81".to_owned())),
+        &["too short", "0.190 s"],
+    );
+}

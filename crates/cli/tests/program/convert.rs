@@ -1,0 +1,86 @@
+//! `northing convert`.
+
+use crate::support::{IMU, Lab, contains, csv};
+
+#[test]
+fn a_recording_survives_the_way_there_and_back() {
+    let lab = Lab::with_phone();
+    let between = if cfg!(feature = "parquet") {
+        "phone.parquet"
+    } else {
+        "between.csv"
+    };
+    contains(
+        &lab.succeeds(&["convert", "phone.csv", between]),
+        &["samples written to", between],
+    );
+    lab.succeeds(&["convert", between, "--out", "back.csv"]);
+    let rows = |name: &str| -> Vec<String> {
+        let text = lab.read(name);
+        text.lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(str::to_owned)
+            .collect()
+    };
+    let (first, second) = (rows("phone.csv"), rows("back.csv"));
+    assert_eq!(first.len(), second.len());
+    assert_eq!(first[0], second[0]);
+    let run = |name: &str| lab.json(&["run", name, "--json"])["error_deg"].clone();
+    assert_eq!(run("phone.csv"), run("back.csv"));
+}
+
+#[test]
+fn a_trajectory_is_made_of_the_reference_or_refused() {
+    let lab = Lab::with_phone();
+    let json = lab.json(&["convert", "phone.csv", "truth.tum", "--json"]);
+    assert_eq!(json["output"], "truth.tum");
+    let lines = lab.read("truth.tum").lines().count() as u64;
+    assert_eq!(json["samples"].as_u64().unwrap() + 1, lines);
+    lab.write("imu.csv", csv(IMU, 10, |_| "0,0,0,0,0,9.81".to_owned()));
+    let message = lab.refuses(&["convert", "imu.csv", "imu.tum"]);
+    contains(
+        &message,
+        &[
+            "imu.csv",
+            "neither reference nor device orientation",
+            "northing run",
+        ],
+    );
+}
+
+#[test]
+fn a_manifest_describes_any_table() {
+    let lab = Lab::new();
+    let rows: String = (0..600)
+        .map(|k| format!("{};0;0;{};0;0;1\n", k * 10, if k < 300 { 0 } else { 10 }))
+        .collect();
+    lab.write("log.txt", format!("ms;p;q;r;ax;ay;az\n{rows}"));
+    lab.write(
+        "log.toml",
+        "delimiter = ';'\n[time]\ncolumn = 'ms'\nunit = 'ms'\n\
+         [gyroscope]\ncolumns = ['p', 'q', 'r']\nunit = 'deg-per-s'\n\
+         [accelerometer]\ncolumns = ['ax', 'ay', 'az']\nunit = 'g'\n",
+    );
+    let text = lab.succeeds(&["convert", "log.txt", "log.csv", "--manifest", "log.toml"]);
+    contains(&text, &["1200 samples"]);
+    contains(
+        lab.read("log.csv").lines().last().unwrap(),
+        &["5.99,", ",9.80665"],
+    );
+}
+
+#[test]
+fn other_extensions_and_existing_outputs_are_refused() {
+    let lab = Lab::with_phone();
+    contains(
+        &lab.refuses(&["convert", "phone.csv", "phone.xls"]),
+        &["phone.xls", ".csv or .parquet"],
+    );
+    contains(
+        &lab.refuses(&["convert", "phone.csv", "phone.csv"]),
+        &["exists already", "--force"],
+    );
+    lab.write("old.csv", "old");
+    lab.succeeds(&["convert", "phone.csv", "old.csv", "--force"]);
+    assert!(lab.read("old.csv").len() > 1000);
+}

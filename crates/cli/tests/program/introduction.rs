@@ -1,0 +1,109 @@
+//! What the program says about itself.
+
+use crate::support::{Lab, contains};
+
+#[test]
+fn without_arguments_it_introduces_itself() {
+    insta::assert_snapshot!(Lab::new().succeeds(&[]), @r"
+    northing: which way does a device point, and how sure are we?
+
+      northing demo                          a virtual phone, the lab's steps, a report: start here
+      northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
+      northing compare a.csv b.csv           several recordings and estimators in one table
+      northing calibrate rest desk.csv       bias, noise and references of a device at rest
+      northing convert walk.zip walk.csv     a recording in another format
+      northing estimators                    the estimators and their parameters
+
+    `northing COMMAND --help` says more, with examples.
+    ");
+}
+
+#[test]
+fn every_command_has_help_with_examples() {
+    let lab = Lab::new();
+    for command in ["demo", "run", "compare", "convert", "estimators"] {
+        contains(
+            &lab.succeeds(&[command, "--help"]),
+            &["Examples:", &format!("northing {command}")],
+        );
+    }
+    contains(
+        &lab.succeeds(&["calibrate", "rest", "--help"]),
+        &["Examples:", "--from", "--to"],
+    );
+    contains(&lab.succeeds(&["--version"]), &["northing 0."]);
+}
+
+#[test]
+fn estimators_are_listed_with_their_parameters() {
+    let text = Lab::new().succeeds(&["estimators"]);
+    let names = [
+        "integration",
+        "mekf3",
+        "mekf",
+        "usque",
+        "quaternion-ekf",
+        "device",
+    ];
+    contains(&text, &names);
+    contains(
+        &text,
+        &[
+            "accelerometer_std",
+            "m/s^2",
+            "hand-held",
+            "lab",
+            "microtesla",
+        ],
+    );
+}
+
+#[test]
+fn estimators_as_json_have_units_defaults_and_meanings() {
+    let json = Lab::new().json(&["estimators", "--json"]);
+    let names: Vec<_> = json
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|e| e["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "integration",
+            "mekf3",
+            "mekf",
+            "usque",
+            "quaternion-ekf",
+            "device"
+        ]
+    );
+    let parameters = json[2]["parameters"].as_array().unwrap();
+    let std = parameters
+        .iter()
+        .find(|p| p["name"] == "accelerometer_std")
+        .unwrap();
+    assert_eq!(std["unit"], "m/s^2");
+    assert_eq!(std["defaults"]["lab"], 0.05);
+    assert!(std["defaults"]["hand-held"].as_f64().unwrap() > 0.05);
+    assert!(!std["meaning"].as_str().unwrap().is_empty());
+    assert!(json[0]["parameters"].as_array().unwrap().is_empty());
+}
+
+/// `northing ... | head` closes the pipe while the program writes.
+#[test]
+fn a_reader_that_has_seen_enough_ends_it_quietly() {
+    use std::io::Read as _;
+    use std::process::{Command, Stdio};
+    let mut child = Command::new(env!("CARGO_BIN_EXE_northing"))
+        .args(["demo", "--record-only", "-", "--duration", "1000"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = [0; 100];
+    child.stdout.take().unwrap().read_exact(&mut first).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    assert!(output.stderr.is_empty(), "{output:?}");
+}

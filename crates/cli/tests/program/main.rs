@@ -1,0 +1,15 @@
+//! The program as its users meet it: arguments in, text, JSON and files out.
+
+#![allow(clippy::unwrap_used)]
+
+mod bad_input;
+mod calibrate;
+mod compare;
+mod convert;
+mod data;
+mod demo;
+mod introduction;
+mod run;
+#[cfg(target_os = "linux")]
+mod streaming;
+mod support;
