@@ -47,6 +47,10 @@ impl AttitudeEstimator<f64> for Rebuildable {
     fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         self.inner.gyroscope_bias()
     }
+
+    fn rate_at_rest(&self) -> Vector3<f64> {
+        self.inner.rate_at_rest()
+    }
 }
 
 /// An estimator and its driver.
