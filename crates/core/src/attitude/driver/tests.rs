@@ -9,7 +9,9 @@ use approx::assert_relative_eq;
 
 const MS: i64 = 1_000_000;
 
-fn mekf() -> AttitudeDriver<f64, Mekf<f64>> {
+type MekfDriver = AttitudeDriver<f64, Mekf<f64>>;
+
+fn mekf() -> MekfDriver {
     let settings = AttitudeConfig::default();
     AttitudeDriver::new(
         Mekf::new(settings).unwrap(),
@@ -27,7 +29,7 @@ fn north() -> Vector3<f64> {
 }
 
 /// Feeds rest samples at 100 Hz from `from_ms` to `to_ms`.
-fn rest(driver: &mut AttitudeDriver<f64, Mekf<f64>>, from_ms: i64, to_ms: i64, with_field: bool) {
+fn rest(driver: &mut MekfDriver, from_ms: i64, to_ms: i64, with_field: bool) {
     for t in (from_ms..to_ms).step_by(10) {
         driver.gyroscope(t * MS, &Vector3::zeros());
         driver.accelerometer(t * MS, &up());
@@ -166,7 +168,7 @@ fn extreme_stamps_do_not_overflow() {
 /// THEN nothing is aligned with it: the attitude is that of gyroscope and accelerometer.
 #[test]
 fn a_sensor_that_delivers_nothing_usable_restarts_nothing() {
-    let run = |dead: &dyn Fn(&mut AttitudeDriver<f64, Mekf<f64>>, i64)| {
+    let run = |dead: &dyn Fn(&mut MekfDriver, i64)| {
         let mut driver = mekf();
         for t in (0..8000).step_by(10) {
             let rate = if t < 1000 { 0.0 } else { 0.2 };
