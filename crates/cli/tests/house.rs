@@ -27,7 +27,12 @@ fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
     for path in entries.map(|entry| entry.unwrap().path()) {
         let name = path.file_name().unwrap().to_string_lossy();
         let hidden = name.starts_with('.') && name != ".ci";
-        if path.is_dir() && !hidden && !name.starts_with("target") {
+        if path.is_dir()
+            && !hidden
+            && !name.starts_with("target")
+            && name != "node_modules"
+            && name != "dist"
+        {
             found.extend(files(&path, ending));
         } else if path.is_file() && name.ends_with(ending) {
             found.push(path);
