@@ -65,11 +65,12 @@ pub struct WhatIf {
     pub elapsed_ms: f64,
 }
 
-/// Now, in UTC.
+/// A time of arrival (ns since 1970) for people, in UTC.
 #[must_use]
-pub fn now() -> String {
-    let now = time::OffsetDateTime::now_utc();
-    let (date, clock) = (now.date(), now.time());
+pub fn utc(unix_ns: i64) -> String {
+    let time = time::OffsetDateTime::from_unix_timestamp_nanos(i128::from(unix_ns))
+        .unwrap_or(time::OffsetDateTime::UNIX_EPOCH);
+    let (date, clock) = (time.date(), time.time());
     format!(
         "{date} {:02}:{:02}:{:02} UTC",
         clock.hour(),

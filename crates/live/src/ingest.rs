@@ -13,9 +13,9 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use northing_recording::wire::LONGEST_BATCH_BYTES;
 use northing_recording::wire::phone_page::Batch;
 use northing_recording::wire::sensor_logger_push::Push;
+use northing_recording::wire::{LONGEST_BATCH_BYTES, WireError, WireFormat};
 use serde_json::{Value, json};
 use tokio::sync::oneshot;
 use tokio::time::timeout;
@@ -128,7 +128,7 @@ async fn page_upload(
         return Err(wrong_token());
     }
     let bytes = body(content).await?;
-    take_page(&ingest.lab, &bytes).await.map(axum::Json)
+    take_page(&ingest.lab, bytes).await.map(axum::Json)
 }
 
 fn wrong_token() -> Refusal {
@@ -139,16 +139,15 @@ fn wrong_token() -> Refusal {
 }
 
 /// A batch of the phone page; the answer is made when the lab has taken it.
-async fn take_page(lab: &Arc<Lab>, bytes: &[u8]) -> Result<Value, Refusal> {
-    let batch = Batch::parse(bytes)
-        .map_err(|error| Refusal::new(StatusCode::BAD_REQUEST, error.to_string()))?;
+async fn take_page(lab: &Arc<Lab>, bytes: Bytes) -> Result<Value, Refusal> {
+    let batch = Batch::parse(&bytes).map_err(|error| malformed(&error))?;
     let device = device(lab, &batch.device, &batch.name, "page")?;
-    let seq = batch.seq;
-    give(&device, bytes.len(), |reply| {
-        Work::Page(Box::new(batch), reply)
-    })
-    .await?;
-    Ok(json!({"ack": seq, "recv_ns": unix_ns(), "commands": []}))
+    give(lab, &device, WireFormat::PhonePage, bytes).await?;
+    Ok(json!({"ack": batch.seq, "recv_ns": lab.now_ns(), "commands": []}))
+}
+
+fn malformed(error: &WireError) -> Refusal {
+    Refusal::new(StatusCode::BAD_REQUEST, error.to_string())
 }
 
 fn device(
@@ -167,25 +166,23 @@ fn device(
     Err(Refusal::new(StatusCode::BAD_REQUEST, text))
 }
 
-async fn give(
-    device: &Device,
-    bytes: usize,
-    work: impl FnOnce(oneshot::Sender<()>) -> Work,
-) -> Result<(), Refusal> {
+async fn give(lab: &Lab, device: &Device, format: WireFormat, bytes: Bytes) -> Result<(), Refusal> {
     let busy = |text: String| Refusal::new(StatusCode::TOO_MANY_REQUESTS, text);
-    if !device.admits(bytes) {
+    if !device.admits(bytes.len()) {
         return Err(busy("too fast: send it again later".to_owned()));
     }
     let (reply, taken) = oneshot::channel();
-    device.try_give(work(reply)).map_err(busy)?;
-    taken
+    let work = Work::Payload {
+        format,
+        bytes,
+        arrival_ns: lab.now_ns(),
+        reply: Some(reply),
+    };
+    device.try_give(work).map_err(busy)?;
+    let taken = taken
         .await
-        .map_err(|_| busy("the device has been taken away".to_owned()))
-}
-
-fn unix_ns() -> u64 {
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    now.map_or(0, |t| u64::try_from(t.as_nanos()).unwrap_or(u64::MAX))
+        .map_err(|_| busy("the device has been taken away".to_owned()))?;
+    taken.map_err(|error| malformed(&error))
 }
 
 /// Uploads of native apps: Sensor Logger's push, or batches as the phone page sends them.
@@ -202,27 +199,26 @@ async fn app_upload(
         Err(refusal) => return refusal.into_response(),
     };
     if let Ok(push) = Push::parse(&bytes) {
-        return match take_push(&ingest.lab, push, bytes.len()).await {
+        return match take_push(&ingest.lab, &push, bytes).await {
             Ok(answer) => axum::Json(answer).into_response(),
             Err(Refusal(StatusCode::SERVICE_UNAVAILABLE, text)) => shown(&text),
             Err(refusal) => refusal.into_response(),
         };
     }
-    match take_page(&ingest.lab, &bytes).await {
+    match take_page(&ingest.lab, bytes).await {
         Ok(answer) => axum::Json(answer).into_response(),
         Err(refusal) => refusal.into_response(),
     }
 }
 
-async fn take_push(lab: &Arc<Lab>, push: Push, bytes: usize) -> Result<Value, Refusal> {
+async fn take_push(lab: &Arc<Lab>, push: &Push, bytes: Bytes) -> Result<Value, Refusal> {
     let name = format!(
         "Sensor Logger {}",
         push.device_id.chars().take(6).collect::<String>()
     );
     let device = device(lab, &push.device_id, &name, "sensor-logger")?;
-    let ack = push.message_id;
-    give(&device, bytes, |reply| Work::Push(Box::new(push), reply)).await?;
-    Ok(json!({"ack": ack}))
+    give(lab, &device, WireFormat::SensorLogger, bytes).await?;
+    Ok(json!({"ack": push.message_id}))
 }
 
 fn shown(text: &str) -> Response {
@@ -260,7 +256,7 @@ async fn serve_socket(ingest: Ingest, mut socket: WebSocket) {
             Message::Close(_) => return,
             Message::Ping(_) | Message::Pong(_) => continue,
         };
-        let answer = match take_page(&ingest.lab, &bytes).await {
+        let answer = match take_page(&ingest.lab, bytes).await {
             Ok(answer) => answer,
             Err(refusal) => json!({"error": refusal.1}),
         };

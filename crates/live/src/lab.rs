@@ -10,10 +10,10 @@ use serde_json::{Value, json};
 use tokio::sync::{broadcast, mpsc, oneshot};
 
 use crate::device::{self, Work};
+use crate::engine::DeviceEngine;
 use crate::experiments::Finished;
 use crate::limits::RateLimit;
 use crate::messages::{Command, DeviceStatus};
-use crate::session::DeviceSession;
 
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
@@ -47,6 +47,8 @@ pub struct Device {
     queue: mpsc::Sender<Work>,
     pub(crate) status: Mutex<DeviceStatus>,
     pub(crate) limit: Mutex<RateLimit>,
+    /// It lives in the time of a recording.
+    pub(crate) replayed: bool,
     gone: AtomicBool,
 }
 
@@ -60,6 +62,8 @@ pub struct Lab {
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
     pub(crate) messages: broadcast::Sender<Arc<str>>,
     options: RunOptions,
+    started: Instant,
+    started_unix_ns: i64,
 }
 
 /// The guard of a mutex. A task that panicked has left plain data, which is still good.
@@ -79,7 +83,17 @@ impl Lab {
             frames: broadcast::channel(FRAMES).0,
             messages: broadcast::channel(MESSAGES).0,
             options,
+            started: Instant::now(),
+            started_unix_ns: unix_ns(),
         })
+    }
+
+    /// Now, for times of arrival: ns since 1970 by the clock of the computer at the start of the lab,
+    /// and from then on a clock that never goes back.
+    #[must_use]
+    pub fn now_ns(&self) -> i64 {
+        let since = i64::try_from(self.started.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        self.started_unix_ns.saturating_add(since)
     }
 
     /// Tells all pages.
@@ -104,6 +118,20 @@ impl Lab {
         name: &str,
         source: &'static str,
     ) -> Result<Arc<Device>, String> {
+        self.device_with(id, name, source, None)
+    }
+
+    /// As [`Lab::device`], with other options to start with: a device of a recording.
+    ///
+    /// # Errors
+    /// As [`Lab::device`].
+    pub(crate) fn device_with(
+        self: &Arc<Self>,
+        id: &str,
+        name: &str,
+        source: &'static str,
+        recorded: Option<RunOptions>,
+    ) -> Result<Arc<Device>, String> {
         let mut devices = lock(&self.devices);
         if let Some(device) = devices.get(id) {
             return Ok(device.clone());
@@ -111,7 +139,9 @@ impl Lab {
         if devices.len() >= MOST_DEVICES {
             return Err(format!("the lab is full: it takes {MOST_DEVICES} devices"));
         }
-        let session = DeviceSession::new(self.options.clone()).map_err(|e| e.to_string())?;
+        let replayed = recorded.is_some();
+        let options = recorded.unwrap_or_else(|| self.options.clone());
+        let engine = DeviceEngine::new(options).map_err(|e| e.to_string())?;
         let (queue, work) = mpsc::channel(QUEUE);
         let status = DeviceStatus {
             id: id.to_owned(),
@@ -126,11 +156,12 @@ impl Lab {
             queue,
             status: Mutex::new(status),
             limit: Mutex::new(RateLimit::new(Instant::now())),
+            replayed,
             gone: AtomicBool::new(false),
         });
         devices.insert(id.to_owned(), device.clone());
         drop(devices);
-        device::spawn(self.clone(), device.clone(), session, work);
+        device::spawn(self.clone(), device.clone(), engine, work);
         self.tell_devices();
         Ok(device)
     }
@@ -248,13 +279,18 @@ impl Device {
         sent.map_err(|_| "the lab is busy; send it again".to_owned())
     }
 
-    /// Carries out a command.
+    /// Carries out a command that came at `arrival_ns` ([`Lab::now_ns`]).
     ///
     /// # Errors
     /// Why it cannot be done, in a sentence.
-    pub async fn command(&self, command: Command) -> Result<(), String> {
+    pub async fn command(&self, command: Command, arrival_ns: i64) -> Result<(), String> {
         let (reply, answer) = oneshot::channel();
-        self.give(Work::Command(command, reply)).await?;
+        let work = Work::Command {
+            command,
+            arrival_ns,
+            reply,
+        };
+        self.give(work).await?;
         let answer = answer.await;
         answer.unwrap_or_else(|_| Err("the device has been taken away".to_owned()))
     }
@@ -263,4 +299,10 @@ impl Device {
     pub(crate) fn admits(&self, bytes: usize) -> bool {
         lock(&self.limit).admits(Instant::now(), bytes)
     }
+}
+
+/// Now by the clock of the computer, ns since 1970.
+fn unix_ns() -> i64 {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    now.map_or(0, |t| i64::try_from(t.as_nanos()).unwrap_or(i64::MAX))
 }

@@ -362,6 +362,6 @@ async fn carry_out(
         Request::Estimators { device, used } => (device, Command::Estimators(used)),
         Request::Rename { device, name } => (device, Command::Rename(name)),
     };
-    lab.find(&device)?.command(command).await?;
+    lab.find(&device)?.command(command, lab.now_ns()).await?;
     Ok(None)
 }

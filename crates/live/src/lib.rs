@@ -8,17 +8,18 @@
 //! | what phones and apps talk to | [`ingest`] |
 //! | what the lab page talks to, and the messages | [`lab_api`], [`messages`] |
 //! | the devices and what they share | [`lab`], [`device`] |
-//! | one device: events in, estimates, calibration, experiment out | [`session`] |
+//! | one device: events in, estimates, calibration, experiment out | [`engine`], [`session`] |
 //! | finished experiments, what-if, files, report | [`experiments`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | the pages and the QR code | [`assets`], [`qr`] |
 //!
-//! A sample's way: a listener reads a batch and hands it to the task of its device, which alone
+//! A sample's way: a listener reads a batch and hands its bytes to the task of its device, whose engine
 //! puts batches in order, decodes them, and runs the session. Queues are bounded: when a device is
 //! busy, its phone is told to send again, so samples are never dropped; frames for drawing are.
 
 pub mod assets;
 pub mod device;
+pub mod engine;
 pub mod experiments;
 pub mod export;
 pub mod ingest;

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use northing_evaluation::{EvaluationError, RunOptions, RunSummary, run_recording};
 use northing_recording::{Event, OpenOptions, Recording, RecordingError, open};
 
-use crate::device::Work;
 use crate::lab::{Device, Lab};
 use crate::messages::Command;
 use crate::virtual_phones;
@@ -33,22 +32,22 @@ pub async fn play(lab: &Arc<Lab>, path: &Path, speed: Speed) -> Result<Arc<Devic
     let name = recording.metadata().name.clone();
     let device = lab.device(&format!("replay-{name}"), &name, "replay")?;
     match speed {
-        Speed::Max => at_once(&device, recording).await?,
+        Speed::Max => at_once(lab, &device, recording).await?,
         Speed::Real => {
             let mut failed = None;
             let events = recording.map_while(|event| event.map_err(|e| failed = Some(e)).ok());
-            virtual_phones::play(events, &device).await;
+            virtual_phones::play(events, lab, &device).await;
             if let Some(error) = failed {
                 return Err(error.to_string());
             }
         }
     }
     // A command waits for everything before it.
-    device.command(Command::Stop).await?;
+    device.command(Command::Stop, lab.now_ns()).await?;
     Ok(device)
 }
 
-async fn at_once(device: &Device, recording: Recording) -> Result<(), String> {
+async fn at_once(lab: &Lab, device: &Device, recording: Recording) -> Result<(), String> {
     let mut batch: Vec<Event> = Vec::with_capacity(BATCH);
     for event in recording {
         let event = event.map_err(|e: RecordingError| e.to_string())?;
@@ -58,13 +57,12 @@ async fn at_once(device: &Device, recording: Recording) -> Result<(), String> {
                 .last()
                 .is_some_and(|last| last.time_ns < event.time_ns)
         {
-            device
-                .give(Work::Events(std::mem::take(&mut batch)))
-                .await?;
+            virtual_phones::give(lab, device, &batch).await?;
+            batch.clear();
         }
         batch.push(event);
     }
-    device.give(Work::Events(batch)).await
+    virtual_phones::give(lab, device, &batch).await
 }
 
 /// The summary of a recording, as `northing run` makes it.

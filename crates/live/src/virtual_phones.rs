@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use northing_recording::Event;
+use northing_recording::wire::{WireFormat, events};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 use tokio::time::{Instant, MissedTickBehavior};
@@ -43,12 +44,13 @@ pub fn add(lab: &Arc<Lab>, request: VirtualPhoneRequest) -> Result<String, Strin
     .map_err(|error| error.to_string())?;
     let id = format!("virtual-{number}");
     let device = lab.device(&id, &format!("Virtual phone {number}"), "virtual")?;
-    tokio::spawn(async move { play(phone.events(), &device).await });
+    let lab = lab.clone();
+    tokio::spawn(async move { play(phone.events(), &lab, &device).await });
     Ok(id)
 }
 
 /// Delivers events when they are due, until they end or the device is gone.
-pub(crate) async fn play(events: impl Iterator<Item = Event> + Send, device: &Device) {
+pub(crate) async fn play(events: impl Iterator<Item = Event> + Send, lab: &Lab, device: &Device) {
     let mut events = events.peekable();
     let Some(first_ns) = events.peek().map(|event| event.time_ns) else {
         return;
@@ -67,11 +69,25 @@ pub(crate) async fn play(events: impl Iterator<Item = Event> + Send, device: &De
         while let Some(event) = events.next_if(|event| event.time_ns <= due) {
             batch.push(event);
         }
-        if !batch.is_empty() && device.give(Work::Events(batch)).await.is_err() {
+        if !batch.is_empty() && give(lab, device, &batch).await.is_err() {
             return;
         }
         if events.peek().is_none() {
             return;
         }
     }
+}
+
+/// Delivers events as a device delivers its bytes.
+///
+/// # Errors
+/// The device has been taken away.
+pub(crate) async fn give(lab: &Lab, device: &Device, batch: &[Event]) -> Result<(), String> {
+    let work = Work::Payload {
+        format: WireFormat::Events,
+        bytes: events::encode(batch).into(),
+        arrival_ns: lab.now_ns(),
+        reply: None,
+    };
+    device.give(work).await
 }

@@ -9,6 +9,7 @@
 //! the right edge, y to the top edge, z out of the screen, specific force +9.81 on the axis that
 //! points up at rest, orientations `enu_from_body`. Events of one [`Decoded`] are in time order;
 //! those of two consecutive ones may overlap by as much as the device's batches do.
+//! [`WireDecoder`] is one decoder for all of them, with their messages put in order.
 //!
 //! ```
 //! use northing_recording::wire::sensorserver::SensorServer;
@@ -19,6 +20,8 @@
 //! assert!(decoded.notices.is_empty());
 //! ```
 
+mod decoder;
+pub mod events;
 mod force_sign;
 pub mod hyperimu;
 mod json;
@@ -43,6 +46,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::event::{Event, Sample, SensorKind, quaternion_from_file};
 
+pub use decoder::{WireDecoder, WireFormat};
 pub use force_sign::ForceSign;
 pub use resequencer::{Placed, Resequencer};
 

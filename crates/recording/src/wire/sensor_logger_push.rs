@@ -106,6 +106,9 @@ pub struct SensorLoggerPush {
     pairs: Pairs,
     forced: Option<ForceSign>,
     stream: Stream,
+    /// Of sessions that are over.
+    lost_before: u64,
+    duplicated_before: u64,
 }
 
 impl Default for SensorLoggerPush {
@@ -120,6 +123,8 @@ impl Default for SensorLoggerPush {
             pairs: Pairs::default(),
             forced: None,
             stream: Stream::new("set the sampling period to 10 ms in the app"),
+            lost_before: 0,
+            duplicated_before: 0,
         }
     }
 }
@@ -158,6 +163,8 @@ impl SensorLoggerPush {
             *self = Self {
                 session_id: push.session_id.clone(),
                 forced: self.forced,
+                lost_before: self.lost(),
+                duplicated_before: self.duplicated(),
                 ..Self::default()
             };
         }
@@ -189,6 +196,23 @@ impl SensorLoggerPush {
             out.note_many(Tone::Bad, "A message did not come and was given up.", lost);
         }
         out
+    }
+
+    /// Whether a message begins another session than the one under way.
+    pub(super) fn is_other_session(&self, push: &Push) -> bool {
+        !self.seen.is_empty() && push.session_id != self.session_id
+    }
+
+    /// Messages that never came.
+    #[must_use]
+    pub const fn lost(&self) -> u64 {
+        self.lost_before + self.order.lost()
+    }
+
+    /// Messages that came more than once.
+    #[must_use]
+    pub const fn duplicated(&self) -> u64 {
+        self.duplicated_before + self.order.duplicated()
     }
 
     /// Decodes what still waits for its predecessors: the stream has ended.

@@ -1,0 +1,160 @@
+//! Our own events as bytes, exact to the bit: what virtual phones and replays deliver.
+//!
+//! A payload is the byte 1 (the version) and then, for each event: the sensor's place in
+//! [`SensorKind::ALL`] (1 byte), a flag (1 byte; of a reference whether it is scored), the stamp
+//! (`i64`, ns), and the numbers of the sample (`f64`): three of a vector, four of a quaternion in the
+//! order w, x, y, z with the sign it has inside, one of a pressure. Little-endian throughout.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::WireError;
+use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+
+const VERSION: u8 = 1;
+/// Sensor, flag, stamp.
+const HEAD: usize = 10;
+/// A quaternion whose norm is farther than this from 1 was not written by this program.
+const NORM_TOLERANCE: f64 = 1e-6;
+
+/// The events as bytes.
+#[must_use]
+pub fn encode(events: &[Event]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(1 + events.len() * (HEAD + 32));
+    bytes.push(VERSION);
+    for event in events {
+        let (numbers, count) = numbers(&event.sample);
+        let scored = matches!(
+            event.sample,
+            Sample::Reference(Reference { scored: true, .. })
+        );
+        bytes.push(event.sample.kind().order() as u8);
+        bytes.push(u8::from(scored));
+        bytes.extend_from_slice(&event.time_ns.to_le_bytes());
+        for number in &numbers[..count] {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
+    }
+    bytes
+}
+
+/// The events of a payload.
+///
+/// # Errors
+/// A line when the version is another, a sensor is unknown, or the bytes end within an event.
+pub fn decode(bytes: &[u8]) -> Result<Vec<Event>, WireError> {
+    let Some((&VERSION, mut rest)) = bytes.split_first() else {
+        return Err(WireError::new(format!(
+            "these are no events of this program: they start with the byte {VERSION}"
+        )));
+    };
+    let mut events = Vec::with_capacity(rest.len() / (HEAD + 24));
+    while !rest.is_empty() {
+        let event = next(&mut rest).ok_or_else(|| {
+            WireError::new(format!(
+                "the events cannot be read beyond number {}: an unknown sensor, or bytes are missing",
+                events.len()
+            ))
+        })?;
+        events.push(event);
+    }
+    Ok(events)
+}
+
+fn next(rest: &mut &[u8]) -> Option<Event> {
+    let [sensor, flag] = take::<2>(rest)?;
+    let kind = *SensorKind::ALL.get(usize::from(sensor))?;
+    let time_ns = i64::from_le_bytes(take(rest)?);
+    let sample = match kind {
+        SensorKind::DeviceOrientation => Sample::DeviceOrientation(quaternion(rest)?),
+        SensorKind::Reference => Sample::Reference(Reference {
+            attitude: quaternion(rest)?,
+            scored: flag != 0,
+        }),
+        SensorKind::Pressure => Sample::Pressure(number(rest)?),
+        _ => {
+            let v = Vector3::new(number(rest)?, number(rest)?, number(rest)?);
+            Sample::from_vector(kind, v)?
+        }
+    };
+    Some(Event { time_ns, sample })
+}
+
+fn take<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
+    let (head, tail) = rest.split_first_chunk::<N>()?;
+    *rest = tail;
+    Some(*head)
+}
+
+fn number(rest: &mut &[u8]) -> Option<f64> {
+    take(rest).map(f64::from_le_bytes)
+}
+
+fn quaternion(rest: &mut &[u8]) -> Option<UnitQuaternion<f64>> {
+    let [w, x, y, z] = [number(rest)?, number(rest)?, number(rest)?, number(rest)?];
+    let q = Quaternion::new(w, x, y, z);
+    // As it was: normalising again would change the last bits.
+    if (q.norm() - 1.0).abs() < NORM_TOLERANCE {
+        return Some(UnitQuaternion::new_unchecked(q));
+    }
+    Some(quaternion_from_file(w, x, y, z))
+}
+
+fn numbers(sample: &Sample) -> ([f64; 4], usize) {
+    let of = |q: &UnitQuaternion<f64>| ([q.w, q.i, q.j, q.k], 4);
+    match sample {
+        Sample::DeviceOrientation(q) => of(q),
+        Sample::Reference(reference) => of(&reference.attitude),
+        other => crate::writer::numbers(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(time_ns: i64, sample: Sample) -> Event {
+        Event { time_ns, sample }
+    }
+
+    #[test]
+    fn every_kind_comes_back_to_the_bit() {
+        let q = UnitQuaternion::from_euler_angles(0.1, -2.0, 3.0);
+        let minus = UnitQuaternion::new_unchecked(-q.into_inner());
+        let v = Vector3::new(0.1 + 0.2, -0.0, f64::MIN_POSITIVE / 3.0);
+        let mut events: Vec<Event> = SensorKind::ALL
+            .into_iter()
+            .filter_map(|kind| Sample::from_vector(kind, v))
+            .map(|sample| event(i64::MIN, sample))
+            .collect();
+        events.push(event(-1, Sample::DeviceOrientation(minus)));
+        events.push(event(i64::MAX, Sample::Pressure(1e5 / 3.0)));
+        for scored in [true, false] {
+            let reference = Reference {
+                attitude: q,
+                scored,
+            };
+            events.push(event(0, Sample::Reference(reference)));
+        }
+        let bytes = encode(&events);
+        let back = decode(&bytes).unwrap();
+        assert_eq!(encode(&back), bytes);
+        assert_eq!(back, events);
+        let nan = [event(
+            0,
+            Sample::Pressure(f64::from_bits(0x7ff8_0000_dead_beef)),
+        )];
+        assert_eq!(encode(&decode(&encode(&nan)).unwrap()), encode(&nan));
+    }
+
+    #[test]
+    fn what_was_cut_or_comes_from_elsewhere_is_refused() {
+        let bytes = encode(&[event(5, Sample::Pressure(1.0))]);
+        for cut in 2..bytes.len() {
+            assert!(decode(&bytes[..cut]).is_err(), "{cut}");
+        }
+        assert_eq!(decode(&bytes[..1]).unwrap(), []);
+        for bad in [&b""[..], b"{}", &[2, 0, 0], &[1, 99, 0, 0]] {
+            assert!(decode(bad).is_err(), "{bad:?}");
+        }
+    }
+}
