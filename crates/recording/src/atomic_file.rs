@@ -125,6 +125,12 @@ impl Write for AtomicFile {
     }
 }
 
+impl io::Seek for AtomicFile {
+    fn seek(&mut self, to: io::SeekFrom) -> io::Result<u64> {
+        self.output.seek(to)
+    }
+}
+
 /// Writes a whole file at once, atomically.
 ///
 /// # Errors
