@@ -10,6 +10,7 @@
 //! | [`kalman`] | the innovation record, NIS gates, in-place scalar updates, covariance hygiene |
 //! | [`attitude`] | gyroscope integration, MEKF, USQUE, quaternion EKF, Wahba's problem, alignment |
 //! | [`calibration`] | what a sensor at rest tells: bias, noise, references, and when to refuse |
+//! | [`tracking`] | targets in clutter: motion models, association, existence, own-ship uncertainty |
 //!
 //! # Conventions
 //!
@@ -34,6 +35,7 @@ pub mod calibration;
 pub mod geometry;
 pub mod kalman;
 mod scalar;
+pub mod tracking;
 
 pub use nalgebra;
 pub use scalar::Scalar;

@@ -1,0 +1,153 @@
+//! Integrated PDA: whether the target exists at all, and whether the sensor can see it just now.
+//!
+//! Read first: Musicki, Evans, Stankovic, *Integrated Probabilistic Data Association*, IEEE TAC 39
+//! (1994); `docs/derivations/association.md`, section 4.
+//!
+//! A track is a hypothesis with a probability: it starts low, every detection that fits raises it,
+//! every scan without one lowers it. Confirmation and deletion are thresholds on it. A target in the
+//! shadow of another is not detected for many scans and yet exists: the probability of being
+//! visible takes that blow (VIPDA).
+//!
+//! | symbol | here |
+//! |---|---|
+//! | `r` | [`Existence::existence`] |
+//! | `v` | [`Existence::visibility`], given that the target exists |
+//! | `P_D` | detection probability of a visible target, gate included |
+
+use crate::scalar::{Scalar, lit};
+
+/// Probabilities of a target's existence and visibility.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Existence<T> {
+    /// Probability that there is a target.
+    pub existence: T,
+    /// Probability that the sensor can see it, if there is one.
+    pub visibility: T,
+}
+
+/// How existence and visibility change while nothing is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct ExistenceModel<T> {
+    /// Mean time a target stays in the area, s.
+    pub lifetime_s: T,
+    /// Mean time a visible target stays visible, s.
+    pub visible_s: T,
+    /// Mean time a hidden target stays hidden, s; zero when targets are always visible.
+    pub hidden_s: T,
+}
+
+impl<T: Scalar> Existence<T> {
+    /// Lets `dt` seconds pass (E1, E2).
+    pub fn predict(&mut self, model: &ExistenceModel<T>, dt: T) {
+        self.existence *= (-dt / model.lifetime_s).exp();
+        if model.hidden_s > T::zero() {
+            let (leave, enter) = (T::one() / model.visible_s, T::one() / model.hidden_s);
+            let stationary = enter / (enter + leave);
+            let fade = (-(enter + leave) * dt).exp();
+            self.visibility = stationary + (self.visibility - stationary) * fade;
+        } else {
+            self.visibility = T::one();
+        }
+    }
+
+    /// Probability that the target causes a detection, `r v P_D` (E3).
+    pub fn detection(&self, detection_probability: T) -> T {
+        self.existence * self.visibility * detection_probability
+    }
+
+    /// Weighs in a scan (E4, E5): `missed` is the probability that none of the detections came from the
+    /// target, whether it exists or not.
+    pub fn update(&mut self, detection_probability: T, missed: T) {
+        let caused = (T::one() - missed).max(T::zero());
+        let silent = T::one() - self.detection(detection_probability);
+        let tiny = lit::<T>(1e-30);
+        let unseen = self.visibility * detection_probability;
+        // given no detection: still there, and still visible
+        let there = self.existence * (T::one() - unseen) / silent.max(tiny);
+        let visible =
+            self.visibility * (T::one() - detection_probability) / (T::one() - unseen).max(tiny);
+        let existence = missed * there + caused;
+        let visibility = (missed * there * visible + caused) / existence.max(tiny);
+        self.existence = existence.min(T::one());
+        self.visibility = visibility.min(T::one());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    const ALWAYS: ExistenceModel<f64> = ExistenceModel {
+        lifetime_s: 1e3,
+        visible_s: 1.0,
+        hidden_s: 0.0,
+    };
+
+    #[test]
+    fn a_miss_lowers_existence_as_bayes_says() {
+        let mut e = Existence {
+            existence: 0.5,
+            visibility: 1.0,
+        };
+        e.update(0.8, 1.0);
+        assert_relative_eq!(e.existence, 0.5 * 0.2 / (0.5 * 0.2 + 0.5), epsilon = 1e-12);
+    }
+
+    #[test]
+    fn one_detection_follows_the_recursion_of_musicki() {
+        // r' = (1 - d) r / (1 - d r), d = P_D (1 - l / lambda), with one detection in the gate
+        let (r, pd, ratio) = (0.3, 0.9, 6.0);
+        let delta = pd - pd * ratio;
+        let expected = (1.0 - delta) * r / (1.0 - delta * r);
+        let miss = 1.0 - pd * r;
+        let hit = pd * r * ratio;
+        let mut e = Existence {
+            existence: r,
+            visibility: 1.0,
+        };
+        e.update(pd, miss / (miss + hit));
+        assert_relative_eq!(e.existence, expected, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn a_hidden_target_keeps_its_existence_longer() {
+        let hidden = ExistenceModel {
+            visible_s: 30.0,
+            hidden_s: 10.0,
+            ..ALWAYS
+        };
+        let run = |model: &ExistenceModel<f64>| {
+            let mut e = Existence {
+                existence: 0.99,
+                visibility: 1.0,
+            };
+            for _ in 0..5 {
+                e.predict(model, 1.0);
+                e.update(0.9, 1.0);
+            }
+            e
+        };
+        let (with, without) = (run(&hidden), run(&ALWAYS));
+        assert!(with.existence > 0.5 && without.existence < 0.01);
+        assert!(with.visibility < 0.5);
+    }
+
+    #[test]
+    fn visibility_ends_at_its_stationary_share() {
+        let model = ExistenceModel {
+            visible_s: 30.0,
+            hidden_s: 10.0,
+            ..ALWAYS
+        };
+        let mut e = Existence {
+            existence: 1.0,
+            visibility: 0.0,
+        };
+        e.predict(&model, 1e3);
+        assert_relative_eq!(e.visibility, 0.75, epsilon = 1e-9);
+        assert_relative_eq!(e.existence, f64::exp(-1.0), epsilon = 1e-9);
+    }
+}

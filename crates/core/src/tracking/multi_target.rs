@@ -1,0 +1,211 @@
+//! The tracker of many targets in clutter: initiation, association, existence, confirmation, deletion,
+//! with the own ship's uncertainty in every step.
+//!
+//! Read first: `docs/derivations/association.md`; Musicki and Evans (2004) for JIPDA; the Schmidt
+//! update in every innovation is that of Schmidt, *Application of State-Space Methods to Navigation
+//! Problems* (1966).
+//!
+//! When to use: unlabelled detections, several targets, false alarms. When not: one target and no
+//! clutter, where a single Schmidt-Kalman filter says the same for less.
+//!
+//! Limits: the targets' errors are correlated through the own ship; each target carries its own
+//! correlation with the ship, the blocks between targets are left out, so joint statements about
+//! several targets are a little too confident. At most `N` tracks and `D` detections a scan; what
+//! does not fit is counted.
+
+mod config;
+mod counts;
+mod track;
+mod update;
+
+pub use config::{ScanSensor, TrackerConfig};
+pub use counts::{ScanError, TrackerCounts};
+pub use track::{Track, TrackStatus};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::association::jipda::{Association, associate};
+use super::detection::Detection;
+use super::own_ship::OwnShip;
+use crate::scalar::{Scalar, lit};
+
+/// One scan: everything one sensor reports at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Scan<'a, T> {
+    /// Seconds on the recording's clock; scans come in time order.
+    pub time_s: T,
+    /// What the sensor is like.
+    pub sensor: &'a ScanSensor<T>,
+    /// Pose of the own ship now.
+    pub own_ship: &'a OwnShip<T>,
+    /// The detections, unlabelled.
+    pub detections: &'a [Detection<T>],
+}
+
+/// The tracker: `M` motion models a target, at most `N` targets, at most `D` detections a scan.
+#[derive(Debug, Clone)]
+pub struct MultiTargetTracker<T, const M: usize, const N: usize, const D: usize> {
+    config: TrackerConfig<T, M>,
+    tracks: [Option<Track<T, M>>; N],
+    /// Time of the last scan and the covariance of the pose then.
+    last: Option<(T, Matrix3<T>)>,
+    next_id: u32,
+    counts: TrackerCounts,
+    weights: [Association<T, D>; N],
+    marginals: [Association<T, D>; N],
+}
+
+impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTracker<T, M, N, D> {
+    /// A tracker without tracks.
+    pub fn new(config: TrackerConfig<T, M>) -> Self {
+        Self {
+            config,
+            tracks: [None; N],
+            last: None,
+            next_id: 1,
+            counts: TrackerCounts::default(),
+            weights: [Association::missed(T::one()); N],
+            marginals: [Association::missed(T::one()); N],
+        }
+    }
+
+    /// Every track, tentative ones too.
+    pub fn tracks(&self) -> impl Iterator<Item = &Track<T, M>> {
+        self.tracks.iter().flatten()
+    }
+
+    /// What was done and what was refused so far.
+    pub fn counts(&self) -> &TrackerCounts {
+        &self.counts
+    }
+
+    /// Takes one scan.
+    ///
+    /// # Errors
+    /// A scan whose time is not finite or before the last, or whose pose is not finite or has no
+    /// covariance, changes nothing and is counted. Single bad detections are skipped and counted.
+    pub fn scan(&mut self, scan: &Scan<'_, T>) -> Result<(), ScanError> {
+        let dt = self.admit(scan).inspect_err(|e| self.counts.refuse(*e))?;
+        self.counts.scans += 1;
+        self.predict(scan, dt);
+        let count = scan.detections.len().min(D);
+        self.counts.detections_beyond_capacity += (scan.detections.len() - count) as u64;
+        let detections = &scan.detections[..count];
+        let invalid = detections.iter().filter(|d| !d.is_valid()).count();
+        self.counts.detections_invalid += invalid as u64;
+        self.weigh(scan, detections);
+        let effort = associate(&self.weights, &mut self.marginals);
+        self.counts.approximate_clusters += u64::from(effort.approximate_clusters);
+        self.update(scan, detections);
+        self.remove();
+        if scan.sensor.initiates {
+            self.initiate(scan, detections);
+        }
+        Ok(())
+    }
+
+    /// Seconds since the last scan, or why this one cannot be used.
+    fn admit(&self, scan: &Scan<'_, T>) -> Result<T, ScanError> {
+        if !scan.time_s.is_finite() {
+            return Err(ScanError::TimeNotFinite);
+        }
+        if !scan.own_ship.is_valid() {
+            return Err(ScanError::PoseInvalid);
+        }
+        let dt = self.last.map_or(T::zero(), |(t, _)| scan.time_s - t);
+        if dt < T::zero() {
+            return Err(ScanError::TimeGoesBack);
+        }
+        if dt > self.config.longest_gap_s {
+            return Err(ScanError::TimeInFuture);
+        }
+        Ok(dt)
+    }
+
+    fn predict(&mut self, scan: &Scan<'_, T>, dt: T) {
+        let kept = self.last.map_or_else(Vector3::zeros, |(_, before)| {
+            let memory = &self.config.pose_memory;
+            memory.factors(&before, &scan.own_ship.covariance, dt)
+        });
+        for track in self.tracks.iter_mut().flatten() {
+            track.imm.predict(&self.config.models, dt, &kept);
+            track.existence.predict(&self.config.existence, dt);
+            track.age_s += dt;
+            track.silent_s += dt;
+        }
+        self.last = Some((scan.time_s, scan.own_ship.covariance));
+    }
+
+    fn weigh(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
+        for (track, weight) in self.tracks.iter().zip(&mut self.weights) {
+            *weight = match track {
+                Some(track) => {
+                    update::weigh(track, scan, detections, &self.config, &mut self.counts)
+                }
+                None => Association::missed(T::one()),
+            };
+        }
+    }
+
+    fn update(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
+        for (slot, marginal) in self.tracks.iter_mut().zip(&self.marginals) {
+            let Some(track) = slot else { continue };
+            update::update(track, scan, detections, marginal, &self.config);
+            track.confirm(&self.config);
+        }
+    }
+
+    /// Removes what does not exist any more, what has grown meaningless, and the younger of two
+    /// tracks that have become one.
+    fn remove(&mut self) {
+        for slot in &mut self.tracks {
+            if slot.as_ref().is_some_and(|t| t.is_over(&self.config)) {
+                let confirmed = slot
+                    .take()
+                    .is_some_and(|t| t.status == TrackStatus::Confirmed);
+                self.counts.deleted_confirmed += u64::from(confirmed);
+            }
+        }
+        for i in 0..N {
+            for j in 0..i {
+                let (Some(a), Some(b)) = (&self.tracks[i], &self.tracks[j]) else {
+                    continue;
+                };
+                if a.is_same_as(b, &self.config) {
+                    let loser = if a.is_senior_to(b) { j } else { i };
+                    self.tracks[loser] = None;
+                    self.counts.merged += 1;
+                }
+            }
+        }
+    }
+
+    /// A tentative track for every detection that no track is likely to have caused.
+    fn initiate(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
+        for (j, detection) in detections.iter().enumerate() {
+            let taken = self
+                .marginals
+                .iter()
+                .zip(&self.tracks)
+                .filter(|(_, t)| t.is_some())
+                .fold(T::zero(), |sum, (m, _)| sum + m.detections[j]);
+            if taken > lit(0.5) {
+                continue;
+            }
+            let Some(track) = track::initiate(detection, scan, &self.config, self.next_id) else {
+                continue;
+            };
+            match self.tracks.iter_mut().find(|t| t.is_none()) {
+                Some(slot) => {
+                    *slot = Some(track);
+                    self.next_id = self.next_id.wrapping_add(1);
+                    self.counts.initiated += 1;
+                }
+                None => self.counts.tracks_beyond_capacity += 1,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

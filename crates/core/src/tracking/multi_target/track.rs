@@ -1,0 +1,167 @@
+//! One track: its start from a single detection, and when it is confirmed, over, or a duplicate.
+
+use nalgebra::{Matrix2, Matrix2x3, SMatrix, Vector2};
+
+use super::{Scan, TrackerConfig};
+use crate::kalman::covariance::normalized_square;
+use crate::kalman::innovation::{Innovation, SkipReason};
+use crate::scalar::{Scalar, lit};
+use crate::tracking::association::ipda::Existence;
+use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
+use crate::tracking::detection::{CrossCovariance, Detection};
+use crate::tracking::imm::{Imm, Mode};
+
+/// How far a track is believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TrackStatus {
+    /// May be clutter.
+    Tentative,
+    /// Has been confirmed; stays so until it ends.
+    Confirmed,
+}
+
+/// A target, or what may be one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Track<T, const M: usize> {
+    /// Number of the track, never used twice by one tracker.
+    pub id: u32,
+    /// Whether it is confirmed.
+    pub status: TrackStatus,
+    /// Existence and visibility.
+    pub existence: Existence<T>,
+    /// What the motion models believe.
+    pub imm: Imm<T, M>,
+    /// Seconds since the track began.
+    pub age_s: T,
+    /// Seconds since a detection probably came from it.
+    pub silent_s: T,
+    /// The last update: the likeliest detection under the likeliest model, or why there was none.
+    pub innovation: Innovation<T>,
+}
+
+impl<T: Scalar, const M: usize> Track<T, M> {
+    /// State and covariance over all models.
+    pub fn estimate(&self) -> Mode<T> {
+        self.imm.estimate()
+    }
+
+    pub(super) fn confirm(&mut self, config: &TrackerConfig<T, M>) {
+        if self.existence.existence >= config.confirm_existence {
+            self.status = TrackStatus::Confirmed;
+        }
+    }
+
+    pub(super) fn is_over(&self, config: &TrackerConfig<T, M>) -> bool {
+        let limit = match self.status {
+            TrackStatus::Tentative => config.delete_existence,
+            TrackStatus::Confirmed => config.delete_confirmed_existence,
+        };
+        let p = self.estimate().covariance;
+        let largest = config.largest_position_std_m;
+        self.existence.existence < limit
+            || !self.imm.is_valid()
+            || p[(0, 0)] + p[(2, 2)] > largest * largest
+    }
+
+    /// Whether two tracks follow one target: positions and velocities agree within their covariances.
+    pub(super) fn is_same_as(&self, other: &Self, config: &TrackerConfig<T, M>) -> bool {
+        let (a, b) = (self.estimate(), other.estimate());
+        let d = (a.state - b.state).fixed_rows::<4>(0).into_owned();
+        let p = (a.covariance + b.covariance)
+            .fixed_view::<4, 4>(0, 0)
+            .into_owned();
+        let limit = config.merge_sigmas * config.merge_sigmas;
+        normalized_square(&d, &p).is_some_and(|distance| distance < limit)
+    }
+
+    pub(super) fn is_senior_to(&self, other: &Self) -> bool {
+        match (self.status, other.status) {
+            (TrackStatus::Confirmed, TrackStatus::Tentative) => true,
+            (TrackStatus::Tentative, TrackStatus::Confirmed) => false,
+            _ => self.age_s >= other.age_s,
+        }
+    }
+}
+
+/// One-point initiation (I1 to I3): the position from the detection, its covariance from sensor
+/// *and* own ship, and the cross-covariance that follows. `None` for a bearing, which has no position,
+/// and for a detection that is not valid.
+pub(super) fn initiate<T: Scalar, const M: usize>(
+    detection: &Detection<T>,
+    scan: &Scan<'_, T>,
+    config: &TrackerConfig<T, M>,
+    id: u32,
+) -> Option<Track<T, M>> {
+    if !detection.is_valid() {
+        return None;
+    }
+    let (position, by_pose, noise) = locate(detection, scan)?;
+    let own = &scan.own_ship.covariance;
+    let place = by_pose * own * by_pose.transpose() + noise;
+    let cross_place = by_pose * own;
+    let mut state = TargetState::zeros();
+    let mut p = TargetCovariance::zeros();
+    let mut cross = CrossCovariance::zeros();
+    for (i, at) in [0, 2].into_iter().enumerate() {
+        state[at] = position[i];
+        p[(at + 1, at + 1)] = config.birth_speed_std_m_s * config.birth_speed_std_m_s;
+        for (k, other) in [0, 2].into_iter().enumerate() {
+            p[(at, other)] = place[(i, k)];
+        }
+        for k in 0..3 {
+            cross[(at, k)] = cross_place[(i, k)];
+        }
+    }
+    let turn = config.models.turn.std_rad_s;
+    p[(4, 4)] = turn * turn;
+    Some(Track {
+        id,
+        status: TrackStatus::Tentative,
+        existence: Existence {
+            existence: config.birth_existence,
+            visibility: T::one(),
+        },
+        imm: Imm::new(&config.models, state, p, cross),
+        age_s: T::zero(),
+        silent_s: T::zero(),
+        innovation: Innovation::skipped(SkipReason::NotInitialized),
+    })
+}
+
+/// Position of a detection, its Jacobian by the own ship's pose, and the covariance of the sensor's
+/// noise in north and east.
+fn locate<T: Scalar>(
+    detection: &Detection<T>,
+    scan: &Scan<'_, T>,
+) -> Option<(Vector2<T>, Matrix2x3<T>, Matrix2<T>)> {
+    let noise = &scan.sensor.noise;
+    let extent = Matrix2::identity() * (noise.extent_std_m * noise.extent_std_m);
+    match *detection {
+        Detection::Bearing { .. } => None,
+        Detection::Position { north_m, east_m } => {
+            Some((Vector2::new(north_m, east_m), SMatrix::zeros(), extent))
+        }
+        Detection::RangeBearing {
+            range_m,
+            bearing_rad,
+        } => {
+            let own = scan.own_ship;
+            let direction = bearing_rad + own.heading_rad;
+            let (s, c) = (direction.sin(), direction.cos());
+            let offset = Vector2::new(range_m * c, range_m * s);
+            // (I2): heading turns the offset
+            let (one, zero) = (T::one(), T::zero());
+            let by_pose = Matrix2x3::new(one, zero, -offset.y, zero, one, offset.x);
+            let by_sensor = Matrix2::new(c, -offset.y, s, offset.x);
+            let r = Matrix2::new(
+                noise.range_std_m * noise.range_std_m,
+                zero,
+                zero,
+                noise.bearing_std_rad * noise.bearing_std_rad,
+            );
+            let position = Vector2::new(own.north_m, own.east_m) + offset;
+            let sensor = by_sensor * r * by_sensor.transpose() + extent;
+            (range_m < lit(1e9)).then_some((position, by_pose, sensor))
+        }
+    }
+}

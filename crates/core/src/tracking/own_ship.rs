@@ -1,0 +1,153 @@
+//! The own ship as the tracker sees it: a pose from which detections are measured, its covariance,
+//! and how much of its error persists from one scan to the next.
+//!
+//! Read first: `docs/derivations/association.md`, section 1. The navigation filter behind the pose
+//! is a black box here: only pose and covariance are known. What a target's error shares with the
+//! own ship's (the cross-covariance `X`) then fades with [`PoseMemory`].
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::kalman::covariance::cholesky;
+use crate::scalar::{Scalar, lit};
+
+/// Pose of the own ship at the time of a scan, with the covariance of its error.
+///
+/// Order of the components everywhere: north, east, heading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OwnShip<T> {
+    /// Position north, m.
+    pub north_m: T,
+    /// Position east, m.
+    pub east_m: T,
+    /// Heading clockwise from north, rad. Zero for detections that are stated in north-east axes.
+    pub heading_rad: T,
+    /// Covariance of the error (true minus estimate) of north (m), east (m) and heading (rad).
+    pub covariance: Matrix3<T>,
+}
+
+/// How long an error of the own ship's pose lasts, for a navigation filter that is a black box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
+pub struct PoseMemory<T> {
+    /// Correlation time of the position error, s. Raising it makes the tracker average less.
+    pub position_s: T,
+    /// Correlation time of the heading error, s. Raising it makes the tracker average less.
+    pub heading_s: T,
+}
+
+impl<T: Scalar> Default for PoseMemory<T> {
+    fn default() -> Self {
+        Self {
+            position_s: lit(300.0),
+            heading_s: lit(1e4),
+        }
+    }
+}
+
+impl<T: Scalar> OwnShip<T> {
+    /// A pose known exactly.
+    pub fn exact(north_m: T, east_m: T, heading_rad: T) -> Self {
+        Self {
+            north_m,
+            east_m,
+            heading_rad,
+            covariance: Matrix3::zeros(),
+        }
+    }
+
+    /// The pose with independent errors of these standard deviations (m, m, rad).
+    #[must_use]
+    pub fn with_std(mut self, north: T, east: T, heading: T) -> Self {
+        self.covariance =
+            Matrix3::from_diagonal(&Vector3::new(north * north, east * east, heading * heading));
+        self
+    }
+
+    /// Whether pose and covariance are finite, the covariance symmetric and not negative.
+    pub fn is_valid(&self) -> bool {
+        let finite = self.north_m.is_finite()
+            && self.east_m.is_finite()
+            && self.heading_rad.is_finite()
+            && self.covariance.iter().all(|x| x.is_finite());
+        finite && is_positive_semidefinite(&self.covariance)
+    }
+}
+
+/// Symmetric and positive semidefinite up to rounding: a relative jitter makes zero variances pass.
+fn is_positive_semidefinite<T: Scalar>(p: &Matrix3<T>) -> bool {
+    let d = p.diagonal();
+    if d.iter().any(|v| *v < T::zero()) {
+        return false;
+    }
+    let mut scaled = Matrix3::identity();
+    for i in 0..3 {
+        for j in 0..i {
+            let root = (d[i] * d[j]).sqrt();
+            let lower = p[(i, j)];
+            if (lower - p[(j, i)]).abs() > lit::<T>(1e-6) * root {
+                return false;
+            }
+            if root > T::zero() {
+                scaled[(i, j)] = lower / root;
+                scaled[(j, i)] = scaled[(i, j)];
+            } else if lower.abs() > T::zero() {
+                return false;
+            }
+        }
+    }
+    cholesky(&(scaled + Matrix3::identity() * lit::<T>(1e-6))).is_some()
+}
+
+impl<T: Scalar> PoseMemory<T> {
+    /// Share of each pose error that is still there after `dt` seconds: `exp(-dt / tau)`, and not
+    /// more than the variance shrank, because a filter that learned has forgotten its old error.
+    pub fn factors(&self, before: &Matrix3<T>, after: &Matrix3<T>, dt: T) -> Vector3<T> {
+        let times = [self.position_s, self.position_s, self.heading_s];
+        Vector3::from_fn(|i, _| {
+            let faded = (-dt / times[i].max(lit(1e-9))).exp();
+            if before[(i, i)] > T::zero() {
+                faded.min(after[(i, i)] / before[(i, i)])
+            } else {
+                T::zero()
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn a_covariance_that_is_none_is_refused() {
+        let good = OwnShip::exact(1.0, 2.0, 0.3_f64);
+        assert!(good.is_valid() && good.with_std(3.0, 0.0, 0.05).is_valid());
+        let mut asymmetric = good.with_std(1.0, 1.0, 1.0);
+        asymmetric.covariance[(0, 1)] = 0.5;
+        let mut too_correlated = good.with_std(1.0, 1.0, 1.0);
+        too_correlated.covariance[(0, 1)] = 1.5;
+        too_correlated.covariance[(1, 0)] = 1.5;
+        let mut negative = good;
+        negative.covariance[(2, 2)] = -1e-9;
+        let nan = OwnShip::exact(f64::NAN, 0.0, 0.0);
+        for bad in [asymmetric, too_correlated, negative, nan] {
+            assert!(!bad.is_valid(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn errors_fade_with_time_and_with_what_navigation_learned() {
+        let memory = PoseMemory {
+            position_s: 100.0,
+            heading_s: 1000.0,
+        };
+        let before = Matrix3::from_diagonal(&Vector3::new(4.0, 0.0, 1.0));
+        let after = Matrix3::from_diagonal(&Vector3::new(4.0, 1.0, 0.25));
+        let f = memory.factors(&before, &after, 10.0);
+        assert_relative_eq!(f.x, f64::exp(-0.1), epsilon = 1e-12);
+        assert_relative_eq!(f.y, 0.0, epsilon = 1e-12);
+        assert_relative_eq!(f.z, 0.25, epsilon = 1e-12);
+    }
+}
