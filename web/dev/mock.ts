@@ -19,7 +19,7 @@ const parameters: [string, string, number][] = [
 function summary(name: string, error: number, estimated: number | null): RunSummary {
   return {
     estimator: name, duration_s: 30, samples: 9000, error_deg: { total_rmse: error * 0.8 }, nis_mean: { accelerometer: 3.1, magnetometer: 2.9 }, nis: {}, issues: [],
-    final: { calculated_error_deg: error, estimated_error_deg: estimated, estimated_std_deg: null, normalised_square: 2.2, verdict: estimated ? "consistent" : null, sentence: `Back in the first pose the estimate is ${error.toFixed(2)} deg away from it, as the filter's 0.54 deg allow: consistent. A hand puts a device back only to 0.5 to 1 deg: a calculated error of that size says nothing against the filter.` },
+    final: { calculated_error_deg: error, calculated_error_wxyz: exp([0.004, -0.003, 0.005]), estimated_error_deg: estimated, estimated_error_wxyz: estimated ? exp([0.004, 0.004, 0.007]) : null, estimated_std_deg: null, normalised_square: 2.2, verdict: estimated ? "consistent" : null, sentence: `Back in the first pose the estimate is ${error.toFixed(2)} deg away from it, as the filter's 0.54 deg allow: consistent. A hand puts a device back only to 0.5 to 1 deg: a calculated error of that size says nothing against the filter.` },
     verdicts: [{ sensor: "accelerometer", verdict: "honest", variance_factor: 1.03, sentences: ["NIS is 3.1 on average, 3 when honest: the stated noise fits."] }, { sensor: "magnetometer", verdict: "too-small", variance_factor: 2.4, sentences: ["R is about 2.4 times too small."] }],
   };
 }
@@ -104,9 +104,9 @@ class Mock extends EventTarget {
     this.progress(2500, (p) => {
       if (p < 1) return this.say({ type: "experiment", device, id, state: "running", progress: p, remaining_s: (1 - p) * seconds, result: null });
       const results = { mekf: summary("mekf", 0.41, 0.54), integration: summary("integration", 12.3, null), device: summary("device", 1.1, null) };
-      this.rows.push({ id, device, name, at: "", duration_s: seconds, settings: Object.fromEntries(parameters.map(([n, , v]) => [n, v])), results: Object.fromEntries(Object.entries(results).map(([n, s]) => [n, { calculated_error_deg: s.final!.calculated_error_deg, estimated_error_deg: s.final!.estimated_error_deg, verdict: s.final!.verdict }])) });
+      this.rows.push({ id, device: this.devices.find((d) => d.id === device)!.name, device_id: device, name, at: "", duration_s: seconds, settings: Object.fromEntries(parameters.map(([n, , v]) => [n, v])), results: Object.fromEntries(Object.entries(results).map(([n, s]) => [n, { calculated_error_deg: s.final!.calculated_error_deg, estimated_error_deg: s.final!.estimated_error_deg, verdict: s.final!.verdict }])) });
       this.say({ type: "experiments", rows: this.rows });
-      this.say({ type: "experiment", device, id, state: "done", progress: 1, remaining_s: 0, result: { summary: results, settings: {}, hash: "9f2c4e8d1a7b6053f4e1" } });
+      this.say({ type: "experiment", device, id, state: "done", progress: 1, remaining_s: 0, result: { summary: results, settings: {}, hash: "9f2c4e8d1a7b6053f4e1", origin: "The recording was run again from the state the estimate had when it began: the same numbers as live." } });
     });
   }
 
@@ -117,8 +117,9 @@ class Mock extends EventTarget {
     setTimeout(() => this.say({
       type: "what_if", request: m.request, id: m.id, elapsed_ms: 38, results: { mekf: summary("mekf", 0.41 + Math.abs(Math.log10(std / 0.05)), 0.54) },
       trace: { t_s, angles_deg: t_s.map((t) => angles(truthAt(t, 0))), error_deg: t_s.map(() => 0.4 + 0.1 * Math.abs(noise()) * (std / 0.05)) },
-      curve: m.curve ? { parameter: m.curve, values, nis_acc: values.map((v) => 3 * (0.05 / v) ** 2), nis_mag: values.map(() => 3), error_deg: values.map((v) => 0.3 + 0.2 * Math.log10(v / 0.05) ** 2) } : null,
     }), 40);
+    const parameter = m.curve;
+    if (parameter) setTimeout(() => this.say({ type: "curve", request: m.request, id: m.id, curve: { parameter, values, nis_acc: values.map((v) => 3 * (0.05 / v) ** 2), nis_mag: values.map(() => 3), error_deg: values.map((v) => 0.3 + 0.2 * Math.log10(v / 0.05) ** 2) } }), 90);
   }
 
   private progress(ms: number, tell: (p: number) => void): void {

@@ -1,10 +1,10 @@
-// The streams of one device, kept for the plots: the last minute of frames and innovations.
+// The streams of one device, kept for the plots: somewhat more of frames and innovations than plots show.
 // They never pass through Preact; plots read them when they draw.
 
 import type { Frame, Innovation } from "./protocol";
 
-const KEEP_S = 70;
-const TRIM_AT = 8000;
+const KEEP_S = 25;
+const TRIM_AT = 20_000;
 
 /** Rows of numbers with a time column first, the oldest dropped. */
 export class Rows {
@@ -75,13 +75,20 @@ export class History {
   private addInnovation(i: Innovation): void {
     if (i.outcome === "skipped" || i.t_s === this.lastInnovation[i.sensor]) return;
     this.lastInnovation[i.sensor] = i.t_s;
-    this.degreesOfFreedom[i.sensor] = i.dof;
     const rows = (this.innovations[i.sensor] ??= new Rows(9));
     const nis = Math.max(i.nis, 1.2e-3);
     const refused = i.outcome === "gated";
-    rows.push([i.t_s, ...i.residual, ...i.std, refused ? null : nis, refused ? nis : null]);
+    // With one degree of freedom the magnetometer gives a heading: one angle, in rad, that degrees make readable.
+    const scale = isHeading(i.sensor, i.dof) ? 180 / Math.PI : 1;
+    const of = (v: readonly number[]): (number | null)[] => v.map((x, k) => (scale === 1 || k < 1 ? x * scale : null));
+    if (this.degreesOfFreedom[i.sensor] !== i.dof) rows.clear();
+    this.degreesOfFreedom[i.sensor] = i.dof;
+    rows.push([i.t_s, ...of(i.residual), ...of(i.std), refused ? null : nis, refused ? nis : null]);
   }
 }
+
+/** Whether the magnetometer is used as a compass: its innovation is one angle. */
+export const isHeading = (sensor: string, dof: number | undefined): boolean => sensor === "magnetometer" && dof === 1;
 
 /** The estimate that the plots show: the MEKF, else the first with a covariance. */
 export function mainName(frame: Frame): string | undefined {

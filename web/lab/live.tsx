@@ -2,9 +2,9 @@
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { Chart, type ChartSpec } from "./chart";
-import { angleBetween, mainEstimate, mainName } from "./history";
+import { angleBetween, isHeading, mainEstimate, mainName } from "./history";
 import type { Frame, Lamp } from "./protocol";
-import { type Body, View } from "./scene";
+import { type Body, View, World } from "./scene";
 import { historyOf, onFrame, state, update } from "./store";
 import { nameOf, roleOf } from "./theme";
 import { unnamed } from "./words";
@@ -20,7 +20,7 @@ export function LiveText({ device, text, className }: { device: string; text: (f
   useEffect(() => {
     let last = 0;
     const show = (frame: Frame): void => {
-      if (frame.device !== device || performance.now() - last < 200 || !element.current) return;
+      if (frame.device !== device || performance.now() - last < 200 || !element.current || document.visibilityState === "hidden") return;
       last = performance.now();
       element.current.textContent = make.current(frame);
     };
@@ -39,7 +39,7 @@ export function useFrame<T>(device: string, read: (frame: Frame) => T, hz: numbe
   useEffect(() => {
     let last = 0;
     const take = (frame: Frame): void => {
-      if (frame.device !== device || performance.now() - last < 1000 / hz) return;
+      if (document.visibilityState === "hidden" || frame.device !== device || performance.now() - last < 1000 / hz) return;
       last = performance.now();
       set(reader.current(frame));
     };
@@ -66,14 +66,14 @@ export function Device3d({ device }: { device: string | null }) {
   useEffect(() => {
     let view: View;
     try {
-      view = new View(canvas.current!);
+      view = new View(canvas.current!, new World());
     } catch {
       setFailed(true);
       return;
     }
     const show = (frame: Frame): void => {
-      if (frame.device !== device) return;
-      view.world.set(attitudes(frame).filter((b) => !state.hidden.has(b.name)));
+      if (frame.device !== device || document.visibilityState === "hidden") return;
+      view.world!.set(attitudes(frame).filter((b) => !state.hidden.has(b.name)));
       view.ask();
     };
     const latest = device ? historyOf(device).latest : null;
@@ -158,19 +158,23 @@ const threeSigma = (v: number | undefined): string => (v === undefined ? "" : `�
 /** One lamp a sensor: is its stated noise honest? In words. */
 export function Lamps({ device }: { device: string }) {
   const lamps = useFrame<Lamp[]>(device, (frame) => frame.lamp, 2, []);
-  const shown = ["accelerometer", "magnetometer"].map((sensor) => lamps.find((l) => l.sensor === sensor) ?? { sensor, tone: "idle", text: "no samples to judge yet", nis_mean: null });
+  const shown = ["accelerometer", "magnetometer"].map((sensor) => lamps.find((l) => l.sensor === sensor) ?? { sensor, tone: "idle", text: "no samples to judge yet", nis_mean: null, nis_expected: 3 });
   return (
-    <div class="lamps" role="status" aria-label="Consistency of each sensor">
+    <div class="lamps" role="group" aria-label="Consistency of each sensor">
       {shown.map((lamp) => (
         <div key={lamp.sensor} class={`lamp ${lamp.tone}`}>
           <span class="light" aria-hidden="true" />
           <p title={lamp.text}><b>{lamp.sensor}</b> {unnamed(lamp.text)}</p>
-          <span class="nis" title="Mean NIS of the last seconds: 3 when honest">NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(lamp.nis_mean < 0.95 ? 2 : 1)}</span>
+          <span class="spoken" aria-live="polite">{`${lamp.sensor}: ${TONES[lamp.tone] ?? "nothing to judge yet"}`}</span>
+          <span class="nis" title={`Mean NIS of the last seconds: ${lamp.nis_expected ?? 3} when honest`}>NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(lamp.nis_mean < 0.95 ? 2 : 1)}</span>
         </div>
       ))}
     </div>
   );
 }
+
+/** Read aloud when a lamp changes its colour; its number changes all the time. */
+const TONES: Record<string, string> = { good: "consistent", warn: "worth a look", bad: "not honest" };
 
 const time: Pick<ChartSpec, "x"> = { x: [-WINDOW_S, 0] };
 const XYZ = [{ text: "x", role: "s1" }, { text: "y", role: "s2" }, { text: "z", role: "s0" }];
@@ -187,8 +191,10 @@ const ANGLE_SPEC: ChartSpec = {
 };
 const RATE_SPEC: ChartSpec = { ...time, title: "Angular rate", unit: "deg/s", leastSpan: 4, legend: XYZ, lines: XYZ.map((l) => ({ role: l.role })) };
 
-const residualSpec = (sensor: string): ChartSpec => ({
-  ...time, title: "Innovation ±3σ", unit: sensor === "magnetometer" ? "µT" : "m/s²", leastSpan: sensor === "magnetometer" ? 2 : 0.2, legend: XYZ,
+const residualSpec = (sensor: string, heading: boolean): ChartSpec => ({
+  ...time, title: heading ? "Innovation of the heading ±3σ" : "Innovation ±3σ",
+  unit: heading ? "deg" : sensor === "magnetometer" ? "µT" : "m/s²", leastSpan: heading || sensor === "magnetometer" ? 2 : 0.2,
+  legend: heading ? [{ text: "heading", role: "s1" }] : XYZ,
   lines: [{ role: "muted", edge: true }, { role: "muted", edge: true }, ...XYZ.map((l) => ({ role: l.role, width: 1.4 }))],
   bands: [{ high: 1, low: 2, role: "muted" }],
 });
@@ -208,7 +214,9 @@ export function LivePlots({ device }: { device: string }) {
   const [sensor, setSensor] = useState("accelerometer");
   const history = historyOf(device);
   const end = (): number => history.latest?.t_s ?? 0;
-  const residual = useMemo(() => residualSpec(sensor), [sensor]);
+  const dof = useFrame(device, () => history.degreesOfFreedom[sensor] ?? 3, 2, 3);
+  const heading = isHeading(sensor, dof);
+  const residual = useMemo(() => residualSpec(sensor, heading), [sensor, heading]);
   const nis = useMemo(() => nisSpec(() => history.degreesOfFreedom[sensor] ?? 3), [sensor, device]);
 
   const angles = (): uPlot.AlignedData => {

@@ -5,14 +5,16 @@ import { useEffect, useState } from "preact/hooks";
 import "./style.css";
 import { connect } from "./connection";
 import { Angles, Device3d, Lamps, LivePlots } from "./live";
+import { AllanPlot } from "./panels/allan";
 import { Calibrate, Place } from "./panels/calibrate";
 import { Connect } from "./panels/connect";
 import { Devices, Wall } from "./panels/devices";
+import { CoverageSphere } from "./panels/magnetometer";
 import { Experiment, ExperimentTable, Result, Return } from "./panels/experiment";
 import { Tune } from "./panels/tune";
 import { WhatIf, WhatIfPlots } from "./panels/what_if";
 import type { Device } from "./protocol";
-import { goTo, type Lower, onChange, selectedDevice, send, state, STEPS, type Step, update } from "./store";
+import { goTo, type Lower, offers, onChange, selectedDevice, send, state, STEPS, type Step, update } from "./store";
 
 const TITLES: Record<Step, string> = {
   connect: "Connect", place: "Place", calibrate: "Calibrate", tune: "Q and R", experiment: "Experiment", return: "Return", result: "Result", "what-if": "What if?",
@@ -69,27 +71,32 @@ function Header() {
   );
 }
 
-const LOWER: [Lower, string][] = [["live", "Live"], ["experiments", "All experiments"], ["what-if", "What if"]];
+const LOWER: [Lower, string][] = [["live", "Live"], ["experiments", "All experiments"], ["what-if", "What if"], ["allan", "Allan deviation"]];
 
 function Centre() {
   const device = selectedDevice();
+  const turning = state.step === "calibrate" && state.calibrating === "magnetometer" && offers("magnetometer");
+  const tabs = LOWER.filter(([key]) => key !== "allan" || offers("allan"));
   return (
     <section class="centre" aria-label="Attitude">
       <div class="stage">
-        <Device3d device={device?.id ?? null} />
-        {device && <Angles device={device.id} />}
+        {turning && device ? <CoverageSphere device={device.id} key={`sphere ${device.id}`} /> : <Device3d device={device?.id ?? null} />}
+        {device && !turning && <Angles device={device.id} />}
         {!device && <p class="empty">The device appears here once one is connected.</p>}
       </div>
       {device ? <Lamps device={device.id} key={device.id} /> : <div class="lamps" />}
       <div class="lower">
         <div class="tabs" role="tablist" aria-label="Lower half">
-          {LOWER.map(([key, text]) => (
-            <button key={key} type="button" role="tab" aria-selected={state.lower === key} onClick={() => update((s) => (s.lower = key))}>{text}</button>
+          {tabs.map(([key, text]) => (
+            <button key={key} id={`tab-${key}`} type="button" role="tab" aria-controls="lower" aria-selected={state.lower === key} onClick={() => update((s) => (s.lower = key))}>{text}</button>
           ))}
         </div>
+        <div class="page" id="lower" role="tabpanel" aria-labelledby={`tab-${state.lower}`}>
         {state.lower === "live" && (device ? <LivePlots device={device.id} key={device.id} /> : <p class="empty">Plots start with the first samples.</p>)}
         {state.lower === "experiments" && <ExperimentTable />}
         {state.lower === "what-if" && <WhatIfPlots />}
+        {state.lower === "allan" && <AllanPlot />}
+        </div>
       </div>
     </section>
   );

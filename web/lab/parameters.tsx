@@ -1,5 +1,6 @@
 // Sliders for Q and R on a logarithmic scale, shared by tuning and what-if.
 
+import { DraftInput } from "./draft";
 import type { Settings } from "./protocol";
 import { state } from "./store";
 import { figures } from "./words";
@@ -23,7 +24,14 @@ const GATES: { name: string; label: string }[] = [
   { name: "accelerometer_gate_nis", label: "Accelerometer gate" },
   { name: "magnetometer_gate_nis", label: "Magnetometer gate" },
 ];
-const GATE_STEPS: [number, string][] = [[0, "off"], [7.81, "95 %"], [11.34, "99 %"], [16.27, "99.9 %"]];
+/** Quantiles of chi-square for one and for three degrees of freedom. */
+const GATE_STEPS: Record<1 | 3, [number, string][]> = {
+  1: [[0, "off"], [3.84, "95 %"], [6.63, "99 %"], [10.83, "99.9 %"]],
+  3: [[0, "off"], [7.81, "95 %"], [11.34, "99 %"], [16.27, "99.9 %"]],
+};
+
+/** Degrees of freedom of a sensor's innovation with these settings: a compass gives one angle. */
+export const degreesOf = (sensor: string, settings: Settings): 1 | 3 => (sensor === "magnetometer" && settings["magnetometer_use"] === "heading" ? 1 : 3);
 
 /** The names of the sliders' parameters, for curves. */
 export const curveChoices = (): { name: string; text: string }[] => SLIDERS.map((s) => ({ name: s.name, text: `${s.matrix}: ${s.label}` }));
@@ -32,7 +40,7 @@ export function Sliders({ settings, change }: { settings: Settings; change: (nam
   return (
     <div class="sliders">
       {SLIDERS.map((slider) => <LogSlider key={slider.name} slider={slider} value={Number(settings[slider.name])} change={change} />)}
-      {GATES.map((gate) => <GateChoice key={gate.name} {...gate} value={Number(settings[gate.name])} change={change} />)}
+      {GATES.map((gate) => <GateChoice key={gate.name} {...gate} steps={GATE_STEPS[degreesOf(gate.name.split("_")[0]!, settings)]} value={Number(settings[gate.name])} change={change} />)}
     </div>
   );
 }
@@ -54,14 +62,14 @@ function LogSlider({ slider, value, change }: { slider: Slider; value: number; c
   );
 }
 
-function GateChoice({ name, label, value, change }: { name: string; label: string; value: number; change: (name: string, value: number) => void }) {
-  const known = GATE_STEPS.some(([nis]) => Math.abs(nis - value) < 0.02);
+function GateChoice({ name, label, steps, value, change }: { name: string; label: string; steps: [number, string][]; value: number; change: (name: string, value: number) => void }) {
+  const known = steps.find(([nis]) => Math.abs(nis - value) < 0.02);
   return (
     <label class="gate">
       <span class="label">{label}</span>
-      <select data-parameter={name} value={String(known ? GATE_STEPS.find(([nis]) => Math.abs(nis - value) < 0.02)![0] : value)} onChange={(e) => change(name, Number(e.currentTarget.value))}>
+      <select data-parameter={name} value={String(known?.[0] ?? value)} onChange={(e) => change(name, Number(e.currentTarget.value))}>
         {!known && <option value={String(value)}>NIS {figures(value)}</option>}
-        {GATE_STEPS.map(([nis, text]) => <option key={text} value={String(nis)}>{text}</option>)}
+        {steps.map(([nis, text]) => <option key={text} value={String(nis)}>{text}</option>)}
       </select>
     </label>
   );
@@ -84,7 +92,7 @@ export function AllParameters({ settings, change }: { settings: Settings; change
                   {words.map((w) => <option key={w}>{w}</option>)}
                 </select>
               ) : (
-                <input type="number" step="any" min="0" value={String(settings[p.name])} onChange={(e) => e.currentTarget.value !== "" && change(p.name, Number(e.currentTarget.value))} />
+                <DraftInput decimal value={String(settings[p.name])} change={(v) => v.trim() && Number.isFinite(Number(v)) && change(p.name, Number(v))} />
               )}
               <small>{words ? p.meaning : `${p.unit === "-" ? "" : p.unit + " · "}${p.meaning}`}</small>
             </label>

@@ -2,7 +2,7 @@
 
 export type Quaternion = [number, number, number, number];
 export type Triple = [number, number, number];
-export type Tone = "good" | "warn" | "bad";
+export type Tone = "good" | "info" | "warn" | "bad";
 export type SettingValue = number | string;
 export type Settings = Record<string, SettingValue>;
 export type Sensor = "gyroscope" | "accelerometer" | "magnetometer";
@@ -23,6 +23,9 @@ export interface Hello {
   estimators: { name: string; summary: string }[];
   parameters: Parameter[];
   fingerprint: string;
+  /** What this program can do beyond the path itself; older ones say nothing. */
+  features?: string[];
+  input_kinds?: { kind: string; hint: string }[];
 }
 
 export interface Device {
@@ -39,6 +42,82 @@ export interface Device {
   duration_s: number;
   settings?: Settings;
   use?: Partial<Record<Sensor, boolean>>;
+  estimators?: string[];
+  is_calibrating?: boolean;
+  is_experimenting?: boolean;
+  is_turned?: boolean;
+  is_calibrated?: boolean;
+  magnetometer?: MagnetometerFit | null;
+}
+
+/** The calibrated field is `soft_iron (measured - hard_iron)`, as long as `field_strength`. */
+export interface MagnetometerFit {
+  model: "ellipsoid" | "sphere";
+  hard_iron_ut: Triple;
+  hard_iron_std_ut?: Triple;
+  soft_iron: [Triple, Triple, Triple];
+  field_strength_ut: number;
+  radius_ut: number;
+  residual_std_ut: number | null;
+  uncalibrated_norm_std_ut?: number;
+  coverage?: number;
+  samples?: number;
+}
+
+export interface Magnetometer {
+  type: "magnetometer";
+  device: string;
+  state: "running" | "done" | "idle";
+  coverage?: { cells: boolean[]; slices: number; sectors: number; fraction: number };
+  points?: Triple[];
+  samples?: number;
+  fit?: MagnetometerFit | null;
+  verdict: { tone: Tone; text: string } | null;
+  hint?: string;
+}
+
+export interface Coefficient {
+  value: number;
+  std: number;
+}
+
+export interface AllanReport {
+  sensor: string;
+  unit: string;
+  duration_s: number;
+  rate_hz: number;
+  curve: { tau_s: number; deviation: number; lower: number; upper: number }[];
+  coefficients: Partial<Record<"quantisation" | "noise_density" | "bias_instability" | "random_walk", Coefficient | null>>;
+  trusted_tau_s: number;
+  sentences: string[];
+}
+
+export interface Allan {
+  type: "allan";
+  request: unknown;
+  id: string;
+  sensor: string;
+  state: "done" | "refused";
+  text: string | null;
+  report: AllanReport | null;
+  fill: { settings: Settings; said: string[] } | null;
+}
+
+export interface Recording {
+  type: "recording";
+  state: "idle" | "on" | "off" | "failed";
+  file: string | null;
+  bytes: number;
+  seconds: number;
+  text: string | null;
+}
+
+export interface Input {
+  id: string;
+  kind: string;
+  address: string;
+  state: string;
+  text: string;
 }
 
 export interface Estimate {
@@ -63,6 +142,8 @@ export interface Lamp {
   tone: Tone;
   text: string;
   nis_mean: number | null;
+  /** What it is when honest. */
+  nis_expected?: number;
 }
 
 export interface Frame {
@@ -73,6 +154,7 @@ export interface Frame {
   truth: { q: Quaternion } | null;
   between_deg: Record<string, number>;
   rate_rad_s: Triple | null;
+  /** Those of the frames that were not sent included. */
   innovations: Innovation[];
   lamp: Lamp[];
 }
@@ -111,7 +193,9 @@ export interface Calibration {
 
 export interface FinalSummary {
   calculated_error_deg: number;
+  calculated_error_wxyz: Quaternion;
   estimated_error_deg: number | null;
+  estimated_error_wxyz: Quaternion | null;
   estimated_std_deg: Triple | null;
   normalised_square: number | null;
   verdict: "consistent" | "optimistic" | "pessimistic" | null;
@@ -151,13 +235,16 @@ export interface Experiment {
     final?: Record<string, FinalSummary | null>;
     settings: Settings;
     hash: string;
-    trace_url?: string;
+    /** Where the numbers come from, in words. */
+    origin: string;
   } | null;
 }
 
 export interface ExperimentRow {
   id: string;
+  /** What people called the device. */
   device: string;
+  device_id: string;
   name: string;
   at: string;
   duration_s: number;
@@ -179,7 +266,14 @@ export interface WhatIf {
   elapsed_ms: number;
   results: Record<string, RunSummary>;
   trace: { t_s: number[]; [column: string]: unknown } | null;
-  curve: { parameter: string; values: number[]; nis_acc: (number | null)[]; nis_mag: (number | null)[]; error_deg: (number | null)[] } | null;
+}
+
+/** The curve of a what-if; it comes after the answer. */
+export interface Curve {
+  type: "curve";
+  request: unknown;
+  id: string;
+  curve: { parameter: string; values: number[]; nis_acc: (number | null)[]; nis_mag: (number | null)[]; error_deg: (number | null)[] };
 }
 
 export type FromProgram =
@@ -190,15 +284,25 @@ export type FromProgram =
   | Experiment
   | { type: "experiments"; rows: ExperimentRow[] }
   | WhatIf
+  | Curve
+  | Magnetometer
+  | Allan
+  | Recording
+  | { type: "inputs"; inputs: Input[] }
   | { type: "error"; text: string; request?: unknown };
 
 export type ToProgram =
-  | { type: "virtual_phone"; action: "add" | "remove"; motion?: string; disturbance?: string; seed?: number; device?: string }
+  | { type: "virtual_phone"; action: "add" | "remove"; motion?: string; disturbance?: string; seed?: number; hard_iron_ut?: Triple; device?: string }
   | { type: "calibrate"; device: string; seconds: number }
   | { type: "experiment"; device: string; seconds: number; name: string }
   | { type: "stop"; device: string }
   | { type: "settings"; device: string; settings: Settings; profile?: string }
   | { type: "sensors"; device: string; use: Record<Sensor, boolean> }
+  | { type: "estimators"; device: string; use: string[] }
+  | { type: "calibrate_magnetometer"; device: string; action: "start" | "finish" | "cancel" | "discard" }
+  | { type: "allan"; request: number; id: string; sensor: string }
+  | { type: "remove"; device: string }
+  | { type: "input"; action: "add" | "remove"; kind?: string; address?: string; id?: string }
   | { type: "display_rate"; hz: number }
   | { type: "what_if"; request: number; id: string; settings: Settings; curve: string | null }
   | { type: "rename"; device: string; name: string };

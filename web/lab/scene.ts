@@ -16,7 +16,7 @@ export interface Body {
   q: Quaternion;
 }
 
-function label(text: string, role: string, size = 0.26): Sprite {
+export function label(text: string, role: string, size = 0.26): Sprite {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 128;
   const context = canvas.getContext("2d")!;
@@ -30,14 +30,14 @@ function label(text: string, role: string, size = 0.26): Sprite {
   return sprite;
 }
 
-function lines(points: number[], role: string, opacity = 1): LineSegments {
+export function lines(points: number[], role: string, opacity = 1): LineSegments {
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new Float32BufferAttribute(points, 3));
   return new LineSegments(geometry, new LineBasicMaterial({ color: colour(role), transparent: opacity < 1, opacity }));
 }
 
 /** A phone with its screen and body axes, solid or as edges with a tint. */
-function phone(name: string, solid: boolean): Group {
+export function phone(name: string, solid: boolean): Group {
   const group = new Group();
   const role = roleOf(name);
   const box = new BoxGeometry(...SIZE);
@@ -88,7 +88,7 @@ function ground(): Group {
   return group;
 }
 
-function dispose(object: Object3D): void {
+export function dispose(object: Object3D): void {
   object.traverse((part) => {
     const mesh = part as Mesh;
     mesh.geometry?.dispose();
@@ -99,8 +99,20 @@ function dispose(object: Object3D): void {
   });
 }
 
+/** Something to draw. */
+export interface Drawn {
+  readonly scene: Scene;
+  readonly camera: PerspectiveCamera;
+  /** What the camera looks at. */
+  readonly target: [number, number, number];
+  /** Makes everything anew, in the colours of now. */
+  build(): void;
+  dispose(): void;
+}
+
 /** What is needed to draw one world: used once for the lab view, many times for the wall. */
-export class World {
+export class World implements Drawn {
+  readonly target: [number, number, number] = [0, 0, -0.06];
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(32, 1, 0.1, 30);
   private bodies = new Map<string, Group>();
@@ -109,7 +121,7 @@ export class World {
   constructor() {
     this.camera.up.set(0, 0, 1);
     this.camera.position.set(1.35, -3.9, 2.35);
-    this.camera.lookAt(0, 0, -0.06);
+    this.camera.lookAt(...this.target);
     this.build();
   }
 
@@ -124,6 +136,11 @@ export class World {
     this.fixed = [new HemisphereLight("#ffffff", "#8a99a8", 1.5), sun, ground()];
     this.scene.add(...this.fixed);
     for (const name of [...this.bodies.keys()]) this.remove(name);
+  }
+
+  dispose(): void {
+    for (const name of [...this.bodies.keys()]) this.remove(name);
+    for (const object of this.fixed) dispose(object);
   }
 
   private remove(name: string): void {
@@ -153,27 +170,27 @@ export class World {
 const key = (body: Body, i: number): string => `${i === 0 ? "solid" : "ghost"} ${body.name}`;
 
 /** Draws worlds on one canvas, only when something changed. */
-export class View {
+export class View<W extends Drawn = World> {
   private readonly renderer: WebGLRenderer;
-  readonly world = new World();
   private controls: OrbitControls | null = null;
   private asked = 0;
   private stopTheme: () => void;
   private watch: ResizeObserver;
 
-  constructor(private readonly canvas: HTMLCanvasElement, private readonly cells?: () => { world: World; box: DOMRect }[], turnable = true) {
+  /** Without a world the canvas has cells with worlds of their own, which their owner disposes of. */
+  constructor(private readonly canvas: HTMLCanvasElement, readonly world: W | null, private readonly cells?: () => { world: World; box: DOMRect }[]) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
-    if (turnable) {
-      this.controls = new OrbitControls(this.world.camera, canvas);
-      this.controls.target.set(0, 0, -0.06);
+    if (world) {
+      this.controls = new OrbitControls(world.camera, canvas);
+      this.controls.target.set(...world.target);
       this.controls.enablePan = false;
       this.controls.minDistance = 3;
       this.controls.maxDistance = 12;
       this.controls.addEventListener("change", () => this.ask());
     }
     this.stopTheme = onTheme(() => {
-      this.world.build();
+      this.world?.build();
       for (const cell of this.cells?.() ?? []) cell.world.build();
       this.ask();
     });
@@ -193,7 +210,7 @@ export class View {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
-    if (!this.cells) {
+    if (this.world) {
       this.world.camera.aspect = width / height;
       this.world.camera.updateProjectionMatrix();
       this.renderer.render(this.world.scene, this.world.camera);
@@ -202,7 +219,7 @@ export class View {
     const origin = this.canvas.getBoundingClientRect();
     this.renderer.setScissorTest(true);
     this.renderer.clear();
-    for (const { world, box } of this.cells()) {
+    for (const { world, box } of this.cells?.() ?? []) {
       const left = box.left - origin.left, bottom = origin.bottom - box.bottom;
       if (box.bottom < origin.top || box.top > origin.bottom) continue;
       this.renderer.setViewport(left, bottom, box.width, box.height);
@@ -218,6 +235,7 @@ export class View {
     this.stopTheme();
     this.watch.disconnect();
     this.controls?.dispose();
+    this.world?.dispose();
     this.renderer.dispose();
   }
 }

@@ -1,12 +1,14 @@
 // What the page knows and what it shows: one state, changed here only, drawn again when it changes.
 
 import { History } from "./history";
-import type { Calibration, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Sensor, Settings, ToProgram, WhatIf } from "./protocol";
+import type { Allan, Calibration, Curve, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, Sensor, Settings, ToProgram, WhatIf } from "./protocol";
 
 const CONFIRMED_MS = 1500;
 export const STEPS = ["connect", "place", "calibrate", "tune", "experiment", "return", "result", "what-if"] as const;
 export type Step = (typeof STEPS)[number];
-export type Lower = "live" | "experiments" | "what-if";
+export type Lower = "live" | "experiments" | "what-if" | "allan";
+/** What the step "Calibrate" is about. */
+export type Calibrating = "rest" | "magnetometer" | "allan";
 
 export interface State {
   connection: "connecting" | "open" | "lost";
@@ -15,17 +17,25 @@ export interface State {
   selected: string | null;
   step: Step;
   lower: Lower;
+  calibrating: Calibrating;
   view: "lab" | "wall";
   displayHz: number;
   hidden: Set<string>;
   calibrations: Record<string, Calibration>;
+  magnetometers: Record<string, Magnetometer>;
   running: Record<string, Experiment>;
   finished: Record<string, Experiment>;
-  shownResult: string | null;
+  /** The experiment whose result is shown, of each device. */
+  shownResults: Record<string, string>;
   rows: ExperimentRow[];
   whatIf: WhatIf | null;
+  curve: Curve | null;
+  allan: Allan | null;
+  recording: Recording | null;
+  inputs: Input[];
   settings: Record<string, Settings>;
   use: Record<string, Record<Sensor, boolean>>;
+  estimators: Record<string, string[]>;
   error: string | null;
   /** The request that the last error answered. */
   failed: unknown;
@@ -38,17 +48,24 @@ export const state: State = {
   selected: null,
   step: "connect",
   lower: "live",
+  calibrating: "rest",
   view: "lab",
   displayHz: 30,
   hidden: new Set(),
   calibrations: {},
+  magnetometers: {},
   running: {},
   finished: {},
-  shownResult: null,
+  shownResults: {},
   rows: [],
   whatIf: null,
+  curve: null,
+  allan: null,
+  recording: null,
+  inputs: [],
   settings: {},
   use: {},
+  estimators: {},
   error: null,
   failed: null,
 };
@@ -112,11 +129,29 @@ export function useOf(device: string): Record<Sensor, boolean> {
   return Object.assign(everything, state.devices.find((d) => d.id === device)?.use, state.use[device]);
 }
 
+/** Whether the program offers something. */
+export const offers = (feature: string): boolean => state.hello?.features?.includes(feature) ?? false;
+
+/** The experiments of a device, the oldest first. */
+export const rowsOf = (device: string): ExperimentRow[] => state.rows.filter((row) => row.device_id === device);
+
+function lowerOf(s: State, step: Step): Lower {
+  if (step === "calibrate") return s.calibrating === "allan" ? "allan" : "live";
+  return step === "result" ? "experiments" : step === "what-if" ? "what-if" : "live";
+}
+
 export function goTo(step: Step): void {
   update((s) => {
     s.step = step;
     s.view = "lab";
-    s.lower = step === "result" ? "experiments" : step === "what-if" ? "what-if" : "live";
+    s.lower = lowerOf(s, step);
+  });
+}
+
+export function calibrateWhat(what: Calibrating): void {
+  update((s) => {
+    s.calibrating = what;
+    s.lower = lowerOf(s, "calibrate");
   });
 }
 
@@ -134,6 +169,10 @@ function take(s: State, message: Exclude<FromProgram, Frame>): void {
   switch (message.type) {
     case "hello":
       s.hello = message;
+      // A program that was started anew knows of nothing that was under way.
+      s.running = {};
+      s.magnetometers = {};
+      s.calibrations = Object.fromEntries(Object.entries(s.calibrations).filter(([, c]) => c.state !== "running"));
       break;
     case "devices":
       takeDevices(s, message.devices);
@@ -149,6 +188,21 @@ function take(s: State, message: Exclude<FromProgram, Frame>): void {
       break;
     case "what_if":
       s.whatIf = message;
+      break;
+    case "curve":
+      s.curve = message;
+      break;
+    case "magnetometer":
+      takeMagnetometer(s, message);
+      break;
+    case "allan":
+      s.allan = message;
+      break;
+    case "recording":
+      s.recording = message;
+      break;
+    case "inputs":
+      s.inputs = message.inputs;
       break;
     case "error":
       s.error = message.text;
@@ -172,13 +226,28 @@ function takeDevices(s: State, devices: Device[]): void {
     if (performance.now() - (changedHere.get(id) ?? 0) < CONFIRMED_MS) continue;
     delete s.settings[id];
     delete s.use[id];
+    delete s.estimators[id];
   }
+  for (const device of devices) forgetEnded(s, device);
   const before = new Set(s.devices.map((d) => d.id));
   s.devices = devices;
+  for (const id of histories.keys()) if (!devices.some((d) => d.id === id)) histories.delete(id);
   const fresh = devices.find((d) => !before.has(d.id));
   const gone = !devices.some((d) => d.id === s.selected);
   if (gone) s.selected = devices[0]?.id ?? null;
   else if (fresh && s.step === "connect") s.selected = fresh.id;
+}
+
+/** What the program no longer does is not shown as running, whatever became of the message that ended it. */
+function forgetEnded(s: State, device: Device): void {
+  if (device.is_experimenting === false) delete s.running[device.id];
+  if (device.is_calibrating === false && s.calibrations[device.id]?.state === "running") delete s.calibrations[device.id];
+  if (device.is_turned === false && s.magnetometers[device.id]?.state === "running") delete s.magnetometers[device.id];
+}
+
+function takeMagnetometer(s: State, message: Magnetometer): void {
+  // What was last seen of the sphere stays while a verdict is read.
+  s.magnetometers[message.device] = { ...s.magnetometers[message.device], ...message };
 }
 
 function takeExperiment(s: State, message: Experiment): void {
@@ -189,8 +258,8 @@ function takeExperiment(s: State, message: Experiment): void {
   }
   delete s.running[message.device];
   s.finished[message.id] = message;
+  s.shownResults[message.device] = message.id;
   if (message.device !== s.selected) return;
-  s.shownResult = message.id;
   if (s.step === "experiment" || s.step === "return") {
     s.step = "result";
     s.lower = "experiments";

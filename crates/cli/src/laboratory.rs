@@ -137,6 +137,7 @@ impl<'a> Lab<'a> {
         let moved = match config.motion {
             Motion::Rest => "keeps lying there",
             Motion::Gentle => "is turned gently by hand",
+            Motion::Tumble => "is turned all over",
             _ => "is turned briskly by hand",
         };
         let samples =

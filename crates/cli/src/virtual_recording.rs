@@ -38,7 +38,7 @@ pub(crate) struct PhoneArgs {
     /// Length of the recording; the script of 75 s starts again until it has passed
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// How it is moved: gentle, brisk, rest
+    /// How it is moved: gentle, brisk, tumble, rest
     #[arg(long, value_name = "HOW", default_value = "gentle", value_parser = motion)]
     motion: Motion,
     /// What disturbs it: none, acceleration, magnetic, both

@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::wahba;
-use northing_core::geometry::so3;
+use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::covariance::normalized_square;
 use serde::Serialize;
 
@@ -56,8 +56,13 @@ pub enum FinalVerdict {
 pub struct FinalSummary {
     /// Angle between the estimates at the first and at the last instant, deg.
     pub calculated_error_deg: f64,
+    /// The calculated error quaternion `q_start^-1 q_end`: w, x, y, z with w >= 0.
+    pub calculated_error_wxyz: [f64; 4],
     /// `sqrt(tr P)` at the end, deg; null for estimators without covariance.
     pub estimated_error_deg: Option<f64>,
+    /// The estimated error as a quaternion: a turn by one standard deviation about each axis, whose
+    /// angle is [`Self::estimated_error_deg`]; the signs of its axes are not known. w, x, y, z.
+    pub estimated_error_wxyz: Option<[f64; 4]>,
     /// Square roots of the diagonal of `P`, deg, body axes.
     pub estimated_std_deg: Option<[f64; 3]>,
     /// `a^T P^-1 a`: between 0.22 and 9.35 in 95 % of all cases when honest.
@@ -154,11 +159,13 @@ fn compare(
     });
     let calculated_error_deg = a.norm().to_degrees();
     let estimated_error_deg = covariance.map(|p| p.trace().max(0.0).sqrt().to_degrees());
+    let std = covariance.map(|p| p.diagonal().map(|v| v.max(0.0).sqrt()));
     calculated_error_deg.is_finite().then(|| FinalSummary {
         calculated_error_deg,
+        calculated_error_wxyz: rotation::to_wxyz(&(first.inverse() * last)),
         estimated_error_deg,
-        estimated_std_deg: covariance
-            .map(|p| p.diagonal().map(|v| v.max(0.0).sqrt().to_degrees()).into()),
+        estimated_error_wxyz: std.map(|std| rotation::to_wxyz(&so3::exp(&std))),
+        estimated_std_deg: std.map(|std| std.map(f64::to_degrees).into()),
         normalised_square: square,
         verdict,
         sentence: sentence(calculated_error_deg, estimated_error_deg, verdict),
@@ -342,6 +349,27 @@ mod tests {
             verdict(0.004, 0.01).verdict,
             Some(FinalVerdict::Pessimistic)
         );
+    }
+
+    /// Both quaternions turn by the angles beside them, the calculated one about the axis of the error.
+    #[test]
+    fn the_error_quaternions_turn_by_the_errors() {
+        let summary = verdict(0.02, 0.01);
+        let angle = |q: [f64; 4]| rotation::from_wxyz(q).unwrap().angle().to_degrees();
+        let calculated = summary.calculated_error_wxyz;
+        approx::assert_relative_eq!(
+            angle(calculated),
+            summary.calculated_error_deg,
+            epsilon = 1e-9
+        );
+        approx::assert_relative_eq!(calculated[2], 0.01_f64.sin(), epsilon = 1e-12);
+        let estimated = summary.estimated_error_wxyz.unwrap();
+        approx::assert_relative_eq!(
+            angle(estimated),
+            summary.estimated_error_deg.unwrap(),
+            epsilon = 1e-9
+        );
+        approx::assert_relative_eq!(estimated[1], estimated[3], epsilon = 1e-12);
     }
 
     #[test]

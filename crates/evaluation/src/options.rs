@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-use northing_core::attitude::AttitudeConfig;
 use northing_core::attitude::driver::DriverConfig;
+use northing_core::attitude::{AttitudeConfig, InitialState};
 use northing_core::calibration::RestCalibration;
 use northing_core::geometry::frames::TangentFrame;
 use northing_recording::WorldFrame;
@@ -35,6 +35,9 @@ pub struct RunOptions {
     pub calibration: Option<RestCalibration<f64>>,
     /// Take the calibration from the first so many seconds of the recording, at rest.
     pub calibrate_first_s: Option<f64>,
+    /// The state at the first sample, where it is known: nothing is aligned then. It comes from a
+    /// filter that was running when the recording began.
+    pub start: Option<InitialState<f64>>,
     /// Seconds at the start that are not scored, default 5.
     pub skip_s: f64,
     /// The frame of the estimate and of the reference; recordings say theirs.
@@ -63,6 +66,7 @@ impl RunOptions {
             sensors: SensorSelection::default(),
             calibration: None,
             calibrate_first_s: None,
+            start: None,
             skip_s: 5.0,
             world_frame: WorldFrame::Enu,
             smooth: false,

@@ -4,7 +4,7 @@
 //! of them. Memory does not grow with the recording, unless smoothing asks for it.
 
 use nalgebra::UnitQuaternion;
-use northing_core::attitude::driver::AttitudeDriver;
+use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
 use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_recording::{Event, Recording, SensorKind};
@@ -179,15 +179,7 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 Phase::Calibrating(Box::new(CalibrationPhase::new(seconds, options.sensors)))
             }
             (None, Some(calibration)) => running(options, calibration, make)?,
-            (None, None) => {
-                let estimator = make(&options.config)?;
-                let driver = options.driver_config();
-                Phase::Running(Box::new(AttitudeDriver::new(
-                    estimator,
-                    options.config,
-                    driver,
-                )))
-            }
+            (None, None) => begun(options, options.config, options.driver_config(), make)?,
         };
         Ok(Self {
             options,
@@ -257,6 +249,20 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
     }
 }
 
+/// An estimator at the first sample: in the state that is known, or about to align itself.
+fn begun<E: AttitudeEstimator<f64>>(
+    options: &RunOptions,
+    config: AttitudeConfig<f64>,
+    settings: DriverConfig<f64>,
+    make: Make<'_, E>,
+) -> Result<Phase<E>, EvaluationError> {
+    let mut driver = AttitudeDriver::new(make(&config)?, config, settings);
+    if let Some(start) = &options.start {
+        driver.start_from(start);
+    }
+    Ok(Phase::Running(Box::new(driver)))
+}
+
 /// An estimator with a calibration made before; it aligns on the recording.
 fn running<E: AttitudeEstimator<f64>>(
     options: &RunOptions,
@@ -265,11 +271,7 @@ fn running<E: AttitudeEstimator<f64>>(
 ) -> Result<Phase<E>, EvaluationError> {
     let config = calibration::calibrated_config(options, calibration);
     let driver = calibration::calibrated_driver(options, calibration);
-    Ok(Phase::Running(Box::new(AttitudeDriver::new(
-        make(&config)?,
-        config,
-        driver,
-    ))))
+    begun(options, config, driver, make)
 }
 
 /// An estimator that starts from the rest that has just ended.

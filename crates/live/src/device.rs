@@ -6,18 +6,20 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use northing_core::calibration::RestCalibration;
 use northing_recording::wire::{WireError, WireFormat};
-use serde_json::json;
+use serde_json::{Value, json};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
 
 use crate::engine::DeviceEngine;
 use crate::experiments::{self, Finished};
-use crate::lab::{Device, FrameText, Lab, lock};
+use crate::frames::FrameText;
+use crate::lab::{Device, Lab, lock};
 use crate::messages::{Command, SensorUse};
 use crate::session::Happening;
 use crate::session::calibration::CalibrationRun;
 use crate::session::experiment::Experiment;
 use crate::session::lamp::{Remark, Tone};
+use crate::session::magnetometer::MagnetometerAction;
 
 /// No more frames a second than this are made.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_000);
@@ -176,6 +178,9 @@ impl Task {
                 // The engine keeps these.
                 Happening::Note(_) => {}
                 Happening::Calibrated(run, made) => self.calibrated(&run, made),
+                Happening::Magnetometer(action, remark) => {
+                    self.magnetometer_changed(action, &remark);
+                }
                 Happening::Experimented(experiment) => self.experimented(*experiment, arrival_ns),
             }
         }
@@ -247,10 +252,9 @@ impl Task {
         }
         self.last_frame = Some(now);
         let frame = self.engine.session_mut().frame(&self.device.id);
-        if let Ok(text) = serde_json::to_string(&frame) {
-            let device = self.device.id.clone();
+        if let Ok(text) = FrameText::new(frame) {
             // Pages that lag behind miss frames: that is what frames are for.
-            let _ = self.lab.frames.send(Arc::new(FrameText { device, text }));
+            let _ = self.lab.frames.send(Arc::new(text));
         }
     }
 
@@ -266,6 +270,9 @@ impl Task {
                 "verdict": null, "result": null, "samples": null,
             }));
         }
+        if let Some(run) = self.engine.session().magnetometer_run() {
+            self.tell_magnetometer("running", run.progress());
+        }
         if let Some(run) = self.engine.session().experiment() {
             self.lab.tell(&json!({
                 "type": "experiment", "device": self.device.id, "id": self.experiment_id,
@@ -273,6 +280,23 @@ impl Task {
                 "remaining_s": run.remaining_s(), "result": null,
             }));
         }
+    }
+
+    fn magnetometer_changed(&self, action: MagnetometerAction, remark: &Remark) {
+        let state = match action {
+            MagnetometerAction::Start => "running",
+            MagnetometerAction::Finish => "done",
+            MagnetometerAction::Cancel | MagnetometerAction::Discard => "idle",
+        };
+        let fit = self.engine.session().magnetometer();
+        self.tell_magnetometer(state, json!({"verdict": remark, "fit": fit}));
+    }
+
+    fn tell_magnetometer(&self, state: &str, mut message: Value) {
+        message["type"] = json!("magnetometer");
+        message["device"] = json!(self.device.id);
+        message["state"] = json!(state);
+        self.lab.tell(&message);
     }
 
     /// Writes down how the device is.

@@ -86,6 +86,10 @@ impl DeviceEngine {
             }
             Command::Sensors(selection) => self.session.use_sensors(*selection),
             Command::Estimators(kinds) => self.session.use_estimators(kinds).map_err(text)?,
+            Command::CalibrateMagnetometer(action) => {
+                let remark = self.session.calibrate_magnetometer(*action)?;
+                return Ok(vec![Happening::Magnetometer(*action, remark)]);
+            }
             Command::Rename(_) => {}
         }
         Ok(Vec::new())
@@ -94,7 +98,7 @@ impl DeviceEngine {
     fn decoded(&mut self, decoded: Decoded) -> Vec<Happening> {
         for notice in decoded.notices {
             let tone = match notice.tone {
-                WireTone::Info => continue,
+                WireTone::Info => Tone::Info,
                 WireTone::Warning => Tone::Warn,
                 WireTone::Bad => Tone::Bad,
             };

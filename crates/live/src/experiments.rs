@@ -2,14 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::time::Instant;
 
 use northing_core::attitude::AttitudeConfig;
 use northing_evaluation::calibration::calibrated_config;
 use northing_evaluation::trace::Trace;
 use northing_evaluation::{
-    EstimatorKind, EvaluationError, Profile, RunObserver, RunOptions, RunSummary, TraceObserver,
-    run,
+    EstimatorKind, EvaluationError, RunObserver, RunOptions, RunSummary, TraceObserver, run,
 };
 use northing_recording::{Event, SensorKind};
 use rayon::prelude::*;
@@ -24,7 +22,7 @@ pub const TRACE_POINTS: usize = 1500;
 const CURVE_POINTS: usize = 21;
 /// How far a curve reaches to both sides of the present value.
 const CURVE_REACH: f64 = 30.0;
-/// Seconds at the start that are not scored: the alignment.
+/// Seconds at the start that are not scored where an estimator aligns itself.
 const SKIP_S: f64 = 1.0;
 
 /// A finished experiment.
@@ -59,10 +57,6 @@ pub struct WhatIf {
     pub summaries: BTreeMap<&'static str, RunSummary>,
     /// What plots need, of `mekf` or the first estimator.
     pub trace: Value,
-    /// The curve, if one was asked for.
-    pub curve: Value,
-    /// How long the runs of all estimators took, ms.
-    pub elapsed_ms: f64,
 }
 
 /// A time of arrival (ns since 1970) for people, in UTC.
@@ -79,28 +73,31 @@ pub fn utc(unix_ns: i64) -> String {
     )
 }
 
-/// Runs one estimator over events.
+/// Runs one estimator over an experiment, from the state it had at the first sample.
 ///
 /// # Errors
 /// As [`run`].
 pub fn run_over(
-    events: &[Event],
+    experiment: &Experiment,
     options: &RunOptions,
     estimator: EstimatorKind,
     observer: &mut dyn RunObserver,
 ) -> Result<RunSummary, EvaluationError> {
+    let start = experiment.start_of(estimator);
     let options = RunOptions {
         estimator,
-        skip_s: SKIP_S,
+        start,
+        skip_s: if start.is_some() { 0.0 } else { SKIP_S },
         ..options.clone()
     };
-    let events = events.iter().map(|event| Ok::<_, Infallible>(*event));
+    let events = experiment.events.iter();
+    let events = events.map(|event| Ok::<_, Infallible>(*event));
     run(events, &options, observer)
 }
 
 /// Runs several estimators at once on all processors.
 fn run_all(
-    events: &[Event],
+    experiment: &Experiment,
     options: &RunOptions,
     estimators: &[EstimatorKind],
 ) -> Result<(BTreeMap<&'static str, RunSummary>, Trace), EvaluationError> {
@@ -108,7 +105,7 @@ fn run_all(
         .par_iter()
         .map(|kind| {
             let mut trace = TraceObserver::new(TRACE_POINTS, options.world_frame);
-            let summary = run_over(events, options, *kind, &mut trace)?;
+            let summary = run_over(experiment, options, *kind, &mut trace)?;
             Ok((*kind, summary, trace.into_trace()))
         })
         .collect();
@@ -138,7 +135,7 @@ impl Finished {
             self.estimators.push(EstimatorKind::Device);
         }
         self.options.recording = format!("{} of {}", self.title(), self.device_name);
-        let (summaries, _) = run_all(events, &self.options, &self.estimators)
+        let (summaries, _) = run_all(&self.experiment, &self.options, &self.estimators)
             .map_err(|error| format!("experiment `{}`: {error}", self.title()))?;
         self.summaries = summaries;
         self.hash = hash(events);
@@ -158,34 +155,31 @@ impl Finished {
     ///
     /// # Errors
     /// A name or value does not fit, in a sentence.
-    pub fn what_if(
-        &self,
-        profile: Option<Profile>,
-        settings: &Map<String, Value>,
-        curve: Option<&str>,
-    ) -> Result<WhatIf, String> {
-        let started = Instant::now();
+    pub fn what_if(&self, settings: &Map<String, Value>) -> Result<WhatIf, String> {
         let text = |error: EvaluationError| error.to_string();
-        let options = with_settings(&self.options, profile, settings).map_err(text)?;
-        let events = &self.experiment.events;
-        let (summaries, trace) = run_all(events, &options, &self.estimators).map_err(text)?;
-        let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-        let curve = match curve {
-            Some(parameter) => self.curve(&options, parameter)?,
-            None => Value::Null,
-        };
+        let options = with_settings(&self.options, None, settings).map_err(text)?;
+        let (summaries, trace) =
+            run_all(&self.experiment, &options, &self.estimators).map_err(text)?;
         Ok(WhatIf {
             summaries,
             trace: trace_columns(&trace),
-            curve,
-            elapsed_ms,
         })
     }
 
-    /// NIS and error of `mekf` over a range of one parameter.
-    fn curve(&self, options: &RunOptions, parameter: &str) -> Result<Value, String> {
+    /// NIS and error of `mekf` over a range of one parameter, beside other settings; `None` when
+    /// it is no longer `wanted`, which is asked before each run.
+    ///
+    /// # Errors
+    /// A name or value does not fit, in a sentence.
+    pub fn curve(
+        &self,
+        settings: &Map<String, Value>,
+        parameter: &str,
+        wanted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Option<Value>, String> {
+        let options = with_settings(&self.options, None, settings).map_err(|e| e.to_string())?;
         let config = match &options.calibration {
-            Some(calibration) => calibrated_config(options, calibration),
+            Some(calibration) => calibrated_config(&options, calibration),
             None => options.config,
         };
         let values = serde_json::to_value(config).unwrap_or_default();
@@ -198,22 +192,27 @@ impl Finished {
         let runs: Vec<Option<RunSummary>> = values
             .par_iter()
             .map(|value| {
+                if !wanted() {
+                    return None;
+                }
                 let mut options = options.clone();
                 options.set(&format!("{parameter}={value}")).ok()?;
-                let events = &self.experiment.events;
-                run_over(events, &options, EstimatorKind::Mekf, &mut ()).ok()
+                run_over(&self.experiment, &options, EstimatorKind::Mekf, &mut ()).ok()
             })
             .collect();
+        if !wanted() {
+            return Ok(None);
+        }
         let column = |of: fn(&RunSummary) -> Option<f64>| -> Vec<Option<f64>> {
             runs.iter().map(|run| run.as_ref().and_then(of)).collect()
         };
-        Ok(json!({
+        Ok(Some(json!({
             "parameter": parameter,
             "values": values,
             "nis_acc": column(|s| s.nis_mean.accelerometer),
             "nis_mag": column(|s| s.nis_mean.magnetometer),
             "error_deg": column(error_deg),
-        }))
+        })))
     }
 
     /// The message that says it is done.
@@ -229,9 +228,30 @@ impl Finished {
             "progress": 1.0, "remaining_s": 0.0,
             "result": {
                 "summary": self.summaries, "final": finals,
-                "settings": self.settings, "hash": self.hash,
+                "settings": self.settings, "hash": self.hash, "origin": self.origin(),
             },
         })
+    }
+
+    /// Where the numbers come from, in words.
+    fn origin(&self) -> String {
+        let drawn = self.estimators.first();
+        let known = drawn.is_some_and(|kind| self.experiment.start_of(*kind).is_some());
+        let mut text = if known {
+            "The recording was run again from the state the estimate had when it began: the same \
+             numbers as live."
+        } else {
+            "Nothing was estimated when the recording began: it was run again with an alignment of \
+             its own in the first second."
+        }
+        .to_owned();
+        if !self.experiment.changed.is_empty() {
+            text.push_str(&format!(
+                " Changed while it ran: {}. The result takes what was in force at the end.",
+                self.experiment.changed.join(", ")
+            ));
+        }
+        text
     }
 
     /// Its row in the table of experiments.
@@ -254,7 +274,7 @@ impl Finished {
             })
             .collect();
         json!({
-            "id": self.id, "device": self.device_name, "name": self.title(), "at": self.at,
+            "id": self.id, "device": self.device_name, "device_id": self.device, "name": self.title(), "at": self.at,
             "duration_s": self.experiment.duration_s(), "settings": self.settings,
             "results": results,
         })

@@ -49,10 +49,9 @@ fn drawn(finished: &Finished) -> Result<EstimatorKind, String> {
 
 fn report_page(finished: &Finished) -> Result<String, String> {
     let mut trace = TraceObserver::new(TRACE_POINTS, finished.options.world_frame);
-    let events = &finished.experiment.events;
     let kind = drawn(finished)?;
-    let summary =
-        run_over(events, &finished.options, kind, &mut trace).map_err(|e| e.to_string())?;
+    let summary = run_over(&finished.experiment, &finished.options, kind, &mut trace)
+        .map_err(|e| e.to_string())?;
     Ok(report::render(finished, &summary, trace.trace()))
 }
 
@@ -88,13 +87,8 @@ fn recording(finished: &Finished, file: &str) -> Result<Vec<u8>, String> {
 fn estimates(finished: &Finished) -> Result<Vec<u8>, String> {
     let kind = drawn(finished)?;
     let mut poses = Poses::default();
-    run_over(
-        &finished.experiment.events,
-        &finished.options,
-        kind,
-        &mut poses,
-    )
-    .map_err(|e| e.to_string())?;
+    run_over(&finished.experiment, &finished.options, kind, &mut poses)
+        .map_err(|e| e.to_string())?;
     written("estimates.tum", |path| {
         let mut writer = TumWriter::create(path, false)?;
         for record in &poses.0 {

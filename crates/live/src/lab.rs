@@ -5,13 +5,15 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_evaluation::RunOptions;
 use serde_json::{Value, json};
-use tokio::sync::{broadcast, mpsc, oneshot};
+use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
 use crate::experiments::Finished;
+use crate::frames::FrameText;
 use crate::limits::RateLimit;
 use crate::messages::{Command, DeviceStatus};
 
@@ -27,15 +29,6 @@ const MESSAGES: usize = 1024;
 const MOST_EXPERIMENTS: usize = 200;
 /// Events of all experiments that are kept: about 700 MB.
 const MOST_KEPT_EVENTS: usize = 12_000_000;
-
-/// A frame on its way to the pages.
-#[derive(Debug)]
-pub struct FrameText {
-    /// The device.
-    pub device: String,
-    /// The frame as JSON.
-    pub text: String,
-}
 
 /// A device as the rest of the lab sees it.
 #[derive(Debug)]
@@ -61,6 +54,7 @@ pub struct Lab {
     next_virtual: AtomicU64,
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
     pub(crate) messages: broadcast::Sender<Arc<str>>,
+    pub(crate) devices_changed: watch::Sender<()>,
     options: RunOptions,
     started: Instant,
     started_unix_ns: i64,
@@ -82,6 +76,7 @@ impl Lab {
             next_virtual: AtomicU64::new(1),
             frames: broadcast::channel(FRAMES).0,
             messages: broadcast::channel(MESSAGES).0,
+            devices_changed: watch::Sender::new(()),
             options,
             started: Instant::now(),
             started_unix_ns: unix_ns(),
@@ -183,6 +178,25 @@ impl Lab {
         self.tell_devices();
     }
 
+    /// Takes away a device that no longer sends; a virtual one goes at any time.
+    ///
+    /// # Errors
+    /// It is not there, or it would be back with its next batch, in a sentence.
+    pub fn remove_gone(&self, id: &str) -> Result<(), String> {
+        let device = self.find(id)?;
+        let (connected, name) = {
+            let status = lock(&device.status);
+            (status.connected, status.name.clone())
+        };
+        if connected && device.source != "virtual" {
+            return Err(format!(
+                "{name} still sends and would be back at once; stop it on the device first"
+            ));
+        }
+        self.remove(id);
+        Ok(())
+    }
+
     /// Every device as it is now.
     #[must_use]
     pub fn statuses(&self) -> Vec<DeviceStatus> {
@@ -190,9 +204,9 @@ impl Lab {
         devices.iter().map(|d| lock(&d.status).clone()).collect()
     }
 
-    /// Tells all pages the list of devices.
+    /// Tells all pages that the list of devices is another one; each asks for it when it can.
     pub fn tell_devices(&self) {
-        self.tell(&self.devices_message());
+        self.devices_changed.send_replace(());
     }
 
     /// The list of devices as a message.
@@ -293,6 +307,12 @@ impl Device {
         self.give(work).await?;
         let answer = answer.await;
         answer.unwrap_or_else(|_| Err("the device has been taken away".to_owned()))
+    }
+
+    /// The magnetometer calibration in force.
+    #[must_use]
+    pub fn magnetometer(&self) -> Option<MagnetometerCalibration<f64>> {
+        lock(&self.status).session.magnetometer
     }
 
     /// Whether one more request of `bytes` is within the limits.

@@ -9,7 +9,8 @@
 //! | what the lab page talks to, and the messages | [`lab_api`], [`messages`] |
 //! | the devices and what they share | [`lab`], [`device`] |
 //! | one device: events in, estimates, calibration, experiment out | [`engine`], [`session`] |
-//! | finished experiments, what-if, files, report | [`experiments`], [`export`], [`report`] |
+//! | frames for the pages | [`frames`] |
+//! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`allan`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | the pages and the QR code | [`assets`], [`qr`] |
 //!
@@ -17,16 +18,19 @@
 //! puts batches in order, decodes them, and runs the session. Queues are bounded: when a device is
 //! busy, its phone is told to send again, so samples are never dropped; frames for drawing are.
 
+pub mod allan;
 pub mod assets;
 pub mod device;
 pub mod engine;
 pub mod experiments;
 pub mod export;
+pub mod frames;
 pub mod ingest;
 pub mod lab;
 pub mod lab_api;
 pub mod limits;
 pub mod messages;
+mod page;
 pub mod qr;
 pub mod replay;
 pub mod report;

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::session::frame::{Estimate, SessionStatus};
+use crate::session::magnetometer::MagnetometerAction;
 
 /// What a page can ask for.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -27,6 +28,9 @@ pub enum Request {
         /// Determines everything random; the same seed is the same phone.
         #[serde(default)]
         seed: Option<u64>,
+        /// Hard iron of its magnetometer, microtesla, body axes.
+        #[serde(default)]
+        hard_iron_ut: [f64; 3],
         /// Which one goes; without it the newest.
         #[serde(default)]
         device: Option<String>,
@@ -96,6 +100,26 @@ pub enum Request {
         #[serde(default)]
         curve: Option<String>,
     },
+    /// Calibrate the magnetometer.
+    CalibrateMagnetometer {
+        /// The device.
+        device: String,
+        /// What to do.
+        action: MagnetometerAction,
+    },
+    /// Analyse an experiment at rest.
+    Allan {
+        /// The experiment.
+        id: String,
+        /// Of this sensor.
+        #[serde(default = "gyroscope")]
+        sensor: String,
+    },
+    /// Take a device away that has gone.
+    Remove {
+        /// The device.
+        device: String,
+    },
     /// Give a device a name.
     Rename {
         /// The device.
@@ -127,6 +151,10 @@ pub struct SensorUse {
     /// Whether the magnetometer is used.
     #[serde(default = "yes")]
     pub magnetometer: bool,
+}
+
+fn gyroscope() -> String {
+    "gyroscope".to_owned()
 }
 
 fn yes() -> bool {
@@ -175,6 +203,8 @@ pub enum Command {
     Sensors(SensorSelection),
     /// Choose estimators.
     Estimators(Vec<EstimatorKind>),
+    /// Calibrate the magnetometer.
+    CalibrateMagnetometer(MagnetometerAction),
     /// Give it a name.
     Rename(String),
 }

@@ -26,6 +26,8 @@ pub struct VirtualPhoneRequest {
     pub disturbance: Disturbance,
     /// Determines everything random; without it each one is another phone.
     pub seed: Option<u64>,
+    /// Hard iron of its magnetometer, microtesla, body axes.
+    pub hard_iron_ut: [f64; 3],
 }
 
 /// Adds a virtual phone that delivers in real time. Returns its identifier.
@@ -34,14 +36,15 @@ pub struct VirtualPhoneRequest {
 /// The lab is full, in a sentence.
 pub fn add(lab: &Arc<Lab>, request: VirtualPhoneRequest) -> Result<String, String> {
     let number = lab.next_virtual();
-    let phone = VirtualPhone::new(VirtualPhoneConfig {
+    let mut config = VirtualPhoneConfig {
         seed: request.seed.unwrap_or(number),
         duration_s: Some(DURATION_S),
         motion: request.motion,
         disturbance: request.disturbance,
         ..VirtualPhoneConfig::default()
-    })
-    .map_err(|error| error.to_string())?;
+    };
+    config.magnetometer.bias_ut = request.hard_iron_ut;
+    let phone = VirtualPhone::new(config).map_err(|error| error.to_string())?;
     let id = format!("virtual-{number}");
     let device = lab.device(&id, &format!("Virtual phone {number}"), "virtual")?;
     let lab = lab.clone();

@@ -134,6 +134,10 @@ fn the_path_of_the_paper_on_a_virtual_phone() {
     page.say(&json!({"type": "what_if", "request": 2, "id": experiment,
         "settings": {"accelerometer_std": 5.0}, "curve": "accelerometer_std"}));
     let other = page.wait("an answer", |m| m["request"] == 2);
+    assert_eq!(
+        other["type"], "what_if",
+        "the answer comes before the curve"
+    );
     let nis = |answer: &Value| {
         answer["results"]["mekf"]["nis_mean"]["accelerometer"]
             .as_f64()
@@ -143,7 +147,8 @@ fn the_path_of_the_paper_on_a_virtual_phone() {
         nis(&other) < 0.1 * nis(&same),
         "a hundred times the R, a tiny NIS"
     );
-    let curve = other["curve"]["nis_acc"].as_array().unwrap();
+    let curve = page.wait("the curve", |m| m["type"] == "curve" && m["request"] == 2);
+    let curve = curve["curve"]["nis_acc"].as_array().unwrap();
     let curve: Vec<f64> = curve.iter().filter_map(Value::as_f64).collect();
     assert!(
         curve.len() > 10 && curve.windows(2).all(|w| w[0] > w[1]),
@@ -239,6 +244,112 @@ fn settings_reach_the_device_and_mistakes_come_back_in_words() {
         let error = page.wait("an error", |m| m["type"] == "error");
         assert!(error["text"].as_str().unwrap().contains(words), "{error}");
     }
+}
+
+/// Turned all over by its script, a magnetised virtual phone gives its hard iron; the file says the
+/// same, and a device that has gone can be taken away.
+#[test]
+fn a_magnetometer_is_calibrated_while_the_phone_turns() {
+    let lab = TestLab::start();
+    let mut page = Page::open(&lab);
+    let device = "virtual-1";
+    page.say(&json!({"type": "virtual_phone", "action": "add", "motion": "tumble", "hard_iron_ut": [25, -14, 30]}));
+    page.wait("the device", |m| m["devices"][0]["id"] == device);
+    let order = |action: &str| json!({"type": "calibrate_magnetometer", "device": device, "action": action});
+    page.say(&order("finish"));
+    let refused = page.wait("a refusal", |m| m["type"] == "error");
+    assert!(
+        refused["text"].as_str().unwrap().contains("start one"),
+        "{refused}"
+    );
+    page.say(&order("start"));
+    let first = page.wait("progress", |m| {
+        m["type"] == "magnetometer" && m["coverage"].is_object()
+    });
+    assert_eq!(first["coverage"]["cells"].as_array().unwrap().len(), 72);
+    // It rests for 10 s, then turns.
+    let good = page.wait("a good fit", |m| {
+        m["type"] == "magnetometer"
+            && m["coverage"]["fraction"].as_f64() > Some(0.55)
+            && m["verdict"]["tone"] == "good"
+    });
+    assert!(good["points"].as_array().unwrap().len() > 50);
+    assert!(
+        good["hint"].as_str().unwrap().contains("Turn it so that"),
+        "{good}"
+    );
+    page.say(&order("finish"));
+    let done = page.wait("the calibration", |m| {
+        m["type"] == "magnetometer" && m["state"] == "done"
+    });
+    let found: Vec<f64> = done["fit"]["hard_iron_ut"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(Value::as_f64)
+        .collect();
+    for (found, truth) in found.iter().zip([25.0, -14.0, 30.0]) {
+        assert!((found - truth).abs() < 1.0, "{done}");
+    }
+    page.wait("it in force", |m| {
+        m["devices"][0]["magnetometer"]["model"].is_string()
+    });
+    let file = lab.get(&format!("/api/devices/{device}/magnetometer.toml"));
+    assert_eq!(file.status, 200);
+    assert!(file.text().contains("hard_iron_ut = ["), "{}", file.text());
+    page.say(&order("discard"));
+    page.wait("its end", |m| {
+        m["type"] == "devices" && m["devices"][0]["magnetometer"].is_null()
+    });
+    assert_eq!(
+        lab.get(&format!("/api/devices/{device}/magnetometer.toml"))
+            .status,
+        404
+    );
+    page.say(&json!({"type": "remove", "device": device}));
+    page.wait("an empty lab", |m| {
+        m["type"] == "devices" && m["devices"] == json!([])
+    });
+}
+
+#[test]
+fn commands_of_a_page_are_carried_out_in_their_order() {
+    let lab = TestLab::start();
+    let mut page = Page::open(&lab);
+    page.say(&json!({"type": "virtual_phone", "action": "add", "motion": "rest"}));
+    page.wait("the device", |m| m["devices"][0]["id"] == "virtual-1");
+    for k in 1..=200 {
+        page.say(&json!({"type": "settings", "device": "virtual-1", "settings": {"accelerometer_std": f64::from(k) * 0.01}}));
+    }
+    page.say(&json!({"type": "rename", "device": "virtual-1", "name": "last"}));
+    let last = page.wait("the last one", |m| m["devices"][0]["name"] == "last");
+    assert_eq!(last["devices"][0]["settings"]["accelerometer_std"], 2.0);
+}
+
+/// A short rest is refused with what is missing.
+#[test]
+fn an_allan_deviation_needs_a_rest_of_a_minute() {
+    let lab = TestLab::start();
+    let mut page = Page::open(&lab);
+    page.say(&json!({"type": "virtual_phone", "action": "add", "motion": "rest"}));
+    page.wait("the device", |m| m["devices"][0]["id"] == "virtual-1");
+    page.say(&json!({"type": "experiment", "device": "virtual-1", "seconds": 2, "name": "rest"}));
+    let done = page.wait("a result", |m| {
+        m["type"] == "experiment" && m["state"] == "done"
+    });
+    page.say(&json!({"type": "allan", "request": 7, "id": done["id"]}));
+    let refused = page.wait("an answer", |m| m["type"] == "allan");
+    assert_eq!(
+        (&refused["state"], &refused["request"]),
+        (&json!("refused"), &json!(7))
+    );
+    assert!(
+        refused["text"].as_str().unwrap().contains("ten minutes"),
+        "{refused}"
+    );
+    page.say(&json!({"type": "allan", "request": 8, "id": "e77"}));
+    let error = page.wait("an error", |m| m["type"] == "error");
+    assert_eq!(error["request"], 8);
 }
 
 #[test]

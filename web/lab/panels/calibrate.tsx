@@ -1,26 +1,14 @@
-// Steps 2 and 3: the device lies still, and tells its bias and noise.
+// Steps 2 and 3: the device lies still, and tells its bias and noise; beside it magnetometer and Allan deviation.
 
 import { useMemo, useState } from "preact/hooks";
 import type uPlot from "uplot";
 import { Chart, type ChartSpec } from "../chart";
-import { useFrame } from "../live";
 import type { Calibration, Device, RestCalibration, Sensor, Triple } from "../protocol";
-import { goTo, send, state } from "../store";
+import { type Calibrating, calibrateWhat, goTo, offers, send, state } from "../store";
 import { number } from "../words";
-
-const STILL_DEG_S = 3;
-
-/** Whether the device rests now, in words. */
-export function Stillness({ device }: { device: Device }) {
-  const rate = useFrame<number | null>(device.id, (f) => (f.rate_rad_s ? (Math.hypot(...f.rate_rad_s) * 180) / Math.PI : null), 4, null);
-  const still = rate !== null && rate < STILL_DEG_S;
-  return (
-    <div class={`verdict ${rate === null ? "idle" : still ? "good" : "warn"}`} role="status">
-      <b>{rate === null ? "Waiting" : still ? "At rest" : "Moving"}</b>
-      <span>{rate === null ? "No readings yet." : `It turns at ${rate.toFixed(1)} deg/s.`}</span>
-    </div>
-  );
-}
+import { Allan } from "./allan";
+import { Magnetometer } from "./magnetometer";
+import { Stillness } from "./stillness";
 
 export function Place({ device }: { device: Device }) {
   return (
@@ -33,10 +21,28 @@ export function Place({ device }: { device: Device }) {
   );
 }
 
+const PARTS: [Calibrating, string][] = [["rest", "At rest"], ["magnetometer", "Magnetometer"], ["allan", "Noise (Allan)"]];
+
 export function Calibrate({ device }: { device: Device }) {
+  const parts = PARTS.filter(([key]) => key === "rest" || offers(key));
+  const shown = parts.some(([key]) => key === state.calibrating) ? state.calibrating : "rest";
+  return (
+    <>
+      {parts.length > 1 && (
+        <div class="segments" role="group" aria-label="What to calibrate">
+          {parts.map(([key, text]) => <button key={key} type="button" aria-pressed={key === shown} onClick={() => calibrateWhat(key)}>{text}</button>)}
+        </div>
+      )}
+      {shown === "rest" ? <AtRest device={device} /> : shown === "magnetometer" ? <Magnetometer device={device} /> : <Allan device={device} />}
+    </>
+  );
+}
+
+function AtRest({ device }: { device: Device }) {
   const [seconds, setSeconds] = useState(10);
   const calibration = state.calibrations[device.id];
   const running = calibration?.state === "running";
+  const busy = running || !!state.running[device.id];
   return (
     <>
       <p>While it rests, the mean is the gyroscope's bias and the direction of gravity and field; the scatter is each sensor's noise.</p>
@@ -44,10 +50,11 @@ export function Calibrate({ device }: { device: Device }) {
         <input type="range" min="5" max="60" step="1" value={seconds} disabled={running} onInput={(e) => setSeconds(Number(e.currentTarget.value))} />
         <output>{seconds} s</output>
       </label>
-      <button type="button" class={calibration?.state === "done" ? "" : "primary"} disabled={running} onClick={() => send({ type: "calibrate", device: device.id, seconds })}>
+      <button type="button" class={calibration?.state === "done" ? "" : "primary"} disabled={busy} onClick={() => send({ type: "calibrate", device: device.id, seconds })}>
         {running ? `Hold still: ${Math.ceil(calibration.remaining_s)} s` : calibration ? "Calibrate again" : "Calibrate"}
       </button>
       <progress max="1" value={calibration?.progress ?? 0} aria-label="Progress of the calibration" />
+      {state.running[device.id] && <p class="small">An experiment is under way; stop it first.</p>}
       {calibration?.verdict && (
         <div class={`verdict ${calibration.verdict.tone}`} role="status">
           <b>{calibration.state === "refused" ? "Refused" : running ? "Measuring" : "Calibrated"}</b>

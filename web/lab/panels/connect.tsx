@@ -1,10 +1,14 @@
 // Step 1: phones come in by QR code; a virtual phone is one click away.
 
 import { useState } from "preact/hooks";
+import type { Triple } from "../protocol";
 import { goTo, send, state } from "../store";
 
-const MOTIONS: [string, string][] = [["gentle", "gentle turns"], ["brisk", "brisk turns"], ["rest", "stays at rest"]];
+const MOTIONS: [string, string][] = [["gentle", "gentle turns"], ["brisk", "brisk turns"], ["tumble", "turned all over"], ["rest", "stays at rest"]];
 const DISTURBANCES: [string, string][] = [["none", "none"], ["acceleration", "shaking"], ["magnetic", "a magnet near"], ["both", "shaking and a magnet"]];
+
+/** What the iron in a magnetised virtual phone adds, for the calibration to find. */
+const HARD_IRON: Triple = [25, -14, 30];
 
 export function Connect() {
   const hello = state.hello;
@@ -29,9 +33,10 @@ export function Connect() {
 function VirtualPhone() {
   const [motion, setMotion] = useState("gentle");
   const [disturbance, setDisturbance] = useState("none");
+  const [magnetised, setMagnetised] = useState(false);
   const [seed, setSeed] = useState(1);
   const add = (): void => {
-    send({ type: "virtual_phone", action: "add", motion, disturbance, seed });
+    send({ type: "virtual_phone", action: "add", motion, disturbance, seed, hard_iron_ut: magnetised ? HARD_IRON : [0, 0, 0] });
     setSeed(seed + 1);
   };
   return (
@@ -43,6 +48,7 @@ function VirtualPhone() {
       <label>Disturbance
         <select value={disturbance} onChange={(e) => setDisturbance(e.currentTarget.value)}>{DISTURBANCES.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
       </label>
+      <label class="tick"><input type="checkbox" checked={magnetised} onChange={() => setMagnetised(!magnetised)} /> Magnetised: hard iron of 25, −14, 30 µT</label>
       <p class="small">It rests, is turned about, comes back after 75 s, and begins again. Its truth is known.</p>
       <button type="button" class={state.devices.length ? "" : "primary"} onClick={add}>Add a virtual phone</button>
     </fieldset>

@@ -5,7 +5,8 @@ import { LiveText, attitudes } from "../live";
 import { mainEstimate } from "../history";
 import type { Device } from "../protocol";
 import { View, World } from "../scene";
-import { goTo, historyOf, onFrame, send, state, update } from "../store";
+import { Draft } from "../draft";
+import { goTo, historyOf, offers, onFrame, send, state, update } from "../store";
 
 const SHORT: [string, string][] = [["gyroscope", "gyr"], ["accelerometer", "acc"], ["magnetometer", "mag"]];
 
@@ -25,21 +26,22 @@ export function Devices() {
 function DeviceCard({ device }: { device: Device }) {
   const selected = device.id === state.selected;
   const worst = device.health.find((h) => h.tone === "bad") ?? device.health.find((h) => h.tone === "warn") ?? device.health[0];
-  const remove = device.source === "virtual" ? <button type="button" class="link" onClick={() => send({ type: "virtual_phone", action: "remove", device: device.id })}>Remove</button> : null;
+  const removable = device.source === "virtual" || (offers("remove") && !device.connected);
   return (
-    <li class={`device ${device.connected ? worst?.tone ?? "good" : "bad"}`} aria-current={selected} data-device={device.id}>
+    <li class={`device ${device.connected ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>
       <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => (s.selected = device.id))}>
         <b>{device.name}</b>
+        {!device.connected && <span class="badge">lost</span>}
       </button>
       <p class="rates">{SHORT.map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
-      <p class="health" title={worst?.text}>{device.connected ? worst?.text ?? "No complaint." : "Connection lost; waiting for it."}</p>
+      <p class="health" title={worst?.text}>{device.connected ? worst?.text ?? "No complaint." : "Connection lost. It goes on by itself when the phone is back."}</p>
       {selected && (
         <>
           {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={h.text}>{h.text}</p>)}
-          <p class="counts">{device.source}, {lost(device)}</p>
-          <p class="counts">{device.received} samples</p>
-          <label class="rename">Name <input type="text" maxLength={40} value={device.name} onChange={(e) => send({ type: "rename", device: device.id, name: e.currentTarget.value })} /></label>
-          {remove}
+          <p class="counts">{device.source}, {lost(device)}, {device.received} samples</p>
+          <p class="counts">{[device.is_calibrated ? "calibrated at rest" : "not calibrated", ...(device.magnetometer ? ["magnetometer calibrated"] : [])].join(", ")}</p>
+          <Draft name="rename" label="Name" value={device.name} change={(name) => send({ type: "rename", device: device.id, name })} />
+          {removable && <button type="button" class="link" onClick={() => send(device.source === "virtual" ? { type: "virtual_phone", action: "remove", device: device.id } : { type: "remove", device: device.id })}>Remove this device</button>}
         </>
       )}
     </li>
@@ -63,15 +65,23 @@ export function Wall() {
       if (!world) worlds.set(id, (world = new World()));
       return world;
     };
-    const cells = (): { world: World; box: DOMRect }[] =>
-      [...grid.current!.querySelectorAll<HTMLElement>("[data-cell]")].map((element) => ({ world: worldOf(element.dataset["cell"]!), box: element.getBoundingClientRect() }));
+    const cells = (): { world: World; box: DOMRect }[] => {
+      const elements = [...grid.current!.querySelectorAll<HTMLElement>("[data-cell]")];
+      for (const [id, world] of worlds) {
+        if (elements.some((element) => element.dataset["cell"] === id)) continue;
+        world.dispose();
+        worlds.delete(id);
+      }
+      return elements.map((element) => ({ world: worldOf(element.dataset["cell"]!), box: element.getBoundingClientRect() }));
+    };
     let view: View;
     try {
-      view = new View(canvas.current!, cells, false);
+      view = new View<World>(canvas.current!, null, cells);
     } catch {
       return;
     }
     const stop = onFrame((frame) => {
+      if (document.visibilityState === "hidden" || !worlds.has(frame.device)) return view.ask();
       worldOf(frame.device).set(attitudes(frame).slice(0, 1));
       view.ask();
     });
@@ -85,6 +95,7 @@ export function Wall() {
     return () => {
       stop();
       view.close();
+      for (const world of worlds.values()) world.dispose();
     };
   }, []);
   // About as many columns as make cells that are a little wider than high.

@@ -3,11 +3,11 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { angleBetween, mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
-import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
-import { goTo, historyOf, send, state } from "../store";
+import type { Device, Experiment as Message, FinalSummary, Frame, Quaternion, RunSummary, SettingValue } from "../protocol";
+import { goTo, historyOf, offers, rowsOf, send, state, update } from "../store";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, unnamed, VERDICTS } from "../words";
-import { Stillness } from "./calibrate";
+import { Stillness } from "./stillness";
 
 /** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
 const starts = new Map<string, number[]>();
@@ -78,15 +78,16 @@ export function Return({ device }: { device: Device }) {
 
 export function Result({ device }: { device: Device }) {
   const heading = useRef<HTMLDivElement>(null);
-  const id = state.shownResult ?? state.rows.filter((r) => r.device === device.id || r.device === device.name).at(-1)?.id;
+  const id = state.shownResults[device.id] ?? rowsOf(device.id).at(-1)?.id;
   const finished = id ? state.finished[id] : undefined;
   useEffect(() => heading.current?.focus({ preventScroll: true }), [id]);
   if (!id) return <p>No experiment has ended yet. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
   const row = state.rows.find((r) => r.id === id);
   return (
     <div class="result" tabIndex={-1} ref={heading}>
-      <h3>{row?.name ?? id}</h3>
+      <h3>{row?.name ?? id} <small>{row?.at}</small></h3>
       {finished?.result ? <Summary summary={finished.result.summary} /> : row && <RowSummary row={row} />}
+      {finished?.result && <p class="small">{finished.result.origin}</p>}
       <Downloads id={id} hash={finished?.result?.hash} />
       <button type="button" class="primary" onClick={() => goTo("what-if")}>Next: what if?</button>
     </div>
@@ -99,7 +100,7 @@ export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
   const main = summary[names[0]!]!;
   return (
     <>
-      {main.final ? <Final final={main.final} /> : (
+      {main.final ? <><Final final={main.final} /><Quaternions final={main.final} /></> : (
         <div class="verdict warn"><b>No verdict</b><span>The device did not rest in the same pose at both ends.</span></div>
       )}
       <table class="compact results">
@@ -139,8 +140,30 @@ function Final({ final }: { final: FinalSummary }) {
     <div class={`final ${verdict.tone}`}>
       <div><span>calculated</span><b>{degrees(final.calculated_error_deg)}</b></div>
       <div><span>estimated</span><b>{degrees(final.estimated_error_deg)}</b></div>
-      <p data-verdict={final.verdict ?? "none"}>{verdict.text}</p>
+      <p data-verdict={final.verdict ?? "none"} aria-live="polite">{verdict.text}</p>
     </div>
+  );
+}
+
+/** The paper's last step: both error quaternions side by side. */
+function Quaternions({ final }: { final: FinalSummary }) {
+  const rows: [string, Quaternion | null, number | null, string][] = [
+    ["Calculated", final.calculated_error_wxyz, final.calculated_error_deg, "calculated"],
+    ["Estimated", final.estimated_error_wxyz, final.estimated_error_deg, "estimated"],
+  ];
+  return (
+    <table class="compact quaternions">
+      <thead><tr><th scope="col">Error quaternion</th>{["w", "x", "y", "z"].map((a) => <th key={a} scope="col" class="num">{a}</th>)}<th scope="col" class="num">angle</th></tr></thead>
+      <tbody>
+        {rows.map(([name, q, angle, key]) => (
+          <tr key={key} data-quaternion={key}>
+            <th scope="row">{name}</th>
+            {[0, 1, 2, 3].map((i) => <td key={i} class="num">{q ? `${key === "estimated" && i ? "±" : ""}${number(q[i], 4)}` : "–"}</td>)}
+            <td class="num">{degrees(angle)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
   );
 }
 
@@ -158,7 +181,7 @@ function RowSummary({ row }: { row: (typeof state.rows)[number] }) {
 }
 
 function Downloads({ id, hash }: { id: string; hash: string | undefined }) {
-  const files: [string, string][] = [["report.html", "Report"], ["recording.csv", "CSV"], ["recording.parquet", "Parquet"], ["estimates.tum", "TUM"]];
+  const files: [string, string][] = [["report.html", "Report"], ["recording.csv", "CSV"], ["recording.parquet", "Parquet"], ["estimates.tum", "TUM"], ...(offers("mcap") ? [["recording.mcap", "MCAP"] as [string, string]] : [])];
   return (
     <>
       <div class="buttons downloads">
@@ -174,10 +197,14 @@ const setting = (v: SettingValue | undefined): string => (typeof v === "number" 
 /** All experiments so far, in the lower half. */
 export function ExperimentTable() {
   if (!state.rows.length) return <p class="empty">No experiment yet: each one adds a row here.</p>;
-  const show = (id: string): void => {
+  const show = (row: (typeof state.rows)[number]): void => {
     goTo("result");
-    state.shownResult = id;
+    update((s) => {
+      s.shownResults[row.device_id] = row.id;
+      if (s.devices.some((d) => d.id === row.device_id)) s.selected = row.device_id;
+    });
   };
+  const shown = state.selected ? state.shownResults[state.selected] : null;
   return (
     <div class="scroll">
       <table class="experiments">
@@ -192,8 +219,8 @@ export function ExperimentTable() {
             const main = row.results["mekf"];
             const verdict = main?.verdict ? VERDICTS[main.verdict] : undefined;
             return (
-              <tr key={row.id} aria-current={row.id === state.shownResult}>
-                <th scope="row"><button type="button" class="link" onClick={() => show(row.id)}>{row.name}</button></th>
+              <tr key={row.id} aria-current={row.id === shown}>
+                <th scope="row"><button type="button" class="link" onClick={() => show(row)}>{row.name}</button></th>
                 <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? "–"}</span></td>
                 <td class="num">{degrees(main?.calculated_error_deg)}</td>
                 <td class="num">{degrees(main?.estimated_error_deg)}</td>
@@ -201,7 +228,7 @@ export function ExperimentTable() {
                 <td class="num">{setting(row.settings["accelerometer_std"])}</td>
                 <td class="num">{setting(row.settings["magnetometer_std_ut"])}</td>
                 <td class="num">{number(row.duration_s, 0)}</td>
-                <td>{state.devices.find((d) => d.id === row.device)?.name ?? row.device}</td>
+                <td>{state.devices.find((d) => d.id === row.device_id)?.name ?? row.device}</td>
               </tr>
             );
           })}

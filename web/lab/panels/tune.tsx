@@ -2,7 +2,8 @@
 
 import { AllParameters, Sliders } from "../parameters";
 import type { Device, Sensor, Settings } from "../protocol";
-import { changeHere, goTo, send, settingsOf, useOf } from "../store";
+import { changeHere, goTo, offers, send, settingsOf, state, useOf } from "../store";
+import { nameOf, roleOf } from "../theme";
 
 const SENSORS: Sensor[] = ["gyroscope", "accelerometer", "magnetometer"];
 
@@ -32,8 +33,33 @@ export function Tune({ device }: { device: Device }) {
           <label key={sensor}><input type="checkbox" checked={use[sensor]} onChange={() => toggle(sensor)} /> {sensor}</label>
         ))}
       </fieldset>
+      {offers("estimators") && <Estimators device={device} />}
       <AllParameters settings={settings} change={(name, value) => apply({ [name]: value })} />
       <button type="button" class="primary" onClick={() => goTo("experiment")}>Next: experiment</button>
     </>
+  );
+}
+
+/** Every estimator with its ghost; one that is off costs nothing. */
+function Estimators({ device }: { device: Device }) {
+  const running = new Set(state.estimators[device.id] ?? device.estimators ?? []);
+  const all = (state.hello?.estimators ?? []).filter((e) => e.name !== "device");
+  const toggle = (name: string): void => {
+    const next = all.map((e) => e.name).filter((n) => (n === name ? !running.has(n) : running.has(n)));
+    changeHere(device.id, (s) => (s.estimators[device.id] = next));
+    send({ type: "estimators", device: device.id, use: next });
+  };
+  return (
+    <fieldset class="estimators">
+      <legend>Estimators</legend>
+      {all.map((e) => (
+        <label key={e.name}>
+          <input type="checkbox" data-estimator-choice={e.name} checked={running.has(e.name)} disabled={running.size === 1 && running.has(e.name)} onChange={() => toggle(e.name)} />
+          <span class={`swatch ${e.name === "mekf" ? "" : "ghost"}`} style={{ "--role": `var(--${roleOf(e.name)})` }} />
+          <b>{nameOf(e.name)}</b>
+          <small>{e.summary}</small>
+        </label>
+      ))}
+    </fieldset>
   );
 }

@@ -2,10 +2,10 @@
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type uPlot from "uplot";
-import { Chart, type ChartSpec } from "../chart";
-import { AllParameters, curveChoices, Sliders } from "../parameters";
+import { Chart, type ChartSpec, type Rule } from "../chart";
+import { AllParameters, curveChoices, degreesOf, Sliders } from "../parameters";
 import type { ExperimentRow, Settings, WhatIf as Message } from "../protocol";
-import { goTo, send, state, update } from "../store";
+import { goTo, rowsOf, send, state, update } from "../store";
 import { nameOf, roleOf } from "../theme";
 import { degrees, number } from "../words";
 import { rms } from "./experiment";
@@ -19,14 +19,20 @@ let asked: Settings = {};
 /** Settings under trial; kept here so that leaving the step does not lose them. */
 let tried: { id: string; settings: Settings } | null = null;
 
+/** Without an answer for so long the question is lost: the program was started anew, or the page was away. */
+const PATIENCE_MS = 5000;
+let askedMs = 0;
+
 function isUnderWay(): boolean {
-  return underWay !== null && state.whatIf?.request !== underWay && state.failed !== underWay;
+  const open = underWay !== null && state.whatIf?.request !== underWay && state.failed !== underWay;
+  return open && state.connection === "open" && performance.now() - askedMs < PATIENCE_MS;
 }
 
 function ask(row: ExperimentRow, settings: Settings, curve: string | null): void {
   asked = settings;
   const go = (): void => {
     underWay = ++request;
+    askedMs = performance.now();
     send({ type: "what_if", request, id: row.id, settings, curve });
   };
   if (isUnderWay()) next = go;
@@ -35,7 +41,8 @@ function ask(row: ExperimentRow, settings: Settings, curve: string | null): void
 
 export function WhatIf() {
   const rows = state.rows;
-  const [id, setId] = useState(state.shownResult ?? rows.at(-1)?.id ?? "");
+  const own = state.selected ?? "";
+  const [id, setId] = useState(state.shownResults[own] ?? rowsOf(own).at(-1)?.id ?? rows.at(-1)?.id ?? "");
   const row = rows.find((r) => r.id === id) ?? rows.at(-1);
   const [settings, setSettings] = useState<Settings>(tried && tried.id === row?.id ? tried.settings : { ...row?.settings });
   const [curve, setCurve] = useState("accelerometer_std");
@@ -111,13 +118,19 @@ const errorSpec = (truth: boolean): ChartSpec => ({
   title: truth ? "Error against truth" : "Expected error, 1σ", unit: "deg", leastSpan: 0.5,
   legend: [{ text: truth ? "error" : "σ", role: "estimate" }], lines: [{ role: "estimate" }],
 });
-const curveSpec = (parameter: string, value: () => number | null): ChartSpec => ({
+const curveSpec = (parameter: string, value: () => number | null, rules: () => Rule[]): ChartSpec => ({
   title: "NIS", unit: `over ${curveChoices().find((c) => c.name === parameter)?.text ?? parameter}`, logX: true, logY: true,
   legend: [{ text: "acc", role: "s1" }, { text: "mag", role: "s2" }, { text: "error°", role: "estimate", dash: true }],
   lines: [{ role: "s1", width: 2.2 }, { role: "s2", width: 2.2 }, { role: "estimate", dash: true, width: 2.2 }],
-  rules: () => [{ value: 3, text: "honest: 3" }],
+  rules,
   mark: value,
 });
+
+/** The NIS of an honest R: its degrees of freedom, which are fewer for a compass. */
+function honest(): Rule[] {
+  const compass = degreesOf("magnetometer", asked) === 1;
+  return compass ? [{ value: 3, text: "honest, acc: 3" }, { value: 1, text: "honest, mag: 1", below: true }] : [{ value: 3, text: "honest: 3" }];
+}
 
 const positive = (v: number | null): number | null => (v !== null && v > 0 ? v : null);
 
@@ -125,7 +138,8 @@ const positive = (v: number | null): number | null => (v !== null && v > 0 ? v :
 export function WhatIfPlots() {
   const message = state.whatIf;
   const trace = message?.trace ?? null;
-  const curve = message?.curve ?? null;
+  // It comes after the answer; until then the one before stays.
+  const curve = state.curve && state.curve.id === message?.id ? state.curve.curve : null;
   const numbers = (key: string): number[][] | null => {
     const value = trace?.[key];
     return Array.isArray(value) && Array.isArray(value[0]) ? (value as number[][]) : null;
@@ -142,7 +156,7 @@ export function WhatIfPlots() {
     return () => columns;
   }, [trace]);
   const errorOf = useMemo(() => errorSpec(truth), [truth]);
-  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null), [curve?.parameter]);
+  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null, honest), [curve?.parameter]);
   const curveData = useMemo(() => {
     const columns = [curve?.values ?? [], curve?.nis_acc.map(positive) ?? [], curve?.nis_mag.map(positive) ?? [], curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
     return () => columns;

@@ -1,5 +1,7 @@
 //! An experiment: the events of so many seconds, in memory, to be run as often as one likes.
 
+use northing_core::attitude::InitialState;
+use northing_evaluation::EstimatorKind;
 use northing_recording::{Event, SensorKind};
 
 /// Shortest and longest experiment, s.
@@ -15,6 +17,8 @@ pub struct ExperimentRun {
     since_ns: Option<i64>,
     now_ns: i64,
     events: Vec<Event>,
+    starts: Vec<(EstimatorKind, InitialState<f64>)>,
+    changed: Vec<&'static str>,
 }
 
 /// The events of a finished experiment, in the order of time, each once.
@@ -24,12 +28,16 @@ pub struct Experiment {
     pub name: String,
     /// How long it was meant to be, s.
     pub seconds: f64,
-    /// What was measured.
+    /// What was measured; the magnetic field calibrated, where a calibration was in force.
     pub events: Vec<Event>,
+    /// The state of each estimator at its first sample; one that is missing aligned itself.
+    pub starts: Vec<(EstimatorKind, InitialState<f64>)>,
+    /// What was changed while it ran.
+    pub changed: Vec<&'static str>,
 }
 
 impl ExperimentRun {
-    /// Begins with the next sample.
+    /// Begins with the next gyroscope sample.
     ///
     /// # Errors
     /// The time makes no sense, in a sentence.
@@ -46,12 +54,36 @@ impl ExperimentRun {
             since_ns: None,
             now_ns: i64::MIN,
             events: Vec::new(),
+            starts: Vec::new(),
+            changed: Vec::new(),
         })
     }
 
-    /// Takes one event. Returns whether the experiment is over.
+    /// Whether its first sample has come.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        self.since_ns.is_some()
+    }
+
+    /// Begins at this stamp, with the estimators in these states.
+    pub fn begin(&mut self, time_ns: i64, starts: Vec<(EstimatorKind, InitialState<f64>)>) {
+        self.since_ns = Some(time_ns);
+        self.starts = starts;
+    }
+
+    /// Remembers that something was changed while it runs.
+    pub fn note_change(&mut self, what: &'static str) {
+        if self.has_begun() && !self.changed.contains(&what) {
+            self.changed.push(what);
+        }
+    }
+
+    /// Takes one event; what comes before it has begun is not part of it. Returns whether the
+    /// experiment is over.
     pub fn add(&mut self, event: &Event) -> bool {
-        let since = *self.since_ns.get_or_insert(event.time_ns);
+        let Some(since) = self.since_ns else {
+            return false;
+        };
         self.now_ns = self.now_ns.max(event.time_ns);
         if event.time_ns >= since {
             self.events.push(*event);
@@ -87,6 +119,8 @@ impl ExperimentRun {
             name: self.name,
             seconds: self.seconds,
             events: self.events,
+            starts: self.starts,
+            changed: self.changed,
         }
     }
 
@@ -97,6 +131,13 @@ impl ExperimentRun {
 }
 
 impl Experiment {
+    /// The state of an estimator at the first sample.
+    #[must_use]
+    pub fn start_of(&self, estimator: EstimatorKind) -> Option<InitialState<f64>> {
+        let known = self.starts.iter().find(|(kind, _)| *kind == estimator);
+        known.map(|(_, state)| *state)
+    }
+
     /// From the first to the last sample, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {

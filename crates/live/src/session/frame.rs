@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::AttitudeEstimator;
+use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::rotation;
 use northing_core::kalman::{Innovation, Outcome};
 use northing_evaluation::observer::angles_covariance;
@@ -95,6 +96,7 @@ pub struct Frame {
     /// The last angular rate as measured, rad/s.
     pub rate_rad_s: [f64; 3],
     /// Innovations of `mekf` since the last frame.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub innovations: Vec<InnovationPoint>,
     /// Whether the stated noise fits.
     pub lamp: Vec<Lamp>,
@@ -119,6 +121,18 @@ pub struct SessionStatus {
     pub late: u64,
     /// Seconds from the first to the newest sample.
     pub duration_s: f64,
+    /// The estimators that run, by name.
+    pub estimators: Vec<&'static str>,
+    /// Whether a calibration at rest is under way.
+    pub is_calibrating: bool,
+    /// Whether an experiment is under way.
+    pub is_experimenting: bool,
+    /// Whether a magnetometer calibration is under way.
+    pub is_turned: bool,
+    /// Whether a calibration at rest is in force.
+    pub is_calibrated: bool,
+    /// The magnetometer calibration in force.
+    pub magnetometer: Option<MagnetometerCalibration<f64>>,
 }
 
 fn estimate(
@@ -222,6 +236,12 @@ impl DeviceSession {
             refused: intake.refused(),
             late: intake.late(),
             duration_s: self.duration_s(),
+            estimators: self.estimators().into_iter().map(|k| k.name()).collect(),
+            is_calibrating: self.calibration.is_some(),
+            is_experimenting: self.experiment.is_some(),
+            is_turned: self.magnetometer_run.is_some(),
+            is_calibrated: self.options.calibration.is_some(),
+            magnetometer: self.magnetometer,
         }
     }
 }

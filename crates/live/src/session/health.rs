@@ -61,7 +61,10 @@ pub fn remarks(intake: &Intake, stopped: &[SensorKind], lost_batches: u64) -> Ve
         ));
     }
     counted(&mut remarks, intake, lost_batches);
-    if remarks.iter().all(|r| r.tone == Tone::Good) {
+    if remarks
+        .iter()
+        .all(|r| matches!(r.tone, Tone::Good | Tone::Info))
+    {
         remarks.push(Remark::new(Tone::Good, "All sensors deliver."));
     }
     remarks

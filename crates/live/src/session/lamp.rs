@@ -17,6 +17,8 @@ const RENEW: u32 = 25;
 pub enum Tone {
     /// As it should be.
     Good,
+    /// Good to know.
+    Info,
     /// Worth a look.
     Warn,
     /// Wrong.
@@ -53,6 +55,8 @@ pub struct Lamp {
     pub text: String,
     /// Mean NIS of the window.
     pub nis_mean: f64,
+    /// What it is when the stated noise is honest: the degrees of freedom.
+    pub nis_expected: u8,
 }
 
 /// The innovations of the last 250 to 500 samples of one sensor.
@@ -119,6 +123,7 @@ impl LampWindow {
             tone,
             text: verdict.sentences.join(" "),
             nis_mean: nis.mean,
+            nis_expected: nis.degrees_of_freedom,
         })
     }
 }

@@ -5,10 +5,12 @@
 
 pub mod calibration;
 pub mod experiment;
+pub mod field;
 pub mod frame;
 pub mod health;
 pub mod intake;
 pub mod lamp;
+pub mod magnetometer;
 pub mod resolution;
 pub mod track;
 
@@ -16,6 +18,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::attitude::AttitudeConfig;
 use northing_core::attitude::driver::DriverConfig;
 use northing_core::calibration::RestCalibration;
+use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::frames::TangentFrame;
 use northing_evaluation::calibration::{calibrated_config, calibrated_driver, state_at_rest};
 use northing_evaluation::estimators::EstimatorKind;
@@ -29,12 +32,13 @@ use experiment::{Experiment, ExperimentRun};
 use frame::InnovationPoint;
 use intake::{Admission, Intake};
 use lamp::{LampWindow, Remark, Tone};
+use magnetometer::{MagnetometerAction, MagnetometerRun};
 use track::Track;
 
 /// A pause of the gyroscope after which a filter starts again rather than guesses, ns.
 const RESTART_GAP_NS: i64 = 2_000_000_000;
-/// Innovations kept for the page between two frames.
-const MOST_INNOVATIONS: usize = 200;
+/// Innovations kept for the page between two frames: two seconds of fast sensors.
+const MOST_INNOVATIONS: usize = 1000;
 
 /// Something that came to its end while events were taken.
 #[derive(Debug)]
@@ -46,6 +50,8 @@ pub enum Happening {
     ),
     /// The experiment has all its samples.
     Experimented(Box<Experiment>),
+    /// The magnetometer calibration was begun, ended, dropped or taken back.
+    Magnetometer(MagnetometerAction, Remark),
     /// Something to tell people.
     Note(Remark),
 }
@@ -66,6 +72,8 @@ pub struct DeviceSession {
     lamps: [LampWindow; 2],
     calibration: Option<CalibrationRun>,
     experiment: Option<ExperimentRun>,
+    magnetometer_run: Option<MagnetometerRun>,
+    magnetometer: Option<MagnetometerCalibration<f64>>,
 }
 
 impl DeviceSession {
@@ -89,6 +97,8 @@ impl DeviceSession {
             innovations: Vec::new(),
             calibration: None,
             experiment: None,
+            magnetometer_run: None,
+            magnetometer: None,
         };
         session.use_estimators(&[EstimatorKind::Integration, EstimatorKind::Mekf])?;
         Ok(session)
@@ -102,9 +112,11 @@ impl DeviceSession {
             match self.intake.admit(event) {
                 Admission::Taken => self.take_one(event, &mut happenings),
                 // Good for the recording, which is put in order at its end.
-                Admission::Late => self.record(event, &mut happenings),
+                Admission::Late => self.record(&self.calibrated(event), &mut happenings),
                 Admission::Duplicate | Admission::Refused => {}
                 Admission::NewStart => {
+                    // What an experiment has so far is worth keeping.
+                    happenings.extend(self.end_experiment());
                     self.start_again();
                     let text = "The device's clock went back: its estimates start anew.";
                     happenings.push(Happening::Note(Remark::new(Tone::Warn, text)));
@@ -120,6 +132,8 @@ impl DeviceSession {
     fn take_one(&mut self, event: &Event, happenings: &mut Vec<Happening>) {
         self.first_ns.get_or_insert(event.time_ns);
         self.now_ns = self.now_ns.max(event.time_ns);
+        self.gather(event);
+        let event = &self.calibrated(event);
         match event.sample {
             Sample::AngularRate(rate) => self.take_rate(event.time_ns, rate, happenings),
             Sample::SpecificForce(v) => self.update(event.time_ns, SensorKind::Accelerometer, &v),
@@ -147,6 +161,29 @@ impl DeviceSession {
         for track in &mut self.tracks {
             track.driver.gyroscope(time_ns, &rate);
         }
+        self.begin_experiment(time_ns, &rate);
+    }
+
+    /// An experiment begins with a gyroscope sample: every estimator starts anew from the state it
+    /// has then, as it will when the experiment is run again, so that both give the same numbers.
+    fn begin_experiment(&mut self, time_ns: i64, rate: &Vector3<f64>) {
+        let (config, driver) = (self.config(), self.driver());
+        let Some(run) = self.experiment.as_mut().filter(|run| !run.has_begun()) else {
+            return;
+        };
+        let mut starts = Vec::new();
+        for track in &mut self.tracks {
+            // Options were checked when they were set.
+            if let Ok(Some(mut anew)) = Track::new(track.kind, &config, driver) {
+                if let Some(state) = track.state() {
+                    anew.driver.start_from(&state);
+                    starts.push((track.kind, state));
+                }
+                anew.driver.gyroscope(time_ns, rate);
+                *track = anew;
+            }
+        }
+        run.begin(time_ns, starts);
     }
 
     fn update(&mut self, time_ns: i64, sensor: SensorKind, v: &Vector3<f64>) {
@@ -167,11 +204,13 @@ impl DeviceSession {
                 continue;
             }
             self.lamps[lamp].add(&innovation);
-            if self.innovations.len() < MOST_INNOVATIONS {
-                let t_s = seconds_since(self.first_ns, time_ns);
-                self.innovations
-                    .push(InnovationPoint::new(sensor, t_s, &innovation));
+            if self.innovations.len() >= MOST_INNOVATIONS {
+                // Nobody looks: the newest are worth more when somebody does.
+                self.innovations.drain(..MOST_INNOVATIONS / 2);
             }
+            let t_s = seconds_since(self.first_ns, time_ns);
+            self.innovations
+                .push(InnovationPoint::new(sensor, t_s, &innovation));
         }
     }
 
@@ -226,6 +265,7 @@ impl DeviceSession {
         self.last_gyroscope_ns = None;
         self.calibration = None;
         self.experiment = None;
+        self.magnetometer_run = None;
         (self.device, self.truth) = (None, None);
         // Options were checked when they were set.
         let _ = self.restart_tracks();
@@ -265,6 +305,7 @@ impl DeviceSession {
             }
         }
         self.tracks = tracks;
+        self.note_change("the choice of estimators");
         Ok(())
     }
 
@@ -287,6 +328,7 @@ impl DeviceSession {
         }
         self.tracks = tracks;
         self.lamps = new_lamps(&self.config());
+        self.note_change("Q, R or another parameter");
         Ok(())
     }
 
@@ -294,13 +336,24 @@ impl DeviceSession {
     pub fn use_sensors(&mut self, sensors: SensorSelection) {
         self.options.sensors = sensors;
         self.lamps = new_lamps(&self.config());
+        self.note_change("the sensors in use");
+    }
+
+    /// The result of an experiment is made with what is in force at its end.
+    fn note_change(&mut self, what: &'static str) {
+        if let Some(run) = &mut self.experiment {
+            run.note_change(what);
+        }
     }
 
     /// Begins a calibration with the next sample; one under way is dropped.
     ///
     /// # Errors
-    /// The time is no time one can rest for, in a sentence.
+    /// The time is no time one can rest for, or an experiment is under way, in a sentence.
     pub fn calibrate(&mut self, seconds: f64) -> Result<(), String> {
+        if self.experiment.is_some() {
+            return Err("an experiment is under way; stop it first".to_owned());
+        }
         let [shortest, longest] = calibration::SECONDS;
         if !(shortest..=longest).contains(&seconds) {
             return Err(format!(
@@ -311,7 +364,7 @@ impl DeviceSession {
         Ok(())
     }
 
-    /// Begins an experiment with the next sample.
+    /// Begins an experiment with the next gyroscope sample.
     ///
     /// # Errors
     /// One is under way, or the time makes no sense, in a sentence.
@@ -319,7 +372,8 @@ impl DeviceSession {
         if self.experiment.is_some() {
             return Err("an experiment is under way; stop it first".to_owned());
         }
-        self.experiment = Some(ExperimentRun::new(seconds, name)?);
+        let run = ExperimentRun::new(seconds, name)?;
+        self.experiment = Some(run);
         Ok(())
     }
 

@@ -1,8 +1,10 @@
 //! The lab on virtual phones, whose truth is known.
 
 use super::*;
+use crate::experiments::run_over;
 use northing_evaluation::run;
 use northing_recording::RecordingError;
+use northing_simulation::virtual_phone::Motion;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 use serde_json::json;
 
@@ -72,7 +74,7 @@ fn calibration_then_experiment_end_near_the_truth() {
                     live.start_experiment(60.0, "turn and return").unwrap();
                 }
                 Happening::Experimented(done) => experiment = Some(done),
-                Happening::Note(note) => panic!("{note:?}"),
+                other => panic!("{other:?}"),
             }
         }
     }
@@ -179,5 +181,160 @@ fn health_says_what_is_missing() {
     assert!(
         words.contains("No accelerometer") && words.contains("No magnetometer"),
         "{words}"
+    );
+}
+
+/// Whatever came before: an experiment's result is what was live when it ended, to the bit.
+#[test]
+fn the_result_of_an_experiment_is_the_live_estimate() {
+    for calibrated in [false, true] {
+        let mut live = session();
+        live.use_estimators(&EstimatorKind::ALL).unwrap();
+        if calibrated {
+            live.calibrate(5.0).unwrap();
+        }
+        let events: Vec<Event> = phone(4).events().collect();
+        let cut = |s: f64| events.partition_point(|e| (e.time_ns as f64) < s * 1e9);
+        live.take(&mut events[..cut(7.0)].to_vec());
+        live.start_experiment(60.0, "").unwrap();
+        live.take(&mut events[cut(7.0)..cut(18.0)].to_vec());
+        let Some(Happening::Experimented(done)) = live.stop() else {
+            panic!("no experiment to stop");
+        };
+        for kind in live.estimators() {
+            let mut last = LastEstimate(None);
+            run_over(&done, live.options(), kind, &mut last).unwrap();
+            let now = live.attitude(kind.name());
+            // The run tells its estimates with gyroscope samples, the last of which is not the end.
+            let off = last.0.unwrap().angle_to(&now.unwrap());
+            assert!(off < 1e-3, "{}: {off} rad", kind.name());
+        }
+        // Up to and including a gyroscope sample: nothing at all differs.
+        let last_rate = done.events.iter().rposition(is_rate).unwrap();
+        let mut until = *done;
+        until.events.truncate(last_rate + 1);
+        let mut last = LastEstimate(None);
+        run_over(&until, live.options(), EstimatorKind::Mekf, &mut last).unwrap();
+        let mut again = session();
+        again.use_estimators(&[EstimatorKind::Mekf]).unwrap();
+        if calibrated {
+            again.calibrate(5.0).unwrap();
+        }
+        again.take(&mut events[..cut(7.0)].to_vec());
+        again.start_experiment(60.0, "").unwrap();
+        let end = until.events.last().unwrap().time_ns;
+        let is_of_it = |e: &&Event| {
+            e.time_ns < end || (e.time_ns == end && e.sample.kind() == SensorKind::Gyroscope)
+        };
+        let rest = events[cut(7.0)..].iter().filter(is_of_it);
+        again.take(&mut rest.copied().collect::<Vec<_>>());
+        assert_eq!(last.0, again.attitude("mekf"), "calibrated: {calibrated}");
+    }
+}
+
+fn is_rate(event: &Event) -> bool {
+    event.sample.kind() == SensorKind::Gyroscope
+}
+
+#[test]
+fn changes_during_an_experiment_are_remembered() {
+    let mut live = session();
+    let events: Vec<Event> = phone(2).events().take(3000).collect();
+    live.take(&mut events[..1000].to_vec());
+    live.start_experiment(60.0, "").unwrap();
+    live.take(&mut events[1000..2000].to_vec());
+    let settings = json!({"accelerometer_std": 0.3});
+    live.set(None, settings.as_object().unwrap()).unwrap();
+    assert!(
+        live.calibrate(5.0).is_err(),
+        "it would change the estimates"
+    );
+    assert!(
+        live.calibrate_magnetometer(MagnetometerAction::Start)
+            .is_err()
+    );
+    let Some(Happening::Experimented(done)) = live.stop() else {
+        panic!("no experiment to stop");
+    };
+    assert_eq!(done.changed, ["Q, R or another parameter"]);
+    assert_eq!(done.starts.len(), 2);
+}
+
+/// A magnetised phone turned all over: the calibration brings the field back to its true length,
+/// at once and for everything that comes after; discarding it undoes that.
+#[test]
+fn a_magnetometer_calibration_is_applied_from_then_on() {
+    let hard_iron = Vector3::new(25.0, -14.0, 30.0);
+    let mut config = VirtualPhoneConfig {
+        motion: Motion::Tumble,
+        duration_s: Some(150.0),
+        ..VirtualPhoneConfig::default()
+    };
+    config.magnetometer.bias_ut = hard_iron.into();
+    let phone = VirtualPhone::new(config).unwrap();
+    let events: Vec<Event> = phone.events().collect();
+    let cut = |s: f64| events.partition_point(|e| (e.time_ns as f64) < s * 1e9);
+    let mut live = session();
+    live.calibrate(6.0).unwrap();
+    live.take(&mut events[..cut(8.0)].to_vec());
+    assert!(
+        live.calibrate_magnetometer(MagnetometerAction::Finish)
+            .is_err()
+    );
+    live.calibrate_magnetometer(MagnetometerAction::Start)
+        .unwrap();
+    live.take(&mut events[cut(8.0)..cut(14.0)].to_vec());
+    let early = live
+        .calibrate_magnetometer(MagnetometerAction::Finish)
+        .unwrap_err();
+    assert!(early.contains("more"), "{early}");
+    live.take(&mut events[cut(14.0)..cut(72.0)].to_vec());
+    live.calibrate_magnetometer(MagnetometerAction::Finish)
+        .unwrap();
+    let found = live.magnetometer().unwrap().hard_iron();
+    assert!((found - hard_iron).norm() < 0.5, "{found}");
+    // The rest follows: its field is as strong as the true one.
+    let rest = live
+        .options()
+        .calibration
+        .unwrap()
+        .magnetic_field_ut()
+        .unwrap();
+    assert!(
+        (rest - phone.magnetic_field_world_ut()).norm() < 1.0,
+        "{rest}"
+    );
+    live.start_experiment(60.0, "").unwrap();
+    live.take(&mut events[cut(72.0)..cut(80.0)].to_vec());
+    let Some(Happening::Experimented(done)) = live.stop() else {
+        panic!("no experiment to stop");
+    };
+    let lengths = done.events.iter().filter_map(|e| match e.sample {
+        Sample::MagneticField(field) => Some(field.norm()),
+        _ => None,
+    });
+    assert!(lengths.clone().count() > 300);
+    assert!(
+        lengths
+            .into_iter()
+            .all(|length| (length - 43.0).abs() < 4.0)
+    );
+    assert!(
+        error_deg(&live, "mekf") < 2.0,
+        "{}",
+        error_deg(&live, "mekf")
+    );
+    live.calibrate_magnetometer(MagnetometerAction::Discard)
+        .unwrap();
+    let rest = live
+        .options()
+        .calibration
+        .unwrap()
+        .magnetic_field_ut()
+        .unwrap();
+    assert!((rest - phone.magnetic_field_world_ut() - hard_iron).norm() < 1.0);
+    assert!(
+        live.calibrate_magnetometer(MagnetometerAction::Discard)
+            .is_err()
     );
 }

@@ -81,6 +81,28 @@ impl Track {
         }))
     }
 
+    /// The state of now, to start from anew; `None` while it aligns itself.
+    #[must_use]
+    pub fn state(&self) -> Option<InitialState<f64>> {
+        self.driver.is_started().then_some(())?;
+        let estimator = &self.driver.estimator;
+        let start = estimator.start?;
+        // Filters without a bias state keep the bias they started with.
+        let (bias, bias_std) = match estimator.gyroscope_bias() {
+            Some((bias, p)) => (bias, p.diagonal().max().max(0.0).sqrt()),
+            None => (start.gyroscope_bias, start.gyroscope_bias_std),
+        };
+        Some(InitialState {
+            attitude: estimator.attitude(),
+            attitude_covariance: estimator
+                .attitude_covariance()
+                .unwrap_or(start.attitude_covariance),
+            gyroscope_bias: bias,
+            gyroscope_bias_std: bias_std,
+            references: start.references,
+        })
+    }
+
     /// Goes on from the present estimate with other parameters.
     ///
     /// # Errors
@@ -89,24 +111,10 @@ impl Track {
         let Some(mut inner) = AnyEstimator::new(self.kind, config)? else {
             return Ok(());
         };
-        let estimator = &mut self.driver.estimator;
-        if let Some(start) = estimator.start {
-            // Filters without a bias state keep the bias they started with.
-            let (bias, bias_std) = match estimator.gyroscope_bias() {
-                Some((bias, p)) => (bias, p.diagonal().max().max(0.0).sqrt()),
-                None => (start.gyroscope_bias, start.gyroscope_bias_std),
-            };
-            inner.initialize(&InitialState {
-                attitude: estimator.attitude(),
-                attitude_covariance: estimator
-                    .attitude_covariance()
-                    .unwrap_or(start.attitude_covariance),
-                gyroscope_bias: bias,
-                gyroscope_bias_std: bias_std,
-                references: start.references,
-            });
+        if let Some(state) = self.state() {
+            inner.initialize(&state);
         }
-        estimator.inner = inner;
+        self.driver.estimator.inner = inner;
         Ok(())
     }
 }

@@ -75,13 +75,16 @@ pub enum Motion {
     Gentle,
     /// Lively turns: about 0.6 rad and 1.3 rad/s RMS per axis.
     Brisk,
+    /// Turned all over without haste, so that every side once points everywhere: what a calibration
+    /// of the magnetometer wants.
+    Tumble,
     /// None: it stays in the reference pose.
     Rest,
 }
 
 impl Motion {
     /// Every motion.
-    pub const ALL: [Self; 3] = [Self::Gentle, Self::Brisk, Self::Rest];
+    pub const ALL: [Self; 4] = [Self::Gentle, Self::Brisk, Self::Tumble, Self::Rest];
 
     /// The name for people and for files.
     #[must_use]
@@ -89,6 +92,7 @@ impl Motion {
         match self {
             Self::Gentle => "gentle",
             Self::Brisk => "brisk",
+            Self::Tumble => "tumble",
             Self::Rest => "rest",
         }
     }
@@ -211,6 +215,7 @@ impl VirtualPhoneConfig {
         match self.motion {
             Motion::Gentle => Some((0.8, 0.35)),
             Motion::Brisk => Some((1.2, 0.6)),
+            Motion::Tumble => Some((4.0, 0.15)),
             Motion::Rest => None,
         }
     }

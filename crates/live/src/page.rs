@@ -1,0 +1,293 @@
+//! One open lab page: what it is told, and what becomes of what it asks.
+//!
+//! Commands are carried out one after the other, in the order in which they came. Questions about
+//! finished experiments are answered aside; a curve that nobody waits for any more is not made.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use axum::extract::ws::{Message, WebSocket};
+use northing_evaluation::Profile;
+use northing_recording::SensorKind;
+use serde_json::{Map, Value, json};
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::mpsc;
+
+use crate::allan;
+use crate::frames::PageFrames;
+use crate::lab::Lab;
+use crate::lab_api::{LabApi, hello};
+use crate::messages::{Action, Command, Request};
+use crate::virtual_phones::{self, VirtualPhoneRequest};
+
+/// Frames a second that a page gets unless it asks for others.
+const DISPLAY_HZ: f64 = 30.0;
+/// A page can ask for frames a second between these.
+const DISPLAY_HZ_LIMITS: [f64; 2] = [1.0, 60.0];
+/// How often the list of devices is told.
+const DEVICES_INTERVAL: Duration = Duration::from_secs(1);
+/// How soon it is told after something in it has changed: a slider moves faster.
+const CHANGED_INTERVAL: Duration = Duration::from_millis(60);
+/// Commands that may wait.
+const MOST_WAITING: usize = 256;
+
+/// A command and what its answer is to name.
+type Order = (Request, Value);
+
+struct Page {
+    lab: Arc<Lab>,
+    frames: PageFrames,
+    answer: mpsc::Sender<Value>,
+    orders: mpsc::Sender<Order>,
+    /// Number of the newest what-if.
+    newest: Arc<AtomicU64>,
+}
+
+/// Serves a page until it closes.
+pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
+    let lab = api.lab.clone();
+    let (mut frames, mut messages) = (lab.frames.subscribe(), lab.listen());
+    let mut changed = lab.devices_changed.subscribe();
+    let (answer, mut answers) = mpsc::channel(64);
+    let (orders, waiting) = mpsc::channel(MOST_WAITING);
+    tokio::spawn(carry_out_in_order(lab.clone(), waiting, answer.clone()));
+    let mut page = Page {
+        lab: lab.clone(),
+        frames: PageFrames::new(DISPLAY_HZ),
+        answer,
+        orders,
+        newest: Arc::default(),
+    };
+    let mut devices = tokio::time::interval(DEVICES_INTERVAL);
+    let mut is_due = false;
+    for message in [
+        hello(&api.facts),
+        lab.devices_message(),
+        lab.experiments_message(),
+    ] {
+        if send(&mut socket, message.to_string()).await.is_err() {
+            return;
+        }
+    }
+    loop {
+        let sent = tokio::select! {
+            message = messages.recv() => match message {
+                Ok(text) => send(&mut socket, text.to_string()).await,
+                // The page was too slow: it gets the tables afresh.
+                Err(RecvError::Lagged(_)) => send(&mut socket, lab.experiments_message().to_string()).await,
+                Err(RecvError::Closed) => return,
+            },
+            frame = frames.recv() => match frame {
+                Ok(frame) => match page.frames.take(&frame, Instant::now()) {
+                    Some(text) => send(&mut socket, text).await,
+                    None => Ok(()),
+                },
+                Err(RecvError::Lagged(_)) => Ok(()),
+                Err(RecvError::Closed) => return,
+            },
+            Ok(()) = changed.changed() => {
+                if !is_due {
+                    is_due = true;
+                    devices.reset_after(CHANGED_INTERVAL);
+                }
+                Ok(())
+            }
+            _ = devices.tick() => {
+                is_due = false;
+                send(&mut socket, lab.devices_message().to_string()).await
+            }
+            Some(value) = answers.recv() => send(&mut socket, value.to_string()).await,
+            received = socket.recv() => match received {
+                Some(Ok(Message::Text(text))) => {
+                    page.asked(&text);
+                    Ok(())
+                }
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                Some(Ok(_)) => Ok(()),
+            },
+        };
+        if sent.is_err() {
+            return;
+        }
+    }
+}
+
+async fn send(socket: &mut WebSocket, text: String) -> Result<(), axum::Error> {
+    socket.send(Message::Text(text.into())).await
+}
+
+fn error_message(text: &str, request: &Value) -> Value {
+    json!({"type": "error", "text": text, "request": request})
+}
+
+impl Page {
+    /// Takes one message of the page.
+    fn asked(&mut self, text: &str) {
+        let message: Value = serde_json::from_str(text).unwrap_or_default();
+        let request_id = message.get("request").cloned().unwrap_or_default();
+        match serde_json::from_value(message) {
+            Err(error) => {
+                let text = format!("the page sent what the program does not know: {error}");
+                self.refuse(&text, &request_id);
+            }
+            Ok(Request::DisplayRate { hz }) => {
+                let [least, most] = DISPLAY_HZ_LIMITS;
+                let hz = if hz.is_finite() {
+                    hz.clamp(least, most)
+                } else {
+                    DISPLAY_HZ
+                };
+                self.frames.set_rate(hz);
+            }
+            Ok(Request::WhatIf {
+                id,
+                settings,
+                curve,
+            }) => self.what_if(id, settings, curve, request_id),
+            Ok(Request::Allan { id, sensor }) => self.allan(id, sensor, request_id),
+            Ok(request) => {
+                if self.orders.try_send((request, request_id.clone())).is_err() {
+                    self.refuse("the lab is busy; try again", &request_id);
+                }
+            }
+        }
+    }
+
+    /// A page that does not read its answers misses this one.
+    fn refuse(&self, text: &str, request_id: &Value) {
+        let _ = self.answer.try_send(error_message(text, request_id));
+    }
+
+    /// The runs first, for somebody moves a slider; then the curve, if no newer question came.
+    fn what_if(
+        &self,
+        id: String,
+        settings: Map<String, Value>,
+        curve: Option<String>,
+        request_id: Value,
+    ) {
+        let (lab, answer) = (self.lab.clone(), self.answer.clone());
+        let newest = self.newest.clone();
+        let number = newest.fetch_add(1, Ordering::Relaxed) + 1;
+        tokio::task::spawn_blocking(move || {
+            let asked = Instant::now();
+            let finished = match lab.experiment(&id) {
+                Ok(finished) => finished,
+                Err(text) => return tell(&answer, error_message(&text, &request_id)),
+            };
+            match finished.what_if(&settings) {
+                Ok(result) => tell(
+                    &answer,
+                    json!({
+                        "type": "what_if", "request": request_id, "id": id,
+                        "elapsed_ms": asked.elapsed().as_secs_f64() * 1e3,
+                        "results": result.summaries, "trace": result.trace,
+                    }),
+                ),
+                Err(text) => return tell(&answer, error_message(&text, &request_id)),
+            }
+            let Some(parameter) = curve else { return };
+            let is_wanted = || newest.load(Ordering::Relaxed) == number;
+            match finished.curve(&settings, &parameter, &is_wanted) {
+                Ok(Some(curve)) => tell(
+                    &answer,
+                    json!({"type": "curve", "request": request_id, "id": id, "curve": curve}),
+                ),
+                Ok(None) => {}
+                Err(text) => tell(&answer, error_message(&text, &request_id)),
+            }
+        });
+    }
+
+    fn allan(&self, id: String, sensor: String, request_id: Value) {
+        let (lab, answer) = (self.lab.clone(), self.answer.clone());
+        tokio::task::spawn_blocking(move || {
+            let kind = SensorKind::ALL.into_iter().find(|k| k.name() == sensor);
+            let kind = kind.ok_or_else(|| format!("there is no sensor `{sensor}`"));
+            let made = kind.and_then(|kind| Ok(allan::analysis(&*lab.experiment(&id)?, kind)));
+            let mut message = made.unwrap_or_else(|text| error_message(&text, &request_id));
+            message["request"] = request_id;
+            tell(&answer, message);
+        });
+    }
+}
+
+/// Answers from aside. The page may have gone.
+fn tell(answer: &mpsc::Sender<Value>, message: Value) {
+    let _ = answer.blocking_send(message);
+}
+
+async fn carry_out_in_order(
+    lab: Arc<Lab>,
+    mut waiting: mpsc::Receiver<Order>,
+    answer: mpsc::Sender<Value>,
+) {
+    while let Some((request, request_id)) = waiting.recv().await {
+        if let Err(text) = carry_out(&lab, request).await {
+            // The page may have gone; what it had asked for is still done.
+            let _ = answer.send(error_message(&text, &request_id)).await;
+        }
+    }
+}
+
+/// Does what a page asked for.
+async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
+    let (device, command) = match request {
+        Request::VirtualPhone {
+            action: Action::Add,
+            motion,
+            disturbance,
+            seed,
+            hard_iron_ut,
+            ..
+        } => {
+            let request = VirtualPhoneRequest {
+                motion,
+                disturbance,
+                seed,
+                hard_iron_ut,
+            };
+            virtual_phones::add(lab, request)?;
+            return Ok(());
+        }
+        Request::VirtualPhone { device, .. } => {
+            let id = device.or_else(|| lab.newest_virtual());
+            lab.remove(&id.ok_or("there is no virtual phone to remove")?);
+            return Ok(());
+        }
+        Request::Remove { device } => {
+            lab.remove_gone(&device)?;
+            return Ok(());
+        }
+        // Questions, which are answered aside.
+        Request::DisplayRate { .. } | Request::WhatIf { .. } | Request::Allan { .. } => {
+            return Ok(());
+        }
+        Request::Calibrate { device, seconds } => (device, Command::Calibrate(seconds)),
+        Request::Experiment {
+            device,
+            seconds,
+            name,
+        } => (device, Command::Experiment(seconds, name)),
+        Request::Stop { device } => (device, Command::Stop),
+        Request::Settings {
+            device,
+            settings,
+            profile,
+        } => {
+            let profile: Option<Profile> = match profile {
+                Some(name) => Some(name.parse().map_err(|e| format!("{e}"))?),
+                None => None,
+            };
+            (device, Command::Settings(profile, settings))
+        }
+        Request::Sensors { device, used } => (device, Command::Sensors(used.selection()?)),
+        Request::CalibrateMagnetometer { device, action } => {
+            (device, Command::CalibrateMagnetometer(action))
+        }
+        Request::Estimators { device, used } => (device, Command::Estimators(used)),
+        Request::Rename { device, name } => (device, Command::Rename(name)),
+    };
+    lab.find(&device)?.command(command, lab.now_ns()).await
+}
