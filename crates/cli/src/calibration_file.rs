@@ -63,6 +63,14 @@ fn check(calibration: &RestCalibration<f64>) -> Result<(), &'static str> {
         ("gyroscope_std_rad_s", Some(c.gyroscope_std_rad_s)),
         ("accelerometer_std_m_s2", c.accelerometer_std_m_s2),
         ("magnetometer_std_ut", c.magnetometer_std_ut),
+        (
+            "specific_force_rounding_std_m_s2",
+            c.specific_force_rounding_std_m_s2,
+        ),
+        (
+            "magnetic_field_rounding_std_ut",
+            c.magnetic_field_rounding_std_ut,
+        ),
     ];
     let bad_vector = vectors
         .iter()

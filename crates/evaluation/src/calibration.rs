@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, UnitQuaternion};
 use northing_core::attitude::driver::DriverConfig;
 use northing_core::attitude::wahba::{self, MAXIMUM_STD, Observation};
 use northing_core::attitude::{AttitudeConfig, InitialState, References};
-use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits};
+use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits, Sensor};
 
 use crate::error::EvaluationError;
 use crate::instants::Instant;
@@ -73,7 +73,8 @@ pub fn calibrated_driver(
 }
 
 /// The state at the end of a rest: the pose in which the calibration was made. `config` is the
-/// calibrated one; its noise, averaged over the rest, says how well the means point.
+/// calibrated one; its noise, averaged over the rest, and what rounding hides say how well the means
+/// point.
 #[must_use]
 pub fn state_at_rest(
     calibration: &RestCalibration<f64>,
@@ -93,7 +94,9 @@ pub fn state_at_rest(
             calibration.accelerometer_interval_s,
             config.accelerometer_correlation_time_s,
         );
-        let std = config.accelerometer_std / body.norm() / independent.sqrt();
+        // Noise averages down, rounding does not.
+        let noise = config.accelerometer_std / independent.sqrt();
+        let std = noise.hypot(calibration.specific_force_rounding_std()) / body.norm();
         observations.push(Observation {
             body,
             reference: frame.up(),
@@ -106,7 +109,8 @@ pub fn state_at_rest(
             calibration.magnetometer_interval_s,
             config.magnetometer_correlation_time_s,
         );
-        let std = config.magnetometer_std_ut / body.norm() / independent.sqrt();
+        let noise = config.magnetometer_std_ut / independent.sqrt();
+        let std = noise.hypot(calibration.magnetic_field_rounding_std_ut()) / body.norm();
         observations.push(Observation {
             body,
             reference,
@@ -174,6 +178,17 @@ impl CalibrationPhase {
             seconds,
             last_ns: [None; 3],
         }
+    }
+
+    /// Says to which step a sensor's samples are rounded; see [`RestCalibrator::know_resolution`].
+    pub fn know_resolution(&mut self, sensor: Sensor, step: f64) {
+        self.calibrator.know_resolution(sensor, step);
+    }
+
+    /// Whether the samples of a sensor were all the same.
+    #[must_use]
+    pub fn is_constant(&self, sensor: Sensor) -> bool {
+        self.calibrator.is_constant(sensor)
     }
 
     /// How long it takes samples, s.

@@ -11,4 +11,4 @@ pub mod rest;
 pub use magnetometer::{
     MagnetometerCalibration, MagnetometerCalibrator, MagnetometerError, MagnetometerLimits,
 };
-pub use rest::{RestCalibration, RestCalibrator, RestError, RestLimits};
+pub use rest::{RestCalibration, RestCalibrator, RestError, RestLimits, Sensor};

@@ -15,19 +15,20 @@
 //! ```text
 //! bias = mean(gyroscope),  g = mean(accelerometer),  m = mean(magnetometer)
 //! cov = sum (y - mean)(y - mean)^T / (N - 1),  variance <- max(variance, step^2 / 12)      (M21)
-//! var(bias) = variance / N                                                               (M21b)
+//! var(mean) = variance / N + step^2 h(variance / step^2)                          (M21b), (M21c)
 //! noise density = std * sqrt(sample interval)
 //! ```
 //!
 //! | symbol | here | unit |
 //! |---|---|---|
 //! | `N` | `*_samples` | - |
-//! | `step` | smallest change between consecutive samples: the converter's resolution | as sensor |
+//! | `step` | resolution: what the samples are known to be rounded to, else the smallest change between two | as sensor |
+//! | `h` | what rounding hides in a mean, between 1/12 without noise and 0 | - |
 //! | bias | `gyroscope_bias_rad_s` | rad/s |
 //! | `g`, `m` | `specific_force_m_s2`, `magnetic_field_ut` (body axes at rest) | m/s^2, microtesla |
 //!
 //! Streaming: no sample is kept; about 20 additions and 10 multiplications each. Limits: the
-//! standard deviation of the bias is that of white noise; the slow wander of a real gyroscope is
+//! standard deviation of the bias is that of white noise and rounding; the slow wander of a real gyroscope is
 //! not seen in seconds. Rest noise is *not* the tuning of a filter on a hand-held device.
 
 use nalgebra::{Matrix3, Vector3};
@@ -99,6 +100,32 @@ impl<T: Scalar> RestCalibrator<T> {
         self.magnetometer = Statistics::new();
     }
 
+    /// Says to which step the samples of a sensor are rounded, in its [unit](Sensor::unit). A sensor
+    /// that repeats one value is then quiet, not dead, and noise below the step is allowed for.
+    /// Samples that change by less show the contrary, and the step is found from them instead.
+    /// Anything but a positive number means that nothing is known, as at the start.
+    pub fn know_resolution(&mut self, sensor: Sensor, step: T) {
+        self.statistics_mut(sensor).know_step(step);
+    }
+
+    fn statistics_mut(&mut self, sensor: Sensor) -> &mut Statistics<T> {
+        match sensor {
+            Sensor::Gyroscope => &mut self.gyroscope,
+            Sensor::Accelerometer => &mut self.accelerometer,
+            Sensor::Magnetometer => &mut self.magnetometer,
+        }
+    }
+
+    /// Whether the samples of a sensor were all the same.
+    pub fn is_constant(&self, sensor: Sensor) -> bool {
+        let statistics = match sensor {
+            Sensor::Gyroscope => &self.gyroscope,
+            Sensor::Accelerometer => &self.accelerometer,
+            Sensor::Magnetometer => &self.magnetometer,
+        };
+        statistics.count() > 0 && statistics.is_constant()
+    }
+
     /// Samples used of gyroscope, accelerometer and magnetometer.
     pub fn samples(&self) -> [u32; 3] {
         [
@@ -149,12 +176,11 @@ impl<T: Scalar> RestCalibrator<T> {
         magnetometer: Option<&Statistics<T>>,
     ) -> RestCalibration<T> {
         let gyroscope = &self.gyroscope;
-        let root_n = lit::<T>(f64::from(gyroscope.count().max(1))).sqrt();
         RestCalibration {
             gyroscope_samples: gyroscope.count(),
             gyroscope_interval_s: gyroscope.interval(),
             gyroscope_bias_rad_s: gyroscope.mean().into(),
-            gyroscope_bias_std_rad_s: (gyroscope.std() / root_n).into(),
+            gyroscope_bias_std_rad_s: gyroscope.mean_std().into(),
             gyroscope_std_rad_s: gyroscope.std().into(),
             gyroscope_covariance_rad2_s2: gyroscope.covariance().into(),
             accelerometer_samples: self.accelerometer.count(),
@@ -162,11 +188,13 @@ impl<T: Scalar> RestCalibrator<T> {
             specific_force_m_s2: accelerometer.map(|s| s.mean().into()),
             accelerometer_std_m_s2: accelerometer.map(|s| s.std().into()),
             accelerometer_covariance_m2_s4: accelerometer.map(|s| s.covariance().into()),
+            specific_force_rounding_std_m_s2: accelerometer.map(|s| s.mean_rounding_std().into()),
             magnetometer_samples: self.magnetometer.count(),
             magnetometer_interval_s: self.magnetometer.interval(),
             magnetic_field_ut: magnetometer.map(|s| s.mean().into()),
             magnetometer_std_ut: magnetometer.map(|s| s.std().into()),
             magnetometer_covariance_ut2: magnetometer.map(|s| s.covariance().into()),
+            magnetic_field_rounding_std_ut: magnetometer.map(|s| s.mean_rounding_std().into()),
         }
     }
 }
@@ -228,6 +256,12 @@ pub struct RestCalibration<T> {
         serde(default, skip_serializing_if = "Option::is_none")
     )]
     pub accelerometer_covariance_m2_s4: Option<[[T; 3]; 3]>,
+    /// Standard deviation of what rounding hides in the mean, m/s^2 (M21c).
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, skip_serializing_if = "Option::is_none")
+    )]
+    pub specific_force_rounding_std_m_s2: Option<[T; 3]>,
     /// Magnetometer samples used.
     pub magnetometer_samples: u32,
     /// Mean time between them, s, where known.
@@ -254,6 +288,12 @@ pub struct RestCalibration<T> {
         serde(default, skip_serializing_if = "Option::is_none")
     )]
     pub magnetometer_covariance_ut2: Option<[[T; 3]; 3]>,
+    /// Standard deviation of what rounding hides in the mean, microtesla (M21c).
+    #[cfg_attr(
+        feature = "serde",
+        serde(default, skip_serializing_if = "Option::is_none")
+    )]
+    pub magnetic_field_rounding_std_ut: Option<[T; 3]>,
 }
 
 impl<T: Scalar> RestCalibration<T> {
@@ -288,6 +328,20 @@ impl<T: Scalar> RestCalibration<T> {
     /// Standard deviation (microtesla) of one magnetometer sample, root mean square of the axes.
     pub fn magnetometer_std_ut(&self) -> Option<T> {
         self.magnetometer_std_ut.as_ref().map(rms)
+    }
+
+    /// Standard deviation (m/s^2) of what rounding hides in the mean specific force, root mean
+    /// square of the axes; zero where nothing is known of it.
+    pub fn specific_force_rounding_std(&self) -> T {
+        let axes = self.specific_force_rounding_std_m_s2.as_ref();
+        axes.map_or(T::zero(), rms)
+    }
+
+    /// Standard deviation (microtesla) of what rounding hides in the mean field; as
+    /// [`Self::specific_force_rounding_std`].
+    pub fn magnetic_field_rounding_std_ut(&self) -> T {
+        let axes = self.magnetic_field_rounding_std_ut.as_ref();
+        axes.map_or(T::zero(), rms)
     }
 
     /// Mean specific force, m/s^2, body axes: up, as long as gravity.
@@ -325,5 +379,7 @@ fn rms<T: Scalar>(axes: &[T; 3]) -> T {
     ((x * x + y * y + z * z) * lit(1.0 / 3.0)).sqrt()
 }
 
+#[cfg(test)]
+mod rounding_tests;
 #[cfg(test)]
 mod tests;

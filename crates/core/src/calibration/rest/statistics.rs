@@ -10,6 +10,9 @@ use crate::scalar::{Scalar, lit};
 /// Differences below this share of the value are rounding of a stored `f32`, not resolution.
 const ROUNDING: f64 = 5e-7;
 
+/// A step below this share of the known one shows that the samples are not rounded to that.
+const FINER: f64 = 0.6;
+
 /// Number of blocks of consecutive samples, a power of two.
 const BLOCKS: usize = 8;
 
@@ -25,6 +28,8 @@ pub(super) struct Statistics<T: Scalar> {
     products: Matrix3<T>,
     /// Smallest step seen between consecutive samples per axis; zero before the first.
     step: Vector3<T>,
+    /// Step to which the samples are known to be rounded; zero where nothing is known.
+    known_step: T,
     blocks: Blocks<T>,
     elapsed: T,
     intervals: u32,
@@ -49,6 +54,7 @@ impl<T: Scalar> Statistics<T> {
             mean: Vector3::zeros(),
             products: Matrix3::zeros(),
             step: Vector3::zeros(),
+            known_step: T::zero(),
             blocks: Blocks::new(),
             elapsed: T::zero(),
             intervals: 0,
@@ -103,25 +109,79 @@ impl<T: Scalar> Statistics<T> {
         (self.intervals > 0).then(|| self.elapsed / lit::<T>(f64::from(self.intervals)))
     }
 
+    /// Says that the samples are rounded to multiples of `step`; anything but a positive number
+    /// means that nothing is known.
+    pub(super) fn know_step(&mut self, step: T) {
+        let usable = step > T::zero() && step.is_finite();
+        self.known_step = if usable { step } else { T::zero() };
+    }
+
     /// Whether every sample was the same.
     pub(super) fn is_constant(&self) -> bool {
         self.step.amax() <= T::zero()
     }
 
-    /// Unbiased covariance, its diagonal not below what the resolution allows to know (M21).
-    ///
-    /// An axis that never moved takes the resolution of the coarsest of the others.
-    pub(super) fn covariance(&self) -> Matrix3<T> {
-        let degrees = lit::<T>(f64::from(self.count.max(2) - 1));
-        let mut covariance = (self.products + self.products.transpose()) / (degrees + degrees);
+    /// Whether every sample was the same for want of life: rounding does not explain it, or the
+    /// value is one that the sensor cannot have at rest.
+    pub(super) fn is_dead(&self, zero_is_possible: bool) -> bool {
+        let rounded = self.known_step > T::zero();
+        let possible = zero_is_possible || self.first.amax() > T::zero();
+        self.is_constant() && !(rounded && possible)
+    }
+
+    /// The resolution of each axis: the step that is known, unless finer ones were seen, else the
+    /// smallest seen; an axis that never moved takes that of the coarsest of the others.
+    pub(super) fn resolution(&self) -> Vector3<T> {
+        let known = self.known_step;
+        let finer = |own: &T| *own > T::zero() && *own < known * lit(FINER);
+        if known > T::zero() && !self.step.iter().any(finer) {
+            return Vector3::repeat(known);
+        }
         let coarsest = self.step.amax();
-        for axis in 0..3 {
-            let own = self.step[axis];
-            let step = if own > T::zero() { own } else { coarsest };
-            let floor = step * step * lit(1.0 / 12.0);
+        self.step
+            .map(|own| if own > T::zero() { own } else { coarsest })
+    }
+
+    /// Unbiased covariance, its diagonal not below what the resolution allows to know (M21).
+    pub(super) fn covariance(&self) -> Matrix3<T> {
+        let mut covariance = self.sample_covariance();
+        for (axis, step) in self.resolution().iter().enumerate() {
+            let floor = *step * *step * lit(1.0 / 12.0);
             covariance[(axis, axis)] = covariance[(axis, axis)].max(floor);
         }
         covariance
+    }
+
+    /// Unbiased covariance of the samples as they are.
+    fn sample_covariance(&self) -> Matrix3<T> {
+        let degrees = lit::<T>(f64::from(self.count.max(2) - 1));
+        (self.products + self.products.transpose()) / (degrees + degrees)
+    }
+
+    /// Standard deviation of what rounding hides in the mean (M21c): no number of samples averages
+    /// it away, because without noise every sample is rounded to the same side.
+    pub(super) fn mean_rounding_std(&self) -> Vector3<T> {
+        let covariance = self.sample_covariance();
+        let resolution = self.resolution();
+        Vector3::from_fn(|axis, _| {
+            let step = resolution[axis];
+            if step <= T::zero() {
+                return T::zero();
+            }
+            let ratio = covariance[(axis, axis)] / (step * step);
+            step * hidden_by_rounding(ratio).sqrt()
+        })
+    }
+
+    /// Standard deviation of the mean: that of noise, averaged, and that of rounding, which is not
+    /// (M21b).
+    pub(super) fn mean_std(&self) -> Vector3<T> {
+        let samples = lit::<T>(f64::from(self.count.max(1)));
+        let covariance = self.sample_covariance();
+        let rounding = self.mean_rounding_std();
+        Vector3::from_fn(|axis, _| {
+            (covariance[(axis, axis)] / samples + rounding[axis] * rounding[axis]).sqrt()
+        })
     }
 
     /// Standard deviations of one sample.
@@ -136,6 +196,21 @@ impl<T: Scalar> Statistics<T> {
         let noise = self.std() * (lit::<T>(2.0) / lit::<T>(f64::from(half))).sqrt();
         Some((difference, noise))
     }
+}
+
+/// Variance that rounding hides in a mean, in squared steps, where the samples scatter by `ratio`
+/// squared steps (M21c).
+///
+/// Below a quarter, the most that two neighbouring numbers scatter, there may be no noise at all:
+/// then the truth lies anywhere between two steps (1/12), or, where the samples jump between two
+/// numbers, within `sqrt(1/4 - ratio)` of their mean. Above, noise shakes the rounding loose, and
+/// the first harmonic of the rounding error is left.
+fn hidden_by_rounding<T: Scalar>(ratio: T) -> T {
+    let quiet = (lit::<T>(0.25) - ratio).clamp(T::zero(), lit(1.0 / 12.0));
+    let noise = (ratio - lit(1.0 / 12.0)).max(T::zero());
+    let square = T::pi() * T::pi();
+    let shaken = (-noise * square * lit(4.0)).exp() / (square * lit(2.0));
+    quiet.max(shaken)
 }
 
 impl<T: Scalar> Blocks<T> {

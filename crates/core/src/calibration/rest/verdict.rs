@@ -134,7 +134,7 @@ impl<T: Scalar> RestLimits<T> {
                 required,
             });
         }
-        if statistics.is_constant() {
+        if statistics.is_dead(sensor == Sensor::Gyroscope) {
             return Err(RestError::Constant { sensor, samples });
         }
         let (std_limit, drift_limit) = self.std_and_drift(sensor);
