@@ -192,7 +192,7 @@ impl Task {
         made: Result<Box<RestCalibration<f64>>, String>,
     ) {
         let (state, verdict) = match &made {
-            Ok(calibration) => ("done", accepted(calibration)),
+            Ok(calibration) => ("done", run.accepted(calibration)),
             Err(reason) => ("refused", Remark::new(Tone::Bad, reason.as_str())),
         };
         self.lab.tell(&json!({
@@ -315,16 +315,4 @@ impl Task {
         status.used = Some(SensorUse::of(&session.options().sensors));
         status.estimates = session.estimates();
     }
-}
-
-fn accepted(calibration: &RestCalibration<f64>) -> Remark {
-    let bias = calibration.gyroscope_bias().map(f64::to_degrees);
-    let std = calibration.gyroscope_bias_std().to_degrees();
-    Remark::new(
-        Tone::Good,
-        format!(
-            "Accepted: the device was at rest. Gyroscope bias {:.3}, {:.3}, {:.3} deg/s, known to {std:.4} deg/s.",
-            bias.x, bias.y, bias.z
-        ),
-    )
 }

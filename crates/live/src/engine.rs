@@ -58,7 +58,13 @@ impl DeviceEngine {
         let Some(decoder) = &mut self.decoder else {
             return Ok(Vec::new());
         };
+        let sessions = decoder.sessions();
         let decoded = decoder.accept(bytes, arrival_ns)?;
+        if decoder.sessions() > sessions {
+            self.session.expect_new_clock();
+        }
+        self.session
+            .read_by_browser(format == WireFormat::PhonePage);
         Ok(self.decoded(decoded))
     }
 

@@ -1,6 +1,6 @@
 //! A calibration at rest under way: the samples of so many seconds, and what plots need of them.
 
-use northing_core::calibration::RestCalibration;
+use northing_core::calibration::{RestCalibration, Sensor};
 use northing_core::nalgebra::Vector3;
 use northing_evaluation::EvaluationError;
 use northing_evaluation::calibration::CalibrationPhase;
@@ -10,10 +10,25 @@ use northing_evaluation::trace::Thinned;
 use northing_recording::{Event, Sample, SensorKind};
 use serde_json::{Map, Value, json};
 
+use super::lamp::{Remark, Tone};
+
 /// Points kept for the plot of one sensor.
 const PLOT_POINTS: usize = 600;
 /// Shortest and longest calibration, s.
 pub const SECONDS: [f64; 2] = [1.0, 600.0];
+
+/// The sensors of a calibration, in the order of [`CalibrationRun`]'s lists.
+const SENSORS: [(SensorKind, Sensor); 3] = [
+    (SensorKind::Gyroscope, Sensor::Gyroscope),
+    (SensorKind::Accelerometer, Sensor::Accelerometer),
+    (SensorKind::Magnetometer, Sensor::Magnetometer),
+];
+/// The steps to which browsers round: rad/s (0.1 deg/s), m/s^2, microtesla.
+pub const BROWSER_STEPS: [(SensorKind, f64); 3] = [
+    (SensorKind::Gyroscope, 0.1 / 180.0 * std::f64::consts::PI),
+    (SensorKind::Accelerometer, 0.1),
+    (SensorKind::Magnetometer, 0.01),
+];
 
 type Series = (SensorKind, Thinned<(f64, Vector3<f64>)>);
 
@@ -25,6 +40,8 @@ pub struct CalibrationRun {
     since_ns: Option<i64>,
     now_ns: i64,
     series: [Series; 3],
+    /// Known steps of gyroscope, accelerometer and magnetometer; zero where nothing is known.
+    steps: [f64; 3],
 }
 
 impl CalibrationRun {
@@ -37,11 +54,8 @@ impl CalibrationRun {
             seconds,
             since_ns: None,
             now_ns: 0,
-            series: [
-                series(SensorKind::Gyroscope),
-                series(SensorKind::Accelerometer),
-                series(SensorKind::Magnetometer),
-            ],
+            steps: [0.0; 3],
+            series: SENSORS.map(|(kind, _)| series(kind)),
         }
     }
 
@@ -87,6 +101,60 @@ impl CalibrationRun {
     #[must_use]
     pub fn remaining_s(&self) -> f64 {
         (self.seconds - self.elapsed_s()).max(0.0)
+    }
+
+    /// Says to which steps the sensors are known to be rounded; of several the coarsest counts.
+    pub fn know_resolutions(&mut self, steps: &[(SensorKind, f64)]) {
+        for (kind, step) in steps {
+            let Some(index) = SENSORS.iter().position(|(k, _)| k == kind) else {
+                continue;
+            };
+            self.steps[index] = self.steps[index].max(*step);
+            self.phase
+                .know_resolution(SENSORS[index].1, self.steps[index]);
+        }
+    }
+
+    /// Says that the calibration is accepted, how well it is known, and what rounding hides.
+    #[must_use]
+    pub fn accepted(&self, calibration: &RestCalibration<f64>) -> Remark {
+        let bias = calibration.gyroscope_bias().map(f64::to_degrees);
+        let std = calibration.gyroscope_bias_std();
+        let mut text = format!(
+            "Accepted: the device was at rest. Gyroscope bias {:.3}, {:.3}, {:.3} deg/s, known to {:.4} deg/s.",
+            bias.x,
+            bias.y,
+            bias.z,
+            std.to_degrees()
+        );
+        let noise = calibration
+            .gyroscope_std_rad_s
+            .iter()
+            .fold(0.0, |a: f64, b| a.max(*b))
+            / f64::from(calibration.gyroscope_samples.max(1)).sqrt();
+        let [gyroscope, accelerometer, _] = self.steps;
+        if std > 2.0 * noise && gyroscope > 0.0 {
+            let step = gyroscope.to_degrees();
+            text.push_str(&format!(
+                " The phone rounds to {step:.1} deg/s and lay stiller than that: a smaller bias cannot be seen, however long it rests."
+            ));
+            if self.phase.is_constant(Sensor::Gyroscope) {
+                text.push_str(
+                    " If its gyroscope still says the same when you turn it, it does not run.",
+                );
+            }
+        }
+        let hidden = calibration.specific_force_rounding_std();
+        if let Some(gravity) = calibration.gravity().filter(|g| *g > 0.0)
+            && hidden > 0.2 * accelerometer
+            && accelerometer > 0.0
+        {
+            let tilt = (hidden / gravity).to_degrees();
+            text.push_str(&format!(
+                " It rounds accelerations to {accelerometer:.1} m/s^2: the tilt at the start is known to {tilt:.1} deg."
+            ));
+        }
+        Remark::new(Tone::Good, text)
     }
 
     /// The calibration, or why there is none.

@@ -91,6 +91,16 @@ impl ExperimentRun {
         self.elapsed_s() > self.seconds || self.events.len() >= MOST_EVENTS
     }
 
+    /// Takes an event that came too late for the filters, if it belongs to the experiment. It does
+    /// not move the experiment's clock.
+    pub fn add_late(&mut self, event: &Event) {
+        if self.since_ns.is_some_and(|since| event.time_ns >= since)
+            && self.events.len() < MOST_EVENTS
+        {
+            self.events.push(*event);
+        }
+    }
+
     /// How far it is: 0 to 1.
     #[must_use]
     pub fn progress(&self) -> f64 {

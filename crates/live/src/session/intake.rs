@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use northing_recording::{Event, Sample, SensorKind};
 
+use super::aside::Aside;
 use super::resolution::Resolution;
 
 const SENSORS: usize = SensorKind::ALL.len();
@@ -11,8 +12,8 @@ const SENSORS: usize = SensorKind::ALL.len();
 const RATE_WINDOW_NS: i64 = 2_000_000_000;
 /// A rate never needs more stamps than this.
 const MOST_STAMPS: usize = 2048;
-/// A stamp that goes back further than this starts the device anew, ns.
-const NEW_START_NS: i64 = 2_000_000_000;
+/// A stamp this far from the newest ones is not believed at first, ns.
+const JUMP_NS: i64 = 2_000_000_000;
 
 /// What became of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,7 +26,9 @@ pub enum Admission {
     Late,
     /// Not finite, or larger than any sensor measures.
     Refused,
-    /// Its stamp goes back by seconds: the device's clock has started again.
+    /// Stamped seconds ahead of all others, which then went on without it: left out.
+    Unbelieved,
+    /// The device's clock has started again; the sample itself follows with a verdict of its own.
     NewStart,
 }
 
@@ -38,9 +41,16 @@ struct Channel {
 }
 
 /// Counts and orders the samples of one device.
+///
+/// One wrong stamp must not move the device's time: a sample that is seconds ahead of all sensors,
+/// or seconds behind its own, is put aside until several agree with it (a pause, a clock that
+/// started again) or a sample in order contradicts it.
 #[derive(Debug, Clone)]
 pub struct Intake {
     channels: [Channel; SENSORS],
+    newest_ns: Option<i64>,
+    aside: Aside,
+    new_clock: bool,
     duplicated: u64,
     late: u64,
     refused: u64,
@@ -50,6 +60,9 @@ impl Default for Intake {
     fn default() -> Self {
         Self {
             channels: std::array::from_fn(|_| Channel::default()),
+            newest_ns: None,
+            aside: Aside::default(),
+            new_clock: false,
             duplicated: 0,
             late: 0,
             refused: 0,
@@ -57,34 +70,110 @@ impl Default for Intake {
     }
 }
 
+/// Where a stamp lies among the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Among,
+    Ahead,
+    Behind,
+}
+
 impl Intake {
-    /// Looks at one sample and counts it.
-    pub fn admit(&mut self, event: &Event) -> Admission {
-        let channel = &mut self.channels[event.sample.kind().order()];
-        channel.received += 1;
+    /// Looks at one sample and counts it. Appends what is to be done: often one verdict, none when
+    /// the sample is put aside, several when those put aside are released.
+    pub fn admit(&mut self, event: &Event, out: &mut Vec<(Admission, Event)>) {
+        let kind = event.sample.kind().order();
+        self.channels[kind].received += 1;
         if !is_plausible(&event.sample) {
             self.refused += 1;
-            return Admission::Refused;
+            out.push((Admission::Refused, *event));
+            return;
         }
-        if let Some(last) = channel.last_ns {
-            if event.time_ns == last {
+        match (self.place(event), std::mem::take(&mut self.new_clock)) {
+            (Place::Among, _) => {
+                if self.channels[kind].last_ns.is_some() {
+                    self.contradict(out);
+                }
+                self.order(event, out);
+            }
+            (place, announced) => {
+                let ahead = place == Place::Ahead;
+                if !self.aside.agrees(event, ahead) {
+                    self.contradict(out);
+                }
+                if self.aside.add(event, ahead) || announced {
+                    self.release(out);
+                }
+            }
+        }
+    }
+
+    /// The next sample may have a clock of its own: a page was loaded anew.
+    pub fn expect_new_clock(&mut self) {
+        self.new_clock = true;
+    }
+
+    fn place(&self, event: &Event) -> Place {
+        let last = self.channels[event.sample.kind().order()].last_ns;
+        let ahead = |newest: i64| event.time_ns > newest.saturating_add(JUMP_NS);
+        let behind = |last: i64| event.time_ns < last.saturating_sub(JUMP_NS);
+        if self.newest_ns.is_some_and(ahead) {
+            Place::Ahead
+        } else if last.is_some_and(behind) {
+            Place::Behind
+        } else {
+            Place::Among
+        }
+    }
+
+    /// Judges a believed stamp by the last of its sensor.
+    fn order(&mut self, event: &Event, out: &mut Vec<(Admission, Event)>) {
+        let channel = &mut self.channels[event.sample.kind().order()];
+        let admission = match channel.last_ns {
+            Some(last) if event.time_ns == last => {
                 self.duplicated += 1;
-                return Admission::Duplicate;
+                Admission::Duplicate
             }
-            if event.time_ns < last.saturating_sub(NEW_START_NS) {
-                return Admission::NewStart;
-            }
-            if event.time_ns < last {
+            Some(last) if event.time_ns < last => {
                 self.late += 1;
-                return Admission::Late;
+                Admission::Late
             }
+            _ => {
+                channel.take(event);
+                self.newest_ns = self.newest_ns.max(Some(event.time_ns));
+                Admission::Taken
+            }
+        };
+        out.push((admission, *event));
+    }
+
+    /// The device goes on where it was: what was put aside was late, or wrong.
+    fn contradict(&mut self, out: &mut Vec<(Admission, Event)>) {
+        let aside = std::mem::take(&mut self.aside);
+        let (admission, count) = if aside.ahead {
+            (Admission::Unbelieved, &mut self.refused)
+        } else {
+            (Admission::Late, &mut self.late)
+        };
+        *count += aside.events.len() as u64;
+        out.extend(aside.events.into_iter().map(|event| (admission, event)));
+    }
+
+    /// Several agree: there was a pause, or the clock started again.
+    fn release(&mut self, out: &mut Vec<(Admission, Event)>) {
+        let aside = std::mem::take(&mut self.aside);
+        if let (false, Some(first)) = (aside.ahead, aside.events.first()) {
+            self.restart();
+            out.push((Admission::NewStart, *first));
         }
-        channel.take(event);
-        Admission::Taken
+        for event in &aside.events {
+            self.order(event, out);
+        }
     }
 
     /// Forgets stamps and rates after a new start; the counts go on.
-    pub fn restart(&mut self) {
+    fn restart(&mut self) {
+        self.newest_ns = None;
         for channel in &mut self.channels {
             let received = channel.received;
             *channel = Channel {
@@ -118,7 +207,7 @@ impl Intake {
         self.late
     }
 
-    /// Samples that were no measurement: not finite, or absurdly large.
+    /// Samples that were no measurement: not finite, absurdly large, or from the future.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused
@@ -194,10 +283,20 @@ mod tests {
         }
     }
 
+    fn told(intake: &mut Intake, events: impl IntoIterator<Item = Event>) -> Vec<Admission> {
+        let mut out = Vec::new();
+        for event in events {
+            intake.admit(&event, &mut out);
+        }
+        out.into_iter().map(|(admission, _)| admission).collect()
+    }
+
+    use Admission::{Duplicate, Late, NewStart, Refused, Taken, Unbelieved};
+
     #[test]
     fn each_sample_is_taken_once_and_in_order() {
         let mut intake = Intake::default();
-        let told: Vec<_> = [
+        let events = [
             rate(5000, 0.1),
             rate(5010, 0.1),
             rate(5010, 0.1),
@@ -205,30 +304,70 @@ mod tests {
             rate(5020, f64::NAN),
             rate(5020, 1e9),
             rate(5020, 0.2),
-            rate(100, 0.2),
-        ]
-        .iter()
-        .map(|event| intake.admit(event))
-        .collect();
-        use Admission::{Duplicate, Late, NewStart, Refused, Taken};
+        ];
         assert_eq!(
-            told,
-            [
-                Taken, Taken, Duplicate, Late, Refused, Refused, Taken, NewStart
-            ]
+            told(&mut intake, events),
+            [Taken, Taken, Duplicate, Late, Refused, Refused, Taken]
         );
         assert_eq!(
             (intake.received(), intake.duplicated(), intake.late()),
-            (8, 1, 1)
+            (7, 1, 1)
         );
         assert_eq!(intake.refused(), 2);
+    }
+
+    #[test]
+    fn one_stamp_from_the_future_or_the_past_moves_nothing() {
+        let mut intake = Intake::default();
+        let events = [
+            rate(5000, 0.1),
+            rate(605_000, 0.1),
+            rate(5010, 0.1),
+            rate(10, 0.1),
+            rate(20, 0.1),
+            rate(5020, 0.1),
+        ];
+        assert_eq!(
+            told(&mut intake, events),
+            [Taken, Unbelieved, Taken, Late, Late, Taken]
+        );
+        assert_eq!((intake.refused(), intake.late()), (1, 2));
+    }
+
+    #[test]
+    fn stamps_that_agree_are_a_pause_or_a_new_start_and_none_is_lost() {
+        let mut intake = Intake::default();
+        assert_eq!(told(&mut intake, [rate(5000, 0.1)]), [Taken]);
+        let later = (0..5).map(|k| rate(20_000 + k * 10, 0.1));
+        assert_eq!(told(&mut intake, later), [Taken; 5]);
+        // Four stamps, one of them twice, are not enough.
+        let few = [0, 10, 20, 20, 30].map(|k| rate(90_000 + k, 0.1));
+        assert_eq!(told(&mut intake, few), []);
+        // A clock that started again must go on for a second: a late batch does not.
+        let batch = (0..20).map(|k| rate(k * 10, 0.1));
+        assert_eq!(told(&mut intake, batch), [Unbelieved; 5]);
+        let on = (20..=100).map(|k| rate(k * 10, 0.1));
+        let told = told(&mut intake, on);
+        assert_eq!((told[0], told.len()), (NewStart, 102));
+        assert!(told[1..].iter().all(|admission| *admission == Taken));
+    }
+
+    #[test]
+    fn a_page_that_was_loaded_anew_has_a_new_clock() {
+        let mut intake = Intake::default();
+        told(&mut intake, [rate(90_000, 0.1)]);
+        intake.expect_new_clock();
+        assert_eq!(
+            told(&mut intake, [rate(100, 0.1), rate(110, 0.1)]),
+            [NewStart, Taken, Taken]
+        );
     }
 
     #[test]
     fn rates_come_from_sensor_time() {
         let mut intake = Intake::default();
         for k in 0..1000 {
-            intake.admit(&rate(k * 8, 0.0));
+            intake.admit(&rate(k * 8, 0.0), &mut Vec::new());
         }
         let rates: Vec<_> = intake.rates_hz().collect();
         assert_eq!(rates.len(), 1);

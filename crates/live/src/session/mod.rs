@@ -3,6 +3,7 @@
 //! Everything here runs on sensor time and on nothing else: the same events and the same settings
 //! in the same order give the same numbers to the bit, whenever and however fast they arrive.
 
+mod aside;
 pub mod calibration;
 pub mod experiment;
 pub mod field;
@@ -27,7 +28,7 @@ use northing_evaluation::{EvaluationError, Profile};
 use northing_recording::{Event, Sample, SensorKind, WorldFrame};
 use serde_json::{Map, Value};
 
-use calibration::CalibrationRun;
+use calibration::{BROWSER_STEPS, CalibrationRun};
 use experiment::{Experiment, ExperimentRun};
 use frame::InnovationPoint;
 use intake::{Admission, Intake};
@@ -74,6 +75,8 @@ pub struct DeviceSession {
     experiment: Option<ExperimentRun>,
     magnetometer_run: Option<MagnetometerRun>,
     magnetometer: Option<MagnetometerCalibration<f64>>,
+    /// Whether a browser reads the sensors.
+    browser: bool,
 }
 
 impl DeviceSession {
@@ -99,6 +102,7 @@ impl DeviceSession {
             experiment: None,
             magnetometer_run: None,
             magnetometer: None,
+            browser: false,
         };
         session.use_estimators(&[EstimatorKind::Integration, EstimatorKind::Mekf])?;
         Ok(session)
@@ -108,25 +112,42 @@ impl DeviceSession {
     pub fn take(&mut self, events: &mut [Event]) -> Vec<Happening> {
         events.sort_by_key(|event| (event.time_ns, event.sample.kind().order()));
         let mut happenings = Vec::new();
+        let mut admitted = Vec::new();
         for event in events.iter() {
-            match self.intake.admit(event) {
-                Admission::Taken => self.take_one(event, &mut happenings),
-                // Good for the recording, which is put in order at its end.
-                Admission::Late => self.record(&self.calibrated(event), &mut happenings),
-                Admission::Duplicate | Admission::Refused => {}
-                Admission::NewStart => {
-                    // What an experiment has so far is worth keeping.
-                    happenings.extend(self.end_experiment());
-                    self.start_again();
-                    let text = "The device's clock went back: its estimates start anew.";
-                    happenings.push(Happening::Note(Remark::new(Tone::Warn, text)));
-                    if self.intake.admit(event) == Admission::Taken {
-                        self.take_one(event, &mut happenings);
-                    }
-                }
+            self.intake.admit(event, &mut admitted);
+            for (admission, event) in admitted.drain(..) {
+                self.admitted(admission, &event, &mut happenings);
             }
         }
         happenings
+    }
+
+    fn admitted(&mut self, admission: Admission, event: &Event, happenings: &mut Vec<Happening>) {
+        match admission {
+            Admission::Taken => self.take_one(event, happenings),
+            // Good for the recording, which is put in order at its end.
+            Admission::Late => self.record_late(&self.calibrated(event)),
+            Admission::Duplicate | Admission::Refused => {}
+            Admission::Unbelieved => happenings.push(note(
+                "Readings stamped seconds ahead of all others were left out: check the device's clock.",
+            )),
+            Admission::NewStart => {
+                // What an experiment has so far is worth keeping.
+                happenings.extend(self.end_experiment());
+                self.start_again();
+                happenings.push(note("The device's clock went back: its estimates start anew."));
+            }
+        }
+    }
+
+    /// The device's clock may begin anew with the next event: a page was loaded, an app started.
+    pub fn expect_new_clock(&mut self) {
+        self.intake.expect_new_clock();
+    }
+
+    /// Says whether a browser reads the sensors: browsers round.
+    pub fn read_by_browser(&mut self, browser: bool) {
+        self.browser = browser;
     }
 
     fn take_one(&mut self, event: &Event, happenings: &mut Vec<Happening>) {
@@ -221,14 +242,21 @@ impl DeviceSession {
         if !run.add(event) {
             return;
         }
-        let Some(run) = self.calibration.take() else {
+        let Some(mut run) = self.calibration.take() else {
             return;
         };
+        run.know_resolutions(&self.resolutions());
         let made = run.finish();
         if let Ok(calibration) = &made {
             self.start_from(calibration);
         }
         happenings.push(Happening::Calibrated(Box::new(run), made.map(Box::new)));
+    }
+
+    /// The steps to which the sensors are known to be rounded.
+    fn resolutions(&self) -> Vec<(SensorKind, f64)> {
+        let browser = BROWSER_STEPS.into_iter().filter(|_| self.browser);
+        self.intake.resolutions().chain(browser).collect()
     }
 
     fn record(&mut self, event: &Event, happenings: &mut Vec<Happening>) {
@@ -237,6 +265,12 @@ impl DeviceSession {
         };
         if run.add(event) {
             happenings.extend(self.end_experiment());
+        }
+    }
+
+    fn record_late(&mut self, event: &Event) {
+        if let Some(run) = &mut self.experiment {
+            run.add_late(event);
         }
     }
 
@@ -259,7 +293,6 @@ impl DeviceSession {
     }
 
     fn start_again(&mut self) {
-        self.intake.restart();
         self.first_ns = None;
         self.now_ns = i64::MIN;
         self.last_gyroscope_ns = None;
@@ -463,6 +496,10 @@ pub fn with_settings(
         changed.set(&format!("{name}={text}"))?;
     }
     Ok(changed)
+}
+
+fn note(text: &str) -> Happening {
+    Happening::Note(Remark::new(Tone::Warn, text))
 }
 
 fn new_lamps(config: &AttitudeConfig<f64>) -> [LampWindow; 2] {

@@ -338,3 +338,86 @@ fn a_magnetometer_calibration_is_applied_from_then_on() {
             .is_err()
     );
 }
+
+fn at(time_ms: i64, sample: Sample) -> Event {
+    Event {
+        time_ns: time_ms * 1_000_000,
+        sample,
+    }
+}
+
+/// Gyroscope and accelerometer of a turn about the vertical of 0.1 rad/s, 100 Hz.
+fn turning(ms: impl Iterator<Item = i64>) -> Vec<Event> {
+    ms.step_by(10)
+        .flat_map(|ms| {
+            [
+                at(ms, Sample::AngularRate(Vector3::new(0.0, 0.0, 0.1))),
+                at(ms, Sample::SpecificForce(Vector3::new(0.0, 0.0, 9.81))),
+            ]
+        })
+        .collect()
+}
+
+#[test]
+fn one_stamp_from_the_future_neither_ends_an_experiment_nor_stops_the_estimate() {
+    let run = |wrong: &[Event]| {
+        let mut live = session();
+        live.take(&mut turning(0..5000));
+        live.start_experiment(60.0, "turn").unwrap();
+        let happenings = live.take(&mut wrong.to_vec());
+        assert!(happenings.is_empty(), "{happenings:?}");
+        let notes = live.take(&mut turning(5000..12_000));
+        assert!(live.experiment().is_some(), "{notes:?}");
+        let clock_went_back =
+            |h: &Happening| matches!(h, Happening::Note(n) if n.text.contains("went back"));
+        assert!(!notes.iter().any(clock_went_back), "{notes:?}");
+        (
+            live.attitude("mekf").unwrap(),
+            live.duration_s(),
+            notes.len(),
+        )
+    };
+    let (undisturbed, duration_s, notes) = run(&[]);
+    assert_eq!(notes, 0);
+    for wrong_ms in [602_000, 1] {
+        let wrong = at(wrong_ms, Sample::AngularRate(Vector3::new(0.0, 0.0, 0.1)));
+        let (attitude, seconds, _) = run(&[wrong]);
+        assert_eq!(attitude, undisturbed, "stamp {wrong_ms} ms");
+        assert!((seconds - duration_s).abs() < 1e-9, "{seconds}");
+    }
+}
+
+#[test]
+fn a_phone_at_rest_whose_browser_rounds_is_calibrated_and_told_so() {
+    let rest = |gyroscope: f64, gravity: f64| {
+        let mut live = session();
+        live.read_by_browser(true);
+        live.calibrate(5.0).unwrap();
+        let events = (0..6000).step_by(16).flat_map(|ms| {
+            [
+                at(
+                    ms,
+                    Sample::AngularRate(Vector3::new(0.0, 0.0, gyroscope.to_radians())),
+                ),
+                at(ms, Sample::SpecificForce(Vector3::new(0.0, 0.1, gravity))),
+            ]
+        });
+        let mut happenings = live.take(&mut events.collect::<Vec<_>>());
+        let Some(Happening::Calibrated(run, made)) = happenings.pop() else {
+            panic!("{happenings:?}");
+        };
+        made.map(|made| (run.accepted(&made), live.config().accelerometer_std))
+    };
+    for gyroscope in [0.0, 0.1] {
+        let (verdict, accelerometer_std) = rest(gyroscope, 9.8).unwrap();
+        let text = &verdict.text;
+        assert!(text.contains("known to 0.0289 deg/s"), "{text}");
+        assert!(
+            text.contains("rounds to 0.1 deg/s")
+                && text.contains("tilt at the start is known to 0.2 deg"),
+            "{text}"
+        );
+        assert!((accelerometer_std - 0.1 / 12_f64.sqrt()).abs() < 1e-9);
+    }
+    assert!(rest(0.0, 0.0).unwrap_err().contains("accelerometer"));
+}
