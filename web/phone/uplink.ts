@@ -111,6 +111,7 @@ export class Uplink {
       this.state.text = `The lab refused a batch: ${reply.error ?? "too large"}`;
       return;
     }
+    if (status === 503 && reply.error) return this.failed(batch, `Not taken: ${reply.error}. Still trying`);
     this.failed(batch, status === 429 ? "The lab asks for a pause" : `The lab answered ${status}. Still trying`);
   }
 

@@ -13,7 +13,7 @@ use tokio::time::MissedTickBehavior;
 use crate::engine::DeviceEngine;
 use crate::experiments::{self, Finished};
 use crate::frames::FrameText;
-use crate::lab::{Device, Lab, lock};
+use crate::lab::{Device, Lab, Queuing, lock};
 use crate::messages::{Command, SensorUse};
 use crate::session::Happening;
 use crate::session::calibration::CalibrationRun;
@@ -74,7 +74,7 @@ pub(crate) fn spawn(
     lab: Arc<Lab>,
     device: Arc<Device>,
     engine: DeviceEngine,
-    mut work: mpsc::Receiver<Work>,
+    mut work: mpsc::Receiver<Queuing>,
 ) {
     let now = Instant::now();
     let mut task = Task {
@@ -88,13 +88,15 @@ pub(crate) fn spawn(
         experiment_id: String::new(),
     };
     task.publish();
-    tokio::spawn(async move {
+    let (lab, device) = (task.lab.clone(), task.device.clone());
+    let running = async move {
         let mut tick = tokio::time::interval(Duration::from_millis(250));
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
                 next = work.recv() => match next {
-                    Some(next) => task.work(next),
+                    // The room in the queue is given back when the work is done.
+                    Some(next) => task.work(next.work),
                     None => break,
                 },
                 _ = tick.tick() => {
@@ -105,7 +107,20 @@ pub(crate) fn spawn(
                 }
             }
         }
-    });
+    };
+    tokio::spawn(supervise(lab, device, running));
+}
+
+/// Runs a device's task; should it panic, the device is taken away, so that it can begin anew.
+async fn supervise(
+    lab: Arc<Lab>,
+    device: Arc<Device>,
+    running: impl Future<Output = ()> + Send + 'static,
+) {
+    let ended = tokio::spawn(running).await;
+    if ended.is_err_and(|error| error.is_panic()) {
+        lab.broke_off(&device);
+    }
 }
 
 impl Task {
@@ -137,6 +152,7 @@ impl Task {
             Work::Poll { arrival_ns } => self.poll(arrival_ns),
         }
         self.last_work = Instant::now();
+        self.device.heard();
         self.frame();
         self.progress();
         self.publish();
@@ -314,5 +330,33 @@ impl Task {
         status.settings = serde_json::to_value(session.config()).unwrap_or_default();
         status.used = Some(SensorUse::of(&session.options().sensors));
         status.estimates = session.estimates();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use northing_evaluation::RunOptions;
+
+    #[tokio::test]
+    async fn a_device_whose_task_panics_is_taken_away_and_said_and_can_come_again() {
+        let lab = Lab::new(RunOptions::default());
+        let mut told = lab.listen();
+        let device = lab.device("anna", "Anna", "page").unwrap();
+        supervise(lab.clone(), device.clone(), async {
+            panic!("a fault, as a test")
+        })
+        .await;
+        assert!(device.is_gone() && lab.find("anna").is_err());
+        let mut words = String::new();
+        while let Ok(text) = told.try_recv() {
+            words.push_str(&text);
+        }
+        assert!(words.contains("`Anna` met a fault"), "{words}");
+        let again = lab.device("anna", "Anna", "page").unwrap();
+        assert!(!again.is_gone());
+        // A late end of the old one does not take the new one away.
+        lab.broke_off(&device);
+        assert!(lab.find("anna").is_ok());
     }
 }

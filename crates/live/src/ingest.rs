@@ -9,7 +9,7 @@ use std::time::Duration;
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{Path, State};
+use axum::extract::{ConnectInfo, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -22,7 +22,9 @@ use tokio::time::timeout;
 
 use crate::assets::Assets;
 use crate::device::Work;
-use crate::lab::{Device, Lab};
+use crate::lab::{Device, Lab, is_own_name};
+use crate::limits::{Addresses, Peer};
+use crate::pulse::Pulse;
 use crate::token::Token;
 
 /// The header with the token.
@@ -43,6 +45,8 @@ pub struct Ingest {
     pub token: Arc<Token>,
     /// The phone page.
     pub assets: Arc<Assets>,
+    /// How much each address has sent.
+    pub addresses: Arc<Addresses>,
 }
 
 /// A refusal: status and one line.
@@ -98,8 +102,32 @@ fn file(ingest: &Ingest, name: &str) -> Response {
     }
 }
 
-/// The body, if it comes in time and is not too large.
-async fn body(body: Body) -> Result<Bytes, Refusal> {
+/// Whether this connection and its address may send so many bytes more.
+fn admitted(ingest: &Ingest, peer: &Peer, bytes: usize) -> Result<(), Refusal> {
+    if peer.admits(&ingest.addresses, bytes) {
+        return Ok(());
+    }
+    let text = "too much at once from this address: send it again later";
+    Err(Refusal::new(StatusCode::TOO_MANY_REQUESTS, text))
+}
+
+/// The length that a request announces; one that announces none may be as long as any.
+fn announced(headers: &HeaderMap) -> usize {
+    let length = headers.get(header::CONTENT_LENGTH);
+    let length = length.and_then(|l| l.to_str().ok()?.parse().ok());
+    // No more is read of any.
+    length.map_or(LONGEST_BATCH_BYTES, |l: usize| l.min(LONGEST_BATCH_BYTES))
+}
+
+/// The body, if it may come, comes in time and is not too large. A sender of too much is refused
+/// before anything is read.
+async fn body(
+    ingest: &Ingest,
+    peer: &Peer,
+    headers: &HeaderMap,
+    body: Body,
+) -> Result<Bytes, Refusal> {
+    admitted(ingest, peer, announced(headers))?;
     let read = timeout(
         BODY_TIMEOUT,
         axum::body::to_bytes(body, LONGEST_BATCH_BYTES),
@@ -120,6 +148,7 @@ async fn body(body: Body) -> Result<Bytes, Refusal> {
 
 async fn page_upload(
     State(ingest): State<Ingest>,
+    ConnectInfo(peer): ConnectInfo<Peer>,
     headers: HeaderMap,
     content: Body,
 ) -> Result<axum::Json<Value>, Refusal> {
@@ -127,7 +156,7 @@ async fn page_upload(
     if !token.is_some_and(|token| ingest.token.matches(token)) {
         return Err(wrong_token());
     }
-    let bytes = body(content).await?;
+    let bytes = body(&ingest, &peer, &headers, content).await?;
     take_page(&ingest.lab, bytes).await.map(axum::Json)
 }
 
@@ -156,6 +185,10 @@ fn device(
     name: &str,
     source: &'static str,
 ) -> Result<Arc<Device>, Refusal> {
+    if is_own_name(id) {
+        let text = format!("the name `{id}` is kept for the lab's own devices; choose another");
+        return Err(Refusal::new(StatusCode::BAD_REQUEST, text));
+    }
     let device = lab
         .device(id, name, source)
         .map_err(|full| Refusal::new(StatusCode::SERVICE_UNAVAILABLE, full))?;
@@ -172,13 +205,14 @@ async fn give(lab: &Lab, device: &Device, format: WireFormat, bytes: Bytes) -> R
         return Err(busy("too fast: send it again later".to_owned()));
     }
     let (reply, taken) = oneshot::channel();
+    let length = bytes.len();
     let work = Work::Payload {
         format,
         bytes,
         arrival_ns: lab.now_ns(),
         reply: Some(reply),
     };
-    device.try_give(work).map_err(busy)?;
+    device.try_give(work, length).map_err(busy)?;
     let taken = taken
         .await
         .map_err(|_| busy("the device has been taken away".to_owned()))?;
@@ -189,17 +223,19 @@ async fn give(lab: &Lab, device: &Device, format: WireFormat, bytes: Bytes) -> R
 async fn app_upload(
     State(ingest): State<Ingest>,
     Path(token): Path<String>,
+    ConnectInfo(peer): ConnectInfo<Peer>,
+    headers: HeaderMap,
     content: Body,
 ) -> Response {
     if !ingest.token.matches(&token) {
         return shown("wrong token: copy the address from the lab's page again");
     }
-    let bytes = match body(content).await {
+    let bytes = match body(&ingest, &peer, &headers, content).await {
         Ok(bytes) => bytes,
         Err(refusal) => return refusal.into_response(),
     };
     if let Ok(push) = Push::parse(&bytes) {
-        return match take_push(&ingest.lab, &push, bytes).await {
+        return match take_push(&ingest.lab, &peer, &push, bytes).await {
             Ok(answer) => axum::Json(answer).into_response(),
             Err(Refusal(StatusCode::SERVICE_UNAVAILABLE, text)) => shown(&text),
             Err(refusal) => refusal.into_response(),
@@ -211,12 +247,21 @@ async fn app_upload(
     }
 }
 
-async fn take_push(lab: &Arc<Lab>, push: &Push, bytes: Bytes) -> Result<Value, Refusal> {
-    let name = format!(
-        "Sensor Logger {}",
-        push.device_id.chars().take(6).collect::<String>()
-    );
-    let device = device(lab, &push.device_id, &name, "sensor-logger")?;
+async fn take_push(
+    lab: &Arc<Lab>,
+    peer: &Peer,
+    push: &Push,
+    bytes: Bytes,
+) -> Result<Value, Refusal> {
+    // Phones that do not say who they are are told apart by their addresses.
+    let (id, short) = match push.device_id.as_str() {
+        "" => (
+            format!("sensor-logger-{}", peer.address),
+            peer.address.to_string(),
+        ),
+        id => (id.to_owned(), id.chars().take(6).collect()),
+    };
+    let device = device(lab, &id, &format!("Sensor Logger {short}"), "sensor-logger")?;
     give(lab, &device, WireFormat::SensorLogger, bytes).await?;
     Ok(json!({"ack": push.message_id}))
 }
@@ -226,15 +271,19 @@ fn shown(text: &str) -> Response {
     (status, text.to_owned()).into_response()
 }
 
-async fn socket(State(ingest): State<Ingest>, upgrade: WebSocketUpgrade) -> Response {
+async fn socket(
+    State(ingest): State<Ingest>,
+    ConnectInfo(peer): ConnectInfo<Peer>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     upgrade
         .max_message_size(LONGEST_BATCH_BYTES)
         .max_frame_size(LONGEST_BATCH_BYTES)
-        .on_upgrade(move |socket| serve_socket(ingest, socket))
+        .on_upgrade(move |socket| serve_socket(ingest, peer, socket))
 }
 
 /// First the token, then batches, each answered as a post would be.
-async fn serve_socket(ingest: Ingest, mut socket: WebSocket) {
+async fn serve_socket(ingest: Ingest, peer: Peer, mut socket: WebSocket) {
     let first = timeout(TOKEN_TIMEOUT, socket.recv()).await;
     let Ok(Some(Ok(Message::Text(hello)))) = first else {
         return;
@@ -249,20 +298,31 @@ async fn serve_socket(ingest: Ingest, mut socket: WebSocket) {
         let _ = socket.send(Message::Text(text.into())).await;
         return;
     }
-    while let Some(Ok(message)) = socket.recv().await {
-        let bytes = match message {
-            Message::Text(text) => Bytes::from(text),
-            Message::Binary(bytes) => bytes,
-            Message::Close(_) => return,
-            Message::Ping(_) | Message::Pong(_) => continue,
+    let mut pulse = Pulse::new();
+    loop {
+        let answer = tokio::select! {
+            alive = pulse.beat() => match alive {
+                true => Message::Ping(Bytes::new()),
+                false => return,
+            },
+            received = socket.recv() => match pulse.felt(received) {
+                Some(Ok(Message::Text(text))) => batch_answer(&ingest, &peer, text.into()).await,
+                Some(Ok(Message::Binary(bytes))) => batch_answer(&ingest, &peer, bytes).await,
+                Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+            },
         };
-        let answer = match take_page(&ingest.lab, bytes).await {
-            Ok(answer) => answer,
-            Err(refusal) => json!({"error": refusal.1}),
-        };
-        let sent = socket.send(Message::Text(answer.to_string().into())).await;
-        if sent.is_err() {
+        if socket.send(answer).await.is_err() {
             return;
         }
     }
+}
+
+async fn batch_answer(ingest: &Ingest, peer: &Peer, bytes: Bytes) -> Message {
+    let answer = match admitted(ingest, peer, bytes.len()) {
+        Ok(()) => take_page(&ingest.lab, bytes).await,
+        Err(refusal) => Err(refusal),
+    };
+    let answer = answer.unwrap_or_else(|refusal| json!({"error": refusal.1}));
+    Message::Text(answer.to_string().into())
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_evaluation::RunOptions;
@@ -14,11 +14,15 @@ use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
 use crate::experiments::Finished;
 use crate::frames::FrameText;
-use crate::limits::RateLimit;
+use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
 
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
+/// How a device of the lab's own is called: no phone can call itself so.
+const OWN_NAMES: [&str; 2] = ["virtual-", "replay-"];
+/// A device that has been silent for so long makes room for another when the lab is full.
+const EVICTABLE: Duration = Duration::from_secs(10);
 /// Batches that may wait for one device.
 const QUEUE: usize = 64;
 /// Frames that a slow page may lag behind before it misses some.
@@ -37,12 +41,22 @@ pub struct Device {
     pub id: String,
     /// How it delivers.
     pub source: &'static str,
-    queue: mpsc::Sender<Work>,
+    queue: mpsc::Sender<Queuing>,
+    queued: Queued,
+    all_queued: Queued,
+    last_heard: Mutex<Instant>,
     pub(crate) status: Mutex<DeviceStatus>,
     pub(crate) limit: Mutex<RateLimit>,
     /// It lives in the time of a recording.
     pub(crate) replayed: bool,
     gone: AtomicBool,
+}
+
+/// Work in the queue of a device, and the room that it takes there.
+#[derive(Debug)]
+pub(crate) struct Queuing {
+    pub(crate) work: Work,
+    _room: Option<Room>,
 }
 
 /// The lab. Shared by all listeners and tasks.
@@ -52,6 +66,7 @@ pub struct Lab {
     experiments: Mutex<VecDeque<Arc<Finished>>>,
     next_experiment: AtomicU64,
     next_virtual: AtomicU64,
+    queued: Queued,
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
     pub(crate) messages: broadcast::Sender<Arc<str>>,
     pub(crate) devices_changed: watch::Sender<()>,
@@ -74,6 +89,7 @@ impl Lab {
             experiments: Mutex::default(),
             next_experiment: AtomicU64::new(1),
             next_virtual: AtomicU64::new(1),
+            queued: Queued::default(),
             frames: broadcast::channel(FRAMES).0,
             messages: broadcast::channel(MESSAGES).0,
             devices_changed: watch::Sender::new(()),
@@ -132,7 +148,7 @@ impl Lab {
             return Ok(device.clone());
         }
         if devices.len() >= MOST_DEVICES {
-            return Err(format!("the lab is full: it takes {MOST_DEVICES} devices"));
+            make_room(&mut devices, Instant::now())?;
         }
         let replayed = recorded.is_some();
         let options = recorded.unwrap_or_else(|| self.options.clone());
@@ -150,7 +166,10 @@ impl Lab {
             source,
             queue,
             status: Mutex::new(status),
-            limit: Mutex::new(RateLimit::new(Instant::now())),
+            queued: Queued::default(),
+            all_queued: self.queued.clone(),
+            last_heard: Mutex::new(Instant::now()),
+            limit: Mutex::new(RateLimit::new(DEVICE, Instant::now())),
             replayed,
             gone: AtomicBool::new(false),
         });
@@ -168,6 +187,26 @@ impl Lab {
     pub fn find(&self, id: &str) -> Result<Arc<Device>, String> {
         let known = lock(&self.devices).get(id).cloned();
         known.ok_or_else(|| format!("there is no device `{id}`"))
+    }
+
+    /// Takes a device away whose task broke off, unless another has its name by now. It comes back
+    /// when it sends again.
+    pub(crate) fn broke_off(&self, device: &Arc<Device>) {
+        let mut devices = lock(&self.devices);
+        if devices
+            .get(&device.id)
+            .is_some_and(|d| Arc::ptr_eq(d, device))
+        {
+            devices.remove(&device.id);
+        }
+        drop(devices);
+        device.gone.store(true, Ordering::Relaxed);
+        let name = lock(&device.status).name.clone();
+        let text = format!(
+            "`{name}` met a fault of this program and was taken away; it starts anew when it sends again. Please report what it sent."
+        );
+        self.tell(&json!({"type": "error", "text": text}));
+        self.tell_devices();
     }
 
     /// Takes a device away; its experiments stay.
@@ -280,17 +319,27 @@ impl Device {
     /// # Errors
     /// The device has been taken away.
     pub async fn give(&self, work: Work) -> Result<(), String> {
-        let sent = self.queue.send(work).await;
+        let sent = self.queue.send(Queuing { work, _room: None }).await;
         sent.map_err(|_| "the device has been taken away".to_owned())
     }
 
-    /// Hands over work if there is room for it.
+    /// Hands over work with so many bytes if there is room for it.
     ///
     /// # Errors
     /// The queue is full: whoever sent it keeps it and sends it again.
-    pub fn try_give(&self, work: Work) -> Result<(), String> {
-        let sent = self.queue.try_send(work);
-        sent.map_err(|_| "the lab is busy; send it again".to_owned())
+    pub fn try_give(&self, work: Work, bytes: usize) -> Result<(), String> {
+        let busy = || "the lab is busy; send it again".to_owned();
+        let room = Room::take(&self.queued, &self.all_queued, bytes).ok_or_else(busy)?;
+        let work = Queuing {
+            work,
+            _room: Some(room),
+        };
+        self.queue.try_send(work).map_err(|_| busy())
+    }
+
+    /// Something has come from it.
+    pub(crate) fn heard(&self) {
+        *lock(&self.last_heard) = Instant::now();
     }
 
     /// Carries out a command that came at `arrival_ns` ([`Lab::now_ns`]).
@@ -321,8 +370,73 @@ impl Device {
     }
 }
 
+/// Whether an identifier is one of the lab's own devices, which no client may use.
+#[must_use]
+pub fn is_own_name(id: &str) -> bool {
+    OWN_NAMES.iter().any(|start| id.starts_with(start))
+}
+
+/// Takes away the device that has been silent for longest.
+fn make_room(devices: &mut BTreeMap<String, Arc<Device>>, now: Instant) -> Result<(), String> {
+    let silence = |device: &Arc<Device>| now.saturating_duration_since(*lock(&device.last_heard));
+    let silent = devices.values().max_by_key(|device| silence(device));
+    match silent
+        .filter(|device| silence(device) >= EVICTABLE)
+        .cloned()
+    {
+        Some(device) => {
+            devices.remove(&device.id);
+            device.gone.store(true, Ordering::Relaxed);
+            Ok(())
+        }
+        None => Err(format!(
+            "the lab is full: it takes {MOST_DEVICES} devices, and all of them are sending"
+        )),
+    }
+}
+
 /// Now by the clock of the computer, ns since 1970.
 fn unix_ns() -> i64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     now.map_or(0, |t| i64::try_from(t.as_nanos()).unwrap_or(i64::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn full() -> Arc<Lab> {
+        let lab = Lab::new(RunOptions::default());
+        for k in 0..MOST_DEVICES {
+            lab.device(&format!("phone {k}"), "", "page").unwrap();
+        }
+        lab
+    }
+
+    fn silent_since(lab: &Lab, id: &str, seconds: u64) {
+        let device = lab.find(id).unwrap();
+        let then = Instant::now().checked_sub(Duration::from_secs(seconds));
+        *lock(&device.last_heard) = then.unwrap();
+    }
+
+    #[tokio::test]
+    async fn a_full_lab_lets_the_longest_silent_go_and_never_one_that_sends() {
+        let lab = full();
+        let refusal = lab.device("late", "", "page").unwrap_err();
+        assert!(
+            refusal.contains("full") && refusal.contains("64"),
+            "{refusal}"
+        );
+        silent_since(&lab, "phone 7", 30);
+        silent_since(&lab, "phone 9", 40);
+        silent_since(&lab, "phone 11", 5);
+        let silent = lab.find("phone 9").unwrap();
+        lab.device("late", "", "page").unwrap();
+        assert!(silent.is_gone() && lab.find("phone 9").is_err());
+        // Who comes back is a new device, at the cost of the next.
+        lab.device("phone 9", "", "page").unwrap();
+        assert!(lab.find("phone 7").is_err() && lab.find("phone 11").is_ok());
+        assert!(lab.device("later", "", "page").is_err());
+        assert_eq!(lab.statuses().len(), MOST_DEVICES);
+    }
 }

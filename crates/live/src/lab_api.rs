@@ -4,15 +4,17 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use axum::extract::ws::WebSocketUpgrade;
-use axum::extract::{Path, State};
+use axum::extract::{Path, Query, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
 use northing_evaluation::parameters::parameters;
+use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::addresses::Reach;
 use crate::assets::Assets;
 use crate::export;
 use crate::lab::Lab;
@@ -25,12 +27,10 @@ const FEATURES: [&str; 4] = ["estimators", "magnetometer", "allan", "remove"];
 const LONGEST_MESSAGE: usize = 64 * 1024;
 
 /// What the lab page is told first.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Facts {
-    /// Addresses of the phone page, token included.
-    pub phone_urls: Vec<String>,
-    /// Addresses for native apps, token included.
-    pub ingest_urls: Vec<String>,
+    /// Addresses of the phone page and for native apps.
+    pub reach: Arc<Reach>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
 }
@@ -85,17 +85,33 @@ fn file(api: &LabApi, name: &str) -> Response {
 async fn status(State(api): State<LabApi>) -> Json<Value> {
     Json(json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "phone_urls": api.facts.phone_urls,
-        "ingest_urls": api.facts.ingest_urls,
+        "phone_urls": api.facts.reach.phone_urls(),
+        "ingest_urls": api.facts.reach.ingest_urls(),
         "fingerprint": api.facts.fingerprint,
         "devices": api.lab.statuses(),
         "experiments": api.lab.experiments_message()["rows"],
     }))
 }
 
-async fn qr_svg(State(api): State<LabApi>) -> Response {
-    match api.facts.phone_urls.first().and_then(|url| qr::svg(url)) {
-        Some(image) => ([(header::CONTENT_TYPE, "image/svg+xml")], image).into_response(),
+/// Which of the phone page's addresses a code is for.
+#[derive(Debug, Default, Deserialize)]
+struct Which {
+    /// Place in the list of addresses.
+    #[serde(default)]
+    url: usize,
+}
+
+async fn qr_svg(State(api): State<LabApi>, Query(which): Query<Which>) -> Response {
+    let urls = api.facts.reach.phone_urls();
+    match urls.get(which.url).and_then(|url| qr::svg(url)) {
+        Some(image) => {
+            // Addresses change while the lab runs.
+            let headers = [
+                (header::CONTENT_TYPE, "image/svg+xml"),
+                (header::CACHE_CONTROL, "no-store"),
+            ];
+            (headers, image).into_response()
+        }
         None => StatusCode::NOT_FOUND.into_response(),
     }
 }
@@ -168,8 +184,12 @@ async fn socket(State(api): State<LabApi>, upgrade: WebSocketUpgrade) -> Respons
         .on_upgrade(move |socket| async move { page::serve(api, socket).await })
 }
 
-/// What a page is told first.
+/// What every page is told first, and again when the addresses have changed.
 pub(crate) fn hello(facts: &Facts) -> Value {
+    let phone_urls = facts.reach.phone_urls();
+    let host = phone_urls.first().and_then(|url| url.split('/').nth(2));
+    // Another address is another picture.
+    let qr_svg = format!("/api/qr.svg?url=0&for={}", host.unwrap_or_default());
     let estimators: Vec<Value> = EstimatorKind::ALL
         .map(EstimatorKind::info)
         .iter()
@@ -191,8 +211,8 @@ pub(crate) fn hello(facts: &Facts) -> Value {
         .collect();
     json!({
         "type": "hello", "version": env!("CARGO_PKG_VERSION"),
-        "phone_urls": facts.phone_urls, "ingest_urls": facts.ingest_urls,
-        "qr_svg": "/api/qr.svg", "estimators": estimators, "parameters": parameters,
+        "phone_urls": phone_urls, "ingest_urls": facts.reach.ingest_urls(),
+        "qr_svg": qr_svg, "estimators": estimators, "parameters": parameters,
         "fingerprint": facts.fingerprint, "features": FEATURES,
     })
 }

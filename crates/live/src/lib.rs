@@ -3,8 +3,8 @@
 //!
 //! | I look for | file |
 //! |---|---|
-//! | starting it: ports, addresses, certificate | [`server`], [`tls`], [`token`] |
-//! | who may ask, and how much | [`security`], [`limits`] |
+//! | starting it: ports, addresses, certificate | [`server`], [`addresses`], [`tls`], [`token`] |
+//! | who may ask, how much, and for how long | [`security`], [`limits`], [`connections`] |
 //! | what phones and apps talk to | [`ingest`] |
 //! | what the lab page talks to, and the messages | [`lab_api`], [`messages`] |
 //! | the devices and what they share | [`lab`], [`device`] |
@@ -18,8 +18,10 @@
 //! puts batches in order, decodes them, and runs the session. Queues are bounded: when a device is
 //! busy, its phone is told to send again, so samples are never dropped; frames for drawing are.
 
+pub mod addresses;
 pub mod allan;
 pub mod assets;
+pub mod connections;
 pub mod device;
 pub mod engine;
 pub mod experiments;
@@ -31,6 +33,7 @@ pub mod lab_api;
 pub mod limits;
 pub mod messages;
 mod page;
+mod pulse;
 pub mod qr;
 pub mod replay;
 pub mod report;

@@ -19,6 +19,7 @@ use crate::frames::PageFrames;
 use crate::lab::Lab;
 use crate::lab_api::{LabApi, hello};
 use crate::messages::{Action, Command, Request};
+use crate::pulse::Pulse;
 use crate::virtual_phones::{self, VirtualPhoneRequest};
 
 /// Frames a second that a page gets unless it asks for others.
@@ -61,6 +62,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
     };
     let mut devices = tokio::time::interval(DEVICES_INTERVAL);
     let mut is_due = false;
+    let mut pulse = Pulse::new();
     for message in [
         hello(&api.facts),
         lab.devices_message(),
@@ -98,7 +100,11 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
                 send(&mut socket, lab.devices_message().to_string()).await
             }
             Some(value) = answers.recv() => send(&mut socket, value.to_string()).await,
-            received = socket.recv() => match received {
+            alive = pulse.beat() => match alive {
+                true => socket.send(Message::Ping(Default::default())).await,
+                false => return,
+            },
+            received = socket.recv() => match pulse.felt(received) {
                 Some(Ok(Message::Text(text))) => {
                     page.asked(&text);
                     Ok(())

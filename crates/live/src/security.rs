@@ -5,12 +5,14 @@
 //! really this computer's, compared exactly, and the lab page's WebSocket and posts come only from
 //! the lab page.
 
-use std::net::IpAddr;
+use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+
+use crate::addresses::Reach;
 
 /// The headers of every answer.
 const HEADERS: [(HeaderName, &str); 6] = [
@@ -38,36 +40,48 @@ const HEADERS: [(HeaderName, &str); 6] = [
 /// The names under which one listener answers.
 #[derive(Debug, Clone)]
 pub struct Names {
-    hosts: Vec<String>,
+    scheme: &'static str,
+    port: u16,
+    /// The addresses of this computer, where phones may come.
+    reach: Option<Arc<Reach>>,
     /// Whether a foreign `Origin` is refused.
     check_origin: bool,
-    scheme: &'static str,
 }
 
 impl Names {
-    /// Names of a listener on `port`: this computer itself, and `addresses`.
+    /// Names of a listener on `port`: this computer itself, and what `reach` knows.
     #[must_use]
-    pub fn new(scheme: &'static str, port: u16, addresses: &[IpAddr], check_origin: bool) -> Self {
-        let local = [
-            "localhost".to_owned(),
-            "127.0.0.1".to_owned(),
-            "[::1]".to_owned(),
-        ];
-        let others = addresses.iter().map(|address| match address {
-            IpAddr::V4(v4) => v4.to_string(),
-            IpAddr::V6(v6) => format!("[{v6}]"),
-        });
-        let hosts = local.into_iter().chain(others);
+    pub fn new(
+        scheme: &'static str,
+        port: u16,
+        reach: Option<Arc<Reach>>,
+        check_origin: bool,
+    ) -> Self {
         Self {
-            hosts: hosts.map(|host| format!("{host}:{port}")).collect(),
-            check_origin,
             scheme,
+            port,
+            reach,
+            check_origin,
         }
+    }
+
+    /// Whether `host:port` is us. Browsers leave out the port that the scheme has by itself.
+    fn knows(&self, host: &str) -> bool {
+        let usual = if self.scheme == "https" { 443 } else { 80 };
+        let with_port = host
+            .strip_suffix(&self.port.to_string())
+            .and_then(|rest| rest.strip_suffix(':'));
+        let Some(name) = with_port.or((self.port == usual).then_some(host)) else {
+            return false;
+        };
+        let local = ["localhost", "127.0.0.1", "[::1]"];
+        local.iter().any(|own| own.eq_ignore_ascii_case(name))
+            || self.reach.as_ref().is_some_and(|reach| reach.is_own(name))
     }
 
     fn knows_host(&self, headers: &HeaderMap) -> bool {
         let host = headers.get(header::HOST).and_then(|h| h.to_str().ok());
-        host.is_some_and(|host| self.hosts.iter().any(|h| h.eq_ignore_ascii_case(host)))
+        host.is_some_and(|host| self.knows(host))
     }
 
     /// Browsers always say the origin of a WebSocket and of a post; programs need not.
@@ -75,11 +89,14 @@ impl Names {
         let Some(origin) = headers.get(header::ORIGIN) else {
             return true;
         };
-        let Ok(origin) = origin.to_str() else {
-            return false;
-        };
-        let own = |host: &String| format!("{}://{host}", self.scheme).eq_ignore_ascii_case(origin);
-        !self.check_origin || self.hosts.iter().any(own)
+        if !self.check_origin {
+            return true;
+        }
+        let origin = origin.to_str().ok();
+        let parts = origin.and_then(|origin| origin.split_once("://"));
+        parts.is_some_and(|(scheme, host)| {
+            scheme.eq_ignore_ascii_case(self.scheme) && self.knows(host)
+        })
     }
 }
 
@@ -110,20 +127,50 @@ pub async fn guard(State(names): State<Names>, request: Request, next: Next) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::addresses::Addresses;
+    use crate::token::Token;
 
     fn headers(name: HeaderName, value: &str) -> HeaderMap {
         HeaderMap::from_iter([(name, HeaderValue::from_str(value).unwrap())])
     }
 
+    fn reach() -> Arc<Reach> {
+        let lan = vec![std::net::IpAddr::from([192, 168, 1, 5])];
+        let addresses = Addresses {
+            shown: lan.clone(),
+            own: lan,
+        };
+        let token = Arc::new(Token::random().unwrap());
+        let name = Some("laptop.local".to_owned());
+        Arc::new(Reach::new(addresses, name, [443, 80], token))
+    }
+
+    /// Browsers write `Host: localhost` and `Origin: https://localhost` then.
+    #[test]
+    fn the_usual_port_may_be_left_out_and_no_other() {
+        for (scheme, port) in [("http", 80), ("https", 443)] {
+            let names = Names::new(scheme, port, Some(reach()), true);
+            for host in ["localhost", "[::1]", "192.168.1.5", "laptop.local"] {
+                for host in [host.to_owned(), format!("{host}:{port}")] {
+                    assert!(names.knows_host(&headers(header::HOST, &host)), "{host}");
+                    let origin = format!("{scheme}://{host}");
+                    assert!(names.knows_origin(&headers(header::ORIGIN, &origin)));
+                }
+            }
+            assert!(!names.knows_host(&headers(header::HOST, "localhost:7770")));
+            assert!(!names.knows_host(&headers(header::HOST, "evil.example")));
+        }
+    }
+
     #[test]
     fn only_exact_names_are_known() {
-        let lan = [IpAddr::from([192, 168, 1, 5])];
-        let names = Names::new("http", 7770, &lan, true);
+        let names = Names::new("http", 7770, Some(reach()), true);
         for host in [
             "localhost:7770",
             "127.0.0.1:7770",
             "[::1]:7770",
             "192.168.1.5:7770",
+            "laptop.local:7770",
         ] {
             assert!(names.knows_host(&headers(header::HOST, host)), "{host}");
             let origin = format!("http://{host}");
@@ -137,6 +184,10 @@ mod tests {
             "localhost:7771",
             "evil.example:7770",
             "localhost:7770.evil",
+            "localhost:07770",
+            "localhost::7770",
+            "localhost:7770:7770",
+            "192.168.1.6:7770",
             "",
         ] {
             assert!(!names.knows_host(&headers(header::HOST, host)), "{host}");

@@ -1,22 +1,26 @@
 //! Starts the lab: three listeners, one for the lab page, one for phones, one for native apps.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use axum::Router;
 use axum::middleware::from_fn_with_state;
 use axum_server::Handle;
-use axum_server::tls_rustls::RustlsConfig;
+use axum_server::tls_rustls::{RustlsAcceptor, RustlsConfig};
 use hyper_util::rt::TokioTimer;
 use northing_evaluation::RunOptions;
+use tokio::time::MissedTickBehavior;
 
+use crate::addresses::{Addresses, Reach, local_name};
 use crate::assets::Assets;
+use crate::connections::{Gate, Patience, Places};
 use crate::ingest::{self, Ingest};
 use crate::lab::Lab;
 use crate::lab_api::{self, Facts, LabApi};
+use crate::limits::Peer;
 use crate::security::{Names, guard};
 use crate::tls::{Certificate, TlsError};
 use crate::token::Token;
@@ -25,6 +29,12 @@ use crate::token::Token;
 const HEAD_TIMEOUT: Duration = Duration::from_secs(10);
 /// Open requests get so long to end when the lab closes.
 const GRACE: Duration = Duration::from_millis(500);
+/// Connections of phones and apps: in all, and of one address, behind which a class may be.
+const PHONE_PLACES: [usize; 2] = [512, 256];
+/// Connections of lab pages, which phones cannot take from them.
+const LAB_PLACES: usize = 128;
+/// How often the addresses of this computer are looked at.
+const LOOK_INTERVAL: Duration = Duration::from_secs(3);
 
 /// What a lab is started with.
 #[derive(Debug, Clone)]
@@ -37,6 +47,8 @@ pub struct LiveConfig {
     pub web_dir: Option<PathBuf>,
     /// Whether phones in the network may connect; otherwise only this computer.
     pub network: bool,
+    /// How long silent connections are kept.
+    pub patience: Patience,
     /// The options that every device starts with.
     pub options: RunOptions,
 }
@@ -86,75 +98,90 @@ pub struct Running {
 /// # Errors
 /// See [`StartError`].
 pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
-    let addresses = if config.network {
-        lan_addresses()
+    let (addresses, name) = if config.network {
+        (Addresses::now(), local_name())
     } else {
-        Vec::new()
+        (Addresses::default(), None)
     };
-    let certificate = Certificate::load_or_make(&config.data_dir, &addresses)?;
+    let names: Vec<String> = name.iter().cloned().collect();
+    let certificate = Certificate::load_or_make(&config.data_dir, &addresses.shown, &names)?;
     let tls = RustlsConfig::from_config(certificate.server_config()?);
     let token = Token::random().map_err(|error| StartError::Random(error.to_string()))?;
     let token = Arc::new(token);
     let (listeners, port) = listen(config.port, config.network)?;
     let [for_lab, for_phones, for_apps] = listeners;
+    let reach = Reach::new(addresses, name, [port[1], port[2]], token.clone());
+    let reach = Arc::new(reach);
     let lab = Lab::new(config.options);
     let assets = Arc::new(Assets::new(config.web_dir));
-    let shown = if addresses.is_empty() {
-        vec![IpAddr::V4(Ipv4Addr::LOCALHOST)]
-    } else {
-        addresses.clone()
-    };
-    let urls = |scheme: &str, port: u16, path: &str| -> Vec<String> {
-        let url = |address: &IpAddr| {
-            let host = SocketAddr::new(*address, port);
-            format!("{scheme}://{host}{path}{}", token.as_str())
-        };
-        shown.iter().map(url).collect()
-    };
-    let facts = Facts {
-        phone_urls: urls("https", port[1], "/p#t="),
-        ingest_urls: urls("http", port[2], "/in/"),
+    let facts = Arc::new(Facts {
+        reach: reach.clone(),
         fingerprint: certificate.fingerprint(),
-    };
+    });
     let ingest = Ingest {
         lab: lab.clone(),
         token: token.clone(),
         assets: assets.clone(),
+        addresses: Arc::default(),
     };
     let api = LabApi {
         lab: lab.clone(),
-        facts: Arc::new(facts.clone()),
+        facts: facts.clone(),
         assets,
     };
-    let guarded = |router: Router, scheme, port, others: &[IpAddr], origin| {
-        router.layer(from_fn_with_state(
-            Names::new(scheme, port, others, origin),
-            guard,
-        ))
+    let guarded = |router: Router, scheme, port, reach, origin| {
+        let names = Names::new(scheme, port, reach, origin);
+        router.layer(from_fn_with_state(names, guard))
     };
+    let places = Places::new(PHONE_PLACES[0], PHONE_PLACES[1]);
+    let gate = |tls, places: &Arc<Places>| Gate::new(tls, places.clone(), config.patience);
     let handles: Vec<Handle<SocketAddr>> = (0..3).map(|_| Handle::new()).collect();
-    let lab_router = guarded(lab_api::router(api), "http", port[0], &[], true);
-    serve(for_lab, port[0], lab_router, handles[0].clone())?;
-    let phone_router = ingest::phone_router(ingest.clone());
-    let phone_router = guarded(phone_router, "https", port[1], &addresses, true);
-    serve_tls(for_phones, port[1], phone_router, tls, handles[1].clone())?;
-    let app_router = guarded(
-        ingest::app_router(ingest),
-        "http",
+    let router = guarded(lab_api::router(api), "http", port[0], None, true);
+    let lab_gate = gate(None, &Places::new(LAB_PLACES, LAB_PLACES));
+    serve(for_lab, port[0], router, lab_gate, handles[0].clone())?;
+    let router = ingest::phone_router(ingest.clone());
+    let router = guarded(router, "https", port[1], Some(reach.clone()), true);
+    let phone_gate = gate(Some(RustlsAcceptor::new(tls)), &places);
+    serve(for_phones, port[1], router, phone_gate, handles[1].clone())?;
+    let router = ingest::app_router(ingest);
+    let router = guarded(router, "http", port[2], Some(reach.clone()), false);
+    serve(
+        for_apps,
         port[2],
-        &addresses,
-        false,
-    );
-    serve(for_apps, port[2], app_router, handles[2].clone())?;
+        router,
+        gate(None, &places),
+        handles[2].clone(),
+    )?;
+    if config.network {
+        tokio::spawn(follow_addresses(Arc::downgrade(&lab), facts.clone()));
+    }
     Ok(Running {
         lab,
         lab_url: format!("http://127.0.0.1:{}/", port[0]),
-        phone_urls: facts.phone_urls,
-        ingest_urls: facts.ingest_urls,
+        phone_urls: reach.phone_urls(),
+        ingest_urls: reach.ingest_urls(),
         token,
-        fingerprint: facts.fingerprint,
+        fingerprint: facts.fingerprint.clone(),
         handles,
     })
+}
+
+/// Looks again and again under which addresses this computer is reached, and tells the pages when
+/// that changes: a hotspot was turned on, another network was joined. The certificate stays, so
+/// that phones that have accepted it are not asked again.
+async fn follow_addresses(lab: Weak<Lab>, facts: Arc<Facts>) {
+    let mut tick = tokio::time::interval(LOOK_INTERVAL);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tick.tick().await;
+        let Ok(addresses) = tokio::task::spawn_blocking(Addresses::now).await else {
+            return;
+        };
+        let Some(lab) = lab.upgrade() else { return };
+        if facts.reach.update(addresses) {
+            lab.tell(&lab_api::hello(&facts));
+        }
+    }
 }
 
 impl Running {
@@ -171,30 +198,15 @@ fn serve(
     listener: TcpListener,
     port: u16,
     router: Router,
+    gate: Gate,
     handle: Handle<SocketAddr>,
 ) -> Result<(), StartError> {
     let server = axum_server::from_tcp(listener);
-    let mut server = server
-        .map_err(|error| StartError::Port { port, error })?
-        .handle(handle);
+    let server = server.map_err(|error| StartError::Port { port, error })?;
+    let mut server = server.acceptor(gate).handle(handle);
     limit_head(server.http_builder());
-    tokio::spawn(server.serve(router.into_make_service()));
-    Ok(())
-}
-
-fn serve_tls(
-    listener: TcpListener,
-    port: u16,
-    router: Router,
-    tls: RustlsConfig,
-    handle: Handle<SocketAddr>,
-) -> Result<(), StartError> {
-    let server = axum_server::from_tcp_rustls(listener, tls);
-    let mut server = server
-        .map_err(|error| StartError::Port { port, error })?
-        .handle(handle);
-    limit_head(server.http_builder());
-    tokio::spawn(server.serve(router.into_make_service()));
+    let service = router.into_make_service_with_connect_info::<Peer>();
+    tokio::spawn(server.serve(service));
     Ok(())
 }
 
@@ -247,20 +259,4 @@ fn three(port: u16, network: bool) -> Result<([TcpListener; 3], [u16; 3]), Start
         bind(outside, last)?,
     ];
     Ok((listeners, [port, next, last]))
-}
-
-/// The addresses of this computer that phones can reach: IPv4, private networks first.
-#[must_use]
-pub fn lan_addresses() -> Vec<IpAddr> {
-    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
-    let mut addresses: Vec<Ipv4Addr> = interfaces
-        .iter()
-        .filter_map(|interface| match interface.ip() {
-            IpAddr::V4(v4) if !v4.is_loopback() && !v4.is_link_local() => Some(v4),
-            _ => None,
-        })
-        .collect();
-    addresses.sort_by_key(|address| (!address.is_private(), *address));
-    addresses.dedup();
-    addresses.into_iter().map(IpAddr::V4).collect()
 }

@@ -1,9 +1,9 @@
 //! The certificate of the phone page: made here, kept between starts, accepted by phones with a tap.
 //!
 //! Phones refuse certificates that hold for more than 825 days or that do not name the address, so
-//! this one holds for 397 days and names every address of this computer; it is made anew when the
-//! addresses change or when it has less than 30 days left. Browsers remember an accepted
-//! certificate, hence it is kept in the data folder, the key readable by the user alone.
+//! this one holds for 397 days and names every address of this computer, now and lately; it is made
+//! anew when an address is missing or when it has less than 30 days left. Browsers remember an
+//! accepted certificate, hence it is kept in the data folder, the key readable by the user alone.
 
 use std::fs;
 use std::io::{self, Write as _};
@@ -24,6 +24,8 @@ use time::{Duration, OffsetDateTime};
 const DAYS: i64 = 397;
 /// It is made anew when fewer days are left.
 const RENEW_DAYS: i64 = 30;
+/// Most addresses and names of each kind in a certificate, the newest kept.
+const MOST_NAMES: usize = 32;
 
 /// What can go wrong with the certificate.
 #[derive(Debug, thiserror::Error)]
@@ -57,43 +59,91 @@ pub struct Certificate {
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Facts {
     addresses: Vec<IpAddr>,
+    #[serde(default)]
+    names: Vec<String>,
     not_after_unix_s: i64,
 }
 
+impl Facts {
+    /// Of the kept certificate.
+    fn read(folder: &Path) -> Option<Self> {
+        let facts = fs::read(folder.join("certificate.json")).ok()?;
+        serde_json::from_slice(&facts).ok()
+    }
+}
+
+/// `present`, and behind it what was there before and is not among them.
+fn union<T: Clone + PartialEq>(present: &[T], before: &[T]) -> Vec<T> {
+    let mut all = present.to_vec();
+    for old in before {
+        if !all.contains(old) {
+            all.push(old.clone());
+        }
+    }
+    all.truncate(MOST_NAMES.max(present.len()));
+    all
+}
+
 impl Certificate {
-    /// The kept certificate if it still fits, or a new one, which is kept.
+    /// The kept certificate if it still holds for all addresses and names, or a new one, which is
+    /// kept. A new one also names what the one before did: whoever carries the computer between
+    /// two networks is asked once in each.
     ///
     /// # Errors
     /// The folder cannot be written, or no certificate can be made.
-    pub fn load_or_make(folder: &Path, addresses: &[IpAddr]) -> Result<Self, TlsError> {
+    pub fn load_or_make(
+        folder: &Path,
+        addresses: &[IpAddr],
+        names: &[String],
+    ) -> Result<Self, TlsError> {
         let now = OffsetDateTime::now_utc();
-        match Self::load(folder, addresses, now) {
+        match Self::load(folder, addresses, names, now) {
             Some(kept) => Ok(kept),
-            None => Self::make(folder, addresses, now),
+            None => Self::make(folder, addresses, names, now),
         }
     }
 
-    fn load(folder: &Path, addresses: &[IpAddr], now: OffsetDateTime) -> Option<Self> {
-        let facts = fs::read(folder.join("certificate.json")).ok()?;
-        let facts: Facts = serde_json::from_slice(&facts).ok()?;
+    fn load(
+        folder: &Path,
+        addresses: &[IpAddr],
+        names: &[String],
+        now: OffsetDateTime,
+    ) -> Option<Self> {
+        let facts = Facts::read(folder)?;
         let fresh = facts.not_after_unix_s > (now + Duration::days(RENEW_DAYS)).unix_timestamp();
-        if !fresh || facts.addresses != addresses {
+        let covers = addresses.iter().all(|a| facts.addresses.contains(a))
+            && names.iter().all(|n| facts.names.contains(n));
+        if !fresh || !covers {
             return None;
         }
-        Some(Self {
+        let kept = Self {
             certificate: CertificateDer::from_pem_file(folder.join("certificate.pem")).ok()?,
             key: PrivateKeyDer::from_pem_file(folder.join("key.pem")).ok()?,
-        })
+        };
+        // Two starts at once, or a crash between two files, may have left what does not fit.
+        kept.server_config().ok()?;
+        Some(kept)
     }
 
-    fn make(folder: &Path, addresses: &[IpAddr], now: OffsetDateTime) -> Result<Self, TlsError> {
+    fn make(
+        folder: &Path,
+        addresses: &[IpAddr],
+        names: &[String],
+        now: OffsetDateTime,
+    ) -> Result<Self, TlsError> {
+        let before = Facts::read(folder);
+        let (old_addresses, old_names) =
+            before.map_or_else(Default::default, |old| (old.addresses, old.names));
+        let (addresses, names) = (union(addresses, &old_addresses), union(names, &old_names));
         let not_after = now + Duration::days(DAYS - 1);
-        let mut params = CertificateParams::new(vec!["localhost".to_owned()])?;
+        let mut all_names = vec!["localhost".to_owned()];
+        all_names.extend(names.iter().cloned());
+        let mut params = CertificateParams::new(all_names)?;
         let local = [
             IpAddr::from([127, 0, 0, 1]),
             IpAddr::from([0, 0, 0, 0, 0, 0, 0, 1]),
         ];
-        let named = local.iter().chain(addresses);
+        let named = local.iter().chain(&addresses);
         params
             .subject_alt_names
             .extend(named.map(|address| SanType::IpAddress(*address)));
@@ -108,7 +158,8 @@ impl Certificate {
         let key = KeyPair::generate()?;
         let certificate = params.self_signed(&key)?;
         let facts = Facts {
-            addresses: addresses.to_vec(),
+            addresses,
+            names,
             not_after_unix_s: not_after.unix_timestamp(),
         };
         let facts = serde_json::to_vec(&facts).map_err(|e| TlsError::Use(e.to_string()))?;
@@ -161,24 +212,17 @@ fn failed(path: &Path, action: &'static str, error: io::Error) -> TlsError {
     }
 }
 
-/// Writes a file that only the user can read.
+/// Writes a file that only the user can read, whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), TlsError> {
-    let mut options = fs::OpenOptions::new();
-    options.write(true).create_new(true);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::OpenOptionsExt as _;
-        options.mode(0o600);
-    }
-    // A new file, so that it never has the permissions of an old one.
-    if path.exists() {
-        fs::remove_file(path).map_err(|error| failed(path, "replace it", error))?;
-    }
-    let mut file = options
-        .open(path)
-        .map_err(|error| failed(path, "write it", error))?;
-    file.write_all(bytes)
-        .map_err(|error| failed(path, "write it", error))
+    let written = |error| failed(path, "write it", error);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    // Temporary files are made for the user alone.
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(written)?;
+    file.write_all(bytes).map_err(written)?;
+    file.as_file().sync_all().map_err(written)?;
+    let kept = file.persist(path);
+    kept.map_err(|error| failed(path, "replace it", error.error))?;
+    Ok(())
 }
 
 #[cfg(test)]
@@ -191,7 +235,8 @@ mod tests {
     #[test]
     fn phones_accept_its_dates_names_and_purpose() {
         let folder = tempfile::tempdir().unwrap();
-        let made = Certificate::load_or_make(folder.path(), &LAN).unwrap();
+        let made =
+            Certificate::load_or_make(folder.path(), &LAN, &["laptop.local".to_owned()]).unwrap();
         let (_, x509) = X509Certificate::from_der(&made.certificate).unwrap();
         let validity = x509.validity();
         let days = (validity.not_after.timestamp() - validity.not_before.timestamp()) / 86_400;
@@ -200,6 +245,7 @@ mod tests {
         let names = x509.subject_alternative_name().unwrap().unwrap().value;
         let has = |name: &GeneralName<'_>| names.general_names.contains(name);
         assert!(has(&GeneralName::DNSName("localhost")));
+        assert!(has(&GeneralName::DNSName("laptop.local")));
         assert!(has(&GeneralName::IPAddress(&[127, 0, 0, 1])));
         assert!(has(&GeneralName::IPAddress(&[192, 168, 7, 9])));
         assert!(
@@ -213,20 +259,48 @@ mod tests {
     }
 
     #[test]
-    fn it_is_kept_until_addresses_change_or_it_runs_out() {
+    fn it_is_kept_until_an_address_is_missing_or_it_runs_out() {
         let folder = tempfile::tempdir().unwrap();
         let make = |addresses: &[IpAddr]| {
-            let made = Certificate::load_or_make(folder.path(), addresses).unwrap();
+            let made = Certificate::load_or_make(folder.path(), addresses, &[]).unwrap();
             made.server_config().unwrap();
             made.fingerprint()
         };
-        let first = make(&LAN);
-        assert_eq!(make(&LAN), first);
-        let moved = make(&[]);
-        assert_ne!(moved, first);
+        let cafe = IpAddr::from([10, 0, 0, 7]);
+        let home = make(&LAN);
+        assert_eq!(make(&LAN), home);
+        // Without a network nobody is asked again.
+        assert_eq!(make(&[]), home);
+        let moved = make(&[cafe]);
+        assert_ne!(moved, home);
+        // Back home, and with both: the new one names the old address too.
+        assert_eq!(make(&LAN), moved);
+        assert_eq!(make(&[LAN[0], cafe]), moved);
         let later = OffsetDateTime::now_utc() + Duration::days(DAYS - RENEW_DAYS);
-        assert!(Certificate::load(folder.path(), &[], later).is_none());
-        assert!(Certificate::load(folder.path(), &[], later - Duration::days(3)).is_some());
+        let load = |now| Certificate::load(folder.path(), &LAN, &[], now);
+        assert!(load(later).is_none());
+        assert!(load(later - Duration::days(3)).is_some());
+    }
+
+    #[test]
+    fn a_key_that_does_not_fit_or_a_torn_file_is_made_anew() {
+        let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let start = |folder: &Path| Certificate::load_or_make(folder, &LAN, &[]).unwrap();
+        start(other.path());
+        for file in ["key.pem", "certificate.pem"] {
+            let first = start(folder.path()).fingerprint();
+            fs::copy(other.path().join(file), folder.path().join(file)).unwrap();
+            let mended = start(folder.path());
+            mended.server_config().unwrap();
+            assert_ne!(mended.fingerprint(), first);
+            assert_eq!(start(folder.path()).fingerprint(), mended.fingerprint());
+        }
+        for file in ["key.pem", "certificate.pem", "certificate.json"] {
+            fs::write(folder.path().join(file), b"-----BEGIN").unwrap();
+            start(folder.path()).server_config().unwrap();
+        }
+        let left = fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(left, 3, "temporary files are left behind");
     }
 
     #[cfg(unix)]
@@ -234,7 +308,7 @@ mod tests {
     fn only_the_user_reads_the_key() {
         use std::os::unix::fs::PermissionsExt as _;
         let folder = tempfile::tempdir().unwrap();
-        Certificate::load_or_make(folder.path(), &LAN).unwrap();
+        Certificate::load_or_make(folder.path(), &LAN, &["laptop.local".to_owned()]).unwrap();
         let mode = fs::metadata(folder.path().join("key.pem"))
             .unwrap()
             .permissions()

@@ -15,6 +15,8 @@ use serde_json::{Value, json};
 use crate::interrupt;
 use crate::output::print;
 
+/// Who reads the events so slowly is not waited for at the end.
+const LAST_WORDS: Duration = Duration::from_secs(2);
 /// How often a running lab looks whether Ctrl-C was pressed.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
@@ -112,16 +114,20 @@ async fn run(args: &LiveArgs) -> Result<()> {
         data_dir: args.data_dir.clone().map_or_else(data_dir, Ok)?,
         web_dir: args.web_dir.clone(),
         network: !args.local,
+        patience: Default::default(),
         options: options.clone(),
     };
     let running = server::start(config).await?;
     let events = running.lab.listen();
     ready(args, &running)?;
-    let telling = args.json.then(|| tokio::spawn(tell(events)));
+    let (end, ended) = tokio::sync::oneshot::channel();
+    let telling = args.json.then(|| tokio::spawn(tell(events, ended)));
     let outcome = work(args, &running.lab, &options).await;
     running.stop().await;
     if let Some(telling) = telling {
-        telling.abort();
+        // The summary comes last.
+        drop(end);
+        let _ = tokio::time::timeout(LAST_WORDS, telling).await;
     }
     match outcome? {
         Some(summary) if args.json => print(&format!("{}\n", serde_json::to_string(&summary)?)),
@@ -219,11 +225,19 @@ fn open_browser(url: &str) {
     let _ = quiet.arg(url).spawn();
 }
 
-/// Prints one line for each event.
-async fn tell(mut events: tokio::sync::broadcast::Receiver<std::sync::Arc<str>>) {
+/// Prints one line for each event until `ended`. Whoever reads slowly, or not at all, holds up a
+/// thread of its own and not the lab.
+async fn tell(
+    mut events: tokio::sync::broadcast::Receiver<std::sync::Arc<str>>,
+    mut ended: tokio::sync::oneshot::Receiver<()>,
+) {
     use tokio::sync::broadcast::error::RecvError;
     loop {
-        let text = match events.recv().await {
+        let received = tokio::select! {
+            received = events.recv() => received,
+            _ = &mut ended => return,
+        };
+        let text = match received {
             Ok(text) => text,
             Err(RecvError::Lagged(_)) => continue,
             Err(RecvError::Closed) => return,
@@ -234,7 +248,8 @@ async fn tell(mut events: tokio::sync::broadcast::Receiver<std::sync::Arc<str>>)
         {
             object.insert("event".to_owned(), kind);
         }
-        if print(&format!("{message}\n")).is_err() {
+        let printed = tokio::task::spawn_blocking(move || print(&format!("{message}\n"))).await;
+        if !matches!(printed, Ok(Ok(()))) {
             return;
         }
     }

@@ -6,6 +6,7 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use northing_evaluation::{EstimatorKind, Profile, RunOptions};
+use northing_live::connections::Patience;
 use northing_live::server::{LiveConfig, Running, start};
 use northing_recording::{Event, Sample};
 use serde_json::{Value, json};
@@ -37,6 +38,11 @@ impl Answer {
 
 impl TestLab {
     pub fn start() -> Self {
+        Self::with_patience(Patience::default())
+    }
+
+    /// A lab that keeps silent connections for so long.
+    pub fn with_patience(patience: Patience) -> Self {
         let runtime = tokio::runtime::Runtime::new().unwrap();
         let data = tempfile::tempdir().unwrap();
         let config = LiveConfig {
@@ -44,6 +50,7 @@ impl TestLab {
             data_dir: data.path().to_owned(),
             web_dir: None,
             network: false,
+            patience,
             options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
         };
         let running = runtime.block_on(start(config)).unwrap();

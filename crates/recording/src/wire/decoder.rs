@@ -150,7 +150,7 @@ impl PageLoad {
         let mut out = Decoded::default();
         for batch in batches {
             let hidden = batch.page_events.iter().any(|event| event.kind == "hidden");
-            out.append(self.decoder.decode(batch));
+            out.append(self.decoder.decode(&batch));
             if hidden {
                 out.note(
                     Tone::Warning,

@@ -48,6 +48,8 @@ pub struct Batch {
     magnetometer: Vec<Value>,
     quaternion: Vec<Value>,
     orientation: Vec<Value>,
+    /// Readings beyond [`MOST_READINGS`], which were dropped.
+    left_out: usize,
 }
 
 /// Something that happened on the page: hidden, visible, a permission.
@@ -99,7 +101,7 @@ impl Batch {
         let motion = taken(object.get_mut("dm"));
         let orientation = taken(object.get_mut("do"));
         let mut generic = |key: &str| taken(object.get_mut("gs").and_then(|gs| gs.get_mut(key)));
-        Ok(Self {
+        let mut batch = Self {
             device,
             name,
             session,
@@ -114,7 +116,37 @@ impl Batch {
             magnetometer: generic("m"),
             quaternion: generic("q"),
             orientation,
-        })
+            left_out: 0,
+        };
+        batch.truncate();
+        Ok(batch)
+    }
+
+    /// Keeps at most [`MOST_READINGS`] readings of all lists together, and no memory for more.
+    fn truncate(&mut self) {
+        let mut room = MOST_READINGS;
+        let mut left_out = 0;
+        for list in self.lists() {
+            left_out += list.len().saturating_sub(room);
+            list.truncate(room);
+            list.shrink_to_fit();
+            room -= list.len();
+        }
+        self.left_out = left_out;
+    }
+
+    /// Readings of all sensors, at most [`MOST_READINGS`].
+    #[must_use]
+    pub fn readings(&self) -> usize {
+        let lists = [
+            &self.accelerometer,
+            &self.gyroscope,
+            &self.magnetometer,
+            &self.quaternion,
+            &self.motion,
+            &self.orientation,
+        ];
+        lists.iter().map(|list| list.len()).sum()
     }
 
     fn lists(&mut self) -> [&mut Vec<Value>; 6] {
@@ -185,19 +217,25 @@ impl PhonePage {
     /// Reads and decodes one batch; bytes that are no batch give a remark.
     pub fn push(&mut self, bytes: &[u8]) -> Decoded {
         match Batch::parse(bytes) {
-            Ok(batch) => self.decode(batch),
+            Ok(batch) => self.decode(&batch),
             Err(error) => Decoded::refused(&error),
         }
     }
 
     /// Decodes one batch of this page load, in the order of their numbers.
-    pub fn decode(&mut self, mut batch: Batch) -> Decoded {
+    pub fn decode(&mut self, batch: &Batch) -> Decoded {
         let mut out = Decoded::default();
-        limit(&mut batch, &mut out);
-        self.sign.platform = platform_sign(&batch);
+        if batch.left_out > 0 {
+            out.note_many(
+                Tone::Bad,
+                format!("A batch has more than {MOST_READINGS} readings; the rest was left out."),
+                batch.left_out as u64,
+            );
+        }
+        self.sign.platform = platform_sign(batch);
         let rows: Vec<Motion> = batch.motion.iter().map(Motion::read).collect();
-        self.see_sign(&batch, &rows);
-        self.generic_sensors(&batch, &mut out);
+        self.see_sign(batch, &rows);
+        self.generic_sensors(batch, &mut out);
         self.device_motion(&rows, &mut out);
         for row in &batch.orientation {
             self.device_orientation(row, &mut out);
@@ -328,24 +366,6 @@ impl PhonePage {
 }
 
 const NO_STAMP: &str = "A reading was left out: it has no time.";
-
-/// Keeps at most [`MOST_READINGS`] readings of all lists together.
-fn limit(batch: &mut Batch, out: &mut Decoded) {
-    let mut room = MOST_READINGS;
-    let mut left_out = 0;
-    for list in batch.lists() {
-        left_out += list.len().saturating_sub(room);
-        list.truncate(room);
-        room -= list.len();
-    }
-    if left_out > 0 {
-        out.note_many(
-            Tone::Bad,
-            format!("A batch has more than {MOST_READINGS} readings; the rest was left out."),
-            left_out as u64,
-        );
-    }
-}
 
 fn platform_sign(batch: &Batch) -> Option<ForceSign> {
     match batch.platform.as_str() {

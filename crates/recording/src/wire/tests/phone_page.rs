@@ -206,3 +206,20 @@ fn a_batch_that_is_too_long_is_used_up_to_the_limit() {
         .unwrap();
     assert_eq!(notice.count, 8);
 }
+
+#[test]
+fn a_batch_keeps_no_more_readings_than_are_used() {
+    let rows = vec!["[1,0,0,9.8]"; 3 * MOST_READINGS].join(",");
+    let bytes = format!(r#"{{"v":1,"device":"d","session":"s","seq":0,"gs":{{"a":[{rows}]}}}}"#);
+    let small = br#"{"v":1,"device":"d","session":"s","seq":0,"gs":{"a":[[1,0,0,9.8]]}}"#;
+    let batch = Batch::parse(bytes.as_bytes()).unwrap();
+    assert_eq!(batch.readings(), MOST_READINGS);
+    let decoded = PhonePage::new().decode(&batch);
+    let notice = decoded
+        .notices
+        .iter()
+        .find(|n| n.text.contains("more than 2000"));
+    assert_eq!(notice.map(|n| n.count), Some(2 * MOST_READINGS as u64));
+    let batch = Batch::parse(small).unwrap();
+    assert_eq!(batch.readings(), 1);
+}
