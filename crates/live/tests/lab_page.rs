@@ -37,8 +37,11 @@ impl Page {
     /// The next message for which `wanted` holds.
     fn wait(&mut self, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         for _ in 0..20_000 {
-            let Ok(Message::Text(text)) = self.socket.read() else {
-                panic!("no {what}");
+            let text = match self.socket.read() {
+                Ok(Message::Text(text)) => text,
+                // The library answers it, as a browser does.
+                Ok(Message::Ping(_)) => continue,
+                other => panic!("no {what}: {other:?}"),
             };
             let message: Value = serde_json::from_str(&text).unwrap();
             assert!(message["type"] != "error" || wanted(&message), "{message}");
