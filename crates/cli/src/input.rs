@@ -16,9 +16,12 @@ pub(crate) const STDIN: &str = "-";
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "About the recording")]
 pub(crate) struct InputArgs {
-    /// Format, where it shall not be told by content: parquet, csv, sensor-logger, manifest
+    /// Format, where it shall not be told by content: parquet, csv, mcap, sensor-logger, manifest
     #[arg(long, value_name = "FORMAT")]
     format: Option<Format>,
+    /// The device, where a file holds several (in ROS 2 files: the topic)
+    #[arg(long, value_name = "NAME")]
+    device: Option<String>,
     /// TOML file that describes the columns of any other table (see docs/formats.md)
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
@@ -46,6 +49,7 @@ impl InputArgs {
     pub(crate) fn options(&self) -> OpenOptions {
         OpenOptions {
             format: self.format,
+            device: self.device.clone(),
             manifest: self.manifest.clone(),
             gyroscope_unit: self.gyroscope_unit,
             accelerometer_unit: self.accelerometer_unit,

@@ -8,6 +8,7 @@ use northing_core::attitude::{AttitudeConfig, InitialState};
 use northing_core::calibration::RestCalibration;
 use northing_core::geometry::frames::TangentFrame;
 use northing_recording::WorldFrame;
+use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
@@ -138,7 +139,8 @@ pub(crate) const fn tangent_frame(frame: WorldFrame) -> TangentFrame {
 }
 
 /// Which magnetometer stream is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum MagnetometerSource {
     /// As the device calibrated it.
     #[default]
@@ -148,7 +150,7 @@ pub enum MagnetometerSource {
 }
 
 /// The sensors a run uses beside the gyroscope, which every estimator needs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SensorSelection {
     /// Whether the accelerometer is used, default true.
     pub accelerometer: bool,

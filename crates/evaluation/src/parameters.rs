@@ -11,7 +11,7 @@ use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
 
 /// A named set of parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
     /// A phone or wearable in real use: the default for recordings.

@@ -15,6 +15,7 @@ use crate::experiments::{self, Finished};
 use crate::frames::FrameText;
 use crate::lab::{Device, Lab, Queuing, lock};
 use crate::messages::{Command, SensorUse};
+use crate::recorder::Control;
 use crate::session::Happening;
 use crate::session::calibration::CalibrationRun;
 use crate::session::experiment::Experiment;
@@ -46,6 +47,8 @@ pub enum Work {
     Poll {
         /// The time, ns.
         arrival_ns: i64,
+        /// Who waits until everything before is done.
+        reply: Option<oneshot::Sender<()>>,
     },
     /// A command.
     Command {
@@ -63,6 +66,9 @@ struct Task {
     device: Arc<Device>,
     engine: DeviceEngine,
     name: String,
+    renamed: bool,
+    /// The newest time of arrival, ns.
+    arrival_ns: i64,
     last_work: Instant,
     last_frame: Option<Instant>,
     last_progress: Instant,
@@ -82,6 +88,8 @@ pub(crate) fn spawn(
         device,
         engine,
         name: String::new(),
+        renamed: false,
+        arrival_ns: i64::MIN,
         last_work: now,
         last_frame: None,
         last_progress: now,
@@ -144,12 +152,18 @@ impl Task {
                 arrival_ns,
                 reply,
             } => {
-                let taken = self.payload(format, &bytes, arrival_ns);
+                let taken = self.payload(format, bytes, arrival_ns);
                 if let Some(reply) = reply {
                     let _ = reply.send(taken);
                 }
             }
-            Work::Poll { arrival_ns } => self.poll(arrival_ns),
+            Work::Poll { arrival_ns, reply } => {
+                self.poll(arrival_ns);
+                self.publish();
+                if let Some(reply) = reply {
+                    let _ = reply.send(());
+                }
+            }
         }
         self.last_work = Instant::now();
         self.device.heard();
@@ -170,20 +184,37 @@ impl Task {
     fn payload(
         &mut self,
         format: WireFormat,
-        bytes: &Bytes,
+        bytes: Bytes,
         arrival_ns: i64,
     ) -> Result<(), WireError> {
-        let happenings = self.engine.payload(format, bytes, arrival_ns)?;
+        let arrival_ns = self.later(arrival_ns);
+        self.lab
+            .recorder
+            .payload(&self.device.key, format, arrival_ns, bytes.clone());
+        let happenings = self.engine.payload(format, &bytes, arrival_ns)?;
         if self.engine.name() != self.name {
             self.engine.name().clone_into(&mut self.name);
-            self.name.clone_into(&mut lock(&self.device.status).name);
+            // A name that was given in the lab stays.
+            if !self.renamed {
+                self.name.clone_into(&mut lock(&self.device.status).name);
+            }
         }
         self.happened(happenings, arrival_ns);
         Ok(())
     }
 
+    /// Uploads that come at once may be handed over in another order than they were stamped in.
+    fn later(&mut self, arrival_ns: i64) -> i64 {
+        self.arrival_ns = self.arrival_ns.max(arrival_ns);
+        self.arrival_ns
+    }
+
     fn poll(&mut self, now_ns: i64) {
+        let now_ns = self.later(now_ns);
         if let Some(happenings) = self.engine.poll(now_ns) {
+            self.lab
+                .recorder
+                .control(&self.device.key, now_ns, &Control::Poll);
             self.happened(happenings, now_ns);
         }
     }
@@ -245,10 +276,18 @@ impl Task {
     }
 
     fn command(&mut self, command: &Command, arrival_ns: i64) -> Result<(), String> {
+        let arrival_ns = self.later(arrival_ns);
+        let recorded = Control::Command {
+            command: command.clone(),
+        };
+        self.lab
+            .recorder
+            .control(&self.device.key, arrival_ns, &recorded);
         let happenings = self.engine.command(command)?;
         match command {
             Command::Experiment(..) => self.experiment_id = self.lab.next_experiment(),
             Command::Rename(name) => {
+                self.renamed = true;
                 lock(&self.device.status).name = name.chars().take(60).collect();
             }
             _ => {}

@@ -9,6 +9,7 @@ use northing_evaluation::trace::Trace;
 use northing_evaluation::{
     EstimatorKind, EvaluationError, RunObserver, RunOptions, RunSummary, TraceObserver, run,
 };
+use northing_recording::wire::events;
 use northing_recording::{Event, SensorKind};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -297,17 +298,8 @@ fn trace_columns(trace: &Trace) -> Value {
     json!({"t_s": t_s, "angles_deg": angles, "std_deg": std, "error_deg": error})
 }
 
-/// SHA-256 of the events: stamp, sensor, and every number in its shortest exact form.
-fn hash(events: &[Event]) -> String {
-    let mut context = ring::digest::Context::new(&ring::digest::SHA256);
-    for event in events {
-        context.update(&event.time_ns.to_le_bytes());
-        context.update(format!("{:?}", event.sample).as_bytes());
-    }
-    context
-        .finish()
-        .as_ref()
-        .iter()
-        .map(|b| format!("{b:02x}"))
-        .collect()
+/// SHA-256 of the events as [`events::encode`] writes them.
+fn hash(measured: &[Event]) -> String {
+    let digest = ring::digest::digest(&ring::digest::SHA256, &events::encode(measured));
+    digest.as_ref().iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -169,7 +169,10 @@ fn wrong_token() -> Refusal {
 
 /// A batch of the phone page; the answer is made when the lab has taken it.
 async fn take_page(lab: &Arc<Lab>, bytes: Bytes) -> Result<Value, Refusal> {
-    let batch = Batch::parse(&bytes).map_err(|error| malformed(&error))?;
+    let batch = Batch::parse(&bytes).map_err(|error| {
+        lab.refused(bytes.clone());
+        malformed(&error)
+    })?;
     let device = device(lab, &batch.device, &batch.name, "page")?;
     give(lab, &device, WireFormat::PhonePage, bytes).await?;
     Ok(json!({"ack": batch.seq, "recv_ns": lab.now_ns(), "commands": []}))

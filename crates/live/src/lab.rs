@@ -1,10 +1,12 @@
 //! The lab: its devices, what pages are told, and the finished experiments.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use axum::body::Bytes;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_evaluation::RunOptions;
 use serde_json::{Value, json};
@@ -16,6 +18,7 @@ use crate::experiments::Finished;
 use crate::frames::FrameText;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
+use crate::recorder::{Control, Recorder, RecordingStatus};
 
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
@@ -39,6 +42,8 @@ const MOST_KEPT_EVENTS: usize = 12_000_000;
 pub struct Device {
     /// What it is addressed by.
     pub id: String,
+    /// The same, for recordings.
+    pub(crate) key: Arc<str>,
     /// How it delivers.
     pub source: &'static str,
     queue: mpsc::Sender<Queuing>,
@@ -70,6 +75,8 @@ pub struct Lab {
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
     pub(crate) messages: broadcast::Sender<Arc<str>>,
     pub(crate) devices_changed: watch::Sender<()>,
+    pub(crate) recorder: Recorder,
+    refused: Mutex<RateLimit>,
     options: RunOptions,
     started: Instant,
     started_unix_ns: i64,
@@ -84,6 +91,17 @@ impl Lab {
     /// A lab without devices; each one starts with `options`.
     #[must_use]
     pub fn new(options: RunOptions) -> Arc<Self> {
+        Self::recording(options, None)
+    }
+
+    /// A lab without devices that records everything into a folder, if one is given.
+    #[must_use]
+    pub fn recording(options: RunOptions, folder: Option<PathBuf>) -> Arc<Self> {
+        let messages = broadcast::channel(MESSAGES).0;
+        let recorder = match folder {
+            Some(folder) => Recorder::new(folder, messages.clone()),
+            None => Recorder::off(),
+        };
         Arc::new(Self {
             devices: Mutex::default(),
             experiments: Mutex::default(),
@@ -91,8 +109,10 @@ impl Lab {
             next_virtual: AtomicU64::new(1),
             queued: Queued::default(),
             frames: broadcast::channel(FRAMES).0,
-            messages: broadcast::channel(MESSAGES).0,
             devices_changed: watch::Sender::new(()),
+            messages,
+            recorder,
+            refused: Mutex::new(RateLimit::new(Instant::now())),
             options,
             started: Instant::now(),
             started_unix_ns: unix_ns(),
@@ -105,6 +125,24 @@ impl Lab {
     pub fn now_ns(&self) -> i64 {
         let since = i64::try_from(self.started.elapsed().as_nanos()).unwrap_or(i64::MAX);
         self.started_unix_ns.saturating_add(since)
+    }
+
+    /// Records bytes of a phone that nobody could make sense of, within the limits of one device.
+    pub(crate) fn refused(&self, bytes: Bytes) {
+        if lock(&self.refused).admits(Instant::now(), bytes.len()) {
+            self.recorder.refused(self.now_ns(), bytes);
+        }
+    }
+
+    /// How the recording is.
+    #[must_use]
+    pub fn recording_status(&self) -> RecordingStatus {
+        self.recorder.status()
+    }
+
+    /// Completes the recording and waits for it.
+    pub fn close_recording(&self) {
+        self.recorder.close();
     }
 
     /// Tells all pages.
@@ -163,6 +201,7 @@ impl Lab {
         };
         let device = Arc::new(Device {
             id: id.to_owned(),
+            key: id.into(),
             source,
             queue,
             status: Mutex::new(status),
@@ -173,6 +212,12 @@ impl Lab {
             replayed,
             gone: AtomicBool::new(false),
         });
+        let came = Control::Device {
+            name: if name.is_empty() { id } else { name }.to_owned(),
+            source: source.to_owned(),
+            profile: engine.session().options().profile.name().to_owned(),
+        };
+        self.recorder.control(&device.key, self.now_ns(), &came);
         devices.insert(id.to_owned(), device.clone());
         drop(devices);
         device::spawn(self.clone(), device.clone(), engine, work);
@@ -213,6 +258,8 @@ impl Lab {
     pub fn remove(&self, id: &str) {
         if let Some(device) = lock(&self.devices).remove(id) {
             device.gone.store(true, Ordering::Relaxed);
+            self.recorder
+                .control(&device.key, self.now_ns(), &Control::Removed);
         }
         self.tell_devices();
     }

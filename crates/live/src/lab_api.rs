@@ -88,6 +88,7 @@ async fn status(State(api): State<LabApi>) -> Json<Value> {
         "phone_urls": api.facts.reach.phone_urls(),
         "ingest_urls": api.facts.reach.ingest_urls(),
         "fingerprint": api.facts.fingerprint,
+        "recording": api.lab.recording_status(),
         "devices": api.lab.statuses(),
         "experiments": api.lab.experiments_message()["rows"],
     }))

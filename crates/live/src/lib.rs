@@ -12,6 +12,7 @@
 //! | frames for the pages | [`frames`] |
 //! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`allan`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
+//! | recording everything as it arrives | [`recorder`] |
 //! | the pages and the QR code | [`assets`], [`qr`] |
 //!
 //! A sample's way: a listener reads a batch and hands its bytes to the task of its device, whose engine
@@ -35,6 +36,8 @@ pub mod messages;
 mod page;
 mod pulse;
 pub mod qr;
+pub mod recorder;
+mod recordings_api;
 pub mod replay;
 pub mod report;
 pub mod security;

@@ -188,8 +188,9 @@ impl SensorUse {
     }
 }
 
-/// A command for one device.
-#[derive(Debug, Clone, PartialEq)]
+/// A command for one device. Recordings hold it as JSON.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Command {
     /// Calibrate for so many seconds.
     Calibrate(f64),

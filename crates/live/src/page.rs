@@ -67,6 +67,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
         hello(&api.facts),
         lab.devices_message(),
         lab.experiments_message(),
+        lab.recording_status().message(),
     ] {
         if send(&mut socket, message.to_string()).await.is_err() {
             return;

@@ -21,6 +21,8 @@ use crate::ingest::{self, Ingest};
 use crate::lab::Lab;
 use crate::lab_api::{self, Facts, LabApi};
 use crate::limits::Peer;
+use crate::recorder;
+use crate::recordings_api;
 use crate::security::{Names, guard};
 use crate::tls::{Certificate, TlsError};
 use crate::token::Token;
@@ -49,6 +51,8 @@ pub struct LiveConfig {
     pub network: bool,
     /// How long silent connections are kept.
     pub patience: Patience,
+    /// Where everything is recorded; `None` for no recording.
+    pub recordings: Option<PathBuf>,
     /// The options that every device starts with.
     pub options: RunOptions,
 }
@@ -90,6 +94,8 @@ pub struct Running {
     pub token: Arc<Token>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
+    /// A sentence about each recording that was found unfinished.
+    pub recovered: Vec<String>,
     handles: Vec<Handle<SocketAddr>>,
 }
 
@@ -112,7 +118,8 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let [for_lab, for_phones, for_apps] = listeners;
     let reach = Reach::new(addresses, name, [port[1], port[2]], token.clone());
     let reach = Arc::new(reach);
-    let lab = Lab::new(config.options);
+    let recovered = recovered(config.recordings.clone()).await;
+    let lab = Lab::recording(config.options, config.recordings.clone());
     let assets = Arc::new(Assets::new(config.web_dir));
     let facts = Arc::new(Facts {
         reach: reach.clone(),
@@ -136,7 +143,8 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let places = Places::new(PHONE_PLACES[0], PHONE_PLACES[1]);
     let gate = |tls, places: &Arc<Places>| Gate::new(tls, places.clone(), config.patience);
     let handles: Vec<Handle<SocketAddr>> = (0..3).map(|_| Handle::new()).collect();
-    let router = guarded(lab_api::router(api), "http", port[0], None, true);
+    let router = lab_api::router(api).merge(recordings_api::router(config.recordings));
+    let router = guarded(router, "http", port[0], None, true);
     let lab_gate = gate(None, &Places::new(LAB_PLACES, LAB_PLACES));
     serve(for_lab, port[0], router, lab_gate, handles[0].clone())?;
     let router = ingest::phone_router(ingest.clone());
@@ -162,6 +170,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         ingest_urls: reach.ingest_urls(),
         token,
         fingerprint: facts.fingerprint.clone(),
+        recovered,
         handles,
     })
 }
@@ -185,13 +194,25 @@ async fn follow_addresses(lab: Weak<Lab>, facts: Arc<Facts>) {
 }
 
 impl Running {
-    /// Closes the listeners and waits a moment for open requests.
+    /// Closes the listeners, waits a moment for open requests, and completes the recording.
     pub async fn stop(&self) {
         for handle in &self.handles {
             handle.graceful_shutdown(Some(GRACE));
         }
         tokio::time::sleep(GRACE / 5).await;
+        let lab = self.lab.clone();
+        // A thread that cannot be had leaves the file to the next start.
+        let _ = tokio::task::spawn_blocking(move || lab.close_recording()).await;
     }
+}
+
+/// Makes unfinished recordings whole, aside.
+async fn recovered(folder: Option<PathBuf>) -> Vec<String> {
+    let Some(folder) = folder else {
+        return Vec::new();
+    };
+    let work = tokio::task::spawn_blocking(move || recorder::recover_all(&folder));
+    work.await.unwrap_or_default()
 }
 
 fn serve(

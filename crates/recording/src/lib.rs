@@ -18,6 +18,8 @@ pub mod event;
 mod instant;
 pub mod issues;
 pub mod manifest;
+#[cfg(feature = "mcap")]
+pub mod mcap;
 mod merge;
 pub mod metadata;
 mod open;

@@ -56,7 +56,7 @@ pub fn read_from(
                         .to_owned(),
             });
         }
-        (Format::Parquet | Format::SensorLogger, _) => {
+        (Format::Parquet | Format::SensorLogger | Format::Mcap, _) => {
             return Err(RecordingError::Unsupported {
                 file: name.to_owned(),
                 problem: format!(
@@ -68,7 +68,7 @@ pub fn read_from(
     Ok(Recording::new(name.to_owned(), opened, options))
 }
 
-/// Reads a recording that is in memory: Parquet, our CSV, Sensor Logger's zip or JSON. `name`
+/// Reads a recording that is in memory: Parquet, MCAP, our CSV, Sensor Logger's zip or JSON. `name`
 /// stands for the file in messages.
 ///
 /// # Errors
@@ -83,6 +83,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
     let opened = match format {
         Format::Csv => csv::open(Cursor::new(bytes), name, metadata)?,
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
+        Format::Mcap => open_mcap(Cursor::new(bytes), name, metadata, options)?,
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
         Format::Manifest => {
             return Err(RecordingError::Unsupported {
@@ -125,6 +126,7 @@ fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
             }),
         },
         Format::Parquet => open_parquet_file(File::open(path).map_err(failed)?, file, metadata),
+        Format::Mcap => open_mcap(File::open(path).map_err(failed)?, file, metadata, options),
         Format::Csv => csv::open(File::open(path).map_err(failed)?, file, metadata),
         Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
     }
@@ -173,6 +175,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     }
     if head.starts_with(b"PAR1") {
         return Ok(Format::Parquet);
+    }
+    if head.starts_with(b"\x89MCAP") {
+        return Ok(Format::Mcap);
     }
     if head.starts_with(b"PK\x03\x04") {
         return Ok(Format::SensorLogger);
@@ -259,4 +264,22 @@ fn open_parquet_file(_: File, file: &str, _: Metadata) -> Result<Opened> {
 #[cfg(not(feature = "parquet"))]
 fn open_parquet_bytes(_: Vec<u8>, file: &str, _: Metadata) -> Result<Opened> {
     without_parquet(file)
+}
+
+#[cfg(feature = "mcap")]
+fn open_mcap(
+    input: impl crate::mcap::Input + 'static,
+    file: &str,
+    metadata: Metadata,
+    options: &OpenOptions,
+) -> Result<Opened> {
+    crate::mcap::open(Box::new(input), file, metadata, options.device.as_deref())
+}
+
+#[cfg(not(feature = "mcap"))]
+fn open_mcap<T>(_: T, file: &str, _: Metadata, _: &OpenOptions) -> Result<Opened> {
+    Err(RecordingError::Unsupported {
+        file: file.to_owned(),
+        problem: "this build cannot read MCAP; build with `--features mcap`".to_owned(),
+    })
 }

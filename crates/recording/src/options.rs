@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 pub struct OpenOptions {
     /// The format; default: by content.
     pub format: Option<Format>,
+    /// The device (in ROS 2 files the topic) where a file holds several; default: the only one.
+    pub device: Option<String>,
     /// A manifest that describes the (text) file; default: `FILE.toml` beside it if needed.
     pub manifest: Option<PathBuf>,
     /// The unit in which the file's angular rates are, where it is not what the format promises.
@@ -31,6 +33,7 @@ impl Default for OpenOptions {
     fn default() -> Self {
         Self {
             format: None,
+            device: None,
             manifest: None,
             gyroscope_unit: None,
             accelerometer_unit: None,
@@ -94,6 +97,8 @@ named_values! {
         Csv = "csv",
         /// Sensor Logger: folder of CSV files, zip of it, or JSON.
         SensorLogger = "sensor-logger",
+        /// MCAP: recordings of the lab, ROS 2 messages (feature `mcap`).
+        Mcap = "mcap",
         /// Any other delimited text file, described by a TOML manifest.
         Manifest = "manifest",
     }

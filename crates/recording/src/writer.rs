@@ -23,7 +23,8 @@ pub trait EventWriter {
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
-/// Creates a recording at `path`: `.parquet` or `.csv` by its extension, with columns for `sensors`.
+/// Creates a recording at `path`: `.parquet`, `.csv` or `.mcap` (messages of ROS 2) by its extension,
+/// with columns for `sensors`.
 ///
 /// # Errors
 /// [`RecordingError::Unsupported`] for other extensions, and as [`crate::AtomicFile::create`].
@@ -48,8 +49,16 @@ pub fn create(
         Some("parquet") => Err(unsupported(
             "this build cannot write Parquet; build with `--features parquet`, or write .csv",
         )),
+        #[cfg(feature = "mcap")]
+        Some("mcap") => Ok(Box::new(crate::mcap::RosWriter::create(
+            path, metadata, force,
+        )?)),
+        #[cfg(not(feature = "mcap"))]
+        Some("mcap") => Err(unsupported(
+            "this build cannot write MCAP; build with `--features mcap`, or write .csv",
+        )),
         _ => Err(unsupported(
-            "recordings are written as .csv or .parquet; name the output so",
+            "recordings are written as .csv, .parquet or .mcap; name the output so",
         )),
     }
 }

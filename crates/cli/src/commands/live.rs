@@ -1,6 +1,6 @@
 //! `northing live`: the lab on this computer, phones deliver into it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -56,6 +56,15 @@ pub(crate) struct LiveArgs {
     /// How fast a recording is played
     #[arg(long, value_enum, default_value_t = ReplaySpeed::Real, requires = "replay")]
     speed: ReplaySpeed,
+    /// The device of the summary, where the recording holds several
+    #[arg(long, value_name = "NAME", requires = "exit")]
+    device: Option<String>,
+    /// Record nothing
+    #[arg(long)]
+    no_recording: bool,
+    /// Folder for recordings of everything that arrives; default: `recordings` in the folder for data
+    #[arg(long, value_name = "FOLDER", conflicts_with = "no_recording")]
+    recordings: Option<PathBuf>,
     /// End when the recording has ended, with the summary of `northing run`
     #[arg(long, requires = "replay")]
     exit: bool,
@@ -85,6 +94,9 @@ impl Default for LiveArgs {
             local: false,
             replay: None,
             speed: ReplaySpeed::Real,
+            device: None,
+            no_recording: false,
+            recordings: None,
             exit: false,
             data_dir: None,
             web_dir: None,
@@ -109,9 +121,11 @@ async fn run(args: &LiveArgs) -> Result<()> {
         Some(_) => RunOptions::default(),
         None => RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
     };
+    let data_dir = args.data_dir.clone().map_or_else(data_dir, Ok)?;
     let config = LiveConfig {
         port: args.port,
-        data_dir: args.data_dir.clone().map_or_else(data_dir, Ok)?,
+        recordings: recordings(args, &data_dir),
+        data_dir,
         web_dir: args.web_dir.clone(),
         network: !args.local,
         patience: Default::default(),
@@ -160,7 +174,10 @@ async fn work(
         if args.exit {
             let name = path.display().to_string();
             let (path, options) = (path.clone(), options.clone());
-            let summary = tokio::task::spawn_blocking(move || replay::summary(&path, &options));
+            let device = args.device.clone();
+            let summary = tokio::task::spawn_blocking(move || {
+                replay::summary(&path, device.as_deref(), &options)
+            });
             let mut summary = summary.await.context("the summary")??;
             // The name that `northing run` gives it.
             summary.recording = name;
@@ -177,6 +194,15 @@ async fn interrupted() {
     }
 }
 
+/// Where everything is recorded; a recording that is played is not recorded again.
+fn recordings(args: &LiveArgs, data_dir: &Path) -> Option<PathBuf> {
+    if args.no_recording || args.replay.is_some() {
+        return None;
+    }
+    let folder = args.recordings.clone();
+    Some(folder.unwrap_or_else(|| data_dir.join("recordings")))
+}
+
 /// Says where the lab is.
 fn ready(args: &LiveArgs, running: &Running) -> Result<()> {
     let phone = running.phone_urls.first().map_or("", String::as_str);
@@ -187,7 +213,14 @@ fn ready(args: &LiveArgs, running: &Running) -> Result<()> {
             "phones": running.phone_urls, "ingests": running.ingest_urls,
             "token": running.token.as_str(), "fingerprint": running.fingerprint,
         });
-        return print(&format!("{line}\n"));
+        print(&format!("{line}\n"))?;
+        for text in &running.recovered {
+            print(&format!(
+                "{}\n",
+                json!({"event": "recovered", "text": text})
+            ))?;
+        }
+        return Ok(());
     }
     let mut text = format!("The lab is at {}\n\n", running.lab_url);
     if !args.local {
@@ -198,6 +231,9 @@ fn ready(args: &LiveArgs, running: &Running) -> Result<()> {
              Apps that push (Sensor Logger): {app}\n",
             running.phone_urls.join("\n  ")
         ));
+    }
+    for sentence in &running.recovered {
+        text.push_str(&format!("{sentence}\n"));
     }
     text.push_str("No phone at hand? Add a virtual one on the page. Ctrl-C ends the lab.\n");
     print(&text)?;

@@ -171,6 +171,18 @@ impl Intake {
         }
     }
 
+    /// Counts a sample of a message that had been given up. Returns whether it is a measurement.
+    pub fn admit_late(&mut self, event: &Event) -> bool {
+        self.channels[event.sample.kind().order()].received += 1;
+        let plausible = is_plausible(&event.sample);
+        if plausible {
+            self.late += 1;
+        } else {
+            self.refused += 1;
+        }
+        plausible
+    }
+
     /// Forgets stamps and rates after a new start; the counts go on.
     fn restart(&mut self) {
         self.newest_ns = None;

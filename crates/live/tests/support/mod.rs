@@ -51,6 +51,7 @@ impl TestLab {
             web_dir: None,
             network: false,
             patience,
+            recordings: Some(data.path().join("recordings")),
             options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
         };
         let running = runtime.block_on(start(config)).unwrap();

@@ -111,6 +111,7 @@ pub struct WireDecoder {
     state: State,
     name: String,
     sessions: u64,
+    last_arrival_ns: i64,
     /// Of sessions that are over.
     lost_before: u64,
     duplicated_before: u64,
@@ -189,6 +190,7 @@ impl WireDecoder {
             state,
             name: String::new(),
             sessions: 0,
+            last_arrival_ns: 0,
             lost_before: 0,
             duplicated_before: 0,
         }
@@ -201,6 +203,7 @@ impl WireDecoder {
     /// A line for whoever sent it when nothing of the payload can be used; the decoder is as before.
     pub fn accept(&mut self, payload: &[u8], arrival_ns: i64) -> Result<Decoded, WireError> {
         self.sessions = self.sessions.max(1);
+        self.last_arrival_ns = arrival_ns;
         match &mut self.state {
             State::Page(_) => {
                 let batch = Batch::parse(payload)?;
@@ -227,7 +230,7 @@ impl WireDecoder {
             State::SensorStreamer(decoder) => Ok(decoder.push(payload)),
             State::Events => Ok(Decoded {
                 events: events::decode(payload)?,
-                notices: Vec::new(),
+                ..Decoded::default()
             }),
         }
     }
@@ -249,22 +252,32 @@ impl WireDecoder {
             self.sessions += 1;
         }
         let page = page.get_or_insert_with(|| Box::new(PageLoad::new(&batch.session)));
-        let ready = match page.order.push(batch.seq, arrival_ns, batch) {
-            Placed::Ready(ready) => ready,
-            Placed::Late(late) => vec![late],
-            Placed::Duplicate => Vec::new(),
-        };
-        out.append(page.decode(ready));
+        match page.order.push(batch.seq, arrival_ns, batch) {
+            Placed::Ready(ready) => out.append(page.decode(ready)),
+            Placed::Late(late) => {
+                let mut decoded = page.decode(vec![late]);
+                decoded.late = std::mem::take(&mut decoded.events);
+                out.append(decoded);
+            }
+            Placed::Duplicate => {}
+        }
         out
     }
 
     /// Decodes what has waited long enough at `now_ns`; `None` when there is nothing of the kind.
     pub fn poll(&mut self, now_ns: i64) -> Option<Decoded> {
-        let State::Page(Some(page)) = &mut self.state else {
-            return None;
-        };
-        let ready = page.order.poll(now_ns);
-        (!ready.is_empty()).then(|| page.decode(ready))
+        match &mut self.state {
+            State::Page(Some(page)) => {
+                let ready = page.order.poll(now_ns);
+                (!ready.is_empty()).then(|| page.decode(ready))
+            }
+            // Its messages wait in the readings' time, which stands still when nothing comes.
+            State::SensorLogger(decoder) => {
+                let silent = now_ns.saturating_sub(self.last_arrival_ns) >= PAGE_WAIT_NS;
+                (silent && decoder.waiting() > 0).then(|| decoder.flush())
+            }
+            _ => None,
+        }
     }
 
     /// Decodes what still waits: the stream has ended.
@@ -366,7 +379,9 @@ mod tests {
         assert_eq!(decoder.poll(PAGE_WAIT_NS), None);
         let given_up = decoder.poll(PAGE_WAIT_NS + 4).unwrap();
         assert_eq!(stamps_ms(&given_up), [50]);
-        assert_eq!((decoder.lost(), decoder.duplicated()), (1, 1));
+        let late = decoder.accept(&page("s", 3, 40), PAGE_WAIT_NS + 5).unwrap();
+        assert_eq!((late.events.len(), late.late.len()), (0, 1));
+        assert_eq!((decoder.lost(), decoder.duplicated()), (0, 1));
         assert_eq!((decoder.name(), decoder.sessions()), ("Anna", 1));
     }
 
@@ -382,6 +397,32 @@ mod tests {
         assert_eq!(accept(&mut decoder, "b", 0, 1), [0; 0]);
         assert_eq!(decoder.sessions(), 2);
         assert_eq!((decoder.lost(), decoder.duplicated()), (1, 1));
+    }
+
+    #[test]
+    fn a_message_of_sensor_logger_that_waits_is_taken_when_nothing_else_comes() {
+        let mut decoder = WireDecoder::new(WireFormat::SensorLogger);
+        let push = |id: u64| {
+            format!(
+                r#"{{"messageId":{id},"sessionId":"s","deviceId":"d","payload":[{{"name":"gyroscope","time":{},"values":{{"x":0,"y":0,"z":0}}}}]}}"#,
+                id * 1_000_000
+            )
+        };
+        assert_eq!(
+            stamps_ms(&decoder.accept(push(0).as_bytes(), 0).unwrap()),
+            [0]
+        );
+        assert!(
+            decoder
+                .accept(push(2).as_bytes(), 5)
+                .unwrap()
+                .events
+                .is_empty()
+        );
+        assert_eq!(decoder.poll(PAGE_WAIT_NS), None);
+        assert_eq!(stamps_ms(&decoder.poll(PAGE_WAIT_NS + 5).unwrap()), [2]);
+        assert_eq!(decoder.lost(), 1);
+        assert_eq!(decoder.poll(2 * PAGE_WAIT_NS + 5), None);
     }
 
     #[test]

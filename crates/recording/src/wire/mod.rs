@@ -62,6 +62,9 @@ pub const MOST_NOTICES: usize = 32;
 pub struct Decoded {
     /// Measurements in time order.
     pub events: Vec<Event>,
+    /// Measurements of messages that had been given up before they came: whoever keeps a recording
+    /// wants them, an estimate that has gone on does not.
+    pub late: Vec<Event>,
     /// Remarks, each once, with how often it applies to these bytes.
     pub notices: Vec<Notice>,
 }
@@ -146,6 +149,7 @@ impl Decoded {
     /// Takes over the events and remarks of `later` behind its own.
     pub fn append(&mut self, later: Self) {
         self.events.extend(later.events);
+        self.late.extend(later.late);
         for notice in later.notices {
             self.note_many(notice.tone, notice.text, notice.count);
         }

@@ -9,6 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// How many numbers of lost messages are remembered, to tell a late one from a duplicate.
 const MOST_REMEMBERED: usize = 1024;
+/// A number this far ahead is no gap but an invention of whoever sent it.
+const FARTHEST_AHEAD: u64 = 1_000_000;
 
 /// What became of a message.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,13 +58,20 @@ impl<T> Resequencer<T> {
     /// Places message `number` that came at `now_ns`.
     ///
     /// A stream is expected to start at 0; one that starts further on is taken up where it is
-    /// after the wait, or at once when it is further on than `most_held`.
+    /// after the wait, or at once when it is further on than `most_held`. A number absurdly far ahead
+    /// is handed back as late and changes nothing.
     pub fn push(&mut self, number: u64, now_ns: i64, message: T) -> Placed<T> {
+        if number == u64::MAX {
+            return Placed::Late(message);
+        }
         let next = *self.next.get_or_insert(if number > self.most_held as u64 {
             number
         } else {
             0
         });
+        if number > next.saturating_add(FARTHEST_AHEAD) {
+            return Placed::Late(message);
+        }
         if number < next {
             if self.given_up.remove(&number) {
                 self.lost = self.lost.saturating_sub(1);

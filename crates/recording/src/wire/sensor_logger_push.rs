@@ -106,6 +106,8 @@ pub struct SensorLoggerPush {
     pairs: Pairs,
     forced: Option<ForceSign>,
     stream: Stream,
+    /// Newest stamp of any message, ns.
+    newest_ns: i64,
     /// Of sessions that are over.
     lost_before: u64,
     duplicated_before: u64,
@@ -123,6 +125,7 @@ impl Default for SensorLoggerPush {
             pairs: Pairs::default(),
             forced: None,
             stream: Stream::new("set the sampling period to 10 ms in the app"),
+            newest_ns: i64::MIN,
             lost_before: 0,
             duplicated_before: 0,
         }
@@ -177,7 +180,9 @@ impl SensorLoggerPush {
             return out;
         };
         let lost_before = self.order.lost();
-        let now_ns = push.latest_ns().unwrap_or(i64::MIN);
+        // A message without stamps neither ends a wait nor prolongs it.
+        self.newest_ns = push.latest_ns().unwrap_or(i64::MIN).max(self.newest_ns);
+        let now_ns = self.newest_ns;
         match self.order.push(number, now_ns, push) {
             Placed::Ready(pushes) => self.decode_all(&pushes, &mut out),
             Placed::Duplicate => {
@@ -188,7 +193,10 @@ impl SensorLoggerPush {
                     Tone::Warning,
                     "A message came more than a second after its successors; its readings stand behind theirs.",
                 );
-                self.decode_all(&[push], &mut out);
+                let mut late = Decoded::default();
+                self.decode_all(&[push], &mut late);
+                late.late = std::mem::take(&mut late.events);
+                out.append(late);
             }
         }
         let lost = self.order.lost().saturating_sub(lost_before);
@@ -201,6 +209,11 @@ impl SensorLoggerPush {
     /// Whether a message begins another session than the one under way.
     pub(super) fn is_other_session(&self, push: &Push) -> bool {
         !self.seen.is_empty() && push.session_id != self.session_id
+    }
+
+    /// Messages that wait for their predecessors.
+    pub(super) fn waiting(&self) -> usize {
+        self.order.waiting()
     }
 
     /// Messages that never came.

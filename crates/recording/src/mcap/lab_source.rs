@@ -1,0 +1,325 @@
+//! The events of one device in a recording of the lab, decoded as the lab decoded them.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+
+use super::file::{End, Messages};
+use super::lab::{LabRecord, RecordKind};
+use crate::error::{RecordingError, Result};
+use crate::event::{Event, SensorKind};
+use crate::issues::Issues;
+use crate::recording::EventSource;
+use crate::wire::{Decoded, Tone, WireDecoder, WireFormat};
+
+/// Batches overlap in time by less than this, ns; older events are handed out.
+const OVERLAP_NS: i64 = 2_000_000_000;
+/// A stamp that goes back further than this is another clock, ns.
+const NEW_CLOCK_NS: i64 = 2_000_000_000;
+/// No more events than this wait for others.
+const MOST_WAITING: usize = 100_000;
+/// Remarks of the decoder that are passed on.
+const MOST_REMARKS: usize = 8;
+
+/// The stream of one device.
+pub(crate) struct LabSource {
+    messages: Messages,
+    device: String,
+    decoder: Option<WireDecoder>,
+    order: Order,
+    remarks: Vec<String>,
+    refused: u64,
+    ended: bool,
+}
+
+impl LabSource {
+    pub(crate) fn new(messages: Messages, device: &str) -> Self {
+        Self {
+            messages,
+            device: device.to_owned(),
+            decoder: None,
+            order: Order::default(),
+            remarks: Vec::new(),
+            refused: 0,
+            ended: false,
+        }
+    }
+
+    /// Reads everything once: which sensors come, and how often.
+    pub(crate) fn sensors(mut self) -> (Vec<SensorKind>, Messages) {
+        let mut seen = BTreeMap::new();
+        while let Some(event) = self.next_ordered() {
+            *seen.entry(event.sample.kind().order()).or_insert(0_u64) += 1;
+        }
+        let sensors = SensorKind::ALL
+            .into_iter()
+            .filter(|kind| seen.contains_key(&kind.order()))
+            .collect();
+        (sensors, self.messages)
+    }
+
+    fn next_ordered(&mut self) -> Option<Event> {
+        loop {
+            if let Some(event) = self.order.ready(self.ended) {
+                return Some(event);
+            }
+            if self.ended {
+                return None;
+            }
+            match self.messages.next() {
+                Some(message) => self.take(LabRecord::of(message)),
+                None => {
+                    self.ended = true;
+                    let rest = self.decoder.as_mut().map(WireDecoder::finish);
+                    self.keep(rest.unwrap_or_default(), i64::MAX);
+                }
+            }
+        }
+    }
+
+    fn take(&mut self, record: Option<LabRecord>) {
+        let Some(record) = record.filter(|record| record.device == self.device) else {
+            return;
+        };
+        match record.kind {
+            RecordKind::Payload(format) => self.payload(format, &record),
+            RecordKind::Control => self.control(&record),
+            RecordKind::Refused => {}
+        }
+    }
+
+    fn payload(&mut self, format: WireFormat, record: &LabRecord) {
+        if self.decoder.as_ref().is_none_or(|d| d.format() != format) {
+            self.begin(Some(WireDecoder::new(format)), record.arrival_ns);
+        }
+        let Some(decoder) = &mut self.decoder else {
+            return;
+        };
+        match decoder.accept(&record.bytes, record.arrival_ns) {
+            Ok(decoded) => self.keep(decoded, record.arrival_ns),
+            Err(_) => self.refused += 1,
+        }
+    }
+
+    fn control(&mut self, record: &LabRecord) {
+        #[derive(serde::Deserialize)]
+        struct Control {
+            event: String,
+        }
+        let control = serde_json::from_slice(&record.bytes);
+        match control.as_ref().map(|c: &Control| c.event.as_str()) {
+            Ok("poll") => {
+                let decoded = self
+                    .decoder
+                    .as_mut()
+                    .and_then(|d| d.poll(record.arrival_ns));
+                self.keep(decoded.unwrap_or_default(), record.arrival_ns);
+            }
+            // It went and came again: nothing is left of what it was.
+            Ok("device" | "removed") => self.begin(None, record.arrival_ns),
+            _ => {}
+        }
+    }
+
+    fn begin(&mut self, decoder: Option<WireDecoder>, arrival_ns: i64) {
+        let old = std::mem::replace(&mut self.decoder, decoder);
+        if let Some(mut old) = old {
+            self.keep(old.finish(), arrival_ns);
+        }
+    }
+
+    fn keep(&mut self, decoded: Decoded, arrival_ns: i64) {
+        for notice in decoded.notices {
+            let matters = notice.tone != Tone::Info && self.remarks.len() < MOST_REMARKS;
+            if matters && !self.remarks.contains(&notice.text) {
+                self.remarks.push(notice.text);
+            }
+        }
+        for event in decoded.events {
+            self.order.push(event, arrival_ns);
+        }
+        for event in decoded.late {
+            self.order.push_late(event);
+        }
+    }
+
+    fn report(&mut self, issues: &mut Issues) {
+        if let Some(End::Cut(why)) = self.messages.end() {
+            issues.notes.push(cut_remark(why));
+        }
+        if self.refused > 0 {
+            issues.notes.push(format!(
+                "Messages that could not be decoded: {}.",
+                self.refused
+            ));
+        }
+        if self.order.clocks > 1 {
+            issues.notes.push(format!(
+                "The device's clock began anew {} time(s) (the page was loaded again); the parts follow each other as they arrived.",
+                self.order.clocks - 1
+            ));
+        }
+        issues.notes.append(&mut self.remarks);
+    }
+}
+
+/// What is said of a file that was cut.
+pub(crate) fn cut_remark(why: &str) -> String {
+    format!("The recording was not finished ({why}); it is read up to there.")
+}
+
+impl EventSource for LabSource {
+    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+        let was_ended = self.ended;
+        let event = self.next_ordered();
+        if self.ended && !was_ended {
+            self.report(issues);
+        }
+        event.map(Ok)
+    }
+}
+
+/// Which devices a recording has.
+pub(crate) fn several(file: &str, devices: &[String]) -> RecordingError {
+    RecordingError::Unsupported {
+        file: file.to_owned(),
+        problem: format!(
+            "it holds several devices: {}; say which one with --device NAME",
+            crate::error::join(devices.iter().map(String::as_str))
+        ),
+    }
+}
+
+/// Puts the events of overlapping batches in the order of time, clock after clock.
+#[derive(Debug, Default)]
+struct Order {
+    waiting: BinaryHeap<Reverse<Waiting>>,
+    /// Of a clock that is over: they come before everything that waits.
+    done: std::collections::VecDeque<Event>,
+    count: u64,
+    clocks: u64,
+    newest_ns: i64,
+    /// What the stamps of the present clock are moved by, ns.
+    offset_ns: i64,
+    last_arrival_ns: i64,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    key: (i64, usize, u64),
+    event: Event,
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.key == other.key
+    }
+}
+impl Eq for Waiting {}
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.key.cmp(&other.key)
+    }
+}
+
+impl Order {
+    fn push(&mut self, mut event: Event, arrival_ns: i64) {
+        let moved = moved_by(event.time_ns, self.offset_ns);
+        let first = self.clocks == 0;
+        if first || moved < self.newest_ns.saturating_sub(NEW_CLOCK_NS) {
+            if !first {
+                self.end_clock();
+                let pause = arrival_ns
+                    .saturating_sub(self.last_arrival_ns)
+                    .max(1_000_000);
+                let start = self.newest_ns.saturating_add(pause);
+                self.offset_ns = start.saturating_sub(event.time_ns);
+            }
+            self.clocks += 1;
+            self.newest_ns = moved_by(event.time_ns, self.offset_ns);
+        }
+        if arrival_ns != i64::MAX {
+            self.last_arrival_ns = arrival_ns;
+        }
+        event.time_ns = moved_by(event.time_ns, self.offset_ns);
+        self.newest_ns = self.newest_ns.max(event.time_ns);
+        self.insert(event);
+    }
+
+    /// Of the present clock, however old.
+    fn push_late(&mut self, mut event: Event) {
+        event.time_ns = moved_by(event.time_ns, self.offset_ns);
+        self.insert(event);
+    }
+
+    fn insert(&mut self, event: Event) {
+        self.count += 1;
+        let key = (event.time_ns, event.sample.kind().order(), self.count);
+        self.waiting.push(Reverse(Waiting { key, event }));
+    }
+
+    fn end_clock(&mut self) {
+        while let Some(Reverse(waiting)) = self.waiting.pop() {
+            self.done.push_back(waiting.event);
+        }
+    }
+
+    fn ready(&mut self, all: bool) -> Option<Event> {
+        if let Some(event) = self.done.pop_front() {
+            return Some(event);
+        }
+        let Reverse(next) = self.waiting.peek()?;
+        let old = next.event.time_ns < self.newest_ns.saturating_sub(OVERLAP_NS);
+        if !(all || old || self.waiting.len() > MOST_WAITING) {
+            return None;
+        }
+        self.waiting.pop().map(|Reverse(waiting)| waiting.event)
+    }
+}
+
+fn moved_by(time_ns: i64, offset_ns: i64) -> i64 {
+    time_ns.saturating_add(offset_ns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Sample;
+
+    fn pushed(stamps_s: &[(i64, i64)]) -> Vec<i64> {
+        let mut order = Order::default();
+        let mut out = Vec::new();
+        for (time_s, arrival_s) in stamps_s {
+            let event = Event {
+                time_ns: time_s * 1_000_000_000,
+                sample: Sample::Pressure(0.0),
+            };
+            order.push(event, arrival_s * 1_000_000_000);
+            while let Some(event) = order.ready(false) {
+                out.push(event.time_ns / 1_000_000_000);
+            }
+        }
+        while let Some(event) = order.ready(true) {
+            out.push(event.time_ns / 1_000_000_000);
+        }
+        out
+    }
+
+    #[test]
+    fn overlapping_batches_come_out_in_order() {
+        assert_eq!(
+            pushed(&[(5, 0), (7, 0), (6, 1), (8, 1), (7, 2)]),
+            [5, 6, 7, 7, 8]
+        );
+    }
+
+    #[test]
+    fn another_clock_follows_after_the_pause_of_arrival() {
+        let order = pushed(&[(100, 1000), (101, 1001), (1, 1011), (2, 1012)]);
+        assert_eq!(order, [100, 101, 111, 112]);
+    }
+}

@@ -1,0 +1,99 @@
+//! Makes an unfinished recording whole: everything up to the cut, with an index.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Write};
+use std::path::Path;
+
+use ::mcap::io::MessageReader;
+use ::mcap::sans_io::LinearReaderOptions;
+use ::mcap::{McapError, WriteOptions};
+use tempfile::NamedTempFile;
+
+use super::file::MAGIC;
+use crate::error::{RecordingError, Result};
+
+/// What was found in an unfinished recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Recovered {
+    /// Messages up to the cut.
+    pub messages: u64,
+    /// The file's length now, bytes.
+    pub bytes: u64,
+}
+
+/// Whether a recording was closed as it should be.
+///
+/// # Errors
+/// It cannot be read.
+pub fn is_complete(path: &Path) -> std::io::Result<bool> {
+    use std::io::{Read, Seek, SeekFrom};
+    let mut file = File::open(path)?;
+    let magic = MAGIC.len() as u64;
+    if file.metadata()?.len() < 2 * magic {
+        return Ok(false);
+    }
+    file.seek(SeekFrom::End(-(MAGIC.len() as i64)))?;
+    let mut last = [0; MAGIC.len()];
+    file.read_exact(&mut last)?;
+    Ok(last == MAGIC)
+}
+
+/// Rewrites an unfinished recording with what can be read of it. The old file stays until the new one
+/// is complete on the disk, and stays altogether when nothing can be read or written.
+///
+/// # Errors
+/// Nothing could be read, or the disk refuses.
+pub fn recover(path: &Path) -> Result<Recovered> {
+    let file = path.display().to_string();
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let refused = |error| RecordingError::io(&file, "recover it", error);
+    let input = BufReader::new(File::open(path).map_err(refused)?);
+    let temporary = NamedTempFile::new_in(folder).map_err(refused)?;
+    let (temporary, messages) = copy(input, temporary).map_err(|error| match error {
+        McapError::Io(error) => refused(error),
+        other => refused(std::io::Error::other(other)),
+    })?;
+    if messages == 0 {
+        return Err(RecordingError::Damaged {
+            file,
+            detail: "nothing in it can be read".to_owned(),
+        });
+    }
+    let output = temporary.as_file();
+    output.sync_all().map_err(refused)?;
+    let bytes = output.metadata().map_err(refused)?.len();
+    temporary
+        .persist(path)
+        .map_err(|error| refused(error.error))?;
+    Ok(Recovered { messages, bytes })
+}
+
+fn copy(
+    input: BufReader<File>,
+    output: NamedTempFile,
+) -> std::result::Result<(NamedTempFile, u64), McapError> {
+    let options = LinearReaderOptions::default()
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true);
+    let mut output = WriteOptions::new()
+        .compression(None)
+        .disable_seeking(true)
+        .library(format!("northing {}", env!("CARGO_PKG_VERSION")))
+        .create(BufWriter::new(output))?;
+    let mut messages = 0;
+    // The first error is the cut.
+    for message in MessageReader::new_with_options(input, options).map_while(|m| m.ok()) {
+        output.write(&message)?;
+        messages += 1;
+    }
+    output.finish()?;
+    let mut output = output.into_inner();
+    output.flush()?;
+    let output = output
+        .into_inner()
+        .map_err(|error| McapError::Io(error.into_error()))?;
+    Ok((output, messages))
+}

@@ -1,0 +1,302 @@
+//! Writes a recording as an MCAP file of ROS 2 messages, for Foxglove, PlotJuggler and ROS itself.
+//!
+//! Topics: `/imu/data_raw` (rate and force, no orientation), `/imu/mag`, `/imu/data` (with an
+//! estimate, when one is given), `/device/orientation` and `/reference/orientation` (an `Imu` with
+//! nothing but the orientation). Each sensor keeps its own stamps: a message without force says so as
+//! the message definition wants it. Unscored instants of a reference, and sensors without a topic,
+//! are left out.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+use std::path::Path;
+
+use ::mcap::records::{MessageHeader, Metadata as McapMetadata};
+use ::mcap::{McapError, McapResult, WriteOptions, Writer};
+use nalgebra::{Matrix3, UnitQuaternion};
+use northing_core::geometry::frames::{covariance_in_reference, enu_from_ned_rotation};
+
+use super::ros::{
+    IMU, IMU_DEFINITION, Imu, MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION, MagneticField,
+};
+use crate::atomic_file::AtomicFile;
+use crate::error::{RecordingError, Result};
+use crate::event::{Event, Sample, SensorKind};
+use crate::metadata::{Metadata, WorldFrame};
+use crate::writer::{EventWriter, Row};
+
+/// The frame of the sensors in every header.
+const FRAME: &str = "imu";
+/// Topic of the device's own orientation.
+pub(crate) const DEVICE_ORIENTATION: &str = "/device/orientation";
+/// Topic of the truth.
+pub(crate) const REFERENCE: &str = "/reference/orientation";
+
+/// Where messages go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Topic {
+    Raw,
+    Estimate,
+    Field,
+    Device,
+    Reference,
+}
+
+impl Topic {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Raw => "/imu/data_raw",
+            Self::Estimate => "/imu/data",
+            Self::Field => "/imu/mag",
+            Self::Device => DEVICE_ORIENTATION,
+            Self::Reference => REFERENCE,
+        }
+    }
+
+    const fn schema(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Field => (MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION),
+            _ => (IMU, IMU_DEFINITION),
+        }
+    }
+}
+
+/// Writes events, and estimates beside them. See the [module](self).
+pub struct RosWriter<W: Write + Seek> {
+    output: Writer<W>,
+    file: String,
+    world_frame: WorldFrame,
+    channels: BTreeMap<Topic, (u16, u32)>,
+    row: Row,
+}
+
+impl RosWriter<AtomicFile> {
+    /// Creates the file; it appears under its name at [`EventWriter::finish`].
+    ///
+    /// # Errors
+    /// As [`AtomicFile::create`].
+    pub fn create(path: &Path, metadata: &Metadata, force: bool) -> Result<Self> {
+        let output = AtomicFile::create(path, force)?;
+        let file = path.display().to_string();
+        Self::new(output, metadata, &file)
+    }
+}
+
+impl<W: Write + Seek> RosWriter<W> {
+    /// Begins a file; `file` stands for it in messages.
+    ///
+    /// # Errors
+    /// The output refuses.
+    pub fn new(output: W, metadata: &Metadata, file: &str) -> Result<Self> {
+        let options = WriteOptions::new()
+            .compression(None)
+            .profile("ros2")
+            .disable_seeking(true)
+            .library(format!("northing {}", env!("CARGO_PKG_VERSION")));
+        let mut facts = metadata.extra.clone();
+        facts.insert("name".to_owned(), metadata.name.clone());
+        facts.extend(
+            metadata
+                .device
+                .iter()
+                .map(|d| ("device".to_owned(), d.clone())),
+        );
+        let begin = || {
+            let mut output = options.create(output)?;
+            output.write_metadata(&McapMetadata {
+                name: "northing".to_owned(),
+                metadata: facts,
+            })?;
+            Ok(output)
+        };
+        let output = begin().map_err(|error| failed(file, error))?;
+        Ok(Self {
+            output,
+            file: file.to_owned(),
+            world_frame: metadata.world_frame,
+            channels: BTreeMap::new(),
+            row: Row::new(),
+        })
+    }
+
+    /// Whether a sensor has a topic.
+    #[must_use]
+    pub const fn holds(kind: SensorKind) -> bool {
+        matches!(
+            kind,
+            SensorKind::Gyroscope
+                | SensorKind::Accelerometer
+                | SensorKind::Magnetometer
+                | SensorKind::DeviceOrientation
+                | SensorKind::Reference
+        )
+    }
+
+    /// Adds an estimate of an instant with the covariance of its local error in body axes, rad^2.
+    ///
+    /// # Errors
+    /// The output refuses.
+    pub fn estimate(
+        &mut self,
+        time_ns: i64,
+        attitude: &UnitQuaternion<f64>,
+        covariance: Option<&Matrix3<f64>>,
+        measured: [Option<&Sample>; 2],
+    ) -> Result<()> {
+        let enu_from_body = self.to_enu(attitude);
+        // ROS means the error about the axes of the world.
+        let about_world = covariance.map(|p| covariance_in_reference(&enu_from_body, p));
+        let mut imu = Imu {
+            time_ns,
+            orientation: Some((enu_from_body, about_world)),
+            ..Imu::default()
+        };
+        for sample in measured.into_iter().flatten() {
+            match sample {
+                Sample::AngularRate(v) => imu.angular_rate = Some(*v),
+                Sample::SpecificForce(v) => imu.specific_force = Some(*v),
+                _ => {}
+            }
+        }
+        self.message(Topic::Estimate, time_ns, imu.encode(FRAME))
+    }
+
+    fn to_enu(&self, world_from_body: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        match self.world_frame {
+            WorldFrame::Enu => *world_from_body,
+            WorldFrame::Ned => enu_from_ned_rotation() * world_from_body,
+        }
+    }
+
+    fn write_row(&mut self) -> Result<()> {
+        if self.row.is_empty() {
+            return Ok(());
+        }
+        let row = std::mem::replace(&mut self.row, Row::new());
+        let time_ns = row.time_ns;
+        let mut raw = Imu {
+            time_ns,
+            ..Imu::default()
+        };
+        if let Some(Sample::AngularRate(v)) = row.get(SensorKind::Gyroscope) {
+            raw.angular_rate = Some(*v);
+        }
+        if let Some(Sample::SpecificForce(v)) = row.get(SensorKind::Accelerometer) {
+            raw.specific_force = Some(*v);
+        }
+        if raw.angular_rate.is_some() || raw.specific_force.is_some() {
+            self.message(Topic::Raw, time_ns, raw.encode(FRAME))?;
+        }
+        if let Some(Sample::MagneticField(v)) = row.get(SensorKind::Magnetometer) {
+            let field = MagneticField {
+                time_ns,
+                field_ut: *v,
+            };
+            self.message(Topic::Field, time_ns, field.encode(FRAME))?;
+        }
+        if let Some(Sample::DeviceOrientation(q)) = row.get(SensorKind::DeviceOrientation) {
+            self.orientation(Topic::Device, time_ns, q)?;
+        }
+        if let Some(Sample::Reference(reference)) = row.get(SensorKind::Reference)
+            && reference.scored
+        {
+            self.orientation(Topic::Reference, time_ns, &reference.attitude)?;
+        }
+        Ok(())
+    }
+
+    fn orientation(&mut self, topic: Topic, time_ns: i64, q: &UnitQuaternion<f64>) -> Result<()> {
+        let imu = Imu {
+            time_ns,
+            orientation: Some((self.to_enu(q), None)),
+            ..Imu::default()
+        };
+        self.message(topic, time_ns, imu.encode(FRAME))
+    }
+
+    fn message(&mut self, topic: Topic, time_ns: i64, bytes: Option<Vec<u8>>) -> Result<()> {
+        let bytes = bytes.ok_or_else(|| RecordingError::Unsupported {
+            file: self.file.clone(),
+            problem: "a stamp is beyond the 68 years that ROS can hold; write .csv or .parquet"
+                .to_owned(),
+        })?;
+        let written = self.channel(topic).and_then(|(channel_id, sequence)| {
+            let time = u64::try_from(time_ns).unwrap_or(0);
+            let header = MessageHeader {
+                channel_id,
+                sequence,
+                log_time: time,
+                publish_time: time,
+            };
+            self.output.write_to_known_channel(&header, &bytes)
+        });
+        written.map_err(|error| failed(&self.file, error))
+    }
+
+    fn channel(&mut self, topic: Topic) -> McapResult<(u16, u32)> {
+        if let Some((id, sequence)) = self.channels.get_mut(&topic) {
+            *sequence = sequence.wrapping_add(1);
+            return Ok((*id, *sequence));
+        }
+        let (name, definition) = topic.schema();
+        let schema = self
+            .output
+            .add_schema(name, "ros2msg", definition.as_bytes())?;
+        let id = self
+            .output
+            .add_channel(schema, topic.name(), "cdr", &BTreeMap::new())?;
+        self.channels.insert(topic, (id, 0));
+        Ok((id, 0))
+    }
+
+    /// Writes the index and hands back the output.
+    ///
+    /// # Errors
+    /// The output refuses.
+    pub fn complete(mut self) -> Result<W> {
+        self.write_row()?;
+        self.output
+            .finish()
+            .map_err(|error| failed(&self.file, error))?;
+        Ok(self.output.into_inner())
+    }
+}
+
+impl EventWriter for RosWriter<AtomicFile> {
+    fn write(&mut self, event: &Event) -> Result<()> {
+        self.add(event)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.complete()?.commit()
+    }
+}
+
+impl<W: Write + Seek> RosWriter<W> {
+    /// Adds an event; those of equal stamps that follow each other share a message.
+    ///
+    /// # Errors
+    /// The output refuses.
+    pub fn add(&mut self, event: &Event) -> Result<()> {
+        if !self.row.takes(event) {
+            self.write_row()?;
+        }
+        self.row.put(event);
+        Ok(())
+    }
+}
+
+impl<W: Write + Seek> std::fmt::Debug for RosWriter<W> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RosWriter")
+            .field("file", &self.file)
+            .finish_non_exhaustive()
+    }
+}
+
+fn failed(file: &str, error: McapError) -> RecordingError {
+    let error = match error {
+        McapError::Io(error) => error,
+        other => std::io::Error::other(other),
+    };
+    RecordingError::io(file, "write it", error)
+}
