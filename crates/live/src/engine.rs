@@ -111,8 +111,8 @@ impl DeviceEngine {
             self.remark(Remark::new(tone, notice.text));
         }
         let mut events = decoded.events;
-        let mut happenings = self.session.take(&mut events);
-        happenings.extend(self.session.take_late(&decoded.late));
+        let happenings = self.session.take(&mut events);
+        self.session.take_late(&decoded.late);
         self.noted(happenings)
     }
 

@@ -1,8 +1,11 @@
-//! Files of an experiment: the recording as CSV and Parquet, the estimates as TUM, the report.
+//! Files of an experiment: the recording as CSV, Parquet and MCAP, the estimates as TUM, the report.
+
+use std::io::Cursor;
 
 use nalgebra::Vector3;
 use northing_evaluation::{EstimateRecord, EstimatorKind, RunObserver, TraceObserver};
-use northing_recording::{Metadata, RecordingError, TumWriter, create};
+use northing_recording::mcap::RosWriter;
+use northing_recording::{Metadata, RecordingError, SensorKind, TumWriter, create};
 
 use crate::experiments::{Finished, TRACE_POINTS, run_over};
 use crate::report;
@@ -28,6 +31,7 @@ pub fn export(finished: &Finished, file: &str) -> Result<Option<Export>, String>
         ),
         "recording.csv" => (recording(finished, file)?, "text/csv; charset=utf-8"),
         "recording.parquet" => (recording(finished, file)?, "application/vnd.apache.parquet"),
+        "recording.mcap" => (messages(finished, file)?, "application/octet-stream"),
         "estimates.tum" => (estimates(finished)?, "text/plain; charset=utf-8"),
         _ => return Ok(None),
     };
@@ -68,13 +72,7 @@ fn written(
 
 fn recording(finished: &Finished, file: &str) -> Result<Vec<u8>, String> {
     let experiment = &finished.experiment;
-    let metadata = Metadata {
-        name: finished.title().to_owned(),
-        format: "live".to_owned(),
-        world_frame: finished.options.world_frame,
-        device: Some(finished.device_name.clone()),
-        extra: [("sha256".to_owned(), finished.hash.clone())].into(),
-    };
+    let metadata = metadata(finished);
     written(file, |path| {
         let mut writer = create(path, &metadata, &experiment.sensors(), false)?;
         for event in &experiment.events {
@@ -84,11 +82,57 @@ fn recording(finished: &Finished, file: &str) -> Result<Vec<u8>, String> {
     })
 }
 
-fn estimates(finished: &Finished) -> Result<Vec<u8>, String> {
+fn metadata(finished: &Finished) -> Metadata {
+    Metadata {
+        name: finished.title().to_owned(),
+        format: "live".to_owned(),
+        world_frame: finished.options.world_frame,
+        device: Some(finished.device_name.clone()),
+        extra: [("sha256".to_owned(), finished.hash.clone())].into(),
+    }
+}
+
+/// Messages of ROS 2: what was measured, and beside it what was estimated.
+fn messages(finished: &Finished, file: &str) -> Result<Vec<u8>, String> {
+    let text = |error: RecordingError| error.to_string();
+    let poses = poses(finished)?;
+    let mut poses = poses.0.iter().peekable();
+    let memory = Cursor::new(Vec::new());
+    let mut writer = RosWriter::new(memory, &metadata(finished), file).map_err(text)?;
+    let instants = finished
+        .experiment
+        .events
+        .chunk_by(|a, b| a.time_ns == b.time_ns);
+    for instant in instants {
+        for event in instant {
+            writer.add(event).map_err(text)?;
+        }
+        let of = |kind: SensorKind| {
+            let samples = instant.iter().map(|event| &event.sample);
+            samples.clone().find(|sample| sample.kind() == kind)
+        };
+        let measured = [of(SensorKind::Gyroscope), of(SensorKind::Accelerometer)];
+        while let Some(pose) = poses.next_if(|pose| pose.time_ns <= instant[0].time_ns) {
+            let covariance = pose.attitude_covariance.as_ref();
+            writer
+                .estimate(pose.time_ns, &pose.attitude, covariance, measured)
+                .map_err(text)?;
+        }
+    }
+    Ok(writer.complete().map_err(text)?.into_inner())
+}
+
+/// The estimates of the estimator that is drawn.
+fn poses(finished: &Finished) -> Result<Poses, String> {
     let kind = drawn(finished)?;
     let mut poses = Poses::default();
     run_over(&finished.experiment, &finished.options, kind, &mut poses)
         .map_err(|e| e.to_string())?;
+    Ok(poses)
+}
+
+fn estimates(finished: &Finished) -> Result<Vec<u8>, String> {
+    let poses = poses(finished)?;
     written("estimates.tum", |path| {
         let mut writer = TumWriter::create(path, false)?;
         for record in &poses.0 {

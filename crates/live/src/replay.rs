@@ -48,7 +48,11 @@ pub async fn play(lab: &Arc<Lab>, path: &Path, speed: Speed) -> Result<(), Strin
     }
     let recording = open(path, &OpenOptions::default()).map_err(|e| e.to_string())?;
     let name = recording.metadata().name.clone();
-    let device = lab.device(&format!("replay-{name}"), &name, "replay")?;
+    let id = format!("replay-{name}");
+    let device = lab.device(&id, &name, "replay")?;
+    if device.source != "replay" {
+        return Err(format!("the name `{id}` is taken by another device"));
+    }
     match speed {
         Speed::Max => at_once(lab, &device, recording).await?,
         Speed::Real => {

@@ -35,7 +35,11 @@ pub struct VirtualPhoneRequest {
 /// # Errors
 /// The lab is full, in a sentence.
 pub fn add(lab: &Arc<Lab>, request: VirtualPhoneRequest) -> Result<String, String> {
-    let number = lab.next_virtual();
+    let mut number = lab.next_virtual();
+    // A phone may call itself so.
+    while lab.find(&format!("virtual-{number}")).is_ok() {
+        number = lab.next_virtual();
+    }
     let mut config = VirtualPhoneConfig {
         seed: request.seed.unwrap_or(number),
         duration_s: Some(DURATION_S),

@@ -16,12 +16,15 @@ use crate::progress::Progress;
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
 #[command(
-    long_about = "Writes a recording in another format: .csv or .parquet keep every sensor; .tum is a \
+    long_about = "Writes a recording in another format: .csv or .parquet keep every sensor; .mcap has messages \
+                  of ROS 2 (Imu, MagneticField); .tum is a \
                   trajectory of poses (the reference, or without one the device's own orientation).",
     after_help = "\
 Examples:
   northing convert walk.zip walk.parquet
   northing convert walk.parquet walk.csv
+  northing convert lab.mcap walk.csv --device anna
+  northing convert walk.csv walk.mcap
   northing convert trial.csv trial.tum
   northing convert imu.txt imu.csv --manifest imu.toml"
 )]
@@ -29,7 +32,7 @@ pub(crate) struct ConvertArgs {
     /// The recording: file, Sensor Logger folder, or - for standard input
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
-    /// Where to write it: .csv, .parquet or .tum
+    /// Where to write it: .csv, .parquet, .mcap or .tum
     #[arg(value_name = "OUTPUT", required_unless_present = "out")]
     output: Option<PathBuf>,
     /// The same as OUTPUT
@@ -67,11 +70,13 @@ pub(crate) fn execute(args: &ConvertArgs) -> Result<()> {
     } else {
         write_recording(&mut recording, output, args)?
     };
+    let mut issues = recording.issues().clone();
+    issues.notes.extend(left_out(&recording, output));
     let converted = Converted {
         recording: shown(&args.recording),
         output: output.display().to_string(),
         samples,
-        issues: recording.issues().clone(),
+        issues,
     };
     if args.json {
         return print_json(&converted);
@@ -84,6 +89,26 @@ pub(crate) fn execute(args: &ConvertArgs) -> Result<()> {
         text.push_str(&format!("  {sentence}\n"));
     }
     print(&text)
+}
+
+/// What messages of ROS have no place for.
+#[cfg(feature = "mcap")]
+fn left_out(recording: &Recording, output: &Path) -> Option<String> {
+    use northing_recording::mcap::has_topic;
+    let sensors = recording.sensors().iter();
+    let names: Vec<_> = sensors
+        .filter(|kind| !has_topic(**kind))
+        .map(|kind| kind.name())
+        .collect();
+    let names = (!names.is_empty() && has_extension(output, "mcap")).then(|| names.join(", "))?;
+    Some(format!(
+        "Left out, because the messages have no place for it: {names}."
+    ))
+}
+
+#[cfg(not(feature = "mcap"))]
+fn left_out(_: &Recording, _: &Path) -> Option<String> {
+    None
 }
 
 fn write_recording(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> Result<u64> {

@@ -135,14 +135,12 @@ async fn run(args: &LiveArgs) -> Result<()> {
     let events = running.lab.listen();
     ready(args, &running)?;
     let (end, ended) = tokio::sync::oneshot::channel();
-    let telling = args.json.then(|| tokio::spawn(tell(events, ended)));
+    let telling = tokio::spawn(tell(events, ended, args.json));
     let outcome = work(args, &running.lab, &options).await;
     running.stop().await;
-    if let Some(telling) = telling {
-        // The summary comes last.
-        drop(end);
-        let _ = tokio::time::timeout(LAST_WORDS, telling).await;
-    }
+    // The summary comes last.
+    drop(end);
+    let _ = tokio::time::timeout(LAST_WORDS, telling).await;
     match outcome? {
         Some(summary) if args.json => print(&format!("{}\n", serde_json::to_string(&summary)?)),
         Some(summary) => print(&crate::summary_text::describe(&summary)),
@@ -261,11 +259,12 @@ fn open_browser(url: &str) {
     let _ = quiet.arg(url).spawn();
 }
 
-/// Prints one line for each event until `ended`. Whoever reads slowly, or not at all, holds up a
+/// Prints one line for each event until `ended`, or, for people, what they must know at once. Whoever reads slowly, or not at all, holds up a
 /// thread of its own and not the lab.
 async fn tell(
     mut events: tokio::sync::broadcast::Receiver<std::sync::Arc<str>>,
     mut ended: tokio::sync::oneshot::Receiver<()>,
+    json: bool,
 ) {
     use tokio::sync::broadcast::error::RecvError;
     loop {
@@ -279,6 +278,14 @@ async fn tell(
             Err(RecvError::Closed) => return,
         };
         let mut message: Value = serde_json::from_str(&text).unwrap_or_default();
+        if !json {
+            let failed = message["type"] == "recording" && message["state"] == "failed";
+            let text = message["text"].as_str().filter(|_| failed);
+            if text.is_some_and(|text| print(&format!("{text}\n")).is_err()) {
+                return;
+            }
+            continue;
+        }
         if let Some(object) = message.as_object_mut()
             && let Some(kind) = object.remove("type")
         {

@@ -288,7 +288,7 @@ fn unknown_estimators_parameters_and_sensors_list_the_valid_ones() {
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--format", "xls"]),
-        &["xls", "parquet, csv"],
+        &["xls", "parquet, csv, sensor-logger, mcap"],
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--smooth", "--estimator", "usque"]),

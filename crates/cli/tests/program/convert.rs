@@ -74,7 +74,7 @@ fn other_extensions_and_existing_outputs_are_refused() {
     let lab = Lab::with_phone();
     contains(
         &lab.refuses(&["convert", "phone.csv", "phone.xls"]),
-        &["phone.xls", ".csv or .parquet"],
+        &["phone.xls", ".csv, .parquet or .mcap"],
     );
     contains(
         &lab.refuses(&["convert", "phone.csv", "phone.csv"]),

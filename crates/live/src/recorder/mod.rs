@@ -1,8 +1,8 @@
 //! Records everything as it arrives, before anything is made of it.
 //!
 //! A thread of its own writes; the lab hands records over and never waits. A file is begun with the
-//! first record, what was handed over is in the system's hands half a second later and on the disk
-//! after five, so a killed program loses at most the last second. When the disk refuses, the recording
+//! first record, what was handed over is in the system's hands a quarter of a second later and on the
+//! disk after five, so a killed program loses at most the last second. When the disk refuses, the recording
 //! ends with a sentence for people, and the lab goes on without it.
 
 mod folder;
@@ -154,7 +154,7 @@ impl Recorder {
 
     /// Hands a record over; never waits.
     fn record(&self, device: &Arc<str>, kind: RecordKind, arrival_ns: i64, bytes: Bytes) {
-        let items = lock(&self.items);
+        let mut items = lock(&self.items);
         let Some(sender) = items.as_ref() else {
             return;
         };
@@ -171,8 +171,10 @@ impl Recorder {
             arrival_ns,
             bytes,
         };
-        // The thread ends only after a failure, which has been told.
-        let _ = sender.send(item);
+        // The thread has ended after a failure, and has told about it.
+        if sender.send(item).is_err() {
+            *items = None;
+        }
     }
 
     /// The disk is slower than the devices: an honest end is better than a recording with holes.

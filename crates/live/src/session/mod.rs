@@ -152,14 +152,12 @@ impl DeviceSession {
 
     /// Takes events of messages that had been given up: for an experiment, not for the estimates,
     /// which have gone on without them.
-    pub fn take_late(&mut self, events: &[Event]) -> Vec<Happening> {
-        let mut happenings = Vec::new();
+    pub fn take_late(&mut self, events: &[Event]) {
         for event in events {
             if self.intake.admit_late(event) {
                 self.record_late(&self.calibrated(event));
             }
         }
-        happenings
     }
 
     fn take_one(&mut self, event: &Event, happenings: &mut Vec<Happening>) {

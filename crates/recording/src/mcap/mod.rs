@@ -35,7 +35,7 @@ use ros_source::RosSource;
 
 pub use lab::{LabRecord, LabWriter, RecordKind};
 pub use recover::{Recovered, is_complete, recover};
-pub use ros_writer::RosWriter;
+pub use ros_writer::{RosWriter, has_topic};
 
 /// Opens a recording of the lab or of ROS 2; `device` is the device or topic where there are several.
 pub(crate) fn open(

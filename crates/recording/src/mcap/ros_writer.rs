@@ -60,6 +60,19 @@ impl Topic {
     }
 }
 
+/// Whether a sensor has a topic; others are left out.
+#[must_use]
+pub const fn has_topic(kind: SensorKind) -> bool {
+    matches!(
+        kind,
+        SensorKind::Gyroscope
+            | SensorKind::Accelerometer
+            | SensorKind::Magnetometer
+            | SensorKind::DeviceOrientation
+            | SensorKind::Reference
+    )
+}
+
 /// Writes events, and estimates beside them. See the [module](self).
 pub struct RosWriter<W: Write + Seek> {
     output: Writer<W>,
@@ -116,19 +129,6 @@ impl<W: Write + Seek> RosWriter<W> {
             channels: BTreeMap::new(),
             row: Row::new(),
         })
-    }
-
-    /// Whether a sensor has a topic.
-    #[must_use]
-    pub const fn holds(kind: SensorKind) -> bool {
-        matches!(
-            kind,
-            SensorKind::Gyroscope
-                | SensorKind::Accelerometer
-                | SensorKind::Magnetometer
-                | SensorKind::DeviceOrientation
-                | SensorKind::Reference
-        )
     }
 
     /// Adds an estimate of an instant with the covariance of its local error in body axes, rad^2.

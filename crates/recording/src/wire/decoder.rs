@@ -4,6 +4,7 @@
 //! puts them in order. It reads no clock: the time of arrival comes with each payload, so the same
 //! payloads with the same times give the same events, live or from a file.
 
+use std::collections::VecDeque;
 use std::str::FromStr;
 
 use serde::de::IgnoredAny;
@@ -23,6 +24,11 @@ use super::{Decoded, Placed, Resequencer, Tone, WireError, events};
 const PAGE_WAIT_NS: i64 = 5_000_000_000;
 /// While it is waited for, no more batches than this are held.
 const PAGE_HELD: usize = 64;
+/// Of two pages with one identifier the one that sent last is believed until it has been silent for
+/// this long, ns.
+const PAGE_SILENT_NS: i64 = 3_000_000_000;
+/// Page loads that are remembered.
+const MOST_PAGE_LOADS: usize = 8;
 
 /// What the bytes of a device are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -111,6 +117,8 @@ pub struct WireDecoder {
     state: State,
     name: String,
     sessions: u64,
+    /// Page loads that are over.
+    ended: VecDeque<String>,
     last_arrival_ns: i64,
     /// Of sessions that are over.
     lost_before: u64,
@@ -190,6 +198,7 @@ impl WireDecoder {
             state,
             name: String::new(),
             sessions: 0,
+            ended: VecDeque::new(),
             last_arrival_ns: 0,
             lost_before: 0,
             duplicated_before: 0,
@@ -203,7 +212,6 @@ impl WireDecoder {
     /// A line for whoever sent it when nothing of the payload can be used; the decoder is as before.
     pub fn accept(&mut self, payload: &[u8], arrival_ns: i64) -> Result<Decoded, WireError> {
         self.sessions = self.sessions.max(1);
-        self.last_arrival_ns = arrival_ns;
         match &mut self.state {
             State::Page(_) => {
                 let batch = Batch::parse(payload)?;
@@ -214,6 +222,7 @@ impl WireDecoder {
                 if decoder.is_other_session(&push) {
                     self.sessions += 1;
                 }
+                self.last_arrival_ns = arrival_ns;
                 Ok(decoder.accept(push))
             }
             State::Phyphox(decoder) => {
@@ -243,8 +252,21 @@ impl WireDecoder {
             return Decoded::default();
         };
         let mut out = Decoded::default();
-        if let Some(old) = page.take_if(|page| page.session != batch.session) {
-            let mut old = old;
+        let silent = arrival_ns.saturating_sub(self.last_arrival_ns) >= PAGE_SILENT_NS;
+        if self.ended.contains(&batch.session) && !silent {
+            out.note(
+                Tone::Bad,
+                "Two pages of this phone are open: the older one is not used, close it.",
+            );
+            return out;
+        }
+        self.last_arrival_ns = arrival_ns;
+        if let Some(mut old) = page.take_if(|page| page.session != batch.session) {
+            self.ended.retain(|session| *session != batch.session);
+            self.ended.push_back(old.session.clone());
+            if self.ended.len() > MOST_PAGE_LOADS {
+                self.ended.pop_front();
+            }
             let rest = old.order.flush();
             out.append(old.decode(rest));
             self.lost_before += old.order.lost();
@@ -345,123 +367,4 @@ fn is_phyphox_config(answer: &[u8]) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::event::{Event, Sample};
-
-    fn page(session: &str, seq: u64, time_ms: u64) -> Vec<u8> {
-        format!(
-            r#"{{"v":1,"device":"d","name":"Anna","session":"{session}","seq":{seq},"gs":{{"g":[[{time_ms},0.1,0,0]]}}}}"#
-        )
-        .into_bytes()
-    }
-
-    fn stamps_ms(decoded: &Decoded) -> Vec<i64> {
-        decoded
-            .events
-            .iter()
-            .map(|e| e.time_ns / 1_000_000)
-            .collect()
-    }
-
-    #[test]
-    fn page_batches_come_in_order_once_and_gaps_are_given_up_by_poll() {
-        let mut decoder = WireDecoder::new(WireFormat::PhonePage);
-        let mut at = |seq: u64, arrival_ns: i64| {
-            let decoded = decoder.accept(&page("s", seq, 10 * (seq + 1)), arrival_ns);
-            stamps_ms(&decoded.unwrap())
-        };
-        assert_eq!(at(0, 0), [10]);
-        assert_eq!(at(2, 1), [0; 0]);
-        assert_eq!(at(2, 2), [0; 0]);
-        assert_eq!(at(1, 3), [20, 30]);
-        assert_eq!(at(4, 4), [0; 0]);
-        assert_eq!(decoder.poll(PAGE_WAIT_NS), None);
-        let given_up = decoder.poll(PAGE_WAIT_NS + 4).unwrap();
-        assert_eq!(stamps_ms(&given_up), [50]);
-        let late = decoder.accept(&page("s", 3, 40), PAGE_WAIT_NS + 5).unwrap();
-        assert_eq!((late.events.len(), late.late.len()), (0, 1));
-        assert_eq!((decoder.lost(), decoder.duplicated()), (0, 1));
-        assert_eq!((decoder.name(), decoder.sessions()), ("Anna", 1));
-    }
-
-    #[test]
-    fn another_page_load_begins_anew_and_what_waited_is_not_lost() {
-        let mut decoder = WireDecoder::new(WireFormat::PhonePage);
-        let accept = |decoder: &mut WireDecoder, session, seq, time_ms| {
-            stamps_ms(&decoder.accept(&page(session, seq, time_ms), 0).unwrap())
-        };
-        assert_eq!(accept(&mut decoder, "a", 0, 500), [500]);
-        assert_eq!(accept(&mut decoder, "a", 2, 700), [0; 0]);
-        assert_eq!(accept(&mut decoder, "b", 0, 1), [700, 1]);
-        assert_eq!(accept(&mut decoder, "b", 0, 1), [0; 0]);
-        assert_eq!(decoder.sessions(), 2);
-        assert_eq!((decoder.lost(), decoder.duplicated()), (1, 1));
-    }
-
-    #[test]
-    fn a_message_of_sensor_logger_that_waits_is_taken_when_nothing_else_comes() {
-        let mut decoder = WireDecoder::new(WireFormat::SensorLogger);
-        let push = |id: u64| {
-            format!(
-                r#"{{"messageId":{id},"sessionId":"s","deviceId":"d","payload":[{{"name":"gyroscope","time":{},"values":{{"x":0,"y":0,"z":0}}}}]}}"#,
-                id * 1_000_000
-            )
-        };
-        assert_eq!(
-            stamps_ms(&decoder.accept(push(0).as_bytes(), 0).unwrap()),
-            [0]
-        );
-        assert!(
-            decoder
-                .accept(push(2).as_bytes(), 5)
-                .unwrap()
-                .events
-                .is_empty()
-        );
-        assert_eq!(decoder.poll(PAGE_WAIT_NS), None);
-        assert_eq!(stamps_ms(&decoder.poll(PAGE_WAIT_NS + 5).unwrap()), [2]);
-        assert_eq!(decoder.lost(), 1);
-        assert_eq!(decoder.poll(2 * PAGE_WAIT_NS + 5), None);
-    }
-
-    #[test]
-    fn what_is_refused_changes_nothing() {
-        let mut decoder = WireDecoder::new(WireFormat::PhonePage);
-        assert!(decoder.accept(b"{", 0).is_err());
-        assert_eq!(decoder.accept(&page("a", 0, 1), 0).unwrap().events.len(), 1);
-        let mut decoder = WireDecoder::new(WireFormat::Events);
-        assert!(decoder.accept(b"x", 0).is_err());
-        let event = Event {
-            time_ns: 1,
-            sample: Sample::Pressure(2.0),
-        };
-        let decoded = decoder.accept(&events::encode(&[event]), 0).unwrap();
-        assert_eq!(decoded.events, [event]);
-    }
-
-    #[test]
-    fn every_format_has_its_name_and_takes_any_bytes() {
-        for format in WireFormat::ALL {
-            assert_eq!(format.name().parse(), Ok(format));
-            let mut decoder = WireDecoder::new(format);
-            for bytes in [&b""[..], b"{}", b"\xff\x00\n", b"1,2,3\n", b"[]"] {
-                let _ = decoder.accept(bytes, i64::MAX);
-                let _ = decoder.poll(i64::MIN);
-            }
-            decoder.finish();
-        }
-        assert!("telepathy".parse::<WireFormat>().is_err());
-    }
-
-    #[test]
-    fn phyphox_takes_its_configuration_from_the_same_stream() {
-        let mut decoder = WireDecoder::new(WireFormat::Phyphox);
-        let config = br#"{"inputs":[{"source":"gyroscope","outputs":[{"x":"a"},{"y":"b"},{"z":"c"},{"t":"d"}]}],"buffers":[]}"#;
-        assert_eq!(decoder.accept(config, 0).unwrap(), Decoded::default());
-        let answer = br#"{"buffer":{"a":{"buffer":[1]},"b":{"buffer":[2]},"c":{"buffer":[3]},"d":{"buffer":[0.5]}},"status":{}}"#;
-        let decoded = decoder.accept(answer, 0).unwrap();
-        assert_eq!(stamps_ms(&decoded), [500]);
-        assert!(decoder.accept(br#"{"inputs":[]}"#, 0).is_err());
-    }
-}
+mod tests;

@@ -142,7 +142,7 @@ fn a_gap_is_waited_for_by_the_readings_own_time() {
     assert_eq!(out.events.len(), 3);
     assert!(said(&out, "was given up"));
     let out = decoder.push(&message(1, &[gyroscope(100)]));
-    assert_eq!(out.events.len(), 1);
+    assert_eq!(out.late.len(), 1);
     assert!(said(&out, "after its successors"));
 }
 
