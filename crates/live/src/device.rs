@@ -152,7 +152,7 @@ impl Task {
                 arrival_ns,
                 reply,
             } => {
-                let taken = self.payload(format, bytes, arrival_ns);
+                let taken = self.payload(format, &bytes, arrival_ns);
                 if let Some(reply) = reply {
                     let _ = reply.send(taken);
                 }
@@ -184,14 +184,14 @@ impl Task {
     fn payload(
         &mut self,
         format: WireFormat,
-        bytes: Bytes,
+        bytes: &Bytes,
         arrival_ns: i64,
     ) -> Result<(), WireError> {
         let arrival_ns = self.later(arrival_ns);
         self.lab
             .recorder
             .payload(&self.device.key, format, arrival_ns, bytes.clone());
-        let happenings = self.engine.payload(format, &bytes, arrival_ns)?;
+        let happenings = self.engine.payload(format, bytes, arrival_ns)?;
         if self.engine.name() != self.name {
             self.engine.name().clone_into(&mut self.name);
             // A name that was given in the lab stays.

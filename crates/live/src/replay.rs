@@ -95,8 +95,7 @@ fn is_of_the_lab(path: &Path) -> bool {
 async fn play_inputs(lab: &Arc<Lab>, path: PathBuf, speed: Speed) -> Result<(), String> {
     let (sender, mut records) = mpsc::channel(READ_AHEAD);
     let reading = tokio::task::spawn_blocking(move || {
-        let mut records = lab_records(&path)?;
-        while let Some(record) = records.next() {
+        for record in lab_records(&path)? {
             if sender.blocking_send(record).is_err() {
                 break;
             }
