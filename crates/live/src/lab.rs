@@ -112,7 +112,7 @@ impl Lab {
             devices_changed: watch::Sender::new(()),
             messages,
             recorder,
-            refused: Mutex::new(RateLimit::new(Instant::now())),
+            refused: Mutex::new(RateLimit::new(DEVICE, Instant::now())),
             options,
             started: Instant::now(),
             started_unix_ns: unix_ns(),
