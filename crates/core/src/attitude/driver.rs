@@ -10,6 +10,8 @@
 //!   its sensor, updates without propagation.
 //! - Without a gyroscope sample for longer than [`DriverConfig::gap_limit_s`] the rate is unknown:
 //!   the attitude is held and its variance grows by a random walk.
+//! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
+//!   gyroscope sample brings the time back, or nothing would be new until then.
 //! - It starts by [`Alignment`], and aligns again, keeping the bias, when an accelerometer or
 //!   magnetometer first appears later.
 
@@ -115,10 +117,14 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if !angular_rate.norm_squared().is_finite() {
             return Propagation::Skipped(SkipReason::NotFinite);
         }
+        if self
+            .last_rate
+            .is_some_and(|(last_ns, _)| time_ns <= last_ns)
+        {
+            return Propagation::Skipped(SkipReason::NotNewer);
+        }
+        self.forget_the_future(time_ns);
         match self.last_rate {
-            Some((last_ns, _)) if time_ns <= last_ns => {
-                return Propagation::Skipped(SkipReason::NotNewer);
-            }
             Some((last_ns, _)) if self.is_gap(last_ns, time_ns) => self.advance_to(time_ns),
             Some((last_ns, last)) => self.finish_interval(last_ns, &last, time_ns, angular_rate),
             None => self.advance_to(time_ns),
@@ -214,6 +220,24 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     fn alignment_or_begin(&mut self, time_ns: i64) -> &Option<Aligning<T>> {
         self.alignment_at(time_ns, false);
         &self.aligning
+    }
+
+    /// Takes back stamps that lie further ahead of a gyroscope sample than a gap.
+    fn forget_the_future(&mut self, time_ns: i64) {
+        if self.now_ns.is_some_and(|now| self.is_gap(time_ns, now)) {
+            self.now_ns = Some(self.last_rate.map_or(time_ns, |(last_ns, _)| last_ns));
+            self.passed_on = Vector3::zeros();
+        }
+        for last in [&mut self.last_force_ns, &mut self.last_field_ns] {
+            let ahead = |last: i64| seconds::<T>(time_ns, last) > self.config.gap_limit_s;
+            if last.is_some_and(ahead) {
+                *last = None;
+            }
+        }
+        let since = self.aligning.map(|aligning| aligning.since_ns);
+        if since.is_some_and(|since| self.is_gap(time_ns, since)) {
+            self.aligning = None;
+        }
     }
 
     fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {

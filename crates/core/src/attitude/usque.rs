@@ -71,6 +71,8 @@ use rodrigues::{from_rodrigues, reset_jacobian, to_rodrigues};
 const SPREAD: f64 = 7.0;
 /// Weight of each point but the centre.
 const WEIGHT: f64 = 0.5 / SPREAD;
+/// What a variance of zero counts as, rad^2 and rad^2/s^2: a factor needs some.
+const LEAST_VARIANCE: f64 = 1e-24;
 /// Weight of the centre.
 const CENTRE: f64 = 1.0 / SPREAD;
 
@@ -139,8 +141,9 @@ impl<T: Scalar> Usque<T> {
 
     /// The factor of the covariance plus `added` on its diagonal, times `sqrt(6 + lambda)`.
     ///
-    /// Where there is none, the diagonal grows by rounding's share; where that does not help, the
-    /// covariance is reset to its capped diagonal.
+    /// Where there is none, the diagonal grows by rounding's share, and by next to nothing where a
+    /// state is known exactly; where that does not help, the covariance is reset to its capped
+    /// diagonal.
     fn sigma_columns(&mut self, added: &Vector6<T>) -> Matrix6<T> {
         let spread = lit::<T>(SPREAD).sqrt();
         let mut p = self.state.covariance;
@@ -156,14 +159,15 @@ impl<T: Scalar> Usque<T> {
                 .max(p[(block + 1, block + 1)])
                 .max(p[(block + 2, block + 2)]);
             for i in block..block + 3 {
-                p[(i, i)] += share * largest;
+                p[(i, i)] += share * largest + lit(LEAST_VARIANCE);
             }
         }
         if let Some(l) = cholesky(&p) {
             return l * spread;
         }
         self.reset_covariance();
-        let diagonal = self.state.covariance.diagonal() + added;
+        let least = Vector6::from_element(lit(LEAST_VARIANCE));
+        let diagonal = self.state.covariance.diagonal() + added + least;
         Matrix6::from_diagonal(&diagonal.map(|v| v.sqrt() * spread))
     }
 

@@ -112,7 +112,7 @@ impl<T: Scalar> VectorSensor<T> {
         Ok(reference)
     }
 
-    /// Noise variance per component of this very sample, before gates and correlation.
+    /// Noise variance per component of this very sample, before gates and correlation (M15c).
     #[inline]
     pub fn sample_variance(&self, measured: &Vector3<T>) -> T {
         if self.norm_gain > T::zero() {
@@ -210,7 +210,7 @@ impl<T: Scalar> VectorSensor<T> {
     }
 
     /// Errors correlated over `tau` make a sample that follows the last after `dt` worth only
-    /// `dt / tau` of an independent one.
+    /// `dt / tau` of an independent one (M16).
     #[inline]
     fn correlation_inflation(&self) -> T {
         if self.since_fused < T::zero() || self.since_fused >= self.correlation_time {

@@ -269,3 +269,30 @@ fn a_sliver_of_an_interval_adds_no_noise() {
     let ratio = variance(&[9_999_999]) / variance(&[]);
     assert!((0.5..=1.0).contains(&ratio), "{ratio}");
 }
+
+/// One stamp an hour ahead, before the start and after it, in either sensor: the estimates go on.
+#[test]
+fn a_stamp_far_in_the_future_freezes_nothing() {
+    const HOUR: i64 = 3_600_000;
+    for (at, field) in [(100, false), (100, true), (2000, false), (2000, true)] {
+        let mut driver = mekf();
+        rest(&mut driver, 0, at, true);
+        if field {
+            driver.magnetometer((at + HOUR) * MS, &north());
+        } else {
+            driver.accelerometer((at + HOUR) * MS, &up());
+        }
+        rest(&mut driver, at, at + 2000, true);
+        assert!(driver.is_started(), "{at} ms");
+        // A quarter of a turn within a second.
+        let rate = Vector3::new(0.0, 0.0, core::f64::consts::FRAC_PI_2);
+        let before = driver.attitude().unwrap();
+        for t in (at + 2000..=at + 3000).step_by(10) {
+            assert_eq!(driver.gyroscope(t * MS, &rate), Propagation::Done);
+        }
+        let turned = rotation::angle_between(&driver.attitude().unwrap(), &before);
+        assert!((turned - rate.z).abs() < 0.02, "{at} ms, {field}: {turned}");
+        let outcome = driver.accelerometer((at + 3010) * MS, &up()).outcome;
+        assert_eq!(outcome, Outcome::Fused, "{at} ms, {field}");
+    }
+}
