@@ -52,6 +52,18 @@ pub(crate) enum Channel {
 }
 
 impl Channel {
+    /// The columns that it reads.
+    pub(crate) fn columns(&self) -> Vec<usize> {
+        match self {
+            Self::Vector { columns, .. } => columns.to_vec(),
+            Self::DeviceOrientation { columns, .. } => columns.to_vec(),
+            Self::Reference {
+                columns, scored, ..
+            } => columns.iter().copied().chain(*scored).collect(),
+            Self::Pressure { column, .. } => vec![*column],
+        }
+    }
+
     pub(crate) fn kind(&self) -> SensorKind {
         match self {
             Self::Vector { kind, .. } => *kind,
