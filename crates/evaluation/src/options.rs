@@ -7,10 +7,12 @@ use northing_core::attitude::driver::DriverConfig;
 use northing_core::attitude::{AttitudeConfig, InitialState};
 use northing_core::calibration::RestCalibration;
 use northing_core::geometry::frames::TangentFrame;
-use northing_recording::WorldFrame;
+use northing_recording::{Event, WorldFrame};
+use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
+use crate::field_calibration::FieldCalibration;
 use crate::parameters::{self, Profile};
 
 /// Everything a run is asked for. [`RunOptions::default`] is `mekf` with the hand-held profile and
@@ -33,6 +35,8 @@ pub struct RunOptions {
     pub sensors: SensorSelection,
     /// A calibration made before.
     pub calibration: Option<RestCalibration<f64>>,
+    /// Calibration of the magnetometer, applied to every sample of its stream before anything else.
+    pub field_calibration: Option<FieldCalibration>,
     /// Take the calibration from the first so many seconds of the recording, at rest.
     pub calibrate_first_s: Option<f64>,
     /// The state at the first sample, where it is known: nothing is aligned then. It comes from a
@@ -65,6 +69,7 @@ impl RunOptions {
             driver: DriverConfig::default(),
             sensors: SensorSelection::default(),
             calibration: None,
+            field_calibration: None,
             calibrate_first_s: None,
             start: None,
             skip_s: 5.0,
@@ -97,6 +102,15 @@ impl RunOptions {
                 estimator: self.estimator.name(),
             });
         }
+        let source = self.sensors.magnetometer_source;
+        if let Some(field) = &self.field_calibration
+            && field.magnetometer != source
+        {
+            return Err(EvaluationError::OtherMagnetometer {
+                calibrated: field.magnetometer.name(),
+                used: source.name(),
+            });
+        }
         let times = [
             ("alignment_s", self.driver.alignment_s),
             ("gap_limit_s", self.driver.gap_limit_s),
@@ -123,6 +137,14 @@ impl RunOptions {
         driver
     }
 
+    /// The event with its field calibrated, where a calibration is given.
+    pub(crate) fn calibrated(&self, event: Event) -> Event {
+        match &self.field_calibration {
+            Some(field) => field.apply(event),
+            None => event,
+        }
+    }
+
     /// Whether the user set this parameter.
     pub(crate) fn is_explicit(&self, name: &str) -> bool {
         self.explicit_settings.contains(name)
@@ -138,7 +160,8 @@ pub(crate) const fn tangent_frame(frame: WorldFrame) -> TangentFrame {
 }
 
 /// Which magnetometer stream is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum MagnetometerSource {
     /// As the device calibrated it.
     #[default]
@@ -147,8 +170,20 @@ pub enum MagnetometerSource {
     Uncalibrated,
 }
 
+impl MagnetometerSource {
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Device => "device",
+            Self::Uncalibrated => "uncalibrated",
+        }
+    }
+}
+
 /// The sensors a run uses beside the gyroscope, which every estimator needs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SensorSelection {
     /// Whether the accelerometer is used, default true.
     pub accelerometer: bool,

@@ -4,14 +4,14 @@
 //! meaning. A test holds the two together.
 
 use northing_core::attitude::AttitudeConfig;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
 
 /// A named set of parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
     /// A phone or wearable in real use: the default for recordings.

@@ -143,7 +143,7 @@ fn step_back(step: &Step, next: &SmoothedState) -> SmoothedState {
     let Some(factor) = predicted.covariance.cholesky() else {
         return *filtered;
     };
-    // G^T = (P^-)^-1 Phi P^+, as P^+ and P^- are symmetric.
+    // (M22), transposed: G^T = (P^-)^-1 Phi P^+, as P^+ and P^- are symmetric.
     let gain = factor
         .solve(&(transition * filtered.covariance))
         .transpose();
@@ -152,11 +152,13 @@ fn step_back(step: &Step, next: &SmoothedState) -> SmoothedState {
     d.fixed_rows_mut::<3>(0).copy_from(&turn);
     d.fixed_rows_mut::<3>(3)
         .copy_from(&(next.gyroscope_bias - predicted.gyroscope_bias));
+    // (M22b)
     let x = gain * d;
     let (a, b): (Vector3<f64>, Vector3<f64>) = (
         x.fixed_rows::<3>(0).into_owned(),
         x.fixed_rows::<3>(3).into_owned(),
     );
+    // (M22c)
     let change = next.covariance - predicted.covariance;
     let covariance = filtered.covariance + gain * change * gain.transpose();
     SmoothedState {

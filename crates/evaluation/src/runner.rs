@@ -76,6 +76,9 @@ where
     X: std::error::Error + Send + Sync + 'static,
 {
     options.check()?;
+    let events = events
+        .into_iter()
+        .map(|event| event.map(|event| options.calibrated(event)));
     let instants = Instants::new(events)
         .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
     match options.estimator {

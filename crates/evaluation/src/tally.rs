@@ -8,6 +8,7 @@ use northing_core::kalman::Innovation;
 use northing_recording::SensorKind;
 
 use crate::consistency::{self, SensorVerdict};
+use crate::field_watch::FieldWatch;
 use crate::final_test::FinalTest;
 use crate::instants::Instant;
 use crate::metrics::ErrorStatistics;
@@ -16,6 +17,9 @@ use crate::observability::{self, Present};
 use crate::observer::EstimateRecord;
 use crate::options::RunOptions;
 use crate::summary::{Gaps, NisOf, PerSensor, RunSummary};
+
+/// Fewer zeros than this may be chance.
+const FEWEST_ZEROS: u64 = 100;
 
 /// Counts samples, updates, gaps, scores; constant memory.
 #[derive(Debug, Clone)]
@@ -33,6 +37,15 @@ pub(crate) struct Tally {
     final_test: FinalTest,
     estimates: u64,
     first_estimate_s: Option<f64>,
+    watch: FieldWatch,
+    rates: Rates,
+}
+
+/// Angular rates read, and those of them that are exactly zero.
+#[derive(Debug, Clone, Copy, Default)]
+struct Rates {
+    all: u64,
+    zero: u64,
 }
 
 impl Tally {
@@ -54,6 +67,8 @@ impl Tally {
             final_test: FinalTest::default(),
             estimates: 0,
             first_estimate_s: None,
+            watch: FieldWatch::default(),
+            rates: Rates::default(),
         }
     }
 
@@ -72,6 +87,15 @@ impl Tally {
         self.present.accelerometer |= force.is_some_and(usable);
         self.present.magnetometer |= field.is_some_and(usable);
         self.final_test.measured(instant, field);
+        let time_s = self.time_s(instant.time_ns);
+        if let Some(rate) = instant.angular_rate {
+            self.rates.all += 1;
+            self.rates.zero += u64::from(rate == Vector3::zeros());
+            self.watch.rate(&rate);
+        }
+        if let Some(field) = field {
+            self.watch.field(time_s, &field);
+        }
         if instant
             .angular_rate
             .is_some_and(|rate| rate.norm_squared().is_finite())
@@ -185,6 +209,7 @@ impl Tally {
             unobservable,
             profile: runs_filter.then_some(options.profile),
             calibration: calibration_in_words(options).filter(|_| runs_filter),
+            field_calibration: field_calibration_in_words(options).filter(|_| runs_filter),
             smoothed: options.smooth,
             estimates: self.estimates,
             first_estimate_s: self.first_estimate_s,
@@ -234,6 +259,20 @@ impl Tally {
 
     fn issues(&self, scored: bool) -> Vec<String> {
         let mut issues = Vec::new();
+        if self.rates.all >= FEWEST_ZEROS && self.rates.zero == self.rates.all {
+            issues.push(format!(
+                "Every one of the {} gyroscope samples is exactly zero: the sensor is off, or its columns are \
+                 empty; no turn can be followed.",
+                self.rates.all
+            ));
+        }
+        issues.extend(self.watch.sentences());
+        if self.scores.not_finite() > 0 {
+            issues.push(format!(
+                "{} estimates are not finite and are not in the errors: the filter broke down; check its settings.",
+                self.scores.not_finite()
+            ));
+        }
         if self.samples_of(SensorKind::Reference) > 0 && !scored {
             issues.push(format!(
                 "The reference was not scored: none of its samples counts, falls on a gyroscope \
@@ -251,6 +290,16 @@ fn calibration_in_words(options: &RunOptions) -> Option<String> {
         (None, Some(seconds)) => Some(format!("from the first {seconds} s of the recording")),
         (None, None) => None,
     }
+}
+
+fn field_calibration_in_words(options: &RunOptions) -> Option<String> {
+    let calibration = &options.field_calibration.as_ref()?.calibration;
+    Some(format!(
+        "made before: {}, hard iron {:.1} uT, residual {:.2} uT",
+        calibration.model.name(),
+        calibration.hard_iron().norm(),
+        calibration.residual_std_ut
+    ))
 }
 
 fn usable(v: Vector3<f64>) -> bool {

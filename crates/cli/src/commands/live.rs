@@ -1,5 +1,6 @@
 //! `northing live`: the lab on this computer, phones deliver into it.
 
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -8,7 +9,7 @@ use anyhow::{Context, Result, anyhow};
 use clap::{Args, ValueEnum};
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
 use northing_live::replay::{self, Speed};
-use northing_live::server::{self, LiveConfig, Running};
+use northing_live::server::{self, LiveConfig, Running, StartError};
 use northing_live::{lab::Lab, qr};
 use serde_json::{Value, json};
 
@@ -19,6 +20,9 @@ use crate::output::print;
 const LAST_WORDS: Duration = Duration::from_secs(2);
 /// How often a running lab looks whether Ctrl-C was pressed.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Port of the lab page, unless another is asked for.
+const PORT: u16 = 7770;
 
 /// Arguments of `live`.
 #[derive(Debug, Args)]
@@ -38,9 +42,10 @@ Examples:
 Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), uploads of apps on N+2."
 )]
 pub(crate) struct LiveArgs {
-    /// Port of the lab page; phones use the next, apps the one after; 0 takes free ones
-    #[arg(long, value_name = "N", default_value_t = 7770)]
-    port: u16,
+    /// Port of the lab page; phones use the next, apps the one after; 0 takes free ones [default: 7770, or free
+    /// ones if it is taken]
+    #[arg(long, value_name = "N")]
+    port: Option<u16>,
     /// Do not open the lab page in a browser
     #[arg(long)]
     no_open: bool,
@@ -79,7 +84,7 @@ enum ReplaySpeed {
 impl Default for LiveArgs {
     fn default() -> Self {
         Self {
-            port: 7770,
+            port: None,
             no_open: false,
             json: false,
             local: false,
@@ -88,6 +93,16 @@ impl Default for LiveArgs {
             exit: false,
             data_dir: None,
             web_dir: None,
+        }
+    }
+}
+
+impl LiveArgs {
+    /// What `northing` alone starts. A browser opens where somebody looks.
+    pub(crate) fn alone() -> Self {
+        Self {
+            no_open: !std::io::stdout().is_terminal(),
+            ..Self::default()
         }
     }
 }
@@ -110,14 +125,14 @@ async fn run(args: &LiveArgs) -> Result<()> {
         None => RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
     };
     let config = LiveConfig {
-        port: args.port,
+        port: args.port.unwrap_or(PORT),
         data_dir: args.data_dir.clone().map_or_else(data_dir, Ok)?,
         web_dir: args.web_dir.clone(),
         network: !args.local,
         patience: Default::default(),
         options: options.clone(),
     };
-    let running = server::start(config).await?;
+    let running = start(config, args.port.is_none()).await?;
     let events = running.lab.listen();
     ready(args, &running)?;
     let (end, ended) = tokio::sync::oneshot::channel();
@@ -133,6 +148,16 @@ async fn run(args: &LiveArgs) -> Result<()> {
         Some(summary) if args.json => print(&format!("{}\n", serde_json::to_string(&summary)?)),
         Some(summary) => print(&crate::summary_text::describe(&summary)),
         None => Ok(()),
+    }
+}
+
+/// Starts the lab; where nobody asked for its port and it is taken, on free ones.
+async fn start(config: LiveConfig, any_port: bool) -> Result<Running> {
+    match server::start(config.clone()).await {
+        Err(StartError::Port { .. }) if any_port => {
+            Ok(server::start(LiveConfig { port: 0, ..config }).await?)
+        }
+        started => Ok(started?),
     }
 }
 

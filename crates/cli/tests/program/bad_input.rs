@@ -449,3 +449,77 @@ fn too_short_a_recording() {
         &["too short", "0.190 s"],
     );
 }
+
+#[test]
+fn a_setting_without_effect_is_refused() {
+    let lab = Lab::with_phone();
+    let run = [
+        "run",
+        "phone.csv",
+        "--estimator",
+        "integration",
+        "--set",
+        "accelerometer_std=0.3",
+    ];
+    contains(
+        &lab.refuses(&run),
+        &["--set accelerometer_std=0.3 has no effect on `integration`"],
+    );
+}
+
+/// A magnet, a gyroscope that is off, stamps in milliseconds: the run goes on and says so.
+#[test]
+fn what_is_odd_about_the_sensors_is_remarked() {
+    let lab = Lab::new();
+    let header = format!("{IMU},mag_x_ut,mag_y_ut,mag_z_ut");
+    let noise = |k: usize| (k % 7) as f64 * 1e-3;
+    lab.write(
+        "magnet.csv",
+        csv(&header, 2000, |k| {
+            format!(
+                "{0},{0},{0},{0},{0},{1},150,{0},{0}",
+                noise(k),
+                9.8 + noise(k)
+            )
+        }),
+    );
+    contains(
+        &lab.succeeds(&["run", "magnet.csv"]),
+        &[
+            "magnetic field is 150 microtesla strong",
+            "22 to 67",
+            "northing calibrate magnetometer",
+        ],
+    );
+    lab.write(
+        "off.csv",
+        csv(IMU, 2000, |k| {
+            format!("0,0,0,{0},{0},{1}", noise(k), 9.8 + noise(k))
+        }),
+    );
+    contains(
+        &lab.succeeds(&["run", "off.csv"]),
+        &["Every one of the 2000 gyroscope samples is exactly zero"],
+    );
+    let mut text = format!("{IMU}\n");
+    for k in 0..2000 {
+        text += &format!("{},{1},{1},{1},{1},{1},9.8\n", k * 10, noise(k));
+    }
+    lab.write("ms.csv", text);
+    contains(
+        &lab.succeeds(&["run", "ms.csv"]),
+        &["stamps look like milliseconds under the name of seconds (100 samples a second then)"],
+    );
+}
+
+#[test]
+fn a_column_with_two_meanings_is_refused() {
+    let lab = Lab::new();
+    lab.write("data.txt", "t,a,b,c\n0,0,0,0\n1,0,0,0\n");
+    lab.write(
+        "data.toml",
+        "file = 'data.txt'\n[time]\ncolumn = 't'\n[gyroscope]\ncolumns = ['a', 'a', 'c']\n",
+    );
+    let message = lab.refuses(&["run", "data.toml"]);
+    contains(&message, &["data.toml", "column `a` is used twice"]);
+}
