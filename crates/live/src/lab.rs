@@ -14,6 +14,7 @@ use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
 use crate::experiments::Finished;
 use crate::frames::FrameText;
+use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
 
@@ -70,6 +71,8 @@ pub struct Lab {
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
     pub(crate) messages: broadcast::Sender<Arc<str>>,
     pub(crate) devices_changed: watch::Sender<()>,
+    /// How long samples take to the pages.
+    pub latency: Latency,
     options: RunOptions,
     started: Instant,
     started_unix_ns: i64,
@@ -93,6 +96,7 @@ impl Lab {
             frames: broadcast::channel(FRAMES).0,
             messages: broadcast::channel(MESSAGES).0,
             devices_changed: watch::Sender::new(()),
+            latency: Latency::default(),
             options,
             started: Instant::now(),
             started_unix_ns: unix_ns(),

@@ -10,6 +10,8 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
+use northing_evaluation::field_calibration::FieldCalibration;
+use northing_evaluation::options::MagnetometerSource;
 use northing_evaluation::parameters::parameters;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -88,7 +90,7 @@ async fn status(State(api): State<LabApi>) -> Json<Value> {
         "phone_urls": api.facts.reach.phone_urls(),
         "ingest_urls": api.facts.reach.ingest_urls(),
         "fingerprint": api.facts.fingerprint,
-        "devices": api.lab.statuses(),
+        "devices": api.lab.statuses(), "latency": api.lab.latency.summary(),
         "experiments": api.lab.experiments_message()["rows"],
     }))
 }
@@ -163,7 +165,12 @@ async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) ->
         let text = "this device has no magnetometer calibration in force";
         return (StatusCode::NOT_FOUND, text).into_response();
     };
-    match toml::to_string(&calibration) {
+    // As `northing run --magnetometer-calibration` reads it; the lab uses the device's own stream.
+    let field = FieldCalibration {
+        magnetometer: MagnetometerSource::Device,
+        calibration,
+    };
+    match toml::to_string(&field) {
         Ok(text) => {
             let headers = [
                 (header::CONTENT_TYPE, "application/toml"),

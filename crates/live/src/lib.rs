@@ -30,6 +30,7 @@ pub mod frames;
 pub mod ingest;
 pub mod lab;
 pub mod lab_api;
+pub mod latency;
 pub mod limits;
 pub mod messages;
 mod page;

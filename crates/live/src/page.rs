@@ -82,7 +82,13 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
             },
             frame = frames.recv() => match frame {
                 Ok(frame) => match page.frames.take(&frame, Instant::now()) {
-                    Some(text) => send(&mut socket, text).await,
+                    Some(text) => {
+                        let sent = send(&mut socket, text).await;
+                        if let Some(arrival_ns) = frame.arrival_ns {
+                            lab.latency.note_ns(lab.now_ns() - arrival_ns);
+                        }
+                        sent
+                    }
                     None => Ok(()),
                 },
                 Err(RecvError::Lagged(_)) => Ok(()),

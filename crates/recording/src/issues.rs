@@ -53,7 +53,7 @@ impl Issues {
             return None;
         }
         let interval_s = self.gyroscope_span_s / intervals as f64;
-        // Gyroscopes sample with 5 Hz to 2 kHz.
+        // Gyroscopes sample with 5 Hz to 1 kHz.
         let units = [
             ("milliseconds", "ms", 1e3),
             ("microseconds", "us", 1e6),
@@ -61,7 +61,7 @@ impl Issues {
         ];
         let (name, unit, factor) = units
             .into_iter()
-            .find(|(_, _, factor)| (5e-4..=0.2).contains(&(interval_s / factor)))?;
+            .find(|(_, _, factor)| (1e-3..=0.2).contains(&(interval_s / factor)))?;
         Some(format!(
             "The gyroscope has one sample every {interval_s:.3} s, too few to follow any turn; the stamps look like \
              {name} under the name of seconds ({:.0} samples a second then). If so, divide them by {factor:.0}, or \
