@@ -131,6 +131,11 @@ fn times(count: u64) -> String {
         2 => "twice".to_owned(),
         _ => format!("{count} times"),
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
 
     #[test]
     fn stamps_that_are_no_seconds_are_named() {

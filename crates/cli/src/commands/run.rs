@@ -20,6 +20,19 @@ use crate::{run_report, summary_text};
 /// Points a series of a report's plots has at most.
 pub(crate) const TRACE_CAPACITY: usize = 6000;
 
+/// Options that a report of the lab decides.
+const SET_ELSEWHERE: [&str; 9] = [
+    "sensors",
+    "magnetometer",
+    "magnetometer_calibration",
+    "calibration",
+    "calibrate_first",
+    "smooth",
+    "profile",
+    "config",
+    "set",
+];
+
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 #[command(
@@ -47,7 +60,7 @@ pub(crate) struct RunArgs {
     )]
     estimator: EstimatorKind,
     /// Run as a report of the lab says: estimator, parameters, calibrations and all; nothing else may be set
-    #[arg(long, value_name = "REPORT", conflicts_with_all = ["EstimationArgs", "SettingArgs"])]
+    #[arg(long, value_name = "REPORT", conflicts_with_all = SET_ELSEWHERE)]
     setup: Option<PathBuf>,
     /// Write a report with plots: one HTML file for a browser
     #[arg(long, value_name = "FILE")]

@@ -518,7 +518,7 @@ fn a_column_with_two_meanings_is_refused() {
     lab.write("data.txt", "t,a,b,c\n0,0,0,0\n1,0,0,0\n");
     lab.write(
         "data.toml",
-        "file = 'data.txt'\n[time]\ncolumn = 't'\n[gyroscope]\ncolumns = ['a', 'a', 'c']\n",
+        "file = 'data.txt'\n[time]\ncolumn = 't'\nunit = 's'\n[gyroscope]\ncolumns = ['a', 'a', 'c']\n",
     );
     let message = lab.refuses(&["run", "data.toml"]);
     contains(&message, &["data.toml", "column `a` is used twice"]);

@@ -52,6 +52,9 @@ fn walk(lab: &Lab, name: &str) {
     let mut writer = create(&lab.path(name), &phone.metadata(), &sensors, false).unwrap();
     let mut noise = stream(4, "iron");
     for mut event in phone.events() {
+        if !sensors.contains(&event.sample.kind()) {
+            continue;
+        }
         if let Sample::MagneticField(field) = &mut event.sample {
             *field = disturbed(field, &mut noise);
         }

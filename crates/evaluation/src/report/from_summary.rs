@@ -207,9 +207,7 @@ mod tests {
             .settings
             .iter()
             .find(|s| s.name == "accelerometer_std");
-        assert_eq!(
-            std.unwrap().value,
-            options.config.accelerometer_std.to_string()
-        );
+        let std: f64 = std.unwrap().value.parse().unwrap();
+        assert!((std - options.config.accelerometer_std).abs() < 1e-12);
     }
 }
