@@ -25,7 +25,8 @@ use crate::settings::SettingArgs;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Estimation")]
 pub(crate) struct EstimationArgs {
-    /// Sensors to use, e.g. gyro,acc to leave the magnetometer out
+    /// Sensors to use, e.g. gyro,acc to leave the magnetometer out; `compass` uses the device's own
+    /// headings beside a magnetometer, too
     #[arg(long, value_name = "LIST")]
     sensors: Option<SensorSelection>,
     /// Which magnetometer: device (calibrated by the device) or uncalibrated

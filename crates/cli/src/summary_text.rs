@@ -43,6 +43,12 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
         SensorKind::Magnetometer,
         &summary.updates.magnetometer,
     );
+    sensor(
+        &mut sheet,
+        summary,
+        SensorKind::CompassHeading,
+        &summary.updates.compass,
+    );
     match &summary.final_test {
         Some(test) => sheet.row("final test", test.sentence.as_str()),
         None => sheet.row(

@@ -207,6 +207,7 @@ fn degrees_of_freedom(nis: &NisSummary) -> String {
 fn correlation_sentence(sensor: SensorKind, nis: &NisSummary, correlation_time_s: f64) -> String {
     let parameter = match sensor {
         SensorKind::Accelerometer => "accelerometer_correlation_time_s",
+        SensorKind::CompassHeading => "compass_correlation_time_s",
         _ => "magnetometer_correlation_time_s",
     };
     let start = format!(

@@ -191,6 +191,35 @@ pub struct SensorSelection {
     pub magnetometer: bool,
     /// Which magnetometer stream, default the device's.
     pub magnetometer_source: MagnetometerSource,
+    /// Whether compass headings of the device are used, default where it has no magnetometer.
+    #[serde(default)]
+    pub compass: CompassUse,
+}
+
+/// When headings that the device itself reports are measurements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CompassUse {
+    /// While no magnetometer has delivered: its field is the better north, and the compass is made
+    /// of the same field.
+    #[default]
+    WithoutMagnetometer,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+impl CompassUse {
+    /// Whether a heading is used, given whether the device's magnetometer has delivered.
+    #[must_use]
+    pub const fn applies(self, has_magnetometer: bool) -> bool {
+        match self {
+            Self::WithoutMagnetometer => !has_magnetometer,
+            Self::Always => true,
+            Self::Never => false,
+        }
+    }
 }
 
 impl Default for SensorSelection {
@@ -199,6 +228,7 @@ impl Default for SensorSelection {
             accelerometer: true,
             magnetometer: true,
             magnetometer_source: MagnetometerSource::Device,
+            compass: CompassUse::WithoutMagnetometer,
         }
     }
 }
@@ -206,7 +236,7 @@ impl Default for SensorSelection {
 impl SensorSelection {
     /// The names that a list of sensors can hold.
     pub const NAMES: &'static str =
-        "gyro (gyroscope), acc (accelerometer), mag (magnetometer), mag-uncalibrated";
+        "gyro (gyroscope), acc (accelerometer), mag (magnetometer), mag-uncalibrated, compass";
 }
 
 /// A list such as `gyro,acc`.
@@ -218,12 +248,14 @@ impl FromStr for SensorSelection {
         let mut selection = Self {
             accelerometer: false,
             magnetometer: false,
+            compass: CompassUse::Never,
             ..Self::default()
         };
         for name in text.split(',').map(str::trim) {
             match name {
                 "gyro" | "gyroscope" => gyroscope = true,
                 "acc" | "accelerometer" => selection.accelerometer = true,
+                "compass" => selection.compass = CompassUse::Always,
                 "mag" | "magnetometer" => selection.magnetometer = true,
                 "mag-uncalibrated" | "magnetometer-uncalibrated" => {
                     selection.magnetometer = true;
@@ -255,6 +287,9 @@ mod tests {
     fn lists_of_sensors_are_read() {
         let chosen: SensorSelection = "gyro, acc".parse().unwrap();
         assert!(chosen.accelerometer && !chosen.magnetometer);
+        assert_eq!(chosen.compass, CompassUse::Never);
+        let compass: SensorSelection = "gyro,compass".parse().unwrap();
+        assert_eq!(compass.compass, CompassUse::Always);
         let raw: SensorSelection = "gyroscope,mag-uncalibrated".parse().unwrap();
         assert!(!raw.accelerometer && raw.magnetometer);
         assert_eq!(raw.magnetometer_source, MagnetometerSource::Uncalibrated);

@@ -27,7 +27,9 @@
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use northing_core::attitude::config::ConfigError;
 use northing_core::attitude::mekf::Mekf;
-use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, Propagation};
+use northing_core::attitude::{
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
+};
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::Innovation;
 
@@ -191,6 +193,10 @@ impl AttitudeEstimator<f64> for Recorder {
 
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<f64>) -> Innovation<f64> {
         self.mekf.update_magnetometer(magnetic_field)
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<f64>) -> Innovation<f64> {
+        self.mekf.update_compass(heading)
     }
 
     fn add_attitude_variance(&mut self, variance: f64) {

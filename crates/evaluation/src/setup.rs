@@ -65,6 +65,9 @@ pub struct Start {
     pub gyroscope_bias_rad_s: [f64; 3],
     /// Its standard deviation, rad/s.
     pub gyroscope_bias_std_rad_s: f64,
+    /// Whether a compass has said where north is.
+    #[serde(default)]
+    pub north_known: bool,
     /// Specific force at rest in the reference frame, m/s^2.
     pub specific_force_m_s2: [f64; 3],
     /// Magnetic field in the reference frame, microtesla.
@@ -80,6 +83,7 @@ impl Start {
             attitude_covariance_rad2: [0, 1, 2].map(|i| [0, 1, 2].map(|j| p[(i, j)])),
             gyroscope_bias_rad_s: state.gyroscope_bias.into(),
             gyroscope_bias_std_rad_s: state.gyroscope_bias_std,
+            north_known: state.north_known,
             specific_force_m_s2: state.references.specific_force.into(),
             magnetic_field_ut: state.references.magnetic_field.map(Into::into),
         }
@@ -95,6 +99,7 @@ impl Start {
             attitude_covariance: Matrix3::from_fn(|i, j| p[i][j]),
             gyroscope_bias: self.gyroscope_bias_rad_s.into(),
             gyroscope_bias_std: self.gyroscope_bias_std_rad_s,
+            north_known: self.north_known,
             references: References {
                 specific_force: self.specific_force_m_s2.into(),
                 magnetic_field: self.magnetic_field_ut.map(Vector3::from),
@@ -216,6 +221,7 @@ mod tests {
             attitude_covariance: Matrix3::identity() * 1e-4,
             gyroscope_bias: Vector3::new(0.1, 0.2, 1.0 / 3.0),
             gyroscope_bias_std: 1e-3,
+            north_known: true,
             references: References {
                 specific_force: Vector3::z() * 9.81,
                 magnetic_field: None,

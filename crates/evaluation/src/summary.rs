@@ -72,6 +72,8 @@ pub struct PerSensor<V> {
     pub accelerometer: V,
     /// Of the magnetometer that is used.
     pub magnetometer: V,
+    /// Of the compass headings that are used.
+    pub compass: V,
 }
 
 /// One value for each sensor that a filter updates with; `None` where nothing was looked at.
@@ -81,6 +83,8 @@ pub struct NisOf<V> {
     pub accelerometer: Option<V>,
     /// Of the magnetometer.
     pub magnetometer: Option<V>,
+    /// Of the compass.
+    pub compass: Option<V>,
 }
 
 /// Pauses between gyroscope samples longer than the limit: the attitude is held and its

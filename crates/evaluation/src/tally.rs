@@ -29,7 +29,7 @@ pub(crate) struct Tally {
     last_ns: i64,
     samples: [u64; SensorKind::ALL.len()],
     updates: PerSensor<UpdateCounts>,
-    nis: [NisStatistics; 2],
+    nis: [NisStatistics; 3],
     present: Present,
     last_rate_ns: Option<i64>,
     gaps: Gaps,
@@ -56,7 +56,7 @@ impl Tally {
             last_ns: 0,
             samples: [0; SensorKind::ALL.len()],
             updates: PerSensor::default(),
-            nis: [NisStatistics::default(), NisStatistics::default()],
+            nis: Default::default(),
             present: Present::default(),
             last_rate_ns: None,
             gaps: Gaps {
@@ -137,9 +137,12 @@ impl Tally {
     pub(crate) fn updated(&mut self, sensor: SensorKind, innovation: &Innovation<f64>) {
         let (counts, nis) = match sensor {
             SensorKind::Accelerometer => (&mut self.updates.accelerometer, &mut self.nis[0]),
+            SensorKind::CompassHeading => (&mut self.updates.compass, &mut self.nis[2]),
             _ => (&mut self.updates.magnetometer, &mut self.nis[1]),
         };
         counts.add(innovation.outcome);
+        let fused = innovation.outcome.is_fused();
+        self.present.compass |= fused && sensor == SensorKind::CompassHeading;
         nis.add(innovation);
     }
 
@@ -181,10 +184,12 @@ impl Tally {
 
     /// What it all comes to. `runs_filter` is false for what only reads a column.
     pub(crate) fn summary(&self, options: &RunOptions, runs_filter: bool) -> RunSummary {
-        let [accelerometer, magnetometer] = [&self.nis[0], &self.nis[1]].map(|nis| nis.summary());
+        let [accelerometer, magnetometer, compass] =
+            self.nis.each_ref().map(NisStatistics::summary);
         let nis = NisOf {
             accelerometer,
             magnetometer,
+            compass,
         };
         let error_deg = self.scores.summary();
         let mut unobservable = Vec::new();
@@ -202,6 +207,7 @@ impl Tally {
             nis_mean: NisOf {
                 accelerometer: nis.accelerometer.map(|n| n.mean),
                 magnetometer: nis.magnetometer.map(|n| n.mean),
+                compass: nis.compass.map(|n| n.mean),
             },
             final_test: self.final_test.summary(),
             verdicts: self.verdicts(&nis, &options.config),
@@ -215,7 +221,7 @@ impl Tally {
             first_estimate_s: self.first_estimate_s,
             gaps: self.gaps,
             samples_per_sensor: self.samples_per_sensor(),
-            issues: self.issues(error_deg.is_some()),
+            issues: self.issues(error_deg.is_some(), runs_filter),
         }
     }
 
@@ -254,10 +260,16 @@ impl Tally {
                 lasts,
             )
         });
-        accelerometer.into_iter().chain(magnetometer).collect()
+        let compass = nis.compass.as_ref().map(|nis| {
+            let lasts = config.compass_correlation_time_s;
+            let counts = &self.updates.compass;
+            consistency::judge(SensorKind::CompassHeading, nis, counts, lasts)
+        });
+        let judged = accelerometer.into_iter().chain(magnetometer);
+        judged.chain(compass).collect()
     }
 
-    fn issues(&self, scored: bool) -> Vec<String> {
+    fn issues(&self, scored: bool, runs_filter: bool) -> Vec<String> {
         let mut issues = Vec::new();
         if self.rates.all >= FEWEST_ZEROS && self.rates.zero == self.rates.all {
             issues.push(format!(
@@ -272,6 +284,20 @@ impl Tally {
                 "{} estimates are not finite and are not in the errors: the filter broke down; check its settings.",
                 self.scores.not_finite()
             ));
+        }
+        let has_compass = self.samples_of(SensorKind::CompassHeading) > 0;
+        if runs_filter && has_compass && self.present.compass && !self.present.magnetometer {
+            issues.push(
+                "No magnetometer is used: the heading is that of the device's own compass, with \
+                 the uncertainty it states."
+                    .to_owned(),
+            );
+        } else if runs_filter && has_compass && !self.present.compass {
+            issues.push(
+                "The device's own compass headings are left out: a magnetometer is there, or the \
+                 list of sensors does not name `compass`."
+                    .to_owned(),
+            );
         }
         if self.samples_of(SensorKind::Reference) > 0 && !scored {
             issues.push(format!(

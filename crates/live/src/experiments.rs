@@ -277,6 +277,7 @@ impl Finished {
                     "verdict": test.and_then(|t| t.verdict),
                     "nis_acc": s.nis_mean.accelerometer,
                     "nis_mag": s.nis_mean.magnetometer,
+                    "nis_compass": s.nis_mean.compass,
                     "error_deg": error_deg(s),
                 });
                 (name, row)

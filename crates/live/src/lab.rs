@@ -21,7 +21,16 @@ use crate::messages::{Command, DeviceStatus};
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
 /// How a device of the lab's own is called: no phone can call itself so.
-const OWN_NAMES: [&str; 2] = ["virtual-", "replay-"];
+const OWN_NAMES: [&str; 8] = [
+    "virtual-",
+    "replay-",
+    "sensorserver-",
+    "linkoping-",
+    "phyphox-",
+    "razor-",
+    "hyperimu-",
+    "sensorstreamer-",
+];
 /// A device that has been silent for so long makes room for another when the lab is full.
 const EVICTABLE: Duration = Duration::from_secs(10);
 /// Batches that may wait for one device.

@@ -17,8 +17,9 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::addresses::Reach;
-use crate::assets::Assets;
+use crate::assets::{Assets, titled};
 use crate::export;
+use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
 use crate::page;
 use crate::qr;
@@ -35,6 +36,10 @@ pub struct Facts {
     pub reach: Arc<Reach>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
+    /// What people call this lab; may be empty.
+    pub name: String,
+    /// What the lab goes out for or listens for.
+    pub inputs: Arc<Inputs>,
 }
 
 /// What the handlers share.
@@ -74,11 +79,12 @@ async fn asset(State(api): State<LabApi>, Path(name): Path<String>) -> Response 
 fn file(api: &LabApi, name: &str) -> Response {
     match api.assets.get("lab", name) {
         Some((bytes, kind)) => {
+            let bytes = titled(bytes, name, &api.facts.name);
             let headers = [
                 (header::CONTENT_TYPE, kind),
                 (header::CACHE_CONTROL, "no-cache"),
             ];
-            (headers, bytes.into_owned()).into_response()
+            (headers, bytes).into_response()
         }
         None => StatusCode::NOT_FOUND.into_response(),
     }
@@ -92,6 +98,8 @@ async fn status(State(api): State<LabApi>) -> Json<Value> {
         "fingerprint": api.facts.fingerprint,
         "devices": api.lab.statuses(), "latency": api.lab.latency.summary(),
         "experiments": api.lab.experiments_message()["rows"],
+        "name": api.facts.name,
+        "inputs": api.facts.inputs.statuses(),
     }))
 }
 
@@ -193,6 +201,8 @@ async fn socket(State(api): State<LabApi>, upgrade: WebSocketUpgrade) -> Respons
 
 /// What every page is told first, and again when the addresses have changed.
 pub(crate) fn hello(facts: &Facts) -> Value {
+    let input_kinds = InputKind::ALL
+        .map(|kind| json!({"kind": kind, "hint": kind.hint(), "example": kind.example()}));
     let phone_urls = facts.reach.phone_urls();
     let host = phone_urls.first().and_then(|url| url.split('/').nth(2));
     // Another address is another picture.
@@ -220,6 +230,7 @@ pub(crate) fn hello(facts: &Facts) -> Value {
         "type": "hello", "version": env!("CARGO_PKG_VERSION"),
         "phone_urls": phone_urls, "ingest_urls": facts.reach.ingest_urls(),
         "qr_svg": qr_svg, "estimators": estimators, "parameters": parameters,
-        "fingerprint": facts.fingerprint, "features": FEATURES,
+        "fingerprint": facts.fingerprint, "features": FEATURES, "name": facts.name,
+        "input_kinds": input_kinds, "inputs": facts.inputs.statuses(),
     })
 }

@@ -12,6 +12,7 @@
 //! | frames for the pages | [`frames`] |
 //! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`allan`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
+//! | apps with a server, ports that wait, serial lines | [`inputs`] |
 //! | the pages and the QR code | [`assets`], [`qr`] |
 //!
 //! A sample's way: a listener reads a batch and hands its bytes to the task of its device, whose engine
@@ -28,6 +29,7 @@ pub mod experiments;
 pub mod export;
 pub mod frames;
 pub mod ingest;
+pub mod inputs;
 pub mod lab;
 pub mod lab_api;
 pub mod latency;

@@ -18,6 +18,7 @@ use crate::addresses::{Addresses, Reach, local_name};
 use crate::assets::Assets;
 use crate::connections::{Gate, Patience, Places};
 use crate::ingest::{self, Ingest};
+use crate::inputs::Inputs;
 use crate::lab::Lab;
 use crate::lab_api::{self, Facts, LabApi};
 use crate::limits::Peer;
@@ -51,6 +52,25 @@ pub struct LiveConfig {
     pub patience: Patience,
     /// The options that every device starts with.
     pub options: RunOptions,
+    /// What people call this lab: pages show it. May be empty.
+    pub name: String,
+    /// Further names under which the listeners answer, such as `lab.example.org`, without port.
+    pub allowed_hosts: Vec<String>,
+}
+
+impl Default for LiveConfig {
+    fn default() -> Self {
+        Self {
+            port: 0,
+            data_dir: PathBuf::new(),
+            web_dir: None,
+            network: false,
+            patience: Patience::default(),
+            options: RunOptions::default(),
+            name: String::new(),
+            allowed_hosts: Vec::new(),
+        }
+    }
 }
 
 /// What can go wrong at the start.
@@ -88,6 +108,8 @@ pub struct Running {
     pub ingest_urls: Vec<String>,
     /// The token.
     pub token: Arc<Token>,
+    /// What the lab goes out for or listens for.
+    pub inputs: Arc<Inputs>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
     handles: Vec<Handle<SocketAddr>>,
@@ -114,15 +136,19 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let reach = Arc::new(reach);
     let lab = Lab::new(config.options);
     let assets = Arc::new(Assets::new(config.web_dir));
+    let inputs = Inputs::new(lab.clone(), config.network.then(|| reach.clone()));
     let facts = Arc::new(Facts {
         reach: reach.clone(),
         fingerprint: certificate.fingerprint(),
+        name: shortened(&config.name),
+        inputs: inputs.clone(),
     });
     let ingest = Ingest {
         lab: lab.clone(),
         token: token.clone(),
         assets: assets.clone(),
         addresses: Arc::default(),
+        name: facts.name.as_str().into(),
     };
     let api = LabApi {
         lab: lab.clone(),
@@ -130,7 +156,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         assets,
     };
     let guarded = |router: Router, scheme, port, reach, origin| {
-        let names = Names::new(scheme, port, reach, origin);
+        let names = Names::new(scheme, port, reach, origin).and(&config.allowed_hosts);
         router.layer(from_fn_with_state(names, guard))
     };
     let places = Places::new(PHONE_PLACES[0], PHONE_PLACES[1]);
@@ -161,6 +187,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         phone_urls: reach.phone_urls(),
         ingest_urls: reach.ingest_urls(),
         token,
+        inputs,
         fingerprint: facts.fingerprint.clone(),
         handles,
     })
@@ -192,6 +219,12 @@ impl Running {
         }
         tokio::time::sleep(GRACE / 5).await;
     }
+}
+
+/// A name as pages can show it.
+fn shortened(name: &str) -> String {
+    let shown = name.chars().filter(|c| !c.is_control());
+    shown.take(60).collect::<String>().trim().to_owned()
 }
 
 fn serve(

@@ -8,7 +8,7 @@ use csv::{ByteRecord, Position};
 use nalgebra::Vector3;
 
 use crate::error::{RecordingError, Result, shown};
-use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{CompassHeading, Event, Reference, Sample, SensorKind, quaternion_from_file};
 use crate::issues::Issues;
 use crate::recording::EventSource;
 use crate::stamp;
@@ -49,6 +49,10 @@ pub(crate) enum Channel {
         column: usize,
         factor: f64,
     },
+    /// Heading and its standard deviation, rad.
+    Compass {
+        columns: [usize; 2],
+    },
 }
 
 impl Channel {
@@ -61,6 +65,7 @@ impl Channel {
                 columns, scored, ..
             } => columns.iter().copied().chain(*scored).collect(),
             Self::Pressure { column, .. } => vec![*column],
+            Self::Compass { columns } => columns.to_vec(),
         }
     }
 
@@ -70,6 +75,7 @@ impl Channel {
             Self::DeviceOrientation { .. } => SensorKind::DeviceOrientation,
             Self::Reference { .. } => SensorKind::Reference,
             Self::Pressure { .. } => SensorKind::Pressure,
+            Self::Compass { .. } => SensorKind::CompassHeading,
         }
     }
 }
@@ -251,6 +257,12 @@ impl<'a> Cells<'a> {
             Channel::Pressure { column, factor } => {
                 self.number(*column)?.map(|p| Sample::Pressure(p * factor))
             }
+            Channel::Compass { columns } => self.numbers(columns)?.map(|[heading_rad, std_rad]| {
+                Sample::CompassHeading(CompassHeading {
+                    heading_rad,
+                    std_rad,
+                })
+            }),
         })
     }
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow};
 use clap::{Args, ValueEnum};
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
+use northing_live::inputs::InputSpec;
 use northing_live::replay::{self, Speed};
 use northing_live::server::{self, LiveConfig, Running, StartError};
 use northing_live::{lab::Lab, qr};
@@ -35,11 +36,14 @@ const PORT: u16 = 7770;
 Examples:
   northing live
   northing live --port 8000 --no-open
+  northing live --input sensorserver=192.168.1.20:8080 --input linkoping
   northing live --replay walk.csv
   northing live --no-open --json
   northing live --replay walk.csv --speed max --exit --json | tail -n 1
 
-Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), uploads of apps on N+2."
+Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), uploads of apps on N+2.
+Inputs: apps with a server of their own, and apps that connect to this computer (these have no token: anybody in
+the network can send; with --local only this computer). They can be added on the page, too."
 )]
 pub(crate) struct LiveArgs {
     /// Port of the lab page; phones use the next, apps the one after; 0 takes free ones [default: 7770, or free
@@ -64,6 +68,21 @@ pub(crate) struct LiveArgs {
     /// End when the recording has ended, with the summary of `northing run`
     #[arg(long, requires = "replay")]
     exit: bool,
+    /// Take samples from this input, too (repeatable): sensorserver=HOST:PORT, phyphox=HOST:PORT,
+    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE[@BAUD]
+    #[arg(long = "input", value_name = "KIND=ADDRESS")]
+    inputs: Vec<InputSpec>,
+    /// What people call this lab; the pages show it
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = "",
+        hide_default_value = true
+    )]
+    name: String,
+    /// A further name of this computer under which pages may be opened (repeatable)
+    #[arg(long = "allowed-host", value_name = "HOST", value_parser = host_name)]
+    allowed_hosts: Vec<String>,
     /// Folder for the certificate; default: the user's folder for data
     #[arg(long, value_name = "FOLDER")]
     data_dir: Option<PathBuf>,
@@ -91,6 +110,9 @@ impl Default for LiveArgs {
             replay: None,
             speed: ReplaySpeed::Real,
             exit: false,
+            inputs: Vec::new(),
+            name: String::new(),
+            allowed_hosts: Vec::new(),
             data_dir: None,
             web_dir: None,
         }
@@ -105,6 +127,20 @@ impl LiveArgs {
             ..Self::default()
         }
     }
+}
+
+/// A host name or address without port.
+fn host_name(text: &str) -> Result<String, String> {
+    let is_label = |b: u8| b.is_ascii_alphanumeric() || b == b'.' || b == b'-';
+    let bare = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
+    let is_v6 = bare.is_some_and(|v6| v6.parse::<std::net::Ipv6Addr>().is_ok());
+    if is_v6 || (!text.is_empty() && text.bytes().all(is_label)) {
+        return Ok(text.to_owned());
+    }
+    Err(
+        "expected a name or an address of this computer without port, e.g. lab.example.org"
+            .to_owned(),
+    )
 }
 
 /// Runs the lab until Ctrl-C, or until the recording has ended.
@@ -131,10 +167,16 @@ async fn run(args: &LiveArgs) -> Result<()> {
         network: !args.local,
         patience: Default::default(),
         options: options.clone(),
+        name: args.name.clone(),
+        allowed_hosts: args.allowed_hosts.clone(),
     };
     let running = start(config, args.port.is_none()).await?;
     let events = running.lab.listen();
     ready(args, &running)?;
+    for input in &args.inputs {
+        let added = running.inputs.add(input.clone());
+        added.map_err(|text| anyhow!(text))?;
+    }
     let (end, ended) = tokio::sync::oneshot::channel();
     let telling = args.json.then(|| tokio::spawn(tell(events, ended)));
     let outcome = work(args, &running.lab, &options).await;

@@ -71,6 +71,37 @@ fn wrong_and_missing_columns() {
     contains(&twice, &["`gyro_x_rad_s` is there twice"]);
 }
 
+#[cfg(feature = "live")]
+#[test]
+fn an_input_or_a_host_that_is_none() {
+    for (option, value, parts) in [
+        (
+            "--input",
+            "telepathy=1",
+            ["telepathy", "one of: sensorserver"],
+        ),
+        (
+            "--input",
+            "sensorserver=phone",
+            ["HOST:PORT", "192.168.1.20:8080"],
+        ),
+        (
+            "--input",
+            "phyphox=http://phone:80/",
+            ["phyphox", "without a path"],
+        ),
+        ("--input", "razor=/etc/passwd", ["razor", "a serial device"]),
+        (
+            "--allowed-host",
+            "lab.example:80",
+            ["lab.example:80", "without port"],
+        ),
+    ] {
+        let message = Lab::new().refuses(&["live", "--no-open", option, value]);
+        contains(&message, &parts);
+    }
+}
+
 #[test]
 fn a_recording_without_gyroscope() {
     let message = refused("t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2\n0,0,0,9.81\n");

@@ -52,10 +52,10 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
 use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
-use super::measurement::VectorSensors;
+use super::measurement::{Measurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::vector_sensor::VectorSensor;
-use super::{AttitudeEstimator, InitialState, Propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{cap_variance, cholesky, mirror_upper};
 use crate::kalman::innovation::Outcome;
@@ -303,13 +303,8 @@ impl<T: Scalar> Usque<T> {
         true
     }
 
-    /// The heading is one linear number: a Kalman update as in the MEKF.
-    fn update_heading(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        let p = attitude_block(&self.state.covariance);
-        let measurement = self
-            .state
-            .sensors
-            .magnetometer(&self.state.attitude, &p, magnetic_field);
+    /// A heading is one linear number: a Kalman update as in the MEKF.
+    fn update_scalar(&mut self, measurement: &Measurement<T>) -> Innovation<T> {
         let (mut covariance, mut correction) = (self.state.covariance, Vector6::zeros());
         let fused = measurement.variance.is_some()
             && measurement
@@ -406,8 +401,22 @@ impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
             MagnetometerUse::Vector => {
                 self.update_vector(magnetic_field, |sensors| &mut sensors.magnetometer)
             }
-            MagnetometerUse::Heading => self.update_heading(magnetic_field),
+            MagnetometerUse::Heading => {
+                let p = attitude_block(&self.state.covariance);
+                let state = &mut self.state;
+                let m = state
+                    .sensors
+                    .magnetometer(&state.attitude, &p, magnetic_field);
+                self.update_scalar(&m)
+            }
         }
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
+        let p = attitude_block(&self.state.covariance);
+        let state = &mut self.state;
+        let m = state.sensors.compass(&state.attitude, &p, heading);
+        self.update_scalar(&m)
     }
 
     fn add_attitude_variance(&mut self, variance: T) {

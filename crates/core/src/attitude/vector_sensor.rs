@@ -70,6 +70,16 @@ impl<T: Scalar> VectorSensor<T> {
         )
     }
 
+    /// The compass that `config` describes: no vector, only noise, gate and history.
+    pub fn compass(config: &AttitudeConfig<T>) -> Self {
+        Self::new(
+            config.compass_std,
+            config.compass_gate(),
+            config.compass_correlation_time_s,
+            T::zero(),
+        )
+    }
+
     fn new(std: T, gate: Gate<T>, correlation_time: T, norm_gain: T) -> Self {
         Self {
             reference: None,

@@ -111,6 +111,7 @@ fn updates(summary: &RunSummary) -> Vec<SensorUpdates> {
         one("gyroscope", &counts.gyroscope, None),
         one("accelerometer", &counts.accelerometer, acc),
         one("magnetometer", &counts.magnetometer, mag),
+        one("compass-heading", &counts.compass, nis.compass.as_ref()),
     ]
 }
 

@@ -52,6 +52,7 @@ impl TestLab {
             network: false,
             patience,
             options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
+            ..LiveConfig::default()
         };
         let running = runtime.block_on(start(config)).unwrap();
         Self {
