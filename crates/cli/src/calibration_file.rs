@@ -7,19 +7,23 @@ use anyhow::{Context, Result, anyhow};
 use northing_core::calibration::RestCalibration;
 
 use crate::rest_span::Calibrated;
+use crate::toml_file::{self, in_comment};
+
+/// The command that writes it.
+const COMMAND: &str = "northing calibrate rest";
 
 /// The text of a calibration file; `recording` is where it comes from.
 pub(crate) fn to_toml(calibrated: &Calibrated, recording: &str) -> Result<String> {
     let [from_s, to_s] = calibrated.span_s;
     let values = toml::to_string(&calibrated.calibration).context("calibration as TOML")?;
     Ok(format!(
-        "# Calibration at rest by `northing calibrate rest`.\n\
+        "# Calibration at rest by `{COMMAND}`.\n\
          # Recording: {}\n\
          # Span: {from_s:.3} s to {to_s:.3} s after its first sample.\n\
          # Vectors are x, y, z in the axes of the device. `std` is the standard deviation of one sample,\n\
          # `bias_std` that of the bias; measured = true + bias + noise.\n\
          {values}",
-        recording.replace(char::is_control, "?")
+        in_comment(recording)
     ))
 }
 
@@ -28,20 +32,11 @@ pub(crate) fn to_toml(calibrated: &Calibrated, recording: &str) -> Result<String
 /// # Errors
 /// It cannot be read, is no TOML, or lacks something; the message names the line.
 pub(crate) fn read(path: &Path) -> Result<RestCalibration<f64>> {
-    let file = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
-    parse(&text, &file)
+    let calibration = toml_file::read(path, COMMAND)?;
+    checked(calibration, &path.display().to_string())
 }
 
-fn parse(text: &str, file: &str) -> Result<RestCalibration<f64>> {
-    let calibration: RestCalibration<f64> = toml::from_str(text).map_err(|error| {
-        let start = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = text.as_bytes()[..start].iter().filter(|byte| **byte == b'\n').count() + 1;
-        anyhow!(
-            "{file}, line {line}: {}; expected a file written by `northing calibrate rest RECORDING --out FILE`",
-            error.message()
-        )
-    })?;
+fn checked(calibration: RestCalibration<f64>, file: &str) -> Result<RestCalibration<f64>> {
     check(&calibration).map_err(|name| {
         anyhow!("{file}: `{name}` is not a finite number that makes sense; calibrate again")
     })?;
@@ -96,6 +91,10 @@ mod tests {
             MagnetometerSource::Device,
         )
         .unwrap()
+    }
+
+    fn parse(text: &str, file: &str) -> Result<RestCalibration<f64>> {
+        checked(toml_file::parse(text, file, COMMAND)?, file)
     }
 
     #[test]

@@ -15,11 +15,11 @@ use crate::commands::{calibrate, compare, convert, demo, estimators, run};
     long_about = "Which way does a device point, and how sure are we? Northing estimates attitude from \
                   recordings of phones and IMUs, with an uncertainty that can be trusted, and says in \
                   words whether the tuning is honest.",
-    after_help = "Start with `northing demo`. Each command has its own help with examples: northing run --help",
+    after_help = HELP_END,
     disable_help_subcommand = true
 )]
 pub(crate) struct Cli {
-    /// What to do; without it the lab starts, if this is a terminal.
+    /// What to do; without it the lab starts.
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
 }
@@ -27,7 +27,7 @@ pub(crate) struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// The lab: phones deliver into it, a page shows it; what `northing` alone starts at a terminal
+    /// The lab: phones deliver into it, a page shows it; what `northing` alone starts
     #[cfg(feature = "live")]
     Live(live::LiveArgs),
     /// A virtual phone with known truth, the lab's steps on it, and a report: start here
@@ -36,7 +36,7 @@ pub(crate) enum Command {
     Run(Box<run::RunArgs>),
     /// Several recordings and estimators in one table
     Compare(Box<compare::CompareArgs>),
-    /// Measure bias, noise and references of a device at rest
+    /// Measure what a sensor does wrong: at rest, turned about, or over hours
     Calibrate(calibrate::CalibrateArgs),
     /// Write a recording in another format
     Convert(convert::ConvertArgs),
@@ -44,7 +44,16 @@ pub(crate) enum Command {
     Estimators(estimators::EstimatorsArgs),
 }
 
-/// What `northing` alone prints where it does not start the lab.
+/// Where to begin.
+const HELP_END: &str = if cfg!(feature = "live") {
+    "Without a command the lab starts: its page opens in a browser, and virtual phones are one click away. No \
+     browser? Try `northing demo`. Each command has its own help with examples: northing run --help"
+} else {
+    "Start with `northing demo`. Each command has its own help with examples: northing run --help"
+};
+
+/// What `northing` alone prints where there is no lab to start.
+#[cfg(not(feature = "live"))]
 pub(crate) const INTRODUCTION: &str = "\
 northing: which way does a device point, and how sure are we?
 
@@ -52,6 +61,8 @@ northing: which way does a device point, and how sure are we?
   northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
   northing compare a.csv b.csv           several recordings and estimators in one table
   northing calibrate rest desk.csv       bias, noise and references of a device at rest
+  northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
+  northing calibrate allan night.csv     noise over averaging time, and the Q that follows
   northing convert walk.zip walk.csv     a recording in another format
   northing estimators                    the estimators and their parameters
 
@@ -65,4 +76,38 @@ pub(crate) fn called() -> String {
         .map(|path| path.to_string_lossy().into_owned());
     path.filter(|path| path.contains('/') && !path.contains(' '))
         .unwrap_or_else(|| "northing".to_owned())
+}
+
+/// The command as it was typed, for people who want to give it again.
+pub(crate) fn command_line() -> String {
+    let arguments = std::env::args_os().skip(1);
+    let words = arguments.map(|word| quoted(&word.to_string_lossy()));
+    std::iter::once("northing".to_owned())
+        .chain(words)
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_are_quoted_where_a_shell_would_split_or_change_them() {
+        assert_eq!(quoted("--set"), "--set");
+        assert_eq!(quoted("walk one.csv"), "'walk one.csv'");
+        assert_eq!(quoted("it's.csv"), r"'it'\''s.csv'");
+        assert_eq!(quoted("$HOME"), "'$HOME'");
+        assert_eq!(quoted(""), "''");
+    }
 }

@@ -4,12 +4,12 @@ use northing_evaluation::compare::{MeanMedian, TableRow, statistics};
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::options::RunOptions;
 use northing_evaluation::report::{
-    Best, Cell, Column, ComparedRun, ComparisonReport, Distribution, Fact, Table,
+    Best, Cell, Column, ComparedRun, ComparisonReport, Distribution, Fact, Table, settings,
 };
 use northing_evaluation::summary::RunSummary;
 
+use crate::cli::command_line;
 use crate::commands::compare::Run;
-use crate::run_report::{command_line, settings};
 
 /// The page of a comparison.
 pub(crate) fn render(runs: &[Run], options: &RunOptions) -> String {

@@ -1,8 +1,8 @@
 //! What a run of an estimator can be asked for, shared by `run` and `compare`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use northing_core::attitude::AttitudeConfig;
 use northing_core::calibration::RestCalibration;
@@ -16,6 +16,7 @@ use northing_evaluation::summary::RunSummary;
 use northing_recording::Recording;
 
 use crate::calibration_file;
+use crate::field_file;
 use crate::input::{InputArgs, magnetometer_source, positive_seconds};
 use crate::interrupt::interruptible;
 use crate::settings::SettingArgs;
@@ -24,7 +25,8 @@ use crate::settings::SettingArgs;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Estimation")]
 pub(crate) struct EstimationArgs {
-    /// Sensors to use, e.g. gyro,acc to leave the magnetometer out
+    /// Sensors to use, e.g. gyro,acc to leave the magnetometer out; `compass` uses the device's own
+    /// headings beside a magnetometer, too
     #[arg(long, value_name = "LIST")]
     sensors: Option<SensorSelection>,
     /// Which magnetometer: device (calibrated by the device) or uncalibrated
@@ -33,6 +35,9 @@ pub(crate) struct EstimationArgs {
     /// Calibration at rest, a file that `northing calibrate rest` wrote
     #[arg(long, value_name = "FILE", conflicts_with = "calibrate_first")]
     calibration: Option<PathBuf>,
+    /// Calibration of the magnetometer, a file that `northing calibrate magnetometer` wrote
+    #[arg(long, value_name = "FILE")]
+    magnetometer_calibration: Option<PathBuf>,
     /// Calibrate from the first seconds of the recording, in which the device must rest
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     calibrate_first: Option<f64>,
@@ -61,6 +66,9 @@ impl EstimationArgs {
         if let Some(source) = self.magnetometer {
             options.sensors.magnetometer_source = source;
         }
+        if let Some(path) = &self.magnetometer_calibration {
+            self.calibrate_field(&mut options, path)?;
+        }
         options.calibration = self
             .calibration
             .as_deref()
@@ -70,6 +78,37 @@ impl EstimationArgs {
         options.smooth = self.smooth;
         options.check()?;
         Ok(options)
+    }
+
+    /// As [`Self::options`] for this estimator alone, which must have a use for every `--set`.
+    ///
+    /// # Errors
+    /// As [`Self::options`], and a setting without effect.
+    pub(crate) fn options_of_one(
+        &self,
+        estimator: EstimatorKind,
+        input: &InputArgs,
+    ) -> Result<RunOptions> {
+        let options = self.options(estimator, input)?;
+        self.settings.check_effect(estimator)?;
+        Ok(options)
+    }
+
+    /// A calibration of the magnetometer also says which of the two is used, unless the user did.
+    fn calibrate_field(&self, options: &mut RunOptions, path: &Path) -> Result<()> {
+        let field = field_file::read(path)?;
+        let sensors = &mut options.sensors;
+        if !sensors.magnetometer {
+            bail!(
+                "--magnetometer-calibration has no effect: --sensors leaves the magnetometer out"
+            );
+        }
+        if self.magnetometer.is_none() && sensors.magnetometer_source == MagnetometerSource::Device
+        {
+            sensors.magnetometer_source = field.magnetometer;
+        }
+        options.field_calibration = Some(field);
+        Ok(())
     }
 }
 

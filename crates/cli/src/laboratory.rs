@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use northing_core::calibration::RestCalibration;
 use northing_core::nalgebra::Vector3;
+use northing_evaluation::consistency::nees_in_words;
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
 use northing_evaluation::options::{MagnetometerSource, RunOptions};
@@ -22,7 +23,7 @@ use northing_simulation::virtual_phone::Motion;
 
 use crate::calibration_file;
 use crate::cli::called;
-use crate::commands::calibrate;
+use crate::commands::calibrate::rest::values;
 use crate::commands::run::TRACE_CAPACITY;
 use crate::estimate_file::EstimateFile;
 use crate::estimation::{parameters_used, run_over};
@@ -31,7 +32,7 @@ use crate::progress::Progress;
 use crate::rest_span::{self, Calibrated, Span};
 use crate::sheet::paragraph;
 use crate::table::Table;
-use crate::{run_report, summary_text, virtual_recording};
+use crate::{run_report, virtual_recording};
 
 /// What the demonstration compares: the filter, integration alone, and the phone itself.
 const COMPARED: [EstimatorKind; 3] = [
@@ -53,11 +54,24 @@ pub(crate) struct Folder {
     estimates: PathBuf,
     report: PathBuf,
     force: bool,
+    /// The folder itself, if it was made for this demonstration.
+    made: Option<PathBuf>,
+}
+
+/// A demonstration that wrote nothing leaves no folder either.
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if let Some(made) = &self.made {
+            // It stays if there is anything in it.
+            let _ = std::fs::remove_dir(made);
+        }
+    }
 }
 
 impl Folder {
     /// Makes the folder, and refuses to write over an earlier demonstration.
     pub(crate) fn prepare(path: &Path, force: bool) -> Result<Self> {
+        let made = (!path.exists()).then(|| path.to_owned());
         std::fs::create_dir_all(path)
             .with_context(|| format!("{}: cannot make this folder", path.display()))?;
         let folder = Self {
@@ -66,6 +80,7 @@ impl Folder {
             estimates: path.join("estimates.csv"),
             report: path.join("report.html"),
             force,
+            made,
         };
         for file in [
             &folder.recording,
@@ -175,7 +190,7 @@ impl<'a> Lab<'a> {
         self.say(&format!(
             "2. Calibrate at rest, {:.0} s\n{}{}   Verdict: accepted, it was at rest. Written to {}\n",
             calibrated.span_s[1] - calibrated.span_s[0],
-            calibrate::values(&calibrated.calibration, "   "),
+            values(&calibrated.calibration, "   "),
             known.unwrap_or_default(),
             self.folder.calibration.display()
         ))?;
@@ -224,7 +239,7 @@ impl<'a> Lab<'a> {
             );
         }
         if let Some(nees) = summary.nees_mean {
-            text.push_str(&paragraph(&summary_text::nees_in_words(nees), "   "));
+            text.push_str(&paragraph(&nees_in_words(nees), "   "));
         }
         for sentence in summary
             .verdicts

@@ -7,6 +7,7 @@ mod comparison_report;
 mod estimate_file;
 mod estimation;
 mod failure;
+mod field_file;
 mod input;
 mod interrupt;
 mod laboratory;
@@ -19,12 +20,12 @@ mod rest_span;
 mod run_report;
 mod settings;
 mod sheet;
+mod span;
 mod summary_text;
 mod table;
+mod toml_file;
 mod virtual_recording;
 
-#[cfg(feature = "live")]
-use std::io::IsTerminal as _;
 use std::process::ExitCode;
 
 use clap::Parser as _;
@@ -40,11 +41,9 @@ fn main() -> ExitCode {
 
 fn execute(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
-        // At a terminal the lab starts; a script gets an answer that ends.
         #[cfg(feature = "live")]
-        None if std::io::stdout().is_terminal() => {
-            commands::live::execute(&commands::live::LiveArgs::default())
-        }
+        None => commands::live::execute(&commands::live::LiveArgs::alone()),
+        #[cfg(not(feature = "live"))]
         None => output::print(cli::INTRODUCTION),
         #[cfg(feature = "live")]
         Some(Command::Live(args)) => commands::live::execute(&args),

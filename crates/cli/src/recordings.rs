@@ -18,12 +18,14 @@ pub(crate) struct Recordings {
     pub(crate) paths: Vec<PathBuf>,
     /// Files that are no recordings, with the reason.
     pub(crate) left_out: Vec<String>,
+    /// Recordings that are damaged, with the reason.
+    pub(crate) broken: Vec<String>,
 }
 
 /// The recordings behind the arguments.
 ///
 /// # Errors
-/// A file or folder cannot be read, a folder has no recording, or a recording is damaged.
+/// A folder cannot be read, or has no recording.
 pub(crate) fn find(arguments: &[PathBuf], options: &OpenOptions) -> Result<Recordings> {
     let mut found = Recordings::default();
     for path in arguments {
@@ -34,7 +36,7 @@ pub(crate) fn find(arguments: &[PathBuf], options: &OpenOptions) -> Result<Recor
         }
         let before = found.paths.len();
         found.search(path, options)?;
-        if found.paths.len() == before {
+        if found.paths.len() == before && found.broken.is_empty() {
             bail!(
                 "{}: no recordings in this folder; expected files that end in .{}, or name the files",
                 path.display(),
@@ -69,14 +71,14 @@ impl Recordings {
                 .iter()
                 .any(|e| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
             {
-                self.take(path, options)?;
+                self.take(path, options);
             }
         }
         Ok(())
     }
 
-    /// Takes a recording, leaves other files out, and fails on a recording that is broken.
-    fn take(&mut self, path: PathBuf, options: &OpenOptions) -> Result<()> {
+    /// Takes a recording, and notes other files and recordings that are broken.
+    fn take(&mut self, path: PathBuf, options: &OpenOptions) {
         match open(&path, options) {
             Ok(_) => self.paths.push(path),
             Err(
@@ -84,9 +86,8 @@ impl Recordings {
                 | RecordingError::MissingColumns { .. }
                 | RecordingError::NoGyroscope { .. }),
             ) => self.left_out.push(error.to_string()),
-            Err(error) => return Err(error.into()),
+            Err(error) => self.broken.push(error.to_string()),
         }
-        Ok(())
     }
 }
 
@@ -109,10 +110,17 @@ mod tests {
         let c = write("deeper/c.csv", recording);
         let calibration = write("calib_a.csv", recording);
         write("notes.csv", "when,what\n1,2\n");
+        write("cut.parquet", "PAR1 and then nothing");
         write("picture.png", "x");
         let found = find(&[folder.path().to_owned()], &OpenOptions::default()).unwrap();
         assert_eq!(found.paths, [a, b, c]);
         assert_eq!(found.left_out.len(), 1, "{:?}", found.left_out);
+        assert_eq!(
+            found.broken.len(),
+            usize::from(cfg!(feature = "parquet")),
+            "{:?}",
+            found.broken
+        );
         let named = find(std::slice::from_ref(&calibration), &OpenOptions::default()).unwrap();
         assert_eq!(named.paths, [calibration]);
     }

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::options::RunOptions;
-use northing_evaluation::parameters::Profile;
+use northing_evaluation::parameters::{Profile, parameters_of};
 use toml::de::{DeTable, DeValue};
 
 /// Options that set parameters.
@@ -42,6 +42,29 @@ impl SettingArgs {
             options.set(setting).context("--set")?;
         }
         Ok(options)
+    }
+}
+
+impl SettingArgs {
+    /// Refuses a `--set` that this estimator has no use for. A file may be shared by several.
+    pub(crate) fn check_effect(&self, estimator: EstimatorKind) -> Result<()> {
+        let known = parameters_of(estimator);
+        let is_known = |setting: &&String| {
+            let name = setting.split('=').next().unwrap_or_default().trim();
+            known.iter().any(|parameter| parameter.name == name)
+        };
+        let Some(setting) = self.set.iter().find(|setting| !is_known(setting)) else {
+            return Ok(());
+        };
+        let has = if known.is_empty() {
+            "it has no parameters".to_owned()
+        } else {
+            let names: Vec<&str> = known.iter().map(|p| p.name.as_str()).collect();
+            format!("it has {}", names.join(", "))
+        };
+        bail!(
+            "--set {setting} has no effect on `{estimator}`: {has}; `northing estimators` lists them all"
+        )
     }
 }
 
@@ -145,6 +168,29 @@ mod tests {
         assert_eq!(settings.config, expected);
         let explicit: Vec<_> = settings.explicit_settings.into_iter().collect();
         assert_eq!(explicit, ["accelerometer_std", "magnetometer_use"]);
+    }
+
+    #[test]
+    fn a_setting_without_effect_is_refused_and_a_shared_file_is_not() {
+        let set = |setting: &str| SettingArgs {
+            set: vec![setting.to_owned()],
+            ..SettingArgs::default()
+        };
+        let refused = set("accelerometer_std=0.3").check_effect(EstimatorKind::Integration);
+        let message = refused.unwrap_err().to_string();
+        assert!(
+            message.starts_with(
+                "--set accelerometer_std=0.3 has no effect on `integration`: it has no parameters"
+            ),
+            "{message}"
+        );
+        let fits = set("accelerometer_std=0.3").check_effect(EstimatorKind::Mekf3);
+        assert!(fits.is_ok());
+        let file = SettingArgs {
+            config: Some(PathBuf::from("shared.toml")),
+            ..SettingArgs::default()
+        };
+        assert!(file.check_effect(EstimatorKind::Integration).is_ok());
     }
 
     #[test]

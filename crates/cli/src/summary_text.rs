@@ -3,16 +3,13 @@
 use std::fmt::Write as _;
 
 use northing_core::kalman::SkipReason;
+use northing_evaluation::consistency::nees_in_words;
 use northing_evaluation::final_test::FinalVerdict;
 use northing_evaluation::nis::UpdateCounts;
 use northing_evaluation::summary::RunSummary;
 use northing_recording::SensorKind;
 
 use crate::sheet::Sheet;
-
-/// A mean NEES per degree of freedom between these is called honest: a standard deviation that is
-/// right within 30 %.
-const HONEST_NEES: [f64; 2] = [1.0 / 1.7, 1.7];
 
 /// The sheet of a run.
 pub(crate) fn describe(summary: &RunSummary) -> String {
@@ -46,6 +43,12 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
         SensorKind::Magnetometer,
         &summary.updates.magnetometer,
     );
+    sensor(
+        &mut sheet,
+        summary,
+        SensorKind::CompassHeading,
+        &summary.updates.compass,
+    );
     match &summary.final_test {
         Some(test) => sheet.row("final test", test.sentence.as_str()),
         None => sheet.row(
@@ -55,6 +58,9 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
     }
     if let Some(calibration) = &summary.calibration {
         sheet.row("calibration", calibration.as_str());
+    }
+    if let Some(calibration) = &summary.field_calibration {
+        sheet.row("calibration of the field", calibration.as_str());
     }
     sheet.sentences("unobservable", &summary.unobservable);
     sheet.sentences("recording", &summary.issues);
@@ -103,47 +109,11 @@ fn sensor(sheet: &mut Sheet, summary: &RunSummary, kind: SensorKind, counts: &Up
     sheet.row(kind.name(), text);
 }
 
-/// Whether the covariance is honest, in words.
-pub(crate) fn nees_in_words(nees: f64) -> String {
-    let [low, high] = HONEST_NEES;
-    let verdict = if nees > high {
-        format!(
-            "the stated uncertainty is about {:.1} times too small",
-            nees.sqrt()
-        )
-    } else if nees < low {
-        format!(
-            "the stated uncertainty is about {:.1} times too large",
-            nees.sqrt().recip()
-        )
-    } else {
-        "the stated uncertainty is honest".to_owned()
-    };
-    format!("mean NEES {nees:.2} per degree of freedom (1 is ideal): {verdict}")
-}
-
 /// A verdict of the final test in a word.
 pub(crate) fn verdict_word(verdict: FinalVerdict) -> &'static str {
     match verdict {
         FinalVerdict::Consistent => "consistent",
         FinalVerdict::Optimistic => "optimistic",
         FinalVerdict::Pessimistic => "pessimistic",
-    }
-}
-
-/// Whether a mean NEES per degree of freedom is honest.
-pub(crate) fn is_honest(nees: f64) -> bool {
-    (HONEST_NEES[0]..=HONEST_NEES[1]).contains(&nees)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_uncertainty_three_times_too_small_is_called_so() {
-        assert!(nees_in_words(9.0).contains("3.0 times too small"));
-        assert!(nees_in_words(0.25).contains("2.0 times too large"));
-        assert!(nees_in_words(1.1).ends_with("honest"));
     }
 }

@@ -130,3 +130,130 @@ fn an_interrupt_ends_the_lab_cleanly() {
     assert!(killed.success());
     assert!(lab.wait().unwrap().success());
 }
+
+/// The README's first command, on a machine without browser and without phones; a second one finds
+/// the port taken and takes others.
+#[cfg(unix)]
+#[test]
+fn northing_alone_starts_the_lab_and_says_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = || {
+        let mut lab = Command::new(env!("CARGO_BIN_EXE_northing"))
+            .env("HOME", folder.path())
+            .env("XDG_DATA_HOME", folder.path())
+            .env("PATH", "")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(lab.stdout.as_mut().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        (lab, line)
+    };
+    let labs = [start(), start()];
+    assert_ne!(labs[0].1, labs[1].1);
+    for (lab, line) in labs {
+        assert!(
+            line.starts_with("The lab is at http://127.0.0.1:"),
+            "{line}"
+        );
+        let killed = Command::new("kill")
+            .args(["-INT", &lab.id().to_string()])
+            .status();
+        assert!(killed.unwrap().success());
+        let output = lab.wait_with_output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && errors.is_empty(), "{errors}");
+    }
+}
+
+/// Twelve digits of every number: what a file rounds in the last place does not count.
+fn digits(value: &Value) -> Value {
+    match value {
+        Value::Number(number) => format!("{:.11e}", number.as_f64().unwrap()).into(),
+        Value::Array(values) => values.iter().map(digits).collect(),
+        Value::Object(map) => {
+            let pairs = map.iter().map(|(key, value)| (key.clone(), digits(value)));
+            Value::Object(pairs.collect())
+        }
+        other => other.clone(),
+    }
+}
+
+/// The teacher's side of a hand-in: the recording and the report, and nothing else.
+#[test]
+fn a_report_of_the_lab_is_run_again_to_the_same_digits() {
+    use northing_evaluation::{EstimatorKind, Profile, RunOptions};
+    use northing_live::experiments::Finished;
+    use northing_live::export::export;
+    use northing_live::session::experiment::ExperimentRun;
+    use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
+    let phone = VirtualPhone::new(VirtualPhoneConfig::default()).unwrap();
+    let mut run = ExperimentRun::new(60.0, "hand-in").unwrap();
+    run.begin(0, Vec::new());
+    let _ = phone.events().any(|event| run.add(&event));
+    let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+    options.set("accelerometer_std=0.0712345678901").unwrap();
+    let finished = Finished {
+        id: "e7".to_owned(),
+        device: "phone".to_owned(),
+        device_name: "phone".to_owned(),
+        at: String::new(),
+        settings: options.config,
+        options,
+        estimators: vec![EstimatorKind::Mekf],
+        summaries: Default::default(),
+        hash: String::new(),
+        experiment: run.finish(),
+    };
+    let finished = finished.evaluated().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for file in ["report.html", "recording.csv"] {
+        let made = export(&finished, file).unwrap().unwrap();
+        std::fs::write(folder.path().join(format!("e7-{file}")), made.bytes).unwrap();
+    }
+    let html = std::fs::read_to_string(folder.path().join("e7-report.html")).unwrap();
+    let (_, command) = html.split_once("<code>northing run ").unwrap();
+    let (arguments, _) = command.split_once("</code>").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_northing"))
+        .current_dir(folder.path())
+        .arg("run")
+        .args(arguments.split(' '))
+        .arg("--json")
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let again: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let first = serde_json::to_value(&finished.summaries["mekf"]).unwrap();
+    for key in [
+        "error_deg",
+        "nees_mean",
+        "nis",
+        "final",
+        "updates",
+        "estimates",
+        "verdicts",
+    ] {
+        assert!(!first[key].is_null(), "{key}");
+        assert_eq!(digits(&again[key]), digits(&first[key]), "{key}");
+    }
+    let mixed = Command::new(env!("CARGO_BIN_EXE_northing"))
+        .current_dir(folder.path())
+        .args([
+            "run",
+            "e7-recording.csv",
+            "--setup",
+            "e7-report.html",
+            "--profile",
+            "lab",
+        ])
+        .output()
+        .unwrap();
+    assert_eq!(mixed.status.code(), Some(2));
+}

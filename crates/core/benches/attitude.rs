@@ -64,6 +64,7 @@ fn start<E: AttitudeEstimator<f64>>(mut estimator: E) -> E {
         attitude_covariance: Matrix3::identity() * 0.01,
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: 0.02,
+        north_known: false,
         references: References {
             specific_force: Vector3::new(0.0, 0.0, 9.81),
             magnetic_field: Some(Vector3::new(0.0, 20.0, -40.0)),

@@ -141,6 +141,7 @@ pub fn state_at_rest(
         attitude_covariance: attitude_covariance.unwrap_or(unknown),
         gyroscope_bias: calibration.gyroscope_bias(),
         gyroscope_bias_std: calibration.gyroscope_bias_std(),
+        north_known: false,
         references: References {
             specific_force: frame.specific_force_at_rest(driver.prior.gravity),
             magnetic_field: field_ref,

@@ -53,6 +53,36 @@ const STRONG_CORRELATION: f64 = 0.5;
 /// Share of refused samples above which the gate is named.
 const LARGE_GATED_SHARE: f64 = 0.05;
 
+/// A mean NEES per degree of freedom between these is called honest: a standard deviation that is
+/// right within 30 %.
+const HONEST_NEES: [f64; 2] = [1.0 / 1.7, 1.7];
+
+/// Whether a mean NEES per degree of freedom is honest.
+#[must_use]
+pub fn is_honest_nees(nees: f64) -> bool {
+    (HONEST_NEES[0]..=HONEST_NEES[1]).contains(&nees)
+}
+
+/// A mean NEES per degree of freedom in words: whether the covariance is honest.
+#[must_use]
+pub fn nees_in_words(nees: f64) -> String {
+    let [low, high] = HONEST_NEES;
+    let verdict = if nees > high {
+        format!(
+            "the stated uncertainty is about {:.1} times too small",
+            nees.sqrt()
+        )
+    } else if nees < low {
+        format!(
+            "the stated uncertainty is about {:.1} times too large",
+            nees.sqrt().recip()
+        )
+    } else {
+        "the stated uncertainty is honest".to_owned()
+    };
+    format!("mean NEES {nees:.2} per degree of freedom (1 is ideal): {verdict}")
+}
+
 /// Judges one sensor; `correlation_time_s` is how long its errors are already taken to last.
 #[must_use]
 pub fn judge(
@@ -177,6 +207,7 @@ fn degrees_of_freedom(nis: &NisSummary) -> String {
 fn correlation_sentence(sensor: SensorKind, nis: &NisSummary, correlation_time_s: f64) -> String {
     let parameter = match sensor {
         SensorKind::Accelerometer => "accelerometer_correlation_time_s",
+        SensorKind::CompassHeading => "compass_correlation_time_s",
         _ => "magnetometer_correlation_time_s",
     };
     let start = format!(
@@ -321,5 +352,12 @@ mod tests {
             [1.26, 3.02, 9.04, 12.4].map(rounded),
             ["1.3", "3", "9", "12"]
         );
+    }
+
+    #[test]
+    fn an_uncertainty_three_times_too_small_is_called_so() {
+        assert!(nees_in_words(9.0).contains("3.0 times too small") && !is_honest_nees(9.0));
+        assert!(nees_in_words(0.25).contains("2.0 times too large") && !is_honest_nees(0.25));
+        assert!(nees_in_words(1.1).ends_with("honest") && is_honest_nees(1.1));
     }
 }

@@ -85,6 +85,28 @@ pub enum EvaluationError {
     /// A record at rest gives no Allan deviation.
     #[error("Allan deviation: {0}")]
     Allan(#[from] crate::allan::AllanError),
+    /// The samples do not give a magnetometer calibration.
+    #[error("magnetometer calibration: {0}")]
+    FieldCalibration(String),
+    /// The recording has no samples of the magnetometer asked for.
+    #[error(
+        "the recording has no samples of the magnetometer `{stream}`; record one, or choose the other with \
+         --magnetometer"
+    )]
+    NoMagnetometer {
+        /// The stream.
+        stream: &'static str,
+    },
+    /// A magnetometer calibration is of another stream than the one in use.
+    #[error(
+        "the magnetometer calibration is of the stream `{calibrated}`, and `{used}` is in use; choose one of them"
+    )]
+    OtherMagnetometer {
+        /// The stream that was calibrated.
+        calibrated: &'static str,
+        /// The stream in use.
+        used: &'static str,
+    },
     /// The calibration does not give what a start needs.
     #[error("calibration: {problem}")]
     UnusableCalibration {

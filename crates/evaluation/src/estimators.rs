@@ -9,7 +9,9 @@ use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
 use northing_core::attitude::usque::Usque;
-use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, Propagation};
+use northing_core::attitude::{
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
+};
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
@@ -204,6 +206,10 @@ impl AttitudeEstimator<f64> for AnyEstimator {
 
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<f64>) -> Innovation<f64> {
         each!(self, e => e.update_magnetometer(magnetic_field))
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<f64>) -> Innovation<f64> {
+        each!(self, e => e.update_compass(heading))
     }
 
     fn add_attitude_variance(&mut self, variance: f64) {

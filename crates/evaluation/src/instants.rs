@@ -1,7 +1,7 @@
 //! Events of one instant, taken together: what a filter has seen when it is scored.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use northing_recording::{Event, Reference, Sample, SensorKind};
+use northing_recording::{CompassHeading, Event, Reference, Sample, SensorKind};
 
 /// Everything measured at one time stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -16,6 +16,8 @@ pub struct Instant {
     pub magnetic_field: Option<Vector3<f64>>,
     /// Magnetic field without the device's calibration, microtesla.
     pub magnetic_field_uncalibrated: Option<Vector3<f64>>,
+    /// The heading that the device reports.
+    pub compass: Option<CompassHeading>,
     /// The device's own orientation, if finite.
     pub device: Option<UnitQuaternion<f64>>,
     /// The reference, if finite.
@@ -32,6 +34,7 @@ impl Instant {
             Sample::SpecificForce(v) => self.specific_force = Some(v),
             Sample::MagneticField(v) => self.magnetic_field = Some(v),
             Sample::MagneticFieldUncalibrated(v) => self.magnetic_field_uncalibrated = Some(v),
+            Sample::CompassHeading(c) => self.compass = Some(c),
             Sample::DeviceOrientation(q) if event.sample.is_finite() => self.device = Some(q),
             Sample::Reference(r) if event.sample.is_finite() => self.reference = Some(r),
             _ => {}

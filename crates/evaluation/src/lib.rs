@@ -13,6 +13,8 @@
 //! | the paper's final test | [`final_test`] |
 //! | what the sensors used cannot tell | [`observability`] |
 //! | calibration from a file or from the recording's start | [`calibration`] |
+//! | magnetometer calibration of a recording | [`field_calibration`] |
+//! | everything a run depends on, to be run again | [`setup`] |
 //! | the smoother | [`rts_smoother`] |
 //! | many recordings, several estimators, one table | [`compare`] |
 //! | HTML reports | [`report`] |
@@ -51,6 +53,8 @@ pub mod consistency;
 mod device;
 pub mod error;
 pub mod estimators;
+pub mod field_calibration;
+mod field_watch;
 pub mod final_test;
 pub mod instants;
 pub mod metrics;
@@ -62,6 +66,7 @@ pub mod parameters;
 pub mod report;
 pub mod rts_smoother;
 pub mod runner;
+pub mod setup;
 pub mod summary;
 mod tally;
 pub mod trace;

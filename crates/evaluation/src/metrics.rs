@@ -54,6 +54,17 @@ pub struct ErrorSummary {
     pub inclination_rmse: f64,
     /// Samples that count in them.
     pub scored_samples: u64,
+    /// Estimates that are not finite and therefore do not count; left out of JSON when 0.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub not_finite_samples: u64,
+}
+
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde asks for a reference"
+)]
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 /// Gathers errors and their normalised squares in constant memory.
@@ -61,13 +72,14 @@ pub struct ErrorSummary {
 pub struct ErrorStatistics {
     squares: [f64; 3],
     samples: u64,
+    not_finite: u64,
     nees: f64,
     nees_samples: u64,
 }
 
 impl ErrorStatistics {
     /// Adds one scored estimate with the covariance it claims, if it claims one. An estimate that
-    /// is not finite does not count.
+    /// is not finite does not count in the errors, and is counted by itself.
     pub fn add(
         &mut self,
         estimate: &UnitQuaternion<f64>,
@@ -76,6 +88,7 @@ impl ErrorStatistics {
     ) {
         let error = AttitudeError::between(estimate, reference);
         if !error.is_finite() {
+            self.not_finite += 1;
             return;
         }
         let parts = [error.total, error.heading, error.inclination];
@@ -98,7 +111,14 @@ impl ErrorStatistics {
             heading_rmse: rms_deg(self.squares[1]),
             inclination_rmse: rms_deg(self.squares[2]),
             scored_samples: self.samples,
+            not_finite_samples: self.not_finite,
         })
+    }
+
+    /// Estimates that were to be scored and are not finite.
+    #[must_use]
+    pub fn not_finite(&self) -> u64 {
+        self.not_finite
     }
 
     /// Mean NEES per degree of freedom: 1 when the covariance is honest, above when it is too

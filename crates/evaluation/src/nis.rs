@@ -168,8 +168,9 @@ struct Histogram {
 
 impl Histogram {
     const PER_DECADE: f64 = 64.0;
-    const LOWEST_DECADE: f64 = -4.0;
-    const BINS: usize = 12 * 64;
+    /// An R that is far too large gives a tiny NIS, which must not look like a larger one.
+    const LOWEST_DECADE: f64 = -16.0;
+    const BINS: usize = 24 * 64;
 
     fn add(&mut self, value: f64) {
         let bin = (value.max(1e-300).log10() - Self::LOWEST_DECADE) * Self::PER_DECADE;
@@ -229,6 +230,15 @@ pub(crate) mod tests {
             residual = residual * correlation + normal_vector(&mut noise, fresh);
         }
         statistics
+    }
+
+    #[test]
+    fn the_median_of_tiny_values_is_theirs() {
+        for scale in [1e-14, 1e-9, 1e-3, 1e6] {
+            let mut histogram = Histogram::default();
+            (1..=99).for_each(|k| histogram.add(f64::from(k) * scale));
+            approx::assert_relative_eq!(histogram.median(), 50.0 * scale, max_relative = 0.04);
+        }
     }
 
     #[test]

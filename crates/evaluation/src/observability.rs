@@ -2,13 +2,15 @@
 
 use crate::options::SensorSelection;
 
-/// Which vector sensors gave samples that were usable, among those chosen.
+/// Which sensors gave samples that were usable, among those chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Present {
     /// At least one accelerometer sample.
     pub accelerometer: bool,
     /// At least one magnetometer sample.
     pub magnetometer: bool,
+    /// At least one compass heading that was used.
+    pub compass: bool,
 }
 
 /// What cannot be observed, one sentence each; empty when all can.
@@ -29,7 +31,7 @@ pub fn unobservable(present: Present, chosen: &SensorSelection) -> Vec<String> {
              and the whole attitude is relative to the first instant."
         ));
     }
-    if !present.magnetometer {
+    if !present.magnetometer && !present.compass {
         let reason = why(chosen.magnetometer, "magnetometer");
         sentences.push(format!(
             "{reason}: nothing says where north is, so the heading is arbitrary at the start and \
@@ -57,6 +59,7 @@ mod tests {
         let all = Present {
             accelerometer: true,
             magnetometer: true,
+            compass: false,
         };
         assert!(unobservable(all, &chosen).is_empty());
         let no_field = Present {
@@ -66,6 +69,11 @@ mod tests {
         let sentences = unobservable(no_field, &chosen);
         assert_eq!(sentences.len(), 1);
         assert!(sentences[0].starts_with("The recording has no usable magnetometer: nothing says"));
+        let with_compass = Present {
+            compass: true,
+            ..no_field
+        };
+        assert!(unobservable(with_compass, &chosen).is_empty());
         let left_out = SensorSelection {
             magnetometer: false,
             ..chosen

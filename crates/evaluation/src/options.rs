@@ -7,11 +7,12 @@ use northing_core::attitude::driver::DriverConfig;
 use northing_core::attitude::{AttitudeConfig, InitialState};
 use northing_core::calibration::RestCalibration;
 use northing_core::geometry::frames::TangentFrame;
-use northing_recording::WorldFrame;
+use northing_recording::{Event, WorldFrame};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
+use crate::field_calibration::FieldCalibration;
 use crate::parameters::{self, Profile};
 
 /// Everything a run is asked for. [`RunOptions::default`] is `mekf` with the hand-held profile and
@@ -34,6 +35,8 @@ pub struct RunOptions {
     pub sensors: SensorSelection,
     /// A calibration made before.
     pub calibration: Option<RestCalibration<f64>>,
+    /// Calibration of the magnetometer, applied to every sample of its stream before anything else.
+    pub field_calibration: Option<FieldCalibration>,
     /// Take the calibration from the first so many seconds of the recording, at rest.
     pub calibrate_first_s: Option<f64>,
     /// The state at the first sample, where it is known: nothing is aligned then. It comes from a
@@ -66,6 +69,7 @@ impl RunOptions {
             driver: DriverConfig::default(),
             sensors: SensorSelection::default(),
             calibration: None,
+            field_calibration: None,
             calibrate_first_s: None,
             start: None,
             skip_s: 5.0,
@@ -98,6 +102,15 @@ impl RunOptions {
                 estimator: self.estimator.name(),
             });
         }
+        let source = self.sensors.magnetometer_source;
+        if let Some(field) = &self.field_calibration
+            && field.magnetometer != source
+        {
+            return Err(EvaluationError::OtherMagnetometer {
+                calibrated: field.magnetometer.name(),
+                used: source.name(),
+            });
+        }
         let times = [
             ("alignment_s", self.driver.alignment_s),
             ("gap_limit_s", self.driver.gap_limit_s),
@@ -122,6 +135,14 @@ impl RunOptions {
         let mut driver = self.driver;
         driver.prior.frame = tangent_frame(self.world_frame);
         driver
+    }
+
+    /// The event with its field calibrated, where a calibration is given.
+    pub(crate) fn calibrated(&self, event: Event) -> Event {
+        match &self.field_calibration {
+            Some(field) => field.apply(event),
+            None => event,
+        }
     }
 
     /// Whether the user set this parameter.
@@ -149,8 +170,20 @@ pub enum MagnetometerSource {
     Uncalibrated,
 }
 
+impl MagnetometerSource {
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Device => "device",
+            Self::Uncalibrated => "uncalibrated",
+        }
+    }
+}
+
 /// The sensors a run uses beside the gyroscope, which every estimator needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SensorSelection {
     /// Whether the accelerometer is used, default true.
     pub accelerometer: bool,
@@ -158,6 +191,35 @@ pub struct SensorSelection {
     pub magnetometer: bool,
     /// Which magnetometer stream, default the device's.
     pub magnetometer_source: MagnetometerSource,
+    /// Whether compass headings of the device are used, default where it has no magnetometer.
+    #[serde(default)]
+    pub compass: CompassUse,
+}
+
+/// When headings that the device itself reports are measurements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CompassUse {
+    /// While no magnetometer has delivered: its field is the better north, and the compass is made
+    /// of the same field.
+    #[default]
+    WithoutMagnetometer,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+impl CompassUse {
+    /// Whether a heading is used, given whether the device's magnetometer has delivered.
+    #[must_use]
+    pub const fn applies(self, has_magnetometer: bool) -> bool {
+        match self {
+            Self::WithoutMagnetometer => !has_magnetometer,
+            Self::Always => true,
+            Self::Never => false,
+        }
+    }
 }
 
 impl Default for SensorSelection {
@@ -166,6 +228,7 @@ impl Default for SensorSelection {
             accelerometer: true,
             magnetometer: true,
             magnetometer_source: MagnetometerSource::Device,
+            compass: CompassUse::WithoutMagnetometer,
         }
     }
 }
@@ -173,7 +236,7 @@ impl Default for SensorSelection {
 impl SensorSelection {
     /// The names that a list of sensors can hold.
     pub const NAMES: &'static str =
-        "gyro (gyroscope), acc (accelerometer), mag (magnetometer), mag-uncalibrated";
+        "gyro (gyroscope), acc (accelerometer), mag (magnetometer), mag-uncalibrated, compass";
 }
 
 /// A list such as `gyro,acc`.
@@ -185,12 +248,14 @@ impl FromStr for SensorSelection {
         let mut selection = Self {
             accelerometer: false,
             magnetometer: false,
+            compass: CompassUse::Never,
             ..Self::default()
         };
         for name in text.split(',').map(str::trim) {
             match name {
                 "gyro" | "gyroscope" => gyroscope = true,
                 "acc" | "accelerometer" => selection.accelerometer = true,
+                "compass" => selection.compass = CompassUse::Always,
                 "mag" | "magnetometer" => selection.magnetometer = true,
                 "mag-uncalibrated" | "magnetometer-uncalibrated" => {
                     selection.magnetometer = true;
@@ -222,6 +287,9 @@ mod tests {
     fn lists_of_sensors_are_read() {
         let chosen: SensorSelection = "gyro, acc".parse().unwrap();
         assert!(chosen.accelerometer && !chosen.magnetometer);
+        assert_eq!(chosen.compass, CompassUse::Never);
+        let compass: SensorSelection = "gyro,compass".parse().unwrap();
+        assert_eq!(compass.compass, CompassUse::Always);
         let raw: SensorSelection = "gyroscope,mag-uncalibrated".parse().unwrap();
         assert!(!raw.accelerometer && raw.magnetometer);
         assert_eq!(raw.magnetometer_source, MagnetometerSource::Uncalibrated);

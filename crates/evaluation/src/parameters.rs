@@ -4,14 +4,14 @@
 //! meaning. A test holds the two together.
 
 use northing_core::attitude::AttitudeConfig;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
 
 /// A named set of parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
     /// A phone or wearable in real use: the default for recordings.
@@ -79,7 +79,7 @@ pub struct ParameterInfo {
 }
 
 /// Unit and meaning of each parameter, in the order of the configuration.
-const TABLE: [(&str, &str, &str); 19] = [
+const TABLE: [(&str, &str, &str); 22] = [
     (
         "gyroscope_noise_density",
         "rad/s/sqrt(Hz)",
@@ -149,6 +149,21 @@ const TABLE: [(&str, &str, &str); 19] = [
         "magnetometer_use",
         "vector | heading",
         "whole field, or only its direction on the horizon",
+    ),
+    (
+        "compass_std",
+        "rad",
+        "smallest error of a compass heading; the device's own word where it is larger",
+    ),
+    (
+        "compass_gate_nis",
+        "-",
+        "NIS above which a heading is refused; 0 is no gate",
+    ),
+    (
+        "compass_correlation_time_s",
+        "s",
+        "how long compass errors stay alike; 0 is white",
     ),
     (
         "gate_timeout_s",

@@ -27,7 +27,9 @@
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use northing_core::attitude::config::ConfigError;
 use northing_core::attitude::mekf::Mekf;
-use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, Propagation};
+use northing_core::attitude::{
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
+};
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::Innovation;
 
@@ -143,7 +145,7 @@ fn step_back(step: &Step, next: &SmoothedState) -> SmoothedState {
     let Some(factor) = predicted.covariance.cholesky() else {
         return *filtered;
     };
-    // G^T = (P^-)^-1 Phi P^+, as P^+ and P^- are symmetric.
+    // (M22), transposed: G^T = (P^-)^-1 Phi P^+, as P^+ and P^- are symmetric.
     let gain = factor
         .solve(&(transition * filtered.covariance))
         .transpose();
@@ -152,11 +154,13 @@ fn step_back(step: &Step, next: &SmoothedState) -> SmoothedState {
     d.fixed_rows_mut::<3>(0).copy_from(&turn);
     d.fixed_rows_mut::<3>(3)
         .copy_from(&(next.gyroscope_bias - predicted.gyroscope_bias));
+    // (M22b)
     let x = gain * d;
     let (a, b): (Vector3<f64>, Vector3<f64>) = (
         x.fixed_rows::<3>(0).into_owned(),
         x.fixed_rows::<3>(3).into_owned(),
     );
+    // (M22c)
     let change = next.covariance - predicted.covariance;
     let covariance = filtered.covariance + gain * change * gain.transpose();
     SmoothedState {
@@ -189,6 +193,10 @@ impl AttitudeEstimator<f64> for Recorder {
 
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<f64>) -> Innovation<f64> {
         self.mekf.update_magnetometer(magnetic_field)
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<f64>) -> Innovation<f64> {
+        self.mekf.update_compass(heading)
     }
 
     fn add_attitude_variance(&mut self, variance: f64) {

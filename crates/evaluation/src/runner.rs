@@ -76,6 +76,9 @@ where
     X: std::error::Error + Send + Sync + 'static,
 {
     options.check()?;
+    let events = events
+        .into_iter()
+        .map(|event| event.map(|event| options.calibrated(event)));
     let instants = Instants::new(events)
         .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
     match options.estimator {
@@ -163,6 +166,7 @@ struct Session<'a, E> {
     phase: Phase<E>,
     tally: Tally,
     device: Option<UnitQuaternion<f64>>,
+    has_magnetometer: bool,
 }
 
 enum Phase<E> {
@@ -187,6 +191,11 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
             phase,
             tally: Tally::new(options),
             device: None,
+            // A state that is taken over knows whether there was one.
+            has_magnetometer: options
+                .start
+                .as_ref()
+                .is_some_and(|start| start.references.magnetic_field.is_some()),
         })
     }
 
@@ -199,6 +208,11 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
         let sensors = &self.options.sensors;
         let force = instant.specific_force.filter(|_| sensors.accelerometer);
         let field = calibration::chosen_field(instant, sensors);
+        self.has_magnetometer |=
+            instant.magnetic_field.is_some() || instant.magnetic_field_uncalibrated.is_some();
+        let compass = instant
+            .compass
+            .filter(|_| sensors.compass.applies(self.has_magnetometer));
         self.tally.read(instant, force, field);
         self.device = instant.device.or(self.device);
         let time_s = self.tally.time_s(instant.time_ns);
@@ -222,7 +236,11 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
         }
         let force = force.map(|f| (SensorKind::Accelerometer, driver.accelerometer(time_ns, &f)));
         let field = field.map(|m| (SensorKind::Magnetometer, driver.magnetometer(time_ns, &m)));
-        for (sensor, innovation) in force.into_iter().chain(field) {
+        let compass = compass.map(|c| {
+            let innovation = driver.compass(time_ns, c.heading_rad, c.std_rad);
+            (SensorKind::CompassHeading, innovation)
+        });
+        for (sensor, innovation) in force.into_iter().chain(field).chain(compass) {
             self.tally.updated(sensor, &innovation);
             observer.innovation(&InnovationRecord {
                 time_ns,

@@ -46,6 +46,9 @@ pub struct RunSummary {
     pub profile: Option<Profile>,
     /// Where the calibration came from, in words.
     pub calibration: Option<String>,
+    /// The magnetometer calibration that was applied, in words; left out of JSON without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub field_calibration: Option<String>,
     /// Whether the estimates are smoothed.
     pub smoothed: bool,
     /// Estimates made, one for each gyroscope sample after the start.
@@ -69,6 +72,8 @@ pub struct PerSensor<V> {
     pub accelerometer: V,
     /// Of the magnetometer that is used.
     pub magnetometer: V,
+    /// Of the compass headings that are used.
+    pub compass: V,
 }
 
 /// One value for each sensor that a filter updates with; `None` where nothing was looked at.
@@ -78,6 +83,8 @@ pub struct NisOf<V> {
     pub accelerometer: Option<V>,
     /// Of the magnetometer.
     pub magnetometer: Option<V>,
+    /// Of the compass.
+    pub compass: Option<V>,
 }
 
 /// Pauses between gyroscope samples longer than the limit: the attitude is held and its

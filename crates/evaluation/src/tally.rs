@@ -8,6 +8,7 @@ use northing_core::kalman::Innovation;
 use northing_recording::SensorKind;
 
 use crate::consistency::{self, SensorVerdict};
+use crate::field_watch::FieldWatch;
 use crate::final_test::FinalTest;
 use crate::instants::Instant;
 use crate::metrics::ErrorStatistics;
@@ -17,6 +18,9 @@ use crate::observer::EstimateRecord;
 use crate::options::RunOptions;
 use crate::summary::{Gaps, NisOf, PerSensor, RunSummary};
 
+/// Fewer zeros than this may be chance.
+const FEWEST_ZEROS: u64 = 100;
+
 /// Counts samples, updates, gaps, scores; constant memory.
 #[derive(Debug, Clone)]
 pub(crate) struct Tally {
@@ -25,7 +29,7 @@ pub(crate) struct Tally {
     last_ns: i64,
     samples: [u64; SensorKind::ALL.len()],
     updates: PerSensor<UpdateCounts>,
-    nis: [NisStatistics; 2],
+    nis: [NisStatistics; 3],
     present: Present,
     last_rate_ns: Option<i64>,
     gaps: Gaps,
@@ -33,6 +37,15 @@ pub(crate) struct Tally {
     final_test: FinalTest,
     estimates: u64,
     first_estimate_s: Option<f64>,
+    watch: FieldWatch,
+    rates: Rates,
+}
+
+/// Angular rates read, and those of them that are exactly zero.
+#[derive(Debug, Clone, Copy, Default)]
+struct Rates {
+    all: u64,
+    zero: u64,
 }
 
 impl Tally {
@@ -43,7 +56,7 @@ impl Tally {
             last_ns: 0,
             samples: [0; SensorKind::ALL.len()],
             updates: PerSensor::default(),
-            nis: [NisStatistics::default(), NisStatistics::default()],
+            nis: Default::default(),
             present: Present::default(),
             last_rate_ns: None,
             gaps: Gaps {
@@ -54,6 +67,8 @@ impl Tally {
             final_test: FinalTest::default(),
             estimates: 0,
             first_estimate_s: None,
+            watch: FieldWatch::default(),
+            rates: Rates::default(),
         }
     }
 
@@ -72,6 +87,15 @@ impl Tally {
         self.present.accelerometer |= force.is_some_and(usable);
         self.present.magnetometer |= field.is_some_and(usable);
         self.final_test.measured(instant, field);
+        let time_s = self.time_s(instant.time_ns);
+        if let Some(rate) = instant.angular_rate {
+            self.rates.all += 1;
+            self.rates.zero += u64::from(rate == Vector3::zeros());
+            self.watch.rate(&rate);
+        }
+        if let Some(field) = field {
+            self.watch.field(time_s, &field);
+        }
         if instant
             .angular_rate
             .is_some_and(|rate| rate.norm_squared().is_finite())
@@ -113,9 +137,12 @@ impl Tally {
     pub(crate) fn updated(&mut self, sensor: SensorKind, innovation: &Innovation<f64>) {
         let (counts, nis) = match sensor {
             SensorKind::Accelerometer => (&mut self.updates.accelerometer, &mut self.nis[0]),
+            SensorKind::CompassHeading => (&mut self.updates.compass, &mut self.nis[2]),
             _ => (&mut self.updates.magnetometer, &mut self.nis[1]),
         };
         counts.add(innovation.outcome);
+        let fused = innovation.outcome.is_fused();
+        self.present.compass |= fused && sensor == SensorKind::CompassHeading;
         nis.add(innovation);
     }
 
@@ -157,10 +184,12 @@ impl Tally {
 
     /// What it all comes to. `runs_filter` is false for what only reads a column.
     pub(crate) fn summary(&self, options: &RunOptions, runs_filter: bool) -> RunSummary {
-        let [accelerometer, magnetometer] = [&self.nis[0], &self.nis[1]].map(|nis| nis.summary());
+        let [accelerometer, magnetometer, compass] =
+            self.nis.each_ref().map(NisStatistics::summary);
         let nis = NisOf {
             accelerometer,
             magnetometer,
+            compass,
         };
         let error_deg = self.scores.summary();
         let mut unobservable = Vec::new();
@@ -178,6 +207,7 @@ impl Tally {
             nis_mean: NisOf {
                 accelerometer: nis.accelerometer.map(|n| n.mean),
                 magnetometer: nis.magnetometer.map(|n| n.mean),
+                compass: nis.compass.map(|n| n.mean),
             },
             final_test: self.final_test.summary(),
             verdicts: self.verdicts(&nis, &options.config),
@@ -185,12 +215,13 @@ impl Tally {
             unobservable,
             profile: runs_filter.then_some(options.profile),
             calibration: calibration_in_words(options).filter(|_| runs_filter),
+            field_calibration: field_calibration_in_words(options).filter(|_| runs_filter),
             smoothed: options.smooth,
             estimates: self.estimates,
             first_estimate_s: self.first_estimate_s,
             gaps: self.gaps,
             samples_per_sensor: self.samples_per_sensor(),
-            issues: self.issues(error_deg.is_some()),
+            issues: self.issues(error_deg.is_some(), runs_filter),
         }
     }
 
@@ -229,11 +260,45 @@ impl Tally {
                 lasts,
             )
         });
-        accelerometer.into_iter().chain(magnetometer).collect()
+        let compass = nis.compass.as_ref().map(|nis| {
+            let lasts = config.compass_correlation_time_s;
+            let counts = &self.updates.compass;
+            consistency::judge(SensorKind::CompassHeading, nis, counts, lasts)
+        });
+        let judged = accelerometer.into_iter().chain(magnetometer);
+        judged.chain(compass).collect()
     }
 
-    fn issues(&self, scored: bool) -> Vec<String> {
+    fn issues(&self, scored: bool, runs_filter: bool) -> Vec<String> {
         let mut issues = Vec::new();
+        if self.rates.all >= FEWEST_ZEROS && self.rates.zero == self.rates.all {
+            issues.push(format!(
+                "Every one of the {} gyroscope samples is exactly zero: the sensor is off, or its columns are \
+                 empty; no turn can be followed.",
+                self.rates.all
+            ));
+        }
+        issues.extend(self.watch.sentences());
+        if self.scores.not_finite() > 0 {
+            issues.push(format!(
+                "{} estimates are not finite and are not in the errors: the filter broke down; check its settings.",
+                self.scores.not_finite()
+            ));
+        }
+        let has_compass = self.samples_of(SensorKind::CompassHeading) > 0;
+        if runs_filter && has_compass && self.present.compass && !self.present.magnetometer {
+            issues.push(
+                "No magnetometer is used: the heading is that of the device's own compass, with \
+                 the uncertainty it states."
+                    .to_owned(),
+            );
+        } else if runs_filter && has_compass && !self.present.compass {
+            issues.push(
+                "The device's own compass headings are left out: a magnetometer is there, or the \
+                 list of sensors does not name `compass`."
+                    .to_owned(),
+            );
+        }
         if self.samples_of(SensorKind::Reference) > 0 && !scored {
             issues.push(format!(
                 "The reference was not scored: none of its samples counts, falls on a gyroscope \
@@ -251,6 +316,16 @@ fn calibration_in_words(options: &RunOptions) -> Option<String> {
         (None, Some(seconds)) => Some(format!("from the first {seconds} s of the recording")),
         (None, None) => None,
     }
+}
+
+fn field_calibration_in_words(options: &RunOptions) -> Option<String> {
+    let calibration = &options.field_calibration.as_ref()?.calibration;
+    Some(format!(
+        "made before: {}, hard iron {:.1} uT, residual {:.2} uT",
+        calibration.model.name(),
+        calibration.hard_iron().norm(),
+        calibration.residual_std_ut
+    ))
 }
 
 fn usable(v: Vector3<f64>) -> bool {

@@ -69,6 +69,7 @@ fn initial(
         attitude_covariance: Matrix3::identity() * (std * std),
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: bias_std,
+        north_known: false,
         references: References {
             specific_force: trial.specific_force_world,
             magnetic_field: Some(trial.magnetic_field_world_ut),
@@ -244,6 +245,7 @@ fn paper_campaign(process_noise: ProcessNoise) -> [f64; 4] {
         .unwrap();
         filter.initialize(&InitialState {
             gyroscope_bias: calibrated.bias,
+            north_known: false,
             references: calibrated.references,
             ..initial(&trial, UnitQuaternion::identity(), 1e-3, 0.0)
         });

@@ -168,6 +168,13 @@ impl Reach {
         present.own.iter().any(|address| host_of(*address) == host)
     }
 
+    /// The addresses that phones are told, without ports.
+    #[must_use]
+    pub fn hosts(&self) -> Vec<String> {
+        let shown = self.addresses().shown;
+        shown.into_iter().map(host_of).collect()
+    }
+
     /// Addresses of the phone page, token included, the likeliest first.
     #[must_use]
     pub fn phone_urls(&self) -> Vec<String> {

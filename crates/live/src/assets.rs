@@ -47,6 +47,21 @@ impl Assets {
     }
 }
 
+/// A page with the lab's name in its title, where it has one; other files as they are.
+#[must_use]
+pub fn titled(bytes: Cow<'static, [u8]>, file: &str, lab: &str) -> Vec<u8> {
+    let whole = bytes.into_owned();
+    if lab.is_empty() || file != "index.html" {
+        return whole;
+    }
+    let Ok(text) = String::from_utf8(whole) else {
+        return Vec::new();
+    };
+    let escaped = lab.replace('&', "&amp;").replace('<', "&lt;");
+    text.replacen("<title>", &format!("<title>{escaped} · "), 1)
+        .into_bytes()
+}
+
 fn content_type(name: &str) -> &'static str {
     let extension = Path::new(name).extension().and_then(|e| e.to_str());
     match extension {
@@ -60,12 +75,16 @@ fn content_type(name: &str) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::Assets;
+    use super::{Assets, titled};
 
     #[test]
     fn pages_are_found_by_name_and_nothing_else_is() {
         let assets = Assets::default();
         assert!(assets.get("lab", "index.html").is_some());
+        let page = || assets.get("lab", "index.html").unwrap().0;
+        let titled = |name| String::from_utf8(titled(page(), "index.html", name)).unwrap();
+        assert!(titled("A & <b>").contains("<title>A &amp; &lt;b> · Northing"));
+        assert_eq!(titled("").into_bytes(), page().into_owned());
         for name in ["", "../lab/index.html", "..", "a/b", "no.js"] {
             assert!(assets.get("lab", name).is_none(), "{name}");
         }

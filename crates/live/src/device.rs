@@ -71,6 +71,8 @@ struct Task {
     arrival_ns: i64,
     last_work: Instant,
     last_frame: Option<Instant>,
+    /// When samples came that no frame has shown yet.
+    newest_ns: Option<i64>,
     last_progress: Instant,
     experiment_id: String,
 }
@@ -92,6 +94,7 @@ pub(crate) fn spawn(
         arrival_ns: i64::MIN,
         last_work: now,
         last_frame: None,
+        newest_ns: None,
         last_progress: now,
         experiment_id: String::new(),
     };
@@ -153,6 +156,7 @@ impl Task {
                 reply,
             } => {
                 let taken = self.payload(format, &bytes, arrival_ns);
+                self.newest_ns = (!self.device.replayed).then_some(arrival_ns);
                 if let Some(reply) = reply {
                     let _ = reply.send(taken);
                 }
@@ -307,7 +311,7 @@ impl Task {
         }
         self.last_frame = Some(now);
         let frame = self.engine.session_mut().frame(&self.device.id);
-        if let Ok(text) = FrameText::new(frame) {
+        if let Ok(text) = FrameText::new(frame, self.newest_ns.take()) {
             // Pages that lag behind miss frames: that is what frames are for.
             let _ = self.lab.frames.send(Arc::new(text));
         }

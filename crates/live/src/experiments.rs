@@ -84,16 +84,25 @@ pub fn run_over(
     estimator: EstimatorKind,
     observer: &mut dyn RunObserver,
 ) -> Result<RunSummary, EvaluationError> {
+    let options = run_options(experiment, options, estimator);
+    let events = experiment.events.iter();
+    let events = events.map(|event| Ok::<_, Infallible>(*event));
+    run(events, &options, observer)
+}
+
+/// What one estimator is run with over an experiment.
+pub(crate) fn run_options(
+    experiment: &Experiment,
+    options: &RunOptions,
+    estimator: EstimatorKind,
+) -> RunOptions {
     let start = experiment.start_of(estimator);
-    let options = RunOptions {
+    RunOptions {
         estimator,
         start,
         skip_s: if start.is_some() { 0.0 } else { SKIP_S },
         ..options.clone()
-    };
-    let events = experiment.events.iter();
-    let events = events.map(|event| Ok::<_, Infallible>(*event));
-    run(events, &options, observer)
+    }
 }
 
 /// Runs several estimators at once on all processors.
@@ -269,6 +278,7 @@ impl Finished {
                     "verdict": test.and_then(|t| t.verdict),
                     "nis_acc": s.nis_mean.accelerometer,
                     "nis_mag": s.nis_mean.magnetometer,
+                    "nis_compass": s.nis_mean.compass,
                     "error_deg": error_deg(s),
                 });
                 (name, row)

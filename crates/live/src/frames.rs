@@ -15,6 +15,8 @@ const MOST_PENDING: usize = 5000;
 pub struct FrameText {
     /// The device.
     pub device: String,
+    /// When the newest samples in it came, ns; `None` where there are none since the last frame.
+    pub arrival_ns: Option<i64>,
     /// The frame without its innovations.
     head: String,
     /// Each innovation.
@@ -22,17 +24,18 @@ pub struct FrameText {
 }
 
 impl FrameText {
-    /// Writes a frame.
+    /// Writes a frame with samples that came at `arrival_ns`.
     ///
     /// # Errors
     /// It cannot be written as JSON.
-    pub fn new(mut frame: Frame) -> Result<Self, serde_json::Error> {
+    pub fn new(mut frame: Frame, arrival_ns: Option<i64>) -> Result<Self, serde_json::Error> {
         let innovations = std::mem::take(&mut frame.innovations);
         let innovations: Result<Vec<String>, _> =
             innovations.iter().map(serde_json::to_string).collect();
         Ok(Self {
             head: serde_json::to_string(&frame)?,
             device: frame.device,
+            arrival_ns,
             innovations: innovations?,
         })
     }
@@ -119,7 +122,7 @@ mod tests {
             session.take(&mut events.iter().filter(due).copied().collect::<Vec<_>>());
             let frame = session.frame("phone");
             let count = frame.innovations.len();
-            frames.push((FrameText::new(frame).unwrap(), count));
+            frames.push((FrameText::new(frame, None).unwrap(), count));
         }
         frames
     }

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-use crate::assets::Assets;
+use crate::assets::{Assets, titled};
 use crate::device::Work;
 use crate::lab::{Device, Lab, is_own_name};
 use crate::limits::{Addresses, Peer};
@@ -47,6 +47,8 @@ pub struct Ingest {
     pub assets: Arc<Assets>,
     /// How much each address has sent.
     pub addresses: Arc<Addresses>,
+    /// What people call this lab; may be empty.
+    pub name: Arc<str>,
 }
 
 /// A refusal: status and one line.
@@ -92,11 +94,12 @@ async fn asset(State(ingest): State<Ingest>, Path(name): Path<String>) -> Respon
 fn file(ingest: &Ingest, name: &str) -> Response {
     match ingest.assets.get("phone", name) {
         Some((bytes, kind)) => {
+            let bytes = titled(bytes, name, &ingest.name);
             let headers = [
                 (header::CONTENT_TYPE, kind),
                 (header::CACHE_CONTROL, "no-cache"),
             ];
-            (headers, bytes.into_owned()).into_response()
+            (headers, bytes).into_response()
         }
         None => StatusCode::NOT_FOUND.into_response(),
     }

@@ -16,6 +16,7 @@ use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
 use crate::experiments::Finished;
 use crate::frames::FrameText;
+use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
 use crate::recorder::{Control, Recorder, RecordingStatus};
@@ -23,7 +24,16 @@ use crate::recorder::{Control, Recorder, RecordingStatus};
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
 /// How a device of the lab's own is called: no phone can call itself so.
-const OWN_NAMES: [&str; 2] = ["virtual-", "replay-"];
+const OWN_NAMES: [&str; 8] = [
+    "virtual-",
+    "replay-",
+    "sensorserver-",
+    "linkoping-",
+    "phyphox-",
+    "razor-",
+    "hyperimu-",
+    "sensorstreamer-",
+];
 /// A device that has been silent for so long makes room for another when the lab is full.
 const EVICTABLE: Duration = Duration::from_secs(10);
 /// Batches that may wait for one device.
@@ -77,6 +87,8 @@ pub struct Lab {
     pub(crate) devices_changed: watch::Sender<()>,
     pub(crate) recorder: Recorder,
     refused: Mutex<RateLimit>,
+    /// How long samples take to the pages.
+    pub latency: Latency,
     options: RunOptions,
     started: Instant,
     started_unix_ns: i64,
@@ -113,6 +125,7 @@ impl Lab {
             messages,
             recorder,
             refused: Mutex::new(RateLimit::new(DEVICE, Instant::now())),
+            latency: Latency::default(),
             options,
             started: Instant::now(),
             started_unix_ns: unix_ns(),

@@ -10,13 +10,16 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
+use northing_evaluation::field_calibration::FieldCalibration;
+use northing_evaluation::options::MagnetometerSource;
 use northing_evaluation::parameters::parameters;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::addresses::Reach;
-use crate::assets::Assets;
+use crate::assets::{Assets, titled};
 use crate::export;
+use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
 use crate::page;
 use crate::qr;
@@ -33,6 +36,10 @@ pub struct Facts {
     pub reach: Arc<Reach>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
+    /// What people call this lab; may be empty.
+    pub name: String,
+    /// What the lab goes out for or listens for.
+    pub inputs: Arc<Inputs>,
 }
 
 /// What the handlers share.
@@ -72,11 +79,12 @@ async fn asset(State(api): State<LabApi>, Path(name): Path<String>) -> Response 
 fn file(api: &LabApi, name: &str) -> Response {
     match api.assets.get("lab", name) {
         Some((bytes, kind)) => {
+            let bytes = titled(bytes, name, &api.facts.name);
             let headers = [
                 (header::CONTENT_TYPE, kind),
                 (header::CACHE_CONTROL, "no-cache"),
             ];
-            (headers, bytes.into_owned()).into_response()
+            (headers, bytes).into_response()
         }
         None => StatusCode::NOT_FOUND.into_response(),
     }
@@ -89,8 +97,10 @@ async fn status(State(api): State<LabApi>) -> Json<Value> {
         "ingest_urls": api.facts.reach.ingest_urls(),
         "fingerprint": api.facts.fingerprint,
         "recording": api.lab.recording_status(),
-        "devices": api.lab.statuses(),
+        "devices": api.lab.statuses(), "latency": api.lab.latency.summary(),
         "experiments": api.lab.experiments_message()["rows"],
+        "name": api.facts.name,
+        "inputs": api.facts.inputs.statuses(),
     }))
 }
 
@@ -164,7 +174,12 @@ async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) ->
         let text = "this device has no magnetometer calibration in force";
         return (StatusCode::NOT_FOUND, text).into_response();
     };
-    match toml::to_string(&calibration) {
+    // As `northing run --magnetometer-calibration` reads it; the lab uses the device's own stream.
+    let field = FieldCalibration {
+        magnetometer: MagnetometerSource::Device,
+        calibration,
+    };
+    match toml::to_string(&field) {
         Ok(text) => {
             let headers = [
                 (header::CONTENT_TYPE, "application/toml"),
@@ -187,6 +202,8 @@ async fn socket(State(api): State<LabApi>, upgrade: WebSocketUpgrade) -> Respons
 
 /// What every page is told first, and again when the addresses have changed.
 pub(crate) fn hello(facts: &Facts) -> Value {
+    let input_kinds = InputKind::ALL
+        .map(|kind| json!({"kind": kind, "hint": kind.hint(), "example": kind.example()}));
     let phone_urls = facts.reach.phone_urls();
     let host = phone_urls.first().and_then(|url| url.split('/').nth(2));
     // Another address is another picture.
@@ -214,6 +231,7 @@ pub(crate) fn hello(facts: &Facts) -> Value {
         "type": "hello", "version": env!("CARGO_PKG_VERSION"),
         "phone_urls": phone_urls, "ingest_urls": facts.reach.ingest_urls(),
         "qr_svg": qr_svg, "estimators": estimators, "parameters": parameters,
-        "fingerprint": facts.fingerprint, "features": FEATURES,
+        "fingerprint": facts.fingerprint, "features": FEATURES, "name": facts.name,
+        "input_kinds": input_kinds, "inputs": facts.inputs.statuses(),
     })
 }

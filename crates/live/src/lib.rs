@@ -13,6 +13,7 @@
 //! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`allan`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | recording everything as it arrives | [`recorder`] |
+//! | apps with a server, ports that wait, serial lines | [`inputs`] |
 //! | the pages and the QR code | [`assets`], [`qr`] |
 //!
 //! A sample's way: a listener reads a batch and hands its bytes to the task of its device, whose engine
@@ -29,8 +30,10 @@ pub mod experiments;
 pub mod export;
 pub mod frames;
 pub mod ingest;
+pub mod inputs;
 pub mod lab;
 pub mod lab_api;
+pub mod latency;
 pub mod limits;
 pub mod messages;
 mod page;

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use northing_evaluation::options::SensorSelection;
+use northing_evaluation::options::{CompassUse, SensorSelection};
 use northing_evaluation::{EstimatorKind, Profile};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::inputs::InputKind;
 use crate::session::frame::{Estimate, SessionStatus};
 use crate::session::magnetometer::MagnetometerAction;
 
@@ -120,6 +121,20 @@ pub enum Request {
         /// The device.
         device: String,
     },
+    /// An input comes or goes.
+    Input {
+        /// What to do.
+        action: Action,
+        /// What it is.
+        #[serde(default)]
+        kind: Option<InputKind>,
+        /// Where it is.
+        #[serde(default)]
+        address: String,
+        /// Which one goes; without it the one of this kind and address.
+        #[serde(default)]
+        id: Option<String>,
+    },
     /// Give a device a name.
     Rename {
         /// The device.
@@ -129,7 +144,7 @@ pub enum Request {
     },
 }
 
-/// What happens to a virtual phone.
+/// What happens to a virtual phone or an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Action {
@@ -151,6 +166,9 @@ pub struct SensorUse {
     /// Whether the magnetometer is used.
     #[serde(default = "yes")]
     pub magnetometer: bool,
+    /// Whether headings of the device's own compass are used; unsaid, where there is no magnetometer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compass: Option<bool>,
 }
 
 fn gyroscope() -> String {
@@ -173,6 +191,11 @@ impl SensorUse {
         Ok(SensorSelection {
             accelerometer: self.accelerometer,
             magnetometer: self.magnetometer,
+            compass: match self.compass {
+                None => CompassUse::WithoutMagnetometer,
+                Some(true) => CompassUse::Always,
+                Some(false) => CompassUse::Never,
+            },
             ..SensorSelection::default()
         })
     }
@@ -184,6 +207,11 @@ impl SensorUse {
             gyroscope: true,
             accelerometer: selection.accelerometer,
             magnetometer: selection.magnetometer,
+            compass: match selection.compass {
+                CompassUse::WithoutMagnetometer => None,
+                CompassUse::Always => Some(true),
+                CompassUse::Never => Some(false),
+            },
         }
     }
 }

@@ -16,6 +16,7 @@ use tokio::sync::mpsc;
 
 use crate::allan;
 use crate::frames::PageFrames;
+use crate::inputs::Inputs;
 use crate::lab::Lab;
 use crate::lab_api::{LabApi, hello};
 use crate::messages::{Action, Command, Request};
@@ -38,6 +39,7 @@ type Order = (Request, Value);
 
 struct Page {
     lab: Arc<Lab>,
+    inputs: Arc<Inputs>,
     frames: PageFrames,
     answer: mpsc::Sender<Value>,
     orders: mpsc::Sender<Order>,
@@ -55,6 +57,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
     tokio::spawn(carry_out_in_order(lab.clone(), waiting, answer.clone()));
     let mut page = Page {
         lab: lab.clone(),
+        inputs: api.facts.inputs.clone(),
         frames: PageFrames::new(DISPLAY_HZ),
         answer,
         orders,
@@ -83,7 +86,13 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
             },
             frame = frames.recv() => match frame {
                 Ok(frame) => match page.frames.take(&frame, Instant::now()) {
-                    Some(text) => send(&mut socket, text).await,
+                    Some(text) => {
+                        let sent = send(&mut socket, text).await;
+                        if let Some(arrival_ns) = frame.arrival_ns {
+                            lab.latency.note_ns(lab.now_ns() - arrival_ns);
+                        }
+                        sent
+                    }
                     None => Ok(()),
                 },
                 Err(RecvError::Lagged(_)) => Ok(()),
@@ -152,6 +161,17 @@ impl Page {
                 settings,
                 curve,
             }) => self.what_if(id, settings, curve, request_id),
+            Ok(Request::Input {
+                action,
+                kind,
+                address,
+                id,
+            }) => {
+                let changed = self.inputs.change(action, kind, &address, id.as_deref());
+                if let Err(text) = changed {
+                    self.refuse(&text, &request_id);
+                }
+            }
             Ok(Request::Allan { id, sensor }) => self.allan(id, sensor, request_id),
             Ok(request) => {
                 if self.orders.try_send((request, request_id.clone())).is_err() {
@@ -268,7 +288,10 @@ async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
             return Ok(());
         }
         // Questions, which are answered aside.
-        Request::DisplayRate { .. } | Request::WhatIf { .. } | Request::Allan { .. } => {
+        Request::DisplayRate { .. }
+        | Request::WhatIf { .. }
+        | Request::Allan { .. }
+        | Request::Input { .. } => {
             return Ok(());
         }
         Request::Calibrate { device, seconds } => (device, Command::Calibrate(seconds)),

@@ -44,6 +44,8 @@ pub struct Names {
     port: u16,
     /// The addresses of this computer, where phones may come.
     reach: Option<Arc<Reach>>,
+    /// Further names that somebody asked for.
+    allowed: Vec<String>,
     /// Whether a foreign `Origin` is refused.
     check_origin: bool,
 }
@@ -61,8 +63,16 @@ impl Names {
             scheme,
             port,
             reach,
+            allowed: Vec::new(),
             check_origin,
         }
+    }
+
+    /// These names, too.
+    #[must_use]
+    pub fn and(mut self, hosts: &[String]) -> Self {
+        self.allowed.extend_from_slice(hosts);
+        self
     }
 
     /// Whether `host:port` is us. Browsers leave out the port that the scheme has by itself.
@@ -76,6 +86,10 @@ impl Names {
         };
         let local = ["localhost", "127.0.0.1", "[::1]"];
         local.iter().any(|own| own.eq_ignore_ascii_case(name))
+            || self
+                .allowed
+                .iter()
+                .any(|own| own.eq_ignore_ascii_case(name))
             || self.reach.as_ref().is_some_and(|reach| reach.is_own(name))
     }
 
@@ -165,6 +179,10 @@ mod tests {
     #[test]
     fn only_exact_names_are_known() {
         let names = Names::new("http", 7770, Some(reach()), true);
+        let more = names.clone().and(&["lab.example".to_owned()]);
+        assert!(more.knows_host(&headers(header::HOST, "Lab.example:7770")));
+        assert!(!more.knows_host(&headers(header::HOST, "x.lab.example:7770")));
+        assert!(!names.knows_host(&headers(header::HOST, "lab.example:7770")));
         for host in [
             "localhost:7770",
             "127.0.0.1:7770",

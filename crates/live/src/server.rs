@@ -18,6 +18,7 @@ use crate::addresses::{Addresses, Reach, local_name};
 use crate::assets::Assets;
 use crate::connections::{Gate, Patience, Places};
 use crate::ingest::{self, Ingest};
+use crate::inputs::Inputs;
 use crate::lab::Lab;
 use crate::lab_api::{self, Facts, LabApi};
 use crate::limits::Peer;
@@ -55,6 +56,26 @@ pub struct LiveConfig {
     pub recordings: Option<PathBuf>,
     /// The options that every device starts with.
     pub options: RunOptions,
+    /// What people call this lab: pages show it. May be empty.
+    pub name: String,
+    /// Further names under which the listeners answer, such as `lab.example.org`, without port.
+    pub allowed_hosts: Vec<String>,
+}
+
+impl Default for LiveConfig {
+    fn default() -> Self {
+        Self {
+            port: 0,
+            data_dir: PathBuf::new(),
+            web_dir: None,
+            network: false,
+            patience: Patience::default(),
+            recordings: None,
+            options: RunOptions::default(),
+            name: String::new(),
+            allowed_hosts: Vec::new(),
+        }
+    }
 }
 
 /// What can go wrong at the start.
@@ -92,6 +113,8 @@ pub struct Running {
     pub ingest_urls: Vec<String>,
     /// The token.
     pub token: Arc<Token>,
+    /// What the lab goes out for or listens for.
+    pub inputs: Arc<Inputs>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
     /// A sentence about each recording that was found unfinished.
@@ -121,15 +144,19 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let recovered = recovered(config.recordings.clone()).await;
     let lab = Lab::recording(config.options, config.recordings.clone());
     let assets = Arc::new(Assets::new(config.web_dir));
+    let inputs = Inputs::new(lab.clone(), config.network.then(|| reach.clone()));
     let facts = Arc::new(Facts {
         reach: reach.clone(),
         fingerprint: certificate.fingerprint(),
+        name: shortened(&config.name),
+        inputs: inputs.clone(),
     });
     let ingest = Ingest {
         lab: lab.clone(),
         token: token.clone(),
         assets: assets.clone(),
         addresses: Arc::default(),
+        name: facts.name.as_str().into(),
     };
     let api = LabApi {
         lab: lab.clone(),
@@ -137,7 +164,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         assets,
     };
     let guarded = |router: Router, scheme, port, reach, origin| {
-        let names = Names::new(scheme, port, reach, origin);
+        let names = Names::new(scheme, port, reach, origin).and(&config.allowed_hosts);
         router.layer(from_fn_with_state(names, guard))
     };
     let places = Places::new(PHONE_PLACES[0], PHONE_PLACES[1]);
@@ -169,6 +196,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         phone_urls: reach.phone_urls(),
         ingest_urls: reach.ingest_urls(),
         token,
+        inputs,
         fingerprint: facts.fingerprint.clone(),
         recovered,
         handles,
@@ -213,6 +241,12 @@ async fn recovered(folder: Option<PathBuf>) -> Vec<String> {
     };
     let work = tokio::task::spawn_blocking(move || recorder::recover_all(&folder));
     work.await.unwrap_or_default()
+}
+
+/// A name as pages can show it.
+fn shortened(name: &str) -> String {
+    let shown = name.chars().filter(|c| !c.is_control());
+    shown.take(60).collect::<String>().trim().to_owned()
 }
 
 fn serve(

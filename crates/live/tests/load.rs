@@ -1,69 +1,51 @@
-//! A class of thirty phones at 100 Hz: every sample arrives.
+//! A class of thirty phones at 100 Hz for half a minute: every sample arrives once, estimates go on,
+//! frames come in order. How fast is no test's business: `scripts/load` measures that.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
+#[path = "support/class.rs"]
+mod class;
 mod support;
 
-use std::thread;
-use std::time::{Duration, Instant};
+use class::{Class, Watcher};
+use support::TestLab;
 
-use northing_recording::{Event, Sample};
-use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
-use support::{TestLab, batch};
-
-const PHONES: u64 = 30;
-const SECONDS: f64 = 4.0;
+const CLASS: Class = Class {
+    phones: 30,
+    rate_hz: 100.0,
+    seconds: 30.0,
+};
 
 #[test]
-fn thirty_phones_at_100_hz_lose_nothing() {
+fn thirty_phones_at_100_hz_lose_nothing_and_come_in_order() {
     let lab = TestLab::start();
-    let mut expected = Vec::new();
-    thread::scope(|scope| {
-        for phone in 0..PHONES {
-            let events = events(phone);
-            expected.push(events.len());
-            let lab = &lab;
-            scope.spawn(move || send(lab, phone, &events));
-        }
-    });
+    let watcher = Watcher::open(&lab.lab_host());
+    let path = format!("/in/{}", lab.token());
+    let sent = CLASS.play(&lab.app_host(), &path);
+    let seen = watcher.close();
+    assert_eq!(seen.disorder, Vec::<String>::new());
     let status = lab.status();
     let devices = status["devices"].as_array().unwrap();
-    assert_eq!(devices.len(), expected.len());
-    for (phone, expected) in expected.iter().enumerate() {
-        let device = lab.device(&format!("phone-{phone}"));
-        assert_eq!(device["received"], *expected);
-        for zero in ["lost", "late", "duplicated", "refused"] {
-            assert_eq!(device[zero], 0, "{zero} of phone {phone}");
+    assert_eq!(devices.len(), sent.len());
+    for phone in &sent {
+        let name = &phone.device;
+        let device = devices.iter().find(|d| d["id"] == **name).unwrap();
+        assert_eq!(device["received"], phone.samples, "{name}");
+        assert_eq!(
+            phone.samples, 9003,
+            "{name}: both ends of 30 s, three sensors"
+        );
+        for zero in [
+            "lost",
+            "late",
+            "duplicated",
+            "duplicated_batches",
+            "refused",
+        ] {
+            assert_eq!(device[zero], 0, "{zero} of {name}");
         }
         assert!(device["estimates"]["mekf"].is_object());
-    }
-}
-
-fn events(phone: u64) -> Vec<Event> {
-    let simulated = VirtualPhone::new(VirtualPhoneConfig {
-        seed: phone,
-        duration_s: Some(SECONDS),
-        ..VirtualPhoneConfig::default()
-    });
-    let sent = |event: &Event| {
-        matches!(
-            event.sample,
-            Sample::AngularRate(_) | Sample::SpecificForce(_) | Sample::MagneticField(_)
-        )
-    };
-    simulated.unwrap().events().filter(sent).collect()
-}
-
-/// A batch each 100 ms, as a phone does; a phone that is asked to wait sends again.
-fn send(lab: &TestLab, phone: u64, events: &[Event]) {
-    let start = Instant::now();
-    let name = format!("phone-{phone}");
-    let in_batch = |event: &Event| event.time_ns / 100_000_000;
-    for (seq, chunk) in (0..).zip(events.chunk_by(|a, b| in_batch(a) == in_batch(b))) {
-        let due = Duration::from_millis(100) * seq as u32;
-        thread::sleep(due.saturating_sub(start.elapsed()));
-        let body = batch(&name, "s", seq, chunk);
-        while lab.upload(&body).status != 200 {
-            thread::sleep(Duration::from_millis(50));
-        }
+        let (frames, newest_s) = seen.frames[name];
+        assert!(frames > 100, "{frames} frames of {name}");
+        assert!(newest_s > 29.0, "the page saw {name} up to {newest_s} s");
     }
 }

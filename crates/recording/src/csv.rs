@@ -28,6 +28,8 @@ pub(crate) const DEVICE_ORIENTATION: [&str; 4] =
 pub(crate) const REFERENCE: [&str; 4] = ["ref_qw", "ref_qx", "ref_qy", "ref_qz"];
 pub(crate) const SCORED: &str = "scored";
 pub(crate) const PRESSURE: &str = "pressure_pa";
+/// Heading and its standard deviation.
+pub(crate) const COMPASS: [&str; 2] = ["compass_heading_rad", "compass_std_rad"];
 
 /// Longest comment or header line that is believed, bytes.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -162,6 +164,9 @@ fn layout(names: Vec<String>, file: &str) -> Result<(Layout, Vec<String>)> {
     if let Some(column) = header.find(PRESSURE)? {
         let factor = 1.0;
         channels.push(Channel::Pressure { column, factor });
+    }
+    if let Some(columns) = header.group(&COMPASS.map(str::to_owned))? {
+        channels.push(Channel::Compass { columns });
     }
     if let Some(columns) = header.group(&REFERENCE.map(str::to_owned))? {
         channels.push(Channel::Reference {

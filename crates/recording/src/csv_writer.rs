@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::atomic_file::AtomicFile;
 use crate::csv::{
-    DEVICE_ORIENTATION, PRESSURE, REFERENCE, SCORED, TIME_S, VECTORS, vector_columns,
+    COMPASS, DEVICE_ORIENTATION, PRESSURE, REFERENCE, SCORED, TIME_S, VECTORS, vector_columns,
 };
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
@@ -181,6 +181,7 @@ fn columns(kind: SensorKind) -> Vec<String> {
     match kind {
         SensorKind::DeviceOrientation => fixed(&DEVICE_ORIENTATION),
         SensorKind::Pressure => fixed(&[PRESSURE]),
+        SensorKind::CompassHeading => fixed(&COMPASS),
         SensorKind::Reference => fixed(&[&REFERENCE[..], &[SCORED]].concat()),
         _ => VECTORS
             .iter()

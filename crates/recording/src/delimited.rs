@@ -8,7 +8,7 @@ use csv::{ByteRecord, Position};
 use nalgebra::Vector3;
 
 use crate::error::{RecordingError, Result, shown};
-use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{CompassHeading, Event, Reference, Sample, SensorKind, quaternion_from_file};
 use crate::issues::Issues;
 use crate::recording::EventSource;
 use crate::stamp;
@@ -49,15 +49,33 @@ pub(crate) enum Channel {
         column: usize,
         factor: f64,
     },
+    /// Heading and its standard deviation, rad.
+    Compass {
+        columns: [usize; 2],
+    },
 }
 
 impl Channel {
+    /// The columns that it reads.
+    pub(crate) fn columns(&self) -> Vec<usize> {
+        match self {
+            Self::Vector { columns, .. } => columns.to_vec(),
+            Self::DeviceOrientation { columns, .. } => columns.to_vec(),
+            Self::Reference {
+                columns, scored, ..
+            } => columns.iter().copied().chain(*scored).collect(),
+            Self::Pressure { column, .. } => vec![*column],
+            Self::Compass { columns } => columns.to_vec(),
+        }
+    }
+
     pub(crate) fn kind(&self) -> SensorKind {
         match self {
             Self::Vector { kind, .. } => *kind,
             Self::DeviceOrientation { .. } => SensorKind::DeviceOrientation,
             Self::Reference { .. } => SensorKind::Reference,
             Self::Pressure { .. } => SensorKind::Pressure,
+            Self::Compass { .. } => SensorKind::CompassHeading,
         }
     }
 }
@@ -239,6 +257,12 @@ impl<'a> Cells<'a> {
             Channel::Pressure { column, factor } => {
                 self.number(*column)?.map(|p| Sample::Pressure(p * factor))
             }
+            Channel::Compass { columns } => self.numbers(columns)?.map(|[heading_rad, std_rad]| {
+                Sample::CompassHeading(CompassHeading {
+                    heading_rad,
+                    std_rad,
+                })
+            }),
         })
     }
 

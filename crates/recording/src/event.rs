@@ -40,6 +40,19 @@ pub enum Sample {
     Velocity(Vector3<f64>),
     /// Static pressure, Pa.
     Pressure(f64),
+    /// Heading as the device reports it.
+    CompassHeading(CompassHeading),
+}
+
+/// Where the horizontal part of the body's y axis (a phone's top edge) points, as the device
+/// reports it. It is not defined while that axis stands near the vertical (filters skip it above
+/// 60 deg of elevation); screen up or down makes no difference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CompassHeading {
+    /// Clockwise from magnetic north seen from above, rad.
+    pub heading_rad: f64,
+    /// Standard deviation that the device states, rad.
+    pub std_rad: f64,
 }
 
 /// The truth, or the best known stand-in for it.
@@ -78,12 +91,14 @@ pub enum SensorKind {
     Velocity,
     /// [`Sample::Pressure`]
     Pressure,
+    /// [`Sample::CompassHeading`]
+    CompassHeading,
 }
 
 impl SensorKind {
     /// Every kind, in the order in which events of one instant are delivered: sensors first, the
     /// reference last, so that an estimate is scored after it has seen everything of that instant.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Gyroscope,
         Self::Accelerometer,
         Self::Magnetometer,
@@ -93,6 +108,7 @@ impl SensorKind {
         Self::Position,
         Self::Velocity,
         Self::Pressure,
+        Self::CompassHeading,
         Self::Reference,
     ];
 
@@ -110,6 +126,7 @@ impl SensorKind {
             Self::Position => "position",
             Self::Velocity => "velocity",
             Self::Pressure => "pressure",
+            Self::CompassHeading => "compass-heading",
         }
     }
 }
@@ -128,7 +145,8 @@ impl SensorKind {
             Self::Position => 6,
             Self::Velocity => 7,
             Self::Pressure => 8,
-            Self::Reference => 9,
+            Self::CompassHeading => 9,
+            Self::Reference => 10,
         }
     }
 }
@@ -148,6 +166,7 @@ impl Sample {
             Self::DeviceOrientation(q) => q.coords.iter().all(|x| x.is_finite()),
             Self::Reference(reference) => reference.attitude.coords.iter().all(|x| x.is_finite()),
             Self::Pressure(p) => p.is_finite(),
+            Self::CompassHeading(c) => c.heading_rad.is_finite() && c.std_rad.is_finite(),
         }
     }
 
@@ -179,6 +198,7 @@ impl Sample {
             Self::Position(_) => SensorKind::Position,
             Self::Velocity(_) => SensorKind::Velocity,
             Self::Pressure(_) => SensorKind::Pressure,
+            Self::CompassHeading(_) => SensorKind::CompassHeading,
         }
     }
 }

@@ -6,6 +6,9 @@ use serde::Serialize;
 
 use crate::event::SensorKind;
 
+/// Fewer intervals say nothing about their unit.
+const FEWEST_INTERVALS: u64 = 10;
+
 /// Counters filled while a recording is read; final when the recording has ended.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Issues {
@@ -22,6 +25,10 @@ pub struct Issues {
     pub incomplete_samples: u64,
     /// Pauses of the gyroscope longer than `gap_limit_s`.
     pub gaps: u64,
+    /// Stamps of the gyroscope, and the time from the first to the last of them, s.
+    pub gyroscope_stamps: u64,
+    /// See [`Self::gyroscope_stamps`].
+    pub gyroscope_span_s: f64,
     /// The limit above which a pause counts as a gap, s.
     pub gap_limit_s: f64,
     /// The longest gap, s; 0 without gaps.
@@ -39,10 +46,35 @@ impl Issues {
         self.sentences().is_empty()
     }
 
+    /// What stamps may be that are too far apart for any gyroscope.
+    fn unit_of_stamps(&self) -> Option<String> {
+        let intervals = self.gyroscope_stamps.saturating_sub(1);
+        if intervals < FEWEST_INTERVALS || 2 * self.gaps < intervals {
+            return None;
+        }
+        let interval_s = self.gyroscope_span_s / intervals as f64;
+        // Gyroscopes sample with 5 Hz to 1 kHz.
+        let units = [
+            ("milliseconds", "ms", 1e3),
+            ("microseconds", "us", 1e6),
+            ("nanoseconds", "ns", 1e9),
+        ];
+        let (name, unit, factor) = units
+            .into_iter()
+            .find(|(_, _, factor)| (1e-3..=0.2).contains(&(interval_s / factor)))?;
+        Some(format!(
+            "The gyroscope has one sample every {interval_s:.3} s, too few to follow any turn; the stamps look like \
+             {name} under the name of seconds ({:.0} samples a second then). If so, divide them by {factor:.0}, or \
+             describe the file with a manifest whose time has unit = \"{unit}\".",
+            factor / interval_s
+        ))
+    }
+
     /// The issues for people, one sentence each, the gravest first; empty when all is well.
     #[must_use]
     pub fn sentences(&self) -> Vec<String> {
         let mut sentences = Vec::new();
+        sentences.extend(self.unit_of_stamps());
         if self.gaps > 0 {
             sentences.push(format!(
                 "The gyroscope pauses for more than {} s {}; the longest gap lasts {:.3} s and starts {:.3} s into the recording.",
@@ -98,5 +130,37 @@ fn times(count: u64) -> String {
         1 => "once".to_owned(),
         2 => "twice".to_owned(),
         _ => format!("{count} times"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_that_are_no_seconds_are_named() {
+        let every = |interval_s: f64| {
+            let issues = Issues {
+                gaps: 99,
+                gyroscope_stamps: 100,
+                gyroscope_span_s: 99.0 * interval_s,
+                ..Issues::default()
+            };
+            issues.sentences()[0].clone()
+        };
+        let text = every(10.0);
+        assert!(text.contains("one sample every 10.000 s"), "{text}");
+        assert!(
+            text.contains("look like milliseconds") && text.contains("(100 samples a second then)"),
+            "{text}"
+        );
+        assert!(
+            text.contains("divide them by 1000, or") && text.contains("unit = \"ms\""),
+            "{text}"
+        );
+        assert!(every(5000.0).contains("microseconds"));
+        assert!(every(1e7).contains("nanoseconds"));
+        // Slow, but seconds: a sample each half second.
+        assert!(!every(0.6).contains("look like"), "{}", every(0.6));
     }
 }

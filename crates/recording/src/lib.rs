@@ -40,7 +40,7 @@ mod writer;
 pub use atomic_file::AtomicFile;
 pub use csv_writer::CsvWriter;
 pub use error::RecordingError;
-pub use event::{Event, Reference, Sample, SensorKind};
+pub use event::{CompassHeading, Event, Reference, Sample, SensorKind};
 pub use issues::Issues;
 pub use metadata::{Metadata, WorldFrame};
 pub use open::{open, read_bytes, read_from};

@@ -62,8 +62,12 @@ impl Timeline {
             return Ok(false);
         }
         let first = *self.first_ns.get_or_insert(now);
-        if let (SensorKind::Gyroscope, Some(previous)) = (kind, previous) {
-            self.note_gap(previous, now, first, issues);
+        if kind == SensorKind::Gyroscope {
+            issues.gyroscope_stamps += 1;
+            if let Some(previous) = previous {
+                issues.gyroscope_span_s += now.saturating_sub(previous) as f64 * 1e-9;
+                self.note_gap(previous, now, first, issues);
+            }
         }
         if !event.sample.is_finite() {
             Issues::count(&mut issues.non_finite_samples, kind);

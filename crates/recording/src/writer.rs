@@ -124,6 +124,7 @@ pub(crate) fn numbers(sample: &Sample) -> ([f64; 4], usize) {
         Sample::DeviceOrientation(q) => (quaternion_to_file(q), 4),
         Sample::Reference(reference) => (quaternion_to_file(&reference.attitude), 4),
         Sample::Pressure(p) => ([*p, 0.0, 0.0, 0.0], 1),
+        Sample::CompassHeading(c) => ([c.heading_rad, c.std_rad, 0.0, 0.0], 2),
     }
 }
 

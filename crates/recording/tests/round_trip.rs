@@ -8,7 +8,8 @@ use std::path::Path;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::{
-    Event, Metadata, OpenOptions, Reference, Sample, SensorKind, WorldFrame, create, open,
+    CompassHeading, Event, Metadata, OpenOptions, Reference, Sample, SensorKind, WorldFrame,
+    create, open,
 };
 #[cfg(feature = "parquet")]
 use support::error_of;
@@ -38,6 +39,10 @@ fn all_sensors() -> Vec<Event> {
             put(Sample::Position(v(10.0)));
             put(Sample::Velocity(v(5.0)));
             put(Sample::Pressure(101_325.0 + t));
+            put(Sample::CompassHeading(CompassHeading {
+                heading_rad: 0.01 * t,
+                std_rad: 0.2,
+            }));
         }
         let scored = i % 3 == 0;
         put(Sample::Reference(Reference { attitude, scored }));

@@ -28,6 +28,7 @@ const EXACT: Tolerance = Tolerance {
     force_m_s2: 1e-8,
     field_ut: 1e-7,
     attitude_rad: 1e-8,
+    heading_rad: 0.0,
 };
 
 fn lines(path: &Path) -> Vec<Vec<u8>> {
@@ -136,6 +137,7 @@ fn sensorserver_is_the_truth() {
         force_m_s2: 5.2e-7,
         field_ut: 5.6e-7,
         attitude_rad: 2.1e-7,
+        ..EXACT
     };
     let mut decoder = SensorServer::new();
     let frames = lines(&dir.join("sensorserver/sensors_multi_50hz.ndjson"));
@@ -177,6 +179,7 @@ fn linkoping_is_the_truth_however_the_stream_is_cut() {
         force_m_s2: 6e-8,
         field_ut: 6e-7,
         attitude_rad: 3e-8,
+        ..EXACT
     };
     let stream = fs::read(dir.join("linkoping_sensor_fusion/stream_100hz.txt")).unwrap();
     let mut whole = None;
@@ -244,6 +247,7 @@ fn razor_text_binary_and_angles_are_the_truth() {
         force_m_s2: 2e-4,
         field_ut: 5.1e-4,
         attitude_rad: 1.3e-4,
+        ..EXACT
     };
     let out = Razor::default().push(&read("osct_50hz.txt"));
     assert!(out.notices.is_empty(), "{:?}", out.notices);
@@ -261,6 +265,7 @@ fn razor_text_binary_and_angles_are_the_truth() {
         force_m_s2: 1e-6,
         field_ut: 3e-6,
         attitude_rad: 0.0,
+        ..EXACT
     };
     let mut decoder = Razor::new(config);
     let mut out = Decoded::default();
@@ -294,6 +299,7 @@ fn hyperimu_and_sensorstreamer_are_the_truth() {
         force_m_s2: 5.1e-6,
         field_ut: 5.1e-6,
         attitude_rad: 0.0,
+        ..EXACT
     };
     let mut csv = HyperImu::new();
     let mut json = HyperImu::new();
@@ -381,6 +387,12 @@ fn the_phone_page_is_the_truth_on_both_platforms_and_both_interfaces() {
         force_m_s2: 0.0501,
         field_ut: 0.00501,
         attitude_rad: 1.3e-3,
+        heading_rad: 2.7e-3,
+    };
+    // The compass alone is rounded, to 0.1 deg.
+    let exact = Tolerance {
+        heading_rad: 8.8e-4,
+        ..EXACT
     };
     // 60 Hz meets the truth's 50 Hz every 0.1 s; the orientation comes so much later, ns.
     for (file, platform, tolerance, orientation_late_ns, rounded) in [
@@ -392,8 +404,8 @@ fn the_phone_page_is_the_truth_on_both_platforms_and_both_interfaces() {
             2,
         ),
         ("android_chrome_generic_sensor", "android", &coarse, 0, 2),
-        ("ios_safari_devicemotion", "ios", &EXACT, 1_000_000, 0),
-        ("ios_safari_devicemotion", "other", &EXACT, 1_000_000, 0),
+        ("ios_safari_devicemotion", "ios", &exact, 1_000_000, 0),
+        ("ios_safari_devicemotion", "other", &exact, 1_000_000, 0),
     ] {
         let mut decoder = PhonePage::new();
         let messages = batches(
@@ -402,7 +414,8 @@ fn the_phone_page_is_the_truth_on_both_platforms_and_both_interfaces() {
         );
         let mut out = all(&messages, |body| decoder.push(body));
         for event in &mut out.events {
-            if event.sample.kind() == SensorKind::DeviceOrientation {
+            use SensorKind::{CompassHeading, DeviceOrientation};
+            if matches!(event.sample.kind(), DeviceOrientation | CompassHeading) {
                 event.time_ns -= orientation_late_ns;
             }
         }
@@ -415,6 +428,7 @@ fn the_phone_page_is_the_truth_on_both_platforms_and_both_interfaces() {
             61,
             "{file} {platform}"
         );
+        assert_eq!(seen[&SensorKind::CompassHeading], 61, "{file} {platform}");
         let field = seen.get(&SensorKind::Magnetometer).copied();
         assert_eq!(field, file.contains("generic").then_some(61), "{file}");
         let told = out

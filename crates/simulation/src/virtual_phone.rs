@@ -15,6 +15,7 @@
 //! # Ok::<(), northing_simulation::virtual_phone::ConfigError>(())
 //! ```
 
+mod compass;
 mod config;
 mod device_orientation;
 mod events;
@@ -23,7 +24,8 @@ use nalgebra::Vector3;
 use northing_recording::{Metadata, WorldFrame};
 
 pub use config::{
-    ConfigError, DeviceOrientationConfig, Disturbance, Motion, ReferenceConfig, VirtualPhoneConfig,
+    CompassConfig, ConfigError, DeviceOrientationConfig, Disturbance, Motion, ReferenceConfig,
+    VirtualPhoneConfig,
 };
 pub use events::VirtualPhoneEvents;
 

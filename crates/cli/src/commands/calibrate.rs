@@ -1,22 +1,17 @@
-//! `northing calibrate rest`: bias, noise and references of a device that lies still.
+//! `northing calibrate`: what a sensor does wrong, measured before it is used.
 
-use std::fmt::Write as _;
-use std::path::PathBuf;
+mod allan;
+mod magnetometer;
+pub(crate) mod rest;
 
-use anyhow::{Context, Result, bail};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
-use northing_core::calibration::RestCalibration;
-use northing_evaluation::options::MagnetometerSource;
 use northing_recording::atomic_file::write_whole;
-use serde::Serialize;
 
-use crate::calibration_file;
-use crate::cli::called;
-use crate::input::{InputArgs, magnetometer_source, seconds, shown};
-use crate::interrupt::interruptible;
-use crate::output::{check_free, check_not_input, print, print_json};
-use crate::progress::Progress;
-use crate::rest_span::{self, Calibrated, Span};
+use crate::input::STDIN as STDOUT;
+use crate::output::{check_free, check_not_input, same_file};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, Args)]
@@ -29,182 +24,81 @@ pub(crate) struct CalibrateArgs {
 #[derive(Debug, Subcommand)]
 enum What {
     /// A device at rest: gyroscope bias, noise of each sensor, gravity and magnetic field
-    Rest(Box<RestArgs>),
+    Rest(Box<rest::RestArgs>),
+    /// A device turned in all directions: hard and soft iron of its magnetometer
+    Magnetometer(Box<magnetometer::MagnetometerArgs>),
+    /// A device at rest for long: the Allan deviation, and the Q that follows from it
+    Allan(Box<allan::AllanArgs>),
 }
 
-/// Arguments of `calibrate rest`.
-#[derive(Debug, Args)]
-#[command(
-    long_about = "Measures a device at rest: the gyroscope's bias, the noise of each sensor, gravity and the \
-                  magnetic field. Without --from and --to it takes the rest at the beginning of the \
-                  recording. It refuses, with the reason, when the device moved, the samples are too few, or \
-                  the field is not the Earth's.",
-    after_help = "\
-Examples:
-  northing calibrate rest lab.csv --out lab-calibration.toml
-  northing calibrate rest lab.csv --from 2 --to 12 --out lab-calibration.toml
-  northing run lab.csv --calibration lab-calibration.toml"
-)]
-struct RestArgs {
-    /// The recording: file, Sensor Logger folder, or - for standard input
-    #[arg(value_name = "RECORDING")]
-    recording: PathBuf,
-    /// Start of the rest, seconds after the first sample
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
-    from: Option<f64>,
-    /// End of the rest, seconds after the first sample
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
-    to: Option<f64>,
-    /// Which magnetometer: device (calibrated by the device) or uncalibrated
-    #[arg(long, value_name = "WHICH", default_value = "device", value_parser = magnetometer_source)]
-    magnetometer: MagnetometerSource,
-    /// Where to write the calibration (TOML), for `northing run --calibration`
+/// Calibrates.
+pub(crate) fn execute(args: &CalibrateArgs) -> Result<()> {
+    match &args.what {
+        What::Rest(args) => rest::execute(args),
+        What::Magnetometer(args) => magnetometer::execute(args),
+        What::Allan(args) => allan::execute(args),
+    }
+}
+
+/// What a calibration writes beside what it prints.
+#[derive(Debug, Clone, Args)]
+struct OutputArgs {
+    /// Where to write the result (TOML); - writes it, and nothing else, to standard output
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Overwrite the output if it exists
+    /// Overwrite outputs that exist
     #[arg(long)]
     force: bool,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
-    #[command(flatten)]
-    input: InputArgs,
 }
 
-/// Calibrates.
-pub(crate) fn execute(args: &CalibrateArgs) -> Result<()> {
-    let What::Rest(args) = &args.what;
-    if let (Some(from), Some(to)) = (args.from, args.to)
-        && from >= to
-    {
-        bail!("--from {from} is not before --to {to}");
-    }
-    if let Some(out) = &args.out {
-        check_free(out, args.force)?;
-        check_not_input(out, &args.recording)?;
-    }
-    let calibrated = calibrate(args)?;
-    let recording = shown(&args.recording);
-    if let Some(out) = &args.out {
-        let text = calibration_file::to_toml(&calibrated, &recording)?;
-        write_whole(out, text.as_bytes(), args.force)?;
-    }
-    if args.json {
-        return print_json(&CalibrationJson::new(&recording, &calibrated));
-    }
-    let mut text = describe(&recording, &calibrated);
-    match &args.out {
-        Some(out) => {
-            let out = out.display();
-            let _ = write!(
-                text,
-                "\nWritten to {out}; use it with\n  {} run {recording} --calibration {out}\n",
-                called()
+impl OutputArgs {
+    /// Refuses outputs that cannot be written, before any work is done for them.
+    fn check(&self, recording: &Path, report: Option<&Path>) -> Result<()> {
+        if self.prints_toml() && self.json {
+            bail!("--json and --out - both want standard output; name a file for one of them");
+        }
+        if let (Some(out), Some(report)) = (&self.out, report)
+            && same_file(out, report)
+        {
+            bail!(
+                "--report and --out name the same file, {}; name two",
+                report.display()
             );
         }
-        None => text.push_str(
-            "\nNothing was written; --out FILE.toml keeps it for `northing run --calibration`.\n",
-        ),
+        for output in self.file().into_iter().chain(report) {
+            check_free(output, self.force)?;
+            check_not_input(output, recording)?;
+        }
+        Ok(())
     }
-    print(&text)
-}
 
-fn calibrate(args: &RestArgs) -> Result<Calibrated> {
-    let mut recording = args.input.open(&args.recording)?;
-    let span = Span {
-        from_s: args.from,
-        to_s: args.to,
-    };
-    let mut progress = Progress::of_stream("calibrating");
-    let events = interruptible(recording.by_ref()).inspect(|_| progress.event());
-    rest_span::calibrate(events, span, args.magnetometer)
-        .with_context(|| format!("{}: no calibration", shown(&args.recording)))
-}
+    fn prints_toml(&self) -> bool {
+        self.out.as_deref() == Some(Path::new(STDOUT))
+    }
 
-/// The calibration as JSON: where it is from, then its values.
-#[derive(Serialize)]
-pub(crate) struct CalibrationJson<'a> {
-    recording: &'a str,
-    from_s: f64,
-    to_s: f64,
-    #[serde(flatten)]
-    calibration: &'a RestCalibration<f64>,
-}
+    /// The file to write the result to.
+    fn file(&self) -> Option<&Path> {
+        self.out.as_deref().filter(|_| !self.prints_toml())
+    }
 
-impl<'a> CalibrationJson<'a> {
-    fn new(recording: &'a str, calibrated: &'a Calibrated) -> Self {
-        let [from_s, to_s] = calibrated.span_s;
-        Self {
-            recording,
-            from_s,
-            to_s,
-            calibration: &calibrated.calibration,
+    /// Writes the result, if there is a file for it.
+    fn write_toml(&self, toml: &str) -> Result<()> {
+        match self.file() {
+            Some(path) => Ok(write_whole(path, toml.as_bytes(), self.force)?),
+            None => Ok(()),
         }
     }
-}
 
-/// The calibration for people.
-fn describe(recording: &str, calibrated: &Calibrated) -> String {
-    let [from_s, to_s] = calibrated.span_s;
-    format!(
-        "{recording}: at rest from {from_s:.1} s to {to_s:.1} s\n{}",
-        values(&calibrated.calibration, "  ")
-    )
-}
-
-/// Bias, noise and references, a line each, after `indent`.
-pub(crate) fn values(c: &RestCalibration<f64>, indent: &str) -> String {
-    let mut lines = Vec::new();
-    let degrees = c.gyroscope_bias_rad_s.map(f64::to_degrees);
-    let known = c.gyroscope_bias_std().to_degrees();
-    let density = c.gyroscope_noise_density();
-    let density = density
-        .map(|d| format!(", {d:.2e} rad/s/sqrt(Hz)"))
-        .unwrap_or_default();
-    let std = rms(&c.gyroscope_std_rad_s);
-    lines.push(format!("gyroscope      {} samples", c.gyroscope_samples));
-    lines.push(format!(
-        "  bias         {} deg/s, each known to {known:.4}",
-        vector(&degrees, 3)
-    ));
-    lines.push(format!("  noise        {std:.5} rad/s a sample{density}"));
-    match (c.gravity(), c.accelerometer_std()) {
-        (Some(gravity), Some(std)) => {
-            lines.push(format!(
-                "accelerometer  {} samples",
-                c.accelerometer_samples
-            ));
-            lines.push(format!("  gravity      {gravity:.3} m/s^2"));
-            lines.push(format!("  noise        {std:.4} m/s^2 a sample"));
-        }
-        _ => lines.push("accelerometer  none: the tilt has no reference".to_owned()),
+    /// Lines that say what was written, for the end of what is printed.
+    fn told(&self, report: Option<&Path>) -> String {
+        let out = self
+            .file()
+            .map(|path| format!("Written to {}\n", path.display()));
+        let report =
+            report.map(|path| format!("Report: {} (open it in a browser)\n", path.display()));
+        out.into_iter().chain(report).collect()
     }
-    match (c.magnetic_field_ut(), c.magnetometer_std_ut()) {
-        (Some(field), Some(std)) => {
-            let dip = c
-                .dip()
-                .map(|dip| format!(", {:.1} deg below the horizon", dip.to_degrees()));
-            let dip = dip.unwrap_or_default();
-            lines.push(format!("magnetometer   {} samples", c.magnetometer_samples));
-            lines.push(format!(
-                "  field        {:.2} microtesla{dip}",
-                field.norm()
-            ));
-            lines.push(format!("  noise        {std:.3} microtesla a sample"));
-        }
-        _ => lines.push("magnetometer   none: the heading has no reference".to_owned()),
-    }
-    lines
-        .iter()
-        .map(|line| format!("{indent}{line}\n"))
-        .collect()
-}
-
-fn vector(v: &[f64; 3], decimals: usize) -> String {
-    let [x, y, z] = v;
-    format!("{x:+.decimals$} {y:+.decimals$} {z:+.decimals$}")
-}
-
-fn rms([x, y, z]: &[f64; 3]) -> f64 {
-    ((x * x + y * y + z * z) / 3.0).sqrt()
 }

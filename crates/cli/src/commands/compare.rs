@@ -19,7 +19,7 @@ use crate::estimation::EstimationArgs;
 use crate::input::{InputArgs, STDIN, shown};
 use crate::output::{check_free, print, print_json};
 use crate::progress::Progress;
-use crate::recordings;
+use crate::recordings::{self, Recordings};
 use crate::table::Table;
 use crate::{interrupt, summary_text};
 
@@ -104,12 +104,25 @@ pub(crate) fn execute(args: &CompareArgs) -> Result<()> {
     if interrupt::happened() {
         bail!("interrupted");
     }
-    let failures = fail_together(&mut runs);
-    if let Some(error) = failures {
-        return Err(error);
+    let failure = Failures::taken_from(&mut runs, &found.broken).into_error(found.paths.len());
+    if runs.is_empty()
+        && let Some(failure) = failure
+    {
+        return Err(failure);
     }
+    print_all(args, &options, &found, &runs)?;
+    failure.map_or(Ok(()), Err)
+}
+
+/// Prints and writes what there is of the runs that were made.
+fn print_all(
+    args: &CompareArgs,
+    options: &CompareOptions,
+    found: &Recordings,
+    runs: &[Run],
+) -> Result<()> {
     if let Some(path) = &args.report {
-        let html = comparison_report::render(&runs, &options.run);
+        let html = comparison_report::render(runs, &options.run);
         write_whole(path, html.as_bytes(), args.force)?;
     }
     if args.json {
@@ -119,7 +132,8 @@ pub(crate) fn execute(args: &CompareArgs) -> Result<()> {
             .collect();
         return print_json(&summaries);
     }
-    let mut text = describe(&runs, found.paths.len(), args.each);
+    let recordings = runs.len() / options.estimators.len().max(1);
+    let mut text = describe(runs, recordings, args.each);
     for sentence in &found.left_out {
         text.push_str(&format!("\nLeft out: {sentence}\n"));
     }
@@ -173,26 +187,41 @@ fn run_all(paths: &[PathBuf], options: &CompareOptions, traced: bool) -> Vec<Run
     runs
 }
 
-/// The first failure, with how many more there are.
-fn fail_together(runs: &mut Vec<Run>) -> Option<anyhow::Error> {
-    let mut failed = Vec::new();
-    for run in std::mem::take(runs) {
-        match run.outcome {
-            Ok(_) => runs.push(run),
-            Err(error) => failed.push((run.path, error)),
+/// Recordings that could not be compared, with the reason, each once.
+struct Failures(Vec<String>);
+
+impl Failures {
+    /// Takes recordings out on which a run failed: a table of the others stays whole.
+    fn taken_from(runs: &mut Vec<Run>, broken: &[String]) -> Self {
+        let mut failed: Vec<(PathBuf, String)> = Vec::new();
+        for run in runs.iter() {
+            let Err(error) = &run.outcome else { continue };
+            if failed.iter().any(|(path, _)| *path == run.path) {
+                continue;
+            }
+            let reason = match error {
+                // Its message begins with the file already.
+                EvaluationError::Recording(_) => error.to_string(),
+                error => format!("{}: {error}", shown(&run.path)),
+            };
+            failed.push((run.path.clone(), reason));
         }
+        runs.retain(|run| failed.iter().all(|(path, _)| *path != run.path));
+        let reasons = failed.into_iter().map(|(_, reason)| reason);
+        Self(broken.iter().cloned().chain(reasons).collect())
     }
-    let files: std::collections::BTreeSet<PathBuf> =
-        failed.iter().map(|(path, _)| path.clone()).collect();
-    let (path, error) = failed.into_iter().next()?;
-    let error = match error {
-        EvaluationError::Recording(_) => anyhow::Error::from(error),
-        error => anyhow::anyhow!("{}: {error}", shown(&path)),
-    };
-    Some(match files.len() {
-        1 => error,
-        n => anyhow::anyhow!("{error} (and {} more recordings fail)", n - 1),
-    })
+
+    /// The first one, with how many more there are; `all` recordings were asked for.
+    fn into_error(self, all: usize) -> Option<anyhow::Error> {
+        let first = self.0.first()?;
+        Some(match self.0.len() {
+            1 if all == 1 => anyhow::anyhow!("{first}"),
+            1 => anyhow::anyhow!("one recording is left out of the comparison: {first}"),
+            n => {
+                anyhow::anyhow!("{n} recordings are left out of the comparison; the first: {first}")
+            }
+        })
+    }
 }
 
 fn describe(runs: &[Run], recordings: usize, each: bool) -> String {

@@ -1,5 +1,6 @@
 //! `northing live`: the lab on this computer, phones deliver into it.
 
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -7,8 +8,9 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow};
 use clap::{Args, ValueEnum};
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
+use northing_live::inputs::InputSpec;
 use northing_live::replay::{self, Speed};
-use northing_live::server::{self, LiveConfig, Running};
+use northing_live::server::{self, LiveConfig, Running, StartError};
 use northing_live::{lab::Lab, qr};
 use serde_json::{Value, json};
 
@@ -19,6 +21,9 @@ use crate::output::print;
 const LAST_WORDS: Duration = Duration::from_secs(2);
 /// How often a running lab looks whether Ctrl-C was pressed.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Port of the lab page, unless another is asked for.
+const PORT: u16 = 7770;
 
 /// Arguments of `live`.
 #[derive(Debug, Args)]
@@ -31,16 +36,20 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 Examples:
   northing live
   northing live --port 8000 --no-open
+  northing live --input sensorserver=192.168.1.20:8080 --input linkoping
   northing live --replay walk.csv
   northing live --no-open --json
   northing live --replay walk.csv --speed max --exit --json | tail -n 1
 
-Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), uploads of apps on N+2."
+Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), uploads of apps on N+2.
+Inputs: apps with a server of their own, and apps that connect to this computer (these have no token: anybody in
+the network can send; with --local only this computer). They can be added on the page, too."
 )]
 pub(crate) struct LiveArgs {
-    /// Port of the lab page; phones use the next, apps the one after; 0 takes free ones
-    #[arg(long, value_name = "N", default_value_t = 7770)]
-    port: u16,
+    /// Port of the lab page; phones use the next, apps the one after; 0 takes free ones [default: 7770, or free
+    /// ones if it is taken]
+    #[arg(long, value_name = "N")]
+    port: Option<u16>,
     /// Do not open the lab page in a browser
     #[arg(long)]
     no_open: bool,
@@ -68,6 +77,21 @@ pub(crate) struct LiveArgs {
     /// End when the recording has ended, with the summary of `northing run`
     #[arg(long, requires = "replay")]
     exit: bool,
+    /// Take samples from this input, too (repeatable): sensorserver=HOST:PORT, phyphox=HOST:PORT,
+    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE[@BAUD]
+    #[arg(long = "input", value_name = "KIND=ADDRESS")]
+    inputs: Vec<InputSpec>,
+    /// What people call this lab; the pages show it
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = "",
+        hide_default_value = true
+    )]
+    name: String,
+    /// A further name of this computer under which pages may be opened (repeatable)
+    #[arg(long = "allowed-host", value_name = "HOST", value_parser = host_name)]
+    allowed_hosts: Vec<String>,
     /// Folder for the certificate; default: the user's folder for data
     #[arg(long, value_name = "FOLDER")]
     data_dir: Option<PathBuf>,
@@ -88,7 +112,7 @@ enum ReplaySpeed {
 impl Default for LiveArgs {
     fn default() -> Self {
         Self {
-            port: 7770,
+            port: None,
             no_open: false,
             json: false,
             local: false,
@@ -98,10 +122,37 @@ impl Default for LiveArgs {
             no_recording: false,
             recordings: None,
             exit: false,
+            inputs: Vec::new(),
+            name: String::new(),
+            allowed_hosts: Vec::new(),
             data_dir: None,
             web_dir: None,
         }
     }
+}
+
+impl LiveArgs {
+    /// What `northing` alone starts. A browser opens where somebody looks.
+    pub(crate) fn alone() -> Self {
+        Self {
+            no_open: !std::io::stdout().is_terminal(),
+            ..Self::default()
+        }
+    }
+}
+
+/// A host name or address without port.
+fn host_name(text: &str) -> Result<String, String> {
+    let is_label = |b: u8| b.is_ascii_alphanumeric() || b == b'.' || b == b'-';
+    let bare = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
+    let is_v6 = bare.is_some_and(|v6| v6.parse::<std::net::Ipv6Addr>().is_ok());
+    if is_v6 || (!text.is_empty() && text.bytes().all(is_label)) {
+        return Ok(text.to_owned());
+    }
+    Err(
+        "expected a name or an address of this computer without port, e.g. lab.example.org"
+            .to_owned(),
+    )
 }
 
 /// Runs the lab until Ctrl-C, or until the recording has ended.
@@ -123,17 +174,23 @@ async fn run(args: &LiveArgs) -> Result<()> {
     };
     let data_dir = args.data_dir.clone().map_or_else(data_dir, Ok)?;
     let config = LiveConfig {
-        port: args.port,
+        port: args.port.unwrap_or(PORT),
         recordings: recordings(args, &data_dir),
         data_dir,
         web_dir: args.web_dir.clone(),
         network: !args.local,
         patience: Default::default(),
         options: options.clone(),
+        name: args.name.clone(),
+        allowed_hosts: args.allowed_hosts.clone(),
     };
-    let running = server::start(config).await?;
+    let running = start(config, args.port.is_none()).await?;
     let events = running.lab.listen();
     ready(args, &running)?;
+    for input in &args.inputs {
+        let added = running.inputs.add(input.clone());
+        added.map_err(|text| anyhow!(text))?;
+    }
     let (end, ended) = tokio::sync::oneshot::channel();
     let telling = tokio::spawn(tell(events, ended, args.json));
     let outcome = work(args, &running.lab, &options).await;
@@ -145,6 +202,16 @@ async fn run(args: &LiveArgs) -> Result<()> {
         Some(summary) if args.json => print(&format!("{}\n", serde_json::to_string(&summary)?)),
         Some(summary) => print(&crate::summary_text::describe(&summary)),
         None => Ok(()),
+    }
+}
+
+/// Starts the lab; where nobody asked for its port and it is taken, on free ones.
+async fn start(config: LiveConfig, any_port: bool) -> Result<Running> {
+    match server::start(config.clone()).await {
+        Err(StartError::Port { .. }) if any_port => {
+            Ok(server::start(LiveConfig { port: 0, ..config }).await?)
+        }
+        started => Ok(started?),
     }
 }
 

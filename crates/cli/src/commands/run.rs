@@ -1,11 +1,13 @@
 //! `northing run`: one estimator over one recording.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
+use northing_evaluation::options::RunOptions;
+use northing_evaluation::setup::RunSetup;
 use northing_recording::atomic_file::write_whole;
 
 use crate::estimate_file::EstimateFile;
@@ -17,6 +19,19 @@ use crate::{run_report, summary_text};
 
 /// Points a series of a report's plots has at most.
 pub(crate) const TRACE_CAPACITY: usize = 6000;
+
+/// Options that a report of the lab decides.
+const SET_ELSEWHERE: [&str; 9] = [
+    "sensors",
+    "magnetometer",
+    "magnetometer_calibration",
+    "calibration",
+    "calibrate_first",
+    "smooth",
+    "profile",
+    "config",
+    "set",
+];
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -37,8 +52,16 @@ pub(crate) struct RunArgs {
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
     /// Estimator; `northing estimators` lists them
-    #[arg(long, value_name = "NAME", default_value = "mekf")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = "mekf",
+        conflicts_with = "setup"
+    )]
     estimator: EstimatorKind,
+    /// Run as a report of the lab says: estimator, parameters, calibrations and all; nothing else may be set
+    #[arg(long, value_name = "REPORT", conflicts_with_all = SET_ELSEWHERE)]
+    setup: Option<PathBuf>,
     /// Write a report with plots: one HTML file for a browser
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -59,7 +82,12 @@ pub(crate) struct RunArgs {
 
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
-    let options = args.estimation.options(args.estimator, &args.input)?;
+    let options = match &args.setup {
+        Some(path) => from_setup(path)?,
+        None => args
+            .estimation
+            .options_of_one(args.estimator, &args.input)?,
+    };
     if let Some(report) = &args.report {
         if args.out.as_ref().is_some_and(|out| same_file(out, report)) {
             bail!(
@@ -110,6 +138,14 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         text.push_str(&format!("\n{}\n", written.join("\n")));
     }
     print(&text)
+}
+
+/// The options that a report of the lab carries.
+fn from_setup(path: &Path) -> Result<RunOptions> {
+    let file = path.display();
+    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
+    let setup = RunSetup::parse(&text).map_err(|problem| anyhow!("{file}: {problem}"))?;
+    setup.options().with_context(|| file.to_string())
 }
 
 /// What watches a run: nothing, plots, a file.

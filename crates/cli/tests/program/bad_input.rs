@@ -71,6 +71,37 @@ fn wrong_and_missing_columns() {
     contains(&twice, &["`gyro_x_rad_s` is there twice"]);
 }
 
+#[cfg(feature = "live")]
+#[test]
+fn an_input_or_a_host_that_is_none() {
+    for (option, value, parts) in [
+        (
+            "--input",
+            "telepathy=1",
+            ["telepathy", "one of: sensorserver"],
+        ),
+        (
+            "--input",
+            "sensorserver=phone",
+            ["HOST:PORT", "192.168.1.20:8080"],
+        ),
+        (
+            "--input",
+            "phyphox=http://phone:80/",
+            ["phyphox", "without a path"],
+        ),
+        ("--input", "razor=/etc/passwd", ["razor", "a serial device"]),
+        (
+            "--allowed-host",
+            "lab.example:80",
+            ["lab.example:80", "without port"],
+        ),
+    ] {
+        let message = Lab::new().refuses(&["live", "--no-open", option, value]);
+        contains(&message, &parts);
+    }
+}
+
 #[test]
 fn a_recording_without_gyroscope() {
     let message = refused("t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2\n0,0,0,9.81\n");
@@ -448,4 +479,78 @@ fn too_short_a_recording() {
         &refused(csv(IMU, 20, |_| "0,0,0,0,0,9.81".to_owned())),
         &["too short", "0.190 s"],
     );
+}
+
+#[test]
+fn a_setting_without_effect_is_refused() {
+    let lab = Lab::with_phone();
+    let run = [
+        "run",
+        "phone.csv",
+        "--estimator",
+        "integration",
+        "--set",
+        "accelerometer_std=0.3",
+    ];
+    contains(
+        &lab.refuses(&run),
+        &["--set accelerometer_std=0.3 has no effect on `integration`"],
+    );
+}
+
+/// A magnet, a gyroscope that is off, stamps in milliseconds: the run goes on and says so.
+#[test]
+fn what_is_odd_about_the_sensors_is_remarked() {
+    let lab = Lab::new();
+    let header = format!("{IMU},mag_x_ut,mag_y_ut,mag_z_ut");
+    let noise = |k: usize| (k % 7) as f64 * 1e-3;
+    lab.write(
+        "magnet.csv",
+        csv(&header, 2000, |k| {
+            format!(
+                "{0},{0},{0},{0},{0},{1},150,{0},{0}",
+                noise(k),
+                9.8 + noise(k)
+            )
+        }),
+    );
+    contains(
+        &lab.succeeds(&["run", "magnet.csv"]),
+        &[
+            "magnetic field is 150 microtesla strong",
+            "22 to 67",
+            "northing calibrate magnetometer",
+        ],
+    );
+    lab.write(
+        "off.csv",
+        csv(IMU, 2000, |k| {
+            format!("0,0,0,{0},{0},{1}", noise(k), 9.8 + noise(k))
+        }),
+    );
+    contains(
+        &lab.succeeds(&["run", "off.csv"]),
+        &["Every one of the 2000 gyroscope samples is exactly zero"],
+    );
+    let mut text = format!("{IMU}\n");
+    for k in 0..2000 {
+        text += &format!("{},{1},{1},{1},{1},{1},9.8\n", k * 10, noise(k));
+    }
+    lab.write("ms.csv", text);
+    contains(
+        &lab.succeeds(&["run", "ms.csv"]),
+        &["stamps look like milliseconds under the name of seconds (100 samples a second then)"],
+    );
+}
+
+#[test]
+fn a_column_with_two_meanings_is_refused() {
+    let lab = Lab::new();
+    lab.write("data.txt", "t,a,b,c\n0,0,0,0\n1,0,0,0\n");
+    lab.write(
+        "data.toml",
+        "file = 'data.txt'\n[time]\ncolumn = 't'\nunit = 's'\n[gyroscope]\ncolumns = ['a', 'a', 'c']\n",
+    );
+    let message = lab.refuses(&["run", "data.toml"]);
+    contains(&message, &["data.toml", "column `a` is used twice"]);
 }

@@ -89,16 +89,52 @@ fn folders_are_searched_and_calibrations_left_out() {
 }
 
 #[test]
-fn a_broken_recording_fails_the_comparison_by_name() {
+fn a_broken_recording_is_left_out_and_named() {
     let lab = Lab::with_phone();
     lab.write(
         "broken.csv",
         "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s\n0,0,0,0\n0.01,0,zero,0\n",
     );
-    let message = lab.refuses(&["compare", "phone.csv", "broken.csv", "--json"]);
+    let output = lab
+        .program(&["compare", "broken.csv", "phone.csv", "--json"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let runs: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let names: Vec<&str> = runs
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|run| run["recording"].as_str().unwrap())
+        .collect();
+    assert!(
+        names.len() == 6 && names.iter().all(|name| *name == "phone.csv"),
+        "{names:?}"
+    );
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(message.lines().count(), 1, "{message}");
     contains(
         &message,
-        &["broken.csv, line 3, column `gyro_y_rad_s`", "`zero`"],
+        &[
+            "northing: one recording is left out of the comparison: broken.csv, line 3, column `gyro_y_rad_s`",
+            "`zero`",
+        ],
+    );
+    let output = lab
+        .program(&["compare", "phone.csv", "broken.csv", "none.csv"])
+        .output()
+        .unwrap();
+    contains(
+        &String::from_utf8(output.stdout).unwrap(),
+        &["phone.csv", "total deg", "mekf"],
+    );
+    contains(
+        &String::from_utf8(output.stderr).unwrap(),
+        &["2 recordings are left out of the comparison; the first: broken.csv, line 3"],
+    );
+    contains(
+        &lab.refuses(&["compare", "broken.csv"]),
+        &["broken.csv, line 3"],
     );
     contains(&lab.refuses(&["compare", "-"]), &["standard input"]);
 }

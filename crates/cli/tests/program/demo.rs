@@ -133,3 +133,33 @@ fn a_picture_is_drawn_and_too_short_a_laboratory_refused() {
         &["takes 75 s", "--record-only"],
     );
 }
+
+/// Nothing was written yet: nothing stays, not even the folder.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_no_empty_folder() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+    let lab = Lab::new();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_northing"))
+        .current_dir(lab.path("."))
+        .args(["demo", "--duration", "100000"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while lab.names().is_empty() {
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "no folder was made"
+        );
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let killed = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(killed.unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(lab.names(), Vec::<String>::new());
+}

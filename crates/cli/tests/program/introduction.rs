@@ -2,6 +2,7 @@
 
 use crate::support::{Lab, contains};
 
+#[cfg(not(feature = "live"))]
 #[test]
 fn without_arguments_it_introduces_itself() {
     insta::assert_snapshot!(Lab::new().succeeds(&[]), @r"
@@ -11,6 +12,8 @@ fn without_arguments_it_introduces_itself() {
       northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
       northing compare a.csv b.csv           several recordings and estimators in one table
       northing calibrate rest desk.csv       bias, noise and references of a device at rest
+      northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
+      northing calibrate allan night.csv     noise over averaging time, and the Q that follows
       northing convert walk.zip walk.csv     a recording in another format
       northing estimators                    the estimators and their parameters
 
@@ -27,10 +30,12 @@ fn every_command_has_help_with_examples() {
             &["Examples:", &format!("northing {command}")],
         );
     }
-    contains(
-        &lab.succeeds(&["calibrate", "rest", "--help"]),
-        &["Examples:", "--from", "--to"],
-    );
+    for what in ["rest", "magnetometer", "allan"] {
+        contains(
+            &lab.succeeds(&["calibrate", what, "--help"]),
+            &["Examples:", "--from", "--to"],
+        );
+    }
     contains(&lab.succeeds(&["--version"]), &["northing 0."]);
 }
 

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod allan;
 mod bad_input;
 mod calibrate;
 mod compare;
@@ -9,6 +10,7 @@ mod convert;
 mod data;
 mod demo;
 mod introduction;
+mod magnetometer;
 mod run;
 #[cfg(target_os = "linux")]
 mod streaming;

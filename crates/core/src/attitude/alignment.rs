@@ -162,6 +162,7 @@ impl<T: Scalar> Alignment<T> {
                 .prior
                 .gyroscope_bias_std
                 .unwrap_or(config.initial_gyroscope_bias_std),
+            north_known: false,
             references: References {
                 specific_force: gravity_up,
                 magnetic_field,

@@ -100,6 +100,15 @@ pub struct AttitudeConfig<T> {
     pub magnetometer_norm_gain: T,
     /// Whether the whole field vector or only its heading is used, default `vector`.
     pub magnetometer_use: MagnetometerUse,
+    /// Smallest standard deviation of a compass heading, rad, default 0.1; what the device states
+    /// counts where it is larger. Raising it trusts the compass less.
+    pub compass_std: T,
+    /// NIS above which a compass heading is refused, default 6.63 (99 % of 1 degree of freedom); 0
+    /// turns the gate off.
+    pub compass_gate_nis: T,
+    /// As for the accelerometer, default 1 s: a compass is slow and filtered. Raising it lets the
+    /// heading follow the compass less.
+    pub compass_correlation_time_s: T,
     /// Seconds of nothing but rejections after which a gate inflates instead, default 3. Raising
     /// it survives longer disturbances and recovers later from a wrong state.
     pub gate_timeout_s: T,
@@ -132,6 +141,9 @@ impl<T: Scalar> Default for AttitudeConfig<T> {
             magnetometer_correlation_time_s: T::zero(),
             magnetometer_norm_gain: T::zero(),
             magnetometer_use: MagnetometerUse::Vector,
+            compass_std: lit(0.1),
+            compass_gate_nis: lit(6.63),
+            compass_correlation_time_s: T::one(),
             gate_timeout_s: lit(3.0),
             initial_tilt_std: lit(0.1),
             initial_heading_std: lit(0.1),
@@ -164,6 +176,9 @@ impl<T: Scalar> AttitudeConfig<T> {
             magnetometer_correlation_time_s: lit(1.0),
             magnetometer_norm_gain: lit(1.0),
             magnetometer_use: MagnetometerUse::Heading,
+            compass_std: lit(0.17),
+            compass_gate_nis: T::zero(),
+            compass_correlation_time_s: lit(5.0),
             gate_timeout_s: lit(3.0),
             initial_tilt_std: lit(0.14),
             initial_heading_std: lit(0.35),
@@ -186,6 +201,7 @@ impl<T: Scalar> AttitudeConfig<T> {
             ),
             ("accelerometer_std", self.accelerometer_std),
             ("magnetometer_std_ut", self.magnetometer_std_ut),
+            ("compass_std", self.compass_std),
             ("initial_tilt_std", self.initial_tilt_std),
             ("initial_heading_std", self.initial_heading_std),
             ("maximum_attitude_std", self.maximum_attitude_std),
@@ -208,6 +224,11 @@ impl<T: Scalar> AttitudeConfig<T> {
                 self.magnetometer_correlation_time_s,
             ),
             ("magnetometer_norm_gain", self.magnetometer_norm_gain),
+            ("compass_gate_nis", self.compass_gate_nis),
+            (
+                "compass_correlation_time_s",
+                self.compass_correlation_time_s,
+            ),
             ("gate_timeout_s", self.gate_timeout_s),
             (
                 "initial_gyroscope_bias_std",
@@ -248,6 +269,15 @@ impl<T: Scalar> AttitudeConfig<T> {
     pub fn magnetometer_gate(&self) -> Gate<T> {
         Gate {
             nis_threshold: self.magnetometer_gate_nis,
+            timeout_s: self.gate_timeout_s,
+        }
+    }
+
+    /// The compass's gate.
+    #[inline]
+    pub fn compass_gate(&self) -> Gate<T> {
+        Gate {
+            nis_threshold: self.compass_gate_nis,
             timeout_s: self.gate_timeout_s,
         }
     }

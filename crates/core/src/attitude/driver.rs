@@ -10,14 +10,19 @@
 //!   its sensor, updates without propagation.
 //! - Without a gyroscope sample for longer than [`DriverConfig::gap_limit_s`] the rate is unknown:
 //!   the attitude is held and its variance grows by a random walk.
+//! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
+//!   gyroscope sample brings the time back, or nothing would be new until then.
 //! - It starts by [`Alignment`], and aligns again, keeping the bias, when an accelerometer or
 //!   magnetometer first appears later.
+//! - Without a magnetometer the heading of the start is arbitrary: the first compass heading turns
+//!   the estimate to its north, those after it are measurements.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::alignment::{Alignment, Prior};
 use super::config::AttitudeConfig;
-use super::{AttitudeEstimator, InitialState, Propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use crate::geometry::{rotation, so3};
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::{Scalar, lit};
 
@@ -57,6 +62,10 @@ pub struct AttitudeDriver<T: Scalar, E> {
     started: bool,
     has_force: bool,
     has_field: bool,
+    /// Whether the compass has said where north is.
+    has_heading: bool,
+    /// What the estimator started from last.
+    start: Option<InitialState<T>>,
     /// Time of the estimator's state.
     now_ns: Option<i64>,
     last_rate: Option<(i64, Vector3<T>)>,
@@ -64,6 +73,7 @@ pub struct AttitudeDriver<T: Scalar, E> {
     passed_on: Vector3<T>,
     last_force_ns: Option<i64>,
     last_field_ns: Option<i64>,
+    last_heading_ns: Option<i64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,18 +93,20 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             started: false,
             has_force: false,
             has_field: false,
+            has_heading: false,
+            start: None,
             now_ns: None,
             last_rate: None,
             passed_on: Vector3::zeros(),
             last_force_ns: None,
             last_field_ns: None,
+            last_heading_ns: None,
         }
     }
 
     /// Starts from a known state instead of aligning; takes effect at once.
     pub fn start_from(&mut self, initial: &InitialState<T>) {
-        self.estimator.initialize(initial);
-        self.started = true;
+        self.start_at(initial);
         self.has_force = true;
         self.has_field = initial.references.magnetic_field.is_some();
         self.aligning = None;
@@ -103,6 +115,11 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// Whether the estimator has started.
     pub fn is_started(&self) -> bool {
         self.started
+    }
+
+    /// Whether a compass has said where north is since the estimator started.
+    pub fn knows_north(&self) -> bool {
+        self.has_heading
     }
 
     /// The estimate, once started.
@@ -115,10 +132,14 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if !angular_rate.norm_squared().is_finite() {
             return Propagation::Skipped(SkipReason::NotFinite);
         }
+        if self
+            .last_rate
+            .is_some_and(|(last_ns, _)| time_ns <= last_ns)
+        {
+            return Propagation::Skipped(SkipReason::NotNewer);
+        }
+        self.forget_the_future(time_ns);
         match self.last_rate {
-            Some((last_ns, _)) if time_ns <= last_ns => {
-                return Propagation::Skipped(SkipReason::NotNewer);
-            }
             Some((last_ns, _)) if self.is_gap(last_ns, time_ns) => self.advance_to(time_ns),
             Some((last_ns, last)) => self.finish_interval(last_ns, &last, time_ns, angular_rate),
             None => self.advance_to(time_ns),
@@ -169,6 +190,73 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         self.estimator.update_magnetometer(magnetic_field)
     }
 
+    /// Takes a heading of the device's top axis, clockwise from north, with its standard deviation
+    /// (rad). See [`CompassHeading`].
+    pub fn compass(&mut self, time_ns: i64, heading: T, std: T) -> Innovation<T> {
+        if self.last_heading_ns.is_some_and(|last| time_ns <= last) {
+            return Innovation::skipped(SkipReason::NotNewer);
+        }
+        self.last_heading_ns = Some(time_ns);
+        self.advance_to(time_ns);
+        if !self.started {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        }
+        if !self.has_force {
+            // Without up there is no horizon on which to measure it.
+            return Innovation::skipped(SkipReason::Unobservable);
+        }
+        let frame = self.config.prior.frame;
+        let measured = CompassHeading {
+            frame,
+            heading,
+            std,
+        };
+        if self.has_field || self.has_heading {
+            return self.estimator.update_compass(&measured);
+        }
+        Innovation::skipped(match self.turn_to(&measured) {
+            Ok(()) => SkipReason::NotInitialized,
+            Err(reason) => reason,
+        })
+    }
+
+    /// Turns the estimate about up until it agrees with the compass. Tilt and bias stay as they
+    /// are; what is said about the heading is the compass's uncertainty (M17h).
+    fn turn_to(&mut self, measured: &CompassHeading<T>) -> Result<(), SkipReason> {
+        let Some(start) = self.start else {
+            return Err(SkipReason::NotInitialized);
+        };
+        let before = self.estimator.attitude();
+        let residual = measured.measure(&before)?.residual;
+        let up = measured.frame.up::<T>();
+        let up_body = before.inverse() * up;
+        let covariance = self.estimator.attitude_covariance();
+        let level = Matrix3::identity() - up_body * up_body.transpose();
+        let std = measured.std.max(self.settings.compass_std);
+        let covariance = level * covariance.unwrap_or(start.attitude_covariance) * level
+            + up_body * up_body.transpose() * (std * std);
+        let (bias, bias_std) = match self.estimator.gyroscope_bias() {
+            Some((bias, p)) => (bias, p.diagonal().max().max(T::zero()).sqrt()),
+            None => (start.gyroscope_bias, start.gyroscope_bias_std),
+        };
+        self.start_at(&InitialState {
+            attitude: rotation::renormalize(&(so3::exp(&(up * residual)) * before)),
+            attitude_covariance: covariance,
+            gyroscope_bias: bias,
+            gyroscope_bias_std: bias_std,
+            north_known: true,
+            references: start.references,
+        });
+        Ok(())
+    }
+
+    fn start_at(&mut self, initial: &InitialState<T>) {
+        self.estimator.initialize(initial);
+        self.start = Some(*initial);
+        self.started = true;
+        self.has_heading = initial.north_known;
+    }
+
     /// The alignment under way; begins one at the very start, and again when a sensor `appeared`.
     fn alignment_at(&mut self, time_ns: i64, appeared: bool) -> Option<&mut Aligning<T>> {
         if self.aligning.is_none() && (!self.started || appeared) {
@@ -206,14 +294,31 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             initial.gyroscope_bias = bias;
             initial.gyroscope_bias_std = covariance.diagonal().max().max(T::zero()).sqrt();
         }
-        self.estimator.initialize(&initial);
-        self.started = true;
+        self.start_at(&initial);
         self.aligning = None;
     }
 
     fn alignment_or_begin(&mut self, time_ns: i64) -> &Option<Aligning<T>> {
         self.alignment_at(time_ns, false);
         &self.aligning
+    }
+
+    /// Takes back stamps that lie further ahead of a gyroscope sample than a gap.
+    fn forget_the_future(&mut self, time_ns: i64) {
+        if self.now_ns.is_some_and(|now| self.is_gap(time_ns, now)) {
+            self.now_ns = Some(self.last_rate.map_or(time_ns, |(last_ns, _)| last_ns));
+            self.passed_on = Vector3::zeros();
+        }
+        for last in [&mut self.last_force_ns, &mut self.last_field_ns] {
+            let ahead = |last: i64| seconds::<T>(time_ns, last) > self.config.gap_limit_s;
+            if last.is_some_and(ahead) {
+                *last = None;
+            }
+        }
+        let since = self.aligning.map(|aligning| aligning.since_ns);
+        if since.is_some_and(|since| self.is_gap(time_ns, since)) {
+            self.aligning = None;
+        }
     }
 
     fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {

@@ -1,6 +1,7 @@
-//! Heading from a magnetometer: the direction of the field's horizontal part, and nothing else.
+//! Heading from a magnetometer, and the heading that a device reports by itself.
 //!
-//! Read first: `docs/derivations/mekf.md`, section on the heading-only update (M17). The measured
+//! Read first: `docs/derivations/mekf.md`, sections on the heading-only update (M17) and on the
+//! compass (M17e). From a magnetometer only the field's horizontal direction is taken: the measured
 //! field is turned into the reference frame with the estimated attitude and projected on the
 //! horizontal plane; the angle to the reference field there is the residual. Its row is the up
 //! direction in body axes. The coupling with tilt errors, `tan(dip)` times the tilt, is left out
@@ -9,6 +10,8 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::vector_sensor::{References, VectorSensor};
+use crate::geometry::frames::TangentFrame;
+use crate::kalman::SkipReason;
 use crate::scalar::{Scalar, lit};
 
 /// The reference a heading is measured against.
@@ -22,6 +25,23 @@ pub struct HeadingReference<T: Scalar> {
     pub horizontal_ut: T,
     /// Upward strength of the field, microtesla (negative on the northern hemisphere).
     pub upward_ut: T,
+}
+
+/// The top axis must keep at least this share of its length on the horizon (60 deg of elevation at
+/// most): nearer to the vertical a heading says little, and phones change what they mean by it.
+pub const LEAST_HORIZONTAL: f64 = 0.5;
+
+/// A heading as phones report it: where the horizontal part of the body's y axis (the top edge of a
+/// phone) points, clockwise from north seen from above. Screen up or down makes no difference. It
+/// is not defined while that axis stands near the vertical ([`LEAST_HORIZONTAL`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CompassHeading<T: Scalar> {
+    /// The frame whose north is meant; it is that of the attitude.
+    pub frame: TangentFrame,
+    /// Clockwise from magnetic north, rad.
+    pub heading: T,
+    /// Its standard deviation as the device states it, rad.
+    pub std: T,
 }
 
 /// One measured heading.
@@ -83,6 +103,40 @@ impl<T: Scalar> HeadingReference<T> {
     }
 }
 
+impl<T: Scalar> CompassHeading<T> {
+    /// The residual at `attitude` and its complete row (M17e, M17f), with the stated variance.
+    ///
+    /// # Errors
+    /// Why there is nothing to measure: a number that is none, or the top axis near the vertical.
+    #[inline]
+    pub fn measure(&self, attitude: &UnitQuaternion<T>) -> Result<Heading<T>, SkipReason> {
+        if !(self.heading.is_finite() && self.std.is_finite()) {
+            return Err(SkipReason::NotFinite);
+        }
+        // A few turns are a matter of taste, more are no heading.
+        if self.heading.abs() > lit(100.0) || self.std < T::zero() {
+            return Err(SkipReason::OutOfRange);
+        }
+        let up_body = attitude.inverse() * self.frame.up::<T>();
+        // The top axis is (0, 1, 0) in the body: its part along up, and what is left.
+        let along_up = up_body.y;
+        let horizontal_squared = T::one() - along_up * along_up;
+        if horizontal_squared < lit(LEAST_HORIZONTAL * LEAST_HORIZONTAL) {
+            return Err(SkipReason::Unobservable);
+        }
+        let horizontal_body = Vector3::y() - up_body * along_up;
+        let (top, north) = (attitude * horizontal_body, self.frame.north::<T>());
+        let east = north.cross(&self.frame.up());
+        let predicted = top.dot(&east).atan2(top.dot(&north));
+        let difference = predicted - self.heading;
+        Ok(Heading {
+            residual: difference.sin().atan2(difference.cos()),
+            variance: self.std * self.std,
+            row: up_body - horizontal_body * (along_up / horizontal_squared),
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -128,6 +182,88 @@ mod tests {
             assert_relative_eq!(in_world.dot(&heading.up), 0.0, epsilon = 1e-12);
             assert_relative_eq!(in_world.norm(), 2.0, epsilon = 1e-12); // tan(dip) = 40/20
         }
+    }
+
+    fn compass(frame: TangentFrame, heading: f64) -> CompassHeading<f64> {
+        let std = 0.1;
+        CompassHeading {
+            frame,
+            heading,
+            std,
+        }
+    }
+
+    /// The complete row, tilt included, against dual numbers.
+    #[test]
+    fn the_compass_row_equals_dual_numbers() {
+        for (frame, turn) in [
+            (TangentFrame::Enu, Vector3::new(0.5, -0.8, 1.1)),
+            (TangentFrame::Enu, Vector3::new(-0.9, 0.1, -2.0)),
+            (TangentFrame::Ned, Vector3::new(2.9, 0.4, 0.3)),
+            (TangentFrame::Ned, Vector3::new(0.2, 3.0, 0.6)),
+        ] {
+            let attitude = so3::exp(&turn);
+            let up = frame.up::<DualSVec64<3>>();
+            let north = frame.north::<DualSVec64<3>>();
+            let (heading, gradient) = gradient(
+                |a: SVector<DualSVec64<3>, 3>| {
+                    let truth = attitude.cast::<DualSVec64<3>>() * so3::exp(&a);
+                    let top = truth * Vector3::y();
+                    RealField::atan2(top.dot(&north.cross(&up)), top.dot(&north))
+                },
+                &Vector3::zeros(),
+            );
+            let ours = compass(frame, heading).measure(&attitude).unwrap();
+            assert_relative_eq!(ours.residual, 0.0, epsilon = 1e-12);
+            // Headings run clockwise, residuals about up.
+            assert_relative_eq!(ours.row, -gradient, epsilon = 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_heading_is_that_of_the_top_edge_clockwise_from_north() {
+        // The top edge to the east, level and raised by 50 deg, screen up and down.
+        let level = so3::exp(&Vector3::new(0.0, 0.0, -core::f64::consts::FRAC_PI_2));
+        let raised = level * so3::exp(&Vector3::new(0.87, 0.0, 0.0));
+        let over = level * so3::exp(&Vector3::new(0.0, core::f64::consts::PI, 0.0));
+        for attitude in [level, raised, over] {
+            let m = compass(TangentFrame::Enu, core::f64::consts::FRAC_PI_2).measure(&attitude);
+            assert_relative_eq!(m.unwrap().residual, 0.0, epsilon = 1e-12);
+        }
+        // The device reads 30 deg more than estimated: the truth is turned clockwise, so negative.
+        let m = compass(TangentFrame::Enu, 2.0 * core::f64::consts::FRAC_PI_3).measure(&level);
+        assert_relative_eq!(
+            m.unwrap().residual,
+            -core::f64::consts::FRAC_PI_6,
+            epsilon = 1e-12
+        );
+        // Across the wrap.
+        let north = UnitQuaternion::identity();
+        let m = compass(TangentFrame::Enu, 6.2).measure(&north).unwrap();
+        assert_relative_eq!(m.residual, core::f64::consts::TAU - 6.2, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn near_the_vertical_and_without_numbers_there_is_no_compass() {
+        for pitch in [1.1, 1.57, 2.0] {
+            let upright = so3::exp(&Vector3::new(pitch, 0.0, 0.0));
+            let m = compass(TangentFrame::Enu, 0.0).measure(&upright);
+            assert_eq!(m.unwrap_err(), SkipReason::Unobservable);
+        }
+        let level = UnitQuaternion::identity();
+        let reason = |heading, std| {
+            let frame = TangentFrame::Enu;
+            let m = CompassHeading {
+                frame,
+                heading,
+                std,
+            };
+            m.measure(&level).unwrap_err()
+        };
+        assert_eq!(reason(f64::NAN, 0.1), SkipReason::NotFinite);
+        assert_eq!(reason(0.0, f64::INFINITY), SkipReason::NotFinite);
+        assert_eq!(reason(1e9, 0.1), SkipReason::OutOfRange);
+        assert_eq!(reason(0.0, -1.0), SkipReason::OutOfRange);
     }
 
     #[test]

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, InitialState, Propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
@@ -56,6 +56,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Integration<T> {
     }
 
     fn update_magnetometer(&mut self, _magnetic_field: &Vector3<T>) -> Innovation<T> {
+        Innovation::skipped(SkipReason::NotUsed)
+    }
+
+    fn update_compass(&mut self, _heading: &CompassHeading<T>) -> Innovation<T> {
         Innovation::skipped(SkipReason::NotUsed)
     }
 

@@ -1,13 +1,13 @@
 //! The linearised measurements of the multiplicative filters: rows, residuals, noise, record.
 //!
-//! Read first: `docs/derivations/mekf.md`, M9-M11 (vector) and M17 (heading). The predicted vector
+//! Read first: `docs/derivations/mekf.md`, M9-M11 (vector), M17 (heading), M17e (compass). The predicted vector
 //! makes the row, not the measured one: the measured one is noisy, and its sign convention is the
 //! classical mistake.
 
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::config::{AttitudeConfig, MagnetometerUse};
-use super::heading::{Heading, HeadingReference};
+use super::heading::{CompassHeading, Heading, HeadingReference};
 use super::vector_sensor::{References, VectorSensor, Weighed};
 use crate::kalman::innovation::{Innovation, SkipReason};
 use crate::kalman::scalar_update::{update_cross_product, update_leading3};
@@ -20,6 +20,8 @@ pub struct VectorSensors<T: Scalar> {
     pub accelerometer: VectorSensor<T>,
     /// Reference, gate and history of the magnetometer.
     pub magnetometer: VectorSensor<T>,
+    /// Gate and history of the compass.
+    pub compass: VectorSensor<T>,
     /// What a heading is measured against; `None` without a magnetic reference.
     pub heading: Option<HeadingReference<T>>,
     magnetometer_use: MagnetometerUse,
@@ -101,6 +103,7 @@ impl<T: Scalar> VectorSensors<T> {
         Self {
             accelerometer: VectorSensor::accelerometer(config),
             magnetometer: VectorSensor::magnetometer(config),
+            compass: VectorSensor::compass(config),
             heading: None,
             magnetometer_use: config.magnetometer_use,
         }
@@ -110,6 +113,7 @@ impl<T: Scalar> VectorSensors<T> {
     pub fn start(&mut self, references: &References<T>) {
         self.accelerometer.start(Some(references.specific_force));
         self.magnetometer.start(references.magnetic_field);
+        self.compass.start(None);
         self.heading = HeadingReference::new(references);
     }
 
@@ -118,6 +122,7 @@ impl<T: Scalar> VectorSensors<T> {
     pub fn advance(&mut self, dt: T) {
         self.accelerometer.advance(dt);
         self.magnetometer.advance(dt);
+        self.compass.advance(dt);
     }
 
     /// The accelerometer's measurement at `attitude` with error covariance `p` (body axes).
@@ -148,6 +153,33 @@ impl<T: Scalar> VectorSensors<T> {
                 p,
                 measured,
             ),
+        }
+    }
+}
+
+impl<T: Scalar> VectorSensors<T> {
+    /// The compass's measurement at `attitude` with error covariance `p` (body axes). Its noise is
+    /// what the device states, and at least what the configuration does.
+    #[inline]
+    pub fn compass(
+        &mut self,
+        attitude: &UnitQuaternion<T>,
+        p: &Matrix3<T>,
+        measured: &CompassHeading<T>,
+    ) -> Measurement<T> {
+        match measured.measure(attitude) {
+            Ok(heading) => {
+                let variance = heading.variance.max(self.compass.variance());
+                scalar(
+                    &mut self.compass,
+                    &Heading {
+                        variance,
+                        ..heading
+                    },
+                    p,
+                )
+            }
+            Err(reason) => Measurement::skipped(reason),
         }
     }
 }
@@ -215,14 +247,24 @@ fn heading<T: Scalar>(
     if let Err(reason) = sensor.reference_for(measured) {
         return Measurement::skipped(reason);
     }
-    let Some(Heading {
+    match reference.and_then(|r| r.measure(attitude, measured, sensor)) {
+        Some(heading) => scalar(sensor, &heading, p),
+        None => Measurement::skipped(SkipReason::Unobservable),
+    }
+}
+
+/// One row, weighed by its sensor.
+#[inline]
+fn scalar<T: Scalar>(
+    sensor: &mut VectorSensor<T>,
+    heading: &Heading<T>,
+    p: &Matrix3<T>,
+) -> Measurement<T> {
+    let Heading {
         residual,
         variance,
         row,
-    }) = reference.and_then(|r| r.measure(attitude, measured, sensor))
-    else {
-        return Measurement::skipped(SkipReason::Unobservable);
-    };
+    } = *heading;
     let Weighed {
         innovation,
         variance,

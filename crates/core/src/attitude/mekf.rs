@@ -28,7 +28,7 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use super::config::{AttitudeConfig, ConfigError};
 use super::measurement::{Measurement, VectorSensors};
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, InitialState, Propagation, propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::cap_variance;
@@ -209,6 +209,16 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
             .state
             .sensors
             .magnetometer(&self.state.attitude, &p, magnetic_field);
+        self.update(&m)
+    }
+
+    #[inline]
+    fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
+        let p = attitude_block(&self.state.covariance);
+        let m = self
+            .state
+            .sensors
+            .compass(&self.state.attitude, &p, heading);
         self.update(&m)
     }
 

@@ -21,7 +21,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use super::config::{AttitudeConfig, ConfigError};
 use super::measurement::{Measurement, VectorSensors};
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, InitialState, Propagation, propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
@@ -194,6 +194,18 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
         self.update(m)
     }
 
+    #[inline]
+    fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
+        let Mekf3State {
+            attitude,
+            covariance,
+            sensors,
+            ..
+        } = &mut self.state;
+        let m = sensors.compass(attitude, covariance, heading);
+        self.update(m)
+    }
+
     fn add_attitude_variance(&mut self, variance: T) {
         if variance > T::zero() && variance.is_finite() {
             for i in 0..3 {
@@ -233,6 +245,7 @@ mod tests {
             attitude_covariance: Matrix3::identity() * 0.01,
             gyroscope_bias: Vector3::zeros(),
             gyroscope_bias_std: 0.0,
+            north_known: false,
             references: References {
                 specific_force: Vector3::new(0.0, 0.0, 9.81),
                 magnetic_field: Some(Vector3::new(0.0, 22.0, -42.0)),

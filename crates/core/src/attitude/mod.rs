@@ -34,6 +34,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
 pub use config::{AttitudeConfig, MagnetometerUse, ProcessNoise};
+pub use heading::CompassHeading;
 pub use vector_sensor::References;
 
 /// The state an estimator starts from.
@@ -47,6 +48,8 @@ pub struct InitialState<T: Scalar> {
     pub gyroscope_bias: Vector3<T>,
     /// Standard deviation (rad/s) of each component of that bias.
     pub gyroscope_bias_std: T,
+    /// Whether a compass has said where north is; a magnetic reference says so by itself.
+    pub north_known: bool,
     /// What the vector sensors measure in the reference frame.
     pub references: References<T>,
 }
@@ -91,6 +94,9 @@ pub trait AttitudeEstimator<T: Scalar> {
 
     /// Updates with the magnetic field (microtesla, body axes).
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T>;
+
+    /// Updates with a heading that the device reports.
+    fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T>;
 
     /// Adds variance (rad^2 per axis) to the attitude: something unseen happened, such as a gap.
     fn add_attitude_variance(&mut self, variance: T);

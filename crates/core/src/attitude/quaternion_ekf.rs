@@ -42,7 +42,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 use super::config::{AttitudeConfig, ConfigError};
 use super::measurement::{Measurement, VectorSensors};
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, InitialState, Propagation, propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
 use crate::geometry::so3;
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
@@ -370,6 +370,13 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
         let reference = sensors.magnetometer.reference_for(magnetic_field).ok();
         let measurement = sensors.magnetometer(&self.state.attitude, &p, magnetic_field);
         self.update(measurement, reference)
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
+        let p = self.attitude_block();
+        let sensors = &mut self.state.sensors;
+        let measurement = sensors.compass(&self.state.attitude, &p, heading);
+        self.update(measurement, None)
     }
 
     fn add_attitude_variance(&mut self, variance: T) {

@@ -9,7 +9,8 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
 use super::{
-    AttitudeConfig, AttitudeEstimator, InitialState, MagnetometerUse, Propagation, References,
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, MagnetometerUse, Propagation,
+    References,
 };
 use crate::geometry::{frames::TangentFrame, rotation, so3};
 use crate::kalman::covariance::cholesky;
@@ -37,6 +38,7 @@ pub(super) fn start<T: Scalar>(
         attitude_covariance: Matrix3::identity() * (config.initial_tilt_std.powi(2)),
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: config.initial_gyroscope_bias_std,
+        north_known: false,
         references: references(),
     }
 }
@@ -157,6 +159,15 @@ pub(super) fn check_bad_samples<E: AttitudeEstimator<f64> + Copy + PartialEq + c
         assert_eq!(f.update_accelerometer(&bad).outcome, skipped(reason));
         assert_eq!(f.update_magnetometer(&bad).outcome, skipped(reason));
     }
+    for (heading, std, reason) in [
+        (f64::NAN, 0.1, SkipReason::NotFinite),
+        (0.0, f64::NAN, SkipReason::NotFinite),
+        (1e300, 0.1, SkipReason::OutOfRange),
+        (0.0, -0.1, SkipReason::OutOfRange),
+    ] {
+        let record = f.update_compass(&compass(heading, std));
+        assert_eq!(record.outcome, skipped(reason));
+    }
     for variance in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
         f.add_attitude_variance(variance);
     }
@@ -254,6 +265,55 @@ pub(super) fn check_heading_update<E: AttitudeEstimator<f64>>(make: fn(AttitudeC
     assert!((up - Vector3::z()).norm() < 1e-12, "{up}");
     let [yaw, ..] = rotation::to_yaw_pitch_roll(&f.attitude());
     assert!((yaw - 15_f64.atan2(25.0)).abs() < 0.02, "yaw {yaw}");
+}
+
+/// A heading of the top axis in this world.
+pub(super) fn compass(heading: f64, std: f64) -> CompassHeading<f64> {
+    CompassHeading {
+        frame: TangentFrame::Enu,
+        heading,
+        std,
+    }
+}
+
+/// With gravity and a compass the heading is found and its variance bounded; upright the compass is
+/// skipped and nothing breaks.
+pub(super) fn check_compass<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfig<f64>) -> E) {
+    let config = AttitudeConfig {
+        initial_tilt_std: 0.3,
+        compass_gate_nis: 0.0,
+        compass_correlation_time_s: 0.0,
+        ..AttitudeConfig::default()
+    };
+    let mut f = make(config);
+    f.initialize(&start(&config, so3::exp(&Vector3::new(0.0, 0.0, 0.3))));
+    let (mut rng, mut count, mut seen) = (Pcg64::seed_from_u64(8), 0, [0; 2]);
+    drive(60, 9, |truth, [rate, force, _]| {
+        f.propagate(&rate, 0.01);
+        f.update_accelerometer(&force);
+        count += 1;
+        if count % 10 == 0 {
+            let top = truth * Vector3::y();
+            let noise = 0.1 * rng.sample::<f64, _>(StandardNormal);
+            let record = f.update_compass(&compass(top.x.atan2(top.y) + noise, 0.05));
+            match record.outcome {
+                Outcome::Fused => {
+                    assert_eq!(record.degrees_of_freedom, 1);
+                    seen[0] += 1;
+                }
+                Outcome::Skipped(SkipReason::Unobservable) => seen[1] += 1,
+                other => panic!("{other:?}"),
+            }
+        }
+        if count > 2000 {
+            let error = so3::log(&(f.attitude().inverse() * truth));
+            let p = f.attitude_covariance().unwrap();
+            let nees = error.dot(&(p.try_inverse().unwrap() * error));
+            assert!(nees < 30.0, "NEES {nees} at {count}");
+            assert!(error.norm() < 0.12, "{} rad at {count}", error.norm());
+        }
+    });
+    assert!(seen[0] > 300 && seen[1] > 10, "{seen:?}");
 }
 
 /// A gate that refuses everything opens after its time-out and the filter recovers.

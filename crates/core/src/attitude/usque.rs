@@ -52,10 +52,10 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
 use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
-use super::measurement::VectorSensors;
+use super::measurement::{Measurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::vector_sensor::VectorSensor;
-use super::{AttitudeEstimator, InitialState, Propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{cap_variance, cholesky, mirror_upper};
 use crate::kalman::innovation::Outcome;
@@ -71,6 +71,8 @@ use rodrigues::{from_rodrigues, reset_jacobian, to_rodrigues};
 const SPREAD: f64 = 7.0;
 /// Weight of each point but the centre.
 const WEIGHT: f64 = 0.5 / SPREAD;
+/// What a variance of zero counts as, rad^2 and rad^2/s^2: a factor needs some.
+const LEAST_VARIANCE: f64 = 1e-24;
 /// Weight of the centre.
 const CENTRE: f64 = 1.0 / SPREAD;
 
@@ -139,8 +141,9 @@ impl<T: Scalar> Usque<T> {
 
     /// The factor of the covariance plus `added` on its diagonal, times `sqrt(6 + lambda)`.
     ///
-    /// Where there is none, the diagonal grows by rounding's share; where that does not help, the
-    /// covariance is reset to its capped diagonal.
+    /// Where there is none, the diagonal grows by rounding's share, and by next to nothing where a
+    /// state is known exactly; where that does not help, the covariance is reset to its capped
+    /// diagonal.
     fn sigma_columns(&mut self, added: &Vector6<T>) -> Matrix6<T> {
         let spread = lit::<T>(SPREAD).sqrt();
         let mut p = self.state.covariance;
@@ -156,14 +159,15 @@ impl<T: Scalar> Usque<T> {
                 .max(p[(block + 1, block + 1)])
                 .max(p[(block + 2, block + 2)]);
             for i in block..block + 3 {
-                p[(i, i)] += share * largest;
+                p[(i, i)] += share * largest + lit(LEAST_VARIANCE);
             }
         }
         if let Some(l) = cholesky(&p) {
             return l * spread;
         }
         self.reset_covariance();
-        let diagonal = self.state.covariance.diagonal() + added;
+        let least = Vector6::from_element(lit(LEAST_VARIANCE));
+        let diagonal = self.state.covariance.diagonal() + added + least;
         Matrix6::from_diagonal(&diagonal.map(|v| v.sqrt() * spread))
     }
 
@@ -299,13 +303,8 @@ impl<T: Scalar> Usque<T> {
         true
     }
 
-    /// The heading is one linear number: a Kalman update as in the MEKF.
-    fn update_heading(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        let p = attitude_block(&self.state.covariance);
-        let measurement = self
-            .state
-            .sensors
-            .magnetometer(&self.state.attitude, &p, magnetic_field);
+    /// A heading is one linear number: a Kalman update as in the MEKF.
+    fn update_scalar(&mut self, measurement: &Measurement<T>) -> Innovation<T> {
         let (mut covariance, mut correction) = (self.state.covariance, Vector6::zeros());
         let fused = measurement.variance.is_some()
             && measurement
@@ -402,8 +401,22 @@ impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
             MagnetometerUse::Vector => {
                 self.update_vector(magnetic_field, |sensors| &mut sensors.magnetometer)
             }
-            MagnetometerUse::Heading => self.update_heading(magnetic_field),
+            MagnetometerUse::Heading => {
+                let p = attitude_block(&self.state.covariance);
+                let state = &mut self.state;
+                let m = state
+                    .sensors
+                    .magnetometer(&state.attitude, &p, magnetic_field);
+                self.update_scalar(&m)
+            }
         }
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
+        let p = attitude_block(&self.state.covariance);
+        let state = &mut self.state;
+        let m = state.sensors.compass(&state.attitude, &p, heading);
+        self.update_scalar(&m)
     }
 
     fn add_attitude_variance(&mut self, variance: T) {

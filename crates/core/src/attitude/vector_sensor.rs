@@ -70,6 +70,16 @@ impl<T: Scalar> VectorSensor<T> {
         )
     }
 
+    /// The compass that `config` describes: no vector, only noise, gate and history.
+    pub fn compass(config: &AttitudeConfig<T>) -> Self {
+        Self::new(
+            config.compass_std,
+            config.compass_gate(),
+            config.compass_correlation_time_s,
+            T::zero(),
+        )
+    }
+
     fn new(std: T, gate: Gate<T>, correlation_time: T, norm_gain: T) -> Self {
         Self {
             reference: None,
@@ -112,7 +122,7 @@ impl<T: Scalar> VectorSensor<T> {
         Ok(reference)
     }
 
-    /// Noise variance per component of this very sample, before gates and correlation.
+    /// Noise variance per component of this very sample, before gates and correlation (M15c).
     #[inline]
     pub fn sample_variance(&self, measured: &Vector3<T>) -> T {
         if self.norm_gain > T::zero() {
@@ -210,7 +220,7 @@ impl<T: Scalar> VectorSensor<T> {
     }
 
     /// Errors correlated over `tau` make a sample that follows the last after `dt` worth only
-    /// `dt / tau` of an independent one.
+    /// `dt / tau` of an independent one (M16).
     #[inline]
     fn correlation_inflation(&self) -> T {
         if self.since_fused < T::zero() || self.since_fused >= self.correlation_time {

@@ -61,7 +61,8 @@ impl<T: Scalar> GateState<T> {
 }
 
 impl<T: Scalar> Gate<T> {
-    /// Decides about a measurement with normalised innovation squared `nis`.
+    /// Decides about a measurement with normalised innovation squared `nis` (M15); after the
+    /// time-out it is taken with its noise inflated by the factor (M15b).
     #[inline]
     pub fn decide(&self, state: &mut GateState<T>, nis: T) -> GateDecision<T> {
         if self.nis_threshold <= T::zero() || nis <= self.nis_threshold {

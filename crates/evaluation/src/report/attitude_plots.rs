@@ -1,7 +1,7 @@
 //! Plots of estimates over time: angles, errors against the reference, gyroscope bias.
 
 use super::axis::{self, Axis};
-use super::plot::{Figure, Key, LINE_POINTS, Layer, Panel, Sign, key};
+use super::plot::{Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, key};
 use super::series::{BandPoint, Point};
 use crate::trace::{Trace, TracePoint};
 
@@ -88,6 +88,7 @@ pub(super) fn angles(trace: &Trace) -> Option<Figure> {
             .collect(),
         right: RIGHT,
         line_points: LINE_POINTS,
+        across: TIME,
     })
 }
 
@@ -171,6 +172,7 @@ pub(super) fn errors(trace: &Trace) -> Option<Figure> {
         ],
         right: RIGHT,
         line_points: LINE_POINTS,
+        across: TIME,
     })
 }
 
@@ -237,6 +239,7 @@ pub(super) fn bias(trace: &Trace) -> Option<Figure> {
         panels: panels.collect(),
         right: RIGHT,
         line_points: LINE_POINTS,
+        across: TIME,
     })
 }
 

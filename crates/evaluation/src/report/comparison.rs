@@ -161,6 +161,7 @@ impl ComparisonReport<'_> {
                 program => program,
             },
             command: self.command.as_deref(),
+            reading: html::ATTITUDE_READING,
         })
     }
 

@@ -3,7 +3,7 @@
 use super::attitude_plots::{angle_axis, curve, is_drawn, line, short, time_axis};
 use super::axis::{self, Axis};
 use super::comparison::{ComparedRun, Distribution};
-use super::plot::{Figure, LINE_POINTS, Panel, Sign, WIDTH, key};
+use super::plot::{Figure, LINE_POINTS, Panel, Sign, TIME, WIDTH, key};
 use super::series::{self, Point};
 use super::style::SERIES;
 use super::svg::Svg;
@@ -42,6 +42,7 @@ pub(super) fn errors(runs: &[ComparedRun<'_>]) -> Option<Figure> {
         panels,
         right: RIGHT,
         line_points: LINE_POINTS,
+        across: TIME,
     })
 }
 
@@ -119,6 +120,7 @@ pub(super) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
         panels: vec![panel],
         right: 14.0,
         line_points: LINE_POINTS,
+        across: TIME,
     })
 }
 

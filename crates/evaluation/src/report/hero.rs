@@ -2,7 +2,7 @@
 
 use super::attitude_plots::{angle_axis, band, band_layer, curve, line, short, time_axis};
 use super::axis::{self, Axis};
-use super::plot::{Figure, Layer, Panel, Sign, WIDTH, key};
+use super::plot::{Figure, Layer, Panel, Sign, TIME, WIDTH, key};
 use super::style;
 use super::svg::Svg;
 use crate::trace::{Trace, TracePoint};
@@ -72,6 +72,7 @@ fn figure(picture: &HeroPicture<'_>) -> Figure {
         panels: vec![heading_panel(picture), error_panel(picture)],
         right: RIGHT,
         line_points: DETAIL,
+        across: TIME,
     }
 }
 

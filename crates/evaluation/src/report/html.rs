@@ -24,7 +24,14 @@ pub(super) struct Frame<'a> {
     pub(super) recording: &'a str,
     pub(super) program: &'a str,
     pub(super) command: Option<&'a str>,
+    /// How to read what the page shows; the last line of its footer.
+    pub(super) reading: &'a str,
 }
+
+/// How pages about attitude are read.
+pub(super) const ATTITUDE_READING: &str = "Angles are heading (yaw), pitch and roll in the recording\u{2019}s \
+     world frame. \u{03c3} is a standard deviation; a well-tuned filter stays inside \u{00b1}3\u{03c3} \
+     almost always.";
 
 impl Page {
     /// Adds a section; one without content is left out.
@@ -98,11 +105,7 @@ fn footer(frame: &Frame<'_>) -> String {
         let command = escape(command);
         let _ = writeln!(html, "<p>Make it again: <code>{command}</code></p>");
     }
-    html.push_str(
-        "<p>Angles are heading (yaw), pitch and roll in the recording\u{2019}s world frame. \
-         \u{03c3} is a standard deviation; a well-tuned filter stays inside \u{00b1}3\u{03c3} \
-         almost always.</p>\n</footer>\n",
-    );
+    let _ = writeln!(html, "<p>{}</p>\n</footer>", escape(frame.reading));
     html
 }
 

@@ -6,7 +6,7 @@ use northing_recording::SensorKind;
 
 use super::attitude_plots::{error_limit, time_axis};
 use super::axis::{self, Axis};
-use super::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, key};
+use super::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, key};
 use super::series::{self, Point};
 use crate::trace::{InnovationPoint, Trace};
 
@@ -164,6 +164,7 @@ pub(super) fn innovations(trace: &Trace, updates: &Updates<'_>) -> Figure {
         panels,
         right: RIGHT,
         line_points: LINE_POINTS,
+        across: TIME,
     }
 }
 
@@ -253,6 +254,7 @@ pub(super) fn gates(trace: &Trace, all: &[Updates<'_>]) -> Option<Figure> {
         panels: all.iter().map(gate_panel).collect(),
         right: RIGHT,
         line_points: LINE_POINTS,
+        across: TIME,
     })
 }
 

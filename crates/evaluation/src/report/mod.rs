@@ -8,7 +8,9 @@
 //! |---|---|
 //! | `html.rs` | the page: head, tables, figures with captions |
 //! | `run.rs` | sections of [`RunReport`] |
+//! | `from_summary.rs` | a summary as the data of its page |
 //! | `comparison.rs`, `comparison_plots.rs` | sections and plots of [`ComparisonReport`] |
+//! | `field_page.rs`, `allan_page.rs` | pages about a magnetometer calibration and an Allan deviation |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
@@ -17,10 +19,13 @@
 //! The plots are written here and not by a plotting library because they need fractions of a
 //! pixel, dashes, translucent bands and colours that follow the reader's theme.
 
+mod allan_page;
 mod attitude_plots;
 mod axis;
 mod comparison;
 mod comparison_plots;
+mod field_page;
+mod from_summary;
 mod hero;
 mod html;
 mod innovation_plots;
@@ -34,10 +39,25 @@ mod svg;
 #[cfg(test)]
 mod tests;
 
+pub use allan_page::render as allan_html;
 pub use comparison::{Best, Cell, Column, ComparedRun, ComparisonReport, Distribution, Table};
+pub use field_page::render as field_html;
+pub use from_summary::settings;
 pub use hero::{HeroPicture, hero_svg};
 
 use crate::trace::Trace;
+
+/// Program and version, as pages name it.
+pub(crate) const PROGRAM: &str = concat!("northing ", env!("CARGO_PKG_VERSION"));
+
+/// Where a page about a calibration comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Source<'a> {
+    /// Name of the recording.
+    pub recording: &'a str,
+    /// The command that makes the page again.
+    pub command: Option<&'a str>,
+}
 
 /// A short statement: what, and its value with unit.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -127,6 +147,8 @@ pub struct RunReport<'a> {
     pub program: String,
     /// The command that makes this report again.
     pub command: Option<String>,
+    /// Everything the run depends on beside the recording ([`crate::setup::RunSetup::to_text`]).
+    pub setup: Option<String>,
     /// The numbers that matter most, shown large. Four to eight read best.
     pub summary: Vec<Fact>,
     /// What those numbers mean, in words.
@@ -184,8 +206,9 @@ impl<'a> RunReport<'a> {
             title: title.into(),
             estimator: String::new(),
             recording: String::new(),
-            program: concat!("northing ", env!("CARGO_PKG_VERSION")).to_owned(),
+            program: PROGRAM.to_owned(),
             command: None,
+            setup: None,
             summary: Vec::new(),
             verdicts: Vec::new(),
             updates: Vec::new(),

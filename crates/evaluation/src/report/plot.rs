@@ -6,6 +6,8 @@ use super::svg::Svg;
 
 /// Width of every figure in its own units; the page scales it.
 pub(super) const WIDTH: f64 = 960.0;
+/// What most horizontal axes show.
+pub(super) const TIME: &str = "time, s";
 /// Points drawn at most of one line.
 pub(super) const LINE_POINTS: usize = 2400;
 /// Points drawn at most of one band.
@@ -76,7 +78,7 @@ pub(super) type Key = (Sign, String, String);
 pub(super) struct Figure {
     /// Description for those who cannot see it.
     pub(super) label: String,
-    /// Time, s.
+    /// Horizontal axis; mostly time, s.
     pub(super) time: Axis,
     pub(super) legend: Vec<Key>,
     pub(super) panels: Vec<Panel>,
@@ -84,6 +86,8 @@ pub(super) struct Figure {
     pub(super) right: f64,
     /// Points drawn at most of one line.
     pub(super) line_points: usize,
+    /// What stands below the horizontal axis, with its unit.
+    pub(super) across: &'static str,
 }
 
 /// A key of a legend.
@@ -255,7 +259,7 @@ impl Figure {
             let x = LEFT + self.x(time_s);
             svg.text([x, bottom + 20.0], "tick mid", &text);
         }
-        svg.text([LEFT + width / 2.0, bottom + 41.0], "unit mid", "time, s");
+        svg.text([LEFT + width / 2.0, bottom + 41.0], "unit mid", self.across);
     }
 }
 

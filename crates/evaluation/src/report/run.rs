@@ -7,6 +7,7 @@ use super::html::{self, Frame, Page};
 use super::innovation_plots::{self, Updates};
 use super::svg::escape;
 use super::{Fact, FinalTest, RunReport, SensorUpdates};
+use crate::setup::OPENS;
 
 /// The page.
 pub(super) fn render(report: &RunReport<'_>) -> String {
@@ -22,6 +23,7 @@ pub(super) fn render(report: &RunReport<'_>) -> String {
     }
     page.section("recording", "Recording", &recording(report));
     page.section("settings", "Settings", &html::settings(&report.settings));
+    page.section("again", "Run it again", &again(report));
     let lead: Vec<&str> = [report.recording.as_str(), report.estimator.as_str()]
         .into_iter()
         .filter(|text| !text.is_empty())
@@ -35,6 +37,7 @@ pub(super) fn render(report: &RunReport<'_>) -> String {
         recording: &report.recording,
         program: &report.program,
         command: report.command.as_deref(),
+        reading: html::ATTITUDE_READING,
     })
 }
 
@@ -201,6 +204,22 @@ fn recording(report: &RunReport<'_>) -> String {
         content.push_str(&html::sentences(&report.issues));
     }
     content
+}
+
+/// How somebody else gets the same digits.
+fn again(report: &RunReport<'_>) -> String {
+    let (Some(setup), Some(command)) = (&report.setup, &report.command) else {
+        return String::new();
+    };
+    format!(
+        "<p>With this page and the recording anybody gets the same digits:</p>\n\
+         <p><code>{}</code></p>\n\
+         <details><summary>Everything the run depends on beside the recording</summary>\n\
+         {OPENS}{}</pre>\n</details>\n",
+        escape(command),
+        // Lines stay lines, which escaping by itself would not keep.
+        setup.lines().map(escape).collect::<Vec<_>>().join("\n")
+    )
 }
 
 #[cfg(test)]

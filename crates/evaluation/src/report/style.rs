@@ -216,6 +216,8 @@ tbody th{font-weight:600}
 .best::before{content:'\\25B8\\2009'}
 .none{color:var(--muted)}
 code{font:.93em/1.4 ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans Mono',monospace;overflow-wrap:anywhere}
+pre{margin:10px 0;padding:12px 16px;overflow-x:auto;background:var(--panel);border:1px solid var(--grid);border-radius:10px;font:.85em/1.4 ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans Mono',monospace}
+summary{cursor:pointer}
 .small{color:var(--muted);font-size:15.5px}
 .issues{margin:0 0 22px;padding-left:1.2em}
 footer{margin-top:64px;padding-top:18px;padding-bottom:44px;color:var(--muted);font-size:15px}

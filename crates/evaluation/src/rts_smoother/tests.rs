@@ -12,6 +12,7 @@ fn start(trial: &AttitudeTrial, seed: u64) -> InitialState<f64> {
         attitude_covariance: Matrix3::identity() * 0.01,
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: 0.02,
+        north_known: false,
         references: References {
             specific_force: trial.specific_force_world,
             magnetic_field: Some(trial.magnetic_field_world_ut),

@@ -40,10 +40,13 @@ pub fn remarks(intake: &Intake, stopped: &[SensorKind], lost_batches: u64) -> Ve
         }
     }
     if intake.received_of(SensorKind::Magnetometer) == 0 {
-        remarks.push(Remark::new(
-            Tone::Warn,
-            "No magnetometer: the heading cannot be observed and drifts slowly.",
-        ));
+        let text = if intake.received_of(SensorKind::CompassHeading) > 0 {
+            "No magnetometer: the phone's own compass gives the heading, unless it is switched off; \
+             it is slow, and coarse by 5 to 20 deg."
+        } else {
+            "No magnetometer: the heading cannot be observed and drifts slowly."
+        };
+        remarks.push(Remark::new(Tone::Warn, text));
     }
     for (kind, step) in intake.resolutions() {
         let (step, unit) = match kind {

@@ -70,7 +70,7 @@ pub struct DeviceSession {
     device: Option<UnitQuaternion<f64>>,
     truth: Option<UnitQuaternion<f64>>,
     innovations: Vec<InnovationPoint>,
-    lamps: [LampWindow; 2],
+    lamps: [LampWindow; 3],
     calibration: Option<CalibrationRun>,
     experiment: Option<ExperimentRun>,
     magnetometer_run: Option<MagnetometerRun>,
@@ -167,8 +167,9 @@ impl DeviceSession {
         let event = &self.calibrated(event);
         match event.sample {
             Sample::AngularRate(rate) => self.take_rate(event.time_ns, rate, happenings),
-            Sample::SpecificForce(v) => self.update(event.time_ns, SensorKind::Accelerometer, &v),
-            Sample::MagneticField(v) => self.update(event.time_ns, SensorKind::Magnetometer, &v),
+            Sample::SpecificForce(_) | Sample::MagneticField(_) | Sample::CompassHeading(_) => {
+                self.update(event);
+            }
             Sample::DeviceOrientation(q) => self.device = Some(q),
             Sample::Reference(reference) => self.truth = Some(reference.attitude),
             _ => {}
@@ -217,19 +218,32 @@ impl DeviceSession {
         run.begin(time_ns, starts);
     }
 
-    fn update(&mut self, time_ns: i64, sensor: SensorKind, v: &Vector3<f64>) {
+    /// Whether compass headings are measurements: by choice, or because there is no magnetometer.
+    fn uses_compass(&self) -> bool {
+        use SensorKind::{Magnetometer, MagnetometerUncalibrated};
+        let came = |kind| self.intake.received_of(kind) > 0;
+        let has_magnetometer = came(Magnetometer) || came(MagnetometerUncalibrated);
+        self.options.sensors.compass.applies(has_magnetometer)
+    }
+
+    fn update(&mut self, event: &Event) {
+        let (time_ns, sensor) = (event.time_ns, event.sample.kind());
         let sensors = &self.options.sensors;
         let (used, lamp) = match sensor {
             SensorKind::Accelerometer => (sensors.accelerometer, 0),
-            _ => (sensors.magnetometer, 1),
+            SensorKind::Magnetometer => (sensors.magnetometer, 1),
+            _ => (self.uses_compass(), 2),
         };
         if !used {
             return;
         }
         for track in &mut self.tracks {
-            let innovation = match sensor {
-                SensorKind::Accelerometer => track.driver.accelerometer(time_ns, v),
-                _ => track.driver.magnetometer(time_ns, v),
+            let driver = &mut track.driver;
+            let innovation = match &event.sample {
+                Sample::SpecificForce(v) => driver.accelerometer(time_ns, v),
+                Sample::MagneticField(v) => driver.magnetometer(time_ns, v),
+                Sample::CompassHeading(c) => driver.compass(time_ns, c.heading_rad, c.std_rad),
+                _ => continue,
             };
             if track.kind != EstimatorKind::Mekf {
                 continue;
@@ -512,7 +526,7 @@ fn note(text: &str) -> Happening {
     Happening::Note(Remark::new(Tone::Warn, text))
 }
 
-fn new_lamps(config: &AttitudeConfig<f64>) -> [LampWindow; 2] {
+fn new_lamps(config: &AttitudeConfig<f64>) -> [LampWindow; 3] {
     [
         LampWindow::new(
             SensorKind::Accelerometer,
@@ -521,6 +535,10 @@ fn new_lamps(config: &AttitudeConfig<f64>) -> [LampWindow; 2] {
         LampWindow::new(
             SensorKind::Magnetometer,
             config.magnetometer_correlation_time_s,
+        ),
+        LampWindow::new(
+            SensorKind::CompassHeading,
+            config.compass_correlation_time_s,
         ),
     ]
 }

@@ -35,7 +35,49 @@ fn error_deg(session: &DeviceSession, name: &str) -> f64 {
 /// The live filter and the runner over files are one: equal to the bit, however it is cut in batches.
 #[test]
 fn live_estimates_equal_those_of_a_run() {
-    let events: Vec<Event> = phone(3).events().collect();
+    live_equals_run(&phone(3));
+    live_equals_run(&compass_phone(3, true));
+    live_equals_run(&compass_phone(3, false));
+}
+
+/// A phone with a compass, and with a magnetometer that comes a second late or not at all.
+fn compass_phone(seed: u64, magnetometer: bool) -> VirtualPhone {
+    let mut config = phone(seed).config().clone();
+    config.compass.sampling.rate_hz = 10.0;
+    config.magnetometer.sampling.start_offset_s = 1.0;
+    if !magnetometer {
+        config.magnetometer.sampling.rate_hz = 0.0;
+    }
+    VirtualPhone::new(config).unwrap()
+}
+
+#[test]
+fn without_a_magnetometer_the_compass_gives_the_heading_and_has_its_lamp() {
+    let mut live = session();
+    live.take(&mut compass_phone(2, false).events().collect::<Vec<_>>());
+    assert!(
+        error_deg(&live, "mekf") < 6.0,
+        "{}",
+        error_deg(&live, "mekf")
+    );
+    let lit = |live: &mut DeviceSession| {
+        let lamps = live.frame("d").lamp;
+        lamps.iter().any(|l| l.sensor == SensorKind::CompassHeading)
+    };
+    assert!(lit(&mut live));
+    let health = serde_json::to_string(&live.status(0).health).unwrap();
+    assert!(health.contains("own compass gives the heading"), "{health}");
+    let mut off = session();
+    off.use_sensors("gyro,acc,mag".parse().unwrap());
+    off.take(&mut compass_phone(2, false).events().collect::<Vec<_>>());
+    assert!(!lit(&mut off));
+    let mut with_field = session();
+    with_field.take(&mut phone(2).events().collect::<Vec<_>>());
+    assert!(!lit(&mut with_field));
+}
+
+fn live_equals_run(phone: &VirtualPhone) {
+    let events: Vec<Event> = phone.events().collect();
     let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
     let mut last = LastEstimate(None);
     let stream = events.iter().map(|e| Ok::<_, RecordingError>(*e));

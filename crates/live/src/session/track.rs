@@ -2,7 +2,9 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
-use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, Propagation};
+use northing_core::attitude::{
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
+};
 use northing_core::kalman::Innovation;
 use northing_evaluation::EvaluationError;
 use northing_evaluation::estimators::{AnyEstimator, EstimatorKind};
@@ -30,6 +32,10 @@ impl AttitudeEstimator<f64> for Rebuildable {
 
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<f64>) -> Innovation<f64> {
         self.inner.update_magnetometer(magnetic_field)
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<f64>) -> Innovation<f64> {
+        self.inner.update_compass(heading)
     }
 
     fn add_attitude_variance(&mut self, variance: f64) {
@@ -99,6 +105,7 @@ impl Track {
                 .unwrap_or(start.attitude_covariance),
             gyroscope_bias: bias,
             gyroscope_bias_std: bias_std,
+            north_known: self.driver.knows_north(),
             references: start.references,
         })
     }

@@ -53,6 +53,7 @@ impl TestLab {
             patience,
             recordings: Some(data.path().join("recordings")),
             options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
+            ..LiveConfig::default()
         };
         let running = runtime.block_on(start(config)).unwrap();
         Self {

@@ -106,6 +106,7 @@ impl LayoutBuilder<'_> {
             decimal_comma: self.manifest.decimal_comma,
             names: self.names,
         };
+        check_columns(&layout, self.manifest_file)?;
         if self.manifest.gyroscope.is_none() {
             return Err(RecordingError::no_gyroscope(
                 self.manifest_file,
@@ -216,4 +217,20 @@ fn parse_axes(text: &str) -> Option<[(usize, f64); 3]> {
         *axis = (place, sign);
     }
     parts.next().is_none().then_some(axes)
+}
+
+/// Refuses a column that is named twice: one of the two is a slip of the pen.
+fn check_columns(layout: &Layout, manifest_file: &str) -> Result<()> {
+    let mut used = vec![layout.time];
+    for column in layout.channels.iter().flat_map(Channel::columns) {
+        if used.contains(&column) {
+            let name = layout.names.get(column).map_or("", String::as_str);
+            return Err(problem(
+                manifest_file,
+                format!("column `{name}` is used twice; every column has one meaning"),
+            ));
+        }
+        used.push(column);
+    }
+    Ok(())
 }

@@ -19,7 +19,7 @@ use column::{Column, read_rows};
 use layout::Layout;
 
 use crate::error::{RecordingError, Result, shown};
-use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{CompassHeading, Event, Reference, Sample, SensorKind, quaternion_from_file};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
@@ -31,7 +31,7 @@ pub(crate) const MOVING: &str = "moving";
 pub(crate) const START_NS: &str = "start_time_ns";
 
 /// The columns of each sensor, in [`SensorKind::ALL`] order.
-pub(crate) const SENSORS: [(SensorKind, &[&str]); 10] = [
+pub(crate) const SENSORS: [(SensorKind, &[&str]); 11] = [
     (SensorKind::Gyroscope, &["gx", "gy", "gz"]),
     (SensorKind::Accelerometer, &["ax", "ay", "az"]),
     (SensorKind::Magnetometer, &["mx", "my", "mz"]),
@@ -41,6 +41,7 @@ pub(crate) const SENSORS: [(SensorKind, &[&str]); 10] = [
     (SensorKind::Position, &["px", "py", "pz"]),
     (SensorKind::Velocity, &["vx", "vy", "vz"]),
     (SensorKind::Pressure, &["pressure"]),
+    (SensorKind::CompassHeading, &["heading", "heading_std"]),
     (SensorKind::Reference, &["qw", "qx", "qy", "qz"]),
 ];
 
@@ -221,6 +222,15 @@ impl<R: ChunkReader + 'static> ParquetSource<R> {
             SensorKind::Pressure => {
                 let pressure = value(0);
                 (!pressure.is_nan()).then_some(Sample::Pressure(pressure))
+            }
+            SensorKind::CompassHeading => {
+                let [heading_rad, std_rad] = [value(0), value(1)];
+                let heading = CompassHeading {
+                    heading_rad,
+                    std_rad,
+                };
+                let measured = !(heading_rad.is_nan() && std_rad.is_nan());
+                measured.then_some(Sample::CompassHeading(heading))
             }
             SensorKind::DeviceOrientation | SensorKind::Reference => {
                 let [w, x, y, z] = [value(0), value(1), value(2), value(3)];

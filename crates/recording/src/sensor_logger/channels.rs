@@ -107,10 +107,13 @@ pub(super) fn open(export: Export, file: &str, mut metadata: Metadata) -> Result
     if !TABLES.iter().any(|table| export.has(table)) {
         return Err(RecordingError::NotARecording {
             file: file.to_owned(),
-            found: format!(
-                "none of Sensor Logger's tables, but {}",
-                join(export.names().iter().map(String::as_str))
-            ),
+            found: match export.names()[..] {
+                [] => "none of Sensor Logger's tables, and nothing else".to_owned(),
+                ref names => format!(
+                    "none of Sensor Logger's tables, but {}",
+                    join(names.iter().map(String::as_str))
+                ),
+            },
         });
     }
     "sensor-logger".clone_into(&mut metadata.format);

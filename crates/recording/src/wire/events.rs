@@ -3,12 +3,13 @@
 //! A payload is the byte 1 (the version) and then, for each event: the sensor's place in
 //! [`SensorKind::ALL`] (1 byte), a flag (1 byte; of a reference whether it is scored), the stamp
 //! (`i64`, ns), and the numbers of the sample (`f64`): three of a vector, four of a quaternion in the
-//! order w, x, y, z with the sign it has inside, one of a pressure. Little-endian throughout.
+//! order w, x, y, z with the sign it has inside, two of a compass heading, one of a pressure. Little-endian
+//! throughout.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::WireError;
-use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{CompassHeading, Event, Reference, Sample, SensorKind, quaternion_from_file};
 
 const VERSION: u8 = 1;
 /// Sensor, flag, stamp.
@@ -71,6 +72,10 @@ fn next(rest: &mut &[u8]) -> Option<Event> {
             scored: flag != 0,
         }),
         SensorKind::Pressure => Sample::Pressure(number(rest)?),
+        SensorKind::CompassHeading => Sample::CompassHeading(CompassHeading {
+            heading_rad: number(rest)?,
+            std_rad: number(rest)?,
+        }),
         _ => {
             let v = Vector3::new(number(rest)?, number(rest)?, number(rest)?);
             Sample::from_vector(kind, v)?
@@ -128,6 +133,12 @@ mod tests {
             .collect();
         events.push(event(-1, Sample::DeviceOrientation(minus)));
         events.push(event(i64::MAX, Sample::Pressure(1e5 / 3.0)));
+        let (heading_rad, std_rad) = (2.0 / 3.0, 0.1);
+        let heading = CompassHeading {
+            heading_rad,
+            std_rad,
+        };
+        events.push(event(7, Sample::CompassHeading(heading)));
         for scored in [true, false] {
             let reference = Reference {
                 attitude: q,

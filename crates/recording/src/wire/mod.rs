@@ -44,7 +44,7 @@ use std::fmt;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::event::{Event, Sample, SensorKind, quaternion_from_file};
+use crate::event::{CompassHeading, Event, Sample, SensorKind, quaternion_from_file};
 
 pub use decoder::{WireDecoder, WireFormat};
 pub use force_sign::ForceSign;
@@ -175,6 +175,14 @@ impl Decoded {
         self.sample(time_ns, kind, Sample::Pressure(pascal), pascal, &[pascal]);
     }
 
+    /// Adds a heading of the device.
+    fn compass(&mut self, time_ns: i64, heading: CompassHeading) {
+        let kind = SensorKind::CompassHeading;
+        let numbers = [heading.heading_rad, heading.std_rad];
+        let sample = Sample::CompassHeading(heading);
+        self.sample(time_ns, kind, sample, heading.std_rad, &numbers);
+    }
+
     /// Adds the device's orientation from the numbers as they stand in the message.
     fn orientation(&mut self, time_ns: i64, [w, x, y, z]: [f64; 4]) {
         let q = quaternion_from_file(w, x, y, z);
@@ -230,6 +238,7 @@ fn believed(kind: SensorKind) -> (f64, &'static str) {
         SensorKind::Accelerometer => (2000.0, "m/s^2"),
         SensorKind::Magnetometer | SensorKind::MagnetometerUncalibrated => (20_000.0, "uT"),
         SensorKind::Pressure => (200_000.0, "Pa"),
+        SensorKind::CompassHeading => (10.0, "rad of uncertainty"),
         _ => (1e9, ""),
     }
 }

@@ -3,7 +3,8 @@
 //! Read first: `docs/wire_formats.md`, section "Phone page". [`Batch::parse`] reads the envelope
 //! (who, which number), [`PhonePage::decode`] the readings of one page load. Generic Sensor readings
 //! (stamped by the sensor, rad/s) are preferred to DeviceMotion's (stamped by the browser, deg/s)
-//! while they come. Rotation rates alpha, beta, gamma are about x, y, z. iOS writes the opposite
+//! while they come. The compass of an iPhone, and elsewhere the heading of an absolute orientation,
+//! gives a heading of the top edge ten times a second. Rotation rates alpha, beta, gamma are about x, y, z. iOS writes the opposite
 //! sign of specific force.
 
 mod readings;
@@ -16,8 +17,8 @@ use super::preference::Preference;
 use super::rounding::Rounding;
 use super::stream::Stream;
 use super::{Decoded, MOST_READINGS, Tone, WireError, json};
-use crate::event::SensorKind;
-use readings::{Motion, Orientation};
+use crate::event::{CompassHeading, SensorKind, quaternion_from_file};
+use readings::{Motion, Orientation, heading_of};
 
 /// The version of the batches that is read.
 const VERSION: u64 = 1;
@@ -185,6 +186,7 @@ pub struct PhonePage {
     attitude: Preference,
     /// Turn about the vertical that takes orientations with an arbitrary zero to north.
     north: Option<UnitQuaternion<f64>>,
+    last_heading_ns: Option<i64>,
     force_rounding: Rounding,
     rate_rounding: Rounding,
     stream: Stream,
@@ -198,6 +200,7 @@ impl Default for PhonePage {
             rate: Preference::default(),
             attitude: Preference::default(),
             north: None,
+            last_heading_ns: None,
             force_rounding: Rounding::new(0.1, "accelerometer", "0.1 m/s^2"),
             rate_rounding: Rounding::new(0.1, "gyroscope", "0.1 deg/s"),
             stream: Stream::new(
@@ -295,6 +298,8 @@ impl PhonePage {
             self.attitude.better(time_ns);
             let [x, y, z, w] = json::numbers::<4>(row, 1);
             out.orientation(time_ns, [w, x, y, z]);
+            let heading = heading_of(&quaternion_from_file(w, x, y, z));
+            self.compass(time_ns, heading, out);
         }
     }
 
@@ -333,6 +338,17 @@ impl PhonePage {
         }
     }
 
+    /// A compass is slow: ten headings a second hold all it knows.
+    fn compass(&mut self, time_ns: i64, heading: Option<CompassHeading>, out: &mut Decoded) {
+        const INTERVAL_NS: u64 = 95_000_000;
+        let soon = |last: i64| last.abs_diff(time_ns) < INTERVAL_NS;
+        let Some(heading) = heading.filter(|_| !self.last_heading_ns.is_some_and(soon)) else {
+            return;
+        };
+        self.last_heading_ns = Some(time_ns);
+        out.compass(time_ns, heading);
+    }
+
     fn device_orientation(&mut self, row: &Value, out: &mut Decoded) {
         let Some(attitude) = Orientation::read(row) else {
             out.note(
@@ -346,6 +362,7 @@ impl PhonePage {
             return;
         }
         let world_from_body = attitude.world_from_body();
+        self.compass(time_ns, attitude.compass(), out);
         if attitude.absolute {
             out.attitude(time_ns, world_from_body);
             return;

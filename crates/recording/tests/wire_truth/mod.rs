@@ -24,6 +24,7 @@ pub(crate) struct Tolerance {
     pub(crate) force_m_s2: f64,
     pub(crate) field_ut: f64,
     pub(crate) attitude_rad: f64,
+    pub(crate) heading_rad: f64,
 }
 
 impl Truth {
@@ -72,6 +73,11 @@ impl Truth {
                     let difference = row.attitude.inverse() * q;
                     let angle = 2.0 * difference.imag().norm().min(1.0).asin();
                     (angle, tolerance.attitude_rad)
+                }
+                Sample::CompassHeading(c) => {
+                    let top = row.attitude * Vector3::y();
+                    let apart = c.heading_rad - top.x.atan2(top.y);
+                    (apart.sin().atan2(apart.cos()).abs(), tolerance.heading_rad)
                 }
                 other => panic!("{other:?} is not in the truth"),
             };

@@ -40,6 +40,8 @@ pub struct VirtualPhoneConfig {
     pub magnetometer: MagnetometerConfig,
     /// The orientation the phone itself reports.
     pub device_orientation: DeviceOrientationConfig,
+    /// The heading the phone itself reports. Default: none.
+    pub compass: CompassConfig,
     /// Whether the truth is recorded, with every gyroscope sample. Default: it is.
     pub reference: ReferenceConfig,
 }
@@ -61,6 +63,7 @@ impl Default for VirtualPhoneConfig {
             accelerometer: AccelerometerConfig::default(),
             magnetometer: MagnetometerConfig::default(),
             device_orientation: DeviceOrientationConfig::default(),
+            compass: CompassConfig::default(),
             reference: ReferenceConfig::default(),
         }
     }
@@ -166,6 +169,29 @@ impl Default for DeviceOrientationConfig {
     }
 }
 
+/// The heading the phone reports, as phones without a magnetometer for programs do: the truth with
+/// an error that wanders and that it states honestly.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CompassConfig {
+    /// When it is reported. Default never (0 Hz).
+    pub sampling: Sampling,
+    /// Standard deviation of the error, deg, which the phone states. Default 5.
+    pub error_std_deg: f64,
+    /// How long the error remembers itself, s. Default 2.
+    pub correlation_time_s: f64,
+}
+
+impl Default for CompassConfig {
+    fn default() -> Self {
+        Self {
+            sampling: Sampling::at_rate(0.0),
+            error_std_deg: 5.0,
+            correlation_time_s: 2.0,
+        }
+    }
+}
+
 /// The truth track of the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -238,6 +264,7 @@ impl VirtualPhoneConfig {
                 "device_orientation.inclination_error_std_deg",
                 self.device_orientation.inclination_error_std_deg,
             ),
+            ("compass.error_std_deg", self.compass.error_std_deg),
         ];
         for (field, value) in fields {
             not_negative(field, value)?;
@@ -255,6 +282,10 @@ impl VirtualPhoneConfig {
         positive(
             "device_orientation.correlation_time_s",
             self.device_orientation.correlation_time_s,
+        )?;
+        positive(
+            "compass.correlation_time_s",
+            self.compass.correlation_time_s,
         )?;
         self.check_sensors()
     }
@@ -281,6 +312,7 @@ impl VirtualPhoneConfig {
                 &self.device_orientation.sampling,
                 None,
             ),
+            ("compass", &self.compass.sampling, None),
         ] {
             check_sampling(name, sampling)?;
             let Some(model) = model else { continue };

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use northing_recording::{Event, Reference, Sample};
 
+use super::compass::Compass;
 use super::device_orientation::DeviceOrientation;
 use super::{MAGNETIC_BURST_UT, VirtualPhone};
 use crate::sensors::{ErrorModel, SampleClock, Sampling, SensorErrors, Tick};
@@ -20,6 +21,7 @@ pub struct VirtualPhoneEvents {
     accelerometer: SensorErrors,
     magnetometer: SensorErrors,
     device_orientation: DeviceOrientation,
+    compass: Compass,
     start_time_ns: i64,
     scored_from_s: f64,
     end_ns: i64,
@@ -32,6 +34,7 @@ enum Kind {
     Accelerometer,
     Magnetometer,
     DeviceOrientation,
+    CompassHeading,
     Reference,
 }
 
@@ -176,6 +179,7 @@ impl VirtualPhoneEvents {
                 &magnetometer.sampling,
             ),
             device_orientation: DeviceOrientation::new(seed, &config.device_orientation),
+            compass: Compass::new(seed, &config.compass),
             world,
             channels,
             start_time_ns: config.start_time_ns,
@@ -207,6 +211,10 @@ impl VirtualPhoneEvents {
             Kind::DeviceOrientation => {
                 let attitude = self.world.at(measured_s).world_from_body;
                 Sample::DeviceOrientation(self.device_orientation.report(&attitude))
+            }
+            Kind::CompassHeading => {
+                let attitude = self.world.at(measured_s).world_from_body;
+                Sample::CompassHeading(self.compass.report(&attitude))
             }
             Kind::Reference => Sample::Reference(Reference {
                 attitude: self.world.at(tick.stamp_s).world_from_body,
@@ -248,6 +256,7 @@ fn channels(phone: &VirtualPhone) -> Vec<Channel> {
             "device-orientation",
             config.device_orientation.sampling,
         ),
+        (Kind::CompassHeading, "compass", config.compass.sampling),
         (Kind::Reference, "gyroscope", reference),
     ]
     .into_iter()

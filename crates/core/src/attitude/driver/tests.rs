@@ -84,6 +84,7 @@ fn an_interval_turns_with_the_mean_of_its_two_rates_whatever_comes_between() {
         attitude_covariance: nalgebra::Matrix3::identity(),
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: 0.0,
+        north_known: false,
         references: crate::attitude::References {
             specific_force: up(),
             magnetic_field: None,
@@ -205,6 +206,7 @@ fn a_gap_is_held_with_a_constant_bias_too() {
         attitude_covariance: nalgebra::Matrix3::identity() * 1e-6,
         gyroscope_bias: bias,
         gyroscope_bias_std: 1e-4,
+        north_known: false,
         references: crate::attitude::References {
             specific_force: up(),
             magnetic_field: None,
@@ -253,6 +255,7 @@ fn a_sliver_of_an_interval_adds_no_noise() {
             attitude_covariance: nalgebra::Matrix3::identity() * 1e-8,
             gyroscope_bias: Vector3::zeros(),
             gyroscope_bias_std: 0.0,
+            north_known: false,
             references: crate::attitude::References {
                 specific_force: up(),
                 magnetic_field: None,
@@ -268,4 +271,112 @@ fn a_sliver_of_an_interval_adds_no_noise() {
     // The held rate is the first one here, the mean of both there: nothing else may differ.
     let ratio = variance(&[9_999_999]) / variance(&[]);
     assert!((0.5..=1.0).contains(&ratio), "{ratio}");
+}
+
+/// One stamp an hour ahead, before the start and after it, in either sensor: the estimates go on.
+#[test]
+fn a_stamp_far_in_the_future_freezes_nothing() {
+    const HOUR: i64 = 3_600_000;
+    for (at, field) in [(100, false), (100, true), (2000, false), (2000, true)] {
+        let mut driver = mekf();
+        rest(&mut driver, 0, at, true);
+        if field {
+            driver.magnetometer((at + HOUR) * MS, &north());
+        } else {
+            driver.accelerometer((at + HOUR) * MS, &up());
+        }
+        rest(&mut driver, at, at + 2000, true);
+        assert!(driver.is_started(), "{at} ms");
+        // A quarter of a turn within a second.
+        let rate = Vector3::new(0.0, 0.0, core::f64::consts::FRAC_PI_2);
+        let before = driver.attitude().unwrap();
+        for t in (at + 2000..=at + 3000).step_by(10) {
+            assert_eq!(driver.gyroscope(t * MS, &rate), Propagation::Done);
+        }
+        let turned = rotation::angle_between(&driver.attitude().unwrap(), &before);
+        assert!((turned - rate.z).abs() < 0.02, "{at} ms, {field}: {turned}");
+        let outcome = driver.accelerometer((at + 3010) * MS, &up()).outcome;
+        assert_eq!(outcome, Outcome::Fused, "{at} ms, {field}");
+    }
+}
+
+/// Feeds rest with a compass that reads `heading` ten times a second.
+fn rest_with_compass(driver: &mut MekfDriver, from_ms: i64, to_ms: i64, heading: f64) -> Outcome {
+    let mut last = Outcome::Gated;
+    for t in (from_ms..to_ms).step_by(100) {
+        rest(driver, t, t + 100, false);
+        last = driver.compass((t + 95) * MS, heading, 0.1).outcome;
+    }
+    last
+}
+
+#[test]
+fn the_first_compass_heading_turns_the_start_to_north_and_the_others_are_measurements() {
+    let mut driver = mekf();
+    let first = rest_with_compass(&mut driver, 0, 600, 1.0);
+    assert_eq!(first, Outcome::Skipped(SkipReason::NotInitialized));
+    // Clockwise by 1 rad is -1 rad about up.
+    let yaw = |driver: &MekfDriver| so3::log(&driver.attitude().unwrap()).z;
+    assert_relative_eq!(yaw(&driver), -1.0, epsilon = 1e-6);
+    let tilt_before = driver.estimator.attitude_covariance().unwrap();
+    assert_relative_eq!(tilt_before[(2, 2)].sqrt(), 0.1, epsilon = 1e-3);
+    let last = rest_with_compass(&mut driver, 600, 20_000, 1.0);
+    assert_eq!(last, Outcome::Fused);
+    assert_relative_eq!(yaw(&driver), -1.0, epsilon = 1e-3);
+    assert!(driver.estimator.attitude_covariance().unwrap()[(2, 2)] < tilt_before[(2, 2)] / 4.0);
+    let again = driver.compass(19_000 * MS, 1.0, 0.1).outcome;
+    assert_eq!(again, Outcome::Skipped(SkipReason::NotNewer));
+}
+
+#[test]
+fn beside_a_magnetometer_a_compass_never_sets_the_heading() {
+    let mut driver = mekf();
+    rest(&mut driver, 0, 1000, true);
+    let outcome = driver.compass(1000 * MS, 2.0, 0.1).outcome;
+    assert_eq!(outcome, Outcome::Gated);
+    assert!(driver.attitude().unwrap().angle() < 1e-3);
+}
+
+#[test]
+fn an_upright_device_waits_for_its_heading() {
+    let mut driver = mekf();
+    for t in (0..1000).step_by(10) {
+        driver.gyroscope(t * MS, &Vector3::zeros());
+        driver.accelerometer(t * MS, &Vector3::new(0.0, 9.806_65, 0.0));
+    }
+    let outcome = driver.compass(1000 * MS, 2.0, 0.1).outcome;
+    assert_eq!(outcome, Outcome::Skipped(SkipReason::Unobservable));
+    assert!(driver.attitude().is_some());
+}
+
+#[test]
+fn without_gravity_there_is_no_horizon_for_a_compass() {
+    let mut driver = mekf();
+    for t in (0..3000).step_by(10) {
+        driver.gyroscope(t * MS, &Vector3::zeros());
+    }
+    let outcome = driver.compass(3000 * MS, 2.0, 0.1).outcome;
+    assert_eq!(outcome, Outcome::Skipped(SkipReason::Unobservable));
+}
+
+#[test]
+fn a_state_taken_over_from_a_filter_that_knew_north_is_not_turned() {
+    let mut driver = mekf();
+    rest_with_compass(&mut driver, 0, 5000, 1.0);
+    let mut next = mekf();
+    next.start_from(&InitialState {
+        attitude: driver.attitude().unwrap(),
+        attitude_covariance: driver.estimator.attitude_covariance().unwrap(),
+        gyroscope_bias: Vector3::zeros(),
+        gyroscope_bias_std: 1e-3,
+        north_known: driver.knows_north(),
+        references: crate::attitude::References {
+            specific_force: up(),
+            magnetic_field: None,
+        },
+    });
+    let before = next.attitude().unwrap();
+    assert_eq!(next.compass(0, 1.1, 0.1).outcome, Outcome::Fused);
+    let turned = rotation::angle_between(&before, &next.attitude().unwrap());
+    assert!(turned < 0.05, "{turned}");
 }

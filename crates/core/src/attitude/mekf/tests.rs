@@ -29,6 +29,7 @@ fn filter<T: Scalar>(config: AttitudeConfig<T>, attitude: UnitQuaternion<T>) -> 
         attitude_covariance: Matrix3::identity() * (tilt * tilt),
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: config.initial_gyroscope_bias_std,
+        north_known: false,
         references: references(),
     });
     filter
@@ -169,6 +170,7 @@ fn bad_samples_leave_the_state_untouched_and_say_why() {
         attitude_covariance: Matrix3::identity() * f64::NAN,
         gyroscope_bias: Vector3::zeros(),
         gyroscope_bias_std: 0.1,
+        north_known: false,
         references: references(),
     });
     assert_eq!(f, before);
@@ -335,4 +337,9 @@ fn single_and_double_precision_agree() {
         "{} deg",
         difference.to_degrees()
     );
+}
+
+#[test]
+fn a_compass_finds_and_keeps_the_heading() {
+    crate::attitude::test_world::check_compass(|config| Mekf::new(config).unwrap());
 }

@@ -174,6 +174,11 @@ fn heading_update_never_tips_the_tilt() {
 }
 
 #[test]
+fn a_compass_finds_and_keeps_the_heading() {
+    check_compass(make);
+}
+
+#[test]
 fn gate_does_not_lock_out_for_ever() {
     check_gate_opens(make);
 }

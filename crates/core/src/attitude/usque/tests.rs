@@ -146,6 +146,11 @@ fn heading_update_never_tips_the_tilt() {
 }
 
 #[test]
+fn a_compass_finds_and_keeps_the_heading() {
+    check_compass(make);
+}
+
+#[test]
 fn gate_does_not_lock_out_for_ever() {
     check_gate_opens(make);
 }
@@ -261,4 +266,41 @@ fn points_beyond_half_a_turn_do_not_jump() {
     let apart = (f.state.covariance - before).amax();
     assert!(apart < 0.01, "{}", f.state.covariance);
     assert_eq!(f.state.covariance_resets, 0);
+}
+
+/// A bias that is known exactly and does not walk leaves the covariance no factor: it must not be
+/// forgotten at every step for that. The MEKF, which needs no factor, says what is right.
+#[test]
+fn a_bias_that_is_known_exactly_resets_nothing() {
+    let config = AttitudeConfig {
+        initial_gyroscope_bias_std: 0.0,
+        gyroscope_bias_random_walk: 0.0,
+        ..AttitudeConfig::default()
+    };
+    let mut initial = start(&config, so3::exp(&Vector3::new(0.2, 0.1, -0.4)));
+    initial.gyroscope_bias_std = 0.0;
+    // Errors about x and y that belong together.
+    let m = Matrix3::new(0.02, 0.015, 0.0, 0.015, 0.02, 0.0, 0.0, 0.0, 0.01);
+    initial.attitude_covariance = m * m;
+    let (mut f, mut mekf) = (make(config), Mekf::new(config).unwrap());
+    f.initialize(&initial);
+    mekf.initialize(&initial);
+    for _ in 0..500 {
+        for filter in [&mut f as &mut dyn AttitudeEstimator<f64>, &mut mekf] {
+            filter.propagate(&Vector3::new(0.1, -0.2, 0.05), 0.01);
+        }
+    }
+    assert_eq!(f.state.covariance_resets, 0);
+    let (p, expected) = (
+        f.attitude_covariance().unwrap(),
+        mekf.attitude_covariance().unwrap(),
+    );
+    assert_relative_eq!(p, expected, max_relative = 0.02, epsilon = 1e-7);
+    assert!(
+        p[(0, 1)].abs() > 1e-4,
+        "what belongs together stays so: {p}"
+    );
+    assert!(f.gyroscope_bias().unwrap().1.amax() < 1e-18);
+    let seen = f.state.attitude.inverse() * Vector3::new(0.0, 0.0, 9.81);
+    assert_eq!(f.update_accelerometer(&seen).outcome, Outcome::Fused);
 }

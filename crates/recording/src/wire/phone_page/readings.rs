@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::Value;
 
-use crate::event::quaternion_from_file;
+use crate::event::{CompassHeading, quaternion_from_file};
 use crate::wire::json;
 
 /// One DeviceMotion reading as written.
@@ -61,6 +61,20 @@ impl Orientation {
         quaternion_from_file(q.w, q.i, q.j, q.k)
     }
 
+    /// The heading of the top edge with its standard deviation: the compass with the accuracy it
+    /// states, else that of an absolute orientation. `None` where the top edge stands too steeply.
+    pub(super) fn compass(&self) -> Option<CompassHeading> {
+        let top = self.world_from_body();
+        let absolute = || heading_of(&top).filter(|_| self.absolute);
+        let Some(heading_rad) = self.heading_rad() else {
+            return absolute();
+        };
+        heading_of(&top).map(|_| CompassHeading {
+            heading_rad,
+            std_rad: self.heading_std_deg.to_radians(),
+        })
+    }
+
     /// The compass, unless the phone says that it is not to be trusted (a negative accuracy).
     pub(super) fn heading_rad(&self) -> Option<f64> {
         let trusted = (0.0..=360.0).contains(&self.heading_deg) && self.heading_std_deg >= 0.0;
@@ -80,4 +94,17 @@ impl Orientation {
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn)
         })
     }
+}
+
+/// Where the top edge points in an absolute orientation, unless it stands steeper than 60 deg.
+pub(super) fn heading_of(enu_from_body: &UnitQuaternion<f64>) -> Option<CompassHeading> {
+    /// Cosine of the steepest elevation.
+    const LEAST_HORIZONTAL: f64 = 0.5;
+    /// Browsers do not say how good their north is; phones indoors are seldom better, rad (10 deg).
+    const STD_RAD: f64 = 0.175;
+    let top = enu_from_body * Vector3::y();
+    (top.x.hypot(top.y) > LEAST_HORIZONTAL).then(|| CompassHeading {
+        heading_rad: top.x.atan2(top.y).rem_euclid(std::f64::consts::TAU),
+        std_rad: STD_RAD,
+    })
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::{said, turned, vectors};
-use crate::event::SensorKind;
+use crate::event::{Sample, SensorKind};
 use crate::wire::phone_page::{Batch, PhonePage};
 use crate::wire::{Decoded, MOST_READINGS, Tone};
 
@@ -144,6 +144,54 @@ fn orientation_angles_are_about_z_x_y_and_an_arbitrary_zero_is_turned_to_north_o
     // Roll is about the top edge.
     let out = decode("android", &json!({"do": [[1, 0, 0, 90, 1]]}));
     approx::assert_relative_eq!(turned(&out, Vector3::z()), Vector3::x(), epsilon = 1e-12);
+}
+
+/// Headings with their deviations, deg, and their times, ms.
+fn headings(out: &Decoded) -> Vec<(i64, f64, f64)> {
+    let of = |e: &crate::Event| match e.sample {
+        Sample::CompassHeading(c) => {
+            let deg = [c.heading_rad, c.std_rad].map(|x| x.to_degrees().round());
+            Some((e.time_ns / 1_000_000, deg[0], deg[1]))
+        }
+        _ => None,
+    };
+    out.events.iter().filter_map(of).collect()
+}
+
+#[test]
+fn a_compass_gives_a_heading_ten_times_a_second_with_its_own_accuracy() {
+    let rows: Value = (0..60)
+        .map(|i| json!([17 * i, 77, 30, 0, 0, 90 + i, 15]))
+        .collect();
+    let out = decode("ios", &json!({ "do": rows }));
+    let seen = headings(&out);
+    assert_eq!(seen.len(), 10, "{seen:?}");
+    assert_eq!(&seen[..2], [(0, 90.0, 15.0), (102, 96.0, 15.0)]);
+}
+
+#[test]
+fn an_absolute_orientation_stands_in_for_a_compass_and_an_arbitrary_one_does_not() {
+    let out = decode("android", &json!({"do": [[1, 270, 20, 0, 1, null, null]]}));
+    assert_eq!(headings(&out), [(1, 90.0, 10.0)]);
+    // x, y, z, w: a quarter turn to the right about up.
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let out = decode("android", &json!({"gs": {"q": [[2, 0, 0, -half, half]]}}));
+    assert_eq!(headings(&out), [(2, 90.0, 10.0)]);
+    let out = decode("android", &json!({"do": [[1, 270, 0, 0, 0, null, null]]}));
+    assert!(headings(&out).is_empty());
+}
+
+#[test]
+fn no_heading_is_taken_upright_or_when_the_phone_does_not_trust_it() {
+    for row in [
+        json!([1, 77, 75, 0, 0, 90, 10]),
+        json!([1, 77, 0, 0, 0, 90, -1]),
+        json!([1, 77, 0, 0, 0, 400, 10]),
+        json!([1, 77, -90, 0, 1, null, null]),
+    ] {
+        let out = decode("ios", &json!({ "do": [row] }));
+        assert!(headings(&out).is_empty(), "{row}");
+    }
 }
 
 #[test]

@@ -1,0 +1,127 @@
+//! Is the magnetic field that of the Earth, and does it keep still while the device does?
+
+use nalgebra::Vector3;
+
+/// Weakest and strongest field on Earth, microtesla, and what is still let pass: sensors err.
+const EARTH_UT: [f64; 2] = [22.0, 67.0];
+const LET_PASS_UT: [f64; 2] = [18.0, 75.0];
+/// Fewer samples say nothing.
+const FEWEST: u64 = 50;
+/// A device that turns slower than this rests, rad/s: biases are smaller.
+const STILL_RAD_S: f64 = 0.1;
+/// Samples of a mean, and how far one may lie from the first of the same rest, microtesla.
+const PIECE: u32 = 10;
+const STEADY_UT: f64 = 10.0;
+
+/// Looks at the strength of the field, in constant memory.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct FieldWatch {
+    samples: u64,
+    strength_sum: f64,
+    still: bool,
+    piece: (f64, u32),
+    /// Strength at the beginning of the present rest.
+    at_rest: Option<f64>,
+    /// Largest change within one rest, and when.
+    worst: Option<(f64, f64)>,
+}
+
+impl FieldWatch {
+    /// Takes an angular rate, rad/s.
+    pub(crate) fn rate(&mut self, rate: &Vector3<f64>) {
+        self.still = rate.norm() < STILL_RAD_S;
+        if !self.still {
+            self.piece = (0.0, 0);
+            self.at_rest = None;
+        }
+    }
+
+    /// Takes a field, microtesla.
+    pub(crate) fn field(&mut self, time_s: f64, field: &Vector3<f64>) {
+        let strength = field.norm();
+        if !(strength > 0.0 && strength.is_finite()) {
+            return;
+        }
+        self.samples += 1;
+        self.strength_sum += strength;
+        if !self.still {
+            return;
+        }
+        self.piece = (self.piece.0 + strength, self.piece.1 + 1);
+        if self.piece.1 < PIECE {
+            return;
+        }
+        let mean = self.piece.0 / f64::from(PIECE);
+        self.piece = (0.0, 0);
+        let change = (mean - *self.at_rest.get_or_insert(mean)).abs();
+        if self.worst.is_none_or(|(worst, _)| change > worst) {
+            self.worst = Some((change, time_s));
+        }
+    }
+
+    /// What is wrong with the field.
+    pub(crate) fn sentences(&self) -> Vec<String> {
+        let mut sentences = Vec::new();
+        if self.samples < FEWEST {
+            return sentences;
+        }
+        let mean = self.strength_sum / self.samples as f64;
+        if !(LET_PASS_UT[0]..=LET_PASS_UT[1]).contains(&mean) {
+            sentences.push(format!(
+                "The magnetic field is {mean:.0} microtesla strong on average; on Earth it is {:.0} to {:.0}: a magnet \
+                 or iron is near, or in the device. Calibrate the magnetometer (`northing calibrate \
+                 magnetometer`), or leave it out (--sensors gyro,acc).",
+                EARTH_UT[0], EARTH_UT[1]
+            ));
+        }
+        if let Some((change, time_s)) = self.worst.filter(|(change, _)| *change > STEADY_UT) {
+            sentences.push(format!(
+                "The strength of the magnetic field changes by {change:.0} microtesla while the device rests, most \
+                 at {time_s:.1} s: something magnetic moves nearby, and the heading follows it."
+            ));
+        }
+        sentences
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn watched(field: impl Fn(u32) -> f64, rate: f64) -> Vec<String> {
+        let mut watch = FieldWatch::default();
+        for k in 0..1000 {
+            let t = 0.01 * f64::from(k);
+            watch.rate(&Vector3::new(0.0, rate, 0.0));
+            watch.field(t, &Vector3::new(0.0, 0.0, field(k)));
+        }
+        watch.sentences()
+    }
+
+    #[test]
+    fn the_field_of_the_earth_is_no_remark() {
+        assert!(watched(|_| 45.0, 0.0).is_empty());
+        assert!(
+            watched(|k| 45.0 + f64::from(k % 7), 0.0).is_empty(),
+            "noise"
+        );
+        let passing = |k: u32| if k > 500 { 65.0 } else { 45.0 };
+        assert!(watched(passing, 1.0).is_empty(), "while it is turned");
+    }
+
+    #[test]
+    fn a_magnet_and_one_that_comes_near_are_told() {
+        let near = watched(|_| 150.0, 1.0);
+        assert!(
+            near[0].contains("150 microtesla strong") && near[0].contains("22 to 67"),
+            "{near:?}"
+        );
+        assert!(watched(|_| 5.0, 1.0)[0].contains("5 microtesla strong"));
+        let comes = watched(|k| if k > 500 { 65.0 } else { 45.0 }, 0.0);
+        assert_eq!(comes.len(), 1, "{comes:?}");
+        assert!(
+            comes[0].contains("changes by 20 microtesla while the device rests, most at 5."),
+            "{comes:?}"
+        );
+    }
+}

@@ -1,0 +1,364 @@
+//! What an input is and where: `sensorserver=192.168.1.20:8080`, `linkoping=3401`, `razor=/dev/ttyUSB0@57600`.
+
+use std::fmt;
+use std::net::IpAddr;
+use std::str::FromStr;
+
+use northing_recording::wire::{WireFormat, linkoping};
+use serde::{Deserialize, Serialize};
+
+/// The kinds of inputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum InputKind {
+    /// The app SensorServer: we connect to it.
+    SensorServer,
+    /// The Sensor Fusion app of Linköping: it connects to us.
+    Linkoping,
+    /// phyphox with remote access: we ask it.
+    Phyphox,
+    /// A Razor board on a serial line.
+    Razor,
+    /// HyperIMU: it sends us lines, by TCP or UDP.
+    HyperImu,
+    /// SensorStreamer: it connects to us.
+    SensorStreamer,
+}
+
+/// What a kind's addresses look like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    /// `host:port`.
+    Remote,
+    /// Nothing, `port` or `ip:port`.
+    Listen(u16),
+    /// `device` or `device@baud`.
+    Serial,
+}
+
+/// Where an input is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Address {
+    /// A device that has a server.
+    Remote {
+        /// Its name or address, IPv6 in brackets.
+        host: String,
+        /// Its port.
+        port: u16,
+    },
+    /// A port of this computer.
+    Listen {
+        /// On this address only; `None`: where phones reach this computer.
+        ip: Option<IpAddr>,
+        /// The port; 0 takes a free one.
+        port: u16,
+    },
+    /// A serial line.
+    Serial {
+        /// The device.
+        path: String,
+        /// Bits a second.
+        baud: u32,
+    },
+}
+
+/// An input as it is asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InputSpec {
+    /// What it is.
+    pub kind: InputKind,
+    /// Where it is.
+    pub address: Address,
+}
+
+/// A text that is no input: what was expected.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("input `{text}`: expected {expected}")]
+pub struct SpecError {
+    text: String,
+    expected: String,
+}
+
+/// The baud rate of the Razor's firmware.
+const RAZOR_BAUD: u32 = 57_600;
+/// Longest address, bytes.
+const LONGEST: usize = 200;
+
+impl InputKind {
+    /// Every kind.
+    pub const ALL: [Self; 6] = [
+        Self::SensorServer,
+        Self::Linkoping,
+        Self::Phyphox,
+        Self::Razor,
+        Self::HyperImu,
+        Self::SensorStreamer,
+    ];
+
+    /// The name on the command line and in messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SensorServer => "sensorserver",
+            Self::Linkoping => "linkoping",
+            Self::Phyphox => "phyphox",
+            Self::Razor => "razor",
+            Self::HyperImu => "hyperimu",
+            Self::SensorStreamer => "sensorstreamer",
+        }
+    }
+
+    /// What it is and what to do on the device, in words.
+    #[must_use]
+    pub const fn hint(self) -> &'static str {
+        match self {
+            Self::SensorServer => {
+                "SensorServer (Android): in its settings set the sampling rate to 10000 microseconds, \
+                 press start, and enter the address that the app shows, such as 192.168.1.20:8080."
+            }
+            Self::Linkoping => {
+                "Sensor Fusion app (Android): the app connects to this computer. Enter the port \
+                 (3400 if left empty), then enter this computer's address in the app and press \
+                 stream. There is no token: anybody in the network can send."
+            }
+            Self::Phyphox => {
+                "phyphox (Android, iOS): open an experiment with accelerometer and gyroscope, choose \
+                 \"Allow remote access\" in its menu, press play, and enter the address that it shows, \
+                 with the port: 192.168.1.21:8080 on Android, 192.168.1.21:80 on iOS."
+            }
+            Self::Razor => {
+                "Razor 9DOF board on a serial line: enter the device, such as /dev/ttyUSB0 or COM3; \
+                 @57600 behind it is the speed."
+            }
+            Self::HyperImu => {
+                "HyperIMU (Android): choose accelerometer, gyroscope, magnetometer in this order, a \
+                 sampling of 10 ms, the protocol TCP or UDP, this computer's address and the port \
+                 (2055 if left empty). There is no token: anybody in the network can send."
+            }
+            Self::SensorStreamer => {
+                "SensorStreamer (Android): choose the packet type JSON, the connection TCP client, this \
+                 computer's address and the port (3401 if left empty). There is no token: anybody in \
+                 the network can send."
+            }
+        }
+    }
+
+    /// An address of this kind.
+    #[must_use]
+    pub const fn example(self) -> &'static str {
+        match self {
+            Self::SensorServer => "192.168.1.20:8080",
+            Self::Linkoping => "3400",
+            Self::Phyphox => "192.168.1.21:8080",
+            Self::Razor => "/dev/ttyUSB0@57600",
+            Self::HyperImu => "2055",
+            Self::SensorStreamer => "3401",
+        }
+    }
+
+    /// What its bytes are.
+    #[must_use]
+    pub const fn format(self) -> WireFormat {
+        match self {
+            Self::SensorServer => WireFormat::SensorServer,
+            Self::Linkoping => WireFormat::Linkoping,
+            Self::Phyphox => WireFormat::Phyphox,
+            Self::Razor => WireFormat::Razor,
+            Self::HyperImu => WireFormat::HyperImu,
+            Self::SensorStreamer => WireFormat::SensorStreamer,
+        }
+    }
+
+    const fn form(self) -> Form {
+        match self {
+            Self::SensorServer | Self::Phyphox => Form::Remote,
+            Self::Linkoping => Form::Listen(linkoping::PORT),
+            Self::HyperImu => Form::Listen(2055),
+            Self::SensorStreamer => Form::Listen(3401),
+            Self::Razor => Form::Serial,
+        }
+    }
+
+    fn names() -> String {
+        Self::ALL.map(Self::name).join(", ")
+    }
+}
+
+impl InputSpec {
+    /// An input of this kind at an address as people write it.
+    ///
+    /// # Errors
+    /// The address is none of this kind: what was expected.
+    pub fn new(kind: InputKind, address: &str) -> Result<Self, SpecError> {
+        let text = address.trim();
+        let parsed = (text.len() <= LONGEST).then(|| match kind.form() {
+            Form::Remote => remote(text),
+            Form::Listen(port) => listen(text, port),
+            Form::Serial => serial(text),
+        });
+        let expected = match kind.form() {
+            Form::Remote => "HOST:PORT without a path",
+            Form::Listen(_) => "nothing, a PORT, or an IP:PORT of this computer",
+            Form::Serial => "a serial device, with @BAUD behind it if need be",
+        };
+        let address = parsed.flatten().ok_or_else(|| SpecError {
+            text: format!("{}={}", kind.name(), shown(text)),
+            expected: format!("{expected}, e.g. {}={}", kind.name(), kind.example()),
+        })?;
+        Ok(Self { kind, address })
+    }
+}
+
+/// `KIND` or `KIND=ADDRESS`.
+impl FromStr for InputSpec {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let (name, address) = text.split_once('=').unwrap_or((text, ""));
+        let kind = InputKind::ALL.into_iter().find(|k| k.name() == name.trim());
+        let kind = kind.ok_or_else(|| SpecError {
+            text: shown(text),
+            expected: format!("KIND=ADDRESS with one of: {}", InputKind::names()),
+        })?;
+        Self::new(kind, address)
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Remote { host, port } => write!(f, "{host}:{port}"),
+            Self::Listen { ip: None, port } => write!(f, "{port}"),
+            Self::Listen { ip: Some(ip), port } => {
+                write!(f, "{}", std::net::SocketAddr::new(*ip, *port))
+            }
+            Self::Serial { path, baud } => write!(f, "{path}@{baud}"),
+        }
+    }
+}
+
+fn remote(text: &str) -> Option<Address> {
+    let (host, port) = text.rsplit_once(':')?;
+    let port = port.parse().ok().filter(|port| *port != 0)?;
+    let bare = host.strip_prefix('[').and_then(|h| h.strip_suffix(']'));
+    let is_host = match bare {
+        Some(v6) => v6.parse::<std::net::Ipv6Addr>().is_ok(),
+        // A label of a name, or an IPv4 address: nothing that could begin a path or a user.
+        None => {
+            !host.is_empty()
+                && host
+                    .bytes()
+                    .all(|b| b.is_ascii_alphanumeric() || b == b'.' || b == b'-')
+        }
+    };
+    is_host.then(|| Address::Remote {
+        host: host.to_owned(),
+        port,
+    })
+}
+
+fn listen(text: &str, default: u16) -> Option<Address> {
+    if text.is_empty() {
+        let port = default;
+        return Some(Address::Listen { ip: None, port });
+    }
+    if let Ok(port) = text.parse() {
+        return Some(Address::Listen { ip: None, port });
+    }
+    let address: std::net::SocketAddr = text.parse().ok()?;
+    Some(Address::Listen {
+        ip: Some(address.ip()),
+        port: address.port(),
+    })
+}
+
+fn serial(text: &str) -> Option<Address> {
+    let (path, baud) = match text.rsplit_once('@') {
+        Some((path, baud)) => (path, baud.parse().ok()?),
+        None => (text, RAZOR_BAUD),
+    };
+    let unix = path.starts_with("/dev/") && !path.contains("..");
+    let windows = path
+        .strip_prefix("COM")
+        .is_some_and(|n| n.parse::<u8>().is_ok());
+    let path = path.to_owned();
+    ((unix || windows) && (300..=4_000_000).contains(&baud))
+        .then_some(Address::Serial { path, baud })
+}
+
+/// A text of others in a message: short, and without control characters.
+fn shown(text: &str) -> String {
+    let clean = text.chars().map(|c| if c.is_control() { '?' } else { c });
+    clean.take(60).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<InputSpec, String> {
+        text.parse().map_err(|error: SpecError| error.to_string())
+    }
+
+    #[test]
+    fn inputs_are_read_and_written() {
+        for (text, address) in [
+            ("sensorserver=192.168.1.20:8080", "192.168.1.20:8080"),
+            ("sensorserver=my-phone.local:81", "my-phone.local:81"),
+            ("phyphox=[fd00::1]:80", "[fd00::1]:80"),
+            ("linkoping", "3400"),
+            ("linkoping=", "3400"),
+            ("linkoping=3401", "3401"),
+            ("hyperimu=127.0.0.1:9000", "127.0.0.1:9000"),
+            ("sensorstreamer", "3401"),
+            ("razor=/dev/ttyUSB0", "/dev/ttyUSB0@57600"),
+            ("razor=COM3@115200", "COM3@115200"),
+        ] {
+            let spec = parse(text).unwrap();
+            assert_eq!(spec.address.to_string(), address, "{text}");
+            let again = InputSpec::new(spec.kind, address).unwrap();
+            assert_eq!(again, spec);
+        }
+        for kind in InputKind::ALL {
+            assert!(InputSpec::new(kind, kind.example()).is_ok(), "{kind:?}");
+            let json = serde_json::to_string(&kind).unwrap();
+            assert_eq!(json, format!("\"{}\"", kind.name()));
+        }
+    }
+
+    #[test]
+    fn what_is_no_input_is_refused_with_what_was_expected() {
+        let unknown = parse("telepathy=1").unwrap_err();
+        assert!(
+            unknown.contains("one of: sensorserver, linkoping"),
+            "{unknown}"
+        );
+        let no_port = parse("sensorserver=192.168.1.20").unwrap_err();
+        assert!(no_port.contains("HOST:PORT without a path"), "{no_port}");
+        for bad in [
+            "sensorserver",
+            "sensorserver=http://a:80",
+            "sensorserver=a:80/x",
+            "sensorserver=user@a:80",
+            "sensorserver=a:0",
+            "sensorserver=a:99999",
+            "phyphox=a b:80",
+            "phyphox=[zz]:80",
+            "linkoping=x",
+            "linkoping=phone:3400",
+            "razor",
+            "razor=/etc/passwd",
+            "razor=/dev/../etc/passwd",
+            "razor=/dev/ttyUSB0@fast",
+            "razor=/dev/ttyUSB0@1",
+        ] {
+            let error = parse(bad).unwrap_err();
+            assert!(
+                error.starts_with("input `") && error.contains("expected"),
+                "{error}"
+            );
+        }
+        let long = format!("sensorserver={}:80", "a".repeat(300));
+        assert!(parse(&long).unwrap_err().len() < 250);
+    }
+}
