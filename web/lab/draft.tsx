@@ -7,6 +7,7 @@ interface Props {
   change: (value: string) => void;
   /** Whether a number is typed. */
   decimal?: boolean;
+  placeholder?: string;
 }
 
 /** Tells the change when the field is left or Enter is pressed; Escape takes it back. */
@@ -14,7 +15,7 @@ export function Draft({ label, name, ...input }: Props & { label: string; name: 
   return <label class={name}>{label} <DraftInput {...input} /></label>;
 }
 
-export function DraftInput({ value, change, decimal }: Props) {
+export function DraftInput({ value, change, decimal, placeholder }: Props) {
   const [draft, setDraft] = useState<string | null>(null);
   const commit = (): void => {
     if (draft !== null && draft !== value) change(draft);
@@ -22,7 +23,7 @@ export function DraftInput({ value, change, decimal }: Props) {
   };
   return (
     <input
-      type="text" maxLength={60} inputMode={decimal ? "decimal" : "text"} value={draft ?? value}
+      type="text" maxLength={60} inputMode={decimal ? "decimal" : "text"} value={draft ?? value} placeholder={placeholder}
       onInput={(e) => setDraft(e.currentTarget.value)}
       onBlur={commit}
       onKeyDown={(e) => {

@@ -11,6 +11,7 @@ import { Connect } from "./panels/connect";
 import { Devices, Wall } from "./panels/devices";
 import { CoverageSphere } from "./panels/magnetometer";
 import { Experiment, ExperimentTable, Result, Return } from "./panels/experiment";
+import { RecordingLight, Recordings } from "./panels/recordings";
 import { Tune } from "./panels/tune";
 import { WhatIf, WhatIfPlots } from "./panels/what_if";
 import type { Device } from "./protocol";
@@ -66,17 +67,18 @@ function Header() {
           {[5, 10, 20, 30, 60].map((hz) => <option key={hz} value={String(hz)}>{hz} Hz</option>)}
         </select>
       </label>
+      <RecordingLight />
       <button type="button" aria-pressed={state.view === "wall"} onClick={() => update((s) => (s.view = s.view === "wall" ? "lab" : "wall"))}>Wall</button>
     </header>
   );
 }
 
-const LOWER: [Lower, string][] = [["live", "Live"], ["experiments", "All experiments"], ["what-if", "What if"], ["allan", "Allan deviation"]];
+const LOWER: [Lower, string][] = [["live", "Live"], ["experiments", "All experiments"], ["what-if", "What if"], ["allan", "Allan deviation"], ["recordings", "Recordings"]];
 
 function Centre() {
   const device = selectedDevice();
   const turning = state.step === "calibrate" && state.calibrating === "magnetometer" && offers("magnetometer");
-  const tabs = LOWER.filter(([key]) => key !== "allan" || offers("allan"));
+  const tabs = LOWER.filter(([key]) => (key === "allan" ? offers("allan") : key === "recordings" ? state.recording : true));
   return (
     <section class="centre" aria-label="Attitude">
       <div class="stage">
@@ -96,6 +98,7 @@ function Centre() {
         {state.lower === "experiments" && <ExperimentTable />}
         {state.lower === "what-if" && <WhatIfPlots />}
         {state.lower === "allan" && <AllanPlot />}
+        {state.lower === "recordings" && <Recordings />}
         </div>
       </div>
     </section>

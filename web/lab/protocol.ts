@@ -25,7 +25,8 @@ export interface Hello {
   fingerprint: string;
   /** What this program can do beyond the path itself; older ones say nothing. */
   features?: string[];
-  input_kinds?: { kind: string; hint: string }[];
+  input_kinds?: { kind: string; hint: string; example?: string }[];
+  inputs?: Input[];
 }
 
 export interface Device {
@@ -109,7 +110,7 @@ export interface Recording {
   file: string | null;
   bytes: number;
   seconds: number;
-  text: string | null;
+  text: string;
 }
 
 export interface Input {

@@ -6,7 +6,7 @@ import type { Allan, Calibration, Curve, Device, Experiment, ExperimentRow, Fram
 const CONFIRMED_MS = 1500;
 export const STEPS = ["connect", "place", "calibrate", "tune", "experiment", "return", "result", "what-if"] as const;
 export type Step = (typeof STEPS)[number];
-export type Lower = "live" | "experiments" | "what-if" | "allan";
+export type Lower = "live" | "experiments" | "what-if" | "allan" | "recordings";
 /** What the step "Calibrate" is about. */
 export type Calibrating = "rest" | "magnetometer" | "allan";
 
@@ -169,6 +169,7 @@ function take(s: State, message: Exclude<FromProgram, Frame>): void {
   switch (message.type) {
     case "hello":
       s.hello = message;
+      s.inputs = message.inputs ?? [];
       // A program that was started anew knows of nothing that was under way.
       s.running = {};
       s.magnetometers = {};

@@ -3,6 +3,7 @@
 import { useState } from "preact/hooks";
 import type { Triple } from "../protocol";
 import { goTo, send, state } from "../store";
+import { Inputs } from "./inputs";
 
 const MOTIONS: [string, string][] = [["gentle", "gentle turns"], ["brisk", "brisk turns"], ["tumble", "turned all over"], ["rest", "stays at rest"]];
 const DISTURBANCES: [string, string][] = [["none", "none"], ["acceleration", "shaking"], ["magnetic", "a magnet near"], ["both", "shaking and a magnet"]];
@@ -18,6 +19,7 @@ export function Connect() {
       <div class="qr">{hello && <img src={hello.qr_svg} width="190" height="190" alt={`QR code of ${hello.phone_urls[0] ?? "the phone page"}`} />}</div>
       {hello?.phone_urls.map((url) => <code class="url" key={url}>{url}</code>)}
       <VirtualPhone />
+      <Inputs />
       <details>
         <summary>Other apps, and the certificate</summary>
         <p class="small">Sensor Logger: HTTP push to</p>

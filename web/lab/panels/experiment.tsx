@@ -4,7 +4,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { angleBetween, mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, Quaternion, RunSummary, SettingValue } from "../protocol";
-import { goTo, historyOf, offers, rowsOf, send, state, update } from "../store";
+import { goTo, historyOf, rowsOf, send, state, update } from "../store";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, unnamed, VERDICTS } from "../words";
 import { Stillness } from "./stillness";
@@ -181,7 +181,7 @@ function RowSummary({ row }: { row: (typeof state.rows)[number] }) {
 }
 
 function Downloads({ id, hash }: { id: string; hash: string | undefined }) {
-  const files: [string, string][] = [["report.html", "Report"], ["recording.csv", "CSV"], ["recording.parquet", "Parquet"], ["estimates.tum", "TUM"], ...(offers("mcap") ? [["recording.mcap", "MCAP"] as [string, string]] : [])];
+  const files: [string, string][] = [["report.html", "Report"], ["recording.csv", "CSV"], ["recording.parquet", "Parquet"], ["estimates.tum", "TUM"], ...(state.recording ? [["recording.mcap", "MCAP"] as [string, string]] : [])];
   return (
     <>
       <div class="buttons downloads">

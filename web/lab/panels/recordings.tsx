@@ -1,0 +1,73 @@
+// What is recorded: a light in the header, and the list of recordings with their files.
+
+import { useEffect, useState } from "preact/hooks";
+import { state, update } from "../store";
+
+interface Listed {
+  name: string;
+  bytes: number;
+  start: string | null;
+  devices: string[];
+  finished: boolean;
+}
+
+const LIGHTS: Record<string, { tone: string; text: string }> = {
+  idle: { tone: "idle", text: "Ready" }, on: { tone: "bad", text: "" }, off: { tone: "idle", text: "Off" }, failed: { tone: "bad", text: "Failed" },
+};
+
+function clock(seconds: number): string {
+  const whole = Math.floor(seconds), two = (v: number): string => String(v).padStart(2, "0");
+  const hours = Math.floor(whole / 3600);
+  return `${hours ? `${hours}:${two(Math.floor(whole / 60) % 60)}` : Math.floor(whole / 60)}:${two(whole % 60)}`;
+}
+
+export const size = (bytes: number): string => (bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} kB` : `${(bytes / 1e6).toFixed(bytes < 1e8 ? 1 : 0)} MB`);
+
+/** Whether everything is recorded, in the header; nothing while the program does not record at all. */
+export function RecordingLight() {
+  const recording = state.recording;
+  if (!recording) return null;
+  const light = LIGHTS[recording.state] ?? LIGHTS["off"]!;
+  return (
+    <button
+      type="button" class={`recording ${light.tone} ${recording.state}`} title={recording.text} aria-label={`Recording: ${recording.text}`}
+      onClick={() => update((s) => { s.view = "lab"; s.lower = "recordings"; })}
+    >
+      <span aria-hidden="true" />
+      {recording.state === "on" ? clock(recording.seconds) : light.text}
+    </button>
+  );
+}
+
+/** The recordings of the data folder, read when the tab is opened and when one begins or ends. */
+export function Recordings() {
+  const [listed, setListed] = useState<Listed[] | null>(null);
+  const recording = state.recording;
+  useEffect(() => {
+    let gone = false;
+    fetch("/api/recordings").then((r) => r.json()).then((all: Listed[]) => gone || setListed(all), () => gone || setListed([]));
+    return () => void (gone = true);
+  }, [recording?.state, recording?.file]);
+  if (!listed) return <p class="empty">Looking for recordings.</p>;
+  return (
+    <div class="scroll">
+      {recording && <div class={`verdict ${recording.state === "failed" ? "bad" : recording.state === "on" ? "good" : "idle"}`}><b>{recording.state === "on" ? "Recording" : LIGHTS[recording.state]?.text}</b><span>{recording.text}</span></div>}
+      {listed.length === 0 ? <p class="empty">No recording yet: one begins with the first sample.</p> : (
+        <table class="experiments">
+          <thead><tr><th scope="col">Recording</th><th scope="col">Begun</th><th scope="col">Devices</th><th scope="col" class="num">Size</th><th scope="col">State</th></tr></thead>
+          <tbody>
+            {listed.map((one) => (
+              <tr key={one.name} data-recording={one.name}>
+                <th scope="row"><a href={`/api/recordings/${encodeURIComponent(one.name)}`} download="">{one.name}</a></th>
+                <td>{one.start ?? "–"}</td>
+                <td class="wide">{one.devices.join(", ") || "–"}</td>
+                <td class="num">{size(one.name === recording?.file ? recording.bytes : one.bytes)}</td>
+                <td>{one.finished ? "complete" : one.name === recording?.file ? "being written" : "broken off; can be read"}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      )}
+    </div>
+  );
+}
