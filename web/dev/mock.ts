@@ -24,6 +24,8 @@ function summary(name: string, error: number, estimated: number | null): RunSumm
   };
 }
 
+const ESTIMATORS = ["integration", "mekf3", "mekf", "usque", "quaternion-ekf", "device"];
+
 class Mock extends EventTarget {
   static readonly OPEN = 1;
   readonly readyState = 1;
@@ -40,7 +42,7 @@ class Mock extends EventTarget {
       this.onopen?.();
       this.say({
         type: "hello", version: "0.0.0", phone_urls: ["https://192.0.2.7:7771/p#t=J7p3vX0mQk2b9sT4uY6wZg"], ingest_urls: ["http://192.0.2.7:7772/in/J7p3vX0mQk2b9sT4uY6wZg"], qr_svg: "qr.svg",
-        estimators: [], parameters: parameters.map(([name, unit, v]) => ({ name, unit, meaning: name.replaceAll("_", " "), default: { lab: v, "hand-held": v * 4 } })), fingerprint: "A1:B2:C3:D4:E5:F6:07:18:29:3A:4B:5C",
+        estimators: ESTIMATORS.map((name) => ({ name, summary: "what it does, in a few words" })), features: ["estimators", "magnetometer", "allan", "remove"], parameters: parameters.map(([name, unit, v]) => ({ name, unit, meaning: name.replaceAll("_", " "), default: { lab: v, "hand-held": v * 4 } })), fingerprint: "A1:B2:C3:D4:E5:F6:07:18:29:3A:4B:5C",
       });
       this.say({ type: "devices", devices: [] });
     });
@@ -83,7 +85,43 @@ class Mock extends EventTarget {
     if (m.type === "calibrate") this.calibrate(m.device, m.seconds);
     if (m.type === "experiment") this.experiment(m.device, m.seconds, m.name);
     if (m.type === "what_if") this.whatIf(m);
+    if (m.type === "calibrate_magnetometer") this.turn(m.device, m.action);
+    if (m.type === "allan") this.allan(m);
+    if (m.type === "estimators") this.devices.find((d) => d.id === m.device)!.estimators = m.use;
     if (m.type === "rename") this.devices.find((d) => d.id === m.device)!.name = m.name;
+  }
+
+  private turning = new Set<string>();
+
+  private turn(device: string, action: string): void {
+    const hard_iron_ut: Triple = [25, -14, 30];
+    const fit = { model: "ellipsoid" as const, hard_iron_ut, soft_iron: [[1.05, 0.02, 0], [0.02, 0.97, 0.01], [0, 0.01, 1]] as [Triple, Triple, Triple], field_strength_ut: 43, radius_ut: 43, residual_std_ut: 0.52, uncalibrated_norm_std_ut: 21.3, coverage: 0.7 };
+    if (action === "start") this.turning.add(device);
+    else this.turning.delete(device);
+    const own = this.devices.find((d) => d.id === device)!;
+    if (action === "finish") own.magnetometer = fit;
+    if (action === "discard") own.magnetometer = null;
+    const points: Triple[] = [];
+    const tell = (): void => {
+      if (!this.turning.has(device)) return;
+      for (let i = 0; i < 4; i++) points.unshift(norm([0, noise(), noise(), noise()]).slice(1).map((v, k) => v * 43 + hard_iron_ut[k]! + noise() * 0.5) as Triple);
+      const cells = Array.from({ length: 72 }, (_, i) => i < points.length / 3);
+      this.say({ type: "magnetometer", device, state: "running", coverage: { cells, slices: 6, sectors: 12, fraction: cells.filter(Boolean).length / 72 }, points: points.slice(0, 300), fit, verdict: { tone: "good", text: "Good: 70 % of the sphere seen, hard and soft iron found, residual 0.52 uT." }, hint: "Turn it so that its left edge and its screen point down." });
+      setTimeout(tell, 200);
+    };
+    if (action === "start") tell();
+    else this.say({ type: "magnetometer", device, state: action === "finish" ? "done" : "idle", fit, verdict: { tone: "good", text: "Applied from now on: hard iron 25.0, -14.0, 30.0 uT taken away; the field's length now scatters by 0.52 uT, before by 21.34 uT." } });
+  }
+
+  private allan(m: Extract<ToProgram, { type: "allan" }>): void {
+    const curve = Array.from({ length: 40 }, (_, i) => {
+      const tau_s = 10 ** (-2 + i / 10), deviation = Math.hypot(5e-4 / Math.sqrt(tau_s), 2e-5) * (1 + 0.03 * noise());
+      return { tau_s, deviation, lower: deviation * (1 - 0.012 * i), upper: deviation * (1 + 0.015 * i) };
+    });
+    this.say({
+      type: "allan", request: m.request, id: m.id, sensor: m.sensor, state: "done", text: null, fill: { settings: { gyroscope_noise_density: 5e-4, gyroscope_bias_random_walk: 2e-6 }, said: [] },
+      report: { sensor: m.sensor, unit: "rad/s", duration_s: 600, rate_hz: 100, curve, coefficients: { noise_density: { value: 5e-4, std: 4e-6 }, bias_instability: { value: 3e-5, std: 4e-6 }, random_walk: null }, trusted_tau_s: 60, sentences: ["White noise: 0.0005 rad/s/sqrt(Hz) (1.72 deg/sqrt(h)) +- 1 %, where the falling line of slope -1/2 passes tau = 1 s; averaging four times as long halves it.", "Beyond tau = 60 s the record of 10 minutes is too short to say anything: a point there is the mean of a few differences only."] },
+    });
   }
 
   private calibrate(device: string, seconds: number): void {

@@ -77,7 +77,7 @@ function options(spec: ChartSpec, width: number, height: number): uPlot.Options 
     height,
     legend: { show: false },
     cursor: { show: false },
-    padding: [6, 8, 0, 0],
+    padding: [6, 14, 0, 0],
     scales: {
       x: { time: false, ...(spec.logX ? { distr: 3 as const } : {}), ...(spec.x ? { range: spec.x } : {}) },
       y: {

@@ -180,7 +180,7 @@ const time: Pick<ChartSpec, "x"> = { x: [-WINDOW_S, 0] };
 const XYZ = [{ text: "x", role: "s1" }, { text: "y", role: "s2" }, { text: "z", role: "s0" }];
 
 const ANGLE_SPEC: ChartSpec = {
-  ...time, title: "Angles ±3σ", unit: "deg", leastSpan: 4,
+  ...time, title: "Angles ±3σ", unit: "°", leastSpan: 4,
   legend: [{ text: "yaw", role: "s0" }, { text: "pitch", role: "s1" }, { text: "roll", role: "s2" }, { text: "truth", role: "reference", dash: true }],
   lines: [
     ...[0, 1, 2].flatMap((i) => [{ role: `s${i}`, edge: true }, { role: `s${i}`, edge: true }]),

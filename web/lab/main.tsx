@@ -24,6 +24,8 @@ const HEADINGS: Record<Step, string> = {
   connect: "Connect a phone", place: "Place it at rest", calibrate: "Calibrate at rest", tune: "Set Q and R", experiment: "Move it", return: "Bring it back", result: "How far off?", "what-if": "What if?",
 };
 
+const CALIBRATIONS = { rest: "Calibrate at rest", magnetometer: "Turn it all over", allan: "Measure the noise" };
+
 function App() {
   const [, again] = useState(0);
   useEffect(() => onChange(() => again((n) => n + 1)), []);
@@ -109,7 +111,7 @@ function Panel() {
   const device = selectedDevice();
   return (
     <section class="panel" aria-label={HEADINGS[state.step]}>
-      <h2><span>{STEPS.indexOf(state.step) + 1}</span>{HEADINGS[state.step]}</h2>
+      <h2><span>{STEPS.indexOf(state.step) + 1}</span>{state.step === "calibrate" ? CALIBRATIONS[state.calibrating] : HEADINGS[state.step]}</h2>
       {state.step === "connect" ? <Connect /> : device ? <StepOf device={device} key={`${state.step} ${device.id}`} /> : (
         <p>First <button type="button" class="link" onClick={() => goTo("connect")}>connect a phone</button>, or add a virtual one.</p>
       )}

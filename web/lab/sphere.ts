@@ -111,17 +111,27 @@ export class Sphere implements Drawn {
   }
 }
 
+/** A translucent surface with its three great circles. */
 function surface(fit: MagnetometerFit): Object3D {
-  const wires = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ color: colour("estimate"), wireframe: true, transparent: true, opacity: 0.22 }));
-  wires.geometry.applyMatrix4(shape(fit));
-  return wires;
+  const group = new Group(), bent = shape(fit);
+  const skin = new Mesh(new SphereGeometry(1, 40, 24), new MeshBasicMaterial({ color: colour("estimate"), transparent: true, opacity: 0.1, depthWrite: false }));
+  skin.geometry.applyMatrix4(bent);
+  group.add(skin);
+  for (let axis = 0; axis < 3; axis++) {
+    const circle = Array.from({ length: 72 }, (_, k) => {
+      const [c, s] = [Math.cos((k * Math.PI) / 36), Math.sin((k * Math.PI) / 36)];
+      return new Vector3(...[[0, c, s], [s, 0, c], [c, s, 0]][axis]!).applyMatrix4(bent);
+    });
+    group.add(new LineLoop(new BufferGeometry().setFromPoints(circle), new LineBasicMaterial({ color: colour("estimate") })));
+  }
+  return group;
 }
 
 function measured(points: Triple[], fit: MagnetometerFit): Object3D[] {
   const scaled = points.map((p) => p.map((v, i) => (v - fit.hard_iron_ut[i]!) / fit.field_strength_ut) as Triple);
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new Float32BufferAttribute(scaled.flat(), 3));
-  const cloud = new Points(geometry, new PointsMaterial({ color: new Color(colour("s1")), size: 0.035 }));
+  const cloud = new Points(geometry, new PointsMaterial({ color: new Color(colour("s1")), size: 0.05 }));
   // The first is the newest: the field as the device sees it now.
   const [x, y, z] = scaled[0]!;
   const now = new Mesh(new SphereGeometry(0.055, 16, 12), new MeshBasicMaterial({ color: colour("s1") }));

@@ -13,6 +13,11 @@ export function figures(v: number): string {
   return (size < 1e-3 || size >= 1e5 ? `${v.toExponential(1).split("e")[0]}·${power(10 ** Math.floor(Math.log10(size) + 1e-9))}` : String(+v.toPrecision(3))).replace("-", "−");
 }
 
+/** A sentence of the program with the signs that print knows. */
+export function pretty(text: string): string {
+  return text.replace(/\buT\b/g, "µT").replaceAll("m/s^2", "m/s²").replaceAll("+-", "±").replace(/sqrt\((Hz|s|h)\)/g, "√$1").replace(/(^|[\s(])-(?=\d)/g, "$1−");
+}
+
 /** A power of ten, raised: 10⁻⁴. Other numbers are rounded to one figure. */
 export function power(v: number): string {
   const [head, exponent] = v.toExponential(0).split("e");

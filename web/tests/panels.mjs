@@ -63,7 +63,7 @@ await suite(async () => {
     const share = async () => numberIn(await page.locator(".coverage output").textContent());
     // It rests for ten seconds, then turns.
     await until("half of the sphere", async () => (await share()) > 50, 60);
-    assert.match(await page.locator(".hint").textContent(), /^Turn it so that its .* points (down|up)\.$/);
+    assert.match(await page.locator(".hint").textContent(), /^Turn it so that its .* points? (down|up)\.$/);
     await view.picture("3b-magnetometer");
     await page.locator(".panel .verdict.good").waitFor();
     await button("Finish").click();
@@ -131,7 +131,7 @@ await suite(async () => {
     await view.experiment("Still", 10);
     await page.locator(".panel .final").waitFor({ timeout: 60_000 });
     for (const key of ["calculated", "estimated"]) {
-      const cells = await page.locator(`tr[data-quaternion=${key}] td`).allTextContents();
+      const cells = await page.locator(`td[data-quaternion=${key}]`).allTextContents();
       const [w, x, y, z, angle] = cells.map((text) => numberIn(text.replace("±", "")));
       const turned = (2 * Math.asin(Math.min(1, Math.hypot(x, y, z))) * 180) / Math.PI;
       assert.ok(Math.abs(Math.hypot(w, x, y, z) - 1) < 2e-4, cells.join());

@@ -5,7 +5,7 @@ import type uPlot from "uplot";
 import { Chart, type ChartSpec } from "../chart";
 import type { Allan as Message, AllanReport, Device, Settings } from "../protocol";
 import { changeHere, rowsOf, send, state } from "../store";
-import { figures, number } from "../words";
+import { figures, number, pretty } from "../words";
 import { Stillness } from "./stillness";
 
 const SENSORS = ["gyroscope", "accelerometer", "magnetometer"];
@@ -68,7 +68,7 @@ function clock(seconds: number): string {
 }
 
 function Answer({ answer, device }: { answer: Message; device: Device }) {
-  if (!answer.report) return <div class="verdict warn"><b>Not yet</b><span>{sentence(answer.text ?? "")}</span></div>;
+  if (!answer.report) return <div class="verdict warn"><b>Not yet</b><span>{pretty(sentence(answer.text ?? ""))}</span></div>;
   const { report, fill } = answer;
   const settings = fill?.settings ?? {};
   const apply = (): void => {
@@ -84,8 +84,8 @@ function Answer({ answer, device }: { answer: Message; device: Device }) {
           <Filled settings={settings} />
         </>
       )}
-      {report.sensor === "gyroscope" && fill && <ul class="sentences plain">{fill.said.filter((s) => s.includes("unchanged")).map((s) => <li key={s}>{s}</li>)}</ul>}
-      <ul class="sentences plain">{report.sentences.map((s) => <li key={s}>{s}</li>)}</ul>
+      {report.sensor === "gyroscope" && fill && <ul class="sentences plain">{fill.said.filter((s) => s.includes("unchanged")).map((s) => <li key={s}>{pretty(s)}</li>)}</ul>}
+      <ul class="sentences plain">{report.sentences.map((s) => <li key={s}>{pretty(s)}</li>)}</ul>
     </>
   );
 }
@@ -93,7 +93,7 @@ function Answer({ answer, device }: { answer: Message; device: Device }) {
 const sentence = (text: string): string => `${text.charAt(0).toUpperCase()}${text.slice(1)}.`.replace("..", ".");
 
 function Coefficients({ report }: { report: AllanReport }) {
-  const c = report.coefficients, unit = report.unit.replace("^2", "²").replace("uT", "µT");
+  const c = report.coefficients, unit = pretty(report.unit);
   const rows: [string, { value: number; std: number } | null | undefined, string, string][] = [
     ["White noise", c.noise_density, `${unit}/√Hz`, "noise"],
     ["Bias instability", c.bias_instability, unit, "instability"],
@@ -122,7 +122,7 @@ function Filled({ settings }: { settings: Settings }) {
 const SPEC: ChartSpec = {
   title: "Allan deviation", unit: "over averaging time, s", logX: true, logY: true,
   legend: [
-    { text: "measured, 95 %", role: "estimate" }, { text: "white noise", role: "s1", dash: true },
+    { text: "measured", role: "estimate" }, { text: "white noise", role: "s1", dash: true },
     { text: "instability", role: "s2", dash: true }, { text: "random walk", role: "s3", dash: true },
   ],
   lines: [
@@ -152,7 +152,7 @@ function lines(report: AllanReport): (number | null)[][] {
 /** The curve, in the lower half. */
 export function AllanPlot() {
   const report = state.allan?.report ?? null;
-  const spec = useMemo<ChartSpec>(() => ({ ...SPEC, unit: `${report?.unit.replace("^2", "²") ?? ""} over averaging time, s`, mark: () => report?.trusted_tau_s ?? null }), [report]);
+  const spec = useMemo<ChartSpec>(() => ({ ...SPEC, unit: `${pretty(report?.unit ?? "")} over s, 95 %`, mark: () => report?.trusted_tau_s ?? null }), [report]);
   const data = useMemo(() => {
     const curve = report?.curve ?? [];
     const columns = [curve.map((p) => p.tau_s), curve.map((p) => p.upper), curve.map((p) => Math.max(p.lower, 1e-12)), curve.map((p) => p.deviation), ...(report ? lines(report) : [[], [], []])];

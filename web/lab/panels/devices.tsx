@@ -38,8 +38,10 @@ function DeviceCard({ device }: { device: Device }) {
       {selected && (
         <>
           {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={h.text}>{h.text}</p>)}
-          <p class="counts">{device.source}, {lost(device)}, {device.received} samples</p>
-          <p class="counts">{[device.is_calibrated ? "calibrated at rest" : "not calibrated", ...(device.magnetometer ? ["magnetometer calibrated"] : [])].join(", ")}</p>
+          <p class="counts">{device.source}, {lost(device)}</p>
+          <p class="counts">{device.received} samples</p>
+          <p class="counts">{device.is_calibrated ? "Calibrated at rest" : "Not yet calibrated at rest"}</p>
+          {device.magnetometer && <p class="counts">Magnetometer calibrated</p>}
           <Draft name="rename" label="Name" value={device.name} change={(name) => send({ type: "rename", device: device.id, name })} />
           {removable && <button type="button" class="link" onClick={() => send(device.source === "virtual" ? { type: "virtual_phone", action: "remove", device: device.id } : { type: "remove", device: device.id })}>Remove this device</button>}
         </>

@@ -3,7 +3,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { angleBetween, mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
-import type { Device, Experiment as Message, FinalSummary, Frame, Quaternion, RunSummary, SettingValue } from "../protocol";
+import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
 import { goTo, historyOf, rowsOf, send, state, update } from "../store";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, unnamed, VERDICTS } from "../words";
@@ -147,21 +147,23 @@ function Final({ final }: { final: FinalSummary }) {
 
 /** The paper's last step: both error quaternions side by side. */
 function Quaternions({ final }: { final: FinalSummary }) {
-  const rows: [string, Quaternion | null, number | null, string][] = [
-    ["Calculated", final.calculated_error_wxyz, final.calculated_error_deg, "calculated"],
-    ["Estimated", final.estimated_error_wxyz, final.estimated_error_deg, "estimated"],
-  ];
+  const [calculated, estimated] = [final.calculated_error_wxyz, final.estimated_error_wxyz];
   return (
     <table class="compact quaternions">
-      <thead><tr><th scope="col">Error quaternion</th>{["w", "x", "y", "z"].map((a) => <th key={a} scope="col" class="num">{a}</th>)}<th scope="col" class="num">angle</th></tr></thead>
+      <thead><tr><th scope="col">Error quaternion</th><th scope="col" class="num">calculated</th><th scope="col" class="num">estimated</th></tr></thead>
       <tbody>
-        {rows.map(([name, q, angle, key]) => (
-          <tr key={key} data-quaternion={key}>
-            <th scope="row">{name}</th>
-            {[0, 1, 2, 3].map((i) => <td key={i} class="num">{q ? `${key === "estimated" && i ? "±" : ""}${number(q[i], 4)}` : "–"}</td>)}
-            <td class="num">{degrees(angle)}</td>
+        {["w", "x", "y", "z"].map((axis, i) => (
+          <tr key={axis}>
+            <th scope="row">{axis}</th>
+            <td class="num" data-quaternion="calculated">{number(calculated[i], 5)}</td>
+            <td class="num" data-quaternion="estimated">{estimated ? `${i ? "±" : ""}${number(estimated[i], 5)}` : "–"}</td>
           </tr>
         ))}
+        <tr>
+          <th scope="row">angle</th>
+          <td class="num" data-quaternion="calculated">{degrees(final.calculated_error_deg)}</td>
+          <td class="num" data-quaternion="estimated">{degrees(final.estimated_error_deg)}</td>
+        </tr>
       </tbody>
     </table>
   );

@@ -5,7 +5,7 @@ import type { Device, MagnetometerFit } from "../protocol";
 import { View } from "../scene";
 import { Sphere } from "../sphere";
 import { onChange, send, state } from "../store";
-import { number } from "../words";
+import { number, pretty } from "../words";
 
 export function Magnetometer({ device }: { device: Device }) {
   const told = state.magnetometers[device.id];
@@ -30,7 +30,7 @@ export function Magnetometer({ device }: { device: Device }) {
         </button>
       )}
       {told?.verdict && (running || told.state === "done") && (
-        <div class={`verdict ${told.verdict.tone}`}><b>{running ? "So far" : "Calibrated"}</b><span>{told.verdict.text}</span></div>
+        <div class={`verdict ${told.verdict.tone}`}><b>{running ? "So far" : "Calibrated"}</b><span>{pretty(told.verdict.text)}</span></div>
       )}
       {running && told.fit && <Numbers fit={told.fit} />}
       {!running && device.magnetometer && (

@@ -30,7 +30,7 @@ export function Tune({ device }: { device: Device }) {
       <fieldset class="toggles">
         <legend>Sensors used</legend>
         {SENSORS.map((sensor) => (
-          <label key={sensor}><input type="checkbox" checked={use[sensor]} onChange={() => toggle(sensor)} /> {sensor}</label>
+          <label key={sensor}><input type="checkbox" checked={use[sensor]} disabled={sensor === "gyroscope"} title={sensor === "gyroscope" ? "Every estimator needs it" : undefined} onChange={() => toggle(sensor)} /> {sensor}</label>
         ))}
       </fieldset>
       {offers("estimators") && <Estimators device={device} />}

@@ -142,7 +142,7 @@ impl MagnetometerRun {
             return "Every direction has been seen: press Finish.".to_owned();
         };
         format!(
-            "Turn it so that its {} points {}.",
+            "Turn it so that its {} {}.",
             side(&gap),
             self.where_the_field_points()
         )
@@ -182,7 +182,7 @@ fn judged(fit: &MagnetometerCalibration<f64>) -> Remark {
     }
 }
 
-/// The side of a phone that a direction in its axes leaves through.
+/// The sides of a phone that a direction in its axes leaves through, with their verb.
 fn side(direction: &Vector3<f64>) -> String {
     let names = [
         ("left edge", "right edge"),
@@ -197,9 +197,9 @@ fn side(direction: &Vector3<f64>) -> String {
     sides.sort_by(|a, b| b.0.total_cmp(&a.0));
     match sides.as_slice() {
         [(_, first), (size, second), ..] if *size > WORTH_A_WORD => {
-            format!("corner between {first} and {second}")
+            format!("{first} and its {second} point")
         }
-        [(_, first), ..] => (*first).to_owned(),
+        [(_, first), ..] => format!("{first} points"),
         [] => String::new(),
     }
 }
@@ -314,10 +314,10 @@ mod tests {
 
     #[test]
     fn sides_have_names() {
-        assert_eq!(side(&Vector3::new(0.1, -0.95, 0.2)), "bottom edge");
+        assert_eq!(side(&Vector3::new(0.1, -0.95, 0.2)), "bottom edge points");
         assert_eq!(
             side(&Vector3::new(0.7, 0.0, 0.7)),
-            "corner between right edge and screen"
+            "right edge and its screen point"
         );
     }
 
