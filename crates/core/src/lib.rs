@@ -9,8 +9,9 @@
 //! | [`geometry`] | rotations: exponential and logarithm on SO(3), Jacobians, conversions, frames |
 //! | [`kalman`] | the innovation record, NIS gates, in-place scalar updates, covariance hygiene |
 //! | [`attitude`] | gyroscope integration, MEKF, USQUE, quaternion EKF, Wahba's problem, alignment |
+//! | [`navigation`] | the 15-state error-state filter: position, velocity and attitude from an IMU and aiding |
 //! | [`calibration`] | what a sensor at rest tells: bias, noise, references, and when to refuse |
-//! | [`tracking`] | targets in clutter: motion models, association, existence, own-ship uncertainty |
+//! | [`tracking`] | others: one target or many in clutter, from a platform whose own pose is uncertain |
 //!
 //! # Conventions
 //!
@@ -34,6 +35,7 @@ pub mod attitude;
 pub mod calibration;
 pub mod geometry;
 pub mod kalman;
+pub mod navigation;
 mod scalar;
 pub mod tracking;
 

@@ -2,9 +2,11 @@
 //! and covariance hygiene.
 
 pub mod covariance;
+pub mod feedback;
 pub mod gate;
 pub mod innovation;
 pub mod scalar_update;
 
+pub use feedback::{ErrorFeedback, ErrorPropagation, OutsideCorrection, ScalarCorrection};
 pub use gate::{Gate, GateDecision, GateState};
 pub use innovation::{Innovation, Outcome, SkipReason};

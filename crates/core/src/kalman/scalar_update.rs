@@ -9,6 +9,7 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::covariance::mirror_upper;
+use super::feedback::ScalarCorrection;
 use crate::scalar::Scalar;
 
 /// One scalar measurement of the first three states: `residual = h . x[0..3] + noise`.
@@ -48,6 +49,34 @@ pub fn update_full<T: Scalar, const N: usize>(
     let s = ph.dot(h) + variance;
     let expected = correction.dot(h);
     apply(covariance, correction, &ph, s, residual - expected)
+}
+
+/// One scalar measurement of a single state: `residual = x[state] + noise`. The cheapest update
+/// there is: its `P H^T` is a column of `P`.
+///
+/// As [`update_leading3`]; gives back what was done, for whoever carries a cross-covariance with
+/// these states, or `None` when nothing was: the innovation variance is not positive, or there is
+/// no such state.
+#[inline]
+pub fn update_one_state<T: Scalar, const N: usize>(
+    covariance: &mut SMatrix<T, N, N>,
+    correction: &mut SVector<T, N>,
+    state: usize,
+    residual: T,
+    variance: T,
+) -> Option<ScalarCorrection<T, N>> {
+    if state >= N {
+        return None;
+    }
+    let ph: SVector<T, N> = covariance.column(state).into_owned();
+    let s = ph[state] + variance;
+    let nu = residual - correction[state];
+    apply(covariance, correction, &ph, s, nu).then(|| ScalarCorrection {
+        state,
+        gain: ph * (T::one() / s),
+        residual: nu,
+        variance: s,
+    })
 }
 
 /// Three scalar measurements of the first three states whose rows are those of `[v]x`:
@@ -195,6 +224,22 @@ mod tests {
             prop_assert!((p3 - expected_p).abs().max() < 1e-9);
             prop_assert!((x3 - expected_x).abs().max() < 1e-9);
             prop_assert!((pf - p3).abs().max() < 1e-10 && (xf - x3).abs().max() < 1e-10);
+
+            // A single state is a row with a single one.
+            let (mut p1, mut x1) = (p, SVector::<f64, 6>::zeros());
+            let (mut pf, mut xf) = (p, SVector::<f64, 6>::zeros());
+            for i in [4, 0, 2] {
+                let row = SVector::<f64, 6>::from_fn(|k, _| if k == i { 1.0 } else { 0.0 });
+                let before = p1;
+                let done = update_one_state(&mut p1, &mut x1, i, z[0], r[i % 3]).unwrap();
+                prop_assert!(update_full(&mut pf, &mut xf, &row, z[0], r[i % 3]));
+                // What is told about the step is what was done: P+ = (I - K H) P-.
+                let mut told = before;
+                done.map_rows(&mut told);
+                prop_assert!((told - p1).abs().max() < 1e-12);
+            }
+            prop_assert!((pf - p1).abs().max() < 1e-12 && (xf - x1).abs().max() < 1e-12);
+            prop_assert!(update_one_state(&mut p1, &mut x1, 6, 0.0, 1.0).is_none());
             prop_assert_eq!(p3, p3.transpose());
         }
 

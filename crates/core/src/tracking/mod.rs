@@ -1,4 +1,19 @@
-//! Where are the others: tracks of many targets in clutter, seen from an uncertain own ship.
+//! Where are the others: targets seen by radar from a platform whose own pose is uncertain.
+//!
+//! A radar measures range and bearing from the own ship. Where the own ship is, and above all where
+//! it points, comes from a navigation filter and is in error; that error is the same from scan to
+//! scan for a while, so it cannot be treated as more radar noise. The trackers here differ in
+//! what they make of it:
+//!
+//! | tracker | file | own pose | when |
+//! |---|---|---|---|
+//! | [`PoseAsKnown`] | `pose_as_known.rs` | taken as exact | the yardsticks: true pose, and uncompensated |
+//! | [`ConvertedMeasurement`] | `converted_measurement.rs` | its covariance inflates the noise | only pose covariance, no correlation wanted |
+//! | [`SchmidtKalman`] | `schmidt_kalman.rs` | cross-covariance carried along | the default: exact, or with feed-forward |
+//! | [`BlackBoxSchmidt`] | `black_box.rs` | cross-covariance with an assumed correlation time | the navigation shows its pose only |
+//! | [`JointEkf`] | `joint.rs` | estimated together | the bound: the radar corrects the navigation too |
+//!
+//! Those follow one target whose detections are known to be its own. For many targets in clutter:
 //!
 //! | file | what is in it |
 //! |---|---|
@@ -8,10 +23,153 @@
 //! | [`imm`] | several motion models at once, with the cross-covariance to the own ship |
 //! | [`association`] | gates, PDA, IPDA, JIPDA |
 //! | [`multi_target`] | the tracker: initiation, existence, confirmation, deletion |
+//!
+//! How close they will come, and how likely too close: [`collision`].
+//!
+//! State of a target: `[north, v_north, east, v_east]` (m, m/s). Pose of the own ship: `[north,
+//! east, heading]`, heading clockwise from north, rad. Derivation of it all:
+//! `docs/derivations/schmidt_kalman.md`.
 
 pub mod association;
+pub mod black_box;
+pub mod body_frame;
+pub mod collision;
+pub mod constant_velocity;
+pub mod converted_measurement;
 pub mod coordinated_turn;
 pub mod detection;
 pub mod imm;
+pub mod initiation;
+pub mod joint;
 pub mod multi_target;
 pub mod own_ship;
+pub mod pose_as_known;
+pub mod radar;
+pub mod schmidt_kalman;
+mod update;
+
+pub use black_box::BlackBoxSchmidt;
+pub use body_frame::BodyFrameTracker;
+pub use constant_velocity::ConstantVelocity;
+pub use converted_measurement::{Conversion, ConvertedMeasurement};
+pub use joint::JointEkf;
+pub use pose_as_known::PoseAsKnown;
+pub use radar::{RadarDetection, RadarNoise};
+pub use schmidt_kalman::{Coupling, SchmidtKalman};
+
+use nalgebra::{Matrix3, Matrix4, SMatrix, Vector3, Vector4};
+
+use crate::kalman::SkipReason;
+use crate::scalar::{Scalar, lit};
+
+/// Where a target is and how it moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackEstimate<T: Scalar> {
+    /// `[north, v_north, east, v_east]`, m and m/s.
+    pub state: Vector4<T>,
+    /// Covariance of the state.
+    pub covariance: Matrix4<T>,
+}
+
+impl<T: Scalar> TrackEstimate<T> {
+    /// Whether every number is finite and no variance negative.
+    pub fn is_usable(&self) -> bool {
+        self.state.norm_squared().is_finite()
+            && self.covariance.norm_squared().is_finite()
+            && self.covariance.diagonal().iter().all(|v| *v >= T::zero())
+    }
+}
+
+/// What a tracker is told about the own ship: its pose, and the error of its navigation.
+#[derive(Debug, Clone, Copy)]
+pub struct OwnShip<'a, T: Scalar, const N: usize> {
+    /// `[north, east, heading]`, m and rad.
+    pub pose: Vector3<T>,
+    /// Covariance of the navigation filter's error states.
+    pub covariance: &'a SMatrix<T, N, N>,
+    /// The rows that make the pose error from those states.
+    pub pose_from_error: &'a SMatrix<T, 3, N>,
+}
+
+impl<T: Scalar, const N: usize> OwnShip<'_, T, N> {
+    /// Covariance of the pose.
+    pub fn pose_covariance(&self) -> Matrix3<T> {
+        self.pose_from_error * self.covariance * self.pose_from_error.transpose()
+    }
+
+    /// Refuses what cannot be a pose with its covariance.
+    fn check(&self) -> Result<(), SkipReason> {
+        if !self.pose.norm_squared().is_finite() || !self.covariance.norm_squared().is_finite() {
+            Err(SkipReason::NotFinite)
+        } else if self.covariance.diagonal().iter().any(|v| *v < T::zero()) {
+            Err(SkipReason::Numerical)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// What all trackers of one target need to know.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(deny_unknown_fields)
+)]
+pub struct TrackerConfig<T: Scalar> {
+    /// How the target moves.
+    pub motion: ConstantVelocity<T>,
+    /// Noise of the radar.
+    pub radar: RadarNoise<T>,
+    /// NIS (two degrees of freedom) above which a detection is refused; default 0: none is.
+    /// Lowering it keeps out wild detections, and true ones after a jump of the own pose.
+    pub gate_nis: T,
+}
+
+impl<T: Scalar> TrackerConfig<T> {
+    /// Without a gate.
+    pub fn new(motion: ConstantVelocity<T>, radar: RadarNoise<T>) -> Self {
+        Self {
+            motion,
+            radar,
+            gate_nis: T::zero(),
+        }
+    }
+
+    /// Name of the first setting that makes no sense: standard deviations must be finite and above
+    /// zero, that of the target's acceleration may be zero.
+    pub fn senseless(&self) -> Option<&'static str> {
+        let positive = |x: T| x.is_finite() && x > T::zero();
+        let not_negative = |x: T| x.is_finite() && x >= T::zero();
+        if !not_negative(self.motion.acceleration_std) {
+            Some("acceleration_std")
+        } else if !positive(self.radar.range_std) {
+            Some("range_std")
+        } else if !positive(self.radar.bearing_std) {
+            Some("bearing_std")
+        } else if !not_negative(self.gate_nis) {
+            Some("gate_nis")
+        } else {
+            None
+        }
+    }
+}
+
+/// Longest prediction in one go, s.
+const LONGEST_STEP_S: f64 = 3600.0;
+
+/// Refuses a step in time that is not finite, not forward, or absurdly long.
+fn check_step<T: Scalar>(dt: T) -> Result<(), SkipReason> {
+    if !dt.is_finite() {
+        Err(SkipReason::NotFinite)
+    } else if dt <= T::zero() {
+        Err(SkipReason::NotNewer)
+    } else if dt > lit(LONGEST_STEP_S) {
+        Err(SkipReason::OutOfRange)
+    } else {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod test_scene;

@@ -1,0 +1,29 @@
+//! Where is the body: position, velocity and attitude from an inertial measurement unit and
+//! whatever aids it.
+//!
+//! | estimator | file | error states | when |
+//! |---|---|---|---|
+//! | [`ErrorStateFilter`] | `error_state.rs` | attitude, velocity, position, two biases | GNSS compass, tangent plane |
+//!
+//! Frames: local north, east, down (NED) tangent plane; body forward, right, down (FRD). Gravity is
+//! constant and points down; Earth's rotation is left out. Both are small against the noise of the
+//! sensors this is meant for within some tens of kilometres.
+
+pub mod error_state;
+pub mod transition;
+
+pub use error_state::{ErrorStateConfig, ErrorStateFilter, GnssCompassFix, NavigationState};
+pub use transition::ErrorTransition;
+
+/// Number of error states: `[dpsi, dv, dp, db_a, db_g]`, three each.
+pub const STATES: usize = 15;
+/// First of the three attitude errors (rad, NED axes).
+pub const ATTITUDE: usize = 0;
+/// First of the three velocity errors (m/s, NED).
+pub const VELOCITY: usize = 3;
+/// First of the three position errors (m, NED).
+pub const POSITION: usize = 6;
+/// First of the three accelerometer bias errors (m/s^2, body axes).
+pub const ACCELEROMETER_BIAS: usize = 9;
+/// First of the three gyroscope bias errors (rad/s, body axes).
+pub const GYROSCOPE_BIAS: usize = 12;

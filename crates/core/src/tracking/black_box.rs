@@ -1,0 +1,99 @@
+//! The Schmidt-Kalman tracker beside a navigation that shows its pose and nothing else.
+//!
+//! The error of the pose is taken as a Gauss-Markov process with a stated correlation time for
+//! position and heading (S11, [`PoseMemory`]). While the navigation converges its error shrinks faster than that;
+//! so the correlation over a scan is `min(exp(-dt / tau), variance now / variance before)`. With the
+//! right times this equals the exact tracker within a part in a thousand; a wrong heading time
+//! costs honesty.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::own_ship::PoseMemory;
+use super::{
+    Coupling, OwnShip, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig, check_step,
+};
+use crate::kalman::{ErrorPropagation, Innovation, SkipReason};
+use crate::scalar::Scalar;
+
+/// The tracker.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BlackBoxSchmidt<T: Scalar> {
+    inner: SchmidtKalman<T, 3>,
+    memory: PoseMemory<T>,
+    before: Matrix3<T>,
+    since_update: T,
+}
+
+/// What remains of each pose error.
+struct Remains<T: Scalar>(Vector3<T>);
+
+impl<T: Scalar> ErrorPropagation<T, 3> for Remains<T> {
+    fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, 3, C>) {
+        for mut column in rows.column_iter_mut() {
+            column.component_mul_assign(&self.0);
+        }
+    }
+}
+
+impl<T: Scalar> BlackBoxSchmidt<T> {
+    /// Starts from a track and its covariance with the pose error (rows `[north, east, heading]`),
+    /// at a moment when the pose has this covariance.
+    pub fn new(
+        config: TrackerConfig<T>,
+        memory: PoseMemory<T>,
+        track: TrackEstimate<T>,
+        cross: SMatrix<T, 3, 4>,
+        pose_covariance: &Matrix3<T>,
+    ) -> Self {
+        Self {
+            inner: SchmidtKalman::new(config, Coupling::Exact, track, cross),
+            memory,
+            before: *pose_covariance,
+            since_update: T::zero(),
+        }
+    }
+
+    /// The target.
+    pub fn track(&self) -> &TrackEstimate<T> {
+        self.inner.track()
+    }
+
+    /// Moves the target on by `dt` seconds.
+    ///
+    /// # Errors
+    /// Why the step was refused; nothing has changed then.
+    pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
+        check_step(dt)?;
+        self.inner.predict(dt)?;
+        self.since_update += dt;
+        Ok(())
+    }
+
+    /// Fuses a detection from a pose with this covariance.
+    pub fn update(
+        &mut self,
+        detection: &RadarDetection<T>,
+        pose: &Vector3<T>,
+        pose_covariance: &Matrix3<T>,
+    ) -> Innovation<T> {
+        let variances = pose_covariance.diagonal();
+        if !variances.norm_squared().is_finite() {
+            return Innovation::skipped(SkipReason::NotFinite);
+        }
+        if variances.iter().any(|v| *v < T::zero()) {
+            return Innovation::skipped(SkipReason::Numerical);
+        }
+        let remains = self
+            .memory
+            .factors(&self.before, pose_covariance, self.since_update);
+        self.inner.navigation_propagated(&Remains(remains));
+        self.before = *pose_covariance;
+        self.since_update = T::zero();
+        let own = OwnShip {
+            pose: *pose,
+            covariance: pose_covariance,
+            pose_from_error: &Matrix3::identity(),
+        };
+        self.inner.update(detection, &own)
+    }
+}

@@ -1,0 +1,76 @@
+//! The joint estimator: target and navigation correct each other. The bound on what can be had.
+//!
+//! It needs a navigation filter of its own, which the radar may move: after each update the
+//! correction is handed to that filter, and the angle at which it re-centred comes back. Who
+//! navigates by that filter steers by a target's echo; that is why the one-way trackers exist.
+
+use nalgebra::{SMatrix, Vector3};
+
+use super::{Coupling, OwnShip, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig};
+use crate::kalman::{
+    ErrorFeedback, ErrorPropagation, Innovation, OutsideCorrection, SkipReason, feedback,
+};
+use crate::scalar::Scalar;
+
+/// The tracker.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointEkf<T: Scalar, const N: usize> {
+    inner: SchmidtKalman<T, N>,
+}
+
+impl<T: Scalar, const N: usize> JointEkf<T, N> {
+    /// As [`SchmidtKalman::new`].
+    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>, cross: SMatrix<T, N, 4>) -> Self {
+        Self {
+            inner: SchmidtKalman::new(config, Coupling::FeedForward, track, cross),
+        }
+    }
+
+    /// The target.
+    pub fn track(&self) -> &TrackEstimate<T> {
+        self.inner.track()
+    }
+
+    /// The navigation filter has propagated its covariance.
+    pub fn navigation_propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        self.inner.navigation_propagated(transition);
+    }
+
+    /// The navigation filter has corrected itself.
+    pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
+        self.inner.navigation_corrected(feedback);
+    }
+
+    /// Moves the target on by `dt` seconds.
+    ///
+    /// # Errors
+    /// Why the step was refused; nothing has changed then.
+    pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
+        self.inner.predict(dt)
+    }
+
+    /// Fuses a detection. What it says about the navigation must be given to that filter, and the
+    /// angle at which it re-centred to [`Self::navigation_recentred`].
+    pub fn update(
+        &mut self,
+        detection: &RadarDetection<T>,
+        own: &OwnShip<'_, T, N>,
+    ) -> (Innovation<T>, Option<OutsideCorrection<T, N>>) {
+        let (innovation, told) = self.inner.update_and_tell(detection, own);
+        let outside = told.map(|told| {
+            let gain = told.covariance * told.inverse;
+            let residual = innovation.residual.fixed_rows::<2>(0).into_owned();
+            OutsideCorrection {
+                correction: gain * residual,
+                gain,
+                innovation_covariance: told.innovation_covariance,
+            }
+        });
+        (innovation, outside)
+    }
+
+    /// The navigation has re-centred its attitude error at this angle (rad).
+    pub fn navigation_recentred(&mut self, angle: &Vector3<T>) {
+        feedback::reset_rows(self.inner.cross_mut(), angle);
+    }
+}

@@ -1,0 +1,192 @@
+//! The Schmidt-Kalman tracker: the own ship's navigation error is considered, not estimated.
+//!
+//! *Read first:* Wilthil & Brekke, *Compensation of Navigation Uncertainty for Target Tracking on a
+//! Moving Platform* (2016), eqs 13-22; Schmidt, *Application of state-space methods to navigation
+//! problems* (1966); `docs/derivations/schmidt_kalman.md`, whose equation numbers (S..) stand at the
+//! lines below.
+//!
+//! Use it when the own pose comes from a filter that can be listened to, and the statement about the
+//! target has to be true. When the navigation shows nothing but its pose, see
+//! [`super::BlackBoxSchmidt`].
+//!
+//! # What it carries
+//!
+//! | symbol | here | |
+//! |---|---|---|
+//! | `x`, `P_t` | `track` | target |
+//! | `X^T` | `cross` (`N` by 4) | covariance of navigation error and target |
+//! | `P_o`, `T` | [`OwnShip`] | from the navigation, never touched |
+//!
+//! Between scans the cross-covariance follows the navigation error wherever that filter takes it:
+//! `X <- F X M^T`, with `M` the product of what [`SchmidtKalman::navigation_propagated`] and
+//! [`SchmidtKalman::navigation_corrected`] are told. The paper multiplies by the open-loop
+//! transition alone ([`Coupling::OpenLoop`]): it believes that a heading error persists which the
+//! navigation has long corrected, and the joint covariance loses its sign. [`Coupling::FeedForward`]
+//! goes further than the exact recursion: what the compass tells about the heading moves the target,
+//! which was seen under that heading; the target never moves the navigation.
+//!
+//! Cost: one update of 15 navigation states is about 1,500 multiplications. Limits: one target;
+//! several targets share the navigation error, and the covariance between them is not kept.
+
+use nalgebra::{Matrix2, SMatrix};
+
+use super::constant_velocity::predict_columns;
+use super::radar::PredictedDetection;
+use super::update::{Measured, symmetric2};
+use super::{OwnShip, RadarDetection, TrackEstimate, TrackerConfig, check_step};
+use crate::kalman::covariance::symmetrize;
+use crate::kalman::{ErrorFeedback, ErrorPropagation, Innovation, SkipReason};
+use crate::scalar::Scalar;
+
+/// What the cross-covariance follows between scans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coupling {
+    /// The closed loop of the navigation: exact.
+    Exact,
+    /// The closed loop, and the navigation's corrections move the target too: exact, and better.
+    FeedForward,
+    /// The open-loop transition only, as printed in the paper. For comparison: this is not a
+    /// recursion of a covariance.
+    OpenLoop,
+}
+
+/// The tracker.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SchmidtKalman<T: Scalar, const N: usize> {
+    config: TrackerConfig<T>,
+    coupling: Coupling,
+    track: TrackEstimate<T>,
+    cross: SMatrix<T, N, 4>,
+}
+
+/// What an update did, for a joint estimator: gain of the navigation's states, and `S`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OwnPart<T: Scalar, const N: usize> {
+    /// `o = cov(navigation error, nu)`.
+    pub(super) covariance: SMatrix<T, N, 2>,
+    /// `S`.
+    pub(super) innovation_covariance: Matrix2<T>,
+    /// `S^-1`.
+    pub(super) inverse: Matrix2<T>,
+}
+
+impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
+    /// Starts from a track and its covariance with the navigation error (one row for each of the
+    /// navigation's states), such as [`super::initiation::one_point`] gives; zero for a track that
+    /// knows nothing of the navigation.
+    pub fn new(
+        config: TrackerConfig<T>,
+        coupling: Coupling,
+        track: TrackEstimate<T>,
+        cross: SMatrix<T, N, 4>,
+    ) -> Self {
+        Self {
+            config,
+            coupling,
+            track,
+            cross,
+        }
+    }
+
+    /// The target.
+    pub fn track(&self) -> &TrackEstimate<T> {
+        &self.track
+    }
+
+    /// Covariance of the navigation error (rows) with the target's state (columns).
+    pub fn cross_covariance(&self) -> &SMatrix<T, N, 4> {
+        &self.cross
+    }
+
+    pub(super) fn cross_mut(&mut self) -> &mut SMatrix<T, N, 4> {
+        &mut self.cross
+    }
+
+    /// The navigation filter has propagated its covariance (S5).
+    #[inline]
+    pub fn navigation_propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        transition.map_rows(&mut self.cross);
+    }
+
+    /// The navigation filter has corrected itself (S6). With feed-forward the correction moves the
+    /// target by `K_t nu`, `K_t = X H^T S^-1` (S12).
+    #[inline]
+    pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
+        match self.coupling {
+            Coupling::OpenLoop => {}
+            Coupling::Exact => feedback.map_rows(&mut self.cross),
+            Coupling::FeedForward => {
+                for correction in feedback.corrections() {
+                    let known = self.cross.row(correction.state).transpose();
+                    let gain = known / correction.variance;
+                    self.track.state += gain * correction.residual;
+                    self.track.covariance -= gain * known.transpose();
+                    correction.map_rows(&mut self.cross);
+                }
+                symmetrize(&mut self.track.covariance);
+                crate::kalman::feedback::reset_rows(&mut self.cross, feedback.reset_angle());
+            }
+        }
+    }
+
+    /// Moves the target on by `dt` seconds: `X <- F X` (S8).
+    ///
+    /// # Errors
+    /// Why the step was refused; nothing has changed then.
+    pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
+        check_step(dt)?;
+        self.config.motion.predict(&mut self.track, dt);
+        predict_columns(&mut self.cross, dt);
+        Ok(())
+    }
+
+    /// Fuses a detection (S9). The navigation stays as it is.
+    #[inline]
+    pub fn update(
+        &mut self,
+        detection: &RadarDetection<T>,
+        own: &OwnShip<'_, T, N>,
+    ) -> Innovation<T> {
+        self.update_and_tell(detection, own).0
+    }
+
+    /// [`Self::update`], which also tells what the detection says about the navigation.
+    #[inline]
+    pub(super) fn update_and_tell(
+        &mut self,
+        detection: &RadarDetection<T>,
+        own: &OwnShip<'_, T, N>,
+    ) -> (Innovation<T>, Option<OwnPart<T, N>>) {
+        let predicted = detection
+            .check()
+            .and_then(|()| own.check())
+            .and_then(|()| PredictedDetection::new(&self.track.state, &own.pose));
+        let predicted = match predicted {
+            Ok(predicted) => predicted,
+            Err(reason) => return (Innovation::skipped(reason), None),
+        };
+        let h_t = &predicted.by_target;
+        let h_o = predicted.by_pose * own.pose_from_error;
+        // a = P_t H_t^T + X H_o^T,  o = X^T H_t^T + P_o H_o^T,  S = H_t a + H_o o + R
+        let target = self.track.covariance * h_t.transpose() + self.cross.tr_mul(&h_o.transpose());
+        let navigation = self.cross * h_t.transpose() + own.covariance * h_o.transpose();
+        let s = h_t * target + h_o * navigation + self.config.radar.covariance();
+        let measured = Measured {
+            residual: predicted.residual(detection),
+            covariance: symmetric2(&s),
+            target,
+        };
+        let (innovation, gain) = measured.fuse(&mut self.track, self.config.gate_nis);
+        let Some(gain) = gain else {
+            return (innovation, None);
+        };
+        // X <- X - K o^T
+        self.cross -= navigation * gain.transpose();
+        let told = super::update::inverse2(&measured.covariance).map(|inverse| OwnPart {
+            covariance: navigation,
+            innovation_covariance: measured.covariance,
+            inverse,
+        });
+        (innovation, told)
+    }
+}

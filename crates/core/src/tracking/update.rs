@@ -1,0 +1,86 @@
+//! The measurement update that all trackers share: two components, gain from `a = cov(x, nu)`.
+
+use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
+
+use super::TrackEstimate;
+use crate::kalman::covariance::symmetrize;
+use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::scalar::{Scalar, lit};
+
+/// What a measurement is to a target: residual, its covariance `S`, and `a = cov(x, nu)`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured<T: Scalar> {
+    pub(super) residual: Vector2<T>,
+    pub(super) covariance: Matrix2<T>,
+    pub(super) target: SMatrix<T, 4, 2>,
+}
+
+/// The inverse of a positive definite 2 by 2 matrix.
+#[inline]
+pub(super) fn inverse2<T: Scalar>(s: &Matrix2<T>) -> Option<Matrix2<T>> {
+    let (a, b, d) = (s[(0, 0)], s[(0, 1)], s[(1, 1)]);
+    let determinant = a * d - b * b;
+    if !(a > T::zero() && determinant > T::zero() && determinant.is_finite()) {
+        return None;
+    }
+    let i = T::one() / determinant;
+    i.is_finite()
+        .then(|| Matrix2::new(d * i, -b * i, -b * i, a * i))
+}
+
+impl<T: Scalar> Measured<T> {
+    /// The record of this measurement, whatever became of it.
+    fn innovation(&self, nis: T, outcome: Outcome) -> Innovation<T> {
+        let (r, s) = (&self.residual, &self.covariance);
+        let zero = T::zero();
+        Innovation {
+            residual: Vector3::new(r.x, r.y, zero),
+            covariance: Matrix3::new(
+                s[(0, 0)],
+                s[(0, 1)],
+                zero,
+                s[(1, 0)],
+                s[(1, 1)],
+                zero,
+                zero,
+                zero,
+                zero,
+            ),
+            nis,
+            degrees_of_freedom: 2,
+            outcome,
+        }
+    }
+
+    /// `x <- x + K nu`, `P <- P - K S K^T` with `K = a S^-1` (S9). Gives the record, and the gain
+    /// when the measurement was used. A NIS above a positive `gate_nis` refuses it.
+    #[inline]
+    pub(super) fn fuse(
+        &self,
+        track: &mut TrackEstimate<T>,
+        gate_nis: T,
+    ) -> (Innovation<T>, Option<SMatrix<T, 4, 2>>) {
+        let Some(inverse) = inverse2(&self.covariance) else {
+            return (Innovation::skipped(SkipReason::Numerical), None);
+        };
+        let weighted = inverse * self.residual;
+        let nis = self.residual.dot(&weighted);
+        if !nis.is_finite() {
+            return (Innovation::skipped(SkipReason::NotFinite), None);
+        }
+        if gate_nis > T::zero() && nis > gate_nis {
+            return (self.innovation(nis, Outcome::Gated), None);
+        }
+        let gain = self.target * inverse;
+        track.state += self.target * weighted;
+        track.covariance -= gain * self.target.transpose();
+        symmetrize(&mut track.covariance);
+        (self.innovation(nis, Outcome::Fused), Some(gain))
+    }
+}
+
+/// Half of `m + m^T`.
+#[inline]
+pub(super) fn symmetric2<T: Scalar>(m: &Matrix2<T>) -> Matrix2<T> {
+    (m + m.transpose()) * lit::<T>(0.5)
+}
