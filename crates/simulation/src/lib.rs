@@ -8,6 +8,9 @@
 //! | named, independent random streams | [`random`] |
 //! | where a body is and how it moves, as closed forms | [`trajectory`] |
 //! | what a sensor makes of the truth: noise, bias, quantisation, disturbances | [`sensors`] |
+//! | faults that wrap a sensor | [`faults`] |
+//! | a vessel and its manoeuvres | [`trajectory::vessel`] |
+//! | scenarios as files, and the runs they describe | [`scenario`] |
 //! | arrays for Monte Carlo consistency tests of attitude filters | [`monte_carlo`] |
 //! | a recording of a phone that never existed | [`virtual_phone`] |
 //!
@@ -19,9 +22,11 @@
 //! estimators' geometry, so that the truth shares no code with what is tested against it. They use
 //! `libm` through nalgebra, so a seed gives the same numbers on every machine.
 
+pub mod faults;
 pub mod monte_carlo;
 pub mod random;
 mod rotation;
+pub mod scenario;
 pub mod sensors;
 pub mod trajectory;
 pub mod virtual_phone;

@@ -30,6 +30,13 @@ pub fn stream(seed: u64, name: &str) -> Stream {
     Pcg64Mcg::new((next() << 64) | next())
 }
 
+/// The seed of one run of a campaign: the same pair always gives the same, and neighbouring runs of
+/// neighbouring campaigns share nothing.
+#[must_use]
+pub fn run_seed(campaign_seed: u64, run: u64) -> u64 {
+    splitmix64(splitmix64(campaign_seed) ^ run.wrapping_mul(GOLDEN_GAMMA).rotate_left(32))
+}
+
 /// One draw from the standard normal distribution.
 pub fn standard_normal(stream: &mut Stream) -> f64 {
     StandardNormal.sample(stream)
@@ -87,6 +94,16 @@ mod tests {
         assert_eq!(draw(7, "gyroscope"), draw(7, "gyroscope"));
         assert_ne!(draw(7, "gyroscope"), draw(7, "accelerometer"));
         assert_ne!(draw(7, "gyroscope"), draw(8, "gyroscope"));
+    }
+
+    #[test]
+    fn runs_of_neighbouring_campaigns_share_no_seed() {
+        let mut seeds: Vec<u64> = (0..100)
+            .flat_map(|campaign| (0..1000).map(move |run| run_seed(campaign, run)))
+            .collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 100_000);
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod bursts;
 mod coning;
 mod multi_sine;
 mod sequence;
+pub mod vessel;
 
 use std::fmt;
 
@@ -21,7 +22,8 @@ pub use sequence::{Repeated, Sequence};
 use crate::rotation;
 use crate::world::specific_force_at_rest;
 
-/// What is true of the body at one instant. World axes are east, north, up.
+/// What is true of the body at one instant. World axes are east, north, up, unless the trajectory
+/// says otherwise ([`vessel`]: north, east, down).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// Attitude, `world_from_body`.
@@ -49,11 +51,18 @@ impl Truth {
         }
     }
 
-    /// What an ideal accelerometer measures, in body axes, m/s^2.
+    /// What an ideal accelerometer measures, in body axes, m/s^2; world axes are east, north, up.
     #[must_use]
     pub fn specific_force_body(&self) -> Vector3<f64> {
+        self.specific_force_in(specific_force_at_rest())
+    }
+
+    /// What an ideal accelerometer measures, in body axes, m/s^2, in a world in which it shows
+    /// `at_rest` when it rests in the reference pose.
+    #[must_use]
+    pub fn specific_force_in(&self, at_rest: Vector3<f64>) -> Vector3<f64> {
         self.world_from_body
-            .inverse_transform_vector(&(self.acceleration_world + specific_force_at_rest()))
+            .inverse_transform_vector(&(self.acceleration_world + at_rest))
     }
 }
 
