@@ -18,6 +18,7 @@
 //! | the smoother | [`rts_smoother`] |
 //! | many recordings, several estimators, one table | [`compare`] |
 //! | HTML reports | [`report`] |
+//! | Monte Carlo campaigns on trackers | [`tracking`] |
 //!
 //! # Example
 //!
@@ -70,6 +71,7 @@ pub mod setup;
 pub mod summary;
 mod tally;
 pub mod trace;
+pub mod tracking;
 
 pub use error::EvaluationError;
 pub use estimators::EstimatorKind;

@@ -209,7 +209,7 @@ impl ComparisonReport<'_> {
     }
 }
 
-fn table(table: &Table) -> String {
+pub(super) fn table(table: &Table) -> String {
     let mut head = String::new();
     for (i, column) in table.columns.iter().enumerate() {
         let class = if i == 0 { "" } else { " class=\"num\"" };

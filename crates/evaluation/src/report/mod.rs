@@ -22,6 +22,7 @@
 mod allan_page;
 mod attitude_plots;
 mod axis;
+mod campaign;
 mod comparison;
 mod comparison_plots;
 mod field_page;
@@ -40,6 +41,7 @@ mod svg;
 mod tests;
 
 pub use allan_page::render as allan_html;
+pub use campaign::{CampaignReport, TrackerCurves};
 pub use comparison::{Best, Cell, Column, ComparedRun, ComparisonReport, Distribution, Table};
 pub use field_page::render as field_html;
 pub use from_summary::settings;
