@@ -18,7 +18,7 @@ fn root() -> PathBuf {
 }
 
 /// Every file below `folder` whose path ends in `ending`; build output and hidden folders are left
-/// out, except `.ci`.
+/// out, except `.ci`, and so is the `.git` of a worktree, which is a file.
 fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(folder) else {
         return Vec::new();
@@ -34,7 +34,7 @@ fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
             && name != "dist"
         {
             found.extend(files(&path, ending));
-        } else if path.is_file() && name.ends_with(ending) {
+        } else if path.is_file() && name != ".git" && name.ends_with(ending) {
             found.push(path);
         }
     }

@@ -44,7 +44,7 @@ columns = ["q1", "q2", "q3", "q0"]
 order = "xyzw"
 
 [reference]
-columns = ["q0", "q1", "q2", "q3"]
+columns = ["r0", "r1", "r2", "r3"]
 direction = "world-to-body"
 scored = "ok"
 
@@ -57,10 +57,10 @@ firmware = "1.2"
 "#;
 
 const DATA: &str = "Logger 7\nstarted at noon\n\
-    ms;wx;wy;wz;ax;ay;az;bx;by;bz;q0;q1;q2;q3;ok;p\n\
-    1000,5;180;90;-45;0,1;0,2;-1;0,2;0,1;-0,4;0,8;0,6;0;0;0;1013,25\n\
+    ms;wx;wy;wz;ax;ay;az;bx;by;bz;q0;q1;q2;q3;r0;r1;r2;r3;ok;p\n\
+    1000,5;180;90;-45;0,1;0,2;-1;0,2;0,1;-0,4;0,8;0,6;0;0;0,8;0,6;0;0;0;1013,25\n\
     % a remark\n\
-    1010,5;0;0;0;;;;;;;;;;;;\n";
+    1010,5;0;0;0;;;;;;;;;;;;;;;;\n";
 
 fn read(manifest: &str, data: &str) -> Result<Recording, RecordingError> {
     manifest::read_bytes(
@@ -209,8 +209,8 @@ fn mistakes_in_the_manifest_name_line_and_key() {
         ),
         (
             "[5, 6, 7]",
-            "[5, 6, 17]",
-            "log: missing column number 17; the file has ms, wx,",
+            "[5, 6, 27]",
+            "log: missing column number 27; the file has ms, wx,",
         ),
         (
             "\"bx\"",

@@ -191,7 +191,9 @@ fn a_sensor_without_a_column_is_an_error_and_nothing_is_left() {
         .err()
         .unwrap();
     assert!(
-        error.to_string().contains("written as .csv or .parquet"),
+        error
+            .to_string()
+            .contains("written as .csv, .parquet or .mcap"),
         "{error}"
     );
 }

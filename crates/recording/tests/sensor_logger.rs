@@ -401,7 +401,7 @@ fn what_is_wrong_is_named() {
     assert!(read("{}").starts_with("x.json: not a recording: JSON that is not"));
     assert!(read(r#"[{"a":1}]"#).starts_with("x.json, line 1: missing field `sensor`"));
     assert!(read(r#"[{"sensor":"Light"}]"#).contains("none of Sensor Logger's tables, but Light"));
-    assert!(read("[]").contains("none of Sensor Logger's tables, but none"));
+    assert!(read("[]").contains("none of Sensor Logger's tables, and nothing else"));
     let gravity = gyroscope.replace("Gyroscope", "Magnetometer");
     assert!(read(&format!("[{gravity}]")).starts_with("x.json: no gyroscope: it has magnetometer"));
 }
@@ -411,7 +411,7 @@ fn what_is_wrong_in_a_folder_names_the_table() {
     let folder = tempfile::tempdir().unwrap();
     let table = folder.path().join("Gyroscope.csv");
     let read = || error_of(open(folder.path(), &OpenOptions::default()));
-    assert!(read().contains("none of Sensor Logger's tables, but none"));
+    assert!(read().contains("none of Sensor Logger's tables, and nothing else"));
     std::fs::write(&table, "time,seconds_elapsed,z,y\n1,0,0,0\n").unwrap();
     assert!(read().ends_with(
         "/Gyroscope.csv: missing column x; the file has time, seconds_elapsed, z, y; a Sensor Logger table has time and x, y, z"
