@@ -30,9 +30,10 @@ pub struct OwnShip<T> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
 pub struct PoseMemory<T> {
-    /// Correlation time of the position error, s. Raising it makes the tracker average less.
+    /// Correlation time of the position error, s; zero for an error that is new at every scan. Raising
+    /// it makes the tracker average less.
     pub position_s: T,
-    /// Correlation time of the heading error, s. Raising it makes the tracker average less.
+    /// Correlation time of the heading error, s; zero as for the position.
     pub heading_s: T,
 }
 
@@ -105,9 +106,8 @@ impl<T: Scalar> PoseMemory<T> {
     pub fn factors(&self, before: &Matrix3<T>, after: &Matrix3<T>, dt: T) -> Vector3<T> {
         let times = [self.position_s, self.position_s, self.heading_s];
         Vector3::from_fn(|i, _| {
-            let faded = (-dt / times[i].max(lit(1e-9))).exp();
-            if before[(i, i)] > T::zero() {
-                faded.min(after[(i, i)] / before[(i, i)])
+            if times[i] > T::zero() && before[(i, i)] > T::zero() {
+                (-dt / times[i]).exp().min(after[(i, i)] / before[(i, i)])
             } else {
                 T::zero()
             }
@@ -149,5 +149,10 @@ mod tests {
         assert_relative_eq!(f.x, f64::exp(-0.1), epsilon = 1e-12);
         assert_relative_eq!(f.y, 0.0, epsilon = 1e-12);
         assert_relative_eq!(f.z, 0.25, epsilon = 1e-12);
+        let none = PoseMemory {
+            position_s: 0.0,
+            heading_s: 0.0,
+        };
+        assert_eq!(none.factors(&before, &after, 0.0), Vector3::zeros());
     }
 }

@@ -17,9 +17,12 @@ use crate::scalar::{Scalar, lit};
 /// product of (1 + gated detections) over its targets: at most so many leaves.
 pub const EXACT_EVENTS: u64 = 20_000;
 /// Detections that one scan may have: bits of the mask.
-pub const MOST_DETECTIONS: usize = 64;
+pub const MOST_DETECTIONS: usize = 128;
 /// Targets that one scan may have: bits of the mask.
-pub const MOST_TARGETS: usize = 64;
+pub const MOST_TARGETS: usize = 128;
+
+/// A set of targets or of detections.
+type Mask = u128;
 
 /// Weights of one target.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,12 +63,12 @@ impl<T: Scalar, const D: usize> Association<T, D> {
         }
     }
 
-    fn gated(&self) -> u64 {
+    fn gated(&self) -> Mask {
         self.detections
             .iter()
             .enumerate()
             .filter(|(_, w)| **w > T::zero())
-            .fold(0, |mask, (j, _)| mask | (1 << j))
+            .fold(0, |mask: Mask, (j, _)| mask | (1 << j))
     }
 }
 
@@ -80,7 +83,7 @@ pub fn associate<T: Scalar, const D: usize>(
     let mut effort = AssociationEffort::default();
     let count = weights.len().min(marginals.len()).min(MOST_TARGETS);
     let weights = &weights[..count];
-    let mut open = (0..count).fold(0_u64, |mask, t| mask | (1 << t));
+    let mut open = (0..count).fold(0, |mask: Mask, t| mask | (1 << t));
     while open != 0 {
         let cluster = cluster_of(weights, open);
         open &= !cluster;
@@ -100,9 +103,9 @@ pub fn associate<T: Scalar, const D: usize>(
 }
 
 /// The targets that share detections with the first open one, directly or through others.
-fn cluster_of<T: Scalar, const D: usize>(weights: &[Association<T, D>], open: u64) -> u64 {
+fn cluster_of<T: Scalar, const D: usize>(weights: &[Association<T, D>], open: Mask) -> Mask {
     let first = open.trailing_zeros() as usize;
-    let mut cluster = 1_u64 << first;
+    let mut cluster = 1 << first;
     let mut detections = weights[first].gated();
     loop {
         let before = cluster;
@@ -120,7 +123,7 @@ fn cluster_of<T: Scalar, const D: usize>(weights: &[Association<T, D>], open: u6
 }
 
 /// The indices of the bits that are set.
-fn members(mut mask: u64) -> impl Iterator<Item = usize> {
+fn members(mut mask: Mask) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
         let next = mask.trailing_zeros() as usize;
         mask &= mask.checked_sub(1)?;
@@ -132,7 +135,7 @@ fn members(mut mask: u64) -> impl Iterator<Item = usize> {
 fn exact<T: Scalar, const D: usize>(
     weights: &[Association<T, D>],
     sums: &mut [Association<T, D>],
-    cluster: u64,
+    cluster: Mask,
 ) {
     members(cluster).for_each(|t| sums[t] = Association::missed(T::zero()));
     walk(weights, sums, cluster, 0, T::one());
@@ -143,8 +146,8 @@ fn exact<T: Scalar, const D: usize>(
 fn walk<T: Scalar, const D: usize>(
     weights: &[Association<T, D>],
     sums: &mut [Association<T, D>],
-    open: u64,
-    taken: u64,
+    open: Mask,
+    taken: Mask,
     above: T,
 ) -> T {
     if open == 0 {
@@ -172,7 +175,7 @@ const ITERATIONS: usize = 50;
 fn belief_propagation<T: Scalar, const D: usize>(
     weights: &[Association<T, D>],
     messages: &mut [Association<T, D>],
-    cluster: u64,
+    cluster: Mask,
 ) {
     members(cluster).for_each(|t| messages[t] = Association::missed(T::one()));
     let ratio = |t: usize, j: usize| weights[t].detections[j] / weights[t].missed.max(lit(1e-30));
