@@ -33,6 +33,7 @@ mod recording;
 mod sensor_logger;
 mod stamp;
 pub mod timeline;
+pub mod tracking;
 mod tum_writer;
 pub mod wire;
 mod writer;

@@ -45,3 +45,17 @@ fn the_manifest_example_reads_its_data() {
         ]
     );
 }
+
+#[test]
+fn the_manifests_of_targets_parse() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/formats.md");
+    let text = std::fs::read_to_string(path).unwrap();
+    let section = text.split("\n## Targets").nth(1).unwrap();
+    let section = section.split("\n## ").next().unwrap();
+    let blocks: Vec<_> = section.split("```toml\n").skip(1).collect();
+    assert_eq!(blocks.len(), 2);
+    for block in blocks {
+        let toml = block.split("```").next().unwrap();
+        northing_recording::tracking::manifest::parse(toml, "formats.md").unwrap();
+    }
+}

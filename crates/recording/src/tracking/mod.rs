@@ -1,0 +1,100 @@
+//! Recordings of targets: scans with detections, the own ship's pose, AIS reports, true positions.
+//!
+//! Beside the sample model of motion sensors and not inside it: a scan is a list of detections, which
+//! is worth nothing without the pose from which it was taken, and an empty scan says something too.
+//! [`TrackingSample`] is the sample model of this kind of recording. It is held in memory: an hour of
+//! radar is a few megabytes.
+//!
+//! | file | what is in it |
+//! |---|---|
+//! | [`sample`] | [`TrackingEvent`], [`TrackingSample`], [`Detection`] |
+//! | [`manifest`] | the TOML file that says which tables hold what, and what the sensors are like |
+//! | `tables.rs` | scans, detections and truth from delimited text |
+//! | `ais.rs` | AIS reports and own-ship positions from tables and NMEA sentences |
+//! | `plane.rs` | latitude and longitude to the local plane |
+
+mod ais;
+pub mod manifest;
+mod plane;
+pub mod sample;
+mod tables;
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+
+pub use ais::Sentences;
+pub use manifest::{SensorSettings, TrackingManifest};
+pub use plane::LocalPlane;
+pub use sample::{AisReport, Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent};
+pub use sample::{TrackingIssues, TrackingSample};
+
+use crate::error::{RecordingError, Result};
+
+/// A recording of targets.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackingRecording {
+    /// Its name.
+    pub name: String,
+    /// The sensors; scans name them by their place here.
+    pub sensors: Vec<(String, SensorSettings)>,
+    /// Everything that happened, in time order; of one instant first the own ship's pose, then
+    /// detections and reports, then the truth.
+    pub events: Vec<TrackingEvent>,
+    /// What was left out, counted.
+    pub issues: TrackingIssues,
+}
+
+/// Opens the recording that the manifest at `path` describes. Its files are found in `data`, or
+/// without it beside the manifest.
+///
+/// # Errors
+/// The manifest is wrong, a file is missing, or a cell does not hold what its column promises; the
+/// message names file, line and column.
+pub fn open(path: &Path, data: Option<&Path>) -> Result<TrackingRecording> {
+    /// A manifest is a page; anything longer is another file.
+    const LONGEST: u64 = 1 << 20;
+    let file = path.display().to_string();
+    let mut text = String::new();
+    File::open(path)
+        .and_then(|input| input.take(LONGEST).read_to_string(&mut text))
+        .map_err(|error| RecordingError::io(&file, "read the manifest", error))?;
+    let manifest = manifest::parse(&text, &file)?;
+    let beside = path.parent().unwrap_or(Path::new(""));
+    read(&manifest, &file, data.unwrap_or(beside))
+}
+
+/// Reads the tables of a manifest from a folder.
+///
+/// # Errors
+/// As [`open`].
+pub fn read(manifest: &TrackingManifest, file: &str, folder: &Path) -> Result<TrackingRecording> {
+    let mut recording = TrackingRecording {
+        name: manifest.name.clone(),
+        sensors: manifest
+            .sensors
+            .iter()
+            .map(|(name, settings)| (name.clone(), *settings))
+            .collect(),
+        events: Vec::new(),
+        issues: TrackingIssues::default(),
+    };
+    if let Some(scans) = &manifest.scans {
+        tables::read(manifest, scans, file, folder, &mut recording)?;
+    }
+    if let Some(ais) = &manifest.ais {
+        ais::read(manifest, ais, file, folder, &mut recording)?;
+    }
+    // Stable: events of one instant keep the order pose, detections, truth.
+    recording
+        .events
+        .sort_by_key(|event| (event.time_ns, event.sample.order()));
+    if recording.events.is_empty() {
+        return Err(RecordingError::Empty {
+            file: file.to_owned(),
+            found: "no scan and no report in its files".to_owned(),
+            expected: "at least one",
+        });
+    }
+    Ok(recording)
+}

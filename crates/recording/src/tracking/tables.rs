@@ -1,0 +1,326 @@
+//! Scans, detections and truth from delimited text.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::path::Path;
+
+use csv::StringRecord;
+
+use super::TrackingRecording;
+use super::manifest::{DetectionTable, ScanTable, TrackingManifest, TruthTable};
+use super::sample::{Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent, TrackingSample};
+use crate::error::{RecordingError, Result, join, shown};
+use crate::stamp;
+
+/// A table being read: cells by the names of its columns.
+pub(super) struct Table {
+    file: String,
+    columns: HashMap<String, usize>,
+    reader: csv::Reader<File>,
+    row: StringRecord,
+}
+
+impl Table {
+    /// Opens a table; its first row names the columns.
+    pub(super) fn open(folder: &Path, name: &Path) -> Result<Self> {
+        let path = folder.join(name);
+        let file = path.display().to_string();
+        let input =
+            File::open(&path).map_err(|error| RecordingError::io(&file, "open it", error))?;
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_reader(input);
+        let headers = reader
+            .headers()
+            .map_err(|error| bad_line(&file, &error))?
+            .clone();
+        let mut columns = HashMap::new();
+        for (index, column) in headers.iter().enumerate() {
+            if columns.insert(column.to_owned(), index).is_some() {
+                return Err(RecordingError::RepeatedColumn {
+                    file,
+                    column: shown(column),
+                });
+            }
+        }
+        Ok(Self {
+            file,
+            columns,
+            reader,
+            row: StringRecord::new(),
+        })
+    }
+
+    /// The place of a column.
+    pub(super) fn column(&self, name: &str) -> Result<usize> {
+        self.columns.get(name).copied().ok_or_else(|| {
+            let mut present: Vec<_> = self.columns.keys().map(String::as_str).collect();
+            present.sort_unstable();
+            RecordingError::MissingColumns {
+                file: self.file.clone(),
+                missing: format!("column `{}`", shown(name)),
+                present: join(present),
+                advice: "correct the name in the manifest".to_owned(),
+            }
+        })
+    }
+
+    /// The place of a column that need not be.
+    pub(super) fn optional(&self, name: Option<&String>) -> Result<Option<usize>> {
+        name.map(|name| self.column(name)).transpose()
+    }
+
+    /// Goes to the next row; false at the end.
+    pub(super) fn advance(&mut self) -> Result<bool> {
+        self.reader
+            .read_record(&mut self.row)
+            .map_err(|error| bad_line(&self.file, &error))
+    }
+
+    /// The text of a cell.
+    pub(super) fn text(&self, column: usize) -> &str {
+        self.row.get(column).unwrap_or_default()
+    }
+
+    /// A number; `nan` and `inf` are numbers too, which trackers refuse and count.
+    pub(super) fn number(&self, column: usize) -> Result<f64> {
+        let text = self.text(column);
+        text.parse().map_err(|_| self.bad_cell(column, "a number"))
+    }
+
+    fn integer<T: std::str::FromStr>(&self, column: usize) -> Result<T> {
+        self.text(column)
+            .parse()
+            .map_err(|_| self.bad_cell(column, "a whole number"))
+    }
+
+    /// A time stamp in seconds.
+    pub(super) fn time_ns(&self, column: usize) -> Result<i64> {
+        stamp::parse_ns(self.text(column).as_bytes(), stamp::SECONDS)
+            .ok_or_else(|| self.bad_cell(column, "a time in seconds"))
+    }
+
+    /// The complaint about a cell of the current row.
+    pub(super) fn bad_cell(&self, column: usize, expected: &'static str) -> RecordingError {
+        let name = self.columns.iter().find(|(_, at)| **at == column);
+        RecordingError::BadCell {
+            file: self.file.clone(),
+            line: self.row.position().map_or(0, csv::Position::line),
+            column: name.map(|(name, _)| shown(name)).unwrap_or_default(),
+            text: shown(self.text(column)),
+            expected,
+        }
+    }
+}
+
+fn bad_line(file: &str, error: &csv::Error) -> RecordingError {
+    RecordingError::BadLine {
+        file: file.to_owned(),
+        line: error.position().map_or(0, csv::Position::line),
+        problem: shown(&error.to_string()),
+    }
+}
+
+/// What detections and truths need to know of their scan.
+struct Place {
+    time_ns: i64,
+    /// Where the scan stands in the events, when its sensor is described.
+    event: Option<usize>,
+}
+
+/// Reads the three tables.
+pub(super) fn read(
+    manifest: &TrackingManifest,
+    scans: &ScanTable,
+    file: &str,
+    folder: &Path,
+    out: &mut TrackingRecording,
+) -> Result<()> {
+    let places = read_scans(scans, file, folder, out)?;
+    if let Some(table) = &manifest.detections {
+        read_detections(table, folder, &places, out)?;
+    }
+    if let Some(table) = &manifest.truth {
+        read_truth(table, folder, &places, out)?;
+    }
+    Ok(())
+}
+
+fn read_scans(
+    scans: &ScanTable,
+    file: &str,
+    folder: &Path,
+    out: &mut TrackingRecording,
+) -> Result<HashMap<i64, Place>> {
+    let mut table = Table::open(folder, &scans.file)?;
+    let (id, time) = (table.column(&scans.scan)?, table.column(&scans.time_s)?);
+    let sensor = table.optional(scans.sensor.as_ref())?;
+    let north = table.column(&scans.own_north_m)?;
+    let east = table.column(&scans.own_east_m)?;
+    let heading = table.optional(scans.own_heading_deg.as_ref())?;
+    let position_std = table.optional(scans.own_position_std_m.as_ref())?;
+    let heading_std = table.optional(scans.own_heading_std_deg.as_ref())?;
+    let only = out.sensors.iter().position(|(name, _)| name != "ais");
+    let mut places = HashMap::new();
+    while table.advance()? {
+        let number = |column: Option<usize>| column.map_or(Ok(0.0), |c| table.number(c));
+        let (scan_id, time_ns) = (table.integer(id)?, table.time_ns(time)?);
+        let std = if position_std.is_some() || heading_std.is_some() {
+            let position = number(position_std)?;
+            Some([position, position, number(heading_std)?.to_radians()])
+        } else {
+            None
+        };
+        let pose = OwnShipPose {
+            north_m: table.number(north)?,
+            east_m: table.number(east)?,
+            heading_rad: number(heading)?.to_radians(),
+            std,
+        };
+        let used = match sensor {
+            Some(column) => {
+                let name = table.text(column);
+                out.sensors.iter().position(|(known, _)| known == name)
+            }
+            None => only,
+        };
+        out.events.push(TrackingEvent {
+            time_ns,
+            sample: TrackingSample::OwnShip(pose),
+        });
+        let event = used.map(|_| out.events.len());
+        let place = Place { time_ns, event };
+        if places.insert(scan_id, place).is_some() {
+            return Err(table.bad_cell(id, "a scan number that stands once"));
+        }
+        let Some(sensor) = used else {
+            out.issues.scans_of_unknown_sensors += 1;
+            continue;
+        };
+        out.events.push(TrackingEvent {
+            time_ns,
+            sample: TrackingSample::Scan(Scan {
+                id: scan_id,
+                sensor,
+                detections: Vec::new(),
+            }),
+        });
+    }
+    if places.len() as u64 == out.issues.scans_of_unknown_sensors && !places.is_empty() {
+        return Err(RecordingError::Manifest {
+            file: file.to_owned(),
+            problem: "no scan is of a sensor in [sensors]; name them as the table of scans does"
+                .to_owned(),
+        });
+    }
+    Ok(places)
+}
+
+/// Columns of the four kinds of detections.
+struct Kinds {
+    range_bearing: Option<[usize; 2]>,
+    relative: Option<[usize; 2]>,
+    placed: Option<[usize; 2]>,
+    bearing: Option<usize>,
+}
+
+impl Kinds {
+    fn new(table: &Table, wanted: &DetectionTable) -> Result<Self> {
+        let pair = |names: &Option<[String; 2]>| -> Result<Option<[usize; 2]>> {
+            let Some([first, second]) = names else {
+                return Ok(None);
+            };
+            Ok(Some([table.column(first)?, table.column(second)?]))
+        };
+        Ok(Self {
+            range_bearing: pair(&wanted.range_m_bearing_rad)?,
+            relative: pair(&wanted.relative_north_east_m)?,
+            placed: pair(&wanted.north_east_m)?,
+            bearing: table.optional(wanted.bearing_rad.as_ref())?,
+        })
+    }
+
+    /// The detection of a row; `None` when all its cells are empty, which is a scan that saw nothing.
+    fn detection(&self, table: &Table) -> Result<Option<Detection>> {
+        // A bearing may stand alone, without a range: its cell does not make a pair.
+        let speaks = |c: &usize| !table.text(*c).is_empty() && Some(*c) != self.bearing;
+        let pair = |columns: Option<[usize; 2]>| -> Result<Option<[f64; 2]>> {
+            match columns.filter(|columns| columns.iter().any(speaks)) {
+                Some([first, second]) => Ok(Some([table.number(first)?, table.number(second)?])),
+                None => Ok(None),
+            }
+        };
+        if let Some([range_m, bearing_rad]) = pair(self.range_bearing)? {
+            return Ok(Some(Detection::RangeBearing {
+                range_m,
+                bearing_rad,
+            }));
+        }
+        if let Some([north_m, east_m]) = pair(self.relative)? {
+            return Ok(Some(Detection::Relative { north_m, east_m }));
+        }
+        if let Some([north_m, east_m]) = pair(self.placed)? {
+            return Ok(Some(Detection::Placed { north_m, east_m }));
+        }
+        let bearing = self.bearing.filter(|c| !table.text(*c).is_empty());
+        let bearing = bearing.map(|c| table.number(c)).transpose()?;
+        Ok(bearing.map(|bearing_rad| Detection::Bearing { bearing_rad }))
+    }
+}
+
+fn read_detections(
+    wanted: &DetectionTable,
+    folder: &Path,
+    places: &HashMap<i64, Place>,
+    out: &mut TrackingRecording,
+) -> Result<()> {
+    let mut table = Table::open(folder, &wanted.file)?;
+    let id = table.column(&wanted.scan)?;
+    let kinds = Kinds::new(&table, wanted)?;
+    while table.advance()? {
+        let Some(detection) = kinds.detection(&table)? else {
+            continue;
+        };
+        let Some(place) = places.get(&table.integer(id)?) else {
+            out.issues.rows_without_scan += 1;
+            continue;
+        };
+        let event = place.event.and_then(|at| out.events.get_mut(at));
+        if let Some(TrackingSample::Scan(scan)) = event.map(|event| &mut event.sample) {
+            scan.detections.push(detection);
+        }
+    }
+    Ok(())
+}
+
+fn read_truth(
+    wanted: &TruthTable,
+    folder: &Path,
+    places: &HashMap<i64, Place>,
+    out: &mut TrackingRecording,
+) -> Result<()> {
+    let mut table = Table::open(folder, &wanted.file)?;
+    let id = table.column(&wanted.scan)?;
+    let target = table.optional(wanted.target.as_ref())?;
+    let (north, east) = (
+        table.column(&wanted.north_m)?,
+        table.column(&wanted.east_m)?,
+    );
+    while table.advance()? {
+        let scan = table.integer(id)?;
+        let Some(place) = places.get(&scan) else {
+            out.issues.rows_without_scan += 1;
+            continue;
+        };
+        out.events.push(TrackingEvent {
+            time_ns: place.time_ns,
+            sample: TrackingSample::Truth(TargetTruth {
+                scan,
+                target: target.map_or(Ok(1), |column| table.integer(column))?,
+                north_m: table.number(north)?,
+                east_m: table.number(east)?,
+            }),
+        });
+    }
+    Ok(())
+}
