@@ -59,6 +59,7 @@ mod field_watch;
 pub mod final_test;
 pub mod instants;
 pub mod metrics;
+pub mod multi_target;
 pub mod nis;
 pub mod observability;
 pub mod observer;

@@ -14,6 +14,7 @@
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
+//! | `tracking.rs`, `tracking_map.rs` | sections of [`TrackingReport`], the map of tracks |
 //! | `style.rs` | colours of both themes, layout, print |
 //!
 //! The plots are written here and not by a plotting library because they need fractions of a
@@ -39,6 +40,8 @@ mod style;
 mod svg;
 #[cfg(test)]
 mod tests;
+mod tracking;
+mod tracking_map;
 
 pub use allan_page::render as allan_html;
 pub use campaign::{CampaignReport, TrackerCurves};
@@ -46,6 +49,7 @@ pub use comparison::{Best, Cell, Column, ComparedRun, ComparisonReport, Distribu
 pub use field_page::render as field_html;
 pub use from_summary::settings;
 pub use hero::{HeroPicture, hero_svg};
+pub use tracking::TrackingReport;
 
 use crate::trace::Trace;
 

@@ -1,0 +1,389 @@
+//! The tracker over a recording.
+
+use std::time::Instant;
+
+use nalgebra::{Matrix2, Vector2};
+use northing_core::tracking::detection::{Detection, DetectionNoise};
+use northing_core::tracking::multi_target::{
+    MultiTargetTracker, Scan, ScanSensor, TrackStatus, TrackerConfig,
+};
+use northing_core::tracking::own_ship::{OwnShip, PoseMemory};
+use northing_recording::tracking::{
+    Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
+};
+
+use super::matching::Place;
+use super::score::{Counts, Score, TrackSummary};
+
+/// Motion models of the tracker.
+const MODELS: usize = 3;
+/// Tracks at a time: more than a radar of a busy harbour shows.
+const TRACKS: usize = 112;
+/// Detections in a scan.
+const DETECTIONS: usize = 96;
+
+type Tracker = MultiTargetTracker<f64, MODELS, TRACKS, DETECTIONS>;
+
+/// What a tracker does about the uncertainty of its own ship.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TrackerKind {
+    /// Nothing: the pose is taken for the truth.
+    Uncompensated,
+    /// It is added to the noise of every detection, as if it were new each time.
+    Converted,
+    /// It is carried along with its correlation to each target.
+    #[default]
+    Schmidt,
+}
+
+impl TrackerKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Uncompensated, Self::Converted, Self::Schmidt];
+
+    /// The name for people and files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Uncompensated => "uncompensated",
+            Self::Converted => "converted",
+            Self::Schmidt => "schmidt",
+        }
+    }
+}
+
+impl std::str::FromStr for TrackerKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = Self::ALL.into_iter().find(|kind| kind.name() == text);
+        known.ok_or_else(|| {
+            format!("`{text}` is no tracker; there are uncompensated, converted, schmidt")
+        })
+    }
+}
+
+/// Standard deviations of the own ship's pose.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct OwnShipStd {
+    /// Position on each axis, m.
+    pub position_m: f64,
+    /// Heading, rad.
+    pub heading_rad: f64,
+}
+
+/// How to run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TrackOptions {
+    /// What to do about the own ship's uncertainty.
+    pub tracker: TrackerKind,
+    /// Standard deviations of the own ship's pose, instead of those of the recording (and zero when
+    /// that has none).
+    pub own_ship_std: Option<OwnShipStd>,
+    /// Names of the sensors to use, instead of those that the recording marks.
+    pub sensors: Option<Vec<String>>,
+    /// Added to the own ship's heading, rad: an error that is known exactly.
+    pub heading_error_rad: f64,
+}
+
+/// A confirmed track at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackedTarget {
+    /// Number of the track.
+    pub id: u32,
+    /// North and east, m.
+    pub place: Place,
+    /// North and east, m/s.
+    pub velocity: [f64; 2],
+    /// Variance of north, covariance, variance of east, m^2.
+    pub covariance: [f64; 3],
+}
+
+impl TrackedTarget {
+    /// Squared distance of a place in standard deviations; infinite when the covariance is none.
+    #[must_use]
+    pub fn normalised_square(&self, place: Place) -> f64 {
+        let [nn, ne, ee] = self.covariance;
+        let d = Vector2::new(place[0] - self.place[0], place[1] - self.place[1]);
+        let inverse = Matrix2::new(nn, ne, ne, ee).try_inverse();
+        inverse.map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))
+    }
+}
+
+/// One instant of a run, for plots.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackEpoch {
+    /// Seconds since the first event.
+    pub time_s: f64,
+    /// The own ship.
+    pub own_ship: Place,
+    /// Where the detections are, when they say it.
+    pub detections: Vec<Place>,
+    /// Confirmed tracks.
+    pub tracks: Vec<TrackedTarget>,
+    /// True positions by target.
+    pub truth: Vec<(u32, Place)>,
+}
+
+/// Runs the tracker over a recording; `watch` gets every instant with a scan.
+pub fn run(
+    recording: &TrackingRecording,
+    options: &TrackOptions,
+    mut watch: impl FnMut(TrackEpoch),
+) -> TrackSummary {
+    let started = Instant::now();
+    let mut runner = Runner::new(recording, options);
+    for event in &recording.events {
+        runner.finish_epoch_before(event.time_ns, &mut watch);
+        runner.take(event.time_ns, &event.sample);
+    }
+    runner.finish_epoch_before(i64::MAX, &mut watch);
+    runner.summary(recording, started)
+}
+
+/// What a run carries from event to event.
+struct Runner<'a> {
+    options: &'a TrackOptions,
+    sensors: Vec<Option<ScanSensor<f64>>>,
+    names: Vec<String>,
+    ais: Option<usize>,
+    tracker: Box<Tracker>,
+    own: OwnShip<f64>,
+    score: Score,
+    first_ns: i64,
+    epoch: Option<Gathered>,
+}
+
+/// The instant being gathered: its scans come one after the other, and the truth behind them.
+struct Gathered {
+    time_ns: i64,
+    epoch: TrackEpoch,
+    /// The scans of it that were used.
+    scans: Vec<i64>,
+}
+
+impl Gathered {
+    /// Takes a true position that belongs to a used scan, once for each target.
+    fn truth(&mut self, truth: &TargetTruth) {
+        let mut known = self.epoch.truth.iter().map(|(target, _)| *target);
+        if self.scans.contains(&truth.scan) && known.all(|target| target != truth.target) {
+            let place = [truth.north_m, truth.east_m];
+            self.epoch.truth.push((truth.target, place));
+        }
+    }
+}
+
+impl<'a> Runner<'a> {
+    fn new(recording: &TrackingRecording, options: &'a TrackOptions) -> Self {
+        let used = |name: &String, settings: &SensorSettings| match &options.sensors {
+            Some(chosen) => chosen.contains(name),
+            None => settings.used,
+        };
+        let each = recording.sensors.iter();
+        let sensors: Vec<_> = each
+            .clone()
+            .map(|(name, settings)| used(name, settings).then(|| sensor(settings)))
+            .collect();
+        let names = each.zip(&sensors).filter(|(_, sensor)| sensor.is_some());
+        let mut config = TrackerConfig::default();
+        if options.tracker == TrackerKind::Converted {
+            config.pose_memory = PoseMemory {
+                position_s: 0.0,
+                heading_s: 0.0,
+            };
+        }
+        Self {
+            options,
+            names: names.map(|((name, _), _)| name.clone()).collect(),
+            sensors,
+            ais: recording.sensors.iter().position(|(name, _)| name == "ais"),
+            tracker: Box::new(Tracker::new(config)),
+            own: OwnShip::exact(0.0, 0.0, 0.0),
+            score: Score::default(),
+            first_ns: recording.events.first().map_or(0, |event| event.time_ns),
+            epoch: None,
+        }
+    }
+
+    fn take(&mut self, time_ns: i64, sample: &TrackingSample) {
+        match sample {
+            TrackingSample::OwnShip(pose) => self.own = self.own_ship(pose),
+            TrackingSample::Scan(scan) => {
+                let seen: Vec<_> = scan.detections.iter().map(|d| self.detection(d)).collect();
+                if self.scan(time_ns, scan.sensor, &seen)
+                    && let Some(gathered) = &mut self.epoch
+                {
+                    gathered.scans.push(scan.id);
+                }
+            }
+            TrackingSample::Ais(report) => {
+                let place = Detection::Position {
+                    north_m: report.north_m,
+                    east_m: report.east_m,
+                };
+                if let Some(ais) = self.ais {
+                    self.scan(time_ns, ais, &[place]);
+                }
+            }
+            TrackingSample::Truth(truth) => {
+                if let Some(gathered) = &mut self.epoch {
+                    gathered.truth(truth);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn own_ship(&self, pose: &OwnShipPose) -> OwnShip<f64> {
+        let stated = self
+            .options
+            .own_ship_std
+            .map(|std| [std.position_m, std.position_m, std.heading_rad]);
+        let std = match self.options.tracker {
+            TrackerKind::Uncompensated => [0.0; 3],
+            _ => stated.or(pose.std).unwrap_or([0.0; 3]),
+        };
+        let heading = pose.heading_rad + self.options.heading_error_rad;
+        OwnShip::exact(pose.north_m, pose.east_m, heading).with_std(std[0], std[1], std[2])
+    }
+
+    /// A detection as the tracker takes it: relative to the bow as the recording's heading has it. An
+    /// injected error is in the pose and not in here.
+    fn detection(&self, seen: &Seen) -> Detection<f64> {
+        let heading = self.own.heading_rad - self.options.heading_error_rad;
+        let offset = |north: f64, east: f64| Detection::RangeBearing {
+            range_m: north.hypot(east),
+            bearing_rad: east.atan2(north) - heading,
+        };
+        match *seen {
+            Seen::RangeBearing {
+                range_m,
+                bearing_rad,
+            } => Detection::RangeBearing {
+                range_m,
+                bearing_rad,
+            },
+            Seen::Bearing { bearing_rad } => Detection::Bearing { bearing_rad },
+            Seen::Relative { north_m, east_m } => offset(north_m, east_m),
+            Seen::Placed { north_m, east_m } => {
+                offset(north_m - self.own.north_m, east_m - self.own.east_m)
+            }
+            // A kind that came later: not finite, so it is refused and counted.
+            _ => offset(f64::NAN, f64::NAN),
+        }
+    }
+
+    /// Hands a scan to the tracker; false when its sensor is not used or the scan was refused.
+    fn scan(&mut self, time_ns: i64, sensor: usize, detections: &[Detection<f64>]) -> bool {
+        let Some(sensor) = self.sensors.get(sensor).and_then(Option::as_ref) else {
+            return false;
+        };
+        let time_s = (time_ns - self.first_ns) as f64 * 1e-9;
+        let taken = self.tracker.scan(&Scan {
+            time_s,
+            sensor,
+            own_ship: &self.own,
+            detections,
+        });
+        if taken.is_err() {
+            return false;
+        }
+        let gathered = self.epoch.get_or_insert_with(|| Gathered {
+            time_ns,
+            epoch: TrackEpoch {
+                time_s,
+                own_ship: [self.own.north_m, self.own.east_m],
+                detections: Vec::new(),
+                tracks: Vec::new(),
+                truth: Vec::new(),
+            },
+            scans: Vec::new(),
+        });
+        let epoch = &mut gathered.epoch;
+        epoch
+            .detections
+            .extend(detections.iter().filter_map(|d| placed(d, &self.own)));
+        epoch.tracks = confirmed(&self.tracker);
+        true
+    }
+
+    /// Scores the instant being gathered, if it lies before `time_ns`.
+    fn finish_epoch_before(&mut self, time_ns: i64, watch: &mut impl FnMut(TrackEpoch)) {
+        let Some(Gathered { epoch, .. }) = self.epoch.take_if(|g| g.time_ns < time_ns) else {
+            return;
+        };
+        if epoch.truth.is_empty() {
+            self.score.seen(&epoch.tracks);
+        } else {
+            self.score.epoch(&epoch.truth, &epoch.tracks);
+        }
+        watch(epoch);
+    }
+
+    fn summary(&self, recording: &TrackingRecording, started: Instant) -> TrackSummary {
+        let last_ns = recording.events.last().map_or(0, |event| event.time_ns);
+        TrackSummary {
+            recording: recording.name.clone(),
+            tracker: self.options.tracker.name(),
+            sensors: self.names.clone(),
+            duration_s: (last_ns - self.first_ns) as f64 * 1e-9,
+            elapsed_s: started.elapsed().as_secs_f64(),
+            targets: self.score.targets(),
+            confirmed_tracks: self.score.confirmed_tracks(),
+            false_tracks: self.score.false_tracks(),
+            false_track_epochs: self.score.false_track_epochs(),
+            gospa_m: self.score.gospa_m(),
+            counts: Counts::from(self.tracker.counts()),
+        }
+    }
+}
+
+fn sensor(settings: &SensorSettings) -> ScanSensor<f64> {
+    ScanSensor {
+        noise: DetectionNoise {
+            range_std_m: settings.range_std_m,
+            bearing_std_rad: settings.bearing_std_deg.to_radians(),
+            extent_std_m: settings.extent_std_m,
+        },
+        detection_probability: settings.detection_probability,
+        clutter_density: settings.clutter_density(),
+        largest_range_m: settings.largest_range_m,
+        covers_all: settings.covers_all,
+        initiates: settings.initiates,
+    }
+}
+
+fn confirmed(tracker: &Tracker) -> Vec<TrackedTarget> {
+    let tracks = tracker
+        .tracks()
+        .filter(|t| t.status == TrackStatus::Confirmed);
+    let tracks = tracks.map(|track| {
+        let mode = track.estimate();
+        let (x, p) = (mode.state, mode.covariance);
+        TrackedTarget {
+            id: track.id,
+            place: [x[0], x[2]],
+            velocity: [x[1], x[3]],
+            covariance: [p[(0, 0)], p[(0, 2)], p[(2, 2)]],
+        }
+    });
+    tracks.collect()
+}
+
+/// Where a detection is, for plots.
+fn placed(detection: &Detection<f64>, own: &OwnShip<f64>) -> Option<Place> {
+    let place = match *detection {
+        Detection::RangeBearing {
+            range_m,
+            bearing_rad,
+        } => {
+            let direction = bearing_rad + own.heading_rad;
+            [
+                own.north_m + range_m * direction.cos(),
+                own.east_m + range_m * direction.sin(),
+            ]
+        }
+        Detection::Position { north_m, east_m } => [north_m, east_m],
+        Detection::Bearing { .. } => return None,
+    };
+    place.iter().all(|v| v.is_finite()).then_some(place)
+}

@@ -1,0 +1,225 @@
+//! The map of a tracking run: north up, equal scales, everything that was true, seen and believed.
+
+use std::collections::BTreeMap;
+
+use super::axis::{Axis, quantile};
+use super::plot::WIDTH;
+use super::series;
+use super::style::SERIES;
+use super::svg::Svg;
+use crate::multi_target::matching::Place;
+use crate::multi_target::{TrackEpoch, TrackedTarget};
+
+/// Height of the map and room for its ticks, in units of the picture.
+const HEIGHT: f64 = 760.0;
+const LEFT: f64 = 64.0;
+const FOOT: f64 = 46.0;
+/// Detections drawn at most.
+const DOTS: usize = 6000;
+/// Ellipses drawn of each track.
+const ELLIPSES: usize = 12;
+/// Corners of an ellipse.
+const CORNERS: usize = 40;
+/// Standard deviations of an ellipse that holds 95 %.
+const SIGMAS_95: f64 = 2.447_746_830_680_816;
+
+/// Picture coordinates of places.
+struct Scale {
+    west: f64,
+    north: f64,
+    units_per_m: f64,
+}
+
+impl Scale {
+    /// A window around these places, with equal scales; far-off single ones do not count.
+    fn new(places: &[Place]) -> Option<Self> {
+        let range = |axis: usize| {
+            let mut values: Vec<f64> = places.iter().map(|p| p[axis]).collect();
+            values.retain(|v| v.is_finite());
+            values.sort_by(f64::total_cmp);
+            let (first, last) = (values.first()?, values.last()?);
+            let inner = [quantile(&values, 0.01), quantile(&values, 0.99)];
+            let room = 0.15 * (inner[1] - inner[0]) + 10.0;
+            Some([
+                (inner[0] - room).max(first - 10.0),
+                (inner[1] + room).min(last + 10.0),
+            ])
+        };
+        let ([south, north], [west, east]) = (range(0)?, range(1)?);
+        let (width, height) = (WIDTH - LEFT, HEIGHT - FOOT);
+        let units_per_m = (width / (east - west)).min(height / (north - south));
+        let middle = [0.5 * (south + north), 0.5 * (west + east)];
+        Some(Self {
+            west: middle[1] - 0.5 * width / units_per_m,
+            north: middle[0] + 0.5 * height / units_per_m,
+            units_per_m,
+        })
+    }
+
+    fn at(&self, place: Place) -> [f64; 2] {
+        [
+            (place[1] - self.west) * self.units_per_m,
+            (self.north - place[0]) * self.units_per_m,
+        ]
+    }
+}
+
+/// The map; `None` when nothing has a place.
+pub(super) fn render(epochs: &[TrackEpoch]) -> Option<String> {
+    let mut places: Vec<Place> = epochs.iter().map(|e| e.own_ship).collect();
+    places.extend(epochs.iter().flat_map(|e| e.truth.iter().map(|(_, p)| *p)));
+    places.extend(epochs.iter().flat_map(|e| e.tracks.iter().map(|t| t.place)));
+    let scale = Scale::new(&places)?;
+    let mut svg = Svg::picture(
+        WIDTH,
+        HEIGHT,
+        "Map of tracks, truth, detections and own ship",
+    );
+    svg.rectangle([LEFT, 0.0], [WIDTH - LEFT, HEIGHT - FOOT], 6.0, "frame");
+    grid(&mut svg, &scale);
+    svg.open_window(LEFT, 0.0, WIDTH - LEFT, HEIGHT - FOOT);
+    let detections: Vec<Place> = epochs.iter().flat_map(|e| e.detections.clone()).collect();
+    let dots: Vec<_> = series::pick(&detections, DOTS)
+        .iter()
+        .map(|place| scale.at(*place))
+        .collect();
+    svg.dots(&dots, "dots soft s5");
+    let own: Vec<_> = epochs.iter().map(|e| scale.at(e.own_ship)).collect();
+    svg.lines(&[own], "line bold reference");
+    tracks(&mut svg, &scale, epochs);
+    truth(&mut svg, &scale, epochs);
+    svg.close();
+    svg.close();
+    Some(svg.finish())
+}
+
+/// Lines at round distances, with their numbers.
+fn grid(svg: &mut Svg, scale: &Scale) {
+    let (width, height) = (WIDTH - LEFT, HEIGHT - FOOT);
+    let east = Axis::linear(scale.west, scale.west + width / scale.units_per_m, 9);
+    let north = Axis::linear(scale.north - height / scale.units_per_m, scale.north, 7);
+    for (value, label) in east.ticks() {
+        let x = LEFT + east.position(value) * width;
+        svg.lines(&[vec![[x, 0.0], [x, height]]], "grid");
+        svg.text([x, height + 18.0], "tick mid", &label);
+    }
+    for (value, label) in north.ticks() {
+        let y = (1.0 - north.position(value)) * height;
+        svg.lines(&[vec![[LEFT, y], [WIDTH, y]]], "grid");
+        svg.text([LEFT - 8.0, y + 4.0], "tick end", &label);
+    }
+    svg.text([WIDTH - 4.0, HEIGHT - 8.0], "unit end", "east, m");
+    svg.text([LEFT, HEIGHT - 8.0], "unit", "north upwards, m");
+}
+
+fn tracks(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
+    let mut by_id = BTreeMap::<u32, Vec<TrackedTarget>>::new();
+    for track in epochs.iter().flat_map(|e| &e.tracks) {
+        by_id.entry(track.id).or_default().push(*track);
+    }
+    for (i, track) in by_id.values().enumerate() {
+        let class = format!("s{}", i % SERIES);
+        let step = track.len().div_ceil(ELLIPSES).max(1);
+        let ellipses: Vec<_> = track
+            .iter()
+            .step_by(step)
+            .map(|t| ellipse(scale, t))
+            .collect();
+        svg.areas(&ellipses, &format!("band {class}-fill"));
+        let path = track.iter().map(|t| scale.at(t.place)).collect();
+        svg.lines(&[path], &format!("line {class}"));
+    }
+}
+
+fn truth(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
+    let mut by_target = BTreeMap::<u32, Vec<[f64; 2]>>::new();
+    for (target, place) in epochs.iter().flat_map(|e| &e.truth) {
+        by_target.entry(*target).or_default().push(scale.at(*place));
+    }
+    for (target, path) in &by_target {
+        svg.lines(std::slice::from_ref(path), "line thin dash reference");
+        if let Some([x, y]) = path.last() {
+            svg.text(
+                [x + 8.0, *y],
+                "tag reference-fill",
+                &format!("target {target}"),
+            );
+        }
+    }
+}
+
+/// The outline of a track's 95 % ellipse, through the Cholesky factor of its covariance.
+fn ellipse(scale: &Scale, track: &TrackedTarget) -> Vec<[f64; 2]> {
+    let [nn, ne, ee] = track.covariance;
+    let root = nn.max(0.0).sqrt();
+    let along = if root > 0.0 { ne / root } else { 0.0 };
+    let across = (ee - along * along).max(0.0).sqrt();
+    let corner = |k: usize| {
+        let angle = std::f64::consts::TAU * k as f64 / CORNERS as f64;
+        let (s, c) = angle.sin_cos();
+        scale.at([
+            track.place[0] + SIGMAS_95 * root * c,
+            track.place[1] + SIGMAS_95 * (along * c + across * s),
+        ])
+    };
+    (0..CORNERS).map(corner).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn epoch(time_s: f64) -> TrackEpoch {
+        TrackEpoch {
+            time_s,
+            own_ship: [0.0, 0.0],
+            detections: vec![[100.0 + time_s, 50.0], [1e9, 0.0]],
+            tracks: vec![TrackedTarget {
+                id: 3,
+                place: [101.0 + time_s, 50.0],
+                velocity: [1.0, 0.0],
+                covariance: [4.0, 1.0, 9.0],
+            }],
+            truth: vec![(1, [100.0 + time_s, 50.0])],
+        }
+    }
+
+    #[test]
+    fn north_is_up_and_both_axes_have_one_scale() {
+        let scale = Scale::new(&[[0.0, 0.0], [100.0, 300.0]]).unwrap();
+        let (origin, north, east) = (
+            scale.at([0.0, 0.0]),
+            scale.at([10.0, 0.0]),
+            scale.at([0.0, 10.0]),
+        );
+        assert!(north[1] < origin[1] && east[0] > origin[0]);
+        approx::assert_relative_eq!(origin[1] - north[1], east[0] - origin[0], epsilon = 1e-9);
+    }
+
+    #[test]
+    fn the_ellipse_has_the_extent_of_its_covariance() {
+        let scale = Scale {
+            west: 0.0,
+            north: 0.0,
+            units_per_m: 1.0,
+        };
+        let outline = ellipse(&scale, &epoch(0.0).tracks[0]);
+        let reach = |axis: usize| {
+            let values = outline.iter().map(|p| p[axis]);
+            0.5 * (values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min))
+        };
+        // to the corners of a polygon
+        approx::assert_relative_eq!(reach(0), 3.0 * SIGMAS_95, max_relative = 5e-3);
+        approx::assert_relative_eq!(reach(1), 2.0 * SIGMAS_95, max_relative = 5e-3);
+    }
+
+    #[test]
+    fn a_map_shows_truth_tracks_and_detections_and_nothing_makes_none() {
+        let epochs: Vec<_> = (0..20).map(|k| epoch(f64::from(k))).collect();
+        let svg = render(&epochs).unwrap();
+        for part in ["target 1", "band s0-fill", "dots soft", "bold reference"] {
+            assert!(svg.contains(part), "{part}");
+        }
+        assert!(!svg.contains("NaN") && render(&[]).is_none());
+    }
+}
