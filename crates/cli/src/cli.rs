@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "live")]
 use crate::commands::live;
-use crate::commands::{calibrate, compare, convert, demo, estimators, run};
+use crate::commands::{calibrate, compare, convert, demo, estimators, run, track};
 
 /// Which way does a device point, and how sure are we?
 #[derive(Debug, Parser)]
@@ -36,6 +36,8 @@ pub(crate) enum Command {
     Run(Box<run::RunArgs>),
     /// Several recordings and estimators in one table
     Compare(Box<compare::CompareArgs>),
+    /// Find and follow targets in recordings of radar, lidar, cameras and AIS
+    Track(track::TrackArgs),
     /// Measure what a sensor does wrong: at rest, turned about, or over hours
     Calibrate(calibrate::CalibrateArgs),
     /// Write a recording in another format
@@ -60,6 +62,7 @@ northing: which way does a device point, and how sure are we?
   northing demo                          a virtual phone, the lab's steps, a report: start here
   northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
   northing compare a.csv b.csv           several recordings and estimators in one table
+  northing track harbour.toml            targets in recordings of radar, cameras and AIS
   northing calibrate rest desk.csv       bias, noise and references of a device at rest
   northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
   northing calibrate allan night.csv     noise over averaging time, and the Q that follows

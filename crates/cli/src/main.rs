@@ -15,6 +15,7 @@ mod output;
 #[cfg(feature = "parquet")]
 mod parquet_table;
 mod progress;
+mod quantity;
 mod recordings;
 mod rest_span;
 mod run_report;
@@ -24,6 +25,7 @@ mod span;
 mod summary_text;
 mod table;
 mod toml_file;
+mod track_report;
 mod virtual_recording;
 
 use std::process::ExitCode;
@@ -50,6 +52,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Demo(args)) => commands::demo::execute(&args),
         Some(Command::Run(args)) => commands::run::execute(&args),
         Some(Command::Compare(args)) => commands::compare::execute(&args),
+        Some(Command::Track(args)) => commands::track::execute(&args),
         Some(Command::Calibrate(args)) => commands::calibrate::execute(&args),
         Some(Command::Convert(args)) => commands::convert::execute(&args),
         Some(Command::Estimators(args)) => commands::estimators::execute(&args),

@@ -8,3 +8,4 @@ pub(crate) mod estimators;
 #[cfg(feature = "live")]
 pub(crate) mod live;
 pub(crate) mod run;
+pub(crate) mod track;

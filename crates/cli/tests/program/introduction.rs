@@ -11,6 +11,7 @@ fn without_arguments_it_introduces_itself() {
       northing demo                          a virtual phone, the lab's steps, a report: start here
       northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
       northing compare a.csv b.csv           several recordings and estimators in one table
+      northing track harbour.toml            targets in recordings of radar, cameras and AIS
       northing calibrate rest desk.csv       bias, noise and references of a device at rest
       northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
       northing calibrate allan night.csv     noise over averaging time, and the Q that follows
@@ -24,7 +25,7 @@ fn without_arguments_it_introduces_itself() {
 #[test]
 fn every_command_has_help_with_examples() {
     let lab = Lab::new();
-    for command in ["demo", "run", "compare", "convert", "estimators"] {
+    for command in ["demo", "run", "compare", "convert", "estimators", "track"] {
         contains(
             &lab.succeeds(&[command, "--help"]),
             &["Examples:", &format!("northing {command}")],

@@ -15,3 +15,4 @@ mod run;
 #[cfg(target_os = "linux")]
 mod streaming;
 mod support;
+mod track;

@@ -1,0 +1,258 @@
+//! `northing track`: targets in recordings of radar, lidar, cameras and AIS.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use northing_evaluation::multi_target::{
+    InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
+    TrackerKind, inject_heading, run,
+};
+use northing_recording::atomic_file::write_whole;
+use northing_recording::tracking::{self, TrackingRecording};
+use serde::Serialize;
+
+use crate::output::{check_free, check_not_input, print, print_json};
+use crate::quantity;
+use crate::table::Table;
+use crate::track_report;
+
+/// Most runs of one command: more would take days.
+const MOST_RUNS: u32 = 100_000;
+
+/// Arguments of `track`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Finds and follows targets in recordings of radar, lidar, cameras and AIS: unlabelled \
+                  detections in clutter, tracks that start, are confirmed and end by themselves, with the \
+                  own ship's uncertainty in every step. Where the recording has true positions, each is \
+                  matched with a track at every instant, by the best assignment within 40 m. A recording is \
+                  a manifest that names tables; docs/formats.md describes it.",
+    after_help = "\
+Examples:
+  northing track harbour.toml --data recordings --report harbour.html
+  northing track harbour.toml --own-ship-std heading=3deg,position=3m --json
+  northing track a.toml b.toml --sensors radar,lidar --tracker uncompensated
+  northing track harbour.toml --inject-heading-std 3deg --runs 100 --seed 1"
+)]
+pub(crate) struct TrackArgs {
+    /// Manifests of tracking recordings (.toml)
+    #[arg(value_name = "RECORDING", required = true)]
+    recordings: Vec<PathBuf>,
+    /// Folder of the files that the manifests name; without it, the manifest's own
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// What to do about the own ship's uncertainty: uncompensated, converted, schmidt
+    #[arg(long, value_name = "NAME", default_value = "schmidt")]
+    tracker: TrackerKind,
+    /// Standard deviations of the own ship's pose, e.g. heading=3deg,position=3m
+    #[arg(long, value_name = "LIST", value_parser = own_ship_std)]
+    own_ship_std: Option<OwnShipStd>,
+    /// Sensors to use, separated by commas, instead of those that the manifest marks
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    sensors: Option<Vec<String>>,
+    /// Add an error to the own ship's heading, drawn for each run, and compare the trackers
+    #[arg(long, value_name = "ANGLE", value_parser = quantity::angle, requires = "runs")]
+    inject_heading_std: Option<f64>,
+    /// Runs with an injected error
+    #[arg(long, value_name = "N", requires = "inject_heading_std",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_RUNS)))]
+    runs: Option<u32>,
+    /// Seed of the injected errors
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// Write a report with map and plots: one HTML file for a browser
+    #[arg(long, value_name = "FILE", conflicts_with = "inject_heading_std")]
+    report: Option<PathBuf>,
+    /// Overwrite the report if it exists
+    #[arg(long)]
+    force: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// `heading=3deg,position=3m`; what is not named is zero.
+fn own_ship_std(text: &str) -> Result<OwnShipStd, String> {
+    let mut std = OwnShipStd::default();
+    for part in text.split(',') {
+        match part.split_once('=') {
+            Some(("heading", value)) => std.heading_rad = quantity::angle(value)?,
+            Some(("position", value)) => std.position_m = quantity::length(value)?,
+            _ => {
+                return Err(format!(
+                    "`{part}` is neither heading=ANGLE nor position=LENGTH, e.g. heading=3deg,position=3m"
+                ));
+            }
+        }
+    }
+    Ok(std)
+}
+
+/// Runs.
+pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
+    if let Some(report) = &args.report {
+        if args.recordings.len() > 1 {
+            bail!("--report is about one recording; name one, or leave --report out");
+        }
+        for recording in &args.recordings {
+            check_not_input(report, recording)?;
+        }
+        check_free(report, args.force)?;
+    }
+    let recordings = open(args)?;
+    let options = TrackOptions {
+        tracker: args.tracker,
+        own_ship_std: args.own_ship_std,
+        sensors: args.sensors.clone(),
+        heading_error_rad: 0.0,
+    };
+    if let (Some(heading_std_rad), Some(runs)) = (args.inject_heading_std, args.runs) {
+        let options = InjectionOptions {
+            heading_std_rad,
+            runs,
+            seed: args.seed,
+            track: options,
+        };
+        return print_injection(&inject_heading(&recordings, &options), args.json);
+    }
+    let mut epochs: Vec<TrackEpoch> = Vec::new();
+    let mut summaries = Vec::new();
+    for recording in &recordings {
+        epochs.clear();
+        summaries.push(run(recording, &options, |epoch| {
+            if args.report.is_some() {
+                epochs.push(epoch);
+            }
+        }));
+    }
+    if let (Some(path), [summary], [recording]) = (&args.report, &summaries[..], &recordings[..]) {
+        let html = track_report::render(summary, &epochs, &recording.issues);
+        write_whole(path, html.as_bytes(), args.force)?;
+    }
+    match &summaries[..] {
+        [one] if args.json => print_json(one),
+        many if args.json => print_json(&Several { recordings: many }),
+        _ => print(&describe(&summaries, args)),
+    }
+}
+
+/// The JSON document of several recordings.
+#[derive(Debug, Serialize)]
+struct Several<'a> {
+    recordings: &'a [TrackSummary],
+}
+
+fn open(args: &TrackArgs) -> Result<Vec<TrackingRecording>> {
+    let mut recordings = Vec::new();
+    for path in &args.recordings {
+        let recording = tracking::open(path, args.data.as_deref())?;
+        let names: Vec<&str> = recording.sensors.iter().map(|(n, _)| n.as_str()).collect();
+        for wanted in args.sensors.iter().flatten() {
+            if !names.contains(&wanted.as_str()) {
+                bail!(
+                    "{}: no sensor `{wanted}`; it has {}",
+                    path.display(),
+                    names.join(", ")
+                );
+            }
+        }
+        recordings.push(recording);
+    }
+    Ok(recordings)
+}
+
+fn number(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
+}
+
+fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
+    let mut text = String::new();
+    let mut table = Table::new(&[
+        "<recording",
+        "target",
+        "RMSE m",
+        "median m",
+        "coverage",
+        "switches",
+        "in 95 %",
+        "<",
+    ]);
+    for summary in summaries {
+        for target in &summary.targets {
+            table.row([
+                summary.recording.clone(),
+                target.target.to_string(),
+                number(target.rmse_m, 1),
+                number(target.median_error_m, 1),
+                format!("{:.2}", target.coverage),
+                target.switches.to_string(),
+                number(target.inside_95, 2),
+                if target.lost { "lost" } else { "" }.to_owned(),
+            ]);
+        }
+    }
+    if summaries.iter().any(|summary| !summary.targets.is_empty()) {
+        text.push_str(&table.render(""));
+        text.push('\n');
+    }
+    for summary in summaries {
+        let truth = !summary.targets.is_empty();
+        let note = if truth {
+            format!(", {} of them on no target", summary.false_tracks)
+        } else {
+            "; no true positions to score against".to_owned()
+        };
+        text.push_str(&format!(
+            "{}: {} scans of {} in {:.0} s, {} tracks confirmed{note} ({})\n",
+            summary.recording,
+            summary.counts.scans,
+            summary.sensors.join(", "),
+            summary.duration_s,
+            summary.confirmed_tracks,
+            summary.tracker,
+        ));
+        for issue in track_report::refusals(&summary.counts) {
+            text.push_str(&format!("  {issue}\n"));
+        }
+    }
+    if let Some(report) = &args.report {
+        text.push_str(&format!(
+            "\nReport: {} (open it in a browser)\n",
+            report.display()
+        ));
+    }
+    text
+}
+
+fn print_injection(summary: &InjectionSummary, json: bool) -> Result<()> {
+    if json {
+        return print_json(summary);
+    }
+    let mut table = Table::new(&[
+        "<tracker",
+        "truth in 95 %",
+        "RMSE m",
+        "coverage",
+        "targets lost",
+    ]);
+    for kind in TrackerKind::ALL {
+        let Some(row) = summary.trackers.get(kind.name()) else {
+            continue;
+        };
+        table.row([
+            kind.name().to_owned(),
+            number(row.inside_95.map(|share| 100.0 * share), 1),
+            number(row.rmse_m, 1),
+            format!("{:.2}", row.coverage),
+            format!("{} of {}", row.lost, row.targets),
+        ]);
+    }
+    print(&format!(
+        "Heading error of {:.1} deg (1 sigma) in the own ship, {} runs of {}:\n\n{}",
+        summary.injected_heading_std_deg,
+        summary.runs,
+        summary.recordings.join(", "),
+        table.render("")
+    ))
+}

@@ -1,0 +1,248 @@
+//! `northing track`: targets from tables, and what is refused.
+
+use northing_recording::test_data::data_dir;
+
+use crate::support::{Lab, contains};
+
+const MANIFEST: &str = r#"
+name = "pond"
+[scans]
+file = "scans.csv"
+scan = "scan"
+time_s = "t_s"
+own_north_m = "n_m"
+own_east_m = "e_m"
+[detections]
+file = "detections.csv"
+scan = "scan"
+relative_north_east_m = ["n_m", "e_m"]
+[truth]
+file = "truth.csv"
+scan = "scan"
+north_m = "n_m"
+east_m = "e_m"
+[sensors.radar]
+range_std_m = 3.0
+bearing_std_deg = 1.0
+detection_probability = 0.9
+clutter_per_km2 = 1.0
+"#;
+
+/// A boat that passes, seen every second; `spoil` changes a row of detections.
+fn pond(spoil: impl Fn(usize, String) -> String) -> Lab {
+    let lab = Lab::new();
+    lab.write("pond.toml", MANIFEST);
+    let table = |header: &str, row: &dyn Fn(usize) -> String| {
+        (0..60).fold(format!("{header}\n"), |text, k| text + &row(k) + "\n")
+    };
+    let place = |k: usize| (200.0 + 2.0 * k as f64, 100.0 - 3.0 * k as f64);
+    lab.write(
+        "scans.csv",
+        table("scan,t_s,n_m,e_m", &|k| format!("{k},{k}.0,0,0")),
+    );
+    lab.write(
+        "truth.csv",
+        table("scan,n_m,e_m", &|k| {
+            format!("{k},{},{}", place(k).0, place(k).1)
+        }),
+    );
+    lab.write(
+        "detections.csv",
+        table("scan,n_m,e_m", &|k| {
+            let wobble = (k as f64 * 2.4).sin();
+            let (n, e) = (place(k).0 + wobble, place(k).1 - wobble);
+            spoil(k, format!("{k},{n:.3},{e:.3}"))
+        }),
+    );
+    lab
+}
+
+#[test]
+fn a_target_is_found_and_scored() {
+    let lab = pond(|_, row| row);
+    let json = lab.json(&["track", "pond.toml", "--json"]);
+    let target = &json["targets"][0];
+    assert!(target["rmse_m"].as_f64().unwrap() < 3.0, "{json}");
+    assert!(target["median_error_m"].as_f64().unwrap() < 3.0, "{json}");
+    assert!(target["coverage"].as_f64().unwrap() > 0.9, "{json}");
+    assert_eq!(
+        (&target["lost"], &target["switches"]),
+        (&false.into(), &0.into())
+    );
+    assert_eq!(
+        (&json["false_tracks"], &json["tracker"]),
+        (&0.into(), &"schmidt".into())
+    );
+    let text = lab.succeeds(&[
+        "track",
+        "pond.toml",
+        "--own-ship-std",
+        "heading=3deg,position=3m",
+    ]);
+    contains(&text, &["pond", "RMSE m", "1 tracks confirmed"]);
+}
+
+#[test]
+fn a_report_has_the_map_and_is_not_overwritten() {
+    let lab = pond(|_, row| row);
+    let text = lab.succeeds(&["track", "pond.toml", "--report", "r.html"]);
+    contains(&text, &["Report: r.html"]);
+    contains(
+        &lab.read("r.html"),
+        &["<svg", "Map", "target 1", "95 %", "Errors over time"],
+    );
+    let message = lab.refuses(&["track", "pond.toml", "--report", "r.html"]);
+    contains(&message, &["exists already", "--force"]);
+    lab.succeeds(&["track", "pond.toml", "--report", "r.html", "--force"]);
+}
+
+#[test]
+fn an_injected_heading_error_compares_the_trackers() {
+    let lab = pond(|_, row| row);
+    let arguments = [
+        "track",
+        "pond.toml",
+        "--inject-heading-std",
+        "3deg",
+        "--runs",
+        "12",
+    ];
+    contains(
+        &lab.succeeds(&arguments),
+        &["uncompensated", "converted", "schmidt", "12 runs of pond"],
+    );
+    let json = lab.json(&[&arguments[..], &["--json", "--seed", "7"]].concat());
+    let inside = |name: &str| json["trackers"][name]["inside_95"].as_f64().unwrap();
+    assert!(inside("schmidt") > inside("uncompensated"), "{json}");
+}
+
+#[test]
+fn several_recordings_are_one_document() {
+    let lab = pond(|_, row| row);
+    let json = lab.json(&["track", "pond.toml", "pond.toml", "--json"]);
+    assert_eq!(json["recordings"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn spoilt_detections_are_counted_and_not_fatal() {
+    let lab = pond(|k, row| match k {
+        20 => "20,nan,5".to_owned(),
+        30 => "30,0,0".to_owned(),
+        40 => "40,inf,inf".to_owned(),
+        _ => row,
+    });
+    let json = lab.json(&["track", "pond.toml", "--json"]);
+    assert_eq!(json["counts"]["detections_invalid"], 3, "{json}");
+    assert_eq!(json["targets"][0]["lost"], false);
+    contains(
+        &lab.succeeds(&["track", "pond.toml"]),
+        &["3 detections skipped: not finite"],
+    );
+}
+
+#[test]
+fn scans_of_another_century_and_poses_without_numbers_are_counted() {
+    let lab = pond(|_, row| row);
+    let scans = lab.read("scans.csv");
+    let scans = scans.replace("\n30,30.0,0,0", "\n30,3000000000.0,0,0");
+    lab.write(
+        "scans.csv",
+        scans.replace("\n10,10.0,0,0", "\n10,10.0,nan,0"),
+    );
+    let json = lab.json(&["track", "pond.toml", "--json"]);
+    assert_eq!(json["counts"]["scans_refused_time"], 1, "{json}");
+    assert_eq!(json["counts"]["scans_refused_pose"], 1, "{json}");
+    assert_eq!(json["targets"][0]["lost"], false);
+}
+
+#[test]
+fn a_target_through_the_own_ship_ends_no_run() {
+    let lab = pond(|_, row| row);
+    let scans = lab.read("scans.csv");
+    // once there is a track, the own ship jumps onto the target
+    let place = |k: usize| (200 + 2 * k, 100 - 3 * k as i64);
+    let jumped = (20..60).fold(scans, |text, k| {
+        text.replace(
+            &format!("\n{k},{k}.0,0,0"),
+            &format!("\n{k},{k}.0,{},{}", place(k).0, place(k).1),
+        )
+    });
+    lab.write("scans.csv", jumped);
+    let json = lab.json(&["track", "pond.toml", "--json"]);
+    assert_eq!(json["counts"]["scans"], 60, "{json}");
+}
+
+#[test]
+fn wrong_arguments_are_refused_in_one_line() {
+    let lab = pond(|_, row| row);
+    let cases: [(&[&str], &[&str]); 9] = [
+        (
+            &["--own-ship-std", "heading=3"],
+            &["has no unit", "deg or rad"],
+        ),
+        (&["--own-ship-std", "heading=-3deg"], &["negative"]),
+        (
+            &["--own-ship-std", "roll=3deg"],
+            &["neither heading=ANGLE nor position=LENGTH"],
+        ),
+        (
+            &["--tracker", "magic"],
+            &["no tracker", "uncompensated, converted, schmidt"],
+        ),
+        (&["--sensors", "sonar"], &["no sensor `sonar`", "radar"]),
+        (&["--inject-heading-std", "3deg"], &["--runs"]),
+        (
+            &["--inject-heading-std", "3deg", "--runs", "0"],
+            &["0 is not in 1..=100000"],
+        ),
+        (&["--data", "nowhere"], &["scans.csv", "cannot open it"]),
+        (
+            &["pond.toml", "--report", "x.html"],
+            &["about one recording"],
+        ),
+    ];
+    for (arguments, expected) in cases {
+        let message = lab.refuses(&[&["track", "pond.toml"], arguments].concat());
+        contains(&message, expected);
+    }
+    let message = lab.refuses(&["track", "missing.toml"]);
+    contains(&message, &["missing.toml", "cannot read the manifest"]);
+}
+
+#[test]
+fn a_log_of_nmea_sentences_becomes_tracks() {
+    let lab = Lab::new();
+    lab.write(
+        "ais.toml",
+        "name = 'log'\n[plane]\nlatitude_deg = 37.8\nlongitude_deg = -122.4\n[ais]\nfile = 'log.nmea'\n\
+         [sensors.ais]\nextent_std_m = 10.0\ndetection_probability = 0.95\nclutter_per_km2 = 0.001\n\
+         covers_all = false\n",
+    );
+    let report = "!AIVDM,1,1,,B,15MgK45P3@G?fl0E`JbR0OwT0@MS,0*4D";
+    let line = |k: u32| format!("\\c:{}*00\\{report}\n", 1_452_603_731 + 10 * k);
+    lab.write(
+        "log.nmea",
+        (0..20).fold("noise\n".to_owned(), |log, k| log + &line(k)),
+    );
+    let json = lab.json(&["track", "ais.toml", "--json"]);
+    assert_eq!(
+        (&json["counts"]["scans"], &json["confirmed_tracks"]),
+        (&20.into(), &1.into())
+    );
+}
+
+#[test]
+fn a_ferry_in_a_harbour_finds_its_targets() {
+    let Some(data) = data_dir("a_ferry_in_a_harbour_finds_its_targets") else {
+        return;
+    };
+    let manifest = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../examples/recordings/autoferry_03.toml"
+    );
+    let data = data.to_str().unwrap().to_owned();
+    let json = Lab::new().json(&["track", manifest, "--data", &data, "--json"]);
+    for target in json["targets"].as_array().unwrap() {
+        assert_eq!(target["lost"], false, "{json}");
+    }
+}
