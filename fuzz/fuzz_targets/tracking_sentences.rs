@@ -1,0 +1,29 @@
+//! A log of NMEA sentences: any lines become events with numbers in them or are counted, never a panic.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use northing_recording::tracking::{LocalPlane, Sentences, TrackingIssues, TrackingSample};
+
+/// The checksum is not what is to be found: a sentence gets the right one.
+fn with_checksum(line: &[u8]) -> Vec<u8> {
+    let sum = line.iter().skip(1).fold(0, |sum, byte| sum ^ byte);
+    [line, format!("*{sum:02X}").as_bytes()].concat()
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let mut issues = TrackingIssues::default();
+    let mut log = Sentences::new(LocalPlane {
+        latitude_deg: 50.0,
+        longitude_deg: -1.0,
+    });
+    for line in bytes.split(|byte| *byte == b'\n') {
+        for line in [line.to_vec(), with_checksum(line)] {
+            let Some(event) = log.take(&line, &mut issues) else {
+                continue;
+            };
+            if let TrackingSample::Ais(report) = event.sample {
+                assert!(report.north_m.is_finite() && report.east_m.is_finite());
+            }
+        }
+    }
+});
