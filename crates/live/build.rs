@@ -1,5 +1,8 @@
 //! Embeds the pages of the lab: takes `web/dist`, builds it with npm when it is missing or older than
 //! its sources, and otherwise embeds a page that says how to build it.
+//!
+//! The network is asked only where `web/node_modules` is missing. Releases and source packages carry
+//! `web/dist`, so that nobody who builds them needs npm. `NORTHING_WEB_BUILD=0` never runs npm.
 
 use std::fs;
 use std::io;
@@ -19,10 +22,19 @@ const FILES: [&str; 8] = [
     "phone/icon.svg",
 ];
 
+/// What the pages are made of.
+const SOURCES: [&str; 5] = [
+    "lab",
+    "phone",
+    "scripts",
+    "package-lock.json",
+    "tsconfig.json",
+];
+
 fn main() -> io::Result<()> {
     println!("cargo:rerun-if-env-changed=NORTHING_WEB_BUILD");
     let web = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../web");
-    for source in ["lab", "phone", "scripts", "package-lock.json", "dist"] {
+    for source in SOURCES.iter().chain(&["dist"]) {
         println!("cargo:rerun-if-changed={}", web.join(source).display());
     }
     if web.is_dir() && !is_fresh(&web) && std::env::var("NORTHING_WEB_BUILD").as_deref() != Ok("0")
@@ -53,10 +65,7 @@ fn is_fresh(web: &Path) -> bool {
         .iter()
         .map(|file| modified(&web.join("dist").join(file)))
         .min();
-    let newest = ["lab", "phone", "scripts"]
-        .into_iter()
-        .map(|folder| newest_in(&web.join(folder)))
-        .max();
+    let newest = SOURCES.iter().map(|name| newest_in(&web.join(name))).max();
     oldest > Some(SystemTime::UNIX_EPOCH) && oldest >= newest
 }
 
@@ -65,12 +74,13 @@ fn modified(path: &Path) -> SystemTime {
     time.unwrap_or(SystemTime::UNIX_EPOCH)
 }
 
-fn newest_in(folder: &Path) -> SystemTime {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let times = entries.map(|entry| match entry.path() {
-        path if path.is_dir() => newest_in(&path),
-        path => modified(&path),
-    });
+/// Of a file, or of everything in a folder.
+fn newest_in(path: &Path) -> SystemTime {
+    if !path.is_dir() {
+        return modified(path);
+    }
+    let entries = fs::read_dir(path).into_iter().flatten().flatten();
+    let times = entries.map(|entry| newest_in(&entry.path()));
     times.max().unwrap_or(SystemTime::UNIX_EPOCH)
 }
 
@@ -84,16 +94,20 @@ fn build(web: &Path) {
             Ok(output) if output.status.success() => true,
             Ok(output) => {
                 let said = String::from_utf8_lossy(&output.stderr).into_owned();
-                let line = said.lines().next().unwrap_or("no message").to_owned();
+                // npm warns about much before it says what failed.
+                let line = said.lines().find(|line| !line.starts_with("npm warn"));
                 warn(&format!(
-                    "`npm {}` in web/ failed: {line}",
-                    arguments.join(" ")
+                    "the pages of the lab are not built: `npm {}` in web/ failed: {}",
+                    arguments.join(" "),
+                    line.unwrap_or("no message")
                 ));
                 false
             }
             Err(_) => {
                 warn(
-                    "npm was not found, so the pages of the lab are not built. Install Node.js and build again.",
+                    "npm was not found, so the pages of the lab are not built. Install Node.js 18 or newer \
+                     (Debian: apt-get install nodejs npm) and build again; or build without the lab, with \
+                     --no-default-features.",
                 );
                 false
             }

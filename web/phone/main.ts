@@ -16,20 +16,21 @@ function randomId(): string {
 }
 
 /** Storage can be forbidden (private windows): then the value lives as long as the page. */
-function kept(storage: "sessionStorage" | "localStorage", key: string, make: () => string): string {
+function kept(key: string, make: () => string): string {
   try {
-    const value = window[storage].getItem(key) ?? make();
-    window[storage].setItem(key, value);
+    const value = localStorage.getItem(key) ?? make();
+    localStorage.setItem(key, value);
     return value;
   } catch {
     return make();
   }
 }
 
-const device = kept("sessionStorage", "northing-device", randomId);
+// The same phone in a new tab is the same device; where two tabs are open, the lab tells them apart.
+const device = kept("northing-device", randomId);
 const session = randomId();
 const nameField = byId<HTMLInputElement>("name");
-nameField.value = kept("localStorage", "northing-name", () => (platform === "ios" ? "iPhone" : platform === "android" ? "Android phone" : "Phone"));
+nameField.value = kept("northing-name", () => (platform === "ios" ? "iPhone" : platform === "android" ? "Android phone" : "Phone"));
 nameField.addEventListener("change", () => {
   try {
     localStorage.setItem("northing-name", nameField.value);
@@ -47,10 +48,21 @@ function note(kind: string, text: string): void {
   events.push({ t_ms: performance.now(), kind, text });
 }
 
-const uplink = new Uplink(token, (text) => {
-  byId("say").textContent = `The lab says: ${text}`;
-  byId("say").hidden = false;
-});
+const SAY_AT_LEAST_MS = 3000;
+let saidMs = -SAY_AT_LEAST_MS;
+
+/** Shows what the lab wants of this phone's person; an empty answer ends it after a moment. */
+function showSaid(texts: string[]): void {
+  const say = byId("say");
+  const now = performance.now();
+  if (!texts.length && now - saidMs < SAY_AT_LEAST_MS) return;
+  if (texts.length) saidMs = now;
+  const text = texts.join(" ") || "The lab asks for nothing now.";
+  if (say.textContent !== text) say.textContent = text;
+  say.className = texts.length ? "say asks" : "say";
+}
+
+const uplink = new Uplink(token, showSaid);
 
 /** Puts what has gathered into a batch; an empty one each second keeps the connection known. */
 function flush(): void {
@@ -79,13 +91,14 @@ async function start(): Promise<void> {
   const refused = await askPermission();
   note("permission", refused.length ? refused.join("; ") : "granted");
   if (refused.length) {
-    show("bad", "Sensors refused", `${refused.join("; ")}. Allow motion and orientation access for this page in the browser's settings, then reload it.`);
+    show("bad", "Sensors refused", `The browser says: ${refused.join("; ")}. Allow motion and orientation access for this page in the browser's settings, then reload it.`);
     button.disabled = false;
     return;
   }
   started = true;
-  button.textContent = "Sending";
-  button.className = "quiet";
+  button.hidden = true;
+  byId("say").hidden = false;
+  showSaid([]);
   startSensors((channel, row) => rows[channel].push(row), (text) => note("sensor", text));
   uplink.trySocket();
   void stayAwake();
@@ -116,6 +129,16 @@ function element(tag: string, text: string, className = ""): HTMLElement {
   return made;
 }
 
+/** Browsers round to 0.1: whoever looks at the numbers should know. */
+function showMode(): void {
+  const coarse = (m: { step: number; count: number }): boolean => m.count > 20 && m.step > 0.05;
+  const text = coarse(meters.a) || coarse(meters.g)
+    ? "Coarse mode: this browser rounds its sensors to a tenth. The lab knows and allows for it; an app such as Sensor Logger gives finer values."
+    : "Values are sent exactly as this browser gives them.";
+  const foot = byId("foot");
+  if (foot.textContent !== text) foot.textContent = text;
+}
+
 /** Steps of a converter or of the browser's rounding, in words. */
 function stepText(step: number, unit: string): string {
   return step > 0 && step < 100 ? ` · steps of ${step < 0.001 ? step.toExponential(0) : step.toPrecision(1)} ${unit}` : "";
@@ -130,7 +153,7 @@ function showSensors(): void {
     }),
   );
   const link = uplink.state;
-  const facts: [string, string][] = [["Received by lab", String(link.acknowledged)], ["Waiting", String(link.waiting)], [`By ${link.by}`, link.roundTripMs ? `${link.roundTripMs.toFixed(0)} ms` : "–"]];
+  const facts: [string, string][] = [["Batches", String(link.acknowledged)], ["Waiting", String(link.waiting)], [`By ${link.by}`, link.roundTripMs ? `${link.roundTripMs.toFixed(0)} ms` : "–"]];
   if (link.dropped) facts.push(["Given up", String(link.dropped)]);
   byId("link").replaceChildren(
     ...facts.map(([term, value]) => {
@@ -151,7 +174,7 @@ document.addEventListener("visibilitychange", () => {
 if (token) {
   byId("go").addEventListener("click", () => void start());
   window.setInterval(flush, BATCH_MS);
-  window.setInterval(() => (showState(), showSensors()), 500);
+  window.setInterval(() => (showState(), showSensors(), showMode()), 500);
 } else {
   show("bad", "No code in the address", "Scan the QR code on the lab's screen: it carries the code of this lab.");
   byId<HTMLButtonElement>("go").disabled = true;

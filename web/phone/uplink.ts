@@ -40,7 +40,7 @@ export class Uplink {
   private refused = false;
   private socket: WebSocket | null = null;
 
-  constructor(private readonly token: string, private readonly said: (text: string) => void) {}
+  constructor(private readonly token: string, private readonly said: (texts: string[]) => void) {}
 
   /** Queues a batch; `fill` gets its number. */
   add(fill: (seq: number) => object): void {
@@ -127,7 +127,7 @@ export class Uplink {
     this.notBefore = 0;
     this.state.tone = "good";
     this.state.text = "The lab receives this phone";
-    for (const command of reply.commands ?? []) if (command.say) this.said(command.say);
+    this.said((reply.commands ?? []).flatMap((command) => (command.say ? [command.say] : [])));
     this.pump();
   }
 

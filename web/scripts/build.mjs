@@ -12,7 +12,6 @@ const common = {
   bundle: true,
   minify: !dev,
   sourcemap: dev ? "inline" : false,
-  target: "es2020",
   format: "iife",
   charset: "utf8",
   legalComments: "eof",
@@ -21,10 +20,13 @@ const common = {
   logLevel: "warning",
 };
 
+// The lab page runs on the laptop that runs the program; phones may be years old.
+const TARGETS = { lab: "es2020", phone: "es2019" };
+
 async function page(name, entry) {
   const folder = join(out, name);
   await mkdir(folder, { recursive: true });
-  await build({ ...common, entryPoints: { [name]: join(root, entry) }, outdir: folder });
+  await build({ ...common, target: TARGETS[name], entryPoints: { [name]: join(root, entry) }, outdir: folder });
   for (const file of ["index.html", "icon.svg"]) await copyFile(join(root, name, file), join(folder, file));
   for (const file of ["index.html", "icon.svg", `${name}.js`, `${name}.css`]) {
     const { size } = await stat(join(folder, file));

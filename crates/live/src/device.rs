@@ -14,7 +14,7 @@ use crate::engine::DeviceEngine;
 use crate::experiments::{self, Finished};
 use crate::frames::FrameText;
 use crate::lab::{Device, Lab, Queuing, lock};
-use crate::messages::{Command, SensorUse};
+use crate::messages::{Command, SensorUse, UnderWay};
 use crate::recorder::Control;
 use crate::session::Happening;
 use crate::session::calibration::CalibrationRun;
@@ -365,7 +365,14 @@ impl Task {
         let mut told = session.status(lost);
         told.health
             .splice(0..0, self.engine.remarks().iter().cloned());
+        let calibration = session.calibration().map(|run| UnderWay::Calibration {
+            remaining_s: run.remaining_s(),
+        });
+        let experiment = session.experiment().map(|run| UnderWay::Experiment {
+            remaining_s: run.remaining_s(),
+        });
         let mut status = lock(&self.device.status);
+        status.under_way = calibration.or(experiment);
         status.session = told;
         status.lost = lost;
         status.duplicated_batches = again;

@@ -22,8 +22,9 @@ use tokio::time::timeout;
 
 use crate::assets::{Assets, titled};
 use crate::device::Work;
-use crate::lab::{Device, Lab, is_own_name};
+use crate::lab::{Device, Lab, is_own_name, lock};
 use crate::limits::{Addresses, Peer};
+use crate::phone_hints;
 use crate::pulse::Pulse;
 use crate::token::Token;
 
@@ -176,9 +177,11 @@ async fn take_page(lab: &Arc<Lab>, bytes: Bytes) -> Result<Value, Refusal> {
         lab.refused(bytes.clone());
         malformed(&error)
     })?;
-    let device = device(lab, &batch.device, &batch.name, "page")?;
+    let own = lab.identity(&batch.device, &batch.session);
+    let device = device(lab, &own, &batch.name, "page")?;
     give(lab, &device, WireFormat::PhonePage, bytes).await?;
-    Ok(json!({"ack": batch.seq, "recv_ns": lab.now_ns(), "commands": []}))
+    let commands = phone_hints::commands(&lock(&device.status), own != batch.device);
+    Ok(json!({"ack": batch.seq, "recv_ns": lab.now_ns(), "commands": commands}))
 }
 
 fn malformed(error: &WireError) -> Refusal {

@@ -16,6 +16,7 @@ use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
 use crate::experiments::Finished;
 use crate::frames::FrameText;
+use crate::identities::Identities;
 use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
@@ -79,6 +80,7 @@ pub(crate) struct Queuing {
 pub struct Lab {
     devices: Mutex<BTreeMap<String, Arc<Device>>>,
     experiments: Mutex<VecDeque<Arc<Finished>>>,
+    identities: Mutex<Identities>,
     next_experiment: AtomicU64,
     next_virtual: AtomicU64,
     queued: Queued,
@@ -117,6 +119,7 @@ impl Lab {
         Arc::new(Self {
             devices: Mutex::default(),
             experiments: Mutex::default(),
+            identities: Mutex::default(),
             next_experiment: AtomicU64::new(1),
             next_virtual: AtomicU64::new(1),
             queued: Queued::default(),
@@ -168,6 +171,11 @@ impl Lab {
     #[must_use]
     pub fn listen(&self) -> broadcast::Receiver<Arc<str>> {
         self.messages.subscribe()
+    }
+
+    /// The device of a page's batch: pages that share an identifier are told apart.
+    pub(crate) fn identity(&self, identifier: &str, session: &str) -> String {
+        lock(&self.identities).device(identifier, session, Instant::now())
     }
 
     /// The device of this id, made if it is new.

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | starting it: ports, addresses, certificate | [`server`], [`addresses`], [`tls`], [`token`] |
 //! | who may ask, how much, and for how long | [`security`], [`limits`], [`connections`] |
-//! | what phones and apps talk to | [`ingest`] |
+//! | what phones and apps talk to, and hear | [`ingest`], [`identities`], [`phone_hints`] |
 //! | what the lab page talks to, and the messages | [`lab_api`], [`messages`] |
 //! | the devices and what they share | [`lab`], [`device`] |
 //! | one device: events in, estimates, calibration, experiment out | [`engine`], [`session`] |
@@ -29,6 +29,7 @@ pub mod engine;
 pub mod experiments;
 pub mod export;
 pub mod frames;
+pub mod identities;
 pub mod ingest;
 pub mod inputs;
 pub mod lab;
@@ -37,6 +38,7 @@ pub mod latency;
 pub mod limits;
 pub mod messages;
 mod page;
+pub mod phone_hints;
 mod pulse;
 pub mod qr;
 pub mod recorder;

@@ -238,6 +238,22 @@ pub enum Command {
     Rename(String),
 }
 
+/// What a device is doing for a while.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(tag = "what", rename_all = "kebab-case")]
+pub enum UnderWay {
+    /// A calibration at rest.
+    Calibration {
+        /// Until it ends, s.
+        remaining_s: f64,
+    },
+    /// An experiment.
+    Experiment {
+        /// Until it ends, s.
+        remaining_s: f64,
+    },
+}
+
 /// One row of the list of devices.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct DeviceStatus {
@@ -252,6 +268,8 @@ pub struct DeviceStatus {
     /// How it is.
     #[serde(flatten)]
     pub session: SessionStatus,
+    /// A calibration or an experiment.
+    pub under_way: Option<UnderWay>,
     /// Batches that never came.
     pub lost: u64,
     /// Batches that came again.

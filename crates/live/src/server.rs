@@ -25,7 +25,7 @@ use crate::limits::Peer;
 use crate::recorder;
 use crate::recordings_api;
 use crate::security::{Names, guard};
-use crate::tls::{Certificate, TlsError};
+use crate::tls::{Certificate, CertificateFiles, TlsError};
 use crate::token::Token;
 
 /// A client must have sent its request's head within so long.
@@ -46,6 +46,8 @@ pub struct LiveConfig {
     pub port: u16,
     /// Where certificate and key are kept.
     pub data_dir: PathBuf,
+    /// A certificate that phones trust already, in place of a self-made one.
+    pub certificate: Option<CertificateFiles>,
     /// A folder with pages to use in place of the embedded ones.
     pub web_dir: Option<PathBuf>,
     /// Whether phones in the network may connect; otherwise only this computer.
@@ -133,7 +135,10 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         (Addresses::default(), None)
     };
     let names: Vec<String> = name.iter().cloned().collect();
-    let certificate = Certificate::load_or_make(&config.data_dir, &addresses.shown, &names)?;
+    let certificate = match &config.certificate {
+        Some(files) => Certificate::read(files)?,
+        None => Certificate::load_or_make(&config.data_dir, &addresses.shown, &names)?,
+    };
     let tls = RustlsConfig::from_config(certificate.server_config()?);
     let token = Token::random().map_err(|error| StartError::Random(error.to_string()))?;
     let token = Arc::new(token);

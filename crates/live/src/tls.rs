@@ -3,12 +3,14 @@
 //! Phones refuse certificates that hold for more than 825 days or that do not name the address, so
 //! this one holds for 397 days and names every address of this computer, now and lately; it is made
 //! anew when an address is missing or when it has less than 30 days left. Browsers remember an
-//! accepted certificate, hence it is kept in the data folder, the key readable by the user alone.
+//! accepted certificate, hence it is kept in the data folder, the key readable by the user alone. Whoever
+//! has a certificate that phones trust already (an institute's, or one of mkcert) gives it:
+//! [`Certificate::read`].
 
 use std::fs;
 use std::io::{self, Write as _};
 use std::net::IpAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rcgen::{
@@ -46,12 +48,30 @@ pub enum TlsError {
     /// The certificate could not be used.
     #[error("cannot use the certificate: {0}")]
     Use(String),
+    /// A file that was given does not hold what it should.
+    #[error("{path}: {problem}; expected PEM as mkcert or openssl write it")]
+    Given {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+/// Files with a certificate that phones trust already.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CertificateFiles {
+    /// The certificate, and those that lead to a trusted one, PEM.
+    pub certificate: PathBuf,
+    /// Its private key, PEM.
+    pub key: PathBuf,
 }
 
 /// A certificate with its key.
 #[derive(Debug)]
 pub struct Certificate {
-    certificate: CertificateDer<'static>,
+    /// The computer's own first, then those that lead to a trusted one.
+    chain: Vec<CertificateDer<'static>>,
     key: PrivateKeyDer<'static>,
 }
 
@@ -103,6 +123,31 @@ impl Certificate {
         }
     }
 
+    /// A certificate from files, for a lab whose phones trust it already.
+    ///
+    /// # Errors
+    /// A file cannot be read or holds no PEM of its kind, or the key is another certificate's.
+    pub fn read(files: &CertificateFiles) -> Result<Self, TlsError> {
+        let given = |path: &Path, problem: &str| TlsError::Given {
+            path: path.display().to_string(),
+            problem: problem.to_owned(),
+        };
+        let bytes = |path: &Path| fs::read(path).map_err(|e| given(path, &e.to_string()));
+        let chain: Result<Vec<_>, _> =
+            CertificateDer::pem_slice_iter(&bytes(&files.certificate)?).collect();
+        let chain = chain.map_err(|_| given(&files.certificate, "this is no certificate"))?;
+        if chain.is_empty() {
+            return Err(given(&files.certificate, "there is no certificate in it"));
+        }
+        let key = PrivateKeyDer::from_pem_slice(&bytes(&files.key)?)
+            .map_err(|_| given(&files.key, "there is no private key in it"))?;
+        let read = Self { chain, key };
+        match read.server_config() {
+            Ok(_) => Ok(read),
+            Err(error) => Err(given(&files.key, &format!("it does not fit ({error})"))),
+        }
+    }
+
     fn load(
         folder: &Path,
         addresses: &[IpAddr],
@@ -117,7 +162,7 @@ impl Certificate {
             return None;
         }
         let kept = Self {
-            certificate: CertificateDer::from_pem_file(folder.join("certificate.pem")).ok()?,
+            chain: vec![CertificateDer::from_pem_file(folder.join("certificate.pem")).ok()?],
             key: PrivateKeyDer::from_pem_file(folder.join("key.pem")).ok()?,
         };
         // Two starts at once, or a crash between two files, may have left what does not fit.
@@ -172,7 +217,7 @@ impl Certificate {
         // Last: it vouches for the two others.
         write(&folder.join("certificate.json"), &facts)?;
         Ok(Self {
-            certificate: certificate.der().clone(),
+            chain: vec![certificate.der().clone()],
             key: PrivateKeyDer::try_from(key.serialize_der())
                 .map_err(|e| TlsError::Use(e.to_owned()))?,
         })
@@ -181,7 +226,8 @@ impl Certificate {
     /// SHA-256 of the certificate as browsers show it: pairs of digits with colons.
     #[must_use]
     pub fn fingerprint(&self) -> String {
-        let digest = ring::digest::digest(&ring::digest::SHA256, &self.certificate);
+        let own = self.chain.first().map_or(&[][..], |own| own.as_ref());
+        let digest = ring::digest::digest(&ring::digest::SHA256, own);
         let pairs: Vec<String> = digest.as_ref().iter().map(|b| format!("{b:02X}")).collect();
         pairs.join(":")
     }
@@ -197,7 +243,7 @@ impl Certificate {
             .with_safe_default_protocol_versions()
             .map_err(failed)?
             .with_no_client_auth()
-            .with_single_cert(vec![self.certificate.clone()], self.key.clone_key())
+            .with_single_cert(self.chain.clone(), self.key.clone_key())
             .map_err(failed)?;
         config.alpn_protocols = vec![b"http/1.1".to_vec()];
         Ok(Arc::new(config))
@@ -237,7 +283,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let made =
             Certificate::load_or_make(folder.path(), &LAN, &["laptop.local".to_owned()]).unwrap();
-        let (_, x509) = X509Certificate::from_der(&made.certificate).unwrap();
+        let (_, x509) = X509Certificate::from_der(&made.chain[0]).unwrap();
         let validity = x509.validity();
         let days = (validity.not_after.timestamp() - validity.not_before.timestamp()) / 86_400;
         assert!(days <= 397, "{days}");
@@ -301,6 +347,34 @@ mod tests {
         }
         let left = fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(left, 3, "temporary files are left behind");
+    }
+
+    #[test]
+    fn a_certificate_that_is_given_is_used_and_mistakes_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let other = tempfile::tempdir().unwrap();
+        let made = Certificate::load_or_make(folder.path(), &LAN, &[]).unwrap();
+        Certificate::load_or_make(other.path(), &LAN, &[]).unwrap();
+        let files = |certificate: PathBuf, key: PathBuf| CertificateFiles { certificate, key };
+        let (pem, key) = (
+            folder.path().join("certificate.pem"),
+            folder.path().join("key.pem"),
+        );
+        let read = Certificate::read(&files(pem.clone(), key.clone())).unwrap();
+        assert_eq!(read.fingerprint(), made.fingerprint());
+        let mistakes = [
+            (
+                files(folder.path().join("none.pem"), key.clone()),
+                "none.pem",
+            ),
+            (files(key.clone(), key.clone()), "no certificate in it"),
+            (files(pem.clone(), pem.clone()), "no private key in it"),
+            (files(pem, other.path().join("key.pem")), "does not fit"),
+        ];
+        for (files, words) in mistakes {
+            let error = Certificate::read(&files).unwrap_err().to_string();
+            assert!(error.contains(words) && !error.contains('\n'), "{error}");
+        }
     }
 
     #[cfg(unix)]

@@ -11,6 +11,7 @@ use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
 use northing_live::inputs::InputSpec;
 use northing_live::replay::{self, Speed};
 use northing_live::server::{self, LiveConfig, Running, StartError};
+use northing_live::tls::CertificateFiles;
 use northing_live::{lab::Lab, qr};
 use serde_json::{Value, json};
 
@@ -95,6 +96,12 @@ pub(crate) struct LiveArgs {
     /// Folder for the certificate; default: the user's folder for data
     #[arg(long, value_name = "FOLDER")]
     data_dir: Option<PathBuf>,
+    /// A certificate that the phones trust already (PEM), in place of a self-made one
+    #[arg(long, value_name = "FILE", requires = "key")]
+    cert: Option<PathBuf>,
+    /// The private key of --cert (PEM)
+    #[arg(long, value_name = "FILE", requires = "cert")]
+    key: Option<PathBuf>,
     /// Pages from this folder in place of the built-in ones
     #[arg(long, value_name = "FOLDER")]
     web_dir: Option<PathBuf>,
@@ -126,6 +133,8 @@ impl Default for LiveArgs {
             name: String::new(),
             allowed_hosts: Vec::new(),
             data_dir: None,
+            cert: None,
+            key: None,
             web_dir: None,
         }
     }
@@ -177,6 +186,13 @@ async fn run(args: &LiveArgs) -> Result<()> {
         port: args.port.unwrap_or(PORT),
         recordings: recordings(args, &data_dir),
         data_dir,
+        certificate: match (&args.cert, &args.key) {
+            (Some(certificate), Some(key)) => Some(CertificateFiles {
+                certificate: certificate.clone(),
+                key: key.clone(),
+            }),
+            _ => None,
+        },
         web_dir: args.web_dir.clone(),
         network: !args.local,
         patience: Default::default(),

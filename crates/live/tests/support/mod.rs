@@ -48,6 +48,7 @@ impl TestLab {
         let config = LiveConfig {
             port: 0,
             data_dir: data.path().to_owned(),
+            certificate: None,
             web_dir: None,
             network: false,
             patience,

@@ -1,0 +1,54 @@
+// Runs the browser tests, two at a time, and counts: `browser tests: N passed, N failed, N skipped`.
+import { spawn } from "node:child_process";
+import { dirname, join } from "node:path";
+import { createInterface } from "node:readline";
+import { fileURLToPath } from "node:url";
+
+const folder = dirname(fileURLToPath(import.meta.url));
+/** Side by side; in each lane one after the other. */
+const LANES = [["lab.mjs"], ["phones.mjs", "phone.mjs"]];
+const LONGEST_S = 600;
+
+const children = new Set();
+let passed = 0, failed = 0;
+
+function run(file) {
+  return new Promise((done) => {
+    const child = spawn(process.execPath, [join(folder, file)], { stdio: ["ignore", "pipe", "inherit"] });
+    children.add(child);
+    let counted = false;
+    createInterface({ input: child.stdout }).on("line", (line) => {
+      const count = /^(\d+) passed, (\d+) failed$/.exec(line);
+      if (count) {
+        counted = true;
+        passed += Number(count[1]);
+        failed += Number(count[2]);
+      } else if (line) console.log(`${file.replace(".mjs", "").padEnd(7)} ${line}`);
+    });
+    child.once("close", (code, signal) => {
+      children.delete(child);
+      if (!counted) {
+        failed++;
+        console.log(`${file} ended by ${signal ?? code} before it had counted`);
+      } else if (code && !failed) failed++;
+      done();
+    });
+  });
+}
+
+/** Ends the children: politely, and after ten seconds for certain. */
+function stop(why) {
+  console.log(why);
+  failed++;
+  lanesEnd = true;
+  for (const child of children) child.kill("SIGTERM");
+  setTimeout(() => { for (const child of children) child.kill("SIGKILL"); }, 10_000).unref();
+}
+
+let lanesEnd = false;
+for (const signal of ["SIGTERM", "SIGINT", "SIGHUP"]) process.once(signal, () => stop(`ended by ${signal}`));
+const limit = setTimeout(() => stop(`the browser tests took more than ${LONGEST_S} s`), LONGEST_S * 1000);
+await Promise.all(LANES.map(async (lane) => { for (const file of lane) if (!lanesEnd) await run(file); }));
+clearTimeout(limit);
+console.log(`\nbrowser tests: ${passed} passed, ${failed} failed, 0 skipped`);
+process.exit(failed || !passed ? 1 : 0);
