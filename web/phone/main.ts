@@ -52,12 +52,12 @@ const SAY_AT_LEAST_MS = 3000;
 let saidMs = -SAY_AT_LEAST_MS;
 
 /** Shows what the lab wants of this phone's person; an empty answer ends it after a moment. */
-function showSaid(texts: string[]): void {
+function showSaid(texts: string[], otherwise = "The lab asks for nothing now."): void {
   const say = byId("say");
   const now = performance.now();
   if (!texts.length && now - saidMs < SAY_AT_LEAST_MS) return;
   if (texts.length) saidMs = now;
-  const text = texts.join(" ") || "The lab asks for nothing now.";
+  const text = texts.join(" ") || otherwise;
   if (say.textContent !== text) say.textContent = text;
   say.className = texts.length ? "say asks" : "say";
 }
@@ -115,9 +115,13 @@ function showState(): void {
   if (!started) return;
   const link = uplink.state;
   const slow = meters.g.count > 0 && meters.g.rateHz > 0 && meters.g.rateHz < 20;
+  byId("say").hidden = link.tone === "bad";
   if (link.tone === "bad") show("bad", "Not connected", link.text + ".");
   else if (document.visibilityState === "hidden") show("warn", "Paused", "Browsers give no sensors to a hidden page.");
-  else if (link.tone === "warn") show("warn", link.waiting > 20 ? "Holding data back" : "Connecting", `${link.text}. Readings of the last minute are kept.`);
+  else if (link.tone === "warn") {
+    show("warn", link.waiting > 20 ? "Lab not reached" : "Connecting", `${link.text}.`);
+    if (link.waiting > 20) showSaid([], "Readings of the last minute are kept, and sent when the lab is back.");
+  }
   else if (!meters.a.count && !meters.g.count) show("warn", "No readings yet", "Waiting for the sensors.");
   else show(slow ? "warn" : "good", slow ? "Sending, slowly" : "Sending", slow ? "The sensors come slowly: is low-power mode on?" : "Keep this page in front. Lay the phone down to calibrate.");
 }
@@ -153,7 +157,7 @@ function showSensors(): void {
     }),
   );
   const link = uplink.state;
-  const facts: [string, string][] = [["Batches", String(link.acknowledged)], ["Waiting", String(link.waiting)], [`By ${link.by}`, link.roundTripMs ? `${link.roundTripMs.toFixed(0)} ms` : "–"]];
+  const facts: [string, string][] = [["Batches", String(link.acknowledged)], ["Waiting", String(link.waiting)], [link.by, link.roundTripMs ? `${link.roundTripMs.toFixed(0)} ms` : "–"]];
   if (link.dropped) facts.push(["Given up", String(link.dropped)]);
   byId("link").replaceChildren(
     ...facts.map(([term, value]) => {

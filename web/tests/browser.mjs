@@ -92,7 +92,7 @@ export async function launch() {
     args: [
       // Root has no sandbox; the pages are our own.
       "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
-      "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-features=GenericSensorExtraClasses",
+      "--disable-dev-shm-usage", "--disable-gpu-compositing", "--disable-gpu-rasterization", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-features=GenericSensorExtraClasses",
       // Several pages are looked at at once.
       "--disable-background-timer-throttling", "--disable-backgrounding-occluded-windows", "--disable-renderer-backgrounding",
     ],

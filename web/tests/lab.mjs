@@ -139,4 +139,4 @@ await suite(async () => {
     assert.deepEqual(foreign, []);
     assert.deepEqual(view.complaints, []);
   });
-}, 400);
+}, 600);

@@ -24,7 +24,14 @@ pub fn remarks(intake: &Intake, stopped: &[SensorKind], lost_batches: u64) -> Ve
             "No accelerometer: which way is up cannot be told.",
         ));
     }
-    for kind in stopped {
+    // Others tell only what has changed, and are silent at rest.
+    let measures = |kind: &&SensorKind| {
+        matches!(
+            kind,
+            SensorKind::Gyroscope | SensorKind::Accelerometer | SensorKind::Magnetometer
+        )
+    };
+    for kind in stopped.iter().filter(measures) {
         let text = format!("The {} has stopped delivering.", kind.name());
         remarks.push(Remark::new(Tone::Bad, text));
     }
