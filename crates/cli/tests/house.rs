@@ -266,7 +266,8 @@ fn outside_paths(text: &str) -> Vec<String> {
 #[test]
 fn nothing_names_a_path_outside_the_repository() {
     let mut paths = files(&root(), "");
-    paths.retain(|path| !path.ends_with(".ci/run"));
+    // `.git` is a file in a working tree of its own.
+    paths.retain(|path| !path.ends_with(".ci/run") && !path.ends_with(".git"));
     check(paths, 50, |_, text| outside_paths(text));
     let bad = concat!("see ../", "shared/data");
     assert_eq!(outside_paths(bad), [bad]);

@@ -191,7 +191,8 @@ fn a_report_of_the_lab_is_run_again_to_the_same_digits() {
     use northing_live::session::experiment::ExperimentRun;
     use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
     let phone = VirtualPhone::new(VirtualPhoneConfig::default()).unwrap();
-    let mut run = ExperimentRun::new(60.0, "hand-in").unwrap();
+    // Rest, motion and rest: without the second rest there is no final test to repeat.
+    let mut run = ExperimentRun::new(75.0, "hand-in").unwrap();
     run.begin(0, Vec::new());
     let _ = phone.events().any(|event| run.add(&event));
     let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);

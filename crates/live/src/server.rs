@@ -69,6 +69,7 @@ impl Default for LiveConfig {
         Self {
             port: 0,
             data_dir: PathBuf::new(),
+            certificate: None,
             web_dir: None,
             network: false,
             patience: Patience::default(),

@@ -367,7 +367,7 @@ mod tests {
                 files(folder.path().join("none.pem"), key.clone()),
                 "none.pem",
             ),
-            (files(key.clone(), key.clone()), "no certificate in it"),
+            (files(key.clone(), key), "no certificate in it"),
             (files(pem.clone(), pem.clone()), "no private key in it"),
             (files(pem, other.path().join("key.pem")), "does not fit"),
         ];

@@ -219,18 +219,27 @@ fn parse_axes(text: &str) -> Option<[(usize, f64); 3]> {
     parts.next().is_none().then_some(axes)
 }
 
-/// Refuses a column that is named twice: one of the two is a slip of the pen.
+/// Refuses a column that is named twice: one of the two is a slip of the pen. Only the device's own
+/// orientation may be the reference as well, where a file holds nothing better.
 fn check_columns(layout: &Layout, manifest_file: &str) -> Result<()> {
     let mut used = vec![layout.time];
-    for column in layout.channels.iter().flat_map(Channel::columns) {
-        if used.contains(&column) {
-            let name = layout.names.get(column).map_or("", String::as_str);
-            return Err(problem(
-                manifest_file,
-                format!("column `{name}` is used twice; every column has one meaning"),
-            ));
+    let orientation = layout.channels.iter().find_map(|channel| match channel {
+        Channel::DeviceOrientation { columns, .. } => Some(columns),
+        _ => None,
+    });
+    for channel in &layout.channels {
+        let is_reference = matches!(channel, Channel::Reference { .. });
+        for column in channel.columns() {
+            let is_shared = is_reference && orientation.is_some_and(|own| own.contains(&column));
+            if used.contains(&column) && !is_shared {
+                let name = layout.names.get(column).map_or("", String::as_str);
+                return Err(problem(
+                    manifest_file,
+                    format!("column `{name}` is used twice; every column has one meaning"),
+                ));
+            }
+            used.push(column);
         }
-        used.push(column);
     }
     Ok(())
 }
