@@ -110,7 +110,8 @@ fn stamps_from_the_future_and_the_past_start_anew_and_nothing_breaks() {
         }
     });
     let ben = lab.device("ben");
-    assert_eq!(ben["received"], 4 * events.len());
+    // Each time that the clock was set by more than an hour, 49 readings pass until it is believed.
+    assert_eq!(ben["received"], 4 * events.len() - 2 * 49);
     let angles = ben["estimates"]["mekf"]["angles_deg"].as_array().unwrap();
     assert!(angles.iter().all(|a| a.as_f64().is_some()), "{ben}");
     assert!(!ben["health"].as_array().unwrap().is_empty());
@@ -185,11 +186,15 @@ fn two_phones_with_one_identifier_become_two_devices_and_are_told() {
         said = answer["commands"].to_string();
     }
     assert!(said.contains("device of its own"), "{said}");
-    let (first, second) = (lab.device("anna"), lab.device("anna+second"));
-    let received = |device: &serde_json::Value| device["received"].as_u64().unwrap() as usize;
+    let received = |id: &str| lab.device(id)["received"].as_u64().unwrap() as usize;
     // Nothing is lost; the few batches until it was noticed went to the first one.
-    assert_eq!(received(&first) + received(&second), 2 * events.len());
-    assert!(received(&second) > events.len() * 2 / 3, "{second}");
+    wait_for("every reading of both", || {
+        (received("anna") + received("anna+second") == 2 * events.len()).then_some(())
+    });
+    assert!(received("anna+second") > events.len() * 2 / 3);
+    for id in ["anna", "anna+second"] {
+        assert_eq!(lab.device(id)["lost"], 0, "{id}");
+    }
 }
 
 #[test]

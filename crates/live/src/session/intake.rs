@@ -195,10 +195,13 @@ impl Intake {
         }
     }
 
-    /// Samples received of all sensors, refused and repeated ones included.
+    /// Samples received of all sensors, refused and repeated ones included. A compass heading comes
+    /// with the orientation that it is part of and is not counted again.
     #[must_use]
     pub fn received(&self) -> u64 {
-        self.channels.iter().map(|c| c.received).sum()
+        let kinds = SensorKind::ALL.into_iter();
+        let counted = kinds.filter(|kind| *kind != SensorKind::CompassHeading);
+        counted.map(|kind| self.received_of(kind)).sum()
     }
 
     /// Samples of one sensor.

@@ -291,7 +291,7 @@ mod tests {
         let progress = run.progress();
         let hint = progress["hint"].as_str().unwrap();
         assert!(
-            hint.starts_with("Turn it so that its ") && hint.contains("points"),
+            hint.starts_with("Turn it so that its ") && hint.contains(" point"),
             "{hint}"
         );
         assert_eq!(MagnetometerRun::default().progress()["fit"], Value::Null);

@@ -27,6 +27,8 @@ const PAGE_HELD: usize = 64;
 /// Of two pages with one identifier the one that sent last is believed until it has been silent for
 /// this long, ns.
 const PAGE_SILENT_NS: i64 = 3_000_000_000;
+/// So many batches of the other one in a row, and none of this one, show that it has gone on alone.
+const PAGE_RETURNS: u32 = 3;
 /// Page loads that are remembered.
 const MOST_PAGE_LOADS: usize = 8;
 
@@ -117,10 +119,12 @@ pub struct WireDecoder {
     state: State,
     name: String,
     sessions: u64,
-    /// Page loads that are over.
-    ended: VecDeque<String>,
+    /// Page loads that another one has followed; the newest last.
+    ended: VecDeque<Box<PageLoad>>,
+    /// Batches of one of those since the current page's last one.
+    returns: u32,
     last_arrival_ns: i64,
-    /// Of sessions that are over.
+    /// Of sessions that are forgotten.
     lost_before: u64,
     duplicated_before: u64,
 }
@@ -152,6 +156,19 @@ impl PageLoad {
             session: session.to_owned(),
             decoder: PhonePage::new(),
             order: Resequencer::new(PAGE_WAIT_NS, PAGE_HELD),
+        }
+    }
+
+    /// What a batch brings: itself and those that waited for it.
+    fn place(&mut self, batch: Batch, arrival_ns: i64) -> Decoded {
+        match self.order.push(batch.seq, arrival_ns, batch) {
+            Placed::Ready(ready) => self.decode(ready),
+            Placed::Late(late) => {
+                let mut decoded = self.decode(vec![late]);
+                decoded.late = std::mem::take(&mut decoded.events);
+                decoded
+            }
+            Placed::Duplicate => Decoded::default(),
         }
     }
 
@@ -199,6 +216,7 @@ impl WireDecoder {
             name: String::new(),
             sessions: 0,
             ended: VecDeque::new(),
+            returns: 0,
             last_arrival_ns: 0,
             lost_before: 0,
             duplicated_before: 0,
@@ -251,37 +269,50 @@ impl WireDecoder {
         let State::Page(page) = &mut self.state else {
             return Decoded::default();
         };
-        let mut out = Decoded::default();
+        let is_current = page.as_ref().is_none_or(|p| p.session == batch.session);
         let silent = arrival_ns.saturating_sub(self.last_arrival_ns) >= PAGE_SILENT_NS;
-        if self.ended.contains(&batch.session) && !silent {
-            out.note(
-                Tone::Bad,
-                "Two pages of this phone are open: the older one is not used, close it.",
-            );
+        let ended = self.ended.iter().position(|p| p.session == batch.session);
+        self.returns = if is_current { 0 } else { self.returns + 1 };
+        if let Some(old) = ended.and_then(|at| self.ended.get_mut(at))
+            && !silent
+            && self.returns < PAGE_RETURNS
+        {
+            // The last of a page that was loaded anew: the clock is another one's by now.
+            let mut out = old.place(batch, arrival_ns);
+            out.late.append(&mut out.events);
             return out;
         }
         self.last_arrival_ns = arrival_ns;
-        if let Some(mut old) = page.take_if(|page| page.session != batch.session) {
-            self.ended.retain(|session| *session != batch.session);
-            self.ended.push_back(old.session.clone());
-            if self.ended.len() > MOST_PAGE_LOADS {
-                self.ended.pop_front();
-            }
-            let rest = old.order.flush();
-            out.append(old.decode(rest));
-            self.lost_before += old.order.lost();
-            self.duplicated_before += old.order.duplicated();
-            self.sessions += 1;
+        let mut out = Decoded::default();
+        if !is_current {
+            out = self.turn_to(ended);
         }
-        let page = page.get_or_insert_with(|| Box::new(PageLoad::new(&batch.session)));
-        match page.order.push(batch.seq, arrival_ns, batch) {
-            Placed::Ready(ready) => out.append(page.decode(ready)),
-            Placed::Late(late) => {
-                let mut decoded = page.decode(vec![late]);
-                decoded.late = std::mem::take(&mut decoded.events);
-                out.append(decoded);
-            }
-            Placed::Duplicate => {}
+        if let State::Page(page) = &mut self.state {
+            let page = page.get_or_insert_with(|| Box::new(PageLoad::new(&batch.session)));
+            out.append(page.place(batch, arrival_ns));
+        }
+        out
+    }
+
+    /// Ends the current page load; the one at `ended` goes on, or a new one may begin.
+    fn turn_to(&mut self, ended: Option<usize>) -> Decoded {
+        let mut out = Decoded::default();
+        let State::Page(page) = &mut self.state else {
+            return out;
+        };
+        self.returns = 0;
+        self.sessions += 1;
+        if let Some(mut old) = page.take() {
+            let rest = old.order.flush();
+            out = old.decode(rest);
+            self.ended.push_back(old);
+        }
+        *page = ended.and_then(|at| self.ended.remove(at));
+        if self.ended.len() > MOST_PAGE_LOADS
+            && let Some(forgotten) = self.ended.pop_front()
+        {
+            self.lost_before += forgotten.order.lost();
+            self.duplicated_before += forgotten.order.duplicated();
         }
         out
     }
@@ -336,6 +367,7 @@ impl WireDecoder {
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost_before
+            + self.ended.iter().map(|p| p.order.lost()).sum::<u64>()
             + match &self.state {
                 State::Page(Some(page)) => page.order.lost(),
                 State::SensorLogger(decoder) => decoder.lost(),
@@ -347,6 +379,7 @@ impl WireDecoder {
     #[must_use]
     pub fn duplicated(&self) -> u64 {
         self.duplicated_before
+            + self.ended.iter().map(|p| p.order.duplicated()).sum::<u64>()
             + match &self.state {
                 State::Page(Some(page)) => page.order.duplicated(),
                 State::SensorLogger(decoder) => decoder.duplicated(),

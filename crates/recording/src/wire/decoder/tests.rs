@@ -54,21 +54,38 @@ fn another_page_load_begins_anew_and_what_waited_is_not_lost() {
 }
 
 #[test]
-fn of_two_pages_that_are_open_the_newer_one_is_used_until_it_is_silent() {
+fn of_two_pages_that_are_open_the_newer_one_is_used_until_it_is_silent_and_nothing_is_lost() {
     let mut decoder = WireDecoder::new(WireFormat::PhonePage);
     let mut accept = |session, seq, arrival_ns| {
         let decoded = decoder.accept(&page(session, seq, 1000 + seq), arrival_ns);
         let decoded = decoded.unwrap();
-        (decoded.events.len(), decoded.notices.len())
+        (decoded.events.len(), decoded.late.len())
     };
-    assert_eq!(accept("a", 0, 0).0, 1);
-    assert_eq!(accept("b", 0, 1).0, 1);
-    let (events, notices) = accept("a", 1, 2);
-    assert_eq!((events, notices), (0, 1));
-    assert_eq!(accept("b", 1, 3).0, 1);
+    assert_eq!(accept("a", 0, 0), (1, 0));
+    assert_eq!(accept("b", 0, 1), (1, 0));
+    assert_eq!(accept("a", 1, 2), (0, 1));
+    assert_eq!(accept("b", 1, 3), (1, 0));
     // Back on the first page, which goes on where it was.
-    assert_eq!(accept("a", 200, PAGE_SILENT_NS + 3).0, 1);
-    assert_eq!(accept("b", 2, PAGE_SILENT_NS + 4).0, 0);
+    assert_eq!(accept("a", 2, PAGE_SILENT_NS + 3), (1, 0));
+    assert_eq!(accept("b", 2, PAGE_SILENT_NS + 4), (0, 1));
+    assert_eq!((decoder.lost(), decoder.duplicated()), (0, 0));
+}
+
+#[test]
+fn a_page_that_goes_on_alone_is_used_again_at_once() {
+    let mut decoder = WireDecoder::new(WireFormat::PhonePage);
+    let mut accept = |session, seq| {
+        let decoded = decoder.accept(&page(session, seq, 1000 + seq), 0).unwrap();
+        (decoded.events.len(), decoded.late.len())
+    };
+    assert_eq!(accept("a", 0), (1, 0));
+    assert_eq!(accept("b", 0), (1, 0));
+    assert_eq!(accept("a", 1), (0, 1));
+    // Twice: it was taken, and comes again.
+    assert_eq!(accept("a", 1), (0, 0));
+    assert_eq!(accept("a", 2), (1, 0));
+    assert_eq!(accept("a", 3), (1, 0));
+    assert_eq!((decoder.lost(), decoder.duplicated()), (0, 1));
 }
 
 #[test]
