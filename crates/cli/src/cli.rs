@@ -4,7 +4,9 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "live")]
 use crate::commands::live;
-use crate::commands::{calibrate, compare, convert, demo, estimators, run, track};
+#[cfg(feature = "parquet")]
+use crate::commands::montecarlo;
+use crate::commands::{calibrate, compare, convert, demo, estimators, run, simulate, track};
 
 /// Which way does a device point, and how sure are we?
 #[derive(Debug, Parser)]
@@ -42,6 +44,12 @@ pub(crate) enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Write a recording in another format
     Convert(convert::ConvertArgs),
+    /// One run of a tracking scenario: truth, navigation and every tracker
+    Simulate(simulate::SimulateArgs),
+    /// Many runs of a tracking scenario: who is how wrong, and who knows
+    #[cfg(feature = "parquet")]
+    #[command(name = "montecarlo")]
+    MonteCarlo(Box<montecarlo::MonteCarloArgs>),
     /// List the estimators and their parameters
     Estimators(estimators::EstimatorsArgs),
 }
@@ -67,6 +75,8 @@ northing: which way does a device point, and how sure are we?
   northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
   northing calibrate allan night.csv     noise over averaging time, and the Q that follows
   northing convert walk.zip walk.csv     a recording in another format
+  northing simulate scenario.toml        one run of a tracking scenario
+  northing montecarlo scenario.toml      many runs: who is how wrong, and who knows
   northing estimators                    the estimators and their parameters
 
 `northing COMMAND --help` says more, with examples.

@@ -1,6 +1,10 @@
 //! `northing`: the program. Each command is one file in `commands`; what they share is beside it.
 
 mod calibration_file;
+#[cfg(feature = "parquet")]
+mod campaign_part;
+#[cfg(feature = "parquet")]
+mod campaign_report;
 mod cli;
 mod commands;
 mod comparison_report;
@@ -19,6 +23,7 @@ mod quantity;
 mod recordings;
 mod rest_span;
 mod run_report;
+mod scenario_input;
 mod settings;
 mod sheet;
 mod span;
@@ -55,6 +60,9 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Track(args)) => commands::track::execute(&args),
         Some(Command::Calibrate(args)) => commands::calibrate::execute(&args),
         Some(Command::Convert(args)) => commands::convert::execute(&args),
+        Some(Command::Simulate(args)) => commands::simulate::execute(&args),
+        #[cfg(feature = "parquet")]
+        Some(Command::MonteCarlo(args)) => commands::montecarlo::execute(&args),
         Some(Command::Estimators(args)) => commands::estimators::execute(&args),
     }
 }

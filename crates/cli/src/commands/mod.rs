@@ -7,5 +7,8 @@ pub(crate) mod demo;
 pub(crate) mod estimators;
 #[cfg(feature = "live")]
 pub(crate) mod live;
+#[cfg(feature = "parquet")]
+pub(crate) mod montecarlo;
 pub(crate) mod run;
+pub(crate) mod simulate;
 pub(crate) mod track;

@@ -16,6 +16,8 @@ fn without_arguments_it_introduces_itself() {
       northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
       northing calibrate allan night.csv     noise over averaging time, and the Q that follows
       northing convert walk.zip walk.csv     a recording in another format
+      northing simulate scenario.toml        one run of a tracking scenario
+      northing montecarlo scenario.toml      many runs: who is how wrong, and who knows
       northing estimators                    the estimators and their parameters
 
     `northing COMMAND --help` says more, with examples.
@@ -25,7 +27,16 @@ fn without_arguments_it_introduces_itself() {
 #[test]
 fn every_command_has_help_with_examples() {
     let lab = Lab::new();
-    for command in ["demo", "run", "compare", "convert", "estimators", "track"] {
+    for command in [
+        "demo",
+        "run",
+        "compare",
+        "convert",
+        "simulate",
+        "montecarlo",
+        "estimators",
+        "track",
+    ] {
         contains(
             &lab.succeeds(&[command, "--help"]),
             &["Examples:", &format!("northing {command}")],

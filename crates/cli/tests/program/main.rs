@@ -5,6 +5,7 @@
 mod allan;
 mod bad_input;
 mod calibrate;
+mod campaign;
 mod compare;
 mod convert;
 mod data;
