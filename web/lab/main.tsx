@@ -75,7 +75,7 @@ function Header() {
   );
 }
 
-const LOWER: [Lower, string][] = [["live", "Live"], ["experiments", "All experiments"], ["what-if", "What if"], ["allan", "Allan deviation"], ["recordings", "Recordings"]];
+const LOWER: [Lower, string][] = [["live", "Live"], ["experiments", "Experiments"], ["what-if", "What if"], ["allan", "Allan"], ["recordings", "Recordings"]];
 
 function Centre() {
   const device = selectedDevice();

@@ -3,7 +3,9 @@
 /** A number with as many digits as it deserves. */
 export function number(v: number | null | undefined, digits = 2): string {
   if (v === null || v === undefined || !Number.isFinite(v)) return "–";
-  return v.toFixed(digits).replace("-", "−");
+  const text = v.toFixed(digits);
+  // What rounds to zero has no sign.
+  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
 }
 
 /** A small or large number to three figures, without the exponent where it can be read. */

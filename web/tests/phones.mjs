@@ -110,7 +110,7 @@ await suite(async () => {
     await page.locator(".panel .final").waitFor();
     assert.equal(await view.shown("mekf", "calculated"), Number(turned.results.mekf.calculated_error_deg.toFixed(2)));
     assert.equal(await view.shown("mekf", "estimated"), Number(turned.results.mekf.estimated_error_deg.toFixed(2)));
-    await page.getByRole("tab", { name: "All experiments" }).click();
+    await page.getByRole("tab", { name: "Experiments" }).click();
     for (const name of ["Anna turns", "Ben rests"]) await page.locator(".experiments th", { hasText: name }).waitFor();
     await view.picture("7-two-experiments");
   });

@@ -25,7 +25,7 @@ export function Devices() {
 
 function DeviceCard({ device }: { device: Device }) {
   const selected = device.id === state.selected;
-  const worst = device.health.find((h) => h.tone === "bad") ?? device.health.find((h) => h.tone === "warn") ?? device.health[0];
+  const worst = ["bad", "warn", "good"].map((tone) => device.health.find((h) => h.tone === tone)).find((h) => h) ?? device.health[0];
   const removable = device.source === "virtual" || (offers("remove") && !device.connected);
   return (
     <li class={`device ${device.connected ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>

@@ -62,7 +62,7 @@ pub fn remarks(intake: &Intake, stopped: &[SensorKind], lost_batches: u64) -> Ve
             _ => (step, "microtesla"),
         };
         remarks.push(Remark::new(
-            Tone::Warn,
+            Tone::Info,
             format!(
                 "Coarse values: the {} comes in steps of {step:.3} {unit}. A calibration takes at \
                  least step/sqrt(12) as its noise.",
