@@ -7,6 +7,9 @@ use northing_recording::tracking::TrackingIssues;
 
 use crate::cli::command_line;
 
+/// Coverage from which a target counts as well followed.
+const WELL_COVERED: f64 = 0.75;
+
 /// The page of a run.
 pub(crate) fn render(
     summary: &TrackSummary,
@@ -35,8 +38,8 @@ fn facts(summary: &TrackSummary) -> Vec<Fact> {
     let mut facts = vec![
         fact("tracker", summary.tracker.to_owned()),
         fact(
-            "scans",
-            format!("{} in {:.0} s", summary.counts.scans, summary.duration_s),
+            &format!("scans in {:.0} s", summary.duration_s),
+            summary.counts.scans.to_string(),
         ),
         fact("tracks confirmed", summary.confirmed_tracks.to_string()),
     ];
@@ -56,13 +59,15 @@ fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
             (Tone::Bad, "is lost")
         } else if target.switches > 0 {
             (Tone::Warn, "is followed with interruptions")
+        } else if target.coverage < WELL_COVERED {
+            (Tone::Warn, "is followed at a distance or for a part of the time")
         } else {
             (Tone::Good, "is followed")
         };
         Verdict {
             tone,
             text: format!(
-                "Target {} {words}: a track within 20 m for {share:.0} % of the time, {} changes of track.",
+                "Target {} {words}: a track within 20 m for {share:.0} % of the time, changes of track: {}.",
                 target.target, target.switches
             ),
         }
@@ -114,6 +119,10 @@ pub(crate) fn refusals(counts: &Counts) -> Vec<String> {
             "scans refused: own ship's pose not finite, or its covariance not positive",
         ),
         (
+            counts.scans_refused_jump,
+            "scans refused: own ship's pose jumped",
+        ),
+        (
             counts.detections_invalid,
             "detections skipped: not finite, or a range that is not positive",
         ),
@@ -131,7 +140,7 @@ pub(crate) fn refusals(counts: &Counts) -> Vec<String> {
         ),
         (
             counts.approximate_clusters,
-            "groups of targets too large for exact association, taken by belief propagation",
+            "times that targets were too close together for exact association: belief propagation instead",
         ),
     ];
     said(&sentences)

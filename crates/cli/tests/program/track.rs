@@ -169,7 +169,18 @@ fn a_target_through_the_own_ship_ends_no_run() {
     });
     lab.write("scans.csv", jumped);
     let json = lab.json(&["track", "pond.toml", "--json"]);
-    assert_eq!(json["counts"]["scans"], 60, "{json}");
+    assert_eq!(
+        (
+            &json["counts"]["scans"],
+            &json["counts"]["scans_refused_jump"]
+        ),
+        (&59.into(), &1.into()),
+        "{json}"
+    );
+    contains(
+        &lab.succeeds(&["track", "pond.toml"]),
+        &["1 scans refused: own ship's pose jumped"],
+    );
 }
 
 #[test]

@@ -49,6 +49,8 @@ pub struct MultiTargetTracker<T, const M: usize, const N: usize, const D: usize>
     tracks: [Option<Track<T, M>>; N],
     /// Time of the last scan and the covariance of the pose then.
     last: Option<(T, Matrix3<T>)>,
+    /// The last pose that came with a good time, of a refused scan too, and its time.
+    pose: Option<(T, OwnShip<T>)>,
     next_id: u32,
     counts: TrackerCounts,
     weights: [Association<T, D>; N],
@@ -62,6 +64,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             config,
             tracks: [None; N],
             last: None,
+            pose: None,
             next_id: 1,
             counts: TrackerCounts::default(),
             weights: [Association::missed(T::one()); N],
@@ -82,8 +85,8 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     /// Takes one scan.
     ///
     /// # Errors
-    /// A scan whose time is not finite or before the last, or whose pose is not finite or has no
-    /// covariance, changes nothing and is counted. Single bad detections are skipped and counted.
+    /// A scan whose time is not finite or before the last, or whose pose is not finite, has no
+    /// covariance or has jumped, moves no track and is counted. Single bad detections are skipped and counted.
     pub fn scan(&mut self, scan: &Scan<'_, T>) -> Result<(), ScanError> {
         let dt = self.admit(scan).inspect_err(|e| self.counts.refuse(*e))?;
         self.counts.scans += 1;
@@ -105,7 +108,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     }
 
     /// Seconds since the last scan, or why this one cannot be used.
-    fn admit(&self, scan: &Scan<'_, T>) -> Result<T, ScanError> {
+    fn admit(&mut self, scan: &Scan<'_, T>) -> Result<T, ScanError> {
         if !scan.time_s.is_finite() {
             return Err(ScanError::TimeNotFinite);
         }
@@ -118,6 +121,15 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         }
         if dt > self.config.longest_gap_s {
             return Err(ScanError::TimeInFuture);
+        }
+        let came_from = self.pose.replace((scan.time_s, *scan.own_ship));
+        let limits = &self.config.pose_limits;
+        if came_from.is_some_and(|(t, from)| {
+            !limits.allow(&from, scan.own_ship, (scan.time_s - t).max(T::zero()))
+        }) {
+            // A navigation filter that was set anew has errors of its own: no target shares them.
+            self.last = self.last.map(|(t, _)| (t, Matrix3::zeros()));
+            return Err(ScanError::PoseJumps);
         }
         Ok(dt)
     }

@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::detection::wrap_angle;
 use crate::kalman::covariance::cholesky;
 use crate::scalar::{Scalar, lit};
 
@@ -43,6 +44,41 @@ impl<T: Scalar> Default for PoseMemory<T> {
             position_s: lit(300.0),
             heading_s: lit(1e4),
         }
+    }
+}
+
+/// How fast a ship can move: what is beyond is a jump of its navigation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
+pub struct PoseLimits<T> {
+    /// Fastest own ship, m/s.
+    pub speed_m_s: T,
+    /// Fastest turn of the own ship, rad/s.
+    pub turn_rad_s: T,
+}
+
+impl<T: Scalar> Default for PoseLimits<T> {
+    fn default() -> Self {
+        Self {
+            speed_m_s: lit(50.0),
+            turn_rad_s: lit(1.5),
+        }
+    }
+}
+
+impl<T: Scalar> PoseLimits<T> {
+    /// Whether a ship can come from one pose to the other in `dt` seconds, six standard deviations of
+    /// both and the corrections of a receiver (20 m, 0.5 rad) granted.
+    pub fn allow(&self, from: &OwnShip<T>, to: &OwnShip<T>, dt: T) -> bool {
+        let spread = |i: usize, j: usize| {
+            let p = from.covariance + to.covariance;
+            lit::<T>(6.0) * (p[(i, i)] + p[(j, j)]).sqrt()
+        };
+        let (dn, de) = (to.north_m - from.north_m, to.east_m - from.east_m);
+        let turned = wrap_angle(to.heading_rad - from.heading_rad).abs();
+        (dn * dn + de * de).sqrt() <= self.speed_m_s * dt + spread(0, 1) + lit(20.0)
+            && turned <= self.turn_rad_s * dt + spread(2, 2) + lit(0.5)
     }
 }
 
@@ -135,6 +171,17 @@ mod tests {
         for bad in [asymmetric, too_correlated, negative, nan] {
             assert!(!bad.is_valid(), "{bad:?}");
         }
+    }
+
+    #[test]
+    fn a_ship_moves_and_turns_but_does_not_jump() {
+        let limits = PoseLimits::default();
+        let from = OwnShip::exact(0.0, 0.0, 3.0_f64);
+        assert!(limits.allow(&from, &OwnShip::exact(60.0, 0.0, -3.0), 1.0));
+        assert!(!limits.allow(&from, &OwnShip::exact(80.0, 0.0, 3.0), 1.0));
+        assert!(!limits.allow(&from, &OwnShip::exact(0.0, 0.0, 0.0), 1.0));
+        let unsure = OwnShip::exact(80.0, 0.0, 0.0).with_std(5.0, 5.0, 0.5);
+        assert!(limits.allow(&from, &unsure, 1.0));
     }
 
     #[test]

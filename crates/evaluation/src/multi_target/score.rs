@@ -76,6 +76,8 @@ pub struct Counts {
     pub scans_refused_time: u64,
     /// Scans refused because of the own ship's pose or its covariance.
     pub scans_refused_pose: u64,
+    /// Scans refused because the own ship's pose had jumped.
+    pub scans_refused_jump: u64,
     /// Detections that were not finite, or had a range that is not positive.
     pub detections_invalid: u64,
     /// Updates skipped at the own ship's position, where a bearing is undefined.
@@ -98,6 +100,7 @@ impl From<&TrackerCounts> for Counts {
             scans: c.scans,
             scans_refused_time: c.time_not_finite + c.time_goes_back + c.time_in_future,
             scans_refused_pose: c.pose_invalid,
+            scans_refused_jump: c.pose_jumps,
             detections_invalid: c.detections_invalid,
             bearing_undefined: c.bearing_undefined,
             numerical: c.numerical,

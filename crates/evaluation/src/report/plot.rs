@@ -278,7 +278,7 @@ fn spread(names: &[(f64, String, &str)], distance: f64, height: f64) -> Vec<f64>
 }
 
 /// Writes a legend from `corner`, in rows up to `right`; returns its height.
-fn legend(svg: &mut Svg, keys: &[Key], corner: [f64; 2], right: f64) -> f64 {
+pub(super) fn legend(svg: &mut Svg, keys: &[Key], corner: [f64; 2], right: f64) -> f64 {
     let [left, top] = corner;
     let (mut x, mut y) = (left, top + 15.0);
     for (sign, class, name) in keys {

@@ -58,7 +58,7 @@ impl TrackingReport<'_> {
         tracking_map::render(self.epochs).map_or_else(String::new, |svg| {
             format!(
                 "<figure>\n{svg}<figcaption><b>Tracks with their 95 % ellipses, detections, own ship, and the \
-                 truth (dashed).</b> Look whether each dashed line has one colour along it: a change of \
+                 truth (dashed).</b> Ellipses too large for the map are left out. Look whether each dashed line has one colour along it: a change of \
                  colour is a track that was lost and found again. Tracks on quays and shores are \
                  echoes that stay.</figcaption>\n</figure>\n"
             )

@@ -3,21 +3,29 @@
 use std::collections::BTreeMap;
 
 use super::axis::{Axis, quantile};
-use super::plot::WIDTH;
+use super::plot::{Sign, WIDTH, key, legend};
 use super::series;
 use super::style::SERIES;
 use super::svg::Svg;
 use crate::multi_target::matching::Place;
 use crate::multi_target::{TrackEpoch, TrackedTarget};
 
-/// Height of the map and room for its ticks, in units of the picture.
+/// Height of the map and room for its legend and ticks, in units of the picture.
 const HEIGHT: f64 = 760.0;
+const TOP: f64 = 36.0;
 const LEFT: f64 = 64.0;
 const FOOT: f64 = 46.0;
 /// Detections drawn at most.
 const DOTS: usize = 6000;
+/// Points drawn at most of one path.
+const PATH: usize = 800;
+/// Colours of tracks: one less than there are, because the last looks like the truth's.
+const COLOURS: usize = SERIES - 1;
 /// Ellipses drawn of each track.
 const ELLIPSES: usize = 12;
+/// Radius of the largest ellipse drawn, as a share of the map's width: a track that has lost its target
+/// would cover all others.
+const LARGEST_ELLIPSE: f64 = 0.08;
 /// Corners of an ellipse.
 const CORNERS: usize = 40;
 /// Standard deviations of an ellipse that holds 95 %.
@@ -56,6 +64,13 @@ impl Scale {
         })
     }
 
+    /// The larger half axis of a track's 95 % ellipse, in units of the picture.
+    fn radius(&self, track: &TrackedTarget) -> f64 {
+        let [nn, ne, ee] = track.covariance;
+        let largest = 0.5 * (nn + ee) + (0.5 * (nn - ee)).hypot(ne);
+        SIGMAS_95 * largest.sqrt() * self.units_per_m
+    }
+
     fn at(&self, place: Place) -> [f64; 2] {
         [
             (place[1] - self.west) * self.units_per_m,
@@ -72,25 +87,48 @@ pub(super) fn render(epochs: &[TrackEpoch]) -> Option<String> {
     let scale = Scale::new(&places)?;
     let mut svg = Svg::picture(
         WIDTH,
-        HEIGHT,
+        HEIGHT + TOP,
         "Map of tracks, truth, detections and own ship",
     );
-    svg.rectangle([LEFT, 0.0], [WIDTH - LEFT, HEIGHT - FOOT], 6.0, "frame");
+    let mut keys = vec![
+        key(Sign::Line, "line s0", "a track (each its colour)"),
+        key(Sign::Line, "line bold reference", "own ship"),
+        key(Sign::Dot, "dots soft s5", "detections"),
+    ];
+    if epochs.iter().any(|e| !e.truth.is_empty()) {
+        let dashed = "line thin dash reference";
+        keys.push(key(Sign::Line, dashed, "a target's true path"));
+    }
+    legend(&mut svg, &keys, [LEFT, 0.0], WIDTH);
+    svg.rectangle([LEFT, TOP], [WIDTH - LEFT, HEIGHT - FOOT], 6.0, "frame");
     grid(&mut svg, &scale);
-    svg.open_window(LEFT, 0.0, WIDTH - LEFT, HEIGHT - FOOT);
+    svg.open_window(LEFT, TOP, WIDTH - LEFT, HEIGHT - FOOT);
     let detections: Vec<Place> = epochs.iter().flat_map(|e| e.detections.clone()).collect();
     let dots: Vec<_> = series::pick(&detections, DOTS)
         .iter()
         .map(|place| scale.at(*place))
         .collect();
     svg.dots(&dots, "dots soft s5");
-    let own: Vec<_> = epochs.iter().map(|e| scale.at(e.own_ship)).collect();
-    svg.lines(&[own], "line bold reference");
+    svg.lines(&[own_ship(&scale, epochs)], "line bold reference");
     tracks(&mut svg, &scale, epochs);
     truth(&mut svg, &scale, epochs);
     svg.close();
     svg.close();
     Some(svg.finish())
+}
+
+/// The own ship's path, without the points where it waits.
+fn own_ship(scale: &Scale, epochs: &[TrackEpoch]) -> Vec<[f64; 2]> {
+    let mut places: Vec<Place> = epochs.iter().map(|e| e.own_ship).collect();
+    places.dedup();
+    path(scale, &places)
+}
+
+/// A path on the map, with as many points as one can see, the last among them.
+fn path(scale: &Scale, places: &[Place]) -> Vec<[f64; 2]> {
+    let mut picked = series::pick(places, PATH);
+    picked.extend(places.last());
+    picked.iter().map(|place| scale.at(*place)).collect()
 }
 
 /// Lines at round distances, with their numbers.
@@ -100,16 +138,16 @@ fn grid(svg: &mut Svg, scale: &Scale) {
     let north = Axis::linear(scale.north - height / scale.units_per_m, scale.north, 7);
     for (value, label) in east.ticks() {
         let x = LEFT + east.position(value) * width;
-        svg.lines(&[vec![[x, 0.0], [x, height]]], "grid");
-        svg.text([x, height + 18.0], "tick mid", &label);
+        svg.lines(&[vec![[x, TOP], [x, TOP + height]]], "grid");
+        svg.text([x, TOP + height + 18.0], "tick mid", &label);
     }
     for (value, label) in north.ticks() {
-        let y = (1.0 - north.position(value)) * height;
+        let y = TOP + (1.0 - north.position(value)) * height;
         svg.lines(&[vec![[LEFT, y], [WIDTH, y]]], "grid");
         svg.text([LEFT - 8.0, y + 4.0], "tick end", &label);
     }
-    svg.text([WIDTH - 4.0, HEIGHT - 8.0], "unit end", "east, m");
-    svg.text([LEFT, HEIGHT - 8.0], "unit", "north upwards, m");
+    svg.text([WIDTH - 4.0, TOP + HEIGHT - 8.0], "unit end", "east, m");
+    svg.text([LEFT, TOP + HEIGHT - 8.0], "unit", "north upwards, m");
 }
 
 fn tracks(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
@@ -118,26 +156,27 @@ fn tracks(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
         by_id.entry(track.id).or_default().push(*track);
     }
     for (i, track) in by_id.values().enumerate() {
-        let class = format!("s{}", i % SERIES);
+        let class = format!("s{}", i % COLOURS);
         let step = track.len().div_ceil(ELLIPSES).max(1);
         let ellipses: Vec<_> = track
             .iter()
             .step_by(step)
+            .filter(|t| scale.radius(t) < LARGEST_ELLIPSE * WIDTH)
             .map(|t| ellipse(scale, t))
             .collect();
-        svg.areas(&ellipses, &format!("band {class}-fill"));
-        let path = track.iter().map(|t| scale.at(t.place)).collect();
-        svg.lines(&[path], &format!("line {class}"));
+        svg.lines(&ellipses, &format!("line thin soft {class}"));
+        let places: Vec<Place> = track.iter().map(|t| t.place).collect();
+        svg.lines(&[path(scale, &places)], &format!("line {class}"));
     }
 }
 
 fn truth(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
-    let mut by_target = BTreeMap::<u32, Vec<[f64; 2]>>::new();
+    let mut by_target = BTreeMap::<u32, Vec<Place>>::new();
     for (target, place) in epochs.iter().flat_map(|e| &e.truth) {
-        by_target.entry(*target).or_default().push(scale.at(*place));
+        by_target.entry(*target).or_default().push(*place);
     }
-    for (target, path) in &by_target {
-        svg.lines(std::slice::from_ref(path), "line thin dash reference");
+    for (target, places) in &by_target {
+        let path = path(scale, places);
         if let Some([x, y]) = path.last() {
             svg.text(
                 [x + 8.0, *y],
@@ -145,6 +184,7 @@ fn truth(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
                 &format!("target {target}"),
             );
         }
+        svg.lines(&[path], "line thin dash reference");
     }
 }
 
@@ -162,7 +202,7 @@ fn ellipse(scale: &Scale, track: &TrackedTarget) -> Vec<[f64; 2]> {
             track.place[1] + SIGMAS_95 * (along * c + across * s),
         ])
     };
-    (0..CORNERS).map(corner).collect()
+    (0..=CORNERS).map(corner).collect()
 }
 
 #[cfg(test)]
@@ -208,6 +248,13 @@ mod tests {
             let values = outline.iter().map(|p| p[axis]);
             0.5 * (values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min))
         };
+        let ends = outline.iter().map(|p| (p[0] - 50.0).hypot(p[1] + 101.0));
+        let longest = ends.fold(0.0, f64::max);
+        approx::assert_relative_eq!(
+            scale.radius(&epoch(0.0).tracks[0]),
+            longest,
+            max_relative = 5e-3
+        );
         // to the corners of a polygon
         approx::assert_relative_eq!(reach(0), 3.0 * SIGMAS_95, max_relative = 5e-3);
         approx::assert_relative_eq!(reach(1), 2.0 * SIGMAS_95, max_relative = 5e-3);
@@ -217,7 +264,7 @@ mod tests {
     fn a_map_shows_truth_tracks_and_detections_and_nothing_makes_none() {
         let epochs: Vec<_> = (0..20).map(|k| epoch(f64::from(k))).collect();
         let svg = render(&epochs).unwrap();
-        for part in ["target 1", "band s0-fill", "dots soft", "bold reference"] {
+        for part in ["target 1", "thin soft s0", "dots soft", "own ship"] {
             assert!(svg.contains(part), "{part}");
         }
         assert!(!svg.contains("NaN") && render(&[]).is_none());

@@ -5,7 +5,7 @@ use crate::tracking::association::ipda::ExistenceModel;
 use crate::tracking::coordinated_turn::{Motion, TurnRate};
 use crate::tracking::detection::DetectionNoise;
 use crate::tracking::imm::Models;
-use crate::tracking::own_ship::PoseMemory;
+use crate::tracking::own_ship::{PoseLimits, PoseMemory};
 
 /// Settings of the tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +34,8 @@ pub struct TrackerConfig<T, const M: usize> {
     pub merge_sigmas: T,
     /// Longest believable time between two scans, s: what lies further ahead has a wrong stamp.
     pub longest_gap_s: T,
+    /// How fast the own ship can move.
+    pub pose_limits: PoseLimits<T>,
     /// How long errors of the own ship's pose last.
     pub pose_memory: PoseMemory<T>,
 }
@@ -97,6 +99,7 @@ impl<T: Scalar> Default for TrackerConfig<T, 3> {
             largest_position_std_m: lit(100.0),
             merge_sigmas: lit(1.0),
             longest_gap_s: lit(3600.0),
+            pose_limits: PoseLimits::default(),
             pose_memory: PoseMemory::default(),
         }
     }

@@ -11,6 +11,8 @@ pub enum ScanError {
     TimeInFuture,
     /// The own ship's pose is not finite, or its covariance is none.
     PoseInvalid,
+    /// The own ship cannot have come from its last pose to this one. The next scan from here is taken.
+    PoseJumps,
 }
 
 impl ScanError {
@@ -20,6 +22,7 @@ impl ScanError {
             Self::TimeNotFinite => "time not a finite number",
             Self::TimeGoesBack => "time before the last scan",
             Self::TimeInFuture => "time far ahead of the last scan",
+            Self::PoseJumps => "own ship's pose jumps",
             Self::PoseInvalid => "own ship's pose not finite or its covariance not positive",
         }
     }
@@ -46,6 +49,8 @@ pub struct TrackerCounts {
     pub time_in_future: u64,
     /// Scans refused: pose or its covariance.
     pub pose_invalid: u64,
+    /// Scans refused: the pose jumped.
+    pub pose_jumps: u64,
     /// Detections skipped: not finite, or a range that is not positive.
     pub detections_invalid: u64,
     /// Detections left out: more in one scan than the tracker has room for.
@@ -72,6 +77,7 @@ impl TrackerCounts {
             ScanError::TimeNotFinite => self.time_not_finite += 1,
             ScanError::TimeGoesBack => self.time_goes_back += 1,
             ScanError::TimeInFuture => self.time_in_future += 1,
+            ScanError::PoseJumps => self.pose_jumps += 1,
             ScanError::PoseInvalid => self.pose_invalid += 1,
         }
     }

@@ -276,6 +276,8 @@ fn bad_scans_change_nothing_and_are_counted() {
             OwnShip::exact(f64::NAN, 0.0, 0.0),
             ScanError::PoseInvalid,
         ),
+        (11.0, OwnShip::exact(500.0, 0.0, 0.0), ScanError::PoseJumps),
+        (11.5, OwnShip::exact(500.0, 0.0, 3.0), ScanError::PoseJumps),
     ];
     for (time, pose, expected) in cases {
         let result = tracker.scan(&scan(time, &pose, &[radar(100.0, 0.0)]));
@@ -283,10 +285,31 @@ fn bad_scans_change_nothing_and_are_counted() {
     }
     assert_eq!(tracker.tracks().copied().collect::<Vec<_>>(), before);
     let counts = tracker.counts();
-    assert_eq!((counts.scans, counts.pose_invalid), (1, 2));
+    let poses = (counts.pose_invalid, counts.pose_jumps);
+    assert_eq!((counts.scans, poses), (1, (2, 2)));
     assert_eq!(
         counts.time_not_finite + counts.time_goes_back + counts.time_in_future,
         3
+    );
+}
+
+#[test]
+fn a_pose_that_jumped_and_stays_is_taken_from_the_second_scan_on_and_shares_no_error() {
+    let near = OwnShip::exact(0.0, 0.0, 0.0).with_std(3.0, 3.0, 0.05);
+    let far = OwnShip::exact(900.0, 0.0, 0.0).with_std(3.0, 3.0, 0.05);
+    let mut tracker = Tracker::new(TrackerConfig::default());
+    for k in 0..8 {
+        let seen = [radar(400.0, 0.3)];
+        tracker.scan(&scan(f64::from(k), &near, &seen)).unwrap();
+    }
+    assert!(confirmed(&tracker)[0].estimate().cross.norm() > 1.0);
+    let jumped = tracker.scan(&scan(8.0, &far, &[]));
+    assert_eq!(jumped, Err(ScanError::PoseJumps));
+    tracker.scan(&scan(9.0, &far, &[])).unwrap();
+    assert_relative_eq!(confirmed(&tracker)[0].estimate().cross.norm(), 0.0);
+    assert_eq!(
+        (tracker.counts().scans, tracker.counts().pose_jumps),
+        (9, 1)
     );
 }
 
@@ -310,9 +333,7 @@ fn bad_detections_are_skipped_and_counted_and_good_ones_of_the_scan_used() {
 fn a_target_through_the_own_ship_is_skipped_and_counted() {
     let own = OwnShip::exact(0.0, 0.0, 0.0);
     let mut tracker = Tracker::new(TrackerConfig::default());
-    tracker
-        .scan(&scan(0.0, &own, &[radar(200.0, 0.3)]))
-        .unwrap();
+    tracker.scan(&scan(0.0, &own, &[radar(15.0, 0.3)])).unwrap();
     let place = tracker.tracks().next().unwrap().estimate().state;
     let on_top = OwnShip::exact(place[0], place[2], 0.0);
     tracker
