@@ -135,7 +135,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     } else {
         (Addresses::default(), None)
     };
-    let names: Vec<String> = name.iter().cloned().collect();
+    let names: Vec<String> = name.iter().chain(&config.allowed_hosts).cloned().collect();
     let certificate = match &config.certificate {
         Some(files) => Certificate::read(files)?,
         None => Certificate::load_or_make(&config.data_dir, &addresses.shown, &names)?,

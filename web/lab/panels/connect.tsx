@@ -11,13 +11,22 @@ const DISTURBANCES: [string, string][] = [["none", "none"], ["acceleration", "sh
 /** What the iron in a magnetised virtual phone adds, for the calibration to find. */
 const HARD_IRON: Triple = [25, -14, 30];
 
+/** No two virtual phones of a page are alike. */
+let seed = 1;
+
 export function Connect() {
   const hello = state.hello;
+  const urls = hello?.phone_urls ?? [];
+  const [chosen, setChosen] = useState(0);
+  const shown = Math.min(chosen, Math.max(urls.length - 1, 0));
   return (
     <>
       <p>Scan with the phone's camera, accept the lab's own certificate once, then tap <b>Start sending</b>. Phone and laptop share one network.</p>
-      <div class="qr">{hello && <img src={hello.qr_svg} width="190" height="190" alt={`QR code of ${hello.phone_urls[0] ?? "the phone page"}`} />}</div>
-      {hello?.phone_urls.map((url) => <code class="url" key={url}>{url}</code>)}
+      <div class="qr">{hello && <img src={hello.qr_svg.replace("url=0", `url=${shown}`)} width="190" height="190" alt={`QR code of ${urls[shown] ?? "the phone page"}`} />}</div>
+      {urls.length > 1 && <p class="small">This computer has several addresses. If the phone does not get through, choose another:</p>}
+      {urls.map((url, i) => urls.length > 1
+        ? <button type="button" class="address" key={url} aria-pressed={i === shown} onClick={() => setChosen(i)}><code class="url">{url}</code></button>
+        : <code class="url" key={url}>{url}</code>)}
       <VirtualPhone />
       <Inputs />
       <details>
@@ -36,10 +45,8 @@ function VirtualPhone() {
   const [motion, setMotion] = useState("gentle");
   const [disturbance, setDisturbance] = useState("none");
   const [magnetised, setMagnetised] = useState(false);
-  const [seed, setSeed] = useState(1);
   const add = (): void => {
-    send({ type: "virtual_phone", action: "add", motion, disturbance, seed, hard_iron_ut: magnetised ? HARD_IRON : [0, 0, 0] });
-    setSeed(seed + 1);
+    send({ type: "virtual_phone", action: "add", motion, disturbance, seed: seed++, hard_iron_ut: magnetised ? HARD_IRON : [0, 0, 0] });
   };
   return (
     <fieldset class="virtual">
