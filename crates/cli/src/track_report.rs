@@ -11,13 +11,7 @@ use crate::cli::command_line;
 const WELL_COVERED: f64 = 0.75;
 
 /// The page of a run.
-pub(crate) fn render(
-    summary: &TrackSummary,
-    epochs: &[TrackEpoch],
-    issues: &TrackingIssues,
-) -> String {
-    let mut left_out = refusals(&summary.counts);
-    left_out.extend(omissions(issues));
+pub(crate) fn render(summary: &TrackSummary, epochs: &[TrackEpoch]) -> String {
     TrackingReport {
         recording: summary.recording.clone(),
         command: Some(command_line()),
@@ -25,7 +19,7 @@ pub(crate) fn render(
         verdicts: verdicts(summary),
         tables: targets(summary),
         epochs,
-        issues: left_out,
+        issues: left_out(summary),
     }
     .render()
 }
@@ -107,8 +101,12 @@ fn targets(summary: &TrackSummary) -> Vec<Table> {
     }]
 }
 
-/// What the tracker refused or skipped, one sentence each.
-pub(crate) fn refusals(counts: &Counts) -> Vec<String> {
+/// What the tracker refused or skipped and the reader left out, one sentence each.
+pub(crate) fn left_out(summary: &TrackSummary) -> Vec<String> {
+    [refusals(&summary.counts), omissions(&summary.left_out)].concat()
+}
+
+fn refusals(counts: &Counts) -> Vec<String> {
     let sentences = [
         (
             counts.scans_refused_time,
@@ -155,6 +153,10 @@ fn omissions(issues: &TrackingIssues) -> Vec<String> {
         (
             issues.scans_of_unknown_sensors,
             "scans of sensors that the manifest does not describe",
+        ),
+        (
+            issues.out_of_time_order,
+            "scans or reports out of time order, put in their place",
         ),
         (
             issues.reports_without_position,

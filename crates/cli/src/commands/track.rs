@@ -126,8 +126,8 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
             }
         }));
     }
-    if let (Some(path), [summary], [recording]) = (&args.report, &summaries[..], &recordings[..]) {
-        let html = track_report::render(summary, &epochs, &recording.issues);
+    if let (Some(path), [summary]) = (&args.report, &summaries[..]) {
+        let html = track_report::render(summary, &epochs);
         write_whole(path, html.as_bytes(), args.force)?;
     }
     match &summaries[..] {
@@ -212,7 +212,7 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
             summary.confirmed_tracks,
             summary.tracker,
         ));
-        for issue in track_report::refusals(&summary.counts) {
+        for issue in track_report::left_out(summary) {
             text.push_str(&format!("  {issue}\n"));
         }
     }

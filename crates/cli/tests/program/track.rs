@@ -156,6 +156,31 @@ fn scans_of_another_century_and_poses_without_numbers_are_counted() {
 }
 
 #[test]
+fn covariances_that_are_none_and_rows_out_of_order_are_counted() {
+    let lab = pond(|_, row| row);
+    lab.write(
+        "pond.toml",
+        MANIFEST.replace("own_east_m", "own_position_std_m = \"p_m\"\nown_east_m"),
+    );
+    let row = |k: usize| {
+        let std = if k == 10 { "-2" } else { "2" };
+        format!("{k},{k}.0,0,0,{std}\n")
+    };
+    let order = (0..20).chain([21, 20]).chain(22..60);
+    let rows: String = order.map(row).collect();
+    lab.write("scans.csv", format!("scan,t_s,n_m,e_m,p_m\n{rows}"));
+    let json = lab.json(&["track", "pond.toml", "--json"]);
+    assert_eq!(json["counts"]["scans_refused_pose"], 1, "{json}");
+    assert_eq!(json["counts"]["scans"], 59, "{json}");
+    assert_eq!(json["left_out"]["out_of_time_order"], 1, "{json}");
+    assert_eq!(json["targets"][0]["lost"], false);
+    contains(
+        &lab.succeeds(&["track", "pond.toml"]),
+        &["1 scans or reports out of time order, put in their place"],
+    );
+}
+
+#[test]
 fn a_target_through_the_own_ship_ends_no_run() {
     let lab = pond(|_, row| row);
     let scans = lab.read("scans.csv");

@@ -93,11 +93,12 @@ impl<T: Scalar> OwnShip<T> {
         }
     }
 
-    /// The pose with independent errors of these standard deviations (m, m, rad).
+    /// The pose with independent errors of these standard deviations (m, m, rad). A negative one makes
+    /// a negative variance, which [`Self::is_valid`] refuses.
     #[must_use]
     pub fn with_std(mut self, north: T, east: T, heading: T) -> Self {
         self.covariance =
-            Matrix3::from_diagonal(&Vector3::new(north * north, east * east, heading * heading));
+            Matrix3::from_diagonal(&Vector3::new(north, east, heading).map(|std| std * std.abs()));
         self
     }
 
@@ -168,7 +169,8 @@ mod tests {
         let mut negative = good;
         negative.covariance[(2, 2)] = -1e-9;
         let nan = OwnShip::exact(f64::NAN, 0.0, 0.0);
-        for bad in [asymmetric, too_correlated, negative, nan] {
+        let less_than_nothing = good.with_std(1.0, 1.0, -0.1);
+        for bad in [asymmetric, too_correlated, negative, nan, less_than_nothing] {
             assert!(!bad.is_valid(), "{bad:?}");
         }
     }

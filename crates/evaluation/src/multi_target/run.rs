@@ -333,6 +333,7 @@ impl<'a> Runner<'a> {
             false_track_epochs: self.score.false_track_epochs(),
             gospa_m: self.score.gospa_m(),
             counts: Counts::from(self.tracker.counts()),
+            left_out: recording.issues,
         }
     }
 }

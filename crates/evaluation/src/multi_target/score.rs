@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use northing_core::tracking::multi_target::TrackerCounts;
+use northing_recording::tracking::TrackingIssues;
 use serde::Serialize;
 
 use super::matching::{Gospa, Place, assign, distance};
@@ -65,6 +66,8 @@ pub struct TrackSummary {
     pub gospa_m: Option<f64>,
     /// What the tracker did and refused.
     pub counts: Counts,
+    /// What the reader left out.
+    pub left_out: TrackingIssues,
 }
 
 /// The tracker's counters.

@@ -64,6 +64,15 @@ pub fn open(path: &Path, data: Option<&Path>) -> Result<TrackingRecording> {
     read(&manifest, &file, data.unwrap_or(beside))
 }
 
+/// How often the time goes back from one event of a file to the next. The truth has a file of its own.
+fn going_back(events: &[TrackingEvent]) -> u64 {
+    let seen = events
+        .iter()
+        .filter(|event| !matches!(event.sample, TrackingSample::Truth(_)));
+    let times: Vec<i64> = seen.map(|event| event.time_ns).collect();
+    times.windows(2).filter(|pair| pair[1] < pair[0]).count() as u64
+}
+
 /// Reads the tables of a manifest from a folder.
 ///
 /// # Errors
@@ -81,9 +90,12 @@ pub fn read(manifest: &TrackingManifest, file: &str, folder: &Path) -> Result<Tr
     };
     if let Some(scans) = &manifest.scans {
         tables::read(manifest, scans, file, folder, &mut recording)?;
+        recording.issues.out_of_time_order += going_back(&recording.events);
     }
+    let from_tables = recording.events.len();
     if let Some(ais) = &manifest.ais {
         ais::read(manifest, ais, file, folder, &mut recording)?;
+        recording.issues.out_of_time_order += going_back(&recording.events[from_tables..]);
     }
     // Stable: events of one instant keep the order pose, detections, truth.
     recording

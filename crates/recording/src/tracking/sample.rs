@@ -118,13 +118,15 @@ pub struct TargetTruth {
     pub east_m: f64,
 }
 
-/// What was left out of a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// What was left out of a recording, or put in its place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct TrackingIssues {
     /// Detections and truths whose scan is not in the table of scans.
     pub rows_without_scan: u64,
     /// Scans whose sensor the manifest does not describe.
     pub scans_of_unknown_sensors: u64,
+    /// Scans and reports that stood after a later one in their file; they were sorted.
+    pub out_of_time_order: u64,
     /// AIS reports without a position.
     pub reports_without_position: u64,
     /// NMEA lines that are no sentence, have a wrong checksum, or come before any time stamp.
