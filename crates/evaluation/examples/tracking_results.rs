@@ -96,10 +96,10 @@ fn table(experiments: &Experiments) {
     println!("|---|---|---|---|---|---|---|");
     for kind in K::ALL {
         let of = |number: fn(&TrackerOutcome) -> f64| experiments.of(kind, number);
-        // A negative NEES is that of a matrix which is no covariance.
-        let (nees, position) = (of(|t| t.nees_mean), of(|t| t.position_rmse_m));
-        if !(nees > 0.0 && nees.is_finite() && position < 1e4) {
-            println!("| `{}` | diverges | | | | | |", kind.name());
+        let lost =
+            |o: &CampaignOutcome| tracker(o, kind).is_none_or(TrackerOutcome::has_lost_the_target);
+        if experiments.each.iter().any(lost) {
+            println!("| `{}` | loses the target | | | | | |", kind.name());
             continue;
         }
         println!(

@@ -195,6 +195,13 @@ fn text(outcome: &CampaignOutcome) -> String {
         "skipped",
     ]);
     for (name, tracker) in &outcome.trackers {
+        if tracker.has_lost_the_target() {
+            let mut row = vec![name.clone(), "lost".to_owned()];
+            row.resize(9, "-".to_owned());
+            row.push(tracker.skipped_updates.to_string());
+            table.row(row);
+            continue;
+        }
         table.row([
             name.clone(),
             format!("{:.2}", tracker.position_rmse_m),

@@ -1,5 +1,7 @@
 //! The report of a Monte Carlo campaign on trackers: the figures of Wilthil & Brekke (2016).
 
+use std::fmt::Write as _;
+
 use super::axis::Axis;
 use super::html::{self, Frame, Page};
 use super::plot::{Figure, LINE_POINTS, Layer, Panel, Sign, TIME, key};
@@ -43,8 +45,10 @@ pub struct CampaignReport {
     pub target_m: Vec<[f64; 2]>,
     /// Bands of the mean NEES, with their names.
     pub nees_bands: Vec<(String, [f64; 2])>,
-    /// The trackers.
+    /// The trackers to be drawn.
     pub trackers: Vec<TrackerCurves>,
+    /// Names of those that lost the target: their lines would leave no room for the others.
+    pub lost: Vec<String>,
 }
 
 /// What the words of the page mean.
@@ -95,11 +99,8 @@ impl CampaignReport {
 
     /// Figure 1 and 2 of the paper: the two paths, and the tracks of one run.
     fn geometry(&self) -> String {
-        let all = || {
-            let tracks = self.trackers.iter().flat_map(|t| &t.track_m);
-            self.own_ship_m.iter().chain(&self.target_m).chain(tracks)
-        };
-        let Some((east, north)) = square(&all()) else {
+        let paths = || self.own_ship_m.iter().chain(&self.target_m);
+        let Some((east, north)) = square(&paths()) else {
             return String::new();
         };
         let mut layers = Vec::new();
@@ -113,9 +114,13 @@ impl CampaignReport {
             layers.push(line(&tracker.track_m, &class(i)));
             legend.push(key(Sign::Line, &class(i), &tracker.name));
         }
-        for (path, name) in [(&self.own_ship_m, "own ship"), (&self.target_m, "target")] {
-            layers.push(line(path, "line reference"));
-            legend.push(key(Sign::Line, "line reference", name));
+        let truth = [
+            (&self.own_ship_m, "line reference", "own ship"),
+            (&self.target_m, "line reference dash", "target"),
+        ];
+        for (path, class, name) in truth {
+            layers.push(line(path, class));
+            legend.push(key(Sign::Line, class, name));
         }
         let mut panel = Panel::new("North over east", "m", north, layers);
         panel.height = 640.0;
@@ -131,7 +136,7 @@ impl CampaignReport {
         html::figure(
             &figure,
             "The paths of own ship and target, and what each tracker made of the first run.",
-            "East runs to the right, m.",
+            &self.remark("Axes of equal scale."),
         )
     }
 
@@ -166,7 +171,7 @@ impl CampaignReport {
         html::figure(
             &self.over_time(title, vec![panel]),
             "Root mean square over the runs, at each scan.",
-            "Lower is better.",
+            &self.remark("Lower is better."),
         )
     }
 
@@ -187,14 +192,17 @@ impl CampaignReport {
         // A tracker that has lost its senses must not hide the others.
         let axis = Axis::linear(0.0, high.clamp(1.2 * honest, 4.0 * honest), 6);
         let mut layers: Vec<Layer> = Vec::new();
+        let mut bands = String::new();
         for (name, band) in &self.nees_bands {
-            for (value, end) in band.iter().zip(["from", "to"]) {
+            for value in band {
                 layers.push(Layer::Rule {
                     value: *value,
-                    label: format!("{name} {end} {value:.2}"),
+                    label: format!("{value:.2}"),
                     class: "rule",
                 });
             }
+            let [low, high] = band;
+            let _ = write!(bands, " {low:.2} to {high:.2} for {name}.");
         }
         let lines = self.trackers.iter().enumerate();
         layers.extend(lines.map(|(i, t)| line(&t.nees, &class(i))));
@@ -203,8 +211,20 @@ impl CampaignReport {
         html::figure(
             &self.over_time("Mean NEES", vec![panel]),
             "Mean over the runs of the squared error in units of the stated covariance.",
-            "Inside the band of four degrees of freedom a tracker is honest; above, too sure of itself.",
+            &self.remark(&format!(
+                "Inside the band of four degrees of freedom a tracker is honest; above, too sure of itself. \
+                 Dotted, the bands of 95 %:{bands}"
+            )),
         )
+    }
+
+    /// A remark below a figure, and who is missing in it.
+    fn remark(&self, text: &str) -> String {
+        if self.lost.is_empty() {
+            return text.to_owned();
+        }
+        let lost = self.lost.join(", ");
+        format!("{text} Not drawn, because they lost the target: {lost}.")
     }
 
     fn over_time(&self, label: &str, panels: Vec<Panel>) -> Figure {
@@ -223,7 +243,7 @@ impl CampaignReport {
                 .map(|(i, t)| key(Sign::Line, &class(i), &t.name))
                 .collect(),
             panels,
-            right: 20.0,
+            right: 48.0,
             line_points: LINE_POINTS,
         }
     }

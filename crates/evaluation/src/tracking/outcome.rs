@@ -178,7 +178,18 @@ impl Series {
     }
 }
 
+/// Position error beyond which no radar sees a target where the tracker looks for it, m.
+const LOST_M: f64 = 10_000.0;
+
 impl TrackerOutcome {
+    /// Whether it has lost the target for good: farther off than a radar looks, or with a matrix that
+    /// is no covariance any more (a mean NEES that is negative or not finite).
+    #[must_use]
+    pub fn has_lost_the_target(&self) -> bool {
+        let sound = self.nees_mean >= 0.0 && self.nees_mean.is_finite();
+        !(sound && self.position_rmse_m < LOST_M)
+    }
+
     fn of(series: Series, skipped_updates: u64, [band, band_2dof]: [[f64; 2]; 2]) -> Self {
         let all = series.errors(|_| true);
         let nees = &series.nees;
@@ -222,7 +233,22 @@ impl NavigationOutcome {
 
 #[cfg(test)]
 mod tests {
-    use super::nees_band;
+    use super::{Series, TrackerOutcome, nees_band};
+
+    #[test]
+    fn a_tracker_is_lost_when_it_is_far_off_or_its_covariance_is_none() {
+        let lost = |error_m: f64, nees: f64| {
+            let series = Series {
+                time_s: vec![30.0, 90.0],
+                position_rmse_m: vec![error_m; 2],
+                velocity_rmse_mps: vec![1.0; 2],
+                nees: vec![nees; 2],
+            };
+            TrackerOutcome::of(series, 0, [[3.0, 5.0]; 2]).has_lost_the_target()
+        };
+        assert!(!lost(20.0, 4.0) && !lost(300.0, 80.0));
+        assert!(lost(2e4, 4.0) && lost(20.0, -1.0) && lost(f64::INFINITY, f64::INFINITY));
+    }
 
     #[test]
     fn the_bands_are_those_of_the_tables() {

@@ -88,7 +88,10 @@ impl ScenarioFile {
     pub fn scenario(&self, variant: Option<&str>) -> Result<Scenario, ScenarioError> {
         let mut root = self.document()?;
         let variants = root.remove("variant");
-        if let Some(name) = variant.filter(|name| *name != BASE) {
+        // The base goes by its own name, too.
+        let own = name_of(&root).map(str::to_owned);
+        let variant = variant.filter(|name| *name != BASE && own.as_deref() != Some(*name));
+        if let Some(name) = variant {
             let variants = variants.as_ref().and_then(|v| v.get_ref().as_table());
             for ancestor in self.ancestry(variants, name)? {
                 self.merge(&mut root, ancestor)?;
@@ -99,8 +102,7 @@ impl ScenarioFile {
             let at = error.span().map(|span| span.start);
             self.complain(at, error.message())
         })?;
-        // The base goes by its own name even when it is asked for as a variant.
-        if let Some(name) = variant.filter(|name| *name != BASE && *name != scenario.meta.name) {
+        if let Some(name) = variant {
             scenario.meta.name = name.to_owned();
         }
         scenario.check().map_err(|problem| {
@@ -193,6 +195,11 @@ impl ScenarioFile {
     }
 }
 
+/// What the base calls itself.
+fn name_of<'a>(root: &'a DeTable<'_>) -> Option<&'a str> {
+    root.get("meta")?.get_ref().get("name")?.get_ref().as_str()
+}
+
 fn place(root: &DeTable<'_>, table: &str, name: &str) -> Option<usize> {
     let table = root.get(table)?.get_ref().as_table()?;
     table.get(name).map(|value| value.span().start)
@@ -215,6 +222,7 @@ mod tests {
         let base = file.scenario(None).unwrap();
         assert_eq!(base.meta.name, "consistent");
         assert_eq!(file.scenario(Some("base")).unwrap(), base);
+        assert_eq!(file.scenario(Some("consistent")).unwrap(), base);
         let paper = file.scenario(Some("paper")).unwrap();
         assert_eq!(paper.meta.name, "paper");
         assert!((paper.gps_compass.heading_std_deg - 6.0).abs() < 1e-12);
