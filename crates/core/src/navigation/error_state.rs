@@ -20,7 +20,7 @@
 //! | `b_a`, `b_g` | biases, body axes | m/s^2, rad/s |
 //! | `P` | `state.covariance` | products of the above |
 //! | `Phi` | [`ErrorTransition`] | |
-//! | `G (I - K H)` | [`ErrorFeedback`] | |
+//! | `G (I - K H)` | [`ErrorFeedback`](crate::kalman::ErrorFeedback) | |
 //!
 //! Inertial samples move the state at once; the covariance moves when aiding comes or
 //! [`ErrorStateFilter::catch_up`] is called, over all samples since, with one transition. Every

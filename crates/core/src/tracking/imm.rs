@@ -11,7 +11,7 @@
 //! |---|---|
 //! | `mu_m` | [`Mode::probability`] |
 //! | `x_m`, `P_m`, `X_m` | [`Mode::state`], [`Mode::covariance`], [`Mode::cross`] |
-//! | `p_mn` | probability of switching, from [`ModeSwitching`] and the time between scans |
+//! | `p_mn` | probability of switching, from [`Models`] and the time between scans |
 //!
 //! Cost: `M` Kalman filters and `M^2` small matrix sums a step.
 

@@ -3,7 +3,7 @@
 //! | file | what is in it |
 //! |---|---|
 //! | [`matching`] | which track is which target: optimal assignment; GOSPA |
-//! | [`run`] | the tracker over a recording, with own-ship uncertainty stated or injected |
+//! | [`run`](mod@run) | the tracker over a recording, with own-ship uncertainty stated or injected |
 //! | [`score`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
 //! | [`injection`] | a heading error drawn for each run: which tracker knows what it does not know |
 

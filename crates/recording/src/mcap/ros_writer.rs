@@ -73,7 +73,7 @@ pub const fn has_topic(kind: SensorKind) -> bool {
     )
 }
 
-/// Writes events, and estimates beside them. See the [module](self).
+/// Writes events, and estimates beside them.
 pub struct RosWriter<W: Write + Seek> {
     output: Writer<W>,
     file: String,

@@ -112,7 +112,7 @@ impl FromStr for WireFormat {
     }
 }
 
-/// The decoder of one device. See the [module](self).
+/// The decoder of one device.
 #[derive(Debug, Clone)]
 pub struct WireDecoder {
     format: WireFormat,
