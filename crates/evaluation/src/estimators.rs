@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
 use northing_core::attitude::integration::Integration;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
@@ -31,6 +32,12 @@ pub enum EstimatorKind {
     Usque,
     /// Additive, four quaternion components.
     QuaternionEkf,
+    /// Mahony's explicit complementary filter.
+    Complementary,
+    /// Its passive form, against TRIAD.
+    ComplementaryPassive,
+    /// Its direct form, against TRIAD.
+    ComplementaryDirect,
     /// What the device itself reported; no filter runs.
     Device,
 }
@@ -52,12 +59,15 @@ pub struct EstimatorInfo {
 
 impl EstimatorKind {
     /// Every estimator, simplest first.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 9] = [
         Self::Integration,
         Self::Mekf3,
         Self::Mekf,
         Self::Usque,
         Self::QuaternionEkf,
+        Self::Complementary,
+        Self::ComplementaryPassive,
+        Self::ComplementaryDirect,
         Self::Device,
     ];
 
@@ -99,6 +109,27 @@ impl EstimatorKind {
                 error_states: 7,
                 has_covariance: true,
                 paper: "Bar-Itzhack & Oshman (1985)",
+            },
+            Self::Complementary => EstimatorInfo {
+                name: "complementary",
+                summary: "explicit complementary filter with gyroscope bias: fixed gains, cheap",
+                error_states: 0,
+                has_covariance: false,
+                paper: "Mahony, Hamel & Pflimlin (2008)",
+            },
+            Self::ComplementaryPassive => EstimatorInfo {
+                name: "complementary-passive",
+                summary: "passive complementary filter against TRIAD of gravity and field",
+                error_states: 0,
+                has_covariance: false,
+                paper: "Mahony, Hamel & Pflimlin (2008)",
+            },
+            Self::ComplementaryDirect => EstimatorInfo {
+                name: "complementary-direct",
+                summary: "direct complementary filter: as passive, the rate carried by TRIAD",
+                error_states: 0,
+                has_covariance: false,
+                paper: "Mahony, Hamel & Pflimlin (2008)",
             },
             Self::Device => EstimatorInfo {
                 name: "device",
@@ -154,6 +185,8 @@ pub enum AnyEstimator {
     Usque(Usque<f64>),
     /// `quaternion-ekf`
     QuaternionEkf(QuaternionEkf<f64>),
+    /// `complementary` and its relatives
+    Complementary(Complementary<f64>),
 }
 
 impl AnyEstimator {
@@ -167,12 +200,17 @@ impl AnyEstimator {
         config: &AttitudeConfig<f64>,
     ) -> Result<Option<Self>, EvaluationError> {
         config.validate()?;
+        let complementary =
+            |form| Complementary::new(form, *config).map(|filter| Self::Complementary(filter));
         Ok(Some(match kind {
             EstimatorKind::Integration => Self::Integration(Integration::default()),
             EstimatorKind::Mekf3 => Self::Mekf3(Mekf3::new(*config)?),
             EstimatorKind::Mekf => Self::Mekf(Mekf::new(*config)?),
             EstimatorKind::Usque => Self::Usque(Usque::new(*config)?),
             EstimatorKind::QuaternionEkf => Self::QuaternionEkf(QuaternionEkf::new(*config)?),
+            EstimatorKind::Complementary => complementary(ComplementaryForm::Explicit)?,
+            EstimatorKind::ComplementaryPassive => complementary(ComplementaryForm::Passive)?,
+            EstimatorKind::ComplementaryDirect => complementary(ComplementaryForm::Direct)?,
             EstimatorKind::Device => return Ok(None),
         }))
     }
@@ -187,6 +225,7 @@ macro_rules! each {
             Self::Mekf($e) => $body,
             Self::Usque($e) => $body,
             Self::QuaternionEkf($e) => $body,
+            Self::Complementary($e) => $body,
         }
     };
 }
@@ -248,7 +287,8 @@ mod tests {
         assert_eq!(
             error,
             "unknown estimator `kalman`; expected one of: \
-             integration, mekf3, mekf, usque, quaternion-ekf, device"
+             integration, mekf3, mekf, usque, quaternion-ekf, complementary, \
+             complementary-passive, complementary-direct, device"
         );
     }
 

@@ -101,9 +101,10 @@ impl Default for NisStatistics {
 }
 
 impl NisStatistics {
-    /// Adds an innovation; a skipped one does not count.
+    /// Adds an innovation; a skipped one does not count, nor one of which nothing was expected.
     pub fn add(&mut self, innovation: &Innovation<f64>) {
-        if matches!(innovation.outcome, Outcome::Skipped(_)) || !innovation.nis.is_finite() {
+        let is_stated = innovation.degrees_of_freedom > 0 && innovation.nis.is_finite();
+        if matches!(innovation.outcome, Outcome::Skipped(_)) || !is_stated {
             return;
         }
         if self.degrees_of_freedom != innovation.degrees_of_freedom {

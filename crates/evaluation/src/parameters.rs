@@ -79,7 +79,7 @@ pub struct ParameterInfo {
 }
 
 /// Unit and meaning of each parameter, in the order of the configuration.
-const TABLE: [(&str, &str, &str); 22] = [
+const TABLE: [(&str, &str, &str); 26] = [
     (
         "gyroscope_noise_density",
         "rad/s/sqrt(Hz)",
@@ -190,7 +190,31 @@ const TABLE: [(&str, &str, &str); 22] = [
         "rad",
         "largest uncertainty per axis: beyond it nothing is known",
     ),
+    (
+        "complementary_attitude_gain",
+        "1/s",
+        "how fast a complementary filter follows its vectors (k_P)",
+    ),
+    (
+        "complementary_bias_gain",
+        "1/s^2",
+        "how fast its gyroscope bias follows (k_I); 0 keeps the bias",
+    ),
+    (
+        "complementary_accelerometer_weight",
+        "-",
+        "weight of the accelerometer in a complementary filter",
+    ),
+    (
+        "complementary_magnetometer_weight",
+        "-",
+        "weight of magnetometer or compass in a complementary filter",
+    ),
 ];
+
+/// Parameters of complementary filters begin so; besides those only this one matters to them.
+const COMPLEMENTARY: &str = "complementary_";
+const COMPLEMENTARY_TOO: &str = "magnetometer_use";
 
 /// Parameters that a filter without gyroscope bias has no use for.
 const BIAS_ONLY: [&str; 2] = ["gyroscope_bias_random_walk", "initial_gyroscope_bias_std"];
@@ -217,8 +241,17 @@ pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
     let mut all = parameters();
     match kind {
         EstimatorKind::Integration | EstimatorKind::Device => all.clear(),
-        EstimatorKind::Mekf3 => all.retain(|p| !BIAS_ONLY.contains(&p.name.as_str())),
-        EstimatorKind::Mekf | EstimatorKind::Usque | EstimatorKind::QuaternionEkf => {}
+        EstimatorKind::Mekf3 => all.retain(|p| {
+            !BIAS_ONLY.contains(&p.name.as_str()) && !p.name.starts_with(COMPLEMENTARY)
+        }),
+        EstimatorKind::Mekf | EstimatorKind::Usque | EstimatorKind::QuaternionEkf => {
+            all.retain(|p| !p.name.starts_with(COMPLEMENTARY));
+        }
+        EstimatorKind::Complementary
+        | EstimatorKind::ComplementaryPassive
+        | EstimatorKind::ComplementaryDirect => {
+            all.retain(|p| p.name.starts_with(COMPLEMENTARY) || p.name == COMPLEMENTARY_TOO);
+        }
     }
     all
 }

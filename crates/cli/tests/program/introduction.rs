@@ -60,6 +60,9 @@ fn estimators_are_listed_with_their_parameters() {
         "mekf",
         "usque",
         "quaternion-ekf",
+        "complementary",
+        "complementary-passive",
+        "complementary-direct",
         "device",
     ];
     contains(&text, &names);
@@ -92,6 +95,9 @@ fn estimators_as_json_have_units_defaults_and_meanings() {
             "mekf",
             "usque",
             "quaternion-ekf",
+            "complementary",
+            "complementary-passive",
+            "complementary-direct",
             "device"
         ]
     );

@@ -79,6 +79,9 @@ fn every_estimator_runs() {
         "mekf",
         "usque",
         "quaternion-ekf",
+        "complementary",
+        "complementary-passive",
+        "complementary-direct",
         "device",
     ] {
         let arguments = [

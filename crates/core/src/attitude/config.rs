@@ -122,6 +122,16 @@ pub struct AttitudeConfig<T> {
     /// Largest attitude standard deviation per axis, rad, default 1.8: beyond it nothing is known
     /// anyway, and single precision fails.
     pub maximum_attitude_std: T,
+    /// Gain `k_P` of a complementary filter, 1/s, default 1: errors go as `exp(-k_P t)`. Raising it
+    /// follows the vectors faster, noise and accelerations included. At most 10.
+    pub complementary_attitude_gain: T,
+    /// Gain `k_I` of its gyroscope bias, 1/s^2, default 0.3 (damping `k_P / (2 sqrt(k_I))`).
+    /// Raising it learns the bias faster, and accelerations as a bias; 0 keeps the bias.
+    pub complementary_bias_gain: T,
+    /// Weight of the accelerometer in a complementary filter, default 1.
+    pub complementary_accelerometer_weight: T,
+    /// Weight of the magnetometer, or compass, in a complementary filter, default 1.
+    pub complementary_magnetometer_weight: T,
 }
 
 impl<T: Scalar> Default for AttitudeConfig<T> {
@@ -149,6 +159,10 @@ impl<T: Scalar> Default for AttitudeConfig<T> {
             initial_heading_std: lit(0.1),
             initial_gyroscope_bias_std: lit(0.02),
             maximum_attitude_std: lit(1.8),
+            complementary_attitude_gain: T::one(),
+            complementary_bias_gain: lit(0.3),
+            complementary_accelerometer_weight: T::one(),
+            complementary_magnetometer_weight: T::one(),
         }
     }
 }
@@ -184,6 +198,10 @@ impl<T: Scalar> AttitudeConfig<T> {
             initial_heading_std: lit(0.35),
             initial_gyroscope_bias_std: lit(0.02),
             maximum_attitude_std: lit(1.8),
+            complementary_attitude_gain: lit(0.8),
+            complementary_bias_gain: T::zero(),
+            complementary_accelerometer_weight: T::one(),
+            complementary_magnetometer_weight: T::one(),
         }
     }
 
@@ -234,6 +252,22 @@ impl<T: Scalar> AttitudeConfig<T> {
                 "initial_gyroscope_bias_std",
                 self.initial_gyroscope_bias_std,
             ),
+            (
+                "complementary_accelerometer_weight",
+                self.complementary_accelerometer_weight,
+            ),
+            (
+                "complementary_magnetometer_weight",
+                self.complementary_magnetometer_weight,
+            ),
+        ];
+        // Together with the longest step of a correction: below one, or it overshoots.
+        let gains = [
+            (
+                "complementary_attitude_gain",
+                self.complementary_attitude_gain,
+            ),
+            ("complementary_bias_gain", self.complementary_bias_gain),
         ];
         for (field, value) in positive {
             // Its square enters covariances: that must be a number above zero too.
@@ -249,6 +283,14 @@ impl<T: Scalar> AttitudeConfig<T> {
                 return Err(ConfigError {
                     field,
                     expected: "a finite number, 0 or above",
+                });
+            }
+        }
+        for (field, value) in gains {
+            if !(value >= T::zero() && value <= lit(10.0)) {
+                return Err(ConfigError {
+                    field,
+                    expected: "a number from 0 to 10",
                 });
             }
         }

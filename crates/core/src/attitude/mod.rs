@@ -11,8 +11,10 @@
 //! | [`mekf3::Mekf3`] | `mekf3.rs` | attitude | the paper's filter, to the letter where asked |
 //! | [`usque::Usque`] | `usque.rs` | attitude, gyroscope bias | unscented, large errors |
 //! | [`quaternion_ekf::QuaternionEkf`] | `quaternion_ekf.rs` | quaternion, gyroscope bias | additive EKF |
+//! | [`complementary::Complementary`] | `complementary.rs` | none | fixed gains: cheap, no covariance |
 
 pub mod alignment;
+pub mod complementary;
 pub mod config;
 pub mod driver;
 pub mod heading;

@@ -18,7 +18,8 @@ pub struct Innovation<T> {
     /// Normalised innovation squared, `residual^T S^-1 residual`: chi-square distributed with
     /// [`Self::degrees_of_freedom`] when the tuning is honest.
     pub nis: T,
-    /// Number of components measured: 3 for a vector, 1 for a heading, 0 when skipped.
+    /// Number of components measured: 3 for a vector, 1 for a heading; 0 when skipped, and from
+    /// filters that state no covariance (the covariance and the NIS are then zero and mean nothing).
     pub degrees_of_freedom: u8,
     /// What was done with the measurement.
     pub outcome: Outcome,

@@ -1,0 +1,367 @@
+//! Complementary filters on SO(3) with gyroscope bias: explicit, passive and direct (Mahony).
+//!
+//! Read first: `docs/derivations/complementary.md`; Mahony, Hamel & Pflimlin (2008), "Nonlinear
+//! complementary filters on the special orthogonal group". They weigh by fixed gains instead of a
+//! covariance: cheap, almost globally stable, and without a word about their own error.
+//!
+//! # Model
+//!
+//! `R` turns body into reference, `w_s = w + b + noise`, unit vectors `v_i = R^T r_i + noise`.
+//!
+//! ```text
+//! explicit  e = sum k_i v_i x R^T r_i                                                        (O1)
+//! passive   e = vex(P_a(R^T R_y)),  R_y from the vectors by TRIAD, gravity exact             (O2)
+//! both      R <- R exp([(w_s - b) dt + k_P e tau]x),  b <- b - k_I e tau                     (O3)
+//! direct    the passive error, but the rate is carried to the reference by R_y:
+//!           R <- exp([R_y (w_s - b) dt]x) R                                                  (O4)
+//! ```
+//!
+//! | symbol | here | unit |
+//! |---|---|---|
+//! | `k_P` | [`AttitudeConfig::complementary_attitude_gain`] | 1/s |
+//! | `k_I` | [`AttitudeConfig::complementary_bias_gain`] | 1/s^2 |
+//! | `k_i` | [`AttitudeConfig::complementary_accelerometer_weight`], ..`magnetometer_weight` | - |
+//! | `tau` | time since the last sample of that sensor, at most [`LONGEST_STEP_S`] | s |
+//!
+//! Each sensor corrects for its own interval, so rates may differ and samples may be missing. The
+//! frame is that of the references: NED or ENU. Per axis the error obeys `s^2 + k_P s + k_I`.
+//!
+//! Cost: a rotation per gyroscope sample, a cross product and a rotation per vector. Limits:
+//! accelerations enter with their full weight, a wrong field tilts the explicit form
+//! (`magnetometer_use = heading` prevents it); without magnetometer heading and its bias stay as
+//! they are.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
+use super::propagation::checked_rate;
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, wahba};
+use crate::geometry::{rotation, so3};
+use crate::kalman::innovation::check_vector;
+use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::scalar::{Scalar, lit};
+
+/// A correction never stands for more than this, s: after a gap a sample is one sample.
+pub const LONGEST_STEP_S: f64 = 0.1;
+/// Largest bias per axis, rad/s: what winds up beyond is no bias.
+pub const LARGEST_BIAS_RAD_S: f64 = 0.2;
+/// A field whose strength is off by more than this share of the reference's is disturbed.
+pub const FIELD_TOLERANCE: f64 = 0.3;
+/// Below this share of gravity the device falls and says nothing about up.
+pub const LEAST_GRAVITY: f64 = 0.1;
+/// A field older than this is not put together with gravity, s.
+const OLDEST_FIELD_S: f64 = 0.2;
+/// Nearer to opposite than this the error has no direction: it is given one.
+const OPPOSITE: f64 = -0.999;
+/// How far the estimate is turned then, rad.
+const NUDGE_RAD: f64 = 1e-3;
+
+/// Where the correction comes from, and in which frame the rate is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ComplementaryForm {
+    /// Each vector by itself (O1): no attitude is put together, one vector is enough.
+    Explicit,
+    /// Against the attitude that TRIAD puts together from gravity and field (O2).
+    Passive,
+    /// As passive, with the rate carried by that attitude (O4).
+    Direct,
+}
+
+/// One vector sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Vector<T: Scalar> {
+    /// What it measures in the reference frame: direction and length.
+    reference: Option<(Vector3<T>, T)>,
+    weight: T,
+    /// Lengths that are believed, as shares of the reference's.
+    shortest: T,
+    longest: T,
+    /// Seconds since its last sample.
+    since: T,
+}
+
+/// A complementary filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Complementary<T: Scalar> {
+    form: ComplementaryForm,
+    attitude_gain: T,
+    bias_gain: T,
+    magnetometer_use: MagnetometerUse,
+    attitude: UnitQuaternion<T>,
+    gyroscope_bias: Vector3<T>,
+    accelerometer: Vector<T>,
+    magnetometer: Vector<T>,
+    /// The last direction of the field, carried along with the body, for TRIAD.
+    field_body: Option<Vector3<T>>,
+    /// `R_y R^T`, reference frame: the direct form's rate is carried by it.
+    measured_from_estimated: UnitQuaternion<T>,
+    since_compass: T,
+}
+
+impl<T: Scalar> Vector<T> {
+    fn new(weight: T, shortest: f64, longest: f64) -> Self {
+        Self {
+            reference: None,
+            weight,
+            shortest: lit(shortest),
+            longest: lit(longest),
+            since: T::zero(),
+        }
+    }
+
+    fn start(&mut self, reference: Option<Vector3<T>>) {
+        self.since = T::zero();
+        self.reference = reference.and_then(|r| {
+            let norm = r.norm();
+            check_vector(&r, lit(1e-6), lit(1e6)).ok()?;
+            Some((r / norm, norm))
+        });
+    }
+
+    /// Direction of the sample and of the reference, and the interval that the sample stands for.
+    fn take(&mut self, measured: &Vector3<T>) -> Result<(Vector3<T>, Vector3<T>, T), SkipReason> {
+        let (reference, norm) = self.reference.ok_or(SkipReason::NotInitialized)?;
+        if let Err(reason) = check_vector(measured, norm * self.shortest, norm * self.longest) {
+            let is_short = reason == SkipReason::ZeroNorm && measured.norm() > norm * lit(1e-3);
+            return Err(if is_short {
+                SkipReason::OutOfRange
+            } else {
+                reason
+            });
+        }
+        let interval = self.since.min(lit(LONGEST_STEP_S));
+        self.since = T::zero();
+        Ok((measured / measured.norm(), reference, interval))
+    }
+}
+
+impl<T: Scalar> Complementary<T> {
+    /// A filter at the identity, without references: it takes vectors after
+    /// [`AttitudeEstimator::initialize`].
+    ///
+    /// # Errors
+    /// [`ConfigError`] when a setting makes no sense.
+    pub fn new(form: ComplementaryForm, config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let field = (1.0 - FIELD_TOLERANCE, 1.0 + FIELD_TOLERANCE);
+        let weights = (
+            config.complementary_accelerometer_weight,
+            config.complementary_magnetometer_weight,
+        );
+        Ok(Self {
+            form,
+            attitude_gain: config.complementary_attitude_gain,
+            bias_gain: config.complementary_bias_gain,
+            magnetometer_use: config.magnetometer_use,
+            attitude: UnitQuaternion::identity(),
+            gyroscope_bias: Vector3::zeros(),
+            accelerometer: Vector::new(weights.0, LEAST_GRAVITY, super::vector_sensor::LONGEST),
+            magnetometer: Vector::new(weights.1, field.0, field.1),
+            field_body: None,
+            measured_from_estimated: UnitQuaternion::identity(),
+            since_compass: T::zero(),
+        })
+    }
+
+    /// Which of the three it is.
+    pub fn form(&self) -> ComplementaryForm {
+        self.form
+    }
+
+    /// Turns by `k_P e tau` in body axes and lets the bias follow (O3).
+    fn correct(&mut self, error: &Vector3<T>, interval: T) {
+        let turned = self.attitude * so3::exp(&(error * (self.attitude_gain * interval)));
+        self.attitude = rotation::renormalize(&turned);
+        let limit: T = lit(LARGEST_BIAS_RAD_S);
+        let bias = self.gyroscope_bias - error * (self.bias_gain * interval);
+        self.gyroscope_bias = bias.map(|b| b.max(-limit).min(limit));
+    }
+
+    /// The attitude that gravity and a fresh field give; with gravity alone the estimate, levelled.
+    fn reconstruct(&self, up_body: &Vector3<T>, up: &Vector3<T>) -> UnitQuaternion<T> {
+        let fresh = self.magnetometer.since <= lit(OLDEST_FIELD_S);
+        let field = self.field_body.filter(|_| fresh);
+        let both = field.zip(self.magnetometer.reference);
+        both.and_then(|(body, (reference, _))| wahba::triad(up_body, &body, up, &reference))
+            .unwrap_or_else(|| {
+                let predicted = self.attitude.inverse() * up;
+                self.attitude * wahba::level(up_body, &predicted)
+            })
+    }
+
+    /// The error of the passive and the direct form (O2), body axes.
+    fn passive_error(&mut self, up_body: &Vector3<T>, up: &Vector3<T>) -> Vector3<T> {
+        let measured = self.reconstruct(up_body, up);
+        self.measured_from_estimated = rotation::renormalize(&(measured * self.attitude.inverse()));
+        let relative = self.attitude.inverse() * measured;
+        let (cos_half, imaginary) = (relative.w, relative.imag());
+        // The trace of a rotation by `a` is 1 + 2 cos a = 4 cos^2(a/2) - 1.
+        if lit::<T>(4.0) * cos_half * cos_half - T::one() < lit(OPPOSITE) {
+            self.nudge(&imaginary);
+        }
+        imaginary * (cos_half * lit(2.0))
+    }
+
+    /// The error of one vector (O1), body axes.
+    fn vector_error(&mut self, measured: &Vector3<T>, reference: &Vector3<T>) -> Vector3<T> {
+        let predicted = self.attitude.inverse() * reference;
+        if measured.dot(&predicted) < lit(OPPOSITE) {
+            let axis = if predicted.x.abs() < predicted.y.abs() {
+                Vector3::x()
+            } else {
+                Vector3::y()
+            };
+            self.nudge(&predicted.cross(&axis));
+        }
+        measured.cross(&predicted)
+    }
+
+    /// Leaves an unstable rest half a turn away.
+    fn nudge(&mut self, axis: &Vector3<T>) {
+        if let Some(axis) = axis.try_normalize(lit(1e-6)) {
+            let turned = self.attitude * so3::exp(&(axis * lit::<T>(NUDGE_RAD)));
+            self.attitude = rotation::renormalize(&turned);
+        }
+    }
+
+    /// Up in body axes as estimated; `None` before the start.
+    fn up_body(&self) -> Option<Vector3<T>> {
+        let (up, _) = self.accelerometer.reference?;
+        Some(self.attitude.inverse() * up)
+    }
+
+    /// The record of a vector: a filter without covariance expects nothing of the residual.
+    fn record(&self, measured: &Vector3<T>, sensor: &Vector<T>) -> Innovation<T> {
+        let predicted = sensor.reference.map_or_else(Vector3::zeros, |(r, norm)| {
+            self.attitude.inverse() * r * norm
+        });
+        unweighed(measured - predicted)
+    }
+}
+
+/// A residual that was used, without a statement about its covariance.
+fn unweighed<T: Scalar>(residual: Vector3<T>) -> Innovation<T> {
+    Innovation {
+        residual,
+        covariance: Matrix3::zeros(),
+        nis: T::zero(),
+        degrees_of_freedom: 0,
+        outcome: Outcome::Fused,
+    }
+}
+
+impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
+    fn initialize(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() {
+            return;
+        }
+        self.attitude = initial.attitude;
+        self.gyroscope_bias = initial.gyroscope_bias;
+        self.accelerometer
+            .start(Some(initial.references.specific_force));
+        self.magnetometer.start(initial.references.magnetic_field);
+        self.field_body = None;
+        self.measured_from_estimated = UnitQuaternion::identity();
+        self.since_compass = T::zero();
+    }
+
+    #[inline]
+    fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
+        let rate = match checked_rate(angular_rate, &self.gyroscope_bias, dt) {
+            Ok(Some(rate)) => rate,
+            Ok(None) => return Propagation::Done,
+            Err(reason) => return Propagation::Skipped(reason),
+        };
+        let turn = rate * dt;
+        let turned = if self.form == ComplementaryForm::Direct {
+            let carried = self.measured_from_estimated * (self.attitude * turn);
+            so3::exp(&carried) * self.attitude
+        } else {
+            self.attitude * so3::exp(&turn)
+        };
+        self.attitude = rotation::renormalize(&turned);
+        if let Some(field) = &mut self.field_body {
+            *field = so3::exp(&-turn) * *field;
+        }
+        self.accelerometer.since += dt;
+        self.magnetometer.since += dt;
+        self.since_compass += dt;
+        Propagation::Done
+    }
+
+    fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
+        let (up_body, up, interval) = match self.accelerometer.take(specific_force) {
+            Ok(taken) => taken,
+            Err(reason) => return Innovation::skipped(reason),
+        };
+        let record = self.record(specific_force, &self.accelerometer);
+        let error = match self.form {
+            ComplementaryForm::Explicit => {
+                self.vector_error(&up_body, &up) * self.accelerometer.weight
+            }
+            ComplementaryForm::Passive | ComplementaryForm::Direct => {
+                self.passive_error(&up_body, &up)
+            }
+        };
+        self.correct(&error, interval);
+        record
+    }
+
+    fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
+        let (field_body, field, interval) = match self.magnetometer.take(magnetic_field) {
+            Ok(taken) => taken,
+            Err(reason) => return Innovation::skipped(reason),
+        };
+        let record = self.record(magnetic_field, &self.magnetometer);
+        if self.form != ComplementaryForm::Explicit {
+            self.field_body = Some(field_body);
+            return record;
+        }
+        let mut error = self.vector_error(&field_body, &field) * self.magnetometer.weight;
+        if let (MagnetometerUse::Heading, Some(up)) = (self.magnetometer_use, self.up_body()) {
+            error = up * error.dot(&up);
+        }
+        self.correct(&error, interval);
+        record
+    }
+
+    fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
+        // A magnetic reference says where north is; two norths would pull against each other.
+        if self.magnetometer.reference.is_some() {
+            return Innovation::skipped(SkipReason::NotUsed);
+        }
+        let Some(up) = self.up_body() else {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        };
+        let measured = match heading.measure(&self.attitude) {
+            Ok(measured) => measured,
+            Err(reason) => return Innovation::skipped(reason),
+        };
+        let interval = self.since_compass.min(lit(LONGEST_STEP_S));
+        self.since_compass = T::zero();
+        let error = up * (measured.residual.sin() * self.magnetometer.weight);
+        self.correct(&error, interval);
+        unweighed(Vector3::new(measured.residual, T::zero(), T::zero()))
+    }
+
+    fn add_attitude_variance(&mut self, _variance: T) {}
+
+    fn attitude(&self) -> UnitQuaternion<T> {
+        self.attitude
+    }
+
+    fn attitude_covariance(&self) -> Option<Matrix3<T>> {
+        None
+    }
+
+    fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
+        None
+    }
+
+    fn rate_at_rest(&self) -> Vector3<T> {
+        self.gyroscope_bias
+    }
+}
+
+#[cfg(test)]
+mod tests;
