@@ -200,8 +200,7 @@ impl AnyEstimator {
         config: &AttitudeConfig<f64>,
     ) -> Result<Option<Self>, EvaluationError> {
         config.validate()?;
-        let complementary =
-            |form| Complementary::new(form, *config).map(|filter| Self::Complementary(filter));
+        let complementary = |form| Complementary::new(form, *config).map(Self::Complementary);
         Ok(Some(match kind {
             EstimatorKind::Integration => Self::Integration(Integration::default()),
             EstimatorKind::Mekf3 => Self::Mekf3(Mekf3::new(*config)?),

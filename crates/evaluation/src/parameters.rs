@@ -330,9 +330,15 @@ mod tests {
         for ((_, value), config) in std.defaults.iter().zip(expected) {
             assert_eq!(value.as_f64(), Some(config.accelerometer_std));
         }
+        let complementary = all.iter().filter(|p| p.name.starts_with(COMPLEMENTARY));
+        let complementary = complementary.count();
         assert_eq!(
-            parameters_of(EstimatorKind::Mekf3).len() + BIAS_ONLY.len(),
+            parameters_of(EstimatorKind::Mekf3).len() + BIAS_ONLY.len() + complementary,
             all.len()
+        );
+        assert_eq!(
+            parameters_of(EstimatorKind::ComplementaryPassive).len(),
+            complementary + 1
         );
         assert!(parameters_of(EstimatorKind::Integration).is_empty());
     }

@@ -79,7 +79,7 @@ pub(crate) struct LiveArgs {
     #[arg(long, requires = "replay")]
     exit: bool,
     /// Take samples from this input, too (repeatable): sensorserver=HOST:PORT, phyphox=HOST:PORT,
-    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE[@BAUD]
+    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE or razor=DEVICE@BAUD
     #[arg(long = "input", value_name = "KIND=ADDRESS")]
     inputs: Vec<InputSpec>,
     /// What people call this lab; the pages show it

@@ -171,12 +171,13 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn conversions_round_trip(r in prop::array::uniform3(-3.1..3.1f64)) {
-            let q = so3::exp(&Vector3::from(r));
-            prop_assert!(angle_between(&q, &from_yaw_pitch_roll(to_yaw_pitch_roll(&q))) < 1e-6);
-            prop_assert!(angle_between(&q, &from_matrix(&q.to_rotation_matrix().into_inner())) < 1e-7);
-            prop_assert!(angle_between(&q, &from_wxyz(to_wxyz(&q)).unwrap()) < 1e-7);
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(24), ..ProptestConfig::default() })]
+            #[test]
+            fn conversions_round_trip(r in prop::array::uniform3(-3.1..3.1f64)) {
+                let q = so3::exp(&Vector3::from(r));
+                prop_assert!(angle_between(&q, &from_yaw_pitch_roll(to_yaw_pitch_roll(&q))) < 1e-6);
+                prop_assert!(angle_between(&q, &from_matrix(&q.to_rotation_matrix().into_inner())) < 1e-7);
+                prop_assert!(angle_between(&q, &from_wxyz(to_wxyz(&q)).unwrap()) < 1e-7);
+            }
         }
-    }
 }

@@ -125,16 +125,17 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #[test]
-        fn quadratic_forms_equal_the_inverse(a in prop::collection::vec(-1.0..1.0f64, 9), x in prop::array::uniform3(-3.0..3.0f64)) {
-            let a = Matrix3::from_column_slice(&a);
-            let p = a * a.transpose() + Matrix3::identity() * 0.05;
-            let x = Vector3::from(x);
-            let expected = (x.transpose() * p.try_inverse().unwrap() * x)[0];
-            prop_assert!((normalized_square(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
-            prop_assert!((normalized_square3(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(23), ..ProptestConfig::default() })]
+            #[test]
+            fn quadratic_forms_equal_the_inverse(a in prop::collection::vec(-1.0..1.0f64, 9), x in prop::array::uniform3(-3.0..3.0f64)) {
+                let a = Matrix3::from_column_slice(&a);
+                let p = a * a.transpose() + Matrix3::identity() * 0.05;
+                let x = Vector3::from(x);
+                let expected = (x.transpose() * p.try_inverse().unwrap() * x)[0];
+                prop_assert!((normalized_square(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
+                prop_assert!((normalized_square3(&x, &p).unwrap() - expected).abs() < 1e-8 * (1.0 + expected));
+            }
         }
-    }
 
     #[test]
     fn indefinite_and_non_finite_matrices_have_no_factor() {

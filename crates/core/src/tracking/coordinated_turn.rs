@@ -181,25 +181,26 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn jacobian_equals_dual_numbers(
-            x in prop::array::uniform5(-20.0..20.0f64), scale in prop::sample::select(std::vec![1e-6, 1e-3, 0.003, 0.05]),
-            dt in 0.01..5.0f64, turns in any::<bool>(),
-        ) {
-            let mut x = TargetState::from(x);
-            x[4] *= scale;
-            let (_, expected) = jacobian(
-                |y| {
-                    let (motion, turn) = lift(turns);
-                    motion.predict(&y, &turn, lit(dt)).0
-                },
-                &x,
-            );
-            let (motion, turn) = lift(turns);
-            let (_, f) = motion.predict(&x, &turn, dt);
-            prop_assert!((f - expected).abs().max() < 1e-8, "{}", f - expected);
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(26), ..ProptestConfig::default() })]
+            #[test]
+            fn jacobian_equals_dual_numbers(
+                x in prop::array::uniform5(-20.0..20.0f64), scale in prop::sample::select(std::vec![1e-6, 1e-3, 0.003, 0.05]),
+                dt in 0.01..5.0f64, turns in any::<bool>(),
+            ) {
+                let mut x = TargetState::from(x);
+                x[4] *= scale;
+                let (_, expected) = jacobian(
+                    |y| {
+                        let (motion, turn) = lift(turns);
+                        motion.predict(&y, &turn, lit(dt)).0
+                    },
+                    &x,
+                );
+                let (motion, turn) = lift(turns);
+                let (_, f) = motion.predict(&x, &turn, dt);
+                prop_assert!((f - expected).abs().max() < 1e-8, "{}", f - expected);
+            }
         }
-    }
 
     #[test]
     fn a_quarter_turn_ends_a_radius_ahead_and_a_radius_to_the_side() {

@@ -259,29 +259,30 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn jacobians_equal_dual_numbers(
-            v in prop::array::uniform8(-50.0..50.0f64), kind in 0..3u8, heading in -1.0..1.0f64,
-        ) {
-            let mut v = SVector::from(v);
-            v[7] = heading;
-            let (dn, de) = (v[0] - v[5], v[2] - v[6]);
-            let bearing = wrap_angle(f64::atan2(de, dn) - heading);
-            prop_assume!(dn.hypot(de) > 1.0 && bearing.abs() < 3.0);
-            let (_, expected) = jacobian(|w| predicted(kind, &w), &v);
-            let own = OwnShip::exact(v[5], v[6], v[7]);
-            let detection = match kind {
-                0 => Detection::RangeBearing { range_m: 1.0, bearing_rad: 0.0 },
-                1 => Detection::Bearing { bearing_rad: 0.0 },
-                _ => Detection::Position { north_m: 0.0, east_m: 0.0 },
-            };
-            let p = detection
-                .predict(&v.fixed_rows::<5>(0).into_owned(), &own, &noise())
-                .unwrap();
-            prop_assert!((p.target_jacobian - expected.fixed_columns::<5>(0)).abs().max() < 1e-9);
-            prop_assert!((p.pose_jacobian - expected.fixed_columns::<3>(5)).abs().max() < 1e-9);
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(27), ..ProptestConfig::default() })]
+            #[test]
+            fn jacobians_equal_dual_numbers(
+                v in prop::array::uniform8(-50.0..50.0f64), kind in 0..3u8, heading in -1.0..1.0f64,
+            ) {
+                let mut v = SVector::from(v);
+                v[7] = heading;
+                let (dn, de) = (v[0] - v[5], v[2] - v[6]);
+                let bearing = wrap_angle(f64::atan2(de, dn) - heading);
+                prop_assume!(dn.hypot(de) > 1.0 && bearing.abs() < 3.0);
+                let (_, expected) = jacobian(|w| predicted(kind, &w), &v);
+                let own = OwnShip::exact(v[5], v[6], v[7]);
+                let detection = match kind {
+                    0 => Detection::RangeBearing { range_m: 1.0, bearing_rad: 0.0 },
+                    1 => Detection::Bearing { bearing_rad: 0.0 },
+                    _ => Detection::Position { north_m: 0.0, east_m: 0.0 },
+                };
+                let p = detection
+                    .predict(&v.fixed_rows::<5>(0).into_owned(), &own, &noise())
+                    .unwrap();
+                prop_assert!((p.target_jacobian - expected.fixed_columns::<5>(0)).abs().max() < 1e-9);
+                prop_assert!((p.pose_jacobian - expected.fixed_columns::<3>(5)).abs().max() < 1e-9);
+            }
         }
-    }
 
     #[test]
     fn innovation_equals_the_joint_filter_of_target_and_pose() {

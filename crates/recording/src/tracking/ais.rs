@@ -365,30 +365,31 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn no_line_panics(
-            bytes in prop::collection::vec(any::<u8>(), 0..120),
-            body in "[ -~]{0,80}", fields in prop::collection::vec("[0-9A-Za-z.:`@?<>-]{0,30}", 0..12),
-        ) {
-            let mut log = Sentences::new(PLANE);
-            let mut issues = TrackingIssues::default();
-            log.take(&bytes, &mut issues);
-            let talkers = ["AIVDM,", "GPRMC,", "GPGGA,", "HEHDT,", "GPGSV,", ""];
-            for talker in talkers {
-                for content in [body.clone(), fields.join(",")] {
-                    let sentence = with_checksum(&format!("{talker}{content}"));
-                    log.take(sentence.as_bytes(), &mut issues);
-                    log.take(sentence.replacen('$', "!", 1).as_bytes(), &mut issues);
-                    log.take(format!("\\c:1*00\\{sentence}").as_bytes(), &mut issues);
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(21), ..ProptestConfig::default() })]
+            #[test]
+            fn no_line_panics(
+                bytes in prop::collection::vec(any::<u8>(), 0..120),
+                body in "[ -~]{0,80}", fields in prop::collection::vec("[0-9A-Za-z.:`@?<>-]{0,30}", 0..12),
+            ) {
+                let mut log = Sentences::new(PLANE);
+                let mut issues = TrackingIssues::default();
+                log.take(&bytes, &mut issues);
+                let talkers = ["AIVDM,", "GPRMC,", "GPGGA,", "HEHDT,", "GPGSV,", ""];
+                for talker in talkers {
+                    for content in [body.clone(), fields.join(",")] {
+                        let sentence = with_checksum(&format!("{talker}{content}"));
+                        log.take(sentence.as_bytes(), &mut issues);
+                        log.take(sentence.replacen('$', "!", 1).as_bytes(), &mut issues);
+                        log.take(format!("\\c:1*00\\{sentence}").as_bytes(), &mut issues);
+                    }
                 }
-            }
-            let payload = fields.join("");
-            for fill in 0..6 {
-                for parts in ["1,1", "2,2", "3,0"] {
-                    let sentence = with_checksum(&format!("AIVDM,{parts},,A,{payload},{fill}"));
-                    log.take(sentence.replacen('$', "!", 1).as_bytes(), &mut issues);
+                let payload = fields.join("");
+                for fill in 0..6 {
+                    for parts in ["1,1", "2,2", "3,0"] {
+                        let sentence = with_checksum(&format!("AIVDM,{parts},,A,{payload},{fill}"));
+                        log.take(sentence.replacen('$', "!", 1).as_bytes(), &mut issues);
+                    }
                 }
             }
         }
-    }
 }
