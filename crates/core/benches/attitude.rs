@@ -1,8 +1,9 @@
 //! Cost of one attitude step, beside VQF on the same samples in the same run.
 //!
 //! `cargo bench -p northing-core --bench attitude` prints, per estimator, the median time of one
-//! sample with gyroscope, accelerometer and magnetometer, and its ratio to `vqf-rs`. The kernels
-//! are timed in turns, so that a busy machine slows all of them alike. With valgrind installed,
+//! sample with gyroscope, accelerometer and magnetometer, and its ratio to `vqf-rs` and to the
+//! Mahony filter of the `ahrs` crate. The kernels are timed in turns, so that a busy machine slows
+//! all of them alike. With valgrind installed,
 //! `scripts/count-instructions` prints instruction counts as well.
 
 #![allow(clippy::print_stdout)] // a benchmark's output is its purpose
@@ -10,7 +11,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use ahrs::Ahrs as _;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
@@ -105,6 +108,21 @@ fn pass_vqf(s: &Samples) -> f64 {
     begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
 }
 
+#[inline(never)]
+fn pass_ahrs(s: &Samples) -> f64 {
+    let mut filter = ahrs::Mahony::new(1.0 / RATE_HZ, 1.0, 0.3);
+    // Its nalgebra is another version.
+    let array = |v: &Vector3<f64>| -> [f64; 3] { (*v).into() };
+    let begin = Instant::now();
+    for k in 0..s.gyroscope.len() {
+        let [g, a, m] = [&s.gyroscope[k], &s.accelerometer[k], &s.magnetometer[k]].map(array);
+        let updated = filter.update(&black_box(g).into(), &a.into(), &m.into());
+        let _ = black_box(updated.is_ok());
+    }
+    black_box(filter.quat());
+    begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
+}
+
 /// A name and what to time: nanoseconds per sample.
 type Kernel<'a> = (&'a str, Box<dyn Fn() -> f64 + 'a>);
 
@@ -120,6 +138,15 @@ fn main() {
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
     let samples = &s;
     kernels.push(("vqf-rs, 9 axes", Box::new(move || pass_vqf(samples))));
+    kernels.push(("ahrs, Mahony", Box::new(move || pass_ahrs(samples))));
+    for (name, form) in [
+        ("complementary", ComplementaryForm::Explicit),
+        ("complementary-passive", ComplementaryForm::Passive),
+        ("complementary-direct", ComplementaryForm::Direct),
+    ] {
+        let filter = Complementary::new(form, settings).expect("valid settings");
+        kernels.push((name, Box::new(move || pass(filter, samples))));
+    }
     let mekf = Mekf::new(settings).expect("valid settings");
     kernels.push(("mekf, field vector", Box::new(move || pass(mekf, samples))));
     let mekf = Mekf::new(hand_held).expect("valid settings");
@@ -146,20 +173,21 @@ fn main() {
     println!(
         "one sample with gyroscope, accelerometer and magnetometer, f64, {rounds} rounds in turns"
     );
+    let peers = ["vqf-rs, 9 axes", "ahrs, Mahony"];
     println!(
-        "  {:<28}{:>9}{:>11}   times vqf-rs (median of the rounds)",
+        "  {:<28}{:>9}{:>11}   times vqf-rs, times ahrs (medians of the rounds)",
         "", "least", "median"
     );
     for ((name, _), t) in kernels.iter().zip(&times) {
-        let ratio = median(
-            t.iter()
-                .zip(&times[0])
-                .map(|(ours, vqf)| ours / vqf)
-                .collect(),
-        );
+        let ratios = peers.map(|peer| {
+            let place = kernels.iter().position(|(name, _)| *name == peer)?;
+            let pairs = t.iter().zip(&times[place]);
+            Some(median(pairs.map(|(ours, peers)| ours / peers).collect()))
+        });
         let least = t.iter().copied().fold(f64::INFINITY, f64::min);
+        let [vqf, ahrs] = ratios.map(|r| r.map_or_else(|| "-".to_owned(), |r| format!("{r:.2}")));
         println!(
-            "  {name:<28}{least:>6.0} ns{:>8.0} ns{ratio:>8.2}",
+            "  {name:<28}{least:>6.0} ns{:>8.0} ns{vqf:>8}{ahrs:>8}",
             median(t.clone())
         );
     }

@@ -4,14 +4,17 @@
 //! | estimator | file | error states | when |
 //! |---|---|---|---|
 //! | [`ErrorStateFilter`] | `error_state.rs` | attitude, velocity, position, two biases | GNSS compass, tangent plane |
+//! | [`Cascade`] | `cascade.rs` | none | positions behind any attitude estimator; fixed gains |
 //!
-//! Frames: local north, east, down (NED) tangent plane; body forward, right, down (FRD). Gravity is
+//! Frames of the error-state filter: local north, east, down (NED) tangent plane; body forward, right, down (FRD). Gravity is
 //! constant and points down; Earth's rotation is left out. Both are small against the noise of the
 //! sensors this is meant for within some tens of kilometres.
 
+pub mod cascade;
 pub mod error_state;
 pub mod transition;
 
+pub use cascade::{Cascade, CascadeConfig, CascadeState};
 pub use error_state::{ErrorStateConfig, ErrorStateFilter, GnssCompassFix, NavigationState};
 pub use transition::ErrorTransition;
 
