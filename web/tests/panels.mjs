@@ -43,7 +43,7 @@ await suite(async () => {
     await part("Noise (Allan)");
     await page.locator(".panel input[type=range]").fill("2");
     await button("Record a rest").click();
-    await until("a second of rest", async () => (await page.locator(".panel progress").getAttribute("value")) > 0);
+    await until("a second of the two minutes", async () => (await page.locator(".panel progress").getAttribute("value")) > 0.01);
     await button("Stop and analyse").click();
     await page.locator(".panel .verdict.warn", { hasText: "too short" }).or(page.locator(".panel .verdict.warn", { hasText: "Too short" })).waitFor();
     assert.match(await page.locator(".panel .verdict.warn", { hasText: /short/ }).textContent(), /ten minutes/);
