@@ -168,6 +168,17 @@ impl<T: Scalar> Complementary<T> {
         self.form
     }
 
+    /// Follows an attitude `R_y` that something else reconstructed (`ref_from_body`) for `interval`
+    /// seconds, at most [`LONGEST_STEP_S`]: the passive form (O2) without its TRIAD. An attitude or
+    /// interval that is not finite changes nothing.
+    pub fn follow(&mut self, measured: &UnitQuaternion<T>, interval: T) {
+        let usable = measured.as_ref().norm_squared().is_finite() && interval.is_finite();
+        if usable && interval > T::zero() {
+            let error = self.error_against(measured);
+            self.correct(&error, interval.min(lit(LONGEST_STEP_S)));
+        }
+    }
+
     /// Turns by `k_P e tau` in body axes and lets the bias follow (O3).
     fn correct(&mut self, error: &Vector3<T>, interval: T) {
         let turned = self.attitude * so3::exp(&(error * (self.attitude_gain * interval)));
@@ -193,6 +204,11 @@ impl<T: Scalar> Complementary<T> {
     fn passive_error(&mut self, up_body: &Vector3<T>, up: &Vector3<T>) -> Vector3<T> {
         let measured = self.reconstruct(up_body, up);
         self.measured_from_estimated = rotation::renormalize(&(measured * self.attitude.inverse()));
+        self.error_against(&measured)
+    }
+
+    /// `vex(P_a(R^T R_y))` (O2), body axes; half a turn away it leaves that place first.
+    fn error_against(&mut self, measured: &UnitQuaternion<T>) -> Vector3<T> {
         let relative = self.attitude.inverse() * measured;
         let (cos_half, imaginary) = (relative.w, relative.imag());
         // The trace of a rotation by `a` is 1 + 2 cos a = 4 cos^2(a/2) - 1.

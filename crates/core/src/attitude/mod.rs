@@ -12,11 +12,13 @@
 //! | [`usque::Usque`] | `usque.rs` | attitude, gyroscope bias | unscented, large errors |
 //! | [`quaternion_ekf::QuaternionEkf`] | `quaternion_ekf.rs` | quaternion, gyroscope bias | additive EKF |
 //! | [`complementary::Complementary`] | `complementary.rs` | none | fixed gains: cheap, no covariance |
+//! | [`ekf_reconstruction::EkfReconstruction`] | `ekf_reconstruction.rs` | none | a passive filter behind the additive EKF |
 
 pub mod alignment;
 pub mod complementary;
 pub mod config;
 pub mod driver;
+pub mod ekf_reconstruction;
 pub mod heading;
 pub mod integration;
 pub mod measurement;
