@@ -161,7 +161,8 @@ fn read_file(path: &Path) -> Result<Part> {
 /// Puts the rows in their places.
 fn fill(header: Header, columns: &[Vec<i64>; COLUMNS]) -> Result<Part> {
     let key = header.campaign;
-    key.scenario.check().map_err(|problem| anyhow!(problem))?;
+    northing_simulation::scenario::ScenarioTables::check(&key.scenario)
+        .map_err(|problem| anyhow!(problem))?;
     let kinds: Vec<TrackerKind> = key
         .trackers
         .iter()

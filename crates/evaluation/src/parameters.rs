@@ -79,7 +79,7 @@ pub struct ParameterInfo {
 }
 
 /// Unit and meaning of each parameter, in the order of the configuration.
-const TABLE: [(&str, &str, &str); 26] = [
+const TABLE: [(&str, &str, &str); 28] = [
     (
         "gyroscope_noise_density",
         "rad/s/sqrt(Hz)",
@@ -209,6 +209,16 @@ const TABLE: [(&str, &str, &str); 26] = [
         "complementary_magnetometer_weight",
         "-",
         "weight of magnetometer or compass in a complementary filter",
+    ),
+    (
+        "complementary_field_tolerance",
+        "-",
+        "share by which a field's strength may be off and still count in a complementary filter",
+    ),
+    (
+        "complementary_bias_limit",
+        "rad/s",
+        "largest gyroscope bias per axis in a complementary filter",
     ),
 ];
 

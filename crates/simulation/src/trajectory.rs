@@ -6,6 +6,7 @@
 mod blend;
 mod bursts;
 mod coning;
+mod flight;
 mod multi_sine;
 mod sequence;
 pub mod vessel;
@@ -16,6 +17,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 pub use bursts::{AccelerationBursts, BurstSchedule, Shaken};
 pub use coning::Coning;
+pub use flight::{Flight, FlightAttitude, Spin};
 pub use multi_sine::{MultiSine, MultiSineConfig};
 pub use sequence::{Repeated, Sequence};
 

@@ -43,10 +43,6 @@ use crate::scalar::{Scalar, lit};
 
 /// A correction never stands for more than this, s: after a gap a sample is one sample.
 pub const LONGEST_STEP_S: f64 = 0.1;
-/// Largest bias per axis, rad/s: what winds up beyond is no bias.
-pub const LARGEST_BIAS_RAD_S: f64 = 0.2;
-/// A field whose strength is off by more than this share of the reference's is disturbed.
-pub const FIELD_TOLERANCE: f64 = 0.3;
 /// Below this share of gravity the device falls and says nothing about up.
 pub const LEAST_GRAVITY: f64 = 0.1;
 /// A field older than this is not put together with gravity, s.
@@ -86,6 +82,7 @@ pub struct Complementary<T: Scalar> {
     form: ComplementaryForm,
     attitude_gain: T,
     bias_gain: T,
+    bias_limit: T,
     magnetometer_use: MagnetometerUse,
     attitude: UnitQuaternion<T>,
     gyroscope_bias: Vector3<T>,
@@ -99,12 +96,12 @@ pub struct Complementary<T: Scalar> {
 }
 
 impl<T: Scalar> Vector<T> {
-    fn new(weight: T, shortest: f64, longest: f64) -> Self {
+    fn new(weight: T, shortest: T, longest: T) -> Self {
         Self {
             reference: None,
             weight,
-            shortest: lit(shortest),
-            longest: lit(longest),
+            shortest,
+            longest,
             since: T::zero(),
         }
     }
@@ -143,7 +140,8 @@ impl<T: Scalar> Complementary<T> {
     /// [`ConfigError`] when a setting makes no sense.
     pub fn new(form: ComplementaryForm, config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
-        let field = (1.0 - FIELD_TOLERANCE, 1.0 + FIELD_TOLERANCE);
+        let tolerance = config.complementary_field_tolerance;
+        let field = ((T::one() - tolerance).max(T::zero()), T::one() + tolerance);
         let weights = (
             config.complementary_accelerometer_weight,
             config.complementary_magnetometer_weight,
@@ -152,10 +150,15 @@ impl<T: Scalar> Complementary<T> {
             form,
             attitude_gain: config.complementary_attitude_gain,
             bias_gain: config.complementary_bias_gain,
+            bias_limit: config.complementary_bias_limit,
             magnetometer_use: config.magnetometer_use,
             attitude: UnitQuaternion::identity(),
             gyroscope_bias: Vector3::zeros(),
-            accelerometer: Vector::new(weights.0, LEAST_GRAVITY, super::vector_sensor::LONGEST),
+            accelerometer: Vector::new(
+                weights.0,
+                lit(LEAST_GRAVITY),
+                lit(super::vector_sensor::LONGEST),
+            ),
             magnetometer: Vector::new(weights.1, field.0, field.1),
             field_body: None,
             measured_from_estimated: UnitQuaternion::identity(),
@@ -183,7 +186,7 @@ impl<T: Scalar> Complementary<T> {
     fn correct(&mut self, error: &Vector3<T>, interval: T) {
         let turned = self.attitude * so3::exp(&(error * (self.attitude_gain * interval)));
         self.attitude = rotation::renormalize(&turned);
-        let limit: T = lit(LARGEST_BIAS_RAD_S);
+        let limit = self.bias_limit;
         let bias = self.gyroscope_bias - error * (self.bias_gain * interval);
         self.gyroscope_bias = bias.map(|b| b.max(-limit).min(limit));
     }

@@ -132,6 +132,12 @@ pub struct AttitudeConfig<T> {
     pub complementary_accelerometer_weight: T,
     /// Weight of the magnetometer, or compass, in a complementary filter, default 1.
     pub complementary_magnetometer_weight: T,
+    /// A field whose strength is off by more than this share of the reference's is left out of a
+    /// complementary filter, default 0.3. Raising it lets more disturbed samples in.
+    pub complementary_field_tolerance: T,
+    /// Largest bias per axis in a complementary filter, rad/s, default 0.2: what winds up beyond is
+    /// no bias.
+    pub complementary_bias_limit: T,
 }
 
 impl<T: Scalar> Default for AttitudeConfig<T> {
@@ -163,6 +169,8 @@ impl<T: Scalar> Default for AttitudeConfig<T> {
             complementary_bias_gain: lit(0.3),
             complementary_accelerometer_weight: T::one(),
             complementary_magnetometer_weight: T::one(),
+            complementary_field_tolerance: lit(0.3),
+            complementary_bias_limit: lit(0.2),
         }
     }
 }
@@ -202,6 +210,8 @@ impl<T: Scalar> AttitudeConfig<T> {
             complementary_bias_gain: T::zero(),
             complementary_accelerometer_weight: T::one(),
             complementary_magnetometer_weight: T::one(),
+            complementary_field_tolerance: lit(0.3),
+            complementary_bias_limit: lit(0.2),
         }
     }
 
@@ -260,6 +270,11 @@ impl<T: Scalar> AttitudeConfig<T> {
                 "complementary_magnetometer_weight",
                 self.complementary_magnetometer_weight,
             ),
+            (
+                "complementary_field_tolerance",
+                self.complementary_field_tolerance,
+            ),
+            ("complementary_bias_limit", self.complementary_bias_limit),
         ];
         // Together with the longest step of a correction: below one, or it overshoots.
         let gains = [

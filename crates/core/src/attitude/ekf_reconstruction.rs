@@ -122,7 +122,12 @@ mod tests {
     use crate::geometry::{rotation, so3};
 
     fn started(off: &Vector3<f64>) -> EkfReconstruction<f64> {
-        let config = AttitudeConfig::default();
+        let config = AttitudeConfig {
+            initial_tilt_std: 0.6,
+            accelerometer_gate_nis: 0.0,
+            magnetometer_gate_nis: 0.0,
+            ..AttitudeConfig::default()
+        };
         let mut pair = EkfReconstruction::new(config).unwrap();
         pair.initialize(&start(&config, so3::exp(off)));
         pair
@@ -146,7 +151,10 @@ mod tests {
             }
         });
         let rms = sums.map(|s| (s / f64::from(count - 4000)).sqrt());
-        assert!(early[0] < 1.0 && early[1] > 5.0, "after a second: {early:?} deg");
+        assert!(
+            early[0] < 1.0 && early[1] > 5.0,
+            "after a second: {early:?} deg"
+        );
         assert!(rms[0] < 0.2 && rms[1] < 0.5, "{rms:?} deg");
         assert!((pair.rate_at_rest() - BIAS).norm() < 2e-3);
     }

@@ -1,5 +1,6 @@
 //! What no scenario may say: the rules that types cannot express.
 
+use super::file::ScenarioTables;
 use super::schema::{Scenario, StartCross, TrackStart};
 
 /// A key, its value, and what was expected.
@@ -8,12 +9,12 @@ type Complaint = (&'static str, f64, &'static str);
 /// Inertial samples of a run: the truth of each is kept, 48 bytes.
 const MOST_SAMPLES: f64 = 2e7;
 
-impl Scenario {
-    /// The first thing that makes no sense, in words.
-    ///
-    /// # Errors
-    /// Names the key, its value and what was expected.
-    pub fn check(&self) -> Result<(), String> {
+impl ScenarioTables for Scenario {
+    fn set_name(&mut self, name: &str) {
+        name.clone_into(&mut self.meta.name);
+    }
+
+    fn check(&self) -> Result<(), String> {
         let complaint = self
             .numbers()
             .or_else(|| self.sensor_errors())
@@ -32,7 +33,9 @@ impl Scenario {
         }
         Ok(())
     }
+}
 
+impl Scenario {
     fn numbers(&self) -> Option<Complaint> {
         let gps = &self.gps_compass;
         let positive = [

@@ -4,23 +4,43 @@
 //! keeps its place in the text, so that a message about it names the line it was written in.
 
 use std::fmt;
+use std::marker::PhantomData;
 
-use serde::Deserialize as _;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
+use super::flight_schema::FlightScenario;
 use super::schema::Scenario;
 
 /// Name of the variant that is the base tables alone.
 pub const BASE: &str = "base";
 
-/// A scenario file that has been read.
+/// The tables of one kind of scenario.
+pub trait ScenarioTables: serde::de::DeserializeOwned {
+    /// Calls it by the name of a variant.
+    fn set_name(&mut self, name: &str);
+
+    /// The first thing that makes no sense, in words that begin with its key.
+    ///
+    /// # Errors
+    /// Names the key, its value and what was expected.
+    fn check(&self) -> Result<(), String>;
+}
+
+/// A scenario file that has been read; `S` is what each variant of it says.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ScenarioFile {
+pub struct VariantFile<S> {
     name: String,
     text: String,
     variants: Vec<String>,
+    tables: PhantomData<S>,
 }
+
+/// A file of tracking scenarios.
+pub type ScenarioFile = VariantFile<Scenario>;
+
+/// A file of flights that attitude observers are judged by.
+pub type FlightScenarioFile = VariantFile<FlightScenario>;
 
 /// Why a scenario was refused; the message names the line and the valid names where there are any.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,7 +61,7 @@ fn line(text: &str, at: usize) -> usize {
     text.bytes().take(at).filter(|byte| *byte == b'\n').count() + 1
 }
 
-impl ScenarioFile {
+impl<S: ScenarioTables> VariantFile<S> {
     /// Reads the text of a file; `name` is what messages call it. Every variant is checked.
     ///
     /// # Errors
@@ -51,6 +71,7 @@ impl ScenarioFile {
             name: name.to_owned(),
             text: text.to_owned(),
             variants: Vec::new(),
+            tables: PhantomData,
         };
         file.variants = file.variant_names()?;
         file.scenario(None)?;
@@ -85,7 +106,7 @@ impl ScenarioFile {
     ///
     /// # Errors
     /// The variant is unknown, or something in it is wrong.
-    pub fn scenario(&self, variant: Option<&str>) -> Result<Scenario, ScenarioError> {
+    pub fn scenario(&self, variant: Option<&str>) -> Result<S, ScenarioError> {
         let mut root = self.document()?;
         let variants = root.remove("variant");
         // The base goes by its own name, too.
@@ -98,12 +119,12 @@ impl ScenarioFile {
             }
         }
         let root = Spanned::new(0..self.text.len(), root);
-        let mut scenario = Scenario::deserialize(Deserializer::from(root)).map_err(|error| {
+        let mut scenario = S::deserialize(Deserializer::from(root)).map_err(|error| {
             let at = error.span().map(|span| span.start);
             self.complain(at, error.message())
         })?;
         if let Some(name) = variant {
-            scenario.meta.name = name.to_owned();
+            scenario.set_name(name);
         }
         scenario.check().map_err(|problem| {
             let key = problem.split(' ').next().unwrap_or_default();

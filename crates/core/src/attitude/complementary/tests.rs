@@ -288,7 +288,7 @@ fn stays_sane<T: Scalar>(form: ComplementaryForm, samples: &[(u8, [f64; 3], f64)
         }
         let norm = filter.attitude().as_ref().norm();
         assert!((norm - T::one()).abs() < lit(tolerance));
-        assert!(filter.rate_at_rest().amax() <= lit(LARGEST_BIAS_RAD_S * 1.0001));
+        assert!(filter.rate_at_rest().amax() <= lit(0.2 * 1.0001));
     }
 }
 
