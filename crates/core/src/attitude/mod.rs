@@ -9,12 +9,14 @@
 //! | [`integration::Integration`] | `integration.rs` | none | the yardstick: gyroscope alone |
 //! | [`mekf::Mekf`] | `mekf.rs` | attitude, gyroscope bias | the default |
 //! | [`mekf3::Mekf3`] | `mekf3.rs` | attitude | the paper's filter, to the letter where asked |
+//! | [`bounded_velocity::BoundedVelocity`] | `bounded_velocity.rs` | attitude, velocity, bias, scale, field, hard iron | phones and wearables in real use |
 //! | [`usque::Usque`] | `usque.rs` | attitude, gyroscope bias | unscented, large errors |
 //! | [`quaternion_ekf::QuaternionEkf`] | `quaternion_ekf.rs` | quaternion, gyroscope bias | additive EKF |
 //! | [`complementary::Complementary`] | `complementary.rs` | none | fixed gains: cheap, no covariance |
 //! | [`ekf_reconstruction::EkfReconstruction`] | `ekf_reconstruction.rs` | none | a passive filter behind the additive EKF |
 
 pub mod alignment;
+pub mod bounded_velocity;
 pub mod complementary;
 pub mod config;
 pub mod driver;

@@ -34,7 +34,7 @@ pub enum Outcome {
     Inflated,
     /// Refused: the NIS was above the gate.
     Gated,
-    /// Not looked at, for the reason given; the state is untouched.
+    /// Not fused, for the reason given; the estimate is untouched.
     Skipped(SkipReason),
 }
 
@@ -57,6 +57,10 @@ pub enum SkipReason {
     OutOfRange,
     /// Its time stamp is not after the sensor's last: repeated, or out of order.
     NotNewer,
+    /// Sooner after the last update than the estimator updates: a later sample stands for it.
+    NotDue,
+    /// Taken up and summed: it takes effect with a later sample.
+    Gathered,
     /// The estimator does not use this sensor.
     NotUsed,
     /// The estimator has no attitude or no reference for this sensor yet.
@@ -75,6 +79,8 @@ impl SkipReason {
             Self::ZeroNorm => "zero vector",
             Self::OutOfRange => "far out of range",
             Self::NotNewer => "time stamp repeated or going back",
+            Self::NotDue => "sooner than the update interval",
+            Self::Gathered => "summed up for a later update",
             Self::NotUsed => "sensor not used",
             Self::NotInitialized => "not initialised",
             Self::Unobservable => "direction gives no information",

@@ -1,0 +1,254 @@
+//! Everything the bounded-velocity filter remembers, and how it starts.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+
+use super::config::{BoundedVelocityConfig, ScaleStates};
+use super::layout::{ATTITUDE, BIAS, Correction, Covariance, Layout, SCALE, VELOCITY};
+use super::propagation::Sums;
+use super::rest::RestDetector;
+use crate::attitude::InitialState;
+use crate::attitude::vector_sensor::{References, VectorSensor};
+use crate::geometry::rotation;
+use crate::kalman::innovation::check_vector;
+use crate::scalar::{Scalar, lit};
+
+/// The square of the acceleration that is taken for the mean before there is one, (m/s^2)^2.
+const INITIAL_SQUARE_ACCELERATION: f64 = 1.0;
+
+/// Save it, restore it, and the filter continues exactly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoundedVelocityState<T: Scalar> {
+    /// Attitude in level axes: east, (magnetic) north, up.
+    pub level_from_body: UnitQuaternion<T>,
+    /// The reference frame in level axes: a constant of the start.
+    pub ref_from_level: UnitQuaternion<T>,
+    /// Gyroscope bias, rad/s, body axes.
+    pub gyroscope_bias: Vector3<T>,
+    /// Errors of the gyroscope's scale and alignment, `w = w_m + M w_m - b`.
+    pub scale: Matrix3<T>,
+    /// Horizontal velocity, m/s, east and north: what is left of the bounded motion.
+    pub velocity: Vector2<T>,
+    /// Reference field, microtesla: horizontally (northward) and downward.
+    pub field_ut: Vector2<T>,
+    /// Hard iron, microtesla, body axes.
+    pub hard_iron_ut: Vector3<T>,
+    /// Covariance of the error states that [`Self::layout`] places.
+    pub covariance: Covariance<T>,
+    /// Which error states there are.
+    pub layout: Layout,
+    /// Whether the device rests.
+    pub rest: RestDetector<T>,
+    /// Mean square of the acceleration, (m/s^2)^2.
+    pub mean_square_acceleration: T,
+    /// By how much the last field's strength and dip raised its variance: one is perfect.
+    pub field_variance_factor: T,
+    /// Weight of the last field under Student's t: one fits.
+    pub field_weight: T,
+    pub(super) angular_rate: Vector3<T>,
+    pub(super) initial_bias: Vector3<T>,
+    pub(super) sums: Sums<T>,
+    /// Integral of the measured rate since the last update of the velocity, rad.
+    pub(super) rate_sum: Vector3<T>,
+    pub(super) since_force: T,
+    pub(super) since_velocity_update: T,
+    pub(super) since_field: T,
+    pub(super) since_field_update: T,
+    pub(super) compass: VectorSensor<T>,
+    /// Length of the specific force at rest, m/s^2; zero before the start.
+    pub(super) gravity: T,
+    pub(super) has_field: bool,
+    pub(super) initial_field_strength_ut: T,
+}
+
+impl<T: Scalar> BoundedVelocityState<T> {
+    /// Before the start: the identity, as uncertain as it gets, and no references.
+    pub(super) fn blank(config: &BoundedVelocityConfig<T>) -> Self {
+        let layout = Layout::new(config, false);
+        let zero = T::zero();
+        let mut state = Self {
+            level_from_body: UnitQuaternion::identity(),
+            ref_from_level: UnitQuaternion::identity(),
+            gyroscope_bias: Vector3::zeros(),
+            scale: Matrix3::zeros(),
+            velocity: Vector2::zeros(),
+            field_ut: Vector2::zeros(),
+            hard_iron_ut: Vector3::zeros(),
+            covariance: Covariance::zeros(),
+            layout,
+            rest: RestDetector::default(),
+            mean_square_acceleration: lit(INITIAL_SQUARE_ACCELERATION),
+            field_variance_factor: T::one(),
+            field_weight: T::one(),
+            angular_rate: Vector3::zeros(),
+            initial_bias: Vector3::zeros(),
+            sums: Sums::default(),
+            rate_sum: Vector3::zeros(),
+            since_force: zero,
+            since_velocity_update: zero,
+            since_field: zero,
+            since_field_update: zero,
+            compass: VectorSensor::compass(&config.alignment_settings()),
+            gravity: zero,
+            has_field: false,
+            initial_field_strength_ut: zero,
+        };
+        let unknown = config.maximum_attitude_std * config.maximum_attitude_std;
+        state.set_variance(ATTITUDE, 3, unknown);
+        state.set_other_variances(config, config.initial_gyroscope_bias_std);
+        state
+    }
+
+    /// The state to start from; `None` where the references say nothing about up.
+    pub(super) fn start(
+        config: &BoundedVelocityConfig<T>,
+        initial: &InitialState<T>,
+    ) -> Option<Self> {
+        let references = &initial.references;
+        let force = &references.specific_force;
+        check_vector(force, lit(1e-3), lit(1e6)).ok()?;
+        let mut state = Self::blank(config);
+        state.gravity = force.norm();
+        state.ref_from_level = ref_from_level(references);
+        let level_from_ref = state.ref_from_level.inverse();
+        let turned = level_from_ref * initial.attitude;
+        state.level_from_body = rotation::renormalize(&turned);
+        state.gyroscope_bias = initial.gyroscope_bias;
+        state.initial_bias = initial.gyroscope_bias;
+        let field = references
+            .magnetic_field
+            .map(|field| level_from_ref * field);
+        let field = field.filter(|f| check_vector(f, lit(1e-3), lit(1e6)).is_ok());
+        let mut bias_std = initial.gyroscope_bias_std;
+        match field {
+            Some(level) => {
+                state.has_field = true;
+                state.initial_field_strength_ut = level.norm();
+                state.field_ut = Vector2::new(level.xy().norm(), -level.z);
+            }
+            None => {
+                bias_std = bias_std.min(config.initial_gyroscope_bias_without_magnetometer_std);
+            }
+        }
+        state.layout = Layout::new(config, state.has_field);
+        state.covariance = Covariance::zeros();
+        let r = state.level_from_body.to_rotation_matrix().into_inner();
+        let attitude = r * initial.attitude_covariance * r.transpose();
+        let symmetric = (attitude + attitude.transpose()) * lit::<T>(0.5);
+        state
+            .covariance
+            .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
+            .copy_from(&symmetric);
+        state.set_other_variances(config, bias_std);
+        Some(state)
+    }
+
+    fn set_other_variances(&mut self, config: &BoundedVelocityConfig<T>, bias_std: T) {
+        let square = |std: T| std * std;
+        self.set_variance(VELOCITY, 2, square(config.initial_velocity_std));
+        self.set_variance(BIAS, 3, square(bias_std));
+        let diagonal = square(config.initial_scale_std);
+        match self.layout.scale() {
+            ScaleStates::Off => {}
+            ScaleStates::Diagonal => self.set_variance(SCALE, 3, diagonal),
+            ScaleStates::Full => {
+                self.set_variance(SCALE, 9, square(config.initial_misalignment_std));
+                for i in [0, 4, 8] {
+                    self.set_variance(SCALE + i, 1, diagonal);
+                }
+            }
+        }
+        if let Some(first) = self.layout.field() {
+            self.set_variance(first, 2, square(config.initial_field_std_ut));
+        }
+        if let Some(first) = self.layout.hard_iron() {
+            self.set_variance(first, 3, square(config.initial_hard_iron_std_ut));
+        }
+    }
+
+    fn set_variance(&mut self, first: usize, size: usize, variance: T) {
+        for i in first..first + size {
+            if let Some(value) = self.covariance.get_mut((i, i)) {
+                *value = variance;
+            }
+        }
+    }
+
+    /// Adds the scale block of a correction.
+    #[inline]
+    pub(super) fn add_scale(&mut self, x: &Correction<T>) {
+        match self.layout.scale() {
+            ScaleStates::Off => {}
+            ScaleStates::Diagonal => {
+                for i in 0..3 {
+                    self.scale[(i, i)] += x[SCALE + i];
+                }
+            }
+            ScaleStates::Full => {
+                for row in 0..3 {
+                    for column in 0..3 {
+                        self.scale[(row, column)] += x[SCALE + 3 * row + column];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The axes east, north and up in the reference frame. North is where the reference field points
+/// horizontally; without one, the reference's y axis, or its x axis where its third axis points down.
+fn ref_from_level<T: Scalar>(references: &References<T>) -> UnitQuaternion<T> {
+    let up = references.specific_force.normalize();
+    let level = |v: Vector3<T>| v - up * v.dot(&up);
+    let of_field = references
+        .magnetic_field
+        .and_then(|field| level(field).try_normalize(field.norm() * lit(1e-2)));
+    let axis = if up.z >= T::zero() {
+        Vector3::y()
+    } else {
+        Vector3::x()
+    };
+    let north = of_field
+        .or_else(|| level(axis).try_normalize(lit(1e-3)))
+        // Up lies along that axis: the third one is level.
+        .or_else(|| level(Vector3::z()).try_normalize(lit(1e-3)))
+        .unwrap_or_else(Vector3::y);
+    rotation::from_matrix(&Matrix3::from_columns(&[north.cross(&up), north, up]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::frames::TangentFrame;
+    use crate::geometry::so3;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn level_axes_follow_up_and_the_field_of_any_reference() {
+        let turn = so3::exp(&Vector3::new(0.4, 1.9, -0.7));
+        for (frame, turn) in [
+            (TangentFrame::Enu, UnitQuaternion::identity()),
+            (TangentFrame::Ned, UnitQuaternion::identity()),
+            (TangentFrame::Enu, turn),
+        ] {
+            let field = turn * frame.magnetic_field(20.0_f64, 40.0);
+            let references = References {
+                specific_force: turn * frame.specific_force_at_rest(9.81),
+                magnetic_field: Some(field),
+            };
+            let level_from_ref = ref_from_level(&references).inverse();
+            let expected = Vector3::new(0.0, 20.0, -40.0);
+            assert_relative_eq!(level_from_ref * field, expected, epsilon = 1e-12);
+            let blind = References {
+                magnetic_field: None,
+                ..references
+            };
+            let up = ref_from_level(&blind).inverse() * references.specific_force;
+            assert_relative_eq!(up, Vector3::z() * 9.81, epsilon = 1e-12);
+        }
+        let enu = References {
+            specific_force: Vector3::new(0.0, 0.0, 9.81),
+            magnetic_field: None,
+        };
+        assert_eq!(ref_from_level::<f64>(&enu), UnitQuaternion::identity());
+    }
+}

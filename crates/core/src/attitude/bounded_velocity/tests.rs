@@ -1,0 +1,347 @@
+//! What is learnt, what grows, frames, blocks, rates; beside them Jacobians and robustness.
+
+mod jacobians;
+mod robustness;
+
+use super::*;
+use crate::attitude::integration::Integration;
+use crate::attitude::test_world;
+use crate::attitude::{AttitudeConfig, References};
+use crate::geometry::frames::TangentFrame;
+use crate::kalman::covariance::cholesky;
+use crate::kalman::{Outcome, SkipReason};
+use layout::{CAPACITY, SCALE};
+use nalgebra::{Matrix3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+const FIELD: [f64; 2] = [27.0, 33.0];
+
+fn full<T: Scalar>() -> BoundedVelocityConfig<T> {
+    BoundedVelocityConfig {
+        initial_hard_iron_std_ut: lit(12.0),
+        ..BoundedVelocityConfig::default()
+    }
+}
+
+fn initial<T: Scalar>(frame: TangentFrame, attitude: UnitQuaternion<T>) -> InitialState<T> {
+    let config = BoundedVelocityConfig::<T>::default();
+    let tilt = config.initial_tilt_std;
+    InitialState {
+        attitude,
+        attitude_covariance: Matrix3::identity() * (tilt * tilt),
+        gyroscope_bias: Vector3::zeros(),
+        gyroscope_bias_std: config.initial_gyroscope_bias_std,
+        north_known: false,
+        references: References {
+            specific_force: frame.specific_force_at_rest(lit(9.81)),
+            magnetic_field: Some(frame.magnetic_field(lit(FIELD[0]), lit(FIELD[1]))),
+        },
+    }
+}
+
+fn filter<T: Scalar>(config: BoundedVelocityConfig<T>) -> BoundedVelocity<T> {
+    let mut filter = BoundedVelocity::new(config).unwrap();
+    filter.initialize(&initial(TangentFrame::Enu, UnitQuaternion::identity()));
+    filter
+}
+
+/// What is wrong with the sensors of [`hand`].
+#[derive(Default)]
+struct Errors {
+    bias: Vector3<f64>,
+    scale: Matrix3<f64>,
+    hard_iron: Vector3<f64>,
+}
+
+/// A device that a hand turns and shakes, at 100 Hz in ENU; calls `step` with truth and samples.
+fn hand(
+    seconds: u32,
+    seed: u64,
+    errors: &Errors,
+    mut step: impl FnMut(&UnitQuaternion<f64>, &[Vector3<f64>; 3]),
+) {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut noise = |std: f64| Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(StandardNormal));
+    let frame = TangentFrame::Enu;
+    let field = frame.magnetic_field(FIELD[0], FIELD[1]);
+    // The filter's M corrects what was measured: w = (I + M) w_m - b.
+    let unscaled = (Matrix3::identity() + errors.scale).try_inverse().unwrap();
+    let mut truth = UnitQuaternion::identity();
+    for k in 0..seconds * 100 {
+        let t = f64::from(k) * 0.01;
+        let rate = Vector3::new(
+            2.0 * (1.7 * t).sin(),
+            1.5 * (1.1 * t).cos(),
+            1.8 * (0.6 * t).sin(),
+        );
+        let sway = Vector3::new((5.0 * t).sin(), (4.0 * t).cos(), 0.5 * (6.0 * t).sin());
+        truth = rotation::renormalize(&(truth * so3::exp(&(rate * 0.01))));
+        let force = frame.specific_force_at_rest(9.81) + sway * 2.0;
+        let samples = [
+            unscaled * (rate + errors.bias) + noise(0.005),
+            truth.inverse() * force + noise(0.05),
+            truth.inverse() * field + errors.hard_iron + noise(0.5),
+        ];
+        step(&truth, &samples);
+    }
+}
+
+fn step_all<T: Scalar>(f: &mut BoundedVelocity<T>, samples: &[Vector3<f64>; 3]) {
+    let [w, a, m] = samples.map(|v| v.map(lit::<T>));
+    f.propagate(&w, lit(0.01));
+    f.update_accelerometer(&a);
+    f.update_magnetometer(&m);
+}
+
+fn is_sound(f: &BoundedVelocity<impl Scalar>) -> bool {
+    let n = f.state.layout.len();
+    let p = f
+        .state
+        .covariance
+        .map(|v| nalgebra::try_convert::<_, f64>(v).unwrap());
+    // Scaled to unit diagonal, and what is not in use made harmless.
+    let mut scaled = p;
+    for i in 0..CAPACITY {
+        for j in 0..CAPACITY {
+            scaled[(i, j)] /= (p[(i, i)] * p[(j, j)]).sqrt();
+            if i >= n || j >= n {
+                assert!(p[(i, j)] == 0.0, "state {i} or {j} is not in use");
+                scaled[(i, j)] = f64::from(u8::from(i == j));
+            }
+        }
+    }
+    scaled += layout::Covariance::identity() * 1e-6;
+    p == p.transpose() && cholesky(&scaled).is_some()
+}
+
+#[test]
+fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_honest_covariance() {
+    let errors = Errors {
+        bias: Vector3::new(0.03, -0.02, 0.015),
+        scale: Matrix3::new(0.004, 0.001, 0.0, -0.001, -0.005, 0.0, 0.0, 0.001, 0.003),
+        hard_iron: Vector3::new(9.0, -12.0, 7.0),
+    };
+    let mut f = filter(full());
+    let (mut worst, mut count) = (0.0_f64, 0);
+    hand(120, 1, &errors, |truth, samples| {
+        step_all(&mut f, samples);
+        count += 1;
+        if count > 6000 {
+            let error = so3::log(&(f.attitude().inverse() * truth));
+            worst = worst.max(error.norm().to_degrees());
+            let p = f.attitude_covariance().unwrap();
+            let nees = error.dot(&(p.try_inverse().unwrap() * error));
+            assert!(nees < 16.3, "NEES {nees} at {count}");
+        }
+    });
+    assert!(worst < 1.5, "{worst} deg");
+    let state = f.state();
+    assert!((state.gyroscope_bias - errors.bias).amax() < 2e-3);
+    assert!(
+        (state.scale - errors.scale).amax() < 2e-3,
+        "{}",
+        state.scale
+    );
+    let iron = state.hard_iron_ut - errors.hard_iron;
+    assert!(iron.amax() < 1.0, "{iron}");
+    assert!(is_sound(&f));
+}
+
+#[test]
+fn north_east_down_is_the_same_filter() {
+    let mut enu = filter(full::<f64>());
+    let mut ned = BoundedVelocity::new(full()).unwrap();
+    let turn = crate::geometry::frames::enu_from_ned_rotation::<f64>().inverse();
+    ned.initialize(&initial(TangentFrame::Ned, turn));
+    hand(5, 2, &Errors::default(), |_, samples| {
+        step_all(&mut enu, samples);
+        step_all(&mut ned, samples);
+        let expected = turn * enu.attitude();
+        assert!(rotation::angle_between(&expected, &ned.attitude()) < 1e-9);
+    });
+    let (p, q) = (enu.attitude_covariance(), ned.attitude_covariance());
+    assert!((p.unwrap() - q.unwrap()).amax() < 1e-12);
+}
+
+#[test]
+fn blocks_that_are_off_are_not_there() {
+    for (scale, iron, field, states) in [
+        (ScaleStates::Off, 0.0, 0.0, 8),
+        (ScaleStates::Diagonal, 0.0, 5.0, 13),
+        (ScaleStates::Diagonal, 12.0, 5.0, 16),
+        (ScaleStates::Full, 12.0, 5.0, 22),
+    ] {
+        let mut f = filter(BoundedVelocityConfig {
+            scale_states: scale,
+            initial_hard_iron_std_ut: iron,
+            initial_field_std_ut: field,
+            ..BoundedVelocityConfig::<f64>::default()
+        });
+        let mut error = f64::NAN;
+        hand(20, 3, &Errors::default(), |truth, samples| {
+            step_all(&mut f, samples);
+            error = rotation::angle_between(truth, &f.attitude()).to_degrees();
+        });
+        assert_eq!(f.state.layout.len(), states);
+        assert!(is_sound(&f) && error < 1.5, "{error} deg");
+        assert_eq!(scale == ScaleStates::Off, f.state.scale == Matrix3::zeros());
+        assert_eq!(iron > 0.0, f.state.hard_iron_ut != Vector3::zeros());
+    }
+}
+
+/// Acceptance test (f): the gyroscope alone, and a covariance that says so.
+#[test]
+fn without_other_sensors_the_gyroscope_is_followed_and_the_covariance_grows() {
+    // What a bias or a scale turned, motion can turn back: they are known here.
+    let mut f = BoundedVelocity::new(BoundedVelocityConfig {
+        scale_states: ScaleStates::Off,
+        gyroscope_noise_density: 0.05,
+        ..full::<f64>()
+    })
+    .unwrap();
+    let mut gyroscope = Integration::default();
+    let mut start = initial(TangentFrame::Enu, UnitQuaternion::identity());
+    start.gyroscope_bias_std = 0.0;
+    f.initialize(&start);
+    gyroscope.initialize(&start);
+    let trace = |f: &BoundedVelocity<f64>| f.attitude_covariance().unwrap().trace();
+    let (mut last, mut count) = (trace(&f), 0);
+    hand(20, 4, &Errors::default(), |_, samples| {
+        f.propagate(&samples[0], 0.01);
+        gyroscope.propagate(&samples[0], 0.01);
+        count += 1;
+        if count % 100 == 0 {
+            assert!(trace(&f) > last, "{} after {last}", trace(&f));
+            last = trace(&f);
+        }
+    });
+    let apart = rotation::angle_between(&gyroscope.attitude(), &f.attitude());
+    assert!(apart < 1e-9, "{apart} rad");
+    assert!(last > 0.1, "{last} rad^2");
+}
+
+#[test]
+fn without_a_magnetometer_the_tilt_is_kept_and_the_heading_variance_grows() {
+    let config = BoundedVelocityConfig::<f64>::default();
+    let mut f = BoundedVelocity::new(config).unwrap();
+    let mut start = initial(TangentFrame::Enu, UnitQuaternion::identity());
+    start.references.magnetic_field = None;
+    start.attitude_covariance = Matrix3::identity() * 4e-4;
+    f.initialize(&start);
+    let prior = config.initial_gyroscope_bias_without_magnetometer_std;
+    let (_, p) = f.gyroscope_bias().unwrap();
+    assert!((p[(2, 2)] - prior * prior).abs() < 1e-15, "its own prior");
+    let up = |f: &BoundedVelocity<f64>| f.state.covariance[(2, 2)];
+    let before = up(&f);
+    let mut tilt = f64::NAN;
+    hand(60, 5, &Errors::default(), |truth, samples| {
+        f.propagate(&samples[0], 0.01);
+        f.update_accelerometer(&samples[1]);
+        let record = f.update_magnetometer(&samples[2]);
+        assert_eq!(record.outcome, Outcome::Skipped(SkipReason::NotInitialized));
+        tilt = (f.attitude() * (truth.inverse() * Vector3::z())).angle(&Vector3::z());
+    });
+    assert!(tilt.to_degrees() < 0.5, "{} deg", tilt.to_degrees());
+    let level = f.state.covariance[(0, 0)];
+    assert!(up(&f) > before && level < 2e-4, "{} {level}", up(&f));
+    assert_eq!(f.state.layout.len(), 17);
+}
+
+#[test]
+fn a_rest_tells_the_bias() {
+    let run = |moving: f64| {
+        let mut f = filter(BoundedVelocityConfig::<f64>::default());
+        for k in 0..1000 {
+            let shake = Vector3::new(moving * (f64::from(k) * 0.07).sin(), 0.0, 0.0);
+            f.propagate(&(test_world::BIAS + shake), 0.01);
+            f.update_accelerometer(&(Vector3::z() * 9.81 + shake * 5.0));
+        }
+        (f.gyroscope_bias().unwrap(), f.state.rest.is_resting())
+    };
+    let ((bias, p), resting) = run(0.0);
+    assert!(resting && (bias - test_world::BIAS).amax() < 1e-3, "{bias}");
+    assert!(p[(2, 2)].sqrt() < 1.2e-3);
+    let ((_, p), resting) = run(0.5);
+    assert!(!resting && p[(2, 2)].sqrt() > 0.015, "heading bias unseen");
+}
+
+#[test]
+fn clipping_widens_and_a_pause_of_the_accelerometer_forgets_the_velocity() {
+    let config = BoundedVelocityConfig {
+        gyroscope_saturation: 7.0,
+        ..BoundedVelocityConfig::<f64>::default()
+    };
+    let grown = |config| {
+        let mut f = filter(config);
+        for _ in 0..20 {
+            f.propagate(&Vector3::new(7.2, 0.0, 0.0), 0.01);
+        }
+        f.attitude_covariance().unwrap().trace()
+    };
+    assert!(grown(config) > grown(BoundedVelocityConfig::default()) + 3.0 * 0.2 * 0.2);
+
+    let mut f = filter(config);
+    hand(5, 6, &Errors::default(), |_, samples| {
+        step_all(&mut f, samples);
+    });
+    assert!(f.state.covariance[(3, 3)] < 0.5);
+    for _ in 0..100 {
+        f.propagate(&Vector3::zeros(), 0.01);
+    }
+    let record = f.update_accelerometer(&(f.attitude().inverse() * Vector3::z() * 9.81));
+    assert_eq!(record.outcome, Outcome::Skipped(SkipReason::Gathered));
+    assert_eq!(f.state.velocity, nalgebra::Vector2::zeros());
+    assert!((f.state.covariance[(3, 3)] - 1.0).abs() < 1e-12 && is_sound(&f));
+}
+
+#[test]
+fn prediction_turns_on_at_the_present_rate() {
+    let config = BoundedVelocityConfig {
+        prediction_s: 0.01,
+        ..BoundedVelocityConfig::<f64>::default()
+    };
+    let (mut ahead, mut f) = (filter(config), filter(BoundedVelocityConfig::default()));
+    let rate = Vector3::new(1.0, -2.0, 0.5);
+    for _ in 0..3 {
+        ahead.propagate(&rate, 0.01);
+        f.propagate(&rate, 0.01);
+    }
+    let before = f.attitude();
+    f.propagate(&rate, 0.01);
+    assert!(rotation::angle_between(&f.attitude(), &ahead.attitude()) < 1e-12);
+    assert!(rotation::angle_between(&before, &ahead.attitude()) > 0.02);
+}
+
+/// Samples arrive at their own rates, each update at its own interval, and the record says so.
+#[test]
+fn sensors_have_their_own_rates() {
+    let mut f = filter(full::<f64>());
+    let (mut count, mut fused, mut waiting) = (0, [0; 2], [0; 2]);
+    let mut error = f64::NAN;
+    hand(30, 7, &Errors::default(), |truth, [w, a, m]| {
+        // Gyroscope in two halves, accelerometer at 50 Hz, magnetometer at 12.5 Hz.
+        f.propagate(w, 0.004);
+        f.propagate(w, 0.006);
+        count += 1;
+        if count % 2 == 0 {
+            let record = f.update_accelerometer(a);
+            fused[0] += u32::from(record.outcome.is_fused());
+            assert_eq!(record.degrees_of_freedom, 2);
+        }
+        if count % 8 == 0 {
+            let record = f.update_magnetometer(m);
+            fused[1] += u32::from(record.outcome.is_fused());
+            assert_eq!(record.degrees_of_freedom, 3);
+            // The same instant again says nothing new.
+            let again = f.update_magnetometer(m).outcome;
+            waiting[0] += u32::from(again == Outcome::Skipped(SkipReason::NotDue));
+            let again = f.update_accelerometer(a).outcome;
+            waiting[1] += u32::from(again == Outcome::Skipped(SkipReason::Gathered));
+        }
+        error = rotation::angle_between(truth, &f.attitude()).to_degrees();
+    });
+    assert_eq!((fused, waiting), ([1500, 375], [375, 375]));
+    assert!(error < 1.5, "{error} deg");
+}

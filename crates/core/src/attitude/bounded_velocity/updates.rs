@@ -1,0 +1,341 @@
+//! What each sensor tells the filter: residuals, rows, variances.
+//!
+//! Read first: `docs/derivations/bounded_velocity.md`, B10 to B21. Rows are few elements of a long
+//! row; corrections are collected and injected once for each update.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
+use super::{BoundedVelocity, field_quality};
+use crate::attitude::CompassHeading;
+use crate::attitude::vector_sensor::{LONGEST, Weighed};
+use crate::geometry::{rotation, so3};
+use crate::kalman::covariance::normalized_square3;
+use crate::kalman::innovation::check_vector;
+use crate::kalman::scalar_update::update_sparse;
+use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::scalar::{Scalar, lit};
+
+/// After a longer pause of the accelerometer nothing is known about the velocity, s.
+pub const LONGEST_FORCE_INTERVAL_S: f64 = 0.5;
+/// One field sample never stands for longer than this, s.
+pub const LONGEST_FIELD_INTERVAL_S: f64 = 0.2;
+
+/// A measurement row: pairs of state and element, of which the first `len` count.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row<T> {
+    elements: [(usize, T); 6],
+    len: usize,
+}
+
+impl<T: Scalar> Row<T> {
+    fn new() -> Self {
+        let elements = [(0, T::zero()); 6];
+        Self { elements, len: 0 }
+    }
+
+    fn with(mut self, state: usize, h: T) -> Self {
+        if let Some(place) = self.elements.get_mut(self.len) {
+            *place = (state, h);
+            self.len += 1;
+        }
+        self
+    }
+
+    pub(super) fn elements(&self) -> &[(usize, T)] {
+        self.elements.get(..self.len).unwrap_or_default()
+    }
+}
+
+/// A field measurement in level axes, linearised (B15, B16).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FieldMeasurement<T: Scalar> {
+    pub(super) residual: Vector3<T>,
+    pub(super) rows: [Row<T>; 3],
+    /// Of a single look, before what does not fit is weighed down (B17).
+    pub(super) variance: T,
+}
+
+impl<T: Scalar> BoundedVelocity<T> {
+    /// Integrates a specific force that stood for the time since the last one (B4), and, when an
+    /// update is due, says that the velocity is near zero, and what a rest says.
+    #[inline]
+    pub(super) fn take_force(&mut self, measured: &Vector3<T>) -> Innovation<T> {
+        let gravity = self.state.gravity;
+        if gravity <= T::zero() {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        }
+        if let Err(reason) = check_vector(measured, gravity * lit(1e-3), gravity * lit(LONGEST)) {
+            return Innovation::skipped(reason);
+        }
+        let dt = self.state.since_force;
+        self.state.since_force = T::zero();
+        if dt > lit(LONGEST_FORCE_INTERVAL_S) {
+            self.forget_velocity();
+            return Innovation::skipped(SkipReason::Gathered);
+        }
+        let level = self.state.level_from_body * measured;
+        let state = &mut self.state;
+        state.velocity += level.xy() * dt;
+        let acceleration2 = (level - Vector3::z() * gravity).norm_squared();
+        let share = (dt / self.config.acceleration_average_s).min(T::one());
+        state.mean_square_acceleration += (acceleration2 - state.mean_square_acceleration) * share;
+        let psd = self.config.velocity_noise_psd(acceleration2, measured);
+        state.sums.add_force(&level, dt, psd);
+        state.rest.force(&self.config, measured, dt);
+        let half = dt * lit(0.5);
+        if dt <= T::zero() || state.since_velocity_update + half < self.config.update_interval_s {
+            return Innovation::skipped(SkipReason::Gathered);
+        }
+        self.update_velocity()
+    }
+
+    /// Nothing is known about the velocity: as at the start.
+    fn forget_velocity(&mut self) {
+        self.propagate_covariance();
+        let state = &mut self.state;
+        let variance = self.config.initial_velocity_std * self.config.initial_velocity_std;
+        state.velocity.fill(T::zero());
+        for i in VELOCITY..VELOCITY + 2 {
+            state.covariance.row_mut(i).fill(T::zero());
+            state.covariance.column_mut(i).fill(T::zero());
+            state.covariance[(i, i)] = variance;
+        }
+        state.rest.wake();
+        state.since_velocity_update = T::zero();
+        state.rate_sum = Vector3::zeros();
+    }
+
+    /// `v = 0` with the variance that a bounded motion allows (B10 to B12), and at rest `rate = bias`
+    /// (B13).
+    fn update_velocity(&mut self) -> Innovation<T> {
+        self.propagate_covariance();
+        let config = &self.config;
+        let state = &mut self.state;
+        let time = state.since_velocity_update;
+        let mut psd =
+            config.velocity_psd + config.velocity_psd_gain * state.mean_square_acceleration;
+        let resting = state.rest.is_resting();
+        if resting {
+            psd = psd.min(config.rest_velocity_psd);
+        }
+        let variance = psd / time;
+        let residual = -state.velocity;
+        let (active, p) = (state.layout.len(), &mut state.covariance);
+        let innovation = velocity_innovation(
+            [residual.x, residual.y],
+            [
+                p[(VELOCITY, VELOCITY)] + variance,
+                p[(VELOCITY, VELOCITY + 1)],
+                p[(VELOCITY + 1, VELOCITY + 1)] + variance,
+            ],
+        );
+        let mut x = Correction::zeros();
+        let mut done = innovation.outcome.is_fused();
+        for i in 0..2 {
+            let row = [(VELOCITY + i, T::one())];
+            done = done && update_sparse(p, &mut x, active, &row, residual[i], variance);
+        }
+        if resting {
+            let still = state.rate_sum / time - state.gyroscope_bias;
+            let density = config.rest_rate_noise_density;
+            for i in 0..3 {
+                let (row, variance) = ([(BIAS + i, T::one())], density * density / time);
+                done = update_sparse(p, &mut x, active, &row, still[i], variance) && done;
+            }
+        }
+        state.since_velocity_update = T::zero();
+        state.rate_sum = Vector3::zeros();
+        self.inject(&x);
+        if done {
+            innovation
+        } else {
+            Innovation::skipped(SkipReason::Numerical)
+        }
+    }
+
+    /// The field, where an update is due.
+    #[inline]
+    pub(super) fn take_field(&mut self, measured: &Vector3<T>) -> Innovation<T> {
+        if !self.state.has_field {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        }
+        let strength = self.state.initial_field_strength_ut;
+        if let Err(reason) = check_vector(measured, strength * lit(1e-3), strength * lit(LONGEST)) {
+            return Innovation::skipped(reason);
+        }
+        let since_sample = self.state.since_field;
+        self.state.since_field = T::zero();
+        let since_update = self.state.since_field_update;
+        if since_update <= T::zero()
+            || since_update + since_sample * lit(0.5) < self.config.update_interval_s
+        {
+            return Innovation::skipped(SkipReason::NotDue);
+        }
+        self.update_field(measured, since_update.min(lit(LONGEST_FIELD_INTERVAL_S)))
+    }
+
+    /// The field in level axes against the reference field, its variance by its quality (B15 to B19);
+    /// `time` is what it stands for.
+    fn update_field(&mut self, measured: &Vector3<T>, time: T) -> Innovation<T> {
+        self.propagate_covariance();
+        let m = self.field_measurement(measured);
+        let mut covariance = self.predicted_covariance(&m.rows);
+        for i in 0..3 {
+            covariance[(i, i)] += m.variance;
+        }
+        let Some(nis) = normalized_square3(&m.residual, &covariance) else {
+            return Innovation::skipped(SkipReason::Numerical);
+        };
+        let weight = field_quality::student_weight(self.config.magnetometer_student_freedom, nis);
+        let looks = (self.config.magnetometer_correlation_time_s / time).max(T::one());
+        let variance = m.variance / weight * looks;
+        let state = &mut self.state;
+        let (active, p) = (state.layout.len(), &mut state.covariance);
+        let mut x = Correction::zeros();
+        let mut done = true;
+        for (row, residual) in m.rows.iter().zip(m.residual.iter()) {
+            done = update_sparse(p, &mut x, active, row.elements(), *residual, variance) && done;
+        }
+        state.since_field_update = T::zero();
+        state.field_variance_factor =
+            m.variance / (self.config.magnetometer_std_ut * self.config.magnetometer_std_ut);
+        state.field_weight = weight;
+        self.inject(&x);
+        if !done {
+            return Innovation::skipped(SkipReason::Numerical);
+        }
+        Innovation {
+            residual: m.residual,
+            covariance,
+            nis,
+            degrees_of_freedom: 3,
+            outcome: Outcome::Fused,
+        }
+    }
+
+    /// Residual and rows of a field (B15, B16), and the variance of a single look at it (B17).
+    #[inline]
+    pub(super) fn field_measurement(&self, measured: &Vector3<T>) -> FieldMeasurement<T> {
+        let state = &self.state;
+        let level_from_body = state.level_from_body.to_rotation_matrix().into_inner();
+        let level = level_from_body * (measured - state.hard_iron_ut);
+        let [north, down] = [state.field_ut.x, state.field_ut.y];
+        let one = T::one();
+        let (east, ahead, up) = (ATTITUDE, ATTITUDE + 1, ATTITUDE + 2);
+        let mut rows = [
+            Row::new().with(ahead, down).with(up, north),
+            Row::new().with(east, -down),
+            Row::new().with(east, -north),
+        ];
+        if let Some(first) = state.layout.hard_iron() {
+            for (i, row) in rows.iter_mut().enumerate() {
+                for c in 0..3 {
+                    *row = row.with(first + c, level_from_body[(i, c)]);
+                }
+            }
+        }
+        if let Some(first) = state.layout.field() {
+            rows[1] = rows[1].with(first, one);
+            rows[2] = rows[2].with(first + 1, -one);
+        }
+        let std = self.config.magnetometer_std_ut;
+        let factor = field_quality::variance_factor(&self.config, &level, &state.field_ut);
+        FieldMeasurement {
+            residual: level - Vector3::new(T::zero(), north, -down),
+            rows,
+            variance: std * std * factor,
+        }
+    }
+
+    /// `H P H^T` of three rows.
+    #[inline]
+    fn predicted_covariance(&self, rows: &[Row<T>; 3]) -> Matrix3<T> {
+        let p = &self.state.covariance;
+        Matrix3::from_fn(|i, j| {
+            let mut sum = T::zero();
+            for (a, h) in rows[i].elements() {
+                for (b, g) in rows[j].elements() {
+                    if let Some(value) = p.get((*a, *b)) {
+                        sum += *h * *g * *value;
+                    }
+                }
+            }
+            sum
+        })
+    }
+
+    /// A heading that the device reports; its row is turned from body into level axes (B20).
+    #[inline]
+    pub(super) fn take_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
+        let measured = match heading.measure(&self.attitude_in_reference()) {
+            Ok(measured) => measured,
+            Err(reason) => return Innovation::skipped(reason),
+        };
+        self.propagate_covariance();
+        let state = &mut self.state;
+        let h = state.level_from_body * measured.row;
+        let p: Matrix3<T> = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let variance = measured.variance.max(state.compass.variance());
+        let Weighed {
+            innovation,
+            variance,
+        } = state
+            .compass
+            .weigh_scalar(measured.residual, h.dot(&(p * h)), variance);
+        let Some(variance) = variance else {
+            return innovation;
+        };
+        let row = [(ATTITUDE, h.x), (ATTITUDE + 1, h.y), (ATTITUDE + 2, h.z)];
+        let mut x = Correction::zeros();
+        let (active, p) = (state.layout.len(), &mut state.covariance);
+        if !update_sparse(p, &mut x, active, &row, measured.residual, variance) {
+            return Innovation::skipped(SkipReason::Numerical);
+        }
+        self.inject(&x);
+        innovation
+    }
+
+    /// Takes the corrections into the state (B21). They are small: the covariance is not turned.
+    #[inline]
+    pub(super) fn inject(&mut self, x: &Correction<T>) {
+        let state = &mut self.state;
+        let turn = so3::exp(&Vector3::new(x[0], x[1], x[2]));
+        state.level_from_body = rotation::renormalize(&(turn * state.level_from_body));
+        state.velocity.x += x[VELOCITY];
+        state.velocity.y += x[VELOCITY + 1];
+        for i in 0..3 {
+            state.gyroscope_bias[i] += x[BIAS + i];
+        }
+        state.add_scale(x);
+        let tail = |first: usize, i: usize| x.as_slice().get(first + i).copied();
+        if let Some(first) = state.layout.field() {
+            for i in 0..2 {
+                state.field_ut[i] += tail(first, i).unwrap_or_else(T::zero);
+            }
+        }
+        if let Some(first) = state.layout.hard_iron() {
+            for i in 0..3 {
+                state.hard_iron_ut[i] += tail(first, i).unwrap_or_else(T::zero);
+            }
+        }
+    }
+}
+
+/// The record of the velocity: two components, m/s, east and north.
+fn velocity_innovation<T: Scalar>(residual: [T; 2], [ee, en, nn]: [T; 3]) -> Innovation<T> {
+    let zero = T::zero();
+    let residual = Vector3::new(residual[0], residual[1], zero);
+    let mut covariance = Matrix3::new(ee, en, zero, en, nn, zero, zero, zero, T::one());
+    let Some(nis) = normalized_square3(&residual, &covariance) else {
+        return Innovation::skipped(SkipReason::Numerical);
+    };
+    covariance[(2, 2)] = zero;
+    Innovation {
+        residual,
+        covariance,
+        nis,
+        degrees_of_freedom: 2,
+        outcome: Outcome::Fused,
+    }
+}
