@@ -19,6 +19,7 @@
 //! | many recordings, several estimators, one table | [`compare`] |
 //! | HTML reports | [`report`] |
 //! | Monte Carlo campaigns on trackers | [`tracking`] |
+//! | the experiment on observers in cascade | [`observers`] |
 //!
 //! # Example
 //!
@@ -63,6 +64,7 @@ pub mod multi_target;
 pub mod nis;
 pub mod observability;
 pub mod observer;
+pub mod observers;
 pub mod options;
 pub mod parameters;
 pub mod report;

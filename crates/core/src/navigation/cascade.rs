@@ -34,8 +34,6 @@ use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
 
-/// Largest accelerometer bias per axis, m/s^2.
-pub const LARGEST_BIAS_M_S2: f64 = 0.5;
 /// Intervals between positions outside these bounds count as the bound, s.
 pub const INTERVALS_S: [f64; 2] = [0.02, 2.0];
 /// A position this many standard deviations off is an outlier ...
@@ -67,6 +65,8 @@ pub struct CascadeConfig<T> {
     /// Whether the rotation-rate term is used, default true. Without it the loop is unstable above
     /// 1.54 times the pole in rad/s; it is there to show that.
     pub rotation_rate_term: bool,
+    /// Largest accelerometer bias per axis, m/s^2, default 0.5: what winds up beyond is no bias.
+    pub bias_limit: T,
 }
 
 impl<T: Scalar> Default for CascadeConfig<T> {
@@ -75,6 +75,7 @@ impl<T: Scalar> Default for CascadeConfig<T> {
             pole: T::one(),
             position_std: lit(0.1),
             rotation_rate_term: true,
+            bias_limit: lit(0.5),
         }
     }
 }
@@ -87,6 +88,8 @@ impl<T: Scalar> CascadeConfig<T> {
             Some("pole")
         } else if !within(self.position_std, 1e-6, 1e6) {
             Some("position_std")
+        } else if !within(self.bias_limit, 0.0, 1e4) {
+            Some("bias_limit")
         } else {
             None
         }
@@ -306,7 +309,7 @@ impl<T: Scalar> Cascade<T> {
         if self.config.rotation_rate_term {
             body += angular_rate.cross(&body) / (self.config.pole * lit(3.0));
         }
-        let limit: T = lit(LARGEST_BIAS_M_S2);
+        let limit = self.config.bias_limit;
         let bias = self.state.accelerometer_bias - body * bias_gain;
         self.state.accelerometer_bias = bias.map(|b| b.max(-limit).min(limit));
     }
