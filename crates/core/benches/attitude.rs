@@ -13,6 +13,9 @@ use std::time::Instant;
 
 use ahrs::Ahrs as _;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::bounded_velocity::{
+    BoundedVelocity, BoundedVelocityConfig, ScaleStates,
+};
 use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
@@ -159,6 +162,26 @@ fn main() {
     kernels.push(("quaternion-ekf", Box::new(move || pass(ekf, samples))));
     let usque = Usque::new(settings).expect("valid settings");
     kernels.push(("usque", Box::new(move || pass(usque, samples))));
+
+    let full = BoundedVelocityConfig {
+        initial_hard_iron_std_ut: 12.0,
+        ..BoundedVelocityConfig::default()
+    };
+    let small = BoundedVelocityConfig {
+        scale_states: ScaleStates::Diagonal,
+        ..BoundedVelocityConfig::default()
+    };
+    for (name, config) in [
+        ("bounded-velocity, 22 states", full),
+        (
+            "bounded-velocity, 19 states",
+            BoundedVelocityConfig::default(),
+        ),
+        ("bounded-velocity, 13 states", small),
+    ] {
+        let filter = BoundedVelocity::new(config).expect("valid settings");
+        kernels.push((name, Box::new(move || pass(filter, samples))));
+    }
 
     let only = std::env::args().skip(1).find(|a| !a.starts_with('-'));
     kernels.retain(|(name, _)| only.as_ref().is_none_or(|o| name.contains(o.as_str())));
