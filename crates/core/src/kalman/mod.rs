@@ -1,11 +1,12 @@
-//! What every Kalman filter here shares: the innovation record, gates, in-place scalar updates
-//! and covariance hygiene.
+//! What every Kalman filter here shares: the innovation record, gates, in-place updates and
+//! covariance hygiene.
 
 pub mod covariance;
 pub mod feedback;
 pub mod gate;
 pub mod innovation;
 pub mod scalar_update;
+pub mod sparse_update;
 
 pub use feedback::{ErrorFeedback, ErrorPropagation, OutsideCorrection, ScalarCorrection};
 pub use gate::{Gate, GateDecision, GateState};

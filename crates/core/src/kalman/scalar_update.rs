@@ -79,56 +79,6 @@ pub fn update_one_state<T: Scalar, const N: usize>(
     })
 }
 
-/// One scalar measurement whose row has few elements: `residual = sum h x[state] + noise` over the
-/// pairs of state and `h` in `row`. Only the first `active` states are in use; the others cost
-/// nothing and stay as they are. The covariance must be symmetric, and stays so to the bit.
-///
-/// As [`update_leading3`]; states that are not in use are left out of the row.
-#[inline]
-pub fn update_sparse<T: Scalar, const N: usize>(
-    covariance: &mut SMatrix<T, N, N>,
-    correction: &mut SVector<T, N>,
-    active: usize,
-    row: &[(usize, T)],
-    residual: T,
-    variance: T,
-) -> bool {
-    let mut ph = [T::zero(); N];
-    for (state, h) in row.iter().filter(|(state, _)| *state < active) {
-        // Symmetric: a row of it is a column.
-        if let Some(column) = covariance.as_slice().chunks_exact(N).nth(*state) {
-            for (sum, p) in ph.iter_mut().zip(column).take(active) {
-                *sum += *h * *p;
-            }
-        }
-    }
-    let (mut s, mut nu) = (variance, residual);
-    for (state, h) in row.iter().filter(|(state, _)| *state < active) {
-        if let (Some(ph), Some(x)) = (ph.get(*state), correction.as_slice().get(*state)) {
-            s += *h * *ph;
-            nu -= *h * *x;
-        }
-    }
-    if !(s > T::zero() && s.is_finite() && nu.is_finite()) {
-        return false;
-    }
-    // With the root on both sides the product is the same both ways round.
-    let inverse_root = T::one() / s.sqrt();
-    for value in &mut ph {
-        *value *= inverse_root;
-    }
-    let gain_nu = nu * inverse_root;
-    let columns = covariance.as_mut_slice().chunks_exact_mut(N);
-    let pairs = correction.as_mut_slice().iter_mut().zip(&ph);
-    for (column, (x, k)) in columns.zip(pairs).take(active) {
-        *x += *k * gain_nu;
-        for (p, l) in column.iter_mut().zip(&ph).take(active) {
-            *p -= *l * *k;
-        }
-    }
-    true
-}
-
 /// Three scalar measurements of the first three states whose rows are those of `[v]x`:
 /// `residual = v x x[0..3] + noise`, equal variances. What a vector measurement of a local
 /// attitude error is; uses the zeros of `[v]x` and the symmetry of the covariance.
@@ -291,20 +241,6 @@ mod tests {
                 }
                 prop_assert!((pf - p1).abs().max() < 1e-12 && (xf - x1).abs().max() < 1e-12);
                 prop_assert!(update_one_state(&mut p1, &mut x1, 6, 0.0, 1.0).is_none());
-                // A sparse row is a row with zeros; what is not in use is not touched.
-                let (mut ps, mut xs) = (p, SVector::<f64, 6>::zeros());
-                let (mut pf, mut xf) = (p.fixed_view::<5, 5>(0, 0).into_owned(), SVector::<f64, 5>::zeros());
-                for i in 0..3 {
-                    let sparse = [(i + 2, rows[i]), (0, rows[i + 3]), (5, 1.0)];
-                    let mut row = SVector::<f64, 5>::zeros();
-                    (row[i + 2], row[0]) = (rows[i], rows[i + 3]);
-                    prop_assert!(update_sparse(&mut ps, &mut xs, 5, &sparse, z[i], r[i]));
-                    prop_assert!(update_full(&mut pf, &mut xf, &row, z[i], r[i]));
-                }
-                prop_assert!((ps.fixed_view::<5, 5>(0, 0) - pf).abs().max() < 1e-10);
-                prop_assert!((xs.fixed_rows::<5>(0) - xf).abs().max() < 1e-10);
-                prop_assert_eq!((ps.column(5), xs[5]), (p.column(5), 0.0));
-                prop_assert_eq!(ps, ps.transpose());
                 prop_assert_eq!(p3, p3.transpose());
             }
 
@@ -341,14 +277,6 @@ mod tests {
                 &mut p,
                 &mut x,
                 &Vector3::x(),
-                residual,
-                variance
-            ));
-            assert!(!update_sparse(
-                &mut p,
-                &mut x,
-                6,
-                &[(0, 1.0)],
                 residual,
                 variance
             ));

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::config::ScaleStates;
 use super::layout::{ATTITUDE, BIAS, CAPACITY, Covariance, Layout, SCALE, VELOCITY};
+use crate::kalman::sparse_update::add_scaled;
 use crate::scalar::Scalar;
 
 /// What has come together since the covariance was last propagated.
@@ -188,11 +189,8 @@ fn add_column<T: Scalar>(
     column: usize,
     factor: T,
 ) {
-    let Some(column) = p.as_slice().chunks_exact(CAPACITY).nth(column) else {
-        return;
-    };
-    for (out, value) in out.iter_mut().zip(column).take(n) {
-        *out += factor * *value;
+    if let Some(column) = p.as_slice().chunks_exact(CAPACITY).nth(column) {
+        add_scaled(out, column, factor, n);
     }
 }
 

@@ -3,7 +3,7 @@
 //! Read first: `docs/derivations/bounded_velocity.md`, B10 to B21. Rows are few elements of a long
 //! row; corrections are collected and injected once for each update.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector1, Vector2, Vector3};
 
 use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
 use super::{BoundedVelocity, field_quality};
@@ -12,7 +12,7 @@ use crate::attitude::vector_sensor::{LONGEST, Weighed};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::normalized_square3;
 use crate::kalman::innovation::check_vector;
-use crate::kalman::scalar_update::update_sparse;
+use crate::kalman::sparse_update::{Projection, SparseRow};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
 
@@ -21,37 +21,11 @@ pub const LONGEST_FORCE_INTERVAL_S: f64 = 0.5;
 /// One field sample never stands for longer than this, s.
 pub const LONGEST_FIELD_INTERVAL_S: f64 = 0.2;
 
-/// A measurement row: pairs of state and element, of which the first `len` count.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Row<T> {
-    elements: [(usize, T); 6],
-    len: usize,
-}
-
-impl<T: Scalar> Row<T> {
-    fn new() -> Self {
-        let elements = [(0, T::zero()); 6];
-        Self { elements, len: 0 }
-    }
-
-    fn with(mut self, state: usize, h: T) -> Self {
-        if let Some(place) = self.elements.get_mut(self.len) {
-            *place = (state, h);
-            self.len += 1;
-        }
-        self
-    }
-
-    pub(super) fn elements(&self) -> &[(usize, T)] {
-        self.elements.get(..self.len).unwrap_or_default()
-    }
-}
-
 /// A field measurement in level axes, linearised (B15, B16).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FieldMeasurement<T: Scalar> {
     pub(super) residual: Vector3<T>,
-    pub(super) rows: [Row<T>; 3],
+    pub(super) rows: [SparseRow<T>; 3],
     /// Of a single look, before what does not fit is weighed down (B17).
     pub(super) variance: T,
 }
@@ -122,27 +96,17 @@ impl<T: Scalar> BoundedVelocity<T> {
         let variance = psd / time;
         let residual = -state.velocity;
         let (active, p) = (state.layout.len(), &mut state.covariance);
-        let innovation = velocity_innovation(
-            [residual.x, residual.y],
-            [
-                p[(VELOCITY, VELOCITY)] + variance,
-                p[(VELOCITY, VELOCITY + 1)],
-                p[(VELOCITY + 1, VELOCITY + 1)] + variance,
-            ],
-        );
         let mut x = Correction::zeros();
-        let mut done = innovation.outcome.is_fused();
-        for i in 0..2 {
-            let row = [(VELOCITY + i, T::one())];
-            done = done && update_sparse(p, &mut x, active, &row, residual[i], variance);
-        }
+        let rows = [VELOCITY, VELOCITY + 1].map(SparseRow::of_state);
+        let projection = Projection::new(p, active, rows);
+        let innovation = velocity_innovation(&residual, &projection.predicted, variance);
+        let mut done = projection.fuse(p, &mut x, &residual, variance);
         if resting {
             let still = state.rate_sum / time - state.gyroscope_bias;
             let density = config.rest_rate_noise_density;
-            for i in 0..3 {
-                let (row, variance) = ([(BIAS + i, T::one())], density * density / time);
-                done = update_sparse(p, &mut x, active, &row, still[i], variance) && done;
-            }
+            let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
+            let projection = Projection::new(p, active, rows);
+            done = projection.fuse(p, &mut x, &still, density * density / time) && done;
         }
         state.since_velocity_update = T::zero();
         state.rate_sum = Vector3::zeros();
@@ -180,7 +144,10 @@ impl<T: Scalar> BoundedVelocity<T> {
     fn update_field(&mut self, measured: &Vector3<T>, time: T) -> Innovation<T> {
         self.propagate_covariance();
         let m = self.field_measurement(measured);
-        let mut covariance = self.predicted_covariance(&m.rows);
+        let state = &mut self.state;
+        let p = &mut state.covariance;
+        let projection = Projection::new(p, state.layout.len(), m.rows);
+        let mut covariance = projection.predicted;
         for i in 0..3 {
             covariance[(i, i)] += m.variance;
         }
@@ -190,13 +157,8 @@ impl<T: Scalar> BoundedVelocity<T> {
         let weight = field_quality::student_weight(self.config.magnetometer_student_freedom, nis);
         let looks = (self.config.magnetometer_correlation_time_s / time).max(T::one());
         let variance = m.variance / weight * looks;
-        let state = &mut self.state;
-        let (active, p) = (state.layout.len(), &mut state.covariance);
         let mut x = Correction::zeros();
-        let mut done = true;
-        for (row, residual) in m.rows.iter().zip(m.residual.iter()) {
-            done = update_sparse(p, &mut x, active, row.elements(), *residual, variance) && done;
-        }
+        let done = projection.fuse(p, &mut x, &m.residual, variance);
         state.since_field_update = T::zero();
         state.field_variance_factor =
             m.variance / (self.config.magnetometer_std_ut * self.config.magnetometer_std_ut);
@@ -224,9 +186,9 @@ impl<T: Scalar> BoundedVelocity<T> {
         let one = T::one();
         let (east, ahead, up) = (ATTITUDE, ATTITUDE + 1, ATTITUDE + 2);
         let mut rows = [
-            Row::new().with(ahead, down).with(up, north),
-            Row::new().with(east, -down),
-            Row::new().with(east, -north),
+            SparseRow::default().with(ahead, down).with(up, north),
+            SparseRow::default().with(east, -down),
+            SparseRow::default().with(east, -north),
         ];
         if let Some(first) = state.layout.hard_iron() {
             for (i, row) in rows.iter_mut().enumerate() {
@@ -248,23 +210,6 @@ impl<T: Scalar> BoundedVelocity<T> {
         }
     }
 
-    /// `H P H^T` of three rows.
-    #[inline]
-    fn predicted_covariance(&self, rows: &[Row<T>; 3]) -> Matrix3<T> {
-        let p = &self.state.covariance;
-        Matrix3::from_fn(|i, j| {
-            let mut sum = T::zero();
-            for (a, h) in rows[i].elements() {
-                for (b, g) in rows[j].elements() {
-                    if let Some(value) = p.get((*a, *b)) {
-                        sum += *h * *g * *value;
-                    }
-                }
-            }
-            sum
-        })
-    }
-
     /// A heading that the device reports; its row is turned from body into level axes (B20).
     #[inline]
     pub(super) fn take_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
@@ -275,21 +220,25 @@ impl<T: Scalar> BoundedVelocity<T> {
         self.propagate_covariance();
         let state = &mut self.state;
         let h = state.level_from_body * measured.row;
-        let p: Matrix3<T> = state.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let row = SparseRow::default()
+            .with(ATTITUDE, h.x)
+            .with(ATTITUDE + 1, h.y)
+            .with(ATTITUDE + 2, h.z);
+        let p = &mut state.covariance;
+        let projection = Projection::new(p, state.layout.len(), [row]);
         let variance = measured.variance.max(state.compass.variance());
+        let predicted = projection.predicted[(0, 0)];
         let Weighed {
             innovation,
             variance,
         } = state
             .compass
-            .weigh_scalar(measured.residual, h.dot(&(p * h)), variance);
+            .weigh_scalar(measured.residual, predicted, variance);
         let Some(variance) = variance else {
             return innovation;
         };
-        let row = [(ATTITUDE, h.x), (ATTITUDE + 1, h.y), (ATTITUDE + 2, h.z)];
         let mut x = Correction::zeros();
-        let (active, p) = (state.layout.len(), &mut state.covariance);
-        if !update_sparse(p, &mut x, active, &row, measured.residual, variance) {
+        if !projection.fuse(p, &mut x, &Vector1::new(measured.residual), variance) {
             return Innovation::skipped(SkipReason::Numerical);
         }
         self.inject(&x);
@@ -323,10 +272,18 @@ impl<T: Scalar> BoundedVelocity<T> {
 }
 
 /// The record of the velocity: two components, m/s, east and north.
-fn velocity_innovation<T: Scalar>(residual: [T; 2], [ee, en, nn]: [T; 3]) -> Innovation<T> {
+fn velocity_innovation<T: Scalar>(
+    residual: &Vector2<T>,
+    predicted: &Matrix2<T>,
+    variance: T,
+) -> Innovation<T> {
     let zero = T::zero();
-    let residual = Vector3::new(residual[0], residual[1], zero);
-    let mut covariance = Matrix3::new(ee, en, zero, en, nn, zero, zero, zero, T::one());
+    let residual = Vector3::new(residual.x, residual.y, zero);
+    // A third component that is what was expected changes nothing.
+    let mut covariance = Matrix3::identity();
+    covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(predicted);
+    covariance[(0, 0)] += variance;
+    covariance[(1, 1)] += variance;
     let Some(nis) = normalized_square3(&residual, &covariance) else {
         return Innovation::skipped(SkipReason::Numerical);
     };

@@ -1,0 +1,235 @@
+//! Kalman updates with rows of few elements, on the first states of a large covariance.
+//!
+//! For filters with many states of which a measurement sees few, and some of which are not in use.
+//! Several rows are fused jointly: `S = H P H^T + R` is factored as `L L^T`, and the columns of
+//! `W = P H^T L^-T` give correction and covariance, `x += W L^-1 nu`, `P -= W W^T`. With diagonal
+//! `R` that is exactly the sequence of scalar updates, with one projection instead of one for each.
+//! The covariance must be symmetric, and stays so to the bit: both halves are the same products.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::covariance::cholesky;
+use crate::scalar::Scalar;
+
+/// Most elements of a row: three of an attitude, three of an offset.
+pub const MOST_ELEMENTS: usize = 6;
+
+/// A measurement row: pairs of state and element; everything else is zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SparseRow<T> {
+    elements: [(usize, T); MOST_ELEMENTS],
+    len: usize,
+}
+
+impl<T: Scalar> Default for SparseRow<T> {
+    fn default() -> Self {
+        let elements = [(0, T::zero()); MOST_ELEMENTS];
+        Self { elements, len: 0 }
+    }
+}
+
+impl<T: Scalar> SparseRow<T> {
+    /// The row that sees one state as it is.
+    #[inline]
+    pub fn of_state(state: usize) -> Self {
+        Self::default().with(state, T::one())
+    }
+
+    /// With one more element; beyond [`MOST_ELEMENTS`] there is none.
+    #[inline]
+    #[must_use]
+    pub fn with(mut self, state: usize, h: T) -> Self {
+        if let Some(place) = self.elements.get_mut(self.len) {
+            *place = (state, h);
+            self.len += 1;
+        }
+        self
+    }
+
+    /// The pairs of state and element.
+    #[inline]
+    pub fn elements(&self) -> &[(usize, T)] {
+        self.elements.get(..self.len).unwrap_or_default()
+    }
+
+    /// The row times a vector; states that the vector does not have count as zero.
+    #[inline]
+    pub fn dot(&self, x: &[T]) -> T {
+        let mut sum = T::zero();
+        for (state, h) in self.elements() {
+            if let Some(x) = x.get(*state) {
+                sum += *h * *x;
+            }
+        }
+        sum
+    }
+}
+
+/// Rows that look at a covariance: their projections `P H^T`, and `H P H^T`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection<T: Scalar, const N: usize, const M: usize> {
+    rows: [SparseRow<T>; M],
+    active: usize,
+    projected: [[T; N]; M],
+    /// `H P H^T`: what the uncertainty of the state does to the measurement.
+    pub predicted: SMatrix<T, M, M>,
+}
+
+impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
+    /// Looks at the first `active` states; those beyond cost nothing.
+    #[inline]
+    pub fn new(covariance: &SMatrix<T, N, N>, active: usize, rows: [SparseRow<T>; M]) -> Self {
+        let active = active.min(N);
+        let mut projected = [[T::zero(); N]; M];
+        for (out, row) in projected.iter_mut().zip(&rows) {
+            for (state, h) in row.elements() {
+                // Symmetric: a row of it is a column.
+                if let Some(column) = covariance.as_slice().chunks_exact(N).nth(*state) {
+                    add_scaled(out, column, *h, active);
+                }
+            }
+        }
+        let mut predicted = SMatrix::zeros();
+        for (j, column) in projected.iter().enumerate() {
+            for (i, row) in rows.iter().enumerate().take(j + 1) {
+                let value = row.dot(column);
+                predicted[(i, j)] = value;
+                predicted[(j, i)] = value;
+            }
+        }
+        Self {
+            rows,
+            active,
+            projected,
+            predicted,
+        }
+    }
+
+    /// Fuses `residual = H x + noise` of one variance for all rows into the covariance that was
+    /// looked at and into `correction`, which holds corrections that are still pending: `residual`
+    /// is relative to the state before them. Returns `false` and changes nothing when the innovation
+    /// covariance is not positive or a residual not finite.
+    #[inline]
+    pub fn fuse(
+        mut self,
+        covariance: &mut SMatrix<T, N, N>,
+        correction: &mut SVector<T, N>,
+        residual: &SVector<T, M>,
+        variance: T,
+    ) -> bool {
+        let mut nu = *residual;
+        let mut s = self.predicted;
+        for (i, row) in self.rows.iter().enumerate() {
+            nu[i] -= row.dot(correction.as_slice());
+            s[(i, i)] += variance;
+        }
+        let Some(l) = cholesky(&s).filter(|_| nu.norm_squared().is_finite()) else {
+            return false;
+        };
+        for i in 0..M {
+            let (before, rest) = self.projected.split_at_mut(i);
+            let Some(w) = rest.first_mut() else {
+                return false;
+            };
+            for (k, done) in before.iter().enumerate() {
+                add_scaled(w, done, -l[(i, k)], self.active);
+                let known = l[(i, k)] * nu[k];
+                nu[i] -= known;
+            }
+            let inverse = T::one() / l[(i, i)];
+            nu[i] *= inverse;
+            for value in w.iter_mut() {
+                *value *= inverse;
+            }
+        }
+        for (w, nu) in self.projected.iter().zip(nu.iter()) {
+            for (x, w) in correction.as_mut_slice().iter_mut().zip(w) {
+                *x += *w * *nu;
+            }
+        }
+        let columns = covariance.as_mut_slice().chunks_exact_mut(N);
+        for (j, column) in columns.enumerate().take(self.active) {
+            for w in &self.projected {
+                add_scaled(column, w, -w[j], self.active);
+            }
+        }
+        true
+    }
+}
+
+/// `out += factor * column`, over the first `active` elements.
+#[inline(always)]
+pub(crate) fn add_scaled<T: Scalar>(out: &mut [T], column: &[T], factor: T, active: usize) {
+    // Slices of one length: nothing but the sum is left in the loop.
+    if let (Some(out), Some(column)) = (out.get_mut(..active), column.get(..active)) {
+        for (out, value) in out.iter_mut().zip(column) {
+            *out += factor * *value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kalman::scalar_update::update_full;
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    type M6 = SMatrix<f64, 6, 6>;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(24), ..ProptestConfig::default() })]
+        #[test]
+        fn the_joint_update_equals_the_sequence_of_scalar_ones_on_the_states_in_use(
+            a in prop::collection::vec(-1.0..1.0f64, 36), h in prop::collection::vec(-5.0..5.0f64, 9),
+            r in 0.01..2.0f64, z in prop::array::uniform3(-3.0..3.0f64),
+        ) {
+            let a = M6::from_column_slice(&a);
+            let p = a * a.transpose() + M6::identity() * 0.01;
+            let rows = [0, 1, 2].map(|i| {
+                SparseRow::default().with(i + 2, h[i]).with(0, h[i + 3]).with(1, h[i + 6])
+            });
+            let pending = SVector::<f64, 6>::from_fn(|i, _| if i < 5 { 0.1 * i as f64 } else { 0.0 });
+            let (mut pj, mut xj) = (p, pending);
+            let projection = Projection::new(&pj, 5, rows);
+            prop_assert!(projection.fuse(&mut pj, &mut xj, &Vector3::from(z), r));
+
+            let mut pf = p.fixed_view::<5, 5>(0, 0).into_owned();
+            let mut xf = pending.fixed_rows::<5>(0).into_owned();
+            for (row, z) in rows.iter().zip(z) {
+                let mut full = SVector::<f64, 5>::zeros();
+                for (state, h) in row.elements() {
+                    full[*state] += h;
+                }
+                prop_assert!(update_full(&mut pf, &mut xf, &full, z, r));
+            }
+            prop_assert!((pj.fixed_view::<5, 5>(0, 0) - pf).abs().max() < 1e-9);
+            prop_assert!((xj.fixed_rows::<5>(0) - xf).abs().max() < 1e-9);
+            prop_assert_eq!((pj.column(5), xj[5]), (p.column(5), 0.0));
+            prop_assert_eq!(pj, pj.transpose());
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_fused_changes_nothing() {
+        let (mut p, mut x) = (M6::identity(), SVector::<f64, 6>::zeros());
+        let rows = [SparseRow::of_state(0), SparseRow::of_state(3)];
+        for (residual, variance) in [(1.0, -5.0), (1.0, f64::NAN), (f64::NAN, 1.0)] {
+            let projection = Projection::new(&p, 6, rows);
+            let residual = SVector::<f64, 2>::repeat(residual);
+            assert!(!projection.fuse(&mut p, &mut x, &residual, variance));
+        }
+        assert_eq!((p, x), (M6::identity(), SVector::zeros()));
+    }
+
+    #[test]
+    fn a_row_holds_six_elements() {
+        let mut row = SparseRow::default();
+        for state in 0..8 {
+            row = row.with(state, 1.0);
+        }
+        assert_eq!(row.elements().len(), MOST_ELEMENTS);
+        let four = row.dot(&[1.0, 1.0, 1.0, 1.0]);
+        assert!((four - 4.0_f64).abs() < 1e-15, "beyond the vector is zero");
+    }
+}
