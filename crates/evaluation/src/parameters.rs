@@ -79,7 +79,7 @@ pub struct ParameterInfo {
 }
 
 /// Unit and meaning of each parameter, in the order of the configuration.
-const TABLE: [(&str, &str, &str); 28] = [
+const TABLE: [(&str, &str, &str); 29] = [
     (
         "gyroscope_noise_density",
         "rad/s/sqrt(Hz)",
@@ -189,6 +189,11 @@ const TABLE: [(&str, &str, &str); 28] = [
         "maximum_attitude_std",
         "rad",
         "largest uncertainty per axis: beyond it nothing is known",
+    ),
+    (
+        "quaternion_norm",
+        "projected, free",
+        "whether the quaternion EKF projects its covariance as it normalises; free: the textbook's",
     ),
     (
         "complementary_attitude_gain",

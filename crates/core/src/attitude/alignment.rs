@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use super::config::AttitudeConfig;
 use super::vector_sensor::References;
 use super::{InitialState, wahba};
-use crate::geometry::{frames::TangentFrame, rotation, so3};
+use crate::geometry::{frames::TangentFrame, rotation};
 use crate::kalman::innovation::check_vector;
 use crate::scalar::{Scalar, lit};
 
@@ -106,7 +106,7 @@ impl<T: Scalar> Alignment<T> {
     pub fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) {
         let turn = (angular_rate - self.prior.gyroscope_bias) * dt;
         if dt > T::zero() && turn.norm_squared().is_finite() {
-            self.first_from_now = rotation::renormalize(&(self.first_from_now * so3::exp(&turn)));
+            self.first_from_now = rotation::turned(&self.first_from_now, &turn);
         }
     }
 

@@ -11,7 +11,7 @@
 //! ```text
 //! explicit  e = sum k_i v_i x R^T r_i                                                        (O1)
 //! passive   e = vex(P_a(R^T R_y)),  R_y from the vectors by TRIAD, gravity exact             (O2)
-//! both      R <- R exp([(w_s - b) dt + k_P e tau]x),  b <- b - k_I e tau                     (O3)
+//! both      R <- R exp([(w_s - b) dt + sum k_P e tau]x),  b <- b - k_I e tau                 (O3)
 //! direct    the passive error, but the rate is carried to the reference by R_y:
 //!           R <- exp([R_y (w_s - b) dt]x) R                                                  (O4)
 //! ```
@@ -23,10 +23,11 @@
 //! | `k_i` | [`AttitudeConfig::complementary_accelerometer_weight`], ..`magnetometer_weight` | - |
 //! | `tau` | time since the last sample of that sensor, at most [`LONGEST_STEP_S`] | s |
 //!
-//! Each sensor corrects for its own interval, so rates may differ and samples may be missing. The
+//! Each sensor corrects for its own interval, so rates may differ and samples may be missing; what it
+//! corrects is turned together with the next gyroscope sample, as in the continuous filter. The
 //! frame is that of the references: NED or ENU. Per axis the error obeys `s^2 + k_P s + k_I`.
 //!
-//! Cost: a rotation per gyroscope sample, a cross product and a rotation per vector. Limits:
+//! Cost: one exponential per gyroscope sample, two cross products per vector. Limits:
 //! accelerations enter with their full weight, a wrong field tilts the explicit form
 //! (`magnetometer_use = heading` prevents it); without magnetometer heading and its bias stay as
 //! they are.
@@ -70,8 +71,9 @@ struct Vector<T: Scalar> {
     reference: Option<(Vector3<T>, T)>,
     weight: T,
     /// Lengths that are believed, as shares of the reference's.
-    shortest: T,
-    longest: T,
+    shares: [T; 2],
+    /// Their squares in the sensor's unit.
+    squares: [T; 2],
     /// Seconds since its last sample.
     since: T,
 }
@@ -86,6 +88,8 @@ pub struct Complementary<T: Scalar> {
     magnetometer_use: MagnetometerUse,
     attitude: UnitQuaternion<T>,
     gyroscope_bias: Vector3<T>,
+    /// Rotation vector (rad, body axes) by which the vectors correct with the next gyroscope sample.
+    pending: Vector3<T>,
     accelerometer: Vector<T>,
     magnetometer: Vector<T>,
     /// The last direction of the field, carried along with the body, for TRIAD.
@@ -95,13 +99,25 @@ pub struct Complementary<T: Scalar> {
     since_compass: T,
 }
 
+/// A sample that counts.
+struct Taken<T: Scalar> {
+    /// Unit vector, body axes.
+    measured: Vector3<T>,
+    /// What it should be, reference frame.
+    reference: Vector3<T>,
+    /// Length of the reference.
+    norm: T,
+    /// Seconds that the sample stands for.
+    interval: T,
+}
+
 impl<T: Scalar> Vector<T> {
     fn new(weight: T, shortest: T, longest: T) -> Self {
         Self {
             reference: None,
             weight,
-            shortest,
-            longest,
+            shares: [shortest, longest],
+            squares: [T::zero(); 2],
             since: T::zero(),
         }
     }
@@ -111,24 +127,33 @@ impl<T: Scalar> Vector<T> {
         self.reference = reference.and_then(|r| {
             let norm = r.norm();
             check_vector(&r, lit(1e-6), lit(1e6)).ok()?;
+            self.squares = self.shares.map(|share| share * share * norm * norm);
             Some((r / norm, norm))
         });
     }
 
-    /// Direction of the sample and of the reference, and the interval that the sample stands for.
-    fn take(&mut self, measured: &Vector3<T>) -> Result<(Vector3<T>, Vector3<T>, T), SkipReason> {
+    #[inline]
+    fn take(&mut self, measured: &Vector3<T>) -> Result<Taken<T>, SkipReason> {
         let (reference, norm) = self.reference.ok_or(SkipReason::NotInitialized)?;
-        if let Err(reason) = check_vector(measured, norm * self.shortest, norm * self.longest) {
-            let is_short = reason == SkipReason::ZeroNorm && measured.norm() > norm * lit(1e-3);
-            return Err(if is_short {
-                SkipReason::OutOfRange
+        let square = measured.norm_squared();
+        let [shortest, longest] = self.squares;
+        if !(square >= shortest && square <= longest) {
+            return Err(if !square.is_finite() {
+                SkipReason::NotFinite
+            } else if square < norm * norm * lit(1e-6) {
+                SkipReason::ZeroNorm
             } else {
-                reason
+                SkipReason::OutOfRange
             });
         }
         let interval = self.since.min(lit(LONGEST_STEP_S));
         self.since = T::zero();
-        Ok((measured / measured.norm(), reference, interval))
+        Ok(Taken {
+            measured: measured * (T::one() / square.sqrt()),
+            reference,
+            norm,
+            interval,
+        })
     }
 }
 
@@ -154,6 +179,7 @@ impl<T: Scalar> Complementary<T> {
             magnetometer_use: config.magnetometer_use,
             attitude: UnitQuaternion::identity(),
             gyroscope_bias: Vector3::zeros(),
+            pending: Vector3::zeros(),
             accelerometer: Vector::new(
                 weights.0,
                 lit(LEAST_GRAVITY),
@@ -182,13 +208,16 @@ impl<T: Scalar> Complementary<T> {
         }
     }
 
-    /// Turns by `k_P e tau` in body axes and lets the bias follow (O3).
+    /// Turns by `k_P e tau` (body axes) with the next gyroscope sample, and lets the bias follow (O3);
+    /// `tau` is the interval (s) times the vector's weight.
+    #[inline]
     fn correct(&mut self, error: &Vector3<T>, interval: T) {
-        let turned = self.attitude * so3::exp(&(error * (self.attitude_gain * interval)));
-        self.attitude = rotation::renormalize(&turned);
+        self.pending += error * (self.attitude_gain * interval);
         let limit = self.bias_limit;
-        let bias = self.gyroscope_bias - error * (self.bias_gain * interval);
-        self.gyroscope_bias = bias.map(|b| b.max(-limit).min(limit));
+        self.gyroscope_bias -= error * (self.bias_gain * interval);
+        if self.gyroscope_bias.iter().any(|b| b.abs() > limit) {
+            self.gyroscope_bias.apply(|b| *b = b.max(-limit).min(limit));
+        }
     }
 
     /// The attitude that gravity and a fresh field give; with gravity alone the estimate, levelled.
@@ -221,10 +250,10 @@ impl<T: Scalar> Complementary<T> {
         imaginary * (cos_half * lit(2.0))
     }
 
-    /// The error of one vector (O1), body axes.
-    fn vector_error(&mut self, measured: &Vector3<T>, reference: &Vector3<T>) -> Vector3<T> {
-        let predicted = self.attitude.inverse() * reference;
-        if measured.dot(&predicted) < lit(OPPOSITE) {
+    /// The error of one vector (O1), body axes, where `predicted` is `R^T r`.
+    #[inline]
+    fn vector_error(&mut self, measured: &Vector3<T>, predicted: &Vector3<T>) -> Vector3<T> {
+        if measured.dot(predicted) < lit(OPPOSITE) {
             let axis = if predicted.x.abs() < predicted.y.abs() {
                 Vector3::x()
             } else {
@@ -232,14 +261,13 @@ impl<T: Scalar> Complementary<T> {
             };
             self.nudge(&predicted.cross(&axis));
         }
-        measured.cross(&predicted)
+        measured.cross(predicted)
     }
 
     /// Leaves an unstable rest half a turn away.
     fn nudge(&mut self, axis: &Vector3<T>) {
         if let Some(axis) = axis.try_normalize(lit(1e-6)) {
-            let turned = self.attitude * so3::exp(&(axis * lit::<T>(NUDGE_RAD)));
-            self.attitude = rotation::renormalize(&turned);
+            self.attitude = rotation::turned(&self.attitude, &(axis * lit::<T>(NUDGE_RAD)));
         }
     }
 
@@ -248,17 +276,11 @@ impl<T: Scalar> Complementary<T> {
         let (up, _) = self.accelerometer.reference?;
         Some(self.attitude.inverse() * up)
     }
-
-    /// The record of a vector: a filter without covariance expects nothing of the residual.
-    fn record(&self, measured: &Vector3<T>, sensor: &Vector<T>) -> Innovation<T> {
-        let predicted = sensor.reference.map_or_else(Vector3::zeros, |(r, norm)| {
-            self.attitude.inverse() * r * norm
-        });
-        unweighed(measured - predicted)
-    }
 }
 
-/// A residual that was used, without a statement about its covariance.
+/// A residual that was used, without a statement about its covariance: a filter without covariance
+/// expects nothing of it.
+#[inline]
 fn unweighed<T: Scalar>(residual: Vector3<T>) -> Innovation<T> {
     Innovation {
         residual,
@@ -276,6 +298,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         }
         self.attitude = initial.attitude;
         self.gyroscope_bias = initial.gyroscope_bias;
+        self.pending = Vector3::zeros();
         self.accelerometer
             .start(Some(initial.references.specific_force));
         self.magnetometer.start(initial.references.magnetic_field);
@@ -292,13 +315,14 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
             Err(reason) => return Propagation::Skipped(reason),
         };
         let turn = rate * dt;
-        let turned = if self.form == ComplementaryForm::Direct {
-            let carried = self.measured_from_estimated * (self.attitude * turn);
-            so3::exp(&carried) * self.attitude
+        let carried = if self.form == ComplementaryForm::Direct {
+            let by_measured = self.measured_from_estimated * (self.attitude * turn);
+            self.attitude.inverse() * by_measured
         } else {
-            self.attitude * so3::exp(&turn)
+            turn
         };
-        self.attitude = rotation::renormalize(&turned);
+        self.attitude = rotation::turned(&self.attitude, &(carried + self.pending));
+        self.pending = Vector3::zeros();
         if let Some(field) = &mut self.field_body {
             *field = so3::exp(&-turn) * *field;
         }
@@ -308,39 +332,42 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         Propagation::Done
     }
 
+    #[inline]
     fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
-        let (up_body, up, interval) = match self.accelerometer.take(specific_force) {
+        let taken = match self.accelerometer.take(specific_force) {
             Ok(taken) => taken,
             Err(reason) => return Innovation::skipped(reason),
         };
-        let record = self.record(specific_force, &self.accelerometer);
-        let error = match self.form {
-            ComplementaryForm::Explicit => {
-                self.vector_error(&up_body, &up) * self.accelerometer.weight
-            }
-            ComplementaryForm::Passive | ComplementaryForm::Direct => {
-                self.passive_error(&up_body, &up)
-            }
-        };
-        self.correct(&error, interval);
-        record
+        let predicted = self.attitude.inverse() * taken.reference;
+        if self.form == ComplementaryForm::Explicit {
+            let error = self.vector_error(&taken.measured, &predicted);
+            self.correct(&error, taken.interval * self.accelerometer.weight);
+        } else {
+            let error = self.passive_error(&taken.measured, &taken.reference);
+            self.correct(&error, taken.interval);
+        }
+        unweighed(specific_force - predicted * taken.norm)
     }
 
+    #[inline]
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        let (field_body, field, interval) = match self.magnetometer.take(magnetic_field) {
+        let taken = match self.magnetometer.take(magnetic_field) {
             Ok(taken) => taken,
             Err(reason) => return Innovation::skipped(reason),
         };
-        let record = self.record(magnetic_field, &self.magnetometer);
+        let predicted = self.attitude.inverse() * taken.reference;
+        let record = unweighed(magnetic_field - predicted * taken.norm);
         if self.form != ComplementaryForm::Explicit {
-            self.field_body = Some(field_body);
+            self.field_body = Some(taken.measured);
             return record;
         }
-        let mut error = self.vector_error(&field_body, &field) * self.magnetometer.weight;
-        if let (MagnetometerUse::Heading, Some(up)) = (self.magnetometer_use, self.up_body()) {
+        let mut error = self.vector_error(&taken.measured, &predicted);
+        if self.magnetometer_use == MagnetometerUse::Heading
+            && let Some(up) = self.up_body()
+        {
             error = up * error.dot(&up);
         }
-        self.correct(&error, interval);
+        self.correct(&error, taken.interval * self.magnetometer.weight);
         record
     }
 

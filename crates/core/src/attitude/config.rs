@@ -44,6 +44,22 @@ pub enum ProcessNoise {
     PaperLiteral,
 }
 
+/// What the additive quaternion EKF does about the norm of its four components.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
+pub enum QuaternionNorm {
+    /// The covariance is projected as the quaternion is normalised: nothing along it is uncertain.
+    #[default]
+    Projected,
+    /// The textbook's, and the paper's on the cascade: the quaternion is normalised, the covariance is
+    /// not told. It keeps a fifth uncertain direction, which swallows errors of length; for comparison.
+    Free,
+}
+
 /// Settings of an attitude filter. Public, serialisable; [`Default`] is a phone in a lab that is
 /// moved gently, [`AttitudeConfig::hand_held`] is a phone or wearable in real use.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,6 +138,9 @@ pub struct AttitudeConfig<T> {
     /// Largest attitude standard deviation per axis, rad, default 1.8: beyond it nothing is known
     /// anyway, and single precision fails.
     pub maximum_attitude_std: T,
+    /// What the additive quaternion EKF does about the norm, default `projected`; `free` is the
+    /// textbook's. No other filter has the choice.
+    pub quaternion_norm: QuaternionNorm,
     /// Gain `k_P` of a complementary filter, 1/s, default 1: errors go as `exp(-k_P t)`. Raising it
     /// follows the vectors faster, noise and accelerations included. At most 10.
     pub complementary_attitude_gain: T,
@@ -165,6 +184,7 @@ impl<T: Scalar> Default for AttitudeConfig<T> {
             initial_heading_std: lit(0.1),
             initial_gyroscope_bias_std: lit(0.02),
             maximum_attitude_std: lit(1.8),
+            quaternion_norm: QuaternionNorm::Projected,
             complementary_attitude_gain: T::one(),
             complementary_bias_gain: lit(0.3),
             complementary_accelerometer_weight: T::one(),
@@ -206,6 +226,7 @@ impl<T: Scalar> AttitudeConfig<T> {
             initial_heading_std: lit(0.35),
             initial_gyroscope_bias_std: lit(0.02),
             maximum_attitude_std: lit(1.8),
+            quaternion_norm: QuaternionNorm::Projected,
             complementary_attitude_gain: lit(0.8),
             complementary_bias_gain: T::zero(),
             complementary_accelerometer_weight: T::one(),

@@ -39,7 +39,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
-pub use config::{AttitudeConfig, MagnetometerUse, ProcessNoise};
+pub use config::{AttitudeConfig, MagnetometerUse, ProcessNoise, QuaternionNorm};
 pub use heading::CompassHeading;
 pub use vector_sensor::References;
 

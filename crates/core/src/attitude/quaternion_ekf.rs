@@ -33,13 +33,17 @@
 //! Gates and the heading-only magnetometer are those of the MEKF: `P` has no part along `q`, so
 //! `H P H^T` equals that of the local error.
 //!
+//! [`QuaternionNorm::Free`] leaves the projection out, as textbooks and Iporre & Améstegui do: each
+//! scalar is linearised anew, the sum is normalised at the end, and `P` keeps a part along `q`. That
+//! part swallows errors in a vector's length; while it lasts, a wrong field turns the attitude more.
+//!
 //! Cost: one step with two vector sensors is about 2500 multiplications. Limits: `P` is singular
 //! along `q`; never invert it.
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, SMatrix, SVector};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
-use super::config::{AttitudeConfig, ConfigError};
+use super::config::{AttitudeConfig, ConfigError, QuaternionNorm};
 use super::measurement::{Measurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
@@ -133,6 +137,12 @@ impl<T: Scalar> QuaternionEkf<T> {
         reference: Option<Vector3<T>>,
     ) -> Innovation<T> {
         let q = wxyz(&self.state.attitude);
+        let free = self.config.quaternion_norm == QuaternionNorm::Free;
+        if let (true, Some(reference), 3) =
+            (free, reference, measurement.innovation.degrees_of_freedom)
+        {
+            return self.update_free(&measurement, &reference);
+        }
         let vector_rows = match reference {
             Some(r) if measurement.innovation.degrees_of_freedom == 3 => {
                 Some(vector_jacobian(&q, &r))
@@ -155,6 +165,32 @@ impl<T: Scalar> QuaternionEkf<T> {
         measurement.conclude(fused)
     }
 
+    /// Fuses a vector component by component, each linearised where the last one led.
+    fn update_free(
+        &mut self,
+        measurement: &Measurement<T>,
+        reference: &Vector3<T>,
+    ) -> Innovation<T> {
+        let start = wxyz(&self.state.attitude);
+        let predicted = vector_jacobian(&start, reference) * start * lit::<T>(0.5);
+        let mut covariance = self.state.covariance;
+        let mut sum = Vector7::zeros();
+        let mut fused = measurement.variance.is_some();
+        for (i, ((_, z, r), predicted)) in measurement.scalars().zip(&predicted).enumerate() {
+            let q = start + sum.fixed_rows::<4>(0);
+            let row: Vector4<T> = vector_jacobian(&q, reference).row(i).transpose();
+            // The prediction is a homogeneous quadratic: half its gradient times the quaternion.
+            let residual = z + *predicted - row.dot(&q) * lit(0.5);
+            let mut h = Vector7::zeros();
+            h.fixed_rows_mut::<4>(0).copy_from(&row);
+            let mut step = Vector7::zeros();
+            fused = fused && update_full(&mut covariance, &mut step, &h, residual, r);
+            sum += step;
+        }
+        fused = fused && self.inject(&sum, covariance);
+        measurement.conclude(fused)
+    }
+
     /// Adds a correction, normalises the quaternion and projects the covariance (M24b), unless
     /// something in them is not finite.
     fn inject(&mut self, correction: &Vector7<T>, mut covariance: Matrix7<T>) -> bool {
@@ -166,16 +202,9 @@ impl<T: Scalar> QuaternionEkf<T> {
         if !finite || norm < lit(0.1) {
             return false;
         }
-        let j = normalization_jacobian(&sum);
-        let quaternion = j * quaternion_block(&covariance) * j.transpose();
-        let cross: Matrix4x3<T> = j * covariance.fixed_view::<4, 3>(0, 4);
-        covariance
-            .fixed_view_mut::<4, 4>(0, 0)
-            .copy_from(&quaternion);
-        covariance.fixed_view_mut::<4, 3>(0, 4).copy_from(&cross);
-        covariance
-            .fixed_view_mut::<3, 4>(4, 0)
-            .copy_from(&cross.transpose());
+        if self.config.quaternion_norm == QuaternionNorm::Projected {
+            project(&mut covariance, &sum);
+        }
         symmetrize(&mut covariance);
         self.state.attitude = from_wxyz(&(sum / norm));
         self.state.gyroscope_bias += correction.fixed_rows::<3>(4);
@@ -185,7 +214,12 @@ impl<T: Scalar> QuaternionEkf<T> {
 
     /// Keeps each axis' variance below its limit. The 7 by 7 matrix has no axes to cap, so it goes
     /// through the local error and back; rare, and exact since `P` has nothing along `q`.
+    ///
+    /// A free norm is not capped: the way through the local error would lose the part along `q`.
     fn cap_attitude(&mut self) {
+        if self.config.quaternion_norm == QuaternionNorm::Free {
+            return;
+        }
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
         if self.attitude_block().diagonal().max() <= limit {
             return;
@@ -254,6 +288,20 @@ fn normalization_jacobian<T: Scalar>(q: &Vector4<T>) -> Matrix4<T> {
     let norm = q.norm();
     let n = q / norm;
     (Matrix4::identity() - n * n.transpose()) / norm
+}
+
+/// `P <- J P J^T` for the normalisation of `sum` (M24b).
+fn project<T: Scalar>(covariance: &mut Matrix7<T>, sum: &Vector4<T>) {
+    let j = normalization_jacobian(sum);
+    let quaternion = j * quaternion_block(covariance) * j.transpose();
+    let cross: Matrix4x3<T> = j * covariance.fixed_view::<4, 3>(0, 4);
+    covariance
+        .fixed_view_mut::<4, 4>(0, 0)
+        .copy_from(&quaternion);
+    covariance.fixed_view_mut::<4, 3>(0, 4).copy_from(&cross);
+    covariance
+        .fixed_view_mut::<3, 4>(4, 0)
+        .copy_from(&cross.transpose());
 }
 
 /// 7 by 7 to 6 by 6 with `a = 2 Xi^T dq`.
@@ -331,6 +379,12 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
             &initial.attitude_covariance,
             bias_variance,
         );
+        if self.config.quaternion_norm == QuaternionNorm::Free {
+            let q = wxyz(&initial.attitude);
+            let mean = initial.attitude_covariance.trace() / lit(12.0);
+            let mut block = state.covariance.fixed_view_mut::<4, 4>(0, 0);
+            block += q * q.transpose() * mean;
+        }
         state.sensors.start(&initial.references);
     }
 

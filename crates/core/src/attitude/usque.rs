@@ -382,8 +382,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
         for i in 0..6 {
             covariance[(i, i)] += half_noise[i];
         }
-        self.state.attitude =
-            rotation::renormalize(&(self.state.attitude * so3::exp(&(rate * dt))));
+        self.state.attitude = rotation::turned(&self.state.attitude, &(rate * dt));
         if !self.inject(&mean, covariance) {
             self.reset_covariance();
         }

@@ -116,6 +116,14 @@ pub fn renormalize<T: Scalar>(q: &UnitQuaternion<T>) -> UnitQuaternion<T> {
     UnitQuaternion::new_unchecked(q.into_inner() * (lit::<T>(0.5) * (lit::<T>(3.0) - n2)))
 }
 
+/// `q` turned by the rotation vector `r` (rad, body axes), and what rounding `q` had gathered removed. As
+/// [`renormalize`] of `q * exp(r)`, but the norm is taken of `q`, so that nothing waits for it.
+#[inline]
+pub fn turned<T: Scalar>(q: &UnitQuaternion<T>, r: &Vector3<T>) -> UnitQuaternion<T> {
+    let scale = lit::<T>(0.5) * (lit::<T>(3.0) - q.as_ref().norm_squared());
+    UnitQuaternion::new_unchecked((q.into_inner() * scale) * super::so3::exp(r).into_inner())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,16 +3,16 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use northing_core::attitude::AttitudeEstimator;
 use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
 use northing_core::attitude::ekf_reconstruction::EkfReconstruction;
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
-use northing_core::attitude::AttitudeEstimator;
 use northing_core::navigation::cascade::{Cascade, CascadeConfig};
 use northing_simulation::world::specific_force_at_rest;
 use serde::Serialize;
 
 use super::data::ObserverData;
-use super::schemes::{Gains, settings};
+use super::schemes::{Form, Gains, settings};
 use crate::error::EvaluationError;
 
 /// Rounds of all kernels; the least time of each counts.
@@ -38,7 +38,7 @@ pub struct Cost {
 /// # Errors
 /// The gains make no sense.
 pub fn measure(data: &ObserverData, gains: &Gains) -> Result<Cost, EvaluationError> {
-    let config = settings(data, gains);
+    let config = settings(data, gains, Form::Northing);
     let start = data.initial_state();
     let mut explicit = Complementary::new(ComplementaryForm::Explicit, config)?;
     let mut passive = EkfReconstruction::new(config)?;

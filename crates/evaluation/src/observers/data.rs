@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::wahba;
 use northing_core::attitude::{InitialState, References};
 use northing_recording::{Event, Recording, Sample};
-use northing_simulation::scenario::flight_schema::{FlightScenario, Metric};
 use northing_simulation::scenario::FlightRun;
+use northing_simulation::scenario::flight_schema::{FlightScenario, Metric};
 use northing_simulation::world::{STANDARD_GRAVITY_M_S2, specific_force_at_rest};
 
 use crate::error::EvaluationError;
@@ -117,9 +117,16 @@ impl ObserverData {
             rows.add(&event);
         }
         let interval_s = rows.interval_s() * DECIMATION as f64;
-        let [rates, forces, fields] = [&rows.rates, &rows.forces, &rows.fields].map(|v| decimated(v));
-        let truth = rows.truth.chunks_exact(DECIMATION).map(|c| c[DECIMATION - 1]);
-        let stated = metadata.extra.get("mag_world_mean").and_then(|text| numbers(text));
+        let [rates, forces, fields] =
+            [&rows.rates, &rows.forces, &rows.fields].map(|v| decimated(v));
+        let truth = rows
+            .truth
+            .chunks_exact(DECIMATION)
+            .map(|c| c[DECIMATION - 1]);
+        let stated = metadata
+            .extra
+            .get("mag_world_mean")
+            .and_then(|text| numbers(text));
         let (start, field) = start(&forces, &fields, stated);
         Ok(Self {
             name: metadata.name,
@@ -216,7 +223,9 @@ impl Rows {
         let pairs = self.times_ns.windows(2);
         let mut steps: Vec<i64> = pairs.map(|w| w[1] - w[0]).collect();
         steps.sort_unstable();
-        steps.get(steps.len() / 2).map_or(0.01, |ns| *ns as f64 * 1e-9)
+        steps
+            .get(steps.len() / 2)
+            .map_or(0.01, |ns| *ns as f64 * 1e-9)
     }
 }
 
@@ -243,7 +252,9 @@ fn decimated(samples: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         })
         .collect();
     let means = filled.chunks_exact(DECIMATION);
-    means.map(|c| c.iter().sum::<Vector3<f64>>() / DECIMATION as f64).collect()
+    means
+        .map(|c| c.iter().sum::<Vector3<f64>>() / DECIMATION as f64)
+        .collect()
 }
 
 /// Attitude and field at the start, from the mean of the first samples by TRIAD. The field's parts
@@ -273,10 +284,15 @@ fn start(
 
 /// Three numbers of a text such as `[0.1, 18.3, -44.0]`.
 fn numbers(text: &str) -> Option<Vector3<f64>> {
-    let inner = text.trim().trim_start_matches(['[', '(']).trim_end_matches([']', ')']);
+    let inner = text
+        .trim()
+        .trim_start_matches(['[', '('])
+        .trim_end_matches([']', ')']);
     let parsed: Result<Vec<f64>, _> = inner.split(',').map(|part| part.trim().parse()).collect();
     match parsed.ok()?.as_slice() {
-        [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Some(Vector3::new(*x, *y, *z)),
+        [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => {
+            Some(Vector3::new(*x, *y, *z))
+        }
         _ => None,
     }
 }
@@ -298,7 +314,10 @@ mod tests {
 
     #[test]
     fn a_stated_field_is_read_and_turned_to_north() {
-        assert_eq!(numbers("[3.0, 4.0, -40.0]"), Some(Vector3::new(3.0, 4.0, -40.0)));
+        assert_eq!(
+            numbers("[3.0, 4.0, -40.0]"),
+            Some(Vector3::new(3.0, 4.0, -40.0))
+        );
         assert_eq!(numbers("[3.0, nan, -40.0]"), None);
         assert_eq!(numbers("none"), None);
         let forces = [Vector3::new(0.0, 0.0, 9.8)];

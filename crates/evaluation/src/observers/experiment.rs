@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 use super::cost::{self, Cost};
 use super::data::ObserverData;
 use super::interval::{Gain, error_ci95};
-use super::schemes::{self, Gains, Score};
+use super::schemes::{self, Form, Gains, Score};
 use super::tuning::{Aggregate, Grid, Scheme, best, scores};
 use crate::error::EvaluationError;
 
@@ -83,7 +83,8 @@ pub struct ChosenGains {
     pub ekf: Gains,
 }
 
-/// One condition. The numbers at its top are those of the tuned schemes.
+/// One condition. The numbers at its top are those of the tuned schemes as the literature prints them;
+/// `northing` has those of our forms.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Condition {
     /// Its name: the variant of the scenario, or the folder of the recordings.
@@ -108,8 +109,12 @@ pub struct Condition {
     pub gain_over_weighted_percent: f64,
     /// The schemes at the literature's gains.
     pub default: Comparison,
-    /// The gains that tuning chose.
+    /// Northing's forms of the schemes, tuned.
+    pub northing: Comparison,
+    /// The gains that tuning chose for the literature's forms.
     pub gains: ChosenGains,
+    /// The gains that tuning chose for Northing's.
+    pub northing_gains: ChosenGains,
     /// Position error of the original without the rotation-rate term, m; where there are positions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_without_rate_term_m: Option<f64>,
@@ -210,9 +215,15 @@ impl Experiment {
         let data = read_all(paths, options)?;
         if data.len() < 2 {
             let name = name.to_owned();
-            return Err(ExperimentError::TooFew { name, found: data.len() });
+            return Err(ExperimentError::TooFew {
+                name,
+                found: data.len(),
+            });
         }
-        let without: Vec<ObserverData> = data.iter().map(ObserverData::without_magnetometer).collect();
+        let without: Vec<ObserverData> = data
+            .iter()
+            .map(ObserverData::without_magnetometer)
+            .collect();
         let title = format!("{} recordings of {name}", data.len());
         let blind = format!("{title}, accelerometer alone");
         Ok(vec![
@@ -266,7 +277,8 @@ fn judge_recordings(
     title: &str,
     data: &[ObserverData],
 ) -> Result<Condition, ExperimentError> {
-    let half = |odd: usize| -> Vec<ObserverData> { data.iter().skip(odd).step_by(2).cloned().collect() };
+    let half =
+        |odd: usize| -> Vec<ObserverData> { data.iter().skip(odd).step_by(2).cloned().collect() };
     let (scored, tuned_on) = (half(0), half(1));
     let case = Case {
         scored: &scored,
@@ -307,15 +319,12 @@ impl Case<'_> {
         tuned_on: String,
         scored_on: String,
     ) -> Result<Condition, ExperimentError> {
-        let chosen = |scheme| best(self.tuned_on, scheme, &self.grid, self.metric, self.aggregate);
-        let gains = ChosenGains {
-            original: chosen(Scheme::Original)?,
-            original_weighted: chosen(Scheme::OriginalWeighted)?,
-            modified: chosen(Scheme::Modified)?,
-            ekf: chosen(Scheme::Ekf)?,
-        };
-        let tuned = self.compare([gains.original, gains.modified, gains.ekf])?;
-        let weighted = self.scores(Scheme::OriginalWeighted, &gains.original_weighted)?;
+        let gains = self.chosen(Form::Printed)?;
+        let northing_gains = self.chosen(Form::Northing)?;
+        let compare = |form, g: &ChosenGains| self.compare(form, [g.original, g.modified, g.ekf]);
+        let tuned = compare(Form::Printed, &gains)?;
+        let weighted = Scheme::OriginalWeighted;
+        let weighted = self.scores(weighted, Form::Printed, &gains.original_weighted)?;
         let weighted = self.aggregate.of(&self.errors(&weighted));
         Ok(Condition {
             name: name.to_owned(),
@@ -327,15 +336,35 @@ impl Case<'_> {
             original_weighted_deg: weighted,
             gain_over_weighted_percent: 100.0 * (1.0 - tuned.modified_deg / weighted),
             tuned,
-            default: self.compare([self.default; 3])?,
+            default: self.compare(Form::Printed, [self.default; 3])?,
+            northing: compare(Form::Northing, &northing_gains)?,
             gains,
+            northing_gains,
             position_without_rate_term_m: self.without_rate_term()?,
             cost_ns: cost::measure(&self.scored[0], &self.default)?,
         })
     }
 
-    fn scores(&self, scheme: Scheme, gains: &Gains) -> Result<Vec<Score>, EvaluationError> {
-        let one = |data: &ObserverData| Ok(scores(data, scheme, &[*gains])?[0]);
+    fn chosen(&self, form: Form) -> Result<ChosenGains, EvaluationError> {
+        let best = |scheme| {
+            let (data, grid) = (self.tuned_on, &self.grid);
+            best(data, scheme, form, grid, self.metric, self.aggregate)
+        };
+        Ok(ChosenGains {
+            original: best(Scheme::Original)?,
+            original_weighted: best(Scheme::OriginalWeighted)?,
+            modified: best(Scheme::Modified)?,
+            ekf: best(Scheme::Ekf)?,
+        })
+    }
+
+    fn scores(
+        &self,
+        scheme: Scheme,
+        form: Form,
+        gains: &Gains,
+    ) -> Result<Vec<Score>, EvaluationError> {
+        let one = |data: &ObserverData| Ok(scores(data, scheme, form, &[*gains])?[0]);
         self.scored.par_iter().map(one).collect()
     }
 
@@ -343,14 +372,19 @@ impl Case<'_> {
         scores.iter().map(|s| s.of(self.metric)).collect()
     }
 
-    fn compare(&self, [original, modified, ekf]: [Gains; 3]) -> Result<Comparison, EvaluationError> {
+    fn compare(
+        &self,
+        form: Form,
+        [original, modified, ekf]: [Gains; 3],
+    ) -> Result<Comparison, EvaluationError> {
         let all = [
-            self.scores(Scheme::Original, &original)?,
-            self.scores(Scheme::Modified, &modified)?,
-            self.scores(Scheme::Ekf, &ekf)?,
+            self.scores(Scheme::Original, form, &original)?,
+            self.scores(Scheme::Modified, form, &modified)?,
+            self.scores(Scheme::Ekf, form, &ekf)?,
         ];
         let errors = [0, 1, 2].map(|i| self.errors(&all[i]));
-        let [original_deg, modified_deg, ekf_deg] = [0, 1, 2].map(|i| self.aggregate.of(&errors[i]));
+        let [original_deg, modified_deg, ekf_deg] =
+            [0, 1, 2].map(|i| self.aggregate.of(&errors[i]));
         let intervals = [0, 1, 2].map(|i| error_ci95(&errors[i], self.aggregate));
         let gain = Gain::between(&errors[0], &errors[1], self.aggregate);
         let means = [0, 1, 2].map(|i| self.mean(&all[i]));
@@ -398,8 +432,8 @@ impl Case<'_> {
                 return Ok(None);
             };
             let explicit = northing_core::attitude::complementary::ComplementaryForm::Explicit;
-            let order = schemes::Order::SameInstant;
-            let estimates = schemes::original(data, explicit, &self.default, order)?;
+            let form = Form::Printed;
+            let estimates = schemes::original(data, explicit, &self.default, form)?;
             let [error, _] = schemes::position_errors(data, position, &estimates, false)?;
             Ok(Some(error))
         };

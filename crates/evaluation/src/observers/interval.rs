@@ -24,7 +24,8 @@ impl Gain {
     /// The gain of `new` over `old`, errors of the same flights in the same order.
     #[must_use]
     pub fn between(old: &[f64], new: &[f64], aggregate: Aggregate) -> Self {
-        let percent = |old: &[f64], new: &[f64]| 100.0 * (1.0 - aggregate.of(new) / aggregate.of(old));
+        let percent =
+            |old: &[f64], new: &[f64]| 100.0 * (1.0 - aggregate.of(new) / aggregate.of(old));
         let mut drawn = bootstrap(old.len().min(new.len()), |picked| {
             let pick = |errors: &[f64]| -> Vec<f64> { picked.iter().map(|i| errors[*i]).collect() };
             percent(&pick(old), &pick(new))

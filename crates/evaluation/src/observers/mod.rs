@@ -22,4 +22,4 @@ pub mod tuning;
 
 pub use data::ObserverData;
 pub use experiment::{Condition, Experiment, ExperimentOutcome};
-pub use schemes::{Gains, Order, Score};
+pub use schemes::{Form, Gains, Score};

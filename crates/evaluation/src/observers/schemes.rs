@@ -3,7 +3,9 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
-use northing_core::attitude::{AttitudeConfig, AttitudeEstimator as _, MagnetometerUse};
+use northing_core::attitude::{
+    AttitudeConfig, AttitudeEstimator as _, MagnetometerUse, QuaternionNorm,
+};
 use northing_core::navigation::cascade::{Cascade, CascadeConfig};
 use northing_simulation::scenario::flight_schema::Metric;
 use northing_simulation::world::specific_force_at_rest;
@@ -35,14 +37,16 @@ pub struct Gains {
     pub field_std: f64,
 }
 
-/// Which estimate a sample is compared with.
+/// Whose form of the schemes runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
-    /// That of its own instant: what Northing's filters do.
-    SameInstant,
-    /// That of the sample before, as in the discretisation of the literature: the observer then leads
-    /// by up to one interval's turn.
-    Lagged,
+pub enum Form {
+    /// The literature's: a sample is compared with the estimate of the sample before, so that the
+    /// observer leads by up to one interval's turn; the EKF normalises its quaternion without telling
+    /// its covariance.
+    Printed,
+    /// Northing's: a sample is compared with the estimate of its own instant, and the EKF's covariance
+    /// is projected as the quaternion is normalised.
+    Northing,
 }
 
 /// Root mean square errors over what is scored.
@@ -85,7 +89,7 @@ pub struct Estimate {
 /// The settings that data and gains ask for. Nothing is gated: the schemes are compared, not their
 /// gates.
 #[must_use]
-pub fn settings(data: &ObserverData, gains: &Gains) -> AttitudeConfig<f64> {
+pub fn settings(data: &ObserverData, gains: &Gains, form: Form) -> AttitudeConfig<f64> {
     let noise = &data.noise;
     AttitudeConfig {
         gyroscope_noise_density: noise.rate_std * data.interval_s.sqrt(),
@@ -95,6 +99,10 @@ pub fn settings(data: &ObserverData, gains: &Gains) -> AttitudeConfig<f64> {
         magnetometer_std_ut: noise.field_std.hypot(gains.field_std).max(1e-3),
         magnetometer_gate_nis: 0.0,
         magnetometer_use: MagnetometerUse::Vector,
+        quaternion_norm: match form {
+            Form::Printed => QuaternionNorm::Free,
+            Form::Northing => QuaternionNorm::Projected,
+        },
         complementary_attitude_gain: gains.attitude_gain,
         complementary_bias_gain: gains.bias_gain,
         complementary_accelerometer_weight: gains.accelerometer_weight,
@@ -110,7 +118,8 @@ fn observer(
     data: &ObserverData,
     gains: &Gains,
 ) -> Result<Complementary<f64>, EvaluationError> {
-    let mut filter = Complementary::new(form, settings(data, gains))?;
+    // The fixed gains know nothing of the EKF's form.
+    let mut filter = Complementary::new(form, settings(data, gains, Form::Northing))?;
     filter.initialize(&data.initial_state());
     Ok(filter)
 }
@@ -121,11 +130,11 @@ fn observer(
 /// The gains make no sense.
 pub fn original(
     data: &ObserverData,
-    form: ComplementaryForm,
+    innovation: ComplementaryForm,
     gains: &Gains,
-    order: Order,
+    form: Form,
 ) -> Result<Vec<Estimate>, EvaluationError> {
-    let mut filter = observer(form, data, gains)?;
+    let mut filter = observer(innovation, data, gains)?;
     let correct = |filter: &mut Complementary<f64>, k: usize| {
         // The field first: TRIAD takes it when gravity comes.
         if let Some(field) = data.magnetic_field.get(k) {
@@ -137,11 +146,11 @@ pub fn original(
     Ok(rates
         .map(|(k, rate)| {
             let before = filter.rate_at_rest();
-            if order == Order::Lagged {
+            if form == Form::Printed {
                 correct(&mut filter, k);
             }
             filter.propagate(rate, data.interval_s);
-            if order == Order::SameInstant {
+            if form == Form::Northing {
                 correct(&mut filter, k);
             }
             Estimate {
@@ -156,8 +165,12 @@ pub fn original(
 ///
 /// # Errors
 /// The gains make no sense.
-pub fn ekf(data: &ObserverData, gains: &Gains) -> Result<Vec<Estimate>, EvaluationError> {
-    let mut filter = QuaternionEkf::new(settings(data, gains))?;
+pub fn ekf(
+    data: &ObserverData,
+    gains: &Gains,
+    form: Form,
+) -> Result<Vec<Estimate>, EvaluationError> {
+    let mut filter = QuaternionEkf::new(settings(data, gains, form))?;
     filter.initialize(&data.initial_state());
     let rates = data.angular_rate.iter().enumerate();
     Ok(rates
@@ -183,7 +196,7 @@ pub fn modified(
     data: &ObserverData,
     reconstructed: &[Estimate],
     gains: &Gains,
-    order: Order,
+    form: Form,
 ) -> Result<Vec<Estimate>, EvaluationError> {
     let mut filter = observer(ComplementaryForm::Passive, data, gains)?;
     let mut last = data.start;
@@ -191,9 +204,9 @@ pub fn modified(
     Ok(steps
         .map(|(rate, now)| {
             let before = filter.rate_at_rest();
-            let measured = match order {
-                Order::SameInstant => std::mem::replace(&mut last, now.attitude),
-                Order::Lagged => now.attitude,
+            let measured = match form {
+                Form::Northing => std::mem::replace(&mut last, now.attitude),
+                Form::Printed => now.attitude,
             };
             filter.follow(&measured, data.interval_s);
             filter.propagate(rate, data.interval_s);

@@ -1,11 +1,11 @@
 //! Gains that are tried, and the choice among them: the least error over one half of the data.
 
-use rayon::prelude::*;
 use northing_core::attitude::complementary::ComplementaryForm;
 use northing_simulation::scenario::flight_schema::Metric;
+use rayon::prelude::*;
 
 use super::data::ObserverData;
-use super::schemes::{self, Gains, Order, Score};
+use super::schemes::{self, Form, Gains, Score};
 use crate::error::EvaluationError;
 
 /// The values of each gain that are tried, all combinations of those that a scheme has.
@@ -113,6 +113,7 @@ pub fn candidates(grid: &Grid, scheme: Scheme) -> Vec<Gains> {
 pub fn scores(
     data: &ObserverData,
     scheme: Scheme,
+    form: Form,
     all: &[Gains],
 ) -> Result<Vec<Score>, EvaluationError> {
     let mut reconstructed: Option<(Gains, Vec<schemes::Estimate>)> = None;
@@ -120,9 +121,9 @@ pub fn scores(
     for gains in all {
         let estimates = match scheme {
             Scheme::Original | Scheme::OriginalWeighted => {
-                schemes::original(data, ComplementaryForm::Explicit, gains, Order::SameInstant)?
+                schemes::original(data, ComplementaryForm::Explicit, gains, form)?
             }
-            Scheme::Ekf => schemes::ekf(data, gains)?,
+            Scheme::Ekf => schemes::ekf(data, gains, form)?,
             Scheme::Modified => {
                 let same = |g: &Gains| {
                     g.linear_acceleration_std.to_bits() == gains.linear_acceleration_std.to_bits()
@@ -130,9 +131,9 @@ pub fn scores(
                 };
                 let (_, ekf) = match reconstructed.take() {
                     Some(kept) if same(&kept.0) => reconstructed.insert(kept),
-                    _ => reconstructed.insert((*gains, schemes::ekf(data, gains)?)),
+                    _ => reconstructed.insert((*gains, schemes::ekf(data, gains, form)?)),
                 };
-                schemes::modified(data, ekf, gains, Order::SameInstant)?
+                schemes::modified(data, ekf, gains, form)?
             }
         };
         scores.push(schemes::score(data, &estimates)?);
@@ -147,6 +148,7 @@ pub fn scores(
 pub fn best(
     data: &[ObserverData],
     scheme: Scheme,
+    form: Form,
     grid: &Grid,
     metric: Metric,
     aggregate: Aggregate,
@@ -159,7 +161,7 @@ pub fn best(
                 position: None,
                 ..one.clone()
             };
-            scores(&attitude_only, scheme, &all)
+            scores(&attitude_only, scheme, form, &all)
         })
         .collect();
     let tables = tables?;
