@@ -6,7 +6,9 @@ use clap::{Parser, Subcommand};
 use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
-use crate::commands::{calibrate, compare, convert, demo, estimators, run, simulate, track};
+use crate::commands::{
+    calibrate, compare, convert, demo, estimators, experiment, run, simulate, track,
+};
 
 /// Which way does a device point, and how sure are we?
 #[derive(Debug, Parser)]
@@ -50,6 +52,8 @@ pub(crate) enum Command {
     #[cfg(feature = "parquet")]
     #[command(name = "montecarlo")]
     MonteCarlo(Box<montecarlo::MonteCarloArgs>),
+    /// Experiments of the literature, made again: who is better, by how much, at what cost
+    Experiment(experiment::ExperimentArgs),
     /// List the estimators and their parameters
     Estimators(estimators::EstimatorsArgs),
 }
@@ -77,6 +81,7 @@ northing: which way does a device point, and how sure are we?
   northing convert walk.zip walk.csv     a recording in another format
   northing simulate scenario.toml        one run of a tracking scenario
   northing montecarlo scenario.toml      many runs: who is how wrong, and who knows
+  northing experiment observers          observers in cascade, judged: errors, gains, cost
   northing estimators                    the estimators and their parameters
 
 `northing COMMAND --help` says more, with examples.

@@ -63,6 +63,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Simulate(args)) => commands::simulate::execute(&args),
         #[cfg(feature = "parquet")]
         Some(Command::MonteCarlo(args)) => commands::montecarlo::execute(&args),
+        Some(Command::Experiment(args)) => commands::experiment::execute(&args),
         Some(Command::Estimators(args)) => commands::estimators::execute(&args),
     }
 }

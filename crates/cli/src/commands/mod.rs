@@ -5,6 +5,7 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod estimators;
+pub(crate) mod experiment;
 #[cfg(feature = "live")]
 pub(crate) mod live;
 #[cfg(feature = "parquet")]

@@ -199,6 +199,7 @@ pub fn level_covariance<T: Scalar>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::so3;
     use approx::assert_relative_eq;
 
     fn config() -> AttitudeConfig<f64> {

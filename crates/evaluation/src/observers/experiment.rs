@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use northing_recording::OpenOptions;
 use northing_simulation::scenario::flight_schema::{FlightScenario, Metric};
-use northing_simulation::scenario::{FlightScenarioFile, ScenarioError};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 
@@ -142,9 +141,6 @@ pub struct ExperimentOutcome {
 /// Why an experiment could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperimentError {
-    /// The scenario makes no sense.
-    #[error(transparent)]
-    Scenario(#[from] ScenarioError),
     /// A scheme could not be run, or a recording not be read.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
@@ -230,23 +226,6 @@ impl Experiment {
             judge_recordings(name, &title, &data)?,
             judge_recordings(&format!("{name}-accelerometer-only"), &blind, &without)?,
         ])
-    }
-
-    /// Everything: the conditions one after the other, `done` after each.
-    ///
-    /// # Errors
-    /// As [`Self::simulated`].
-    pub fn simulated_all(
-        &self,
-        file: &FlightScenarioFile,
-        done: &dyn Fn(),
-    ) -> Result<Vec<Condition>, ExperimentError> {
-        let mut conditions = Vec::new();
-        for variant in file.variants() {
-            conditions.push(self.simulated(&file.scenario(Some(variant))?)?);
-            done();
-        }
-        Ok(conditions)
     }
 }
 
@@ -385,7 +364,7 @@ impl Case<'_> {
         let errors = [0, 1, 2].map(|i| self.errors(&all[i]));
         let [original_deg, modified_deg, ekf_deg] =
             [0, 1, 2].map(|i| self.aggregate.of(&errors[i]));
-        let intervals = [0, 1, 2].map(|i| error_ci95(&errors[i], self.aggregate));
+        let intervals = [0, 1, 2].map(|i| error_ci95(&errors[i], errors[i].len(), self.aggregate));
         let gain = Gain::between(&errors[0], &errors[1], self.aggregate);
         let means = [0, 1, 2].map(|i| self.mean(&all[i]));
         let has_position = self.scored[0].position.is_some();

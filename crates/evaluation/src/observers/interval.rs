@@ -26,7 +26,8 @@ impl Gain {
     pub fn between(old: &[f64], new: &[f64], aggregate: Aggregate) -> Self {
         let percent =
             |old: &[f64], new: &[f64]| 100.0 * (1.0 - aggregate.of(new) / aggregate.of(old));
-        let mut drawn = bootstrap(old.len().min(new.len()), |picked| {
+        let count = old.len().min(new.len());
+        let mut drawn = bootstrap(count, count, |picked| {
             let pick = |errors: &[f64]| -> Vec<f64> { picked.iter().map(|i| errors[*i]).collect() };
             percent(&pick(old), &pick(new))
         });
@@ -37,22 +38,23 @@ impl Gain {
     }
 }
 
-/// Bounds that hold the aggregate error of other flights of this kind in 95 % of the cases.
+/// Bounds that hold the aggregate error of `size` other flights of this kind in 95 % of the cases.
 #[must_use]
-pub fn error_ci95(errors: &[f64], aggregate: Aggregate) -> [f64; 2] {
-    let mut drawn = bootstrap(errors.len(), |picked| {
+pub fn error_ci95(errors: &[f64], size: usize, aggregate: Aggregate) -> [f64; 2] {
+    let mut drawn = bootstrap(errors.len(), size, |picked| {
         let pick: Vec<f64> = picked.iter().map(|i| errors[*i]).collect();
         aggregate.of(&pick)
     });
     bounds(&mut drawn)
 }
 
-fn bootstrap(count: usize, mut value: impl FnMut(&[usize]) -> f64) -> Vec<f64> {
+/// The value of `size` flights drawn from `count`, as often as [`DRAWS`].
+fn bootstrap(count: usize, size: usize, mut value: impl FnMut(&[usize]) -> f64) -> Vec<f64> {
     if count == 0 {
         return Vec::new();
     }
     let mut random = stream(1, "bootstrap");
-    let mut picked = vec![0; count];
+    let mut picked = vec![0; size];
     (0..DRAWS)
         .map(|_| {
             picked.fill_with(|| random.random_range(0..count));

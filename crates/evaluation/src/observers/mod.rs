@@ -21,5 +21,5 @@ pub mod schemes;
 pub mod tuning;
 
 pub use data::ObserverData;
-pub use experiment::{Condition, Experiment, ExperimentOutcome};
+pub use experiment::{Comparison, Condition, Experiment, ExperimentOutcome};
 pub use schemes::{Form, Gains, Score};

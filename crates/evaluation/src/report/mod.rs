@@ -11,6 +11,7 @@
 //! | `from_summary.rs` | a summary as the data of its page |
 //! | `comparison.rs`, `comparison_plots.rs` | sections and plots of [`ComparisonReport`] |
 //! | `field_page.rs`, `allan_page.rs` | pages about a magnetometer calibration and an Allan deviation |
+//! | `observers.rs` | the page of the experiment on observers in cascade |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
@@ -33,6 +34,7 @@ mod html;
 mod innovation_plots;
 #[cfg(test)]
 mod markup_checks;
+mod observers;
 mod plot;
 mod run;
 mod series;
@@ -49,6 +51,7 @@ pub use comparison::{Best, Cell, Column, ComparedRun, ComparisonReport, Distribu
 pub use field_page::render as field_html;
 pub use from_summary::settings;
 pub use hero::{HeroPicture, hero_svg};
+pub use observers::{render as observers_html, verdicts as observers_verdicts};
 pub use tracking::TrackingReport;
 
 use crate::trace::Trace;

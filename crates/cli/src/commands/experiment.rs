@@ -1,0 +1,226 @@
+//! `northing experiment`: experiments of the literature, made again.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use anyhow::{Context as _, Result};
+use clap::{Args, Subcommand};
+use northing_evaluation::observers::experiment::{SCENARIO, SCENARIO_NAME};
+use northing_evaluation::observers::{Comparison, Condition, Experiment, ExperimentOutcome};
+use northing_evaluation::report;
+use northing_recording::OpenOptions;
+use northing_recording::atomic_file::write_whole;
+use northing_simulation::scenario::FlightScenarioFile;
+
+use crate::cli::command_line;
+use crate::output::{check_free, print, print_json};
+use crate::progress::Progress;
+use crate::table::Table;
+use crate::{interrupt, recordings};
+
+/// Arguments of `experiment`.
+#[derive(Debug, Args)]
+pub(crate) struct ExperimentArgs {
+    #[command(subcommand)]
+    experiment: ExperimentCommand,
+}
+
+/// The experiments.
+#[derive(Debug, Subcommand)]
+enum ExperimentCommand {
+    /// Observers in cascade: is the rotation of an EKF worth its time?
+    Observers(ObserversArgs),
+}
+
+/// Arguments of `experiment observers`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Runs Mahony's complementary filter (original), the same behind a quaternion EKF (modified), and that EKF \
+                  alone over simulated flights, and over recordings with a reference attitude. Each is tuned on \
+                  one half and scored on the other. Prints error, gain with its confidence interval, and cost.",
+    after_help = "\
+Examples:
+  northing experiment observers
+  northing experiment observers --data recordings/broad --report observers.html
+  northing experiment observers --condition rotation --condition free-1.5 --json"
+)]
+struct ObserversArgs {
+    /// Folder of recordings with reference; each folder is a condition of its own
+    #[arg(long, value_name = "DIR")]
+    data: Vec<PathBuf>,
+    /// Flights that are scored in each simulated condition; as many others are tuned on
+    #[arg(long, value_name = "NUMBER", default_value_t = 30, value_parser = clap::value_parser!(u64).range(2..=10_000))]
+    flights: u64,
+    /// Seed of the flights
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    seed: u64,
+    /// Conditions to fly instead of the built-in ones: a .toml file
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Only this condition, a variant of the scenario; may be given again
+    #[arg(long, value_name = "NAME")]
+    condition: Vec<String>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+    /// Write a report with plots: one HTML file for a browser
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Overwrite the report if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Makes an experiment.
+pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
+    let ExperimentCommand::Observers(args) = &args.experiment;
+    if let Some(path) = &args.report {
+        check_free(path, args.force)?;
+    }
+    let file = scenario(args)?;
+    let options = OpenOptions::default();
+    let mut folders = Vec::new();
+    for folder in &args.data {
+        let found = recordings::find(std::slice::from_ref(folder), &options)?;
+        for sentence in found.left_out.iter().chain(&found.broken) {
+            eprintln!("northing: {sentence}");
+        }
+        folders.push((name_of(folder), found.paths));
+    }
+    let variants = chosen(args, &file)?;
+    let experiment = Experiment {
+        flights: args.flights,
+        seed: args.seed,
+    };
+    let steps = (variants.len() + folders.len()) as u64;
+    let progress = Mutex::new((Progress::of_steps(steps, "conditions"), 0_u64));
+    let done = || {
+        if interrupt::happened() {
+            // Nothing has been written yet: half an experiment answers nothing.
+            std::process::exit(i32::from(interrupt::EXIT_CODE));
+        }
+        if let Ok(mut progress) = progress.lock() {
+            progress.1 += 1;
+            let steps = progress.1;
+            progress.0.done(steps);
+        }
+    };
+    let mut conditions = Vec::new();
+    for variant in &variants {
+        conditions.push(experiment.simulated(&file.scenario(Some(variant))?)?);
+        done();
+    }
+    for (name, paths) in &folders {
+        conditions.extend(experiment.recorded(name, paths, &options)?);
+        done();
+    }
+    drop(progress);
+    let cost_ns = conditions
+        .first()
+        .map(|c| c.cost_ns)
+        .context("no condition is left to fly")?;
+    conclude(
+        args,
+        &ExperimentOutcome {
+            seed: args.seed,
+            flights: args.flights,
+            conditions,
+            cost_ns,
+        },
+    )
+}
+
+fn scenario(args: &ObserversArgs) -> Result<FlightScenarioFile> {
+    let Some(path) = &args.scenario else {
+        return Ok(FlightScenarioFile::parse(SCENARIO_NAME, SCENARIO)?);
+    };
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot read it"))?;
+    Ok(FlightScenarioFile::parse(&name, &text)?)
+}
+
+/// The conditions that are asked for, each of which exists.
+fn chosen(args: &ObserversArgs, file: &FlightScenarioFile) -> Result<Vec<String>> {
+    if args.condition.is_empty() {
+        return Ok(file.variants().to_vec());
+    }
+    for name in &args.condition {
+        file.scenario(Some(name))?;
+    }
+    Ok(args.condition.clone())
+}
+
+fn name_of(folder: &std::path::Path) -> String {
+    let name = folder.file_name().unwrap_or(folder.as_os_str());
+    name.to_string_lossy().into_owned()
+}
+
+fn conclude(args: &ObserversArgs, outcome: &ExperimentOutcome) -> Result<()> {
+    if let Some(path) = &args.report {
+        let html = report::observers_html(outcome, Some(&command_line()));
+        write_whole(path, html.as_bytes(), args.force)?;
+    }
+    if args.json {
+        print_json(outcome)
+    } else {
+        print(&text(outcome))
+    }
+}
+
+/// The result for people.
+fn text(outcome: &ExperimentOutcome) -> String {
+    let conditions = &outcome.conditions;
+    let part = |title: &str, of: &dyn Fn(&Condition) -> &Comparison| {
+        let rows = conditions.iter().map(|c| (c, of(c)));
+        format!("{title}\n{}\n", table(rows))
+    };
+    let cost = &outcome.cost_ns;
+    let times = |ns: f64| format!("{ns:.0} ns, {:.1} times", ns / cost.original);
+    let sentences = report::observers_verdicts(outcome);
+    let sentences: Vec<String> = sentences
+        .into_iter()
+        .map(|v| format!("- {}", v.text))
+        .collect();
+    format!(
+        "{}{}{}Cost of a step with accelerometer and magnetometer: original {:.0} ns; modified {}; EKF alone {}; cascade {}; \
+         cascade-ekf {}\n\n{}\n",
+        part("Tuned on one half, scored on the other", &|c| &c.tuned),
+        part("At the literature's gains (k_P 1, k_I 0.3)", &|c| &c
+            .default),
+        part("Tuned, in Northing's forms", &|c| &c.northing),
+        cost.original,
+        times(cost.modified),
+        times(cost.ekf),
+        times(cost.cascade),
+        times(cost.cascade_ekf),
+        sentences.join("\n"),
+    )
+}
+
+fn table<'a>(rows: impl Iterator<Item = (&'a Condition, &'a Comparison)>) -> String {
+    let mut table = Table::new(&[
+        "<condition",
+        "original deg",
+        "modified deg",
+        "EKF deg",
+        "gain %",
+        "95 %",
+        "position gain %",
+        "velocity gain %",
+    ]);
+    let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.0}"));
+    for (condition, c) in rows {
+        let [low, high] = c.gain_ci95;
+        table.row([
+            condition.name.clone(),
+            format!("{:.2}", c.original_deg),
+            format!("{:.2}", c.modified_deg),
+            format!("{:.2}", c.ekf_deg),
+            format!("{:.0}", c.gain_percent),
+            format!("{low:.0} to {high:.0}"),
+            percent(c.position_gain_percent),
+            percent(c.velocity_gain_percent),
+        ]);
+    }
+    table.render("  ")
+}
