@@ -8,6 +8,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use northing_core::geometry::rotation;
 use northing_core::nalgebra::{Matrix3, Vector3};
+use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::{EstimateRecord, RunObserver};
 use northing_recording::{AtomicFile, TumWriter};
 
@@ -36,9 +37,24 @@ const COLUMNS: [&str; 16] = [
     "gyro_bias_std_z_rad_s",
 ];
 
+/// What follows for estimators that use positions: position and velocity, world frame.
+const PLACE_COLUMNS: [&str; 6] = [
+    "pos_x_m",
+    "pos_y_m",
+    "pos_z_m",
+    "vel_x_m_s",
+    "vel_y_m_s",
+    "vel_z_m_s",
+];
+
+/// All columns there can be.
+const MOST: usize = COLUMNS.len() + PLACE_COLUMNS.len();
+
 /// A file of estimates being written. It watches a run; what goes wrong is told at the end.
 pub(crate) struct EstimateFile {
     output: Output,
+    /// How many of the columns there can be it has.
+    columns: usize,
     failure: Option<anyhow::Error>,
 }
 
@@ -50,19 +66,25 @@ enum Output {
 }
 
 impl EstimateFile {
-    /// Starts the file.
+    /// Starts the file of an estimator.
     ///
     /// # Errors
     /// It exists, cannot be written, or has another extension.
-    pub(crate) fn create(path: &Path, force: bool) -> Result<Self> {
+    pub(crate) fn create(path: &Path, estimator: EstimatorKind, force: bool) -> Result<Self> {
+        let place = if estimator.uses_positions() {
+            &PLACE_COLUMNS[..]
+        } else {
+            &[]
+        };
+        let names = [&COLUMNS[..], place].concat();
         let output = if has_extension(path, "csv") {
             let mut file = AtomicFile::create(path, force)?;
-            file.print(format_args!("t_s,{}\n", COLUMNS.join(",")))?;
+            file.print(format_args!("t_s,{}\n", names.join(",")))?;
             Output::Csv(file)
         } else if has_extension(path, "tum") {
             Output::Tum(TumWriter::create(path, force)?)
         } else if has_extension(path, "parquet") {
-            create_parquet(path, force)?
+            create_parquet(path, &names, force)?
         } else {
             bail!(
                 "{}: estimates are written as .csv, .parquet or .tum; name the output so",
@@ -71,22 +93,24 @@ impl EstimateFile {
         };
         Ok(Self {
             output,
+            columns: names.len(),
             failure: None,
         })
     }
 
     fn write(&mut self, record: &EstimateRecord) -> Result<()> {
         match &mut self.output {
-            Output::Csv(file) => write_csv(file, record),
+            Output::Csv(file) => write_csv(file, record, self.columns),
             Output::Tum(writer) => {
-                Ok(writer.write(record.time_ns, &Vector3::zeros(), &record.attitude)?)
+                let position = record.position.unwrap_or_else(Vector3::zeros);
+                Ok(writer.write(record.time_ns, &position, &record.attitude)?)
             }
             #[cfg(feature = "parquet")]
             Output::Parquet(table) => {
-                let mut row = [0.0; COLUMNS.len() + 1];
+                let mut row = [0.0; MOST + 1];
                 row[0] = record.time_ns as f64 * 1e-9;
                 row[1..].copy_from_slice(&numbers(record));
-                table.row(&row)
+                table.row(&row[..=self.columns])
             }
         }
     }
@@ -109,15 +133,15 @@ impl EstimateFile {
 }
 
 #[cfg(feature = "parquet")]
-fn create_parquet(path: &Path, force: bool) -> Result<Output> {
-    let names = std::iter::once("t_s").chain(COLUMNS);
+fn create_parquet(path: &Path, names: &[&str], force: bool) -> Result<Output> {
+    let names = std::iter::once("t_s").chain(names.iter().copied());
     Ok(Output::Parquet(Box::new(ParquetTable::create(
         path, names, force,
     )?)))
 }
 
 #[cfg(not(feature = "parquet"))]
-fn create_parquet(path: &Path, _: bool) -> Result<Output> {
+fn create_parquet(path: &Path, _: &[&str], _: bool) -> Result<Output> {
     bail!(
         "{}: this build cannot write Parquet; write .csv, or build with its default features",
         path.display()
@@ -132,7 +156,7 @@ impl RunObserver for EstimateFile {
     }
 }
 
-fn write_csv(file: &mut AtomicFile, record: &EstimateRecord) -> Result<()> {
+fn write_csv(file: &mut AtomicFile, record: &EstimateRecord, columns: usize) -> Result<()> {
     let sign = if record.time_ns < 0 { "-" } else { "" };
     let ns = record.time_ns.unsigned_abs();
     file.print(format_args!(
@@ -140,7 +164,7 @@ fn write_csv(file: &mut AtomicFile, record: &EstimateRecord) -> Result<()> {
         ns / 1_000_000_000,
         ns % 1_000_000_000
     ))?;
-    for value in numbers(record) {
+    for value in &numbers(record)[..columns] {
         if value.is_nan() {
             file.print(format_args!(","))?;
         } else {
@@ -150,8 +174,8 @@ fn write_csv(file: &mut AtomicFile, record: &EstimateRecord) -> Result<()> {
     Ok(file.print(format_args!("\n"))?)
 }
 
-/// The values of [`COLUMNS`], NaN where there are none.
-fn numbers(record: &EstimateRecord) -> [f64; COLUMNS.len()] {
+/// The values of all columns, NaN where there are none.
+fn numbers(record: &EstimateRecord) -> [f64; MOST] {
     let unknown = [f64::NAN; 3];
     let std = |p: &Matrix3<f64>| -> [f64; 3] { p.diagonal().map(|v| v.max(0.0).sqrt()).into() };
     let q = record.attitude;
@@ -162,11 +186,13 @@ fn numbers(record: &EstimateRecord) -> [f64; COLUMNS.len()] {
         .gyroscope_bias
         .map_or(unknown, |(bias, _)| bias.into());
     let bias_std = record.gyroscope_bias.map_or(unknown, |(_, p)| std(&p));
-    let mut row = [0.0; COLUMNS.len()];
+    let place = [record.position, record.velocity].map(|v| v.map_or(unknown, Into::into));
+    let mut row = [0.0; MOST];
     row[..4].copy_from_slice(&[q.w * sign, q.i * sign, q.j * sign, q.k * sign]);
-    for (place, part) in row[4..]
-        .chunks_exact_mut(3)
-        .zip([attitude_std, angles, bias, bias_std])
+    for (place, part) in
+        row[4..]
+            .chunks_exact_mut(3)
+            .zip([attitude_std, angles, bias, bias_std, place[0], place[1]])
     {
         place.copy_from_slice(&part);
     }
@@ -184,6 +210,8 @@ mod tests {
             attitude: rotation::from_yaw_pitch_roll([0.5, 0.1, -0.2]),
             attitude_covariance: Some(Matrix3::identity() * 1e-4),
             gyroscope_bias: None,
+            position: None,
+            velocity: None,
             reference: None,
             device: None,
         }
@@ -193,7 +221,7 @@ mod tests {
     fn csv_has_every_column_and_empty_cells_for_what_is_unknown() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("e.csv");
-        let mut file = EstimateFile::create(&path, false).unwrap();
+        let mut file = EstimateFile::create(&path, EstimatorKind::Mekf, false).unwrap();
         file.estimate(&record(-1_500_000_000));
         file.finish().unwrap();
         let text = std::fs::read_to_string(path).unwrap();
@@ -207,8 +235,40 @@ mod tests {
     }
 
     #[test]
+    fn position_and_velocity_have_columns_where_the_estimator_has_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let with_place = EstimateRecord {
+            position: Some(Vector3::new(1.0, -2.0, 3.5)),
+            velocity: Some(Vector3::new(0.1, 0.2, 0.3)),
+            ..record(500_000_000)
+        };
+        let written = |name: &str| {
+            let path = folder.path().join(name);
+            let mut file = EstimateFile::create(&path, EstimatorKind::Cascade, false).unwrap();
+            file.estimate(&record(0));
+            file.estimate(&with_place);
+            file.finish().unwrap();
+            std::fs::read_to_string(path).unwrap()
+        };
+        let text = written("e.csv");
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].ends_with(&PLACE_COLUMNS.join(",")), "{text}");
+        assert!(lines[1].ends_with(",,,,,,"), "{text}");
+        assert!(lines[2].ends_with(",1,-2,3.5,0.1,0.2,0.3"), "{text}");
+        let text = written("e.tum");
+        assert!(
+            text.lines().nth(1).unwrap().starts_with("0.0 0 0 0 "),
+            "{text}"
+        );
+        assert!(
+            text.lines().nth(2).unwrap().starts_with("0.5 1 -2 3.5 "),
+            "{text}"
+        );
+    }
+
+    #[test]
     fn other_extensions_are_refused() {
-        let error = EstimateFile::create(Path::new("e.txt"), false)
+        let error = EstimateFile::create(Path::new("e.txt"), EstimatorKind::Mekf, false)
             .err()
             .unwrap()
             .to_string();
@@ -218,7 +278,7 @@ mod tests {
     #[test]
     fn every_column_is_documented() {
         let formats = include_str!("../../../docs/formats.md");
-        for column in COLUMNS {
+        for column in COLUMNS.iter().chain(&PLACE_COLUMNS) {
             assert!(formats.contains(&format!("`{column}`")), "{column}");
         }
     }

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_core::attitude::AttitudeConfig;
 use northing_core::calibration::RestCalibration;
 use northing_evaluation::EvaluationError;
 use northing_evaluation::calibration::calibrated_config;
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::RunObserver;
 use northing_evaluation::options::{MagnetometerSource, RunOptions, SensorSelection};
+use northing_evaluation::parameters::Parameters;
 use northing_evaluation::runner::run;
 use northing_evaluation::summary::RunSummary;
 use northing_recording::Recording;
@@ -143,7 +143,7 @@ pub(crate) fn run_over(
 pub(crate) fn parameters_used(
     options: &RunOptions,
     calibration: Option<&RestCalibration<f64>>,
-) -> AttitudeConfig<f64> {
+) -> Parameters {
     let calibration = options.calibration.as_ref().or(calibration);
     calibration.map_or(options.config, |calibration| {
         calibrated_config(options, calibration)

@@ -201,7 +201,7 @@ impl<'a> Lab<'a> {
     fn tune(&self, calibration: &RestCalibration<f64>) -> Result<RunOptions> {
         let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         options.calibrate_first_s = Some(self.phone.config().rest_before_s);
-        let config = parameters_used(&options, Some(calibration));
+        let config = parameters_used(&options, Some(calibration)).attitude;
         self.say(&format!(
             "3. Set Q and R: the noise just measured (profile lab)\n   \
              Q  gyroscope noise {:.2e} rad/s/sqrt(Hz), bias random walk {:.2e} rad/s/sqrt(s)\n   \
@@ -223,7 +223,11 @@ impl<'a> Lab<'a> {
         let metadata = recording.metadata().clone();
         let mut watchers = Watchers {
             trace: TraceObserver::new(TRACE_CAPACITY, metadata.world_frame),
-            file: EstimateFile::create(&self.folder.estimates, self.folder.force)?,
+            file: EstimateFile::create(
+                &self.folder.estimates,
+                options.estimator,
+                self.folder.force,
+            )?,
         };
         let summary = self.run(&mut recording, options, &mut watchers)?;
         watchers.file.finish()?;

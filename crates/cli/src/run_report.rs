@@ -1,6 +1,6 @@
 //! The page of a run: what the summary says, and what only the program knows.
 
-use northing_core::attitude::AttitudeConfig;
+use northing_evaluation::parameters::Parameters;
 use northing_evaluation::report::{Fact, RunReport};
 use northing_evaluation::summary::RunSummary;
 use northing_evaluation::trace::Trace;
@@ -11,7 +11,7 @@ use crate::cli::command_line;
 /// The page of a run; `config` are the parameters that it ran with.
 pub(crate) fn render(
     summary: &RunSummary,
-    config: &AttitudeConfig<f64>,
+    config: &Parameters,
     metadata: &Metadata,
     trace: &Trace,
 ) -> String {

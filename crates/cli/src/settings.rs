@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn without_anything_it_is_the_hand_held_profile() {
         let settings = SettingArgs::default().options(EstimatorKind::Mekf).unwrap();
-        assert_eq!(settings.config, AttitudeConfig::hand_held());
+        assert_eq!(settings.config.attitude, AttitudeConfig::hand_held());
         assert!(settings.explicit_settings.is_empty());
     }
 
@@ -165,7 +165,7 @@ mod tests {
             magnetometer_use: MagnetometerUse::Heading,
             ..AttitudeConfig::default()
         };
-        assert_eq!(settings.config, expected);
+        assert_eq!(settings.config.attitude, expected);
         let explicit: Vec<_> = settings.explicit_settings.into_iter().collect();
         assert_eq!(explicit, ["accelerometer_std", "magnetometer_use"]);
     }

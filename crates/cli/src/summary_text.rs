@@ -6,7 +6,7 @@ use northing_core::kalman::SkipReason;
 use northing_evaluation::consistency::nees_in_words;
 use northing_evaluation::final_test::FinalVerdict;
 use northing_evaluation::nis::UpdateCounts;
-use northing_evaluation::summary::RunSummary;
+use northing_evaluation::summary::{PositionSummary, RunSummary};
 use northing_recording::SensorKind;
 
 use crate::sheet::Sheet;
@@ -49,6 +49,9 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
         SensorKind::CompassHeading,
         &summary.updates.compass,
     );
+    if let Some(position) = &summary.position {
+        sheet.row("position", place(position));
+    }
     match &summary.final_test {
         Some(test) => sheet.row("final test", test.sentence.as_str()),
         None => sheet.row(
@@ -82,12 +85,44 @@ fn title(summary: &RunSummary) -> String {
     )
 }
 
+/// What became of the positions, and what they told.
+fn place(position: &PositionSummary) -> String {
+    let mut text = used(&position.updates);
+    if let Some(rms) = position.innovation_rms_m {
+        let _ = write!(
+            text,
+            " Measured minus estimated: {:.2} m RMS per horizontal axis, {:.2} m vertically.",
+            rms.horizontal, rms.vertical
+        );
+    }
+    let [x, y, z] = position.accelerometer_bias_m_s2;
+    let _ = write!(
+        text,
+        " Accelerometer bias at the end: {x:.3}, {y:.3}, {z:.3} m/s^2."
+    );
+    text
+}
+
 /// A sensor's use, and its verdict.
 fn sensor(sheet: &mut Sheet, summary: &RunSummary, kind: SensorKind, counts: &UpdateCounts) {
     let total = counts.fused + counts.gated + counts.skipped;
     if total == 0 {
         return;
     }
+    let mut text = used(counts);
+    let verdict = summary
+        .verdicts
+        .iter()
+        .find(|verdict| verdict.sensor == kind);
+    for sentence in verdict.iter().flat_map(|verdict| &verdict.sentences) {
+        text.push(' ');
+        text.push_str(sentence);
+    }
+    sheet.row(kind.name(), text);
+}
+
+/// How many samples were used and how many not, and why not.
+fn used(counts: &UpdateCounts) -> String {
     let mut text = format!(
         "{} fused, {} gated, {} skipped.",
         counts.fused, counts.gated, counts.skipped
@@ -98,15 +133,7 @@ fn sensor(sheet: &mut Sheet, summary: &RunSummary, kind: SensorKind, counts: &Up
             let _ = write!(text, " {count} of them: {reason}.");
         }
     }
-    let verdict = summary
-        .verdicts
-        .iter()
-        .find(|verdict| verdict.sensor == kind);
-    for sentence in verdict.iter().flat_map(|verdict| &verdict.sentences) {
-        text.push(' ');
-        text.push_str(sentence);
-    }
-    sheet.row(kind.name(), text);
+    text
 }
 
 /// A verdict of the final test in a word.

@@ -13,18 +13,16 @@ use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits, Se
 use crate::error::EvaluationError;
 use crate::instants::Instant;
 use crate::options::{MagnetometerSource, RunOptions, SensorSelection};
-use crate::parameters::Profile;
+use crate::parameters::{Parameters, Profile};
 
 /// The parameters with the noise that the calibration measured, except those the user set.
 ///
 /// The `lab` profile takes the rest noise as it is. The `hand-held` profile stands for errors that
 /// a device at rest does not show, so its noise is raised where the sensor is worse, never lowered.
 #[must_use]
-pub fn calibrated_config(
-    options: &RunOptions,
-    calibration: &RestCalibration<f64>,
-) -> AttitudeConfig<f64> {
-    let mut config = options.config;
+pub fn calibrated_config(options: &RunOptions, calibration: &RestCalibration<f64>) -> Parameters {
+    let mut parameters = options.config;
+    let config = &mut parameters.attitude;
     let floor = options.profile == Profile::HandHeld;
     let measured = [
         (
@@ -53,7 +51,7 @@ pub fn calibrated_config(
     {
         config.gyroscope_sample_interval_s = interval;
     }
-    config
+    parameters
 }
 
 /// The driver's settings with what the calibration knows beforehand.
@@ -292,7 +290,7 @@ mod tests {
     fn the_start_is_the_pose_of_the_rest() {
         let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         let calibration = phase().finish().unwrap();
-        let config = calibrated_config(&options, &calibration);
+        let config = calibrated_config(&options, &calibration).attitude;
         let driver = calibrated_driver(&options, &calibration);
         let start = state_at_rest(&calibration, &config, &driver);
         assert!(rotation::angle_between(&start.attitude, &truth()) < 4.0 * 0.023 / 1000_f64.sqrt());
@@ -325,12 +323,12 @@ mod tests {
     fn a_hand_held_device_and_the_user_keep_their_noise() {
         let calibration = phase().finish().unwrap();
         let hand_held = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
-        let config = calibrated_config(&hand_held, &calibration);
-        let profile = hand_held.config.accelerometer_std;
+        let config = calibrated_config(&hand_held, &calibration).attitude;
+        let profile = hand_held.config.attitude.accelerometer_std;
         assert_relative_eq!(config.accelerometer_std, profile);
         let mut lab = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         lab.set("accelerometer_std=0.7").unwrap();
-        let config = calibrated_config(&lab, &calibration);
+        let config = calibrated_config(&lab, &calibration).attitude;
         assert_relative_eq!(config.accelerometer_std, 0.7);
         assert!(config.magnetometer_std_ut < 0.6);
     }
@@ -341,7 +339,7 @@ mod tests {
         phase.calibrator.forget_magnetometer();
         let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         let calibration = phase.finish().unwrap();
-        let config = calibrated_config(&options, &calibration);
+        let config = calibrated_config(&options, &calibration).attitude;
         let start = state_at_rest(
             &calibration,
             &config,

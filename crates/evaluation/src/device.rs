@@ -53,6 +53,8 @@ fn record(instant: &Instant, attitude: UnitQuaternion<f64>, time_s: f64) -> Esti
         attitude,
         attitude_covariance: None,
         gyroscope_bias: None,
+        position: None,
+        velocity: None,
         reference: instant.reference,
         device: Some(attitude),
     }

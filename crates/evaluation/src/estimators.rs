@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
+use northing_core::attitude::ekf_reconstruction::EkfReconstruction;
 use northing_core::attitude::integration::Integration;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
@@ -38,6 +39,10 @@ pub enum EstimatorKind {
     ComplementaryPassive,
     /// Its direct form, against TRIAD.
     ComplementaryDirect,
+    /// The explicit filter, and the position observer behind it.
+    Cascade,
+    /// A passive filter behind the additive EKF, and the position observer behind both.
+    CascadeEkf,
     /// What the device itself reported; no filter runs.
     Device,
 }
@@ -59,7 +64,7 @@ pub struct EstimatorInfo {
 
 impl EstimatorKind {
     /// Every estimator, simplest first.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Integration,
         Self::Mekf3,
         Self::Mekf,
@@ -68,6 +73,8 @@ impl EstimatorKind {
         Self::Complementary,
         Self::ComplementaryPassive,
         Self::ComplementaryDirect,
+        Self::Cascade,
+        Self::CascadeEkf,
         Self::Device,
     ];
 
@@ -131,6 +138,21 @@ impl EstimatorKind {
                 has_covariance: false,
                 paper: "Mahony, Hamel & Pflimlin (2008)",
             },
+            Self::Cascade => EstimatorInfo {
+                name: "cascade",
+                summary: "explicit complementary filter; where there are positions, an observer of \
+                          position, velocity and accelerometer bias behind it",
+                error_states: 0,
+                has_covariance: false,
+                paper: "Scandaroli & Morin (2011); Mahony, Hamel & Pflimlin (2008)",
+            },
+            Self::CascadeEkf => EstimatorInfo {
+                name: "cascade-ekf",
+                summary: "as cascade, with a passive filter that follows the quaternion EKF",
+                error_states: 0,
+                has_covariance: false,
+                paper: "Iporre & Amestegui",
+            },
             Self::Device => EstimatorInfo {
                 name: "device",
                 summary: "the orientation that the device itself reported; nothing is estimated",
@@ -145,6 +167,12 @@ impl EstimatorKind {
     #[must_use]
     pub const fn name(self) -> &'static str {
         self.info().name
+    }
+
+    /// Whether it uses positions, where a recording has them.
+    #[must_use]
+    pub const fn uses_positions(self) -> bool {
+        matches!(self, Self::Cascade | Self::CascadeEkf)
     }
 
     /// All names, separated by commas.
@@ -185,8 +213,10 @@ pub enum AnyEstimator {
     Usque(Usque<f64>),
     /// `quaternion-ekf`
     QuaternionEkf(QuaternionEkf<f64>),
-    /// `complementary` and its relatives
+    /// `complementary` and its relatives, `cascade` among them
     Complementary(Complementary<f64>),
+    /// `cascade-ekf`
+    EkfReconstruction(Box<EkfReconstruction<f64>>),
 }
 
 impl AnyEstimator {
@@ -207,11 +237,26 @@ impl AnyEstimator {
             EstimatorKind::Mekf => Self::Mekf(Mekf::new(*config)?),
             EstimatorKind::Usque => Self::Usque(Usque::new(*config)?),
             EstimatorKind::QuaternionEkf => Self::QuaternionEkf(QuaternionEkf::new(*config)?),
-            EstimatorKind::Complementary => complementary(ComplementaryForm::Explicit)?,
+            EstimatorKind::Complementary | EstimatorKind::Cascade => {
+                complementary(ComplementaryForm::Explicit)?
+            }
             EstimatorKind::ComplementaryPassive => complementary(ComplementaryForm::Passive)?,
             EstimatorKind::ComplementaryDirect => complementary(ComplementaryForm::Direct)?,
+            EstimatorKind::CascadeEkf => {
+                Self::EkfReconstruction(Box::new(EkfReconstruction::new(*config)?))
+            }
             EstimatorKind::Device => return Ok(None),
         }))
+    }
+
+    /// The rotation that an EKF reconstructs for the estimator to follow, `ref_from_body`; the
+    /// estimate itself where there is none.
+    #[must_use]
+    pub fn reconstructed(&self) -> UnitQuaternion<f64> {
+        match self {
+            Self::EkfReconstruction(pair) => pair.reconstructed(),
+            other => other.attitude(),
+        }
     }
 }
 
@@ -225,6 +270,7 @@ macro_rules! each {
             Self::Usque($e) => $body,
             Self::QuaternionEkf($e) => $body,
             Self::Complementary($e) => $body,
+            Self::EkfReconstruction($e) => $body,
         }
     };
 }
@@ -287,7 +333,7 @@ mod tests {
             error,
             "unknown estimator `kalman`; expected one of: \
              integration, mekf3, mekf, usque, quaternion-ekf, complementary, \
-             complementary-passive, complementary-direct, device"
+             complementary-passive, complementary-direct, cascade, cascade-ekf, device"
         );
     }
 

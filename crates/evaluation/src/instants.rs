@@ -16,6 +16,8 @@ pub struct Instant {
     pub magnetic_field: Option<Vector3<f64>>,
     /// Magnetic field without the device's calibration, microtesla.
     pub magnetic_field_uncalibrated: Option<Vector3<f64>>,
+    /// Position in the recording's world frame, m.
+    pub position: Option<Vector3<f64>>,
     /// The heading that the device reports.
     pub compass: Option<CompassHeading>,
     /// The device's own orientation, if finite.
@@ -34,6 +36,7 @@ impl Instant {
             Sample::SpecificForce(v) => self.specific_force = Some(v),
             Sample::MagneticField(v) => self.magnetic_field = Some(v),
             Sample::MagneticFieldUncalibrated(v) => self.magnetic_field_uncalibrated = Some(v),
+            Sample::Position(p) => self.position = Some(p),
             Sample::CompassHeading(c) => self.compass = Some(c),
             Sample::DeviceOrientation(q) if event.sample.is_finite() => self.device = Some(q),
             Sample::Reference(r) if event.sample.is_finite() => self.reference = Some(r),

@@ -23,6 +23,10 @@ pub struct EstimateRecord {
     pub attitude_covariance: Option<Matrix3<f64>>,
     /// Gyroscope bias (rad/s, body axes) and its covariance, where it is estimated.
     pub gyroscope_bias: Option<(Vector3<f64>, Matrix3<f64>)>,
+    /// Position in the world frame, m, where it is estimated and a first one has come.
+    pub position: Option<Vector3<f64>>,
+    /// Velocity in the world frame, m/s, where it is estimated.
+    pub velocity: Option<Vector3<f64>>,
     /// The reference at this very instant.
     pub reference: Option<Reference>,
     /// The newest orientation that the device itself reported.
@@ -42,6 +46,19 @@ pub struct InnovationRecord {
     pub innovation: Innovation<f64>,
 }
 
+/// A measured position and what it told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionRecord {
+    /// Time stamp of the recording, ns: when the position was true.
+    pub time_ns: i64,
+    /// Seconds since the first sample of the recording.
+    pub time_s: f64,
+    /// The position, world frame, m.
+    pub measured: Vector3<f64>,
+    /// What it told: measured minus estimated, m, without a statement about its covariance.
+    pub innovation: Innovation<f64>,
+}
+
 /// Something that watches a run. Every method has an empty default.
 pub trait RunObserver {
     /// The estimate at a gyroscope sample, in time order.
@@ -52,6 +69,11 @@ pub trait RunObserver {
     /// An accelerometer or magnetometer sample, in time order; also those that were refused or
     /// skipped. A smoothed run tells the filter's innovations first and then the estimates.
     fn innovation(&mut self, record: &InnovationRecord) {
+        let _ = record;
+    }
+
+    /// A position, where the estimator uses them; also those that were refused or skipped.
+    fn position(&mut self, record: &PositionRecord) {
         let _ = record;
     }
 }
@@ -70,6 +92,11 @@ impl<A: RunObserver, B: RunObserver> RunObserver for (A, B) {
         self.0.innovation(record);
         self.1.innovation(record);
     }
+
+    fn position(&mut self, record: &PositionRecord) {
+        self.0.position(record);
+        self.1.position(record);
+    }
 }
 
 impl<O: RunObserver + ?Sized> RunObserver for &mut O {
@@ -79,6 +106,10 @@ impl<O: RunObserver + ?Sized> RunObserver for &mut O {
 
     fn innovation(&mut self, record: &InnovationRecord) {
         (**self).innovation(record);
+    }
+
+    fn position(&mut self, record: &PositionRecord) {
+        (**self).position(record);
     }
 }
 
@@ -223,6 +254,8 @@ mod tests {
             attitude,
             attitude_covariance: Some(Matrix3::from_diagonal(&Vector3::new(1e-4, 4e-4, 9e-4))),
             gyroscope_bias: Some((Vector3::new(0.1, 0.0, 0.0), Matrix3::identity() * 1e-4)),
+            position: None,
+            velocity: None,
             reference: Some(Reference {
                 attitude: truth,
                 scored: true,

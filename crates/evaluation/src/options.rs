@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
+use northing_core::attitude::InitialState;
 use northing_core::attitude::driver::DriverConfig;
-use northing_core::attitude::{AttitudeConfig, InitialState};
 use northing_core::calibration::RestCalibration;
 use northing_core::geometry::frames::TangentFrame;
 use northing_recording::{Event, WorldFrame};
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
 use crate::field_calibration::FieldCalibration;
-use crate::parameters::{self, Profile};
+use crate::parameters::{self, Parameters, Profile};
 
 /// Everything a run is asked for. [`RunOptions::default`] is `mekf` with the hand-held profile and
 /// all sensors.
@@ -26,7 +26,7 @@ pub struct RunOptions {
     /// The profile that `config` started from; it is named in the summary.
     pub profile: Profile,
     /// The parameters.
-    pub config: AttitudeConfig<f64>,
+    pub config: Parameters,
     /// Names of the parameters that the user set: a calibration does not change these.
     pub explicit_settings: BTreeSet<String>,
     /// Alignment and gaps. Its prior's frame is replaced by `world_frame`.

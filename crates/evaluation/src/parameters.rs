@@ -1,7 +1,9 @@
 //! Parameters of the estimators by name: units, meanings, defaults, profiles, and `NAME=VALUE`.
 //!
-//! Names and defaults come from the configuration structure itself; the table here adds unit and
-//! meaning. A test holds the two together.
+//! Names and defaults come from the configuration structures themselves; the table here adds unit
+//! and meaning. A test holds the two together.
+
+mod set;
 
 use northing_core::attitude::AttitudeConfig;
 use serde::{Deserialize, Serialize};
@@ -9,6 +11,7 @@ use serde_json::{Map, Value};
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
+pub use set::{CascadeRotation, CascadeSettings, Parameters};
 
 /// A named set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -45,10 +48,13 @@ impl Profile {
 
     /// Its parameters.
     #[must_use]
-    pub fn config(self) -> AttitudeConfig<f64> {
+    pub fn config(self) -> Parameters {
         match self {
-            Self::HandHeld => AttitudeConfig::hand_held(),
-            Self::Lab => AttitudeConfig::default(),
+            Self::HandHeld => Parameters {
+                attitude: AttitudeConfig::hand_held(),
+                cascade: CascadeSettings::satellite(),
+            },
+            Self::Lab => Parameters::default(),
         }
     }
 }
@@ -79,7 +85,7 @@ pub struct ParameterInfo {
 }
 
 /// Unit and meaning of each parameter, in the order of the configuration.
-const TABLE: [(&str, &str, &str); 29] = [
+const TABLE: [(&str, &str, &str); 32] = [
     (
         "gyroscope_noise_density",
         "rad/s/sqrt(Hz)",
@@ -192,7 +198,7 @@ const TABLE: [(&str, &str, &str); 29] = [
     ),
     (
         "quaternion_norm",
-        "projected, free",
+        "projected | free",
         "whether the quaternion EKF projects its covariance as it normalises; free: the textbook's",
     ),
     (
@@ -225,11 +231,37 @@ const TABLE: [(&str, &str, &str); 29] = [
         "rad/s",
         "largest gyroscope bias per axis in a complementary filter",
     ),
+    (
+        "cascade_pole",
+        "1/s",
+        "how fast the position observer of a cascade follows positions (its triple pole)",
+    ),
+    (
+        "cascade_position_std_m",
+        "m",
+        "position error per sample and axis; five times as much is an outlier",
+    ),
+    (
+        "cascade_rotation",
+        "estimated | reconstructed",
+        "which rotation the position observer takes: the observer's or the EKF's",
+    ),
 ];
 
 /// Parameters of complementary filters begin so; besides those only this one matters to them.
 const COMPLEMENTARY: &str = "complementary_";
 const COMPLEMENTARY_TOO: &str = "magnetometer_use";
+/// Those among them that a filter behind an EKF has of its own: it sees no vectors.
+const COMPLEMENTARY_BEHIND: [&str; 3] = [
+    "complementary_attitude_gain",
+    "complementary_bias_gain",
+    "complementary_bias_limit",
+];
+
+/// Parameters of the position observer begin so.
+const CASCADE: &str = "cascade_";
+/// This one is for those who have a choice.
+const CASCADE_ROTATION: &str = "cascade_rotation";
 
 /// Parameters that a filter without gyroscope bias has no use for.
 const BIAS_ONLY: [&str; 2] = ["gyroscope_bias_random_walk", "initial_gyroscope_bias_std"];
@@ -237,7 +269,7 @@ const BIAS_ONLY: [&str; 2] = ["gyroscope_bias_random_walk", "initial_gyroscope_b
 /// Every parameter, with its value in each profile.
 #[must_use]
 pub fn parameters() -> Vec<ParameterInfo> {
-    let configs = Profile::ALL.map(|profile| (profile, to_map(&profile.config())));
+    let configs = Profile::ALL.map(|profile| (profile, Map::from(profile.config())));
     let rows = TABLE.iter().map(|(name, unit, meaning)| ParameterInfo {
         name: (*name).to_owned(),
         unit,
@@ -254,21 +286,27 @@ pub fn parameters() -> Vec<ParameterInfo> {
 #[must_use]
 pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
     let mut all = parameters();
+    all.retain(|parameter| matters(kind, &parameter.name));
+    all
+}
+
+/// Whether a parameter makes a difference to an estimator.
+fn matters(kind: EstimatorKind, name: &str) -> bool {
+    let complementary = name.starts_with(COMPLEMENTARY);
+    let position = name.starts_with(CASCADE);
+    let of_ekf = !complementary && !position;
     match kind {
-        EstimatorKind::Integration | EstimatorKind::Device => all.clear(),
-        EstimatorKind::Mekf3 => all.retain(|p| {
-            !BIAS_ONLY.contains(&p.name.as_str()) && !p.name.starts_with(COMPLEMENTARY)
-        }),
-        EstimatorKind::Mekf | EstimatorKind::Usque | EstimatorKind::QuaternionEkf => {
-            all.retain(|p| !p.name.starts_with(COMPLEMENTARY));
-        }
+        EstimatorKind::Integration | EstimatorKind::Device => false,
+        EstimatorKind::Mekf3 => of_ekf && !BIAS_ONLY.contains(&name),
+        EstimatorKind::Mekf | EstimatorKind::Usque | EstimatorKind::QuaternionEkf => of_ekf,
         EstimatorKind::Complementary
         | EstimatorKind::ComplementaryPassive
-        | EstimatorKind::ComplementaryDirect => {
-            all.retain(|p| p.name.starts_with(COMPLEMENTARY) || p.name == COMPLEMENTARY_TOO);
+        | EstimatorKind::ComplementaryDirect => complementary || name == COMPLEMENTARY_TOO,
+        EstimatorKind::Cascade => {
+            complementary || name == COMPLEMENTARY_TOO || (position && name != CASCADE_ROTATION)
         }
+        EstimatorKind::CascadeEkf => of_ekf || position || COMPLEMENTARY_BEHIND.contains(&name),
     }
-    all
 }
 
 /// Applies one setting such as `accelerometer_std=0.3` and returns the name of the parameter.
@@ -276,17 +314,14 @@ pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
 /// # Errors
 /// The text is no setting, the name is unknown (the valid ones are listed), or the value does not
 /// fit; the configuration is then unchanged.
-pub fn apply_setting(
-    config: &mut AttitudeConfig<f64>,
-    setting: &str,
-) -> Result<String, EvaluationError> {
+pub fn apply_setting(config: &mut Parameters, setting: &str) -> Result<String, EvaluationError> {
     let (name, text) = setting
         .split_once('=')
         .ok_or_else(|| EvaluationError::NotASetting {
             text: setting.to_owned(),
         })?;
     let (name, text) = (name.trim(), text.trim());
-    let mut map = to_map(config);
+    let mut map = Map::from(*config);
     let Some(slot) = map.get_mut(name) else {
         return Err(EvaluationError::UnknownParameter {
             name: name.to_owned(),
@@ -309,108 +344,11 @@ pub fn apply_setting(
         }
         _ => Value::String(text.to_owned()),
     };
-    let changed: AttitudeConfig<f64> =
-        serde_json::from_value(Value::Object(map)).map_err(|error| bad(error.to_string()))?;
+    let changed = Parameters::try_from(map).map_err(|error| bad(error.to_string()))?;
     changed.validate().map_err(|error| bad(error.to_string()))?;
     *config = changed;
     Ok(name.to_owned())
 }
 
-/// The configuration as name and value.
-fn to_map(config: &AttitudeConfig<f64>) -> Map<String, Value> {
-    match serde_json::to_value(config) {
-        Ok(Value::Object(map)) => map,
-        _ => Map::new(),
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn table_and_configuration_name_the_same_parameters() {
-        let mut named: Vec<_> = TABLE.iter().map(|row| row.0.to_owned()).collect();
-        named.sort();
-        let mut real: Vec<_> = to_map(&AttitudeConfig::default()).keys().cloned().collect();
-        real.sort();
-        assert_eq!(named, real);
-    }
-
-    #[test]
-    fn parameters_carry_the_defaults_of_each_profile() {
-        let all = parameters();
-        let std = all.iter().find(|p| p.name == "accelerometer_std").unwrap();
-        let expected = [AttitudeConfig::hand_held(), AttitudeConfig::default()];
-        for ((_, value), config) in std.defaults.iter().zip(expected) {
-            assert_eq!(value.as_f64(), Some(config.accelerometer_std));
-        }
-        let complementary = all.iter().filter(|p| p.name.starts_with(COMPLEMENTARY));
-        let complementary = complementary.count();
-        assert_eq!(
-            parameters_of(EstimatorKind::Mekf3).len() + BIAS_ONLY.len() + complementary,
-            all.len()
-        );
-        assert_eq!(
-            parameters_of(EstimatorKind::ComplementaryPassive).len(),
-            complementary + 1
-        );
-        assert!(parameters_of(EstimatorKind::Integration).is_empty());
-    }
-
-    #[test]
-    fn settings_change_what_they_name_and_nothing_else() {
-        let mut config = AttitudeConfig::default();
-        assert_eq!(
-            apply_setting(&mut config, "accelerometer_std = 0.3").unwrap(),
-            "accelerometer_std"
-        );
-        assert_eq!(
-            apply_setting(&mut config, "gate_timeout_s=5").unwrap(),
-            "gate_timeout_s"
-        );
-        assert_eq!(
-            apply_setting(&mut config, "magnetometer_use=heading").unwrap(),
-            "magnetometer_use"
-        );
-        let expected = AttitudeConfig {
-            accelerometer_std: 0.3,
-            gate_timeout_s: 5.0,
-            magnetometer_use: northing_core::attitude::MagnetometerUse::Heading,
-            ..AttitudeConfig::default()
-        };
-        assert_eq!(config, expected);
-    }
-
-    #[test]
-    fn bad_settings_say_what_was_expected_and_change_nothing() {
-        let mut config = AttitudeConfig::default();
-        let mut error = |text: &str| apply_setting(&mut config, text).unwrap_err().to_string();
-        assert!(error("accelerometer_std").contains("expected NAME=VALUE"));
-        let unknown = error("acc_std=1");
-        assert!(
-            unknown.contains("`acc_std`") && unknown.contains("accelerometer_std, "),
-            "{unknown}"
-        );
-        assert!(error("accelerometer_std=a").contains("expected a number"));
-        assert!(error("accelerometer_std=inf").contains("finite"));
-        assert!(error("accelerometer_std=-1").contains("above 0"));
-        let word = error("magnetometer_use=both");
-        assert!(
-            word.contains("vector") && word.contains("heading"),
-            "{word}"
-        );
-        assert_eq!(config, AttitudeConfig::default());
-    }
-
-    #[test]
-    fn profiles_are_found_by_name() {
-        assert_eq!("lab".parse::<Profile>().unwrap(), Profile::Lab);
-        assert_eq!(Profile::default().name(), "hand-held");
-        let error = "car".parse::<Profile>().unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "unknown profile `car`; expected one of: hand-held, lab"
-        );
-    }
-}
+mod tests;

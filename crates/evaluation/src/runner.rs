@@ -3,6 +3,8 @@
 //! Events of one instant are taken together, gyroscope first, and the estimate is scored after all
 //! of them. Memory does not grow with the recording, unless smoothing asks for it.
 
+mod position_observer;
+
 use nalgebra::UnitQuaternion;
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
 use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, Propagation};
@@ -14,11 +16,13 @@ use crate::device;
 use crate::error::EvaluationError;
 use crate::estimators::{AnyEstimator, EstimatorKind};
 use crate::instants::{Instant, Instants};
-use crate::observer::{EstimateRecord, InnovationRecord, RunObserver};
+use crate::observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver};
 use crate::options::RunOptions;
+use crate::parameters::CascadeRotation;
 use crate::rts_smoother::Recorder;
 use crate::summary::RunSummary;
 use crate::tally::Tally;
+use position_observer::PositionObserver;
 
 /// Runs the estimator of `options` over `events`, which must be in time order.
 ///
@@ -117,13 +121,24 @@ fn run_filter(
         AnyEstimator::new(kind, config)?.ok_or(EvaluationError::NoDeviceOrientation)
     };
     let mut session = Session::new(options, &make)?;
+    if kind.uses_positions() {
+        let rotation = match options.config.cascade.rotation {
+            CascadeRotation::Estimated => AnyEstimator::attitude,
+            CascadeRotation::Reconstructed => AnyEstimator::reconstructed,
+        };
+        session.positions = Some(PositionObserver::new(options, rotation)?);
+    }
     for instant in instants {
         if let Some(record) = session.step(&instant?, observer)? {
             session.tally.estimated(&record);
             observer.estimate(&record);
         }
     }
-    Ok(session.tally.summary(options, true))
+    let mut summary = session.tally.summary(options, true);
+    if let Some(positions) = &session.positions {
+        positions.conclude(&mut summary);
+    }
+    Ok(summary)
 }
 
 /// Forward with a filter that remembers, then backward; the estimates told and scored are smoothed.
@@ -164,6 +179,8 @@ struct Session<'a, E> {
     options: &'a RunOptions,
     make: Make<'a, E>,
     phase: Phase<E>,
+    /// What is behind the attitude, for estimators that use positions.
+    positions: Option<PositionObserver<E>>,
     tally: Tally,
     device: Option<UnitQuaternion<f64>>,
     has_magnetometer: bool,
@@ -183,12 +200,18 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 Phase::Calibrating(Box::new(CalibrationPhase::new(seconds, options.sensors)))
             }
             (None, Some(calibration)) => running(options, calibration, make)?,
-            (None, None) => begun(options, options.config, options.driver_config(), make)?,
+            (None, None) => begun(
+                options,
+                options.config.attitude,
+                options.driver_config(),
+                make,
+            )?,
         };
         Ok(Self {
             options,
             make,
             phase,
+            positions: None,
             tally: Tally::new(options),
             device: None,
             // A state that is taken over knows whether there was one.
@@ -222,9 +245,16 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 let rate = instant.angular_rate.is_some();
                 self.tally
                     .calibrated_with(rate, force.is_some(), field.is_some());
+                if let Some(positions) = &mut self.positions {
+                    positions.wait(instant);
+                }
                 return Ok(None);
             }
-            self.phase = started(self.options, &phase.finish()?, self.make)?;
+            let calibration = phase.finish()?;
+            self.phase = started(self.options, &calibration, self.make)?;
+            if let (Some(positions), Some(gravity)) = (&mut self.positions, calibration.gravity()) {
+                positions.measured_gravity(gravity)?;
+            }
         }
         let Phase::Running(driver) = &mut self.phase else {
             return Ok(None);
@@ -234,13 +264,14 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
         if let Some(rate) = instant.angular_rate {
             propagation = Some(driver.gyroscope(time_ns, &rate));
         }
-        let force = force.map(|f| (SensorKind::Accelerometer, driver.accelerometer(time_ns, &f)));
-        let field = field.map(|m| (SensorKind::Magnetometer, driver.magnetometer(time_ns, &m)));
-        let compass = compass.map(|c| {
+        let by_force =
+            force.map(|f| (SensorKind::Accelerometer, driver.accelerometer(time_ns, &f)));
+        let by_field = field.map(|m| (SensorKind::Magnetometer, driver.magnetometer(time_ns, &m)));
+        let by_compass = compass.map(|c| {
             let innovation = driver.compass(time_ns, c.heading_rad, c.std_rad);
             (SensorKind::CompassHeading, innovation)
         });
-        for (sensor, innovation) in force.into_iter().chain(field).chain(compass) {
+        for (sensor, innovation) in by_force.into_iter().chain(by_field).chain(by_compass) {
             self.tally.updated(sensor, &innovation);
             observer.innovation(&InnovationRecord {
                 time_ns,
@@ -252,15 +283,29 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
         if let Some(propagation) = propagation {
             self.tally.propagated(propagation);
         }
-        if propagation != Some(Propagation::Done) || !driver.is_started() {
+        let turned = propagation == Some(Propagation::Done);
+        if let Some(positions) = &mut self.positions
+            && let Some((measured, innovation)) = positions.step(instant, force, turned, driver)
+        {
+            observer.position(&PositionRecord {
+                time_ns,
+                time_s,
+                measured,
+                innovation,
+            });
+        }
+        if !turned || !driver.is_started() {
             return Ok(None);
         }
+        let place = self.positions.as_ref().and_then(PositionObserver::state);
         Ok(Some(EstimateRecord {
             time_ns,
             time_s,
             attitude: driver.estimator.attitude(),
             attitude_covariance: driver.estimator.attitude_covariance(),
             gyroscope_bias: driver.estimator.gyroscope_bias(),
+            position: place.map(|state| state.position),
+            velocity: place.map(|state| state.velocity),
             reference: instant.reference,
             device: self.device,
         }))
@@ -287,7 +332,7 @@ fn running<E: AttitudeEstimator<f64>>(
     calibration: &RestCalibration<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let config = calibration::calibrated_config(options, calibration);
+    let config = calibration::calibrated_config(options, calibration).attitude;
     let driver = calibration::calibrated_driver(options, calibration);
     begun(options, config, driver, make)
 }
@@ -298,7 +343,7 @@ fn started<E: AttitudeEstimator<f64>>(
     calibration: &RestCalibration<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let config = calibration::calibrated_config(options, calibration);
+    let config = calibration::calibrated_config(options, calibration).attitude;
     let settings = calibration::calibrated_driver(options, calibration);
     let mut driver = AttitudeDriver::new(make(&config)?, config, settings);
     driver.start_from(&calibration::state_at_rest(calibration, &config, &settings));

@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use northing_core::attitude::{AttitudeConfig, InitialState, References};
+use northing_core::attitude::{InitialState, References};
 use northing_core::calibration::RestCalibration;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
 use crate::field_calibration::FieldCalibration;
 use crate::options::{RunOptions, SensorSelection};
-use crate::parameters::Profile;
+use crate::parameters::{Parameters, Profile};
 
 /// What stands before and after the text in a report; no other element of it has this name.
 pub(crate) const OPENS: &str = "<pre id=\"setup\">";
@@ -30,7 +30,7 @@ pub struct RunSetup {
     /// The profile that the parameters started from.
     pub profile: Profile,
     /// Every parameter.
-    pub config: AttitudeConfig<f64>,
+    pub config: Parameters,
     /// Names of the parameters that somebody set.
     pub explicit_settings: BTreeSet<String>,
     /// The sensors in use.
@@ -214,6 +214,7 @@ mod tests {
     fn options() -> RunOptions {
         let mut options = RunOptions::new(EstimatorKind::Usque, Profile::Lab);
         options.set("accelerometer_std=0.1234567890123456").unwrap();
+        options.set("cascade_pole=0.1234567890123456").unwrap();
         options.sensors.magnetometer = false;
         options.skip_s = 1.0 / 3.0;
         options.start = Some(InitialState {

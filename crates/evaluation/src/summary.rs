@@ -57,10 +57,34 @@ pub struct RunSummary {
     pub first_estimate_s: Option<f64>,
     /// Pauses of the gyroscope.
     pub gaps: Gaps,
+    /// What the position observer made of the positions; left out of JSON without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position: Option<PositionSummary>,
     /// Samples read of each kind.
     pub samples_per_sensor: BTreeMap<SensorKind, u64>,
     /// What was odd about the recording or the run, one sentence each.
     pub issues: Vec<String>,
+}
+
+/// What a position observer made of the positions of a recording.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PositionSummary {
+    /// What became of the positions.
+    pub updates: UpdateCounts,
+    /// RMS of measured minus estimated over the positions used, m; `None` before the second one.
+    /// There is seldom a true position to compare with.
+    pub innovation_rms_m: Option<PositionRms>,
+    /// Accelerometer bias at the end, body axes, m/s^2. A tilt error looks the same.
+    pub accelerometer_bias_m_s2: [f64; 3],
+}
+
+/// RMS per axis of a vector of the world, m.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PositionRms {
+    /// Of the two horizontal axes together.
+    pub horizontal: f64,
+    /// Of the vertical one.
+    pub vertical: f64,
 }
 
 /// One value for each sensor that a filter takes.

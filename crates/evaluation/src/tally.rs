@@ -210,7 +210,7 @@ impl Tally {
                 compass: nis.compass.map(|n| n.mean),
             },
             final_test: self.final_test.summary(),
-            verdicts: self.verdicts(&nis, &options.config),
+            verdicts: self.verdicts(&nis, &options.config.attitude),
             nis,
             unobservable,
             profile: runs_filter.then_some(options.profile),
@@ -220,6 +220,7 @@ impl Tally {
             estimates: self.estimates,
             first_estimate_s: self.first_estimate_s,
             gaps: self.gaps,
+            position: None,
             samples_per_sensor: self.samples_per_sensor(),
             issues: self.issues(error_deg.is_some(), runs_filter),
         }

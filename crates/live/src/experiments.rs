@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
-use northing_core::attitude::AttitudeConfig;
 use northing_evaluation::calibration::calibrated_config;
+use northing_evaluation::parameters::Parameters;
 use northing_evaluation::trace::Trace;
 use northing_evaluation::{
     EstimatorKind, EvaluationError, RunObserver, RunOptions, RunSummary, TraceObserver, run,
@@ -42,7 +42,7 @@ pub struct Finished {
     /// The options it is run with.
     pub options: RunOptions,
     /// The parameters in force, a calibration's included.
-    pub settings: AttitudeConfig<f64>,
+    pub settings: Parameters,
     /// The estimators that ran.
     pub estimators: Vec<EstimatorKind>,
     /// The outcome of each.

@@ -136,7 +136,8 @@ fn estimates(finished: &Finished) -> Result<Vec<u8>, String> {
     written("estimates.tum", |path| {
         let mut writer = TumWriter::create(path, false)?;
         for record in &poses.0 {
-            writer.write(record.time_ns, &Vector3::zeros(), &record.attitude)?;
+            let position = record.position.unwrap_or_else(Vector3::zeros);
+            writer.write(record.time_ns, &position, &record.attitude)?;
         }
         writer.finish()
     })

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
+use northing_evaluation::observer::{
+    EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver,
+};
 use northing_evaluation::options::RunOptions;
 use northing_evaluation::setup::RunSetup;
 use northing_recording::atomic_file::write_whole;
@@ -103,7 +105,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let file = args
         .out
         .as_ref()
-        .map(|out| EstimateFile::create(out, args.force))
+        .map(|out| EstimateFile::create(out, options.estimator, args.force))
         .transpose()?;
     let mut recording = args.input.open(&args.recording)?;
     let metadata = recording.metadata().clone();
@@ -167,6 +169,12 @@ impl RunObserver for Watchers {
     fn innovation(&mut self, record: &InnovationRecord) {
         if let Some(trace) = &mut self.trace {
             trace.innovation(record);
+        }
+    }
+
+    fn position(&mut self, record: &PositionRecord) {
+        if let Some(trace) = &mut self.trace {
+            trace.position(record);
         }
     }
 }

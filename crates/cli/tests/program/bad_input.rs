@@ -276,7 +276,7 @@ fn g_where_metres_per_second_squared_belong() {
 fn unknown_estimators_parameters_and_sensors_list_the_valid_ones() {
     let lab = Lab::with_phone();
     let names = "integration, mekf3, mekf, usque, quaternion-ekf, complementary, \
-                 complementary-passive, complementary-direct, device";
+                 complementary-passive, complementary-direct, cascade, cascade-ekf, device";
     contains(
         &lab.refuses(&["run", "phone.csv", "--estimator", "kalman"]),
         &["`kalman`", names],

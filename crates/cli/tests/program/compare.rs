@@ -16,6 +16,8 @@ fn one_recording_gives_a_line_for_each_estimator() {
             "complementary",
             "complementary-passive",
             "complementary-direct",
+            "cascade",
+            "cascade-ekf",
             "device",
             "total deg",
         ],

@@ -63,6 +63,8 @@ fn estimators_are_listed_with_their_parameters() {
         "complementary",
         "complementary-passive",
         "complementary-direct",
+        "cascade",
+        "cascade-ekf",
         "device",
     ];
     contains(&text, &names);
@@ -74,6 +76,9 @@ fn estimators_are_listed_with_their_parameters() {
             "hand-held",
             "lab",
             "microtesla",
+            "cascade_pole",
+            "cascade_position_std_m",
+            "estimated | reconstructed",
         ],
     );
 }
@@ -98,6 +103,8 @@ fn estimators_as_json_have_units_defaults_and_meanings() {
             "complementary",
             "complementary-passive",
             "complementary-direct",
+            "cascade",
+            "cascade-ekf",
             "device"
         ]
     );

@@ -82,6 +82,8 @@ fn every_estimator_runs() {
         "complementary",
         "complementary-passive",
         "complementary-direct",
+        "cascade",
+        "cascade-ekf",
         "device",
     ] {
         let arguments = [

@@ -57,6 +57,8 @@ pub enum SkipReason {
     OutOfRange,
     /// Its time stamp is not after the sensor's last: repeated, or out of order.
     NotNewer,
+    /// The same numbers as before: a sensor that holds its last value has not measured again.
+    Repeated,
     /// Sooner after the last update than the estimator updates: a later sample stands for it.
     NotDue,
     /// Taken up and summed: it takes effect with a later sample.
@@ -79,6 +81,7 @@ impl SkipReason {
             Self::ZeroNorm => "zero vector",
             Self::OutOfRange => "far out of range",
             Self::NotNewer => "time stamp repeated or going back",
+            Self::Repeated => "the same numbers again",
             Self::NotDue => "sooner than the update interval",
             Self::Gathered => "summed up for a later update",
             Self::NotUsed => "sensor not used",

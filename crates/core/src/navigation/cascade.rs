@@ -34,8 +34,10 @@ use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
 
-/// Intervals between positions outside these bounds count as the bound, s.
-pub const INTERVALS_S: [f64; 2] = [0.02, 2.0];
+/// A shorter interval between positions counts as this, s: rates of change over nearly no time are
+/// noise. A longer one counts as it is, because gains have their poles where they should for the real
+/// interval only: at a pole of 1/s, four seconds that counted as two would make the loop unstable.
+pub const SHORTEST_INTERVAL_S: f64 = 0.02;
 /// A position this many standard deviations off is an outlier ...
 pub const OUTLIER_STDS: f64 = 5.0;
 /// ... unless so many came in a row: then the estimate is what is wrong.
@@ -44,7 +46,7 @@ pub const OUTLIERS_BELIEVED: u8 = 5;
 const LARGEST_FORCE: f64 = 1e4;
 const LARGEST_POSITION: f64 = 1e8;
 const LONGEST_STEP_S: f64 = 10.0;
-/// The past is kept in so many steps of so long, s: three seconds.
+/// The past is kept in so many steps of at least so long, s: three seconds and more.
 const PAST: usize = 64;
 const PAST_STEP_S: f64 = 0.05;
 
@@ -122,7 +124,8 @@ pub struct Cascade<T: Scalar> {
 /// Positions of the last seconds, newest first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Past<T: Scalar> {
-    positions: [Vector3<T>; PAST],
+    /// Each with the seconds from the entry before it.
+    entries: [(Vector3<T>, T); PAST],
     count: usize,
     /// Seconds since the newest entry.
     since: T,
@@ -131,7 +134,7 @@ struct Past<T: Scalar> {
 impl<T: Scalar> Past<T> {
     fn starting_at(position: Vector3<T>) -> Self {
         Self {
-            positions: [position; PAST],
+            entries: [(position, T::zero()); PAST],
             count: 1,
             since: T::zero(),
         }
@@ -142,20 +145,19 @@ impl<T: Scalar> Past<T> {
         if self.since < lit(PAST_STEP_S) {
             return;
         }
-        self.positions.rotate_right(1);
-        if let Some(newest) = self.positions.first_mut() {
-            *newest = *position;
+        self.entries.rotate_right(1);
+        if let Some(newest) = self.entries.first_mut() {
+            *newest = (*position, self.since);
         }
         self.count = (self.count + 1).min(PAST);
         self.since = T::zero();
     }
 
-    /// The position `age` seconds ago, between two entries; `None` beyond what is kept. Steps of
-    /// the gyroscope are shorter than entries are apart, so their spacing is near enough constant.
+    /// The position `age` seconds ago, between two entries; `None` beyond what is kept.
     fn before(&self, age: T, now: &Vector3<T>) -> Option<Vector3<T>> {
         let mut newer = (T::zero(), *now);
         let mut entry_age = self.since;
-        for entry in self.positions.iter().take(self.count) {
+        for (entry, after_the_one_before) in self.entries.iter().take(self.count) {
             if age <= entry_age {
                 let span = entry_age - newer.0;
                 let share = if span > T::zero() {
@@ -166,14 +168,14 @@ impl<T: Scalar> Past<T> {
                 return Some(newer.1 + (entry - newer.1) * share);
             }
             newer = (entry_age, *entry);
-            entry_age += lit(PAST_STEP_S);
+            entry_age += *after_the_one_before;
         }
         None
     }
 
     /// A correction moves the whole past: an error that is found was there before.
     fn shift(&mut self, by: &Vector3<T>) {
-        for entry in &mut self.positions {
+        for (entry, _) in &mut self.entries {
             *entry += by;
         }
     }
@@ -295,8 +297,7 @@ impl<T: Scalar> Cascade<T> {
         ref_from_body: &UnitQuaternion<T>,
         angular_rate: &Vector3<T>,
     ) {
-        let [shortest, longest] = INTERVALS_S.map(lit::<T>);
-        let interval = interval.max(shortest).min(longest);
+        let interval = interval.max(lit(SHORTEST_INTERVAL_S));
         let theta = (-self.config.pole * interval).exp();
         let rest = T::one() - theta;
         let shift = error * (T::one() - theta * theta * theta);

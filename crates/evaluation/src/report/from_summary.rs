@@ -1,13 +1,11 @@
 //! From the outcome of a run to the data of its page: what every page about a run says alike.
 
-use northing_core::attitude::AttitudeConfig;
-
 use super::{Fact, FinalTest, RunReport, SensorUpdates, Setting, Tone, Verdict};
 use crate::consistency::{NoiseVerdict, is_honest_nees, nees_in_words};
 use crate::estimators::EstimatorKind;
 use crate::final_test::{FinalSummary, FinalVerdict};
 use crate::nis::{NisSummary, UpdateCounts};
-use crate::parameters::{ParameterInfo, parameters_of};
+use crate::parameters::{ParameterInfo, Parameters, parameters_of};
 use crate::summary::RunSummary;
 use crate::trace::Trace;
 
@@ -18,7 +16,7 @@ impl<'a> RunReport<'a> {
     pub fn of_run(
         title: impl Into<String>,
         summary: &RunSummary,
-        config: &AttitudeConfig<f64>,
+        config: &Parameters,
         trace: &'a Trace,
     ) -> Self {
         Self {
@@ -150,7 +148,7 @@ fn recording_facts(summary: &RunSummary) -> Vec<Fact> {
 
 /// Every parameter of the estimator with the value it ran with.
 #[must_use]
-pub fn settings(estimator: EstimatorKind, config: &AttitudeConfig<f64>) -> Vec<Setting> {
+pub fn settings(estimator: EstimatorKind, config: &Parameters) -> Vec<Setting> {
     let values = serde_json::to_value(config).unwrap_or_default();
     let setting = |parameter: ParameterInfo| {
         let value = &values[parameter.name.as_str()];
@@ -209,6 +207,6 @@ mod tests {
             .iter()
             .find(|s| s.name == "accelerometer_std");
         let std: f64 = std.unwrap().value.parse().unwrap();
-        assert!((std - options.config.accelerometer_std).abs() < 1e-12);
+        assert!((std - options.config.attitude.accelerometer_std).abs() < 1e-12);
     }
 }

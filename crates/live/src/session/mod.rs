@@ -24,6 +24,7 @@ use northing_core::geometry::frames::TangentFrame;
 use northing_evaluation::calibration::{calibrated_config, calibrated_driver, state_at_rest};
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::options::{RunOptions, SensorSelection};
+use northing_evaluation::parameters::Parameters;
 use northing_evaluation::{EvaluationError, Profile};
 use northing_recording::{Event, Sample, SensorKind, WorldFrame};
 use serde_json::{Map, Value};
@@ -87,7 +88,7 @@ impl DeviceSession {
     pub fn new(options: RunOptions) -> Result<Self, EvaluationError> {
         options.check()?;
         let mut session = Self {
-            lamps: new_lamps(&options.config),
+            lamps: new_lamps(&options.config.attitude),
             options,
             tracks: Vec::new(),
             intake: Intake::default(),
@@ -199,7 +200,7 @@ impl DeviceSession {
     /// An experiment begins with a gyroscope sample: every estimator starts anew from the state it
     /// has then, as it will when the experiment is run again, so that both give the same numbers.
     fn begin_experiment(&mut self, time_ns: i64, rate: &Vector3<f64>) {
-        let (config, driver) = (self.config(), self.driver());
+        let (config, driver) = (self.config().attitude, self.driver());
         let Some(run) = self.experiment.as_mut().filter(|run| !run.has_begun()) else {
             return;
         };
@@ -309,7 +310,7 @@ impl DeviceSession {
         if self.restart_tracks().is_err() {
             return;
         }
-        let (config, driver) = (self.config(), self.driver());
+        let (config, driver) = (self.config().attitude, self.driver());
         let initial = state_at_rest(calibration, &config, &driver);
         for track in &mut self.tracks {
             track.driver.start_from(&initial);
@@ -330,12 +331,12 @@ impl DeviceSession {
 
     fn restart_tracks(&mut self) -> Result<(), EvaluationError> {
         let kinds: Vec<_> = self.tracks.iter().map(|track| track.kind).collect();
-        self.lamps = new_lamps(&self.config());
+        self.lamps = new_lamps(&self.config().attitude);
         self.use_estimators_anew(&kinds)
     }
 
     fn use_estimators_anew(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
-        let (config, driver) = (self.config(), self.driver());
+        let (config, driver) = (self.config().attitude, self.driver());
         let tracks: Result<Vec<_>, _> = kinds
             .iter()
             .map(|kind| Track::new(*kind, &config, driver))
@@ -349,7 +350,7 @@ impl DeviceSession {
     /// # Errors
     /// A parameter makes no sense.
     pub fn use_estimators(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
-        let (config, driver) = (self.config(), self.driver());
+        let (config, driver) = (self.config().attitude, self.driver());
         let mut tracks = Vec::new();
         for kind in kinds {
             if tracks.iter().any(|track: &Track| track.kind == *kind) {
@@ -377,14 +378,14 @@ impl DeviceSession {
     ) -> Result<(), EvaluationError> {
         let changed = with_settings(&self.options, profile, settings)?;
         let before = std::mem::replace(&mut self.options, changed);
-        let config = self.config();
+        let config = self.config().attitude;
         let mut tracks = self.tracks.clone();
         if let Err(error) = tracks.iter_mut().try_for_each(|t| t.retune(&config)) {
             self.options = before;
             return Err(error);
         }
         self.tracks = tracks;
-        self.lamps = new_lamps(&self.config());
+        self.lamps = new_lamps(&self.config().attitude);
         self.note_change("Q, R or another parameter");
         Ok(())
     }
@@ -392,7 +393,7 @@ impl DeviceSession {
     /// Chooses the sensors that the filters use.
     pub fn use_sensors(&mut self, sensors: SensorSelection) {
         self.options.sensors = sensors;
-        self.lamps = new_lamps(&self.config());
+        self.lamps = new_lamps(&self.config().attitude);
         self.note_change("the sensors in use");
     }
 
@@ -478,7 +479,7 @@ impl DeviceSession {
 
     /// The parameters in force: the profile's, the calibration's, the user's.
     #[must_use]
-    pub fn config(&self) -> AttitudeConfig<f64> {
+    pub fn config(&self) -> Parameters {
         match &self.options.calibration {
             Some(calibration) => calibrated_config(&self.options, calibration),
             None => self.options.config,

@@ -171,14 +171,14 @@ fn parameters_change_without_a_jump_and_mistakes_change_nothing() {
     let settings = json!({"accelerometer_std": 0.3, "magnetometer_use": "heading"});
     live.set(None, settings.as_object().unwrap()).unwrap();
     assert_eq!(live.attitude("mekf").unwrap(), before);
-    assert!((live.config().accelerometer_std - 0.3).abs() < 1e-12);
+    assert!((live.config().attitude.accelerometer_std - 0.3).abs() < 1e-12);
     let wrong = json!({"accelerometer_std": 0.5, "gyro": 1.0});
     let error = live.set(None, wrong.as_object().unwrap()).unwrap_err();
     assert!(
         error.to_string().contains("unknown parameter `gyro`"),
         "{error}"
     );
-    assert!((live.config().accelerometer_std - 0.3).abs() < 1e-12);
+    assert!((live.config().attitude.accelerometer_std - 0.3).abs() < 1e-12);
     live.use_estimators(&[EstimatorKind::Mekf, EstimatorKind::Usque])
         .unwrap();
     assert_eq!(live.attitude("mekf").unwrap(), before);
@@ -448,7 +448,12 @@ fn a_phone_at_rest_whose_browser_rounds_is_calibrated_and_told_so() {
         let Some(Happening::Calibrated(run, made)) = happenings.pop() else {
             panic!("{happenings:?}");
         };
-        made.map(|made| (run.accepted(&made), live.config().accelerometer_std))
+        made.map(|made| {
+            (
+                run.accepted(&made),
+                live.config().attitude.accelerometer_std,
+            )
+        })
     };
     for gyroscope in [0.0, 0.1] {
         let (verdict, accelerometer_std) = rest(gyroscope, 9.8).unwrap();

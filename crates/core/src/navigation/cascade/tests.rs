@@ -45,7 +45,13 @@ fn after_one_interval(pole: f64, interval: f64, component: usize) -> Vector3<f64
 
 #[test]
 fn all_three_discrete_poles_lie_at_theta() {
-    for (pole, interval) in [(1.0, 0.1), (0.5, 0.2), (0.25, 1.0)] {
+    for (pole, interval) in [
+        (1.0, 0.1),
+        (0.5, 0.2),
+        (0.25, 1.0),
+        (0.25, 10.0),
+        (1.0, 60.0),
+    ] {
         let columns = [0, 1, 2].map(|i| after_one_interval(pole, interval, i));
         let step = Matrix3::from_columns(&columns);
         let theta = (-pole * interval).exp();
@@ -183,6 +189,26 @@ fn position_velocity_and_bias_are_found_on_a_path() {
     let bias = Vector3::new(0.1, -0.05, 0.08);
     let [p, v, b] = circling(CascadeConfig::default(), 0.5, 0.0, bias);
     assert!(p < 0.1 && v < 0.1 && b < 0.05, "{p} m, {v} m/s, {b} m/s^2");
+}
+
+/// Whatever the steps are: entries of the past are as far apart as they are.
+#[test]
+fn the_past_is_looked_up_by_its_time() {
+    for dt in [0.003, 0.015, 0.04, 0.2] {
+        let identity = UnitQuaternion::identity();
+        let mut f = observer(1.0);
+        f.update_position(&Vector3::zeros(), 0.0, &identity, &Vector3::zeros());
+        f.state.velocity.x = 2.0;
+        let steps = (2.0_f64 / dt).round() as usize;
+        for _ in 0..steps {
+            f.propagate(&identity, &UP, dt).unwrap();
+        }
+        let now = f.state.position;
+        for age in [0.0, 0.07, 0.5, 1.1] {
+            let then = f.past.before(age, &now).unwrap();
+            assert_relative_eq!(now.x - then.x, 2.0 * age, epsilon = 1e-9);
+        }
+    }
 }
 
 #[test]

@@ -1,0 +1,109 @@
+//! Names, defaults, settings.
+
+use super::*;
+
+#[test]
+fn table_and_configuration_name_the_same_parameters() {
+    let mut named: Vec<_> = TABLE.iter().map(|row| row.0.to_owned()).collect();
+    named.sort();
+    let mut real: Vec<_> = Map::from(Parameters::default()).keys().cloned().collect();
+    real.sort();
+    assert_eq!(named, real);
+}
+
+#[test]
+fn parameters_carry_the_defaults_of_each_profile() {
+    let all = parameters();
+    let std = all.iter().find(|p| p.name == "accelerometer_std").unwrap();
+    let expected = [AttitudeConfig::hand_held(), AttitudeConfig::default()];
+    for ((_, value), config) in std.defaults.iter().zip(expected) {
+        assert_eq!(value.as_f64(), Some(config.accelerometer_std));
+    }
+    let named = |start: &str| all.iter().filter(|p| p.name.starts_with(start)).count();
+    let (complementary, cascade) = (named(COMPLEMENTARY), named(CASCADE));
+    let count = |kind| parameters_of(kind).len();
+    let of_ekf = all.len() - complementary - cascade;
+    assert_eq!(count(EstimatorKind::Mekf3) + BIAS_ONLY.len(), of_ekf);
+    assert_eq!(
+        count(EstimatorKind::ComplementaryPassive),
+        complementary + 1
+    );
+    // Without a choice of rotation; with every parameter of the EKF and what a filter behind it has.
+    assert_eq!(
+        count(EstimatorKind::Cascade),
+        complementary + 1 + cascade - 1
+    );
+    assert_eq!(
+        count(EstimatorKind::CascadeEkf),
+        of_ekf + COMPLEMENTARY_BEHIND.len() + cascade
+    );
+    assert!(parameters_of(EstimatorKind::Integration).is_empty());
+}
+
+#[test]
+fn settings_change_what_they_name_and_nothing_else() {
+    let mut config = Parameters::default();
+    assert_eq!(
+        apply_setting(&mut config, "accelerometer_std = 0.3").unwrap(),
+        "accelerometer_std"
+    );
+    assert_eq!(
+        apply_setting(&mut config, "gate_timeout_s=5").unwrap(),
+        "gate_timeout_s"
+    );
+    assert_eq!(
+        apply_setting(&mut config, "magnetometer_use=heading").unwrap(),
+        "magnetometer_use"
+    );
+    assert_eq!(
+        apply_setting(&mut config, "cascade_pole=0.5").unwrap(),
+        "cascade_pole"
+    );
+    apply_setting(&mut config, "cascade_rotation=reconstructed").unwrap();
+    let attitude = AttitudeConfig {
+        accelerometer_std: 0.3,
+        gate_timeout_s: 5.0,
+        magnetometer_use: northing_core::attitude::MagnetometerUse::Heading,
+        ..AttitudeConfig::default()
+    };
+    let cascade = CascadeSettings {
+        pole: 0.5,
+        rotation: CascadeRotation::Reconstructed,
+        ..CascadeSettings::default()
+    };
+    assert_eq!(config, Parameters { attitude, cascade });
+}
+
+#[test]
+fn bad_settings_say_what_was_expected_and_change_nothing() {
+    let mut config = Parameters::default();
+    let mut error = |text: &str| apply_setting(&mut config, text).unwrap_err().to_string();
+    assert!(error("accelerometer_std").contains("expected NAME=VALUE"));
+    let unknown = error("acc_std=1");
+    assert!(
+        unknown.contains("`acc_std`") && unknown.contains("accelerometer_std, "),
+        "{unknown}"
+    );
+    assert!(error("accelerometer_std=a").contains("expected a number"));
+    assert!(error("accelerometer_std=inf").contains("finite"));
+    assert!(error("accelerometer_std=-1").contains("above 0"));
+    let word = error("magnetometer_use=both");
+    assert!(
+        word.contains("vector") && word.contains("heading"),
+        "{word}"
+    );
+    assert!(error("cascade_pole=0").contains("from 0.001 to 100"));
+    assert!(error("cascade_rotation=best").contains("reconstructed"));
+    assert_eq!(config, Parameters::default());
+}
+
+#[test]
+fn profiles_are_found_by_name() {
+    assert_eq!("lab".parse::<Profile>().unwrap(), Profile::Lab);
+    assert_eq!(Profile::default().name(), "hand-held");
+    let error = "car".parse::<Profile>().unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "unknown profile `car`; expected one of: hand-held, lab"
+    );
+}
