@@ -105,6 +105,7 @@ fn trace(character: &Character) -> Trace {
                 .then_some([std[0].hypot(std[1]).hypot(std[2]), std[0]]),
             bias_deg_s: character.covariance.then_some(bias),
             bias_std_deg_s: character.covariance.then_some([bias_std; 3]),
+            position_m: None,
         });
         if character.covariance {
             innovations(&mut trace, &mut noise, t, k);

@@ -1,14 +1,14 @@
 //! What a run tells while it goes on: estimates and innovations; and an observer that keeps a trace.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use northing_core::geometry::frames::TangentFrame;
+use northing_core::geometry::frames::{TangentFrame, enu_from_ned};
 use northing_core::geometry::rotation;
-use northing_core::kalman::Innovation;
+use northing_core::kalman::{Innovation, Outcome};
 use northing_recording::{Reference, SensorKind, WorldFrame};
 
 use crate::metrics::AttitudeError;
 use crate::options::tangent_frame;
-use crate::trace::{InnovationPoint, Trace, TracePoint};
+use crate::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
 
 /// The estimate at the instant of a gyroscope sample, after everything measured at that instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,17 +117,16 @@ impl<O: RunObserver + ?Sized> RunObserver for &mut O {
 #[derive(Debug, Clone)]
 pub struct TraceObserver {
     trace: Trace,
-    up: Vector3<f64>,
+    frame: TangentFrame,
 }
 
 impl TraceObserver {
     /// Keeps at most `capacity` points a series; `frame` is the one of the recording.
     #[must_use]
     pub fn new(capacity: usize, frame: WorldFrame) -> Self {
-        let frame: TangentFrame = tangent_frame(frame);
         Self {
             trace: Trace::new(capacity),
-            up: frame.up(),
+            frame: tangent_frame(frame),
         }
     }
 
@@ -146,8 +145,22 @@ impl TraceObserver {
 
 impl RunObserver for TraceObserver {
     fn estimate(&mut self, record: &EstimateRecord) {
-        let up = self.up;
-        self.trace.points.push(|| trace_point(record, &up));
+        let frame = self.frame;
+        self.trace.points.push(|| trace_point(record, frame));
+    }
+
+    fn position(&mut self, record: &PositionRecord) {
+        let outcome = record.innovation.outcome;
+        if matches!(outcome, Outcome::Skipped(_)) {
+            return;
+        }
+        let frame = self.frame;
+        self.trace.positions.push(|| PositionPoint {
+            time_s: record.time_s,
+            measured_m: east_north_up(frame, &record.measured),
+            residual_m: east_north_up(frame, &record.innovation.residual),
+            outcome,
+        });
     }
 
     fn innovation(&mut self, record: &InnovationRecord) {
@@ -171,7 +184,14 @@ impl RunObserver for TraceObserver {
     }
 }
 
-fn trace_point(record: &EstimateRecord, up: &Vector3<f64>) -> TracePoint {
+fn east_north_up(frame: TangentFrame, v: &Vector3<f64>) -> [f64; 3] {
+    match frame {
+        TangentFrame::Enu => (*v).into(),
+        TangentFrame::Ned => enu_from_ned(v).into(),
+    }
+}
+
+fn trace_point(record: &EstimateRecord, frame: TangentFrame) -> TracePoint {
     let angles = |q: &UnitQuaternion<f64>| rotation::to_yaw_pitch_roll(q).map(f64::to_degrees);
     let std = |m: &Matrix3<f64>| -> [f64; 3] {
         m.diagonal().map(|v| v.max(0.0).sqrt().to_degrees()).into()
@@ -188,7 +208,7 @@ fn trace_point(record: &EstimateRecord, up: &Vector3<f64>) -> TracePoint {
             [e.total, e.heading, e.inclination].map(f64::to_degrees)
         }),
         error_std_deg: covariance.map(|p| {
-            let up_body = record.attitude.inverse() * up;
+            let up_body = record.attitude.inverse() * frame.up::<f64>();
             let heading = up_body.dot(&(p * up_body));
             [p.trace(), heading].map(|v| v.max(0.0).sqrt().to_degrees())
         }),
@@ -196,6 +216,7 @@ fn trace_point(record: &EstimateRecord, up: &Vector3<f64>) -> TracePoint {
             .gyroscope_bias
             .map(|(b, _)| b.map(f64::to_degrees).into()),
         bias_std_deg_s: record.gyroscope_bias.map(|(_, p)| std(&p)),
+        position_m: record.position.map(|p| east_north_up(frame, &p)),
     }
 }
 

@@ -26,6 +26,21 @@ pub struct TracePoint {
     pub bias_deg_s: Option<[f64; 3]>,
     /// Its standard deviation, deg/s.
     pub bias_std_deg_s: Option<[f64; 3]>,
+    /// Estimated position, east, north, up, m.
+    pub position_m: Option<[f64; 3]>,
+}
+
+/// One measured position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionPoint {
+    /// When it was true, seconds since the first sample of the recording.
+    pub time_s: f64,
+    /// The position, east, north, up, m.
+    pub measured_m: [f64; 3],
+    /// Measured minus estimated, east, north, up, m.
+    pub residual_m: [f64; 3],
+    /// What was done with it.
+    pub outcome: Outcome,
 }
 
 /// One innovation.
@@ -104,6 +119,8 @@ pub struct Trace {
     pub points: Thinned<TracePoint>,
     /// Innovations of each sensor that was updated with.
     pub innovations: Vec<(SensorKind, Thinned<InnovationPoint>)>,
+    /// Measured positions, where the estimator looked at them.
+    pub positions: Thinned<PositionPoint>,
 }
 
 impl Trace {
@@ -117,6 +134,7 @@ impl Trace {
                 series(SensorKind::Accelerometer),
                 series(SensorKind::Magnetometer),
             ],
+            positions: Thinned::new(capacity),
         }
     }
 }

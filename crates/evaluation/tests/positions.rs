@@ -183,10 +183,6 @@ fn position_velocity_and_bias_are_found_and_told() {
     for kind in [EstimatorKind::Cascade, EstimatorKind::CascadeEkf] {
         let (summary, kept) = fly(&events, &options(kind));
         let [position, velocity] = kept.errors(20.0, 60.0);
-        println!(
-            "{kind}: {position} m, {velocity} m/s, {:?} {:?}",
-            summary.position, summary.error_deg
-        );
         assert!(
             position < 0.1 && velocity < 0.15,
             "{kind}: {position} m, {velocity} m/s"
@@ -306,7 +302,7 @@ fn a_position_that_stays_the_same_at_rest_still_holds_the_estimate() {
             events.push(Event {
                 time_ns: k * TICK_NS,
                 sample,
-            })
+            });
         };
         add(Sample::AngularRate(Vector3::zeros()));
         add(Sample::SpecificForce(rest + Vector3::new(0.02, 0.0, 0.0)));
@@ -349,7 +345,6 @@ fn a_jump_of_a_kilometre_is_left_out_once_and_believed_for_good() {
         let end = kept.estimates.last().unwrap();
         let truth = Flight::new(60.0).at(end.time_s).position + jump;
         let off = (end.position.unwrap() - truth).norm();
-        println!("{kind}: {off} m off after the jump, {updates:?}");
         assert!(off < 1.0, "{kind}: {off} m");
     }
 }
@@ -367,7 +362,6 @@ fn positions_that_come_late_are_of_their_own_time() {
     let (summary, kept) = fly(&late, &options(EstimatorKind::CascadeEkf));
     assert!(summary.position.unwrap().updates.fused > 590);
     let (on_time, late) = (on_time.errors(20.0, 60.0), kept.errors(20.0, 60.0));
-    println!("on time {on_time:?}, late {late:?}");
     assert!(
         late[0] < 1.5 * on_time[0] && late[1] < 1.5 * on_time[1],
         "{on_time:?} {late:?}"
@@ -392,7 +386,6 @@ fn after_a_minute_without_positions_it_finds_back() {
         let updates = summary.position.unwrap().updates;
         assert!(updates.gated >= 5 && updates.inflated >= 1, "{updates:?}");
         let [position, _] = kept.errors(110.0, 120.0);
-        println!("{kind}: {position} m, {:?}", kept.errors(85.0, 90.0));
         assert!(position < 0.3, "{kind}: {position} m");
     }
 }
@@ -534,11 +527,7 @@ fn broken_sensors_leave_the_state_finite_and_are_counted() {
                 + counts.accelerometer.gated
                 + counts.accelerometer.skipped;
             assert_eq!(seen, 3000, "{what}");
-            let [position, velocity] = kept.errors(25.0, 30.0);
-            println!(
-                "{kind}, {what}: {position:.3} m, {velocity:.3} m/s, {:?}",
-                told.updates
-            );
+            let [position, _] = kept.errors(25.0, 30.0);
             // Where positions go on, the estimate stays with them.
             if *what != "absurd positions" {
                 assert!(position < 2.0, "{kind}, {what}: {position} m");

@@ -29,9 +29,9 @@ pub fn analysis(finished: &Finished, sensor: SensorKind) -> Value {
             });
         }
     };
-    let mut filled = finished.settings;
+    let mut filled = finished.settings.attitude;
     let said = report.fill(&mut filled);
-    let fill = changed(&json!(finished.settings), &json!(filled));
+    let fill = changed(&json!(finished.settings.attitude), &json!(filled));
     json!({
         "type": "allan", "id": finished.id, "sensor": sensor, "state": "done",
         "text": null, "report": report, "fill": {"settings": fill, "said": said},

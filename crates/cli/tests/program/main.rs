@@ -12,6 +12,7 @@ mod data;
 mod demo;
 mod introduction;
 mod magnetometer;
+mod positions;
 mod run;
 #[cfg(target_os = "linux")]
 mod streaming;

@@ -54,6 +54,13 @@ fn facts(summary: &RunSummary) -> Vec<Fact> {
         let estimated = test.estimated_error_deg.map(degrees);
         facts.extend(estimated.map(|error| Fact::new("final test, estimated error", error)));
     }
+    if let Some(rms) = summary.position.as_ref().and_then(|p| p.innovation_rms_m) {
+        let [horizontal, vertical] = [rms.horizontal, rms.vertical];
+        facts.push(Fact::new(
+            "measured minus estimated position, RMS per axis",
+            format!("{horizontal:.2} m, vertically {vertical:.2} m"),
+        ));
+    }
     facts.push(Fact::new(
         "duration",
         format!("{:.1} s", summary.duration_s),
@@ -105,12 +112,15 @@ fn updates(summary: &RunSummary) -> Vec<SensorUpdates> {
     };
     let (counts, nis) = (&summary.updates, &summary.nis);
     let (acc, mag) = (nis.accelerometer.as_ref(), nis.magnetometer.as_ref());
-    vec![
+    let mut updates = vec![
         one("gyroscope", &counts.gyroscope, None),
         one("accelerometer", &counts.accelerometer, acc),
         one("magnetometer", &counts.magnetometer, mag),
         one("compass-heading", &counts.compass, nis.compass.as_ref()),
-    ]
+    ];
+    let position = summary.position.as_ref();
+    updates.extend(position.map(|position| one("position", &position.updates, None)));
+    updates
 }
 
 fn final_test(test: &FinalSummary) -> FinalTest {
@@ -143,7 +153,12 @@ fn recording_facts(summary: &RunSummary) -> Vec<Fact> {
     let calibrations = calibrations
         .into_iter()
         .filter_map(|(label, text)| Some(Fact::new(label, text.as_deref()?)));
-    sensors.chain(calibrations).collect()
+    let bias = summary.position.as_ref().map(|position| {
+        let [x, y, z] = position.accelerometer_bias_m_s2;
+        let value = format!("{x:.3}, {y:.3}, {z:.3} m/s\u{00b2}");
+        Fact::new("accelerometer bias at the end", value)
+    });
+    sensors.chain(calibrations).chain(bias).collect()
 }
 
 /// Every parameter of the estimator with the value it ran with.

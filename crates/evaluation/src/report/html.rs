@@ -181,9 +181,13 @@ pub(super) fn sentences(sentences: &[String]) -> String {
 
 /// A figure with its caption: what it is, and what to look for.
 pub(super) fn figure(figure: &Figure, what: &str, look: &str) -> String {
+    picture(&figure.render(), what, look)
+}
+
+/// As [`figure`], of a picture that is drawn already.
+pub(super) fn picture(svg: &str, what: &str, look: &str) -> String {
     format!(
-        "<figure>\n{}<figcaption><b>{}</b> {}</figcaption>\n</figure>\n",
-        figure.render(),
+        "<figure>\n{svg}<figcaption><b>{}</b> {}</figcaption>\n</figure>\n",
         escape(what),
         escape(look)
     )

@@ -28,16 +28,16 @@ pub(super) struct Updates<'a> {
 
 /// What was done with a measurement, as far as plots tell it apart, with its class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fate {
+pub(super) enum Fate {
     Fused,
     Inflated,
     Gated,
 }
 
 impl Fate {
-    const ALL: [Self; 3] = [Self::Fused, Self::Inflated, Self::Gated];
+    pub(super) const ALL: [Self; 3] = [Self::Fused, Self::Inflated, Self::Gated];
 
-    const fn of(outcome: Outcome) -> Option<Self> {
+    pub(super) const fn of(outcome: Outcome) -> Option<Self> {
         match outcome {
             Outcome::Fused => Some(Self::Fused),
             Outcome::Inflated => Some(Self::Inflated),
@@ -46,7 +46,7 @@ impl Fate {
         }
     }
 
-    const fn class(self) -> &'static str {
+    pub(super) const fn class(self) -> &'static str {
         match self {
             Self::Fused => "estimate soft",
             Self::Inflated => "inflated big",
@@ -54,7 +54,7 @@ impl Fate {
         }
     }
 
-    const fn name(self) -> &'static str {
+    pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Fused => "used",
             Self::Inflated => "used with inflated noise",

@@ -13,9 +13,10 @@
 //! | `field_page.rs`, `allan_page.rs` | pages about a magnetometer calibration and an Allan deviation |
 //! | `observers.rs` | the page of the experiment on observers in cascade |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
-//! | `attitude_plots.rs`, `innovation_plots.rs` | which curves stand in which panel |
+//! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
 //! | `tracking.rs`, `tracking_map.rs` | sections of [`TrackingReport`], the map of tracks |
+//! | `map.rs` | a map with its scale and grid |
 //! | `style.rs` | colours of both themes, layout, print |
 //!
 //! The plots are written here and not by a plotting library because they need fractions of a
@@ -32,10 +33,12 @@ mod from_summary;
 mod hero;
 mod html;
 mod innovation_plots;
+mod map;
 #[cfg(test)]
 mod markup_checks;
 mod observers;
 mod plot;
+mod position_plots;
 mod run;
 mod series;
 mod style;

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::attitude_plots::{self, short};
 use super::html::{self, Frame, Page};
 use super::innovation_plots::{self, Updates};
+use super::position_plots;
 use super::svg::escape;
 use super::{Fact, FinalTest, RunReport, SensorUpdates};
 use crate::setup::OPENS;
@@ -15,6 +16,7 @@ pub(super) fn render(report: &RunReport<'_>) -> String {
     let updates = innovation_plots::updates(report.trace);
     page.section("attitude", "Attitude", &attitude(report));
     page.section("errors", "Errors", &errors(report));
+    page.section("position", "Position", &position(report));
     page.section("innovations", "Innovations", &innovations(report, &updates));
     page.section("gates", "Gates", &gates(report, &updates));
     page.section("bias", "Gyroscope bias", &bias(report));
@@ -63,6 +65,27 @@ fn errors(report: &RunReport<'_>) -> String {
         "Look whether the error fills the band without leaving it: leaving it means that the \
          filter is too sure of itself, staying far inside that it is too modest.",
     )
+}
+
+fn position(report: &RunReport<'_>) -> String {
+    let mut content = String::new();
+    if let Some(map) = position_plots::track(report.trace) {
+        content.push_str(&html::picture(
+            &map,
+            "Where it was, seen from above.",
+            "Look whether the line runs through the middle of the dots: a line that cuts corners or \
+             swings past them says that the pole is too slow or too fast for these positions.",
+        ));
+    }
+    if let Some(figure) = position_plots::innovations(report.trace) {
+        content.push_str(&html::figure(
+            &figure,
+            "Measured minus estimated position.",
+            "Innovations should scatter around zero without pattern, by about the error of the \
+             positions. Waves mean that the attitude is off, or that the positions come late.",
+        ));
+    }
+    content
 }
 
 fn innovations(report: &RunReport<'_>, updates: &[Updates<'_>]) -> String {

@@ -6,7 +6,7 @@ use super::markup_checks::{
     assert_numbers_are_finite, assert_self_contained, assert_well_formed, attributes,
 };
 use super::*;
-use crate::trace::{InnovationPoint, TracePoint};
+use crate::trace::{InnovationPoint, PositionPoint, TracePoint};
 
 /// A trace with everything in it: wrapping heading, a gap in the reference, gated updates.
 fn full_trace(samples: u64, capacity: usize) -> Trace {
@@ -25,6 +25,17 @@ fn full_trace(samples: u64, capacity: usize) -> Trace {
             error_std_deg: Some([1.3, 1.0]),
             bias_deg_s: Some([0.1 * wobble, 0.2, -0.1]),
             bias_std_deg_s: Some([0.05; 3]),
+            position_m: (k > 100).then_some([10.0 * wobble, t, 0.1 * t]),
+        });
+        trace.positions.push(|| PositionPoint {
+            time_s: t,
+            measured_m: [10.0 * wobble, t, 0.1 * t],
+            residual_m: [0.1 * wobble, -0.2, 0.05],
+            outcome: match k % 20 {
+                0 => Outcome::Gated,
+                1 => Outcome::Inflated,
+                _ => Outcome::Fused,
+            },
         });
         for (_, series) in &mut trace.innovations {
             series.push(|| InnovationPoint {
@@ -77,6 +88,7 @@ fn full_report_has_every_section_and_is_a_well_formed_page() {
     for id in [
         "attitude",
         "errors",
+        "position",
         "innovations",
         "gates",
         "bias",
@@ -99,6 +111,10 @@ fn full_report_has_every_section_and_is_a_well_formed_page() {
         "Roll",
         "NIS",
         "refused by the gate",
+        "north upwards, m",
+        "measured positions used",
+        "refused as outliers",
+        "believed after several outliers",
         "time, s",
         "lab.csv",
         "1\u{202f}234",

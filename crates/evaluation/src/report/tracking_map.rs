@@ -2,23 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use super::axis::{Axis, quantile};
-use super::plot::{Sign, WIDTH, key, legend};
+use super::map::{self, Scale};
+use super::plot::{Sign, WIDTH, key};
 use super::series;
 use super::style::SERIES;
 use super::svg::Svg;
 use crate::multi_target::matching::Place;
 use crate::multi_target::{TrackEpoch, TrackedTarget};
 
-/// Height of the map and room for its legend and ticks, in units of the picture.
-const HEIGHT: f64 = 760.0;
-const TOP: f64 = 36.0;
-const LEFT: f64 = 64.0;
-const FOOT: f64 = 46.0;
 /// Detections drawn at most.
 const DOTS: usize = 6000;
-/// Points drawn at most of one path.
-const PATH: usize = 800;
 /// Colours of tracks: one less than there are, because the last looks like the truth's.
 const COLOURS: usize = SERIES - 1;
 /// Ellipses drawn of each track.
@@ -31,52 +24,14 @@ const CORNERS: usize = 40;
 /// Standard deviations of an ellipse that holds 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
 
-/// Picture coordinates of places.
-struct Scale {
-    west: f64,
-    north: f64,
-    units_per_m: f64,
-}
+/// Room around what is drawn, m.
+const ROOM_M: f64 = 10.0;
 
-impl Scale {
-    /// A window around these places, with equal scales; far-off single ones do not count.
-    fn new(places: &[Place]) -> Option<Self> {
-        let range = |axis: usize| {
-            let mut values: Vec<f64> = places.iter().map(|p| p[axis]).collect();
-            values.retain(|v| v.is_finite());
-            values.sort_by(f64::total_cmp);
-            let (first, last) = (values.first()?, values.last()?);
-            let inner = [quantile(&values, 0.01), quantile(&values, 0.99)];
-            let room = 0.15 * (inner[1] - inner[0]) + 10.0;
-            Some([
-                (inner[0] - room).max(first - 10.0),
-                (inner[1] + room).min(last + 10.0),
-            ])
-        };
-        let ([south, north], [west, east]) = (range(0)?, range(1)?);
-        let (width, height) = (WIDTH - LEFT, HEIGHT - FOOT);
-        let units_per_m = (width / (east - west)).min(height / (north - south));
-        let middle = [0.5 * (south + north), 0.5 * (west + east)];
-        Some(Self {
-            west: middle[1] - 0.5 * width / units_per_m,
-            north: middle[0] + 0.5 * height / units_per_m,
-            units_per_m,
-        })
-    }
-
-    /// The larger half axis of a track's 95 % ellipse, in units of the picture.
-    fn radius(&self, track: &TrackedTarget) -> f64 {
-        let [nn, ne, ee] = track.covariance;
-        let largest = 0.5 * (nn + ee) + (0.5 * (nn - ee)).hypot(ne);
-        SIGMAS_95 * largest.sqrt() * self.units_per_m
-    }
-
-    fn at(&self, place: Place) -> [f64; 2] {
-        [
-            (place[1] - self.west) * self.units_per_m,
-            (self.north - place[0]) * self.units_per_m,
-        ]
-    }
+/// The larger half axis of a track's 95 % ellipse, in units of the picture.
+fn radius(scale: &Scale, track: &TrackedTarget) -> f64 {
+    let [nn, ne, ee] = track.covariance;
+    let largest = 0.5 * (nn + ee) + (0.5 * (nn - ee)).hypot(ne);
+    SIGMAS_95 * largest.sqrt() * scale.units_per_m
 }
 
 /// The map; `None` when nothing has a place.
@@ -84,12 +39,7 @@ pub(super) fn render(epochs: &[TrackEpoch]) -> Option<String> {
     let mut places: Vec<Place> = epochs.iter().map(|e| e.own_ship).collect();
     places.extend(epochs.iter().flat_map(|e| e.truth.iter().map(|(_, p)| *p)));
     places.extend(epochs.iter().flat_map(|e| e.tracks.iter().map(|t| t.place)));
-    let scale = Scale::new(&places)?;
-    let mut svg = Svg::picture(
-        WIDTH,
-        HEIGHT + TOP,
-        "Map of tracks, truth, detections and own ship",
-    );
+    let scale = Scale::new(&places, ROOM_M)?;
     let mut keys = vec![
         key(Sign::Line, "line s0", "a track (each its colour)"),
         key(Sign::Line, "line bold reference", "own ship"),
@@ -99,10 +49,8 @@ pub(super) fn render(epochs: &[TrackEpoch]) -> Option<String> {
         let dashed = "line thin dash reference";
         keys.push(key(Sign::Line, dashed, "a target's true path"));
     }
-    legend(&mut svg, &keys, [LEFT, 0.0], WIDTH);
-    svg.rectangle([LEFT, TOP], [WIDTH - LEFT, HEIGHT - FOOT], 6.0, "frame");
-    grid(&mut svg, &scale);
-    svg.open_window(LEFT, TOP, WIDTH - LEFT, HEIGHT - FOOT);
+    let label = "Map of tracks, truth, detections and own ship";
+    let mut svg = map::open(&scale, label, &keys);
     let detections: Vec<Place> = epochs.iter().flat_map(|e| e.detections.clone()).collect();
     let dots: Vec<_> = series::pick(&detections, DOTS)
         .iter()
@@ -112,42 +60,14 @@ pub(super) fn render(epochs: &[TrackEpoch]) -> Option<String> {
     svg.lines(&[own_ship(&scale, epochs)], "line bold reference");
     tracks(&mut svg, &scale, epochs);
     truth(&mut svg, &scale, epochs);
-    svg.close();
-    svg.close();
-    Some(svg.finish())
+    Some(map::close(svg))
 }
 
 /// The own ship's path, without the points where it waits.
 fn own_ship(scale: &Scale, epochs: &[TrackEpoch]) -> Vec<[f64; 2]> {
     let mut places: Vec<Place> = epochs.iter().map(|e| e.own_ship).collect();
     places.dedup();
-    path(scale, &places)
-}
-
-/// A path on the map, with as many points as one can see, the last among them.
-fn path(scale: &Scale, places: &[Place]) -> Vec<[f64; 2]> {
-    let mut picked = series::pick(places, PATH);
-    picked.extend(places.last());
-    picked.iter().map(|place| scale.at(*place)).collect()
-}
-
-/// Lines at round distances, with their numbers.
-fn grid(svg: &mut Svg, scale: &Scale) {
-    let (width, height) = (WIDTH - LEFT, HEIGHT - FOOT);
-    let east = Axis::linear(scale.west, scale.west + width / scale.units_per_m, 9);
-    let north = Axis::linear(scale.north - height / scale.units_per_m, scale.north, 7);
-    for (value, label) in east.ticks() {
-        let x = LEFT + east.position(value) * width;
-        svg.lines(&[vec![[x, TOP], [x, TOP + height]]], "grid");
-        svg.text([x, TOP + height + 18.0], "tick mid", &label);
-    }
-    for (value, label) in north.ticks() {
-        let y = TOP + (1.0 - north.position(value)) * height;
-        svg.lines(&[vec![[LEFT, y], [WIDTH, y]]], "grid");
-        svg.text([LEFT - 8.0, y + 4.0], "tick end", &label);
-    }
-    svg.text([WIDTH - 4.0, TOP + HEIGHT - 8.0], "unit end", "east, m");
-    svg.text([LEFT, TOP + HEIGHT - 8.0], "unit", "north upwards, m");
+    scale.path(&places)
 }
 
 fn tracks(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
@@ -161,12 +81,12 @@ fn tracks(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
         let ellipses: Vec<_> = track
             .iter()
             .step_by(step)
-            .filter(|t| scale.radius(t) < LARGEST_ELLIPSE * WIDTH)
+            .filter(|t| radius(scale, t) < LARGEST_ELLIPSE * WIDTH)
             .map(|t| ellipse(scale, t))
             .collect();
         svg.lines(&ellipses, &format!("line thin soft {class}"));
         let places: Vec<Place> = track.iter().map(|t| t.place).collect();
-        svg.lines(&[path(scale, &places)], &format!("line {class}"));
+        svg.lines(&[scale.path(&places)], &format!("line {class}"));
     }
 }
 
@@ -176,7 +96,7 @@ fn truth(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
         by_target.entry(*target).or_default().push(*place);
     }
     for (target, places) in &by_target {
-        let path = path(scale, places);
+        let path = scale.path(places);
         if let Some([x, y]) = path.last() {
             svg.text(
                 [x + 8.0, *y],
@@ -225,18 +145,6 @@ mod tests {
     }
 
     #[test]
-    fn north_is_up_and_both_axes_have_one_scale() {
-        let scale = Scale::new(&[[0.0, 0.0], [100.0, 300.0]]).unwrap();
-        let (origin, north, east) = (
-            scale.at([0.0, 0.0]),
-            scale.at([10.0, 0.0]),
-            scale.at([0.0, 10.0]),
-        );
-        assert!(north[1] < origin[1] && east[0] > origin[0]);
-        approx::assert_relative_eq!(origin[1] - north[1], east[0] - origin[0], epsilon = 1e-9);
-    }
-
-    #[test]
     fn the_ellipse_has_the_extent_of_its_covariance() {
         let scale = Scale {
             west: 0.0,
@@ -251,7 +159,7 @@ mod tests {
         let ends = outline.iter().map(|p| (p[0] - 50.0).hypot(p[1] + 101.0));
         let longest = ends.fold(0.0, f64::max);
         approx::assert_relative_eq!(
-            scale.radius(&epoch(0.0).tracks[0]),
+            radius(&scale, &epoch(0.0).tracks[0]),
             longest,
             max_relative = 5e-3
         );
