@@ -364,7 +364,7 @@ impl Case<'_> {
         let errors = [0, 1, 2].map(|i| self.errors(&all[i]));
         let [original_deg, modified_deg, ekf_deg] =
             [0, 1, 2].map(|i| self.aggregate.of(&errors[i]));
-        let intervals = [0, 1, 2].map(|i| error_ci95(&errors[i], errors[i].len(), self.aggregate));
+        let intervals = [0, 1, 2].map(|i| error_ci95(&errors[i], self.aggregate));
         let gain = Gain::between(&errors[0], &errors[1], self.aggregate);
         let means = [0, 1, 2].map(|i| self.mean(&all[i]));
         let has_position = self.scored[0].position.is_some();

@@ -21,7 +21,8 @@ pub struct Gain {
 }
 
 impl Gain {
-    /// The gain of `new` over `old`, errors of the same flights in the same order.
+    /// The gain of `new` over `old`, errors of the same flights in the same order; its interval is that
+    /// of as many other flights.
     #[must_use]
     pub fn between(old: &[f64], new: &[f64], aggregate: Aggregate) -> Self {
         let percent =
@@ -33,19 +34,31 @@ impl Gain {
         });
         Self {
             percent: percent(old, new),
-            ci95: bounds(&mut drawn),
+            ci95: bounds(&mut drawn, 0.95),
         }
     }
 }
 
-/// Bounds that hold the aggregate error of `size` other flights of this kind in 95 % of the cases.
+/// Bounds that hold the aggregate error of as many other flights of this kind in 95 % of the cases.
 #[must_use]
-pub fn error_ci95(errors: &[f64], size: usize, aggregate: Aggregate) -> [f64; 2] {
-    let mut drawn = bootstrap(errors.len(), size, |picked| {
+pub fn error_ci95(errors: &[f64], aggregate: Aggregate) -> [f64; 2] {
+    let mut drawn = bootstrap(errors.len(), errors.len(), |picked| {
         let pick: Vec<f64> = picked.iter().map(|i| errors[*i]).collect();
         aggregate.of(&pick)
     });
-    bounds(&mut drawn)
+    bounds(&mut drawn, 0.95)
+}
+
+/// Bounds that hold a value of `size` flights, out of `count`, in the share `coverage` of the cases;
+/// `value` is asked for each drawing with the numbers of its flights.
+#[must_use]
+pub fn interval(
+    count: usize,
+    size: usize,
+    coverage: f64,
+    value: impl FnMut(&[usize]) -> f64,
+) -> [f64; 2] {
+    bounds(&mut bootstrap(count, size, value), coverage)
 }
 
 /// The value of `size` flights drawn from `count`, as often as [`DRAWS`].
@@ -63,13 +76,14 @@ fn bootstrap(count: usize, size: usize, mut value: impl FnMut(&[usize]) -> f64) 
         .collect()
 }
 
-fn bounds(drawn: &mut [f64]) -> [f64; 2] {
+fn bounds(drawn: &mut [f64], coverage: f64) -> [f64; 2] {
     drawn.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (share * (drawn.len().saturating_sub(1)) as f64).round() as usize;
         drawn.get(index).copied().unwrap_or(f64::NAN)
     };
-    [at(0.025), at(0.975)]
+    let outside = 0.5 * (1.0 - coverage);
+    [at(outside), at(1.0 - outside)]
 }
 
 #[cfg(test)]
