@@ -264,16 +264,15 @@ impl<T: Scalar> Cascade<T> {
             return Innovation::skipped(SkipReason::OutOfRange);
         };
         let error = position - then;
-        if error.norm() > self.config.position_std * lit(OUTLIER_STDS)
-            && self.outliers < OUTLIERS_BELIEVED
-        {
+        let is_outlier = error.norm() > self.config.position_std * lit(OUTLIER_STDS);
+        if is_outlier && self.outliers < OUTLIERS_BELIEVED {
             self.outliers += 1;
             return unweighed(error, Outcome::Gated);
         }
-        let outcome = if self.outliers == 0 {
-            Outcome::Fused
-        } else {
+        let outcome = if is_outlier {
             Outcome::Inflated
+        } else {
+            Outcome::Fused
         };
         self.outliers = 0;
         self.since_position = Some(age);
