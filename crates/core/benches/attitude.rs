@@ -1,8 +1,8 @@
 //! Cost of one attitude step, beside VQF on the same samples in the same run.
 //!
 //! `cargo bench -p northing-core --bench attitude` prints, per estimator, the median time of one
-//! sample with gyroscope, accelerometer and magnetometer, and its ratio to `vqf-rs` and to the
-//! Mahony filter of the `ahrs` crate. The kernels are timed in turns, so that a busy machine slows
+//! sample with gyroscope, accelerometer and magnetometer, and its ratio to `vqf-rs`, to the
+//! Mahony filter of the `ahrs` crate, and to our explicit complementary filter. The kernels are timed in turns, so that a busy machine slows
 //! all of them alike. With valgrind installed,
 //! `scripts/count-instructions` prints instruction counts as well.
 
@@ -17,12 +17,14 @@ use northing_core::attitude::bounded_velocity::{
     BoundedVelocity, BoundedVelocityConfig, ScaleStates,
 };
 use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
+use northing_core::attitude::ekf_reconstruction::EkfReconstruction;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
 use northing_core::attitude::usque::Usque;
 use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, InitialState, References};
 use northing_core::geometry::so3;
+use northing_core::navigation::cascade::{Cascade, CascadeConfig};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
@@ -91,6 +93,29 @@ fn pass<E: AttitudeEstimator<f64>>(estimator: E, s: &Samples) -> f64 {
         black_box(estimator.update_magnetometer(&s.magnetometer[k]));
     }
     black_box(estimator.attitude());
+    begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
+}
+
+/// As [`pass`], with the position observer behind the estimator and a position every tenth sample.
+#[inline(never)]
+fn pass_cascade<E: AttitudeEstimator<f64>>(estimator: E, s: &Samples) -> f64 {
+    let mut estimator = start(estimator);
+    let at_rest = Vector3::new(0.0, 0.0, 9.81);
+    let mut observer = Cascade::new(CascadeConfig::default(), at_rest).expect("valid settings");
+    let dt = 1.0 / RATE_HZ;
+    let begin = Instant::now();
+    for k in 0..s.gyroscope.len() {
+        estimator.propagate(black_box(&s.gyroscope[k]), dt);
+        black_box(estimator.update_accelerometer(&s.accelerometer[k]));
+        black_box(estimator.update_magnetometer(&s.magnetometer[k]));
+        let attitude = estimator.attitude();
+        black_box(observer.propagate(&attitude, &s.accelerometer[k], dt)).expect("good samples");
+        if k % 10 == 0 {
+            let rate = s.gyroscope[k] - estimator.rate_at_rest();
+            black_box(observer.update_position(&Vector3::zeros(), 0.0, &attitude, &rate));
+        }
+    }
+    black_box((estimator.attitude(), observer));
     begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
 }
 
@@ -163,6 +188,19 @@ fn main() {
     let usque = Usque::new(settings).expect("valid settings");
     kernels.push(("usque", Box::new(move || pass(usque, samples))));
 
+    let explicit = Complementary::new(ComplementaryForm::Explicit, settings);
+    let explicit = explicit.expect("valid settings");
+    let behind_ekf = EkfReconstruction::new(settings).expect("valid settings");
+    kernels.push((
+        "passive behind the EKF",
+        Box::new(move || pass(behind_ekf, samples)),
+    ));
+    kernels.push(("cascade", Box::new(move || pass_cascade(explicit, samples))));
+    kernels.push((
+        "cascade-ekf",
+        Box::new(move || pass_cascade(behind_ekf, samples)),
+    ));
+
     let full = BoundedVelocityConfig {
         initial_hard_iron_std_ut: 12.0,
         ..BoundedVelocityConfig::default()
@@ -195,9 +233,9 @@ fn main() {
     println!(
         "one sample with gyroscope, accelerometer and magnetometer, f64, {rounds} rounds in turns"
     );
-    let peers = ["vqf-rs, 9 axes", "ahrs, Mahony"];
+    let peers = ["vqf-rs, 9 axes", "ahrs, Mahony", "complementary"];
     println!(
-        "  {:<28}{:>9}{:>11}   times vqf-rs, times ahrs (medians of the rounds)",
+        "  {:<28}{:>9}{:>11}   times vqf-rs, times ahrs, times complementary (medians of the rounds)",
         "", "least", "median"
     );
     for ((name, _), t) in kernels.iter().zip(&times) {
@@ -207,9 +245,10 @@ fn main() {
             Some(median(pairs.map(|(ours, peers)| ours / peers).collect()))
         });
         let least = t.iter().copied().fold(f64::INFINITY, f64::min);
-        let [vqf, ahrs] = ratios.map(|r| r.map_or_else(|| "-".to_owned(), |r| format!("{r:.2}")));
+        let ratios = ratios.map(|r| r.map_or_else(|| "-".to_owned(), |r| format!("{r:.2}")));
+        let [vqf, ahrs, explicit] = ratios;
         println!(
-            "  {name:<28}{least:>6.0} ns{:>8.0} ns{vqf:>8}{ahrs:>8}",
+            "  {name:<28}{least:>6.0} ns{:>8.0} ns{vqf:>8}{ahrs:>8}{explicit:>8}",
             median(t.clone())
         );
     }

@@ -10,6 +10,7 @@ mod compare;
 mod convert;
 mod data;
 mod demo;
+mod experiment;
 mod introduction;
 mod magnetometer;
 mod positions;

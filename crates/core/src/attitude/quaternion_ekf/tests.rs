@@ -234,3 +234,65 @@ fn attitude_variance_is_capped() {
     let p = f.attitude_covariance().unwrap();
     assert_relative_eq!(p.diagonal(), Vector3::repeat(1.8 * 1.8), epsilon = 1e-9);
 }
+
+/// The paper on the cascade prints the rate matrix twice (its eq 5): by elements, and in blocks with the
+/// sign of `[w]x` turned. Only the elements are the quaternion's derivative.
+#[test]
+fn the_papers_block_form_of_the_rate_matrix_has_the_wrong_sign() {
+    let q = UnitQuaternion::from_euler_angles(0.4, -0.8, 1.9);
+    let (rate, q4) = (Vector3::new(0.3, -1.2, 0.7), wxyz(&q));
+    let blocks = |sign: f64| {
+        let mut m = Matrix4::zeros();
+        m.fixed_view_mut::<1, 3>(0, 1)
+            .copy_from(&-rate.transpose());
+        m.fixed_view_mut::<3, 1>(1, 0).copy_from(&rate);
+        m.fixed_view_mut::<3, 3>(1, 1)
+            .copy_from(&(so3::skew(&rate) * sign));
+        m
+    };
+    let derivative = xi(&q4) * rate;
+    assert!((blocks(-1.0) * q4 - derivative).norm() < 1e-15);
+    assert!((blocks(1.0) * q4 - derivative).norm() > 0.5);
+}
+
+/// Its eqs 7 and 8 with their misprints mended: `R(q)^T g` and the elements of `R^T`.
+#[test]
+fn the_papers_gravity_and_field_predictions_are_the_inverse_rotation() {
+    let q = UnitQuaternion::from_euler_angles(0.4, -0.8, 1.9);
+    let [q0, q1, q2, q3] = [q.w, q.i, q.j, q.k];
+    let gravity = Vector3::new(
+        2.0 * (q1 * q3 - q0 * q2),
+        2.0 * (q2 * q3 + q0 * q1),
+        q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3,
+    );
+    assert!((gravity - q.inverse() * Vector3::z()).norm() < 1e-15);
+    let inverse = q.inverse().to_rotation_matrix().into_inner();
+    assert!((inverse[(2, 1)] - 2.0 * (q2 * q3 - q0 * q1)).abs() < 1e-15);
+}
+
+/// A free norm: the same filter while vectors have the length they should; the uncertainty along the
+/// quaternion is only there.
+#[test]
+fn a_free_norm_keeps_a_variance_along_the_quaternion() {
+    for (norm, expected) in [(QuaternionNorm::Projected, 0.0), (QuaternionNorm::Free, 0.1)] {
+        let config = AttitudeConfig::<f64> {
+            quaternion_norm: norm,
+            initial_tilt_std: 0.4_f64.sqrt(),
+            ..AttitudeConfig::default()
+        };
+        let mut filter = QuaternionEkf::new(config).unwrap();
+        let truth = UnitQuaternion::from_euler_angles(0.4, -0.8, 1.9);
+        filter.initialize(&start(&config, truth));
+        let q = wxyz(&truth);
+        let along = (q.transpose() * quaternion_block(&filter.state.covariance) * q)[0];
+        assert!((along - expected).abs() < 1e-12, "{norm:?}: {along}");
+        let force = truth.inverse() * start::<f64>(&config, truth).references.specific_force;
+        for _ in 0..100 {
+            filter.propagate(&Vector3::zeros(), 0.01);
+            assert!(filter.update_accelerometer(&force).outcome.is_fused());
+        }
+        assert!(filter.attitude().angle_to(&truth) < 1e-9, "{norm:?}");
+        let covariance = filter.state.covariance;
+        assert!((covariance - covariance.transpose()).norm() < 1e-15);
+    }
+}

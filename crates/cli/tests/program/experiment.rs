@@ -1,0 +1,106 @@
+//! `experiment observers` on a few short flights.
+
+use crate::support::{Lab, contains};
+
+const SCENARIO: &str = include_str!("../../../../scenarios/observers/cascade.toml");
+
+/// A folder with the flights, shortened to 30 s.
+fn lab() -> Lab {
+    let lab = Lab::new();
+    let short = SCENARIO.replace("duration_s = 120.0", "duration_s = 30.0 ");
+    lab.write("c.toml", short);
+    lab
+}
+
+const FEW: [&str; 8] = [
+    "experiment",
+    "observers",
+    "--scenario",
+    "c.toml",
+    "--flights",
+    "2",
+    "--condition",
+    "free-1.5",
+];
+
+#[test]
+fn the_experiment_prints_tables_or_one_document_and_a_report() {
+    let lab = lab();
+    contains(
+        &lab.succeeds(&FEW),
+        &[
+            "Tuned on one half, scored on the other",
+            "At the literature's gains",
+            "free-1.5",
+            "Cost of a step",
+            "Is it 40 % better?",
+            "For 21 % more time?",
+        ],
+    );
+    let document = lab.json(&[&FEW[..], &["--json", "--report", "r.html", "--seed", "7"]].concat());
+    assert_eq!(
+        (&document["seed"], &document["flights"]),
+        (&7.into(), &2.into())
+    );
+    let condition = &document["conditions"][0];
+    assert_eq!(condition["name"], "free-1.5");
+    for key in ["original_deg", "modified_deg", "ekf_deg", "gain_percent"] {
+        assert!(condition[key].as_f64().unwrap().is_finite(), "{key}");
+    }
+    assert_eq!(condition["gain_ci95"].as_array().unwrap().len(), 2);
+    for cost in [&condition["cost_ns"], &document["cost_ns"]] {
+        for scheme in ["original", "modified", "ekf", "cascade", "cascade_ekf"] {
+            assert!(cost[scheme].as_f64().unwrap() > 0.0, "{scheme}");
+        }
+    }
+    let page = lab.read("r.html");
+    contains(
+        &page,
+        &[
+            "<svg",
+            "free, acceleration 1.5 m/s^2",
+            "is the modification worth it?",
+        ],
+    );
+}
+
+#[test]
+fn what_cannot_be_flown_is_said_in_one_line() {
+    let lab = lab();
+    let with = |more: &[&'static str]| [&["experiment", "observers"][..], more].concat();
+    contains(
+        &lab.refuses(&with(&["--scenario", "none.toml"])),
+        &["none.toml", "cannot read it"],
+    );
+    lab.write(
+        "bad.toml",
+        SCENARIO.replace("rate_hz = 100.0", "rate_hz = -1.0"),
+    );
+    contains(
+        &lab.refuses(&with(&["--scenario", "bad.toml"])),
+        &[
+            "bad.toml:",
+            "gyroscope.rate_hz is -1, expected a finite number above zero",
+        ],
+    );
+    contains(
+        &lab.refuses(&with(&["--condition", "free"])),
+        &["no variant `free`", "free-1.5"],
+    );
+    contains(
+        &lab.refuses(&with(&["--flights", "1"])),
+        &["--flights", "2..=10000"],
+    );
+    contains(&lab.refuses(&with(&["--data", "nowhere"])), &["nowhere"]);
+    lab.write("r.html", "mine");
+    contains(&lab.refuses(&with(&["--report", "r.html"])), &["r.html"]);
+    assert_eq!(lab.read("r.html"), "mine");
+    // One recording: nothing is left to tune on.
+    std::fs::create_dir(lab.path("one")).unwrap();
+    lab.succeeds(&["demo", "--record-only", "one/phone.csv"]);
+    let one = [&FEW[..], &["--data", "one"]].concat();
+    contains(
+        &lab.refuses(&one),
+        &["one: 1 recordings with a reference attitude", "at least 2"],
+    );
+}
