@@ -51,7 +51,35 @@ pub fn calibrated_config(options: &RunOptions, calibration: &RestCalibration<f64
     {
         config.gyroscope_sample_interval_s = interval;
     }
+    raise_bounded_velocity(&mut parameters, options, calibration);
     parameters
+}
+
+/// The bounded-velocity filter's noise stands for more than the sensors' at rest, in any profile: it
+/// is raised where a sensor is worse.
+fn raise_bounded_velocity(
+    parameters: &mut Parameters,
+    options: &RunOptions,
+    calibration: &RestCalibration<f64>,
+) {
+    let config = &mut parameters.bounded_velocity;
+    let measured = [
+        (
+            "bounded_gyroscope_noise_density",
+            &mut config.gyroscope_noise_density,
+            calibration.gyroscope_noise_density(),
+        ),
+        (
+            "bounded_magnetometer_std_ut",
+            &mut config.magnetometer_std_ut,
+            calibration.magnetometer_std_ut(),
+        ),
+    ];
+    for (name, field, value) in measured {
+        if let Some(value) = value.filter(|_| !options.is_explicit(name)) {
+            *field = field.max(value);
+        }
+    }
 }
 
 /// The driver's settings with what the calibration knows beforehand.
@@ -331,6 +359,13 @@ mod tests {
         let config = calibrated_config(&lab, &calibration).attitude;
         assert_relative_eq!(config.accelerometer_std, 0.7);
         assert!(config.magnetometer_std_ut < 0.6);
+        // What is less than the filter's own stays: it stands for more than the sensor's.
+        let own = lab.config.bounded_velocity;
+        let bounded = calibrated_config(&lab, &calibration).bounded_velocity;
+        assert_eq!(bounded, own);
+        lab.config.bounded_velocity.magnetometer_std_ut = 0.1;
+        let bounded = calibrated_config(&lab, &calibration).bounded_velocity;
+        assert!((bounded.magnetometer_std_ut / 0.5 - 1.0).abs() < 0.1);
     }
 
     #[test]

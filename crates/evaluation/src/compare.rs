@@ -229,13 +229,15 @@ pub fn table(rows: &[TableRow]) -> String {
         .max()
         .unwrap_or(0)
         .max(6);
+    let names = rows.iter().map(|row| row.estimator.name().len());
+    let name_width = names.max().unwrap_or(0).max(9);
     let mut text = format!(
-        "{:folder_width$}  {:14}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}\n",
+        "{:folder_width$}  {:name_width$}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}\n",
         "folder", "estimator", "n", "total deg", "heading deg", "inclination deg", "NEES / dof"
     );
     let _ = writeln!(
         text,
-        "{:folder_width$}  {:14}  {:>3}  {m:>15}  {m:>15}  {m:>15}  {m:>15}",
+        "{:folder_width$}  {:name_width$}  {:>3}  {m:>15}  {m:>15}  {m:>15}  {m:>15}",
         "",
         "",
         "",
@@ -244,7 +246,7 @@ pub fn table(rows: &[TableRow]) -> String {
     for row in rows {
         let _ = writeln!(
             text,
-            "{:folder_width$}  {:14}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}",
+            "{:folder_width$}  {:name_width$}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}",
             name(row),
             row.estimator.name(),
             row.scored_recordings,

@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::bounded_velocity::BoundedVelocity;
 use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
 use northing_core::attitude::ekf_reconstruction::EkfReconstruction;
 use northing_core::attitude::integration::Integration;
@@ -12,12 +13,13 @@ use northing_core::attitude::mekf3::Mekf3;
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
 use northing_core::attitude::usque::Usque;
 use northing_core::attitude::{
-    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
+    AttitudeEstimator, CompassHeading, InitialState, Propagation,
 };
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
+use crate::parameters::Parameters;
 
 /// An estimator that can be asked for by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -29,6 +31,8 @@ pub enum EstimatorKind {
     Mekf3,
     /// With gyroscope bias: the default.
     Mekf,
+    /// With gyroscope bias and scale, bounded velocity, hard iron and field: for what people carry.
+    BoundedVelocity,
     /// Unscented.
     Usque,
     /// Additive, four quaternion components.
@@ -64,10 +68,11 @@ pub struct EstimatorInfo {
 
 impl EstimatorKind {
     /// Every estimator, simplest first.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Integration,
         Self::Mekf3,
         Self::Mekf,
+        Self::BoundedVelocity,
         Self::Usque,
         Self::QuaternionEkf,
         Self::Complementary,
@@ -102,6 +107,14 @@ impl EstimatorKind {
                 error_states: 6,
                 has_covariance: true,
                 paper: "Markley (2003); Utrera & Vazquez (2021)",
+            },
+            Self::BoundedVelocity => EstimatorInfo {
+                name: "bounded-velocity",
+                summary: "Kalman filter for phones and wearables: a bounded velocity instead of gravity, \
+                          gyroscope scale, hard iron and field estimated",
+                error_states: 22,
+                has_covariance: true,
+                paper: "docs/derivations/bounded_velocity.md",
             },
             Self::Usque => EstimatorInfo {
                 name: "usque",
@@ -209,6 +222,8 @@ pub enum AnyEstimator {
     Mekf3(Mekf3<f64>),
     /// `mekf`
     Mekf(Mekf<f64>),
+    /// `bounded-velocity`
+    BoundedVelocity(Box<BoundedVelocity<f64>>),
     /// `usque`
     Usque(Usque<f64>),
     /// `quaternion-ekf`
@@ -227,14 +242,18 @@ impl AnyEstimator {
     /// [`EvaluationError::Config`] when a setting makes no sense.
     pub fn new(
         kind: EstimatorKind,
-        config: &AttitudeConfig<f64>,
+        parameters: &Parameters,
     ) -> Result<Option<Self>, EvaluationError> {
-        config.validate()?;
+        parameters.validate()?;
+        let config = &parameters.attitude;
         let complementary = |form| Complementary::new(form, *config).map(Self::Complementary);
         Ok(Some(match kind {
             EstimatorKind::Integration => Self::Integration(Integration::default()),
             EstimatorKind::Mekf3 => Self::Mekf3(Mekf3::new(*config)?),
             EstimatorKind::Mekf => Self::Mekf(Mekf::new(*config)?),
+            EstimatorKind::BoundedVelocity => {
+                Self::BoundedVelocity(Box::new(BoundedVelocity::new(parameters.bounded_velocity)?))
+            }
             EstimatorKind::Usque => Self::Usque(Usque::new(*config)?),
             EstimatorKind::QuaternionEkf => Self::QuaternionEkf(QuaternionEkf::new(*config)?),
             EstimatorKind::Complementary | EstimatorKind::Cascade => {
@@ -267,6 +286,7 @@ macro_rules! each {
             Self::Integration($e) => $body,
             Self::Mekf3($e) => $body,
             Self::Mekf($e) => $body,
+            Self::BoundedVelocity($e) => $body,
             Self::Usque($e) => $body,
             Self::QuaternionEkf($e) => $body,
             Self::Complementary($e) => $body,
@@ -332,14 +352,14 @@ mod tests {
         assert_eq!(
             error,
             "unknown estimator `kalman`; expected one of: \
-             integration, mekf3, mekf, usque, quaternion-ekf, complementary, \
+             integration, mekf3, mekf, bounded-velocity, usque, quaternion-ekf, complementary, \
              complementary-passive, complementary-direct, cascade, cascade-ekf, device"
         );
     }
 
     #[test]
     fn every_estimator_but_the_device_runs_and_keeps_its_word_about_covariance() {
-        let config = AttitudeConfig::default();
+        let config = Parameters::default();
         for kind in EstimatorKind::ALL {
             let estimator = AnyEstimator::new(kind, &config).unwrap();
             let Some(mut estimator) = estimator else {
@@ -359,10 +379,8 @@ mod tests {
 
     #[test]
     fn a_configuration_without_sense_is_refused() {
-        let config = AttitudeConfig {
-            accelerometer_std: -1.0,
-            ..AttitudeConfig::default()
-        };
+        let mut config = Parameters::default();
+        config.attitude.accelerometer_std = -1.0;
         let error = AnyEstimator::new(EstimatorKind::Mekf, &config).unwrap_err();
         let text = error.to_string();
         assert!(

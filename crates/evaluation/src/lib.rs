@@ -57,6 +57,7 @@ pub mod error;
 pub mod estimators;
 pub mod field_calibration;
 mod field_watch;
+mod first_look;
 pub mod final_test;
 pub mod instants;
 pub mod metrics;

@@ -3,14 +3,17 @@
 //! Names and defaults come from the configuration structures themselves; the table here adds unit
 //! and meaning. A test holds the two together.
 
+mod bounded_velocity;
 mod set;
 
 use northing_core::attitude::AttitudeConfig;
+use northing_core::attitude::bounded_velocity::BoundedVelocityConfig;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
+pub(crate) use bounded_velocity::BOUNDED;
 pub use set::{CascadeRotation, CascadeSettings, Parameters};
 
 /// A named set of parameters.
@@ -52,6 +55,7 @@ impl Profile {
         match self {
             Self::HandHeld => Parameters {
                 attitude: AttitudeConfig::hand_held(),
+                bounded_velocity: BoundedVelocityConfig::hand_held(),
                 cascade: CascadeSettings::satellite(),
             },
             Self::Lab => Parameters::default(),
@@ -248,6 +252,11 @@ const TABLE: [(&str, &str, &str); 32] = [
     ),
 ];
 
+/// All rows: the table above, then the bounded-velocity filter's.
+fn rows() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static str)> {
+    TABLE.iter().chain(&bounded_velocity::TABLE)
+}
+
 /// Parameters of complementary filters begin so; besides those only this one matters to them.
 const COMPLEMENTARY: &str = "complementary_";
 const COMPLEMENTARY_TOO: &str = "magnetometer_use";
@@ -270,7 +279,7 @@ const BIAS_ONLY: [&str; 2] = ["gyroscope_bias_random_walk", "initial_gyroscope_b
 #[must_use]
 pub fn parameters() -> Vec<ParameterInfo> {
     let configs = Profile::ALL.map(|profile| (profile, Map::from(profile.config())));
-    let rows = TABLE.iter().map(|(name, unit, meaning)| ParameterInfo {
+    let rows = rows().map(|(name, unit, meaning)| ParameterInfo {
         name: (*name).to_owned(),
         unit,
         meaning,
@@ -294,9 +303,11 @@ pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
 fn matters(kind: EstimatorKind, name: &str) -> bool {
     let complementary = name.starts_with(COMPLEMENTARY);
     let position = name.starts_with(CASCADE);
-    let of_ekf = !complementary && !position;
+    let bounded = name.starts_with(BOUNDED);
+    let of_ekf = !complementary && !position && !bounded;
     match kind {
         EstimatorKind::Integration | EstimatorKind::Device => false,
+        EstimatorKind::BoundedVelocity => bounded,
         EstimatorKind::Mekf3 => of_ekf && !BIAS_ONLY.contains(&name),
         EstimatorKind::Mekf | EstimatorKind::Usque | EstimatorKind::QuaternionEkf => of_ekf,
         EstimatorKind::Complementary
@@ -325,7 +336,7 @@ pub fn apply_setting(config: &mut Parameters, setting: &str) -> Result<String, E
     let Some(slot) = map.get_mut(name) else {
         return Err(EvaluationError::UnknownParameter {
             name: name.to_owned(),
-            valid: TABLE.map(|row| row.0).join(", "),
+            valid: rows().map(|row| row.0).collect::<Vec<_>>().join(", "),
         });
     };
     let bad = |problem: String| EvaluationError::BadValue {

@@ -7,7 +7,7 @@ mod position_observer;
 
 use nalgebra::UnitQuaternion;
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
-use northing_core::attitude::{AttitudeConfig, AttitudeEstimator, Propagation};
+use northing_core::attitude::{AttitudeEstimator, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_recording::{Event, Recording, SensorKind};
 
@@ -15,10 +15,11 @@ use crate::calibration::{self, CalibrationPhase};
 use crate::device;
 use crate::error::EvaluationError;
 use crate::estimators::{AnyEstimator, EstimatorKind};
+use crate::first_look::FirstLook;
 use crate::instants::{Instant, Instants};
 use crate::observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver};
 use crate::options::RunOptions;
-use crate::parameters::CascadeRotation;
+use crate::parameters::{CascadeRotation, Parameters};
 use crate::rts_smoother::Recorder;
 use crate::summary::RunSummary;
 use crate::tally::Tally;
@@ -85,11 +86,16 @@ where
         .map(|event| event.map(|event| options.calibrated(event)));
     let instants = Instants::new(events)
         .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
-    match options.estimator {
-        EstimatorKind::Device => device::run(instants, options, observer),
-        EstimatorKind::Mekf if options.smooth => run_smoothed(instants, options, observer),
-        kind => run_filter(instants, options, observer, kind),
-    }
+    let mut instants = FirstLook::new(instants, options);
+    let options = &instants.options(options);
+    let said = instants.sentence();
+    let mut summary = match options.estimator {
+        EstimatorKind::Device => return device::run(instants, options, observer),
+        EstimatorKind::Mekf if options.smooth => run_smoothed(&mut instants, options, observer),
+        kind => run_filter(&mut instants, options, observer, kind),
+    }?;
+    summary.issues.extend(said);
+    Ok(summary)
 }
 
 pub(crate) fn nothing_estimated(summary: &RunSummary, options: &RunOptions) -> EvaluationError {
@@ -117,7 +123,7 @@ fn run_filter(
     observer: &mut dyn RunObserver,
     kind: EstimatorKind,
 ) -> Result<RunSummary, EvaluationError> {
-    let make = |config: &AttitudeConfig<f64>| {
+    let make = |config: &Parameters| {
         AnyEstimator::new(kind, config)?.ok_or(EvaluationError::NoDeviceOrientation)
     };
     let mut session = Session::new(options, &make)?;
@@ -147,7 +153,7 @@ fn run_smoothed(
     options: &RunOptions,
     observer: &mut dyn RunObserver,
 ) -> Result<RunSummary, EvaluationError> {
-    let make = |config: &AttitudeConfig<f64>| Ok(Recorder::new(*config)?);
+    let make = |config: &Parameters| Ok(Recorder::new(config.attitude)?);
     let mut session = Session::new(options, &make)?;
     let mut records: Vec<(EstimateRecord, usize)> = Vec::new();
     for instant in instants {
@@ -172,7 +178,7 @@ fn run_smoothed(
 }
 
 /// Makes an estimator once its parameters are known.
-type Make<'a, E> = &'a dyn Fn(&AttitudeConfig<f64>) -> Result<E, EvaluationError>;
+type Make<'a, E> = &'a dyn Fn(&Parameters) -> Result<E, EvaluationError>;
 
 /// One estimator on its way through one recording.
 struct Session<'a, E> {
@@ -200,12 +206,7 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 Phase::Calibrating(Box::new(CalibrationPhase::new(seconds, options.sensors)))
             }
             (None, Some(calibration)) => running(options, calibration, make)?,
-            (None, None) => begun(
-                options,
-                options.config.attitude,
-                options.driver_config(),
-                make,
-            )?,
+            (None, None) => begun(options, &options.config, options.driver_config(), make)?,
         };
         Ok(Self {
             options,
@@ -315,11 +316,12 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
 /// An estimator at the first sample: in the state that is known, or about to align itself.
 fn begun<E: AttitudeEstimator<f64>>(
     options: &RunOptions,
-    config: AttitudeConfig<f64>,
+    config: &Parameters,
     settings: DriverConfig<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let mut driver = AttitudeDriver::new(make(&config)?, config, settings);
+    let alignment = config.alignment(options.estimator);
+    let mut driver = AttitudeDriver::new(make(config)?, alignment, settings);
     if let Some(start) = &options.start {
         driver.start_from(start);
     }
@@ -332,9 +334,9 @@ fn running<E: AttitudeEstimator<f64>>(
     calibration: &RestCalibration<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let config = calibration::calibrated_config(options, calibration).attitude;
+    let config = calibration::calibrated_config(options, calibration);
     let driver = calibration::calibrated_driver(options, calibration);
-    begun(options, config, driver, make)
+    begun(options, &config, driver, make)
 }
 
 /// An estimator that starts from the rest that has just ended.
@@ -343,10 +345,12 @@ fn started<E: AttitudeEstimator<f64>>(
     calibration: &RestCalibration<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let config = calibration::calibrated_config(options, calibration).attitude;
+    let config = calibration::calibrated_config(options, calibration);
     let settings = calibration::calibrated_driver(options, calibration);
-    let mut driver = AttitudeDriver::new(make(&config)?, config, settings);
-    driver.start_from(&calibration::state_at_rest(calibration, &config, &settings));
+    let alignment = config.alignment(options.estimator);
+    let mut driver = AttitudeDriver::new(make(&config)?, alignment, settings);
+    let noise = &config.attitude;
+    driver.start_from(&calibration::state_at_rest(calibration, noise, &settings));
     Ok(Phase::Running(Box::new(driver)))
 }
 

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use northing_core::attitude::{AttitudeConfig, Propagation};
+use northing_core::attitude::Propagation;
 use northing_core::kalman::Innovation;
 use northing_recording::SensorKind;
 
 use crate::consistency::{self, SensorVerdict};
+use crate::estimators::EstimatorKind;
 use crate::field_watch::FieldWatch;
 use crate::final_test::FinalTest;
 use crate::instants::Instant;
@@ -210,7 +211,7 @@ impl Tally {
                 compass: nis.compass.map(|n| n.mean),
             },
             final_test: self.final_test.summary(),
-            verdicts: self.verdicts(&nis, &options.config.attitude),
+            verdicts: self.verdicts(&nis, options),
             nis,
             unobservable,
             profile: runs_filter.then_some(options.profile),
@@ -241,9 +242,16 @@ impl Tally {
     fn verdicts(
         &self,
         nis: &NisOf<NisSummary>,
-        config: &AttitudeConfig<f64>,
+        options: &RunOptions,
     ) -> Vec<SensorVerdict> {
-        let accelerometer = nis.accelerometer.as_ref().map(|nis| {
+        let bounded = options.estimator == EstimatorKind::BoundedVelocity;
+        let mut config = options.config.alignment(options.estimator);
+        if bounded {
+            let own = &options.config.bounded_velocity;
+            config.magnetometer_correlation_time_s = own.magnetometer_correlation_time_s;
+        }
+        // A bounded velocity is no noise of the accelerometer: there is no R to judge.
+        let accelerometer = nis.accelerometer.as_ref().filter(|_| !bounded).map(|nis| {
             let lasts = config.accelerometer_correlation_time_s;
             consistency::judge(
                 SensorKind::Accelerometer,

@@ -275,7 +275,7 @@ fn g_where_metres_per_second_squared_belong() {
 #[test]
 fn unknown_estimators_parameters_and_sensors_list_the_valid_ones() {
     let lab = Lab::with_phone();
-    let names = "integration, mekf3, mekf, usque, quaternion-ekf, complementary, \
+    let names = "integration, mekf3, mekf, bounded-velocity, usque, quaternion-ekf, complementary, \
                  complementary-passive, complementary-direct, cascade, cascade-ekf, device";
     contains(
         &lab.refuses(&["run", "phone.csv", "--estimator", "kalman"]),

@@ -11,6 +11,7 @@ fn one_recording_gives_a_line_for_each_estimator() {
             "integration",
             "mekf3",
             "mekf",
+            "bounded-velocity",
             "usque",
             "quaternion-ekf",
             "complementary",

@@ -77,6 +77,7 @@ fn every_estimator_runs() {
         "integration",
         "mekf3",
         "mekf",
+        "bounded-velocity",
         "usque",
         "quaternion-ekf",
         "complementary",

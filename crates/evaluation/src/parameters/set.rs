@@ -1,19 +1,25 @@
 //! A set of parameters: the attitude filters' and the position observer's, under one flat list of names.
 
 use northing_core::attitude::AttitudeConfig;
+use northing_core::attitude::bounded_velocity::BoundedVelocityConfig;
 use northing_core::attitude::config::ConfigError;
 use northing_core::navigation::cascade::CascadeConfig;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::bounded_velocity::{self, BOUNDED};
+use crate::estimators::EstimatorKind;
+
 /// Every parameter of every estimator. As text it is one flat list of names, those of
-/// [`AttitudeConfig`] and of [`CascadeSettings`]; what is left out has its default, and unknown
+/// [`AttitudeConfig`], of [`BoundedVelocityConfig`] after `bounded_`, and of [`CascadeSettings`]; what is left out has its default, and unknown
 /// names are refused.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(into = "Map<String, Value>", try_from = "Map<String, Value>")]
 pub struct Parameters {
     /// Of the attitude filters.
     pub attitude: AttitudeConfig<f64>,
+    /// Of the bounded-velocity filter.
+    pub bounded_velocity: BoundedVelocityConfig<f64>,
     /// Of the position observer behind them.
     pub cascade: CascadeSettings,
 }
@@ -79,12 +85,25 @@ impl CascadeSettings {
 }
 
 impl Parameters {
+    /// What the driver's alignment takes for an estimator.
+    #[must_use]
+    pub fn alignment(&self, kind: EstimatorKind) -> AttitudeConfig<f64> {
+        match kind {
+            EstimatorKind::BoundedVelocity => self.bounded_velocity.alignment_settings(),
+            _ => self.attitude,
+        }
+    }
+
     /// Checks every value.
     ///
     /// # Errors
     /// The first that makes no sense, and what was expected.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.attitude.validate()?;
+        self.bounded_velocity.validate().map_err(|error| ConfigError {
+            field: full_name(error.field),
+            ..error
+        })?;
         let (field, expected) = match self.cascade.config().senseless() {
             None => return Ok(()),
             Some("pole") => ("cascade_pole", "a number from 0.001 to 100"),
@@ -94,18 +113,27 @@ impl Parameters {
     }
 }
 
+/// The command line's name of a field of the bounded-velocity filter.
+fn full_name(field: &'static str) -> &'static str {
+    let names = bounded_velocity::TABLE.iter().map(|row| row.0);
+    let mut found = names.filter(|name| name.strip_prefix(BOUNDED) == Some(field));
+    found.next().unwrap_or(field)
+}
+
+/// The fields of a structure by name.
+fn fields(of: &impl Serialize) -> Map<String, Value> {
+    match serde_json::to_value(of) {
+        Ok(Value::Object(map)) => map,
+        _ => Map::new(),
+    }
+}
+
 /// Every parameter as name and value.
 impl From<Parameters> for Map<String, Value> {
     fn from(parameters: Parameters) -> Self {
-        let parts = [
-            serde_json::to_value(parameters.attitude),
-            serde_json::to_value(parameters.cascade),
-        ];
-        let named = parts.into_iter().filter_map(|part| match part {
-            Ok(Value::Object(map)) => Some(map),
-            _ => None,
-        });
-        named.flatten().collect()
+        let bounded = bounded_velocity::prefixed(fields(&parameters.bounded_velocity));
+        let parts = [fields(&parameters.attitude), bounded, fields(&parameters.cascade)];
+        parts.into_iter().flatten().collect()
     }
 }
 
@@ -113,11 +141,15 @@ impl TryFrom<Map<String, Value>> for Parameters {
     type Error = serde_json::Error;
 
     fn try_from(map: Map<String, Value>) -> Result<Self, serde_json::Error> {
-        let (cascade, attitude): (Map<_, _>, Map<_, _>) = map
-            .into_iter()
-            .partition(|(name, _)| name.starts_with(super::CASCADE));
+        let starts = |start| move |(name, _): &(String, Value)| name.starts_with(start);
+        let (cascade, rest): (Map<_, _>, Map<_, _>) =
+            map.into_iter().partition(starts(super::CASCADE));
+        let (bounded, attitude): (Map<_, _>, Map<_, _>) =
+            rest.into_iter().partition(starts(BOUNDED));
+        let bounded = bounded_velocity::unprefixed(bounded);
         Ok(Self {
             attitude: serde_json::from_value(Value::Object(attitude))?,
+            bounded_velocity: serde_json::from_value(Value::Object(bounded))?,
             cascade: serde_json::from_value(Value::Object(cascade))?,
         })
     }
@@ -131,6 +163,7 @@ mod tests {
     fn a_set_is_one_flat_list_of_names_and_comes_back_from_it() {
         let mut set = Parameters::default();
         set.attitude.accelerometer_std = 1.0 / 3.0;
+        set.bounded_velocity.velocity_psd = 1.0 / 7.0;
         set.cascade.pole = 0.123_456_789_012_345_67;
         set.cascade.rotation = CascadeRotation::Reconstructed;
         let text = serde_json::to_string(&set).unwrap();
@@ -143,7 +176,7 @@ mod tests {
             serde_json::from_str::<Parameters>("{}").unwrap(),
             Parameters::default()
         );
-        for unknown in ["{\"acc_std\":1}", "{\"cascade_poles\":1}"] {
+        for unknown in ["{\"acc_std\":1}", "{\"cascade_poles\":1}", "{\"bounded_vel\":1}"] {
             let error = serde_json::from_str::<Parameters>(unknown).unwrap_err();
             assert!(error.to_string().contains("unknown field"), "{error}");
         }
@@ -167,6 +200,10 @@ mod tests {
             message(0.0, 1.0),
             "cascade_pole: expected a number from 0.001 to 100"
         );
+        let mut set = Parameters::default();
+        set.bounded_velocity.velocity_psd = 0.0;
+        let error = set.validate().unwrap_err().to_string();
+        assert_eq!(error, "bounded_velocity_psd: expected a finite number above 0");
         assert!(message(f64::NAN, 1.0).contains("cascade_pole"));
         assert!(message(1.0, -1.0).contains("cascade_position_std_m"));
     }

@@ -1,10 +1,11 @@
 //! Names, defaults, settings.
 
 use super::*;
+use northing_core::attitude::bounded_velocity::ScaleStates;
 
 #[test]
 fn table_and_configuration_name_the_same_parameters() {
-    let mut named: Vec<_> = TABLE.iter().map(|row| row.0.to_owned()).collect();
+    let mut named: Vec<_> = rows().map(|row| row.0.to_owned()).collect();
     named.sort();
     let mut real: Vec<_> = Map::from(Parameters::default()).keys().cloned().collect();
     real.sort();
@@ -21,8 +22,10 @@ fn parameters_carry_the_defaults_of_each_profile() {
     }
     let named = |start: &str| all.iter().filter(|p| p.name.starts_with(start)).count();
     let (complementary, cascade) = (named(COMPLEMENTARY), named(CASCADE));
+    let bounded = named(BOUNDED);
+    assert_eq!(parameters_of(EstimatorKind::BoundedVelocity).len(), bounded);
     let count = |kind| parameters_of(kind).len();
-    let of_ekf = all.len() - complementary - cascade;
+    let of_ekf = all.len() - complementary - cascade - bounded;
     assert_eq!(count(EstimatorKind::Mekf3) + BIAS_ONLY.len(), of_ekf);
     assert_eq!(
         count(EstimatorKind::ComplementaryPassive),
@@ -60,6 +63,7 @@ fn settings_change_what_they_name_and_nothing_else() {
         "cascade_pole"
     );
     apply_setting(&mut config, "cascade_rotation=reconstructed").unwrap();
+    apply_setting(&mut config, "bounded_scale_states=diagonal").unwrap();
     let attitude = AttitudeConfig {
         accelerometer_std: 0.3,
         gate_timeout_s: 5.0,
@@ -71,7 +75,16 @@ fn settings_change_what_they_name_and_nothing_else() {
         rotation: CascadeRotation::Reconstructed,
         ..CascadeSettings::default()
     };
-    assert_eq!(config, Parameters { attitude, cascade });
+    let bounded_velocity = BoundedVelocityConfig {
+        scale_states: ScaleStates::Diagonal,
+        ..BoundedVelocityConfig::default()
+    };
+    let expected = Parameters {
+        attitude,
+        bounded_velocity,
+        cascade,
+    };
+    assert_eq!(config, expected);
 }
 
 #[test]
@@ -93,6 +106,8 @@ fn bad_settings_say_what_was_expected_and_change_nothing() {
         "{word}"
     );
     assert!(error("cascade_pole=0").contains("from 0.001 to 100"));
+    assert!(error("bounded_scale_states=all").contains("diagonal"));
+    assert!(error("bounded_prediction_s=1").contains("from -0.1 to 0.1"));
     assert!(error("cascade_rotation=best").contains("reconstructed"));
     assert_eq!(config, Parameters::default());
 }

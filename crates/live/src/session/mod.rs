@@ -200,7 +200,7 @@ impl DeviceSession {
     /// An experiment begins with a gyroscope sample: every estimator starts anew from the state it
     /// has then, as it will when the experiment is run again, so that both give the same numbers.
     fn begin_experiment(&mut self, time_ns: i64, rate: &Vector3<f64>) {
-        let (config, driver) = (self.config().attitude, self.driver());
+        let (config, driver) = (self.config(), self.driver());
         let Some(run) = self.experiment.as_mut().filter(|run| !run.has_begun()) else {
             return;
         };
@@ -310,8 +310,8 @@ impl DeviceSession {
         if self.restart_tracks().is_err() {
             return;
         }
-        let (config, driver) = (self.config().attitude, self.driver());
-        let initial = state_at_rest(calibration, &config, &driver);
+        let (config, driver) = (self.config(), self.driver());
+        let initial = state_at_rest(calibration, &config.attitude, &driver);
         for track in &mut self.tracks {
             track.driver.start_from(&initial);
         }
@@ -336,7 +336,7 @@ impl DeviceSession {
     }
 
     fn use_estimators_anew(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
-        let (config, driver) = (self.config().attitude, self.driver());
+        let (config, driver) = (self.config(), self.driver());
         let tracks: Result<Vec<_>, _> = kinds
             .iter()
             .map(|kind| Track::new(*kind, &config, driver))
@@ -350,7 +350,7 @@ impl DeviceSession {
     /// # Errors
     /// A parameter makes no sense.
     pub fn use_estimators(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
-        let (config, driver) = (self.config().attitude, self.driver());
+        let (config, driver) = (self.config(), self.driver());
         let mut tracks = Vec::new();
         for kind in kinds {
             if tracks.iter().any(|track: &Track| track.kind == *kind) {
@@ -378,7 +378,7 @@ impl DeviceSession {
     ) -> Result<(), EvaluationError> {
         let changed = with_settings(&self.options, profile, settings)?;
         let before = std::mem::replace(&mut self.options, changed);
-        let config = self.config().attitude;
+        let config = self.config();
         let mut tracks = self.tracks.clone();
         if let Err(error) = tracks.iter_mut().try_for_each(|t| t.retune(&config)) {
             self.options = before;

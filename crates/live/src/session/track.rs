@@ -2,12 +2,11 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
-use northing_core::attitude::{
-    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
-};
+use northing_core::attitude::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use northing_core::kalman::Innovation;
 use northing_evaluation::EvaluationError;
 use northing_evaluation::estimators::{AnyEstimator, EstimatorKind};
+use northing_evaluation::parameters::Parameters;
 
 /// An estimator that remembers its start, to be rebuilt with other parameters.
 #[derive(Debug, Clone)]
@@ -75,14 +74,14 @@ impl Track {
     /// A parameter makes no sense.
     pub fn new(
         kind: EstimatorKind,
-        config: &AttitudeConfig<f64>,
+        config: &Parameters,
         driver: DriverConfig<f64>,
     ) -> Result<Option<Self>, EvaluationError> {
         Ok(AnyEstimator::new(kind, config)?.map(|inner| {
             let estimator = Rebuildable { inner, start: None };
             Self {
                 kind,
-                driver: AttitudeDriver::new(estimator, *config, driver),
+                driver: AttitudeDriver::new(estimator, config.alignment(kind), driver),
             }
         }))
     }
@@ -114,7 +113,7 @@ impl Track {
     ///
     /// # Errors
     /// A parameter makes no sense; nothing has changed then.
-    pub fn retune(&mut self, config: &AttitudeConfig<f64>) -> Result<(), EvaluationError> {
+    pub fn retune(&mut self, config: &Parameters) -> Result<(), EvaluationError> {
         let Some(mut inner) = AnyEstimator::new(self.kind, config)? else {
             return Ok(());
         };

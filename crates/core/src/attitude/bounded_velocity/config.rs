@@ -22,8 +22,9 @@ pub enum ScaleStates {
     Full,
 }
 
-/// Settings of the bounded-velocity filter. [`Default`] is a wearable or phone in real use whose
-/// magnetometer is calibrated; a phone's raw magnetometer needs
+/// Settings of the bounded-velocity filter. [`Default`] is a device in a hand or on a body whose
+/// magnetometer is calibrated and whose sensors are prompt ([`Self::hand_held`] has those of phones
+/// and wearables); a phone's raw magnetometer needs
 /// [`Self::initial_hard_iron_std_ut`] (2 with an ellipsoid calibration, 3 for the stream that the
 /// operating system calibrated, 12 for the raw one less the offset that the system knows).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,8 +57,8 @@ pub struct BoundedVelocityConfig<T> {
     /// six). Raising it learns large biases sooner and starts slower.
     pub initial_gyroscope_bias_std: T,
     /// The same without a magnetometer, where nothing but a rest tells the bias about the vertical,
-    /// rad/s, default 3.5e-3 (0.2 deg/s): meant for a gyroscope that is calibrated, by its maker or
-    /// at rest. Raising it lets the heading wander further.
+    /// rad/s, default 8.7e-3 (0.5 deg/s). Raising it learns large biases sooner and lets the heading
+    /// wander further; a calibration at rest says better.
     pub initial_gyroscope_bias_without_magnetometer_std: T,
     /// Which errors of the gyroscope's scale are estimated, default `full`.
     pub scale_states: ScaleStates,
@@ -153,7 +154,7 @@ impl<T: Scalar> Default for BoundedVelocityConfig<T> {
             gyroscope_scale_noise: lit(1.5e-3),
             gyroscope_bias_random_walk: lit(1e-5),
             initial_gyroscope_bias_std: lit(0.0175),
-            initial_gyroscope_bias_without_magnetometer_std: lit(3.5e-3),
+            initial_gyroscope_bias_without_magnetometer_std: lit(8.7e-3),
             scale_states: ScaleStates::Full,
             initial_scale_std: lit(0.004),
             initial_misalignment_std: lit(0.001),
@@ -193,6 +194,15 @@ impl<T: Scalar> Default for BoundedVelocityConfig<T> {
 }
 
 impl<T: Scalar> BoundedVelocityConfig<T> {
+    /// The sensors of a phone or wearable: their low-pass filters delay them by a few milliseconds,
+    /// of which 2.5 are predicted.
+    pub fn hand_held() -> Self {
+        Self {
+            prediction_s: lit(0.0025),
+            ..Self::default()
+        }
+    }
+
     /// Checks every field.
     ///
     /// # Errors
@@ -356,7 +366,7 @@ mod tests {
     #[test]
     fn the_defaults_are_valid_in_both_precisions() {
         assert_eq!(BoundedVelocityConfig::<f64>::default().validate(), Ok(()));
-        assert_eq!(BoundedVelocityConfig::<f32>::default().validate(), Ok(()));
+        assert_eq!(BoundedVelocityConfig::<f32>::hand_held().validate(), Ok(()));
         let shared = BoundedVelocityConfig::<f64>::default().alignment_settings();
         assert_eq!(shared.validate(), Ok(()));
     }

@@ -1,0 +1,237 @@
+//! What the first half second of a recording says about its magnetometers, before anything runs.
+//!
+//! Phones deliver two streams: the one that their system calibrated, and the uncalibrated one, whose
+//! hard iron is hundreds of microtesla. The difference of their means over the start is the offset
+//! that the system knew; taken from the uncalibrated stream it leaves a few microtesla to a filter
+//! that estimates hard iron, and a usable field to those that do not. What the offset misses is what
+//! such a filter has to expect; that follows from the stream.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+
+use crate::error::EvaluationError;
+use crate::instants::Instant;
+use crate::options::{MagnetometerSource, RunOptions};
+
+/// The parameter that follows from the stream unless somebody sets it.
+const PRIOR: &str = "bounded_initial_hard_iron_std_ut";
+/// Hard iron that is left, microtesla per axis: by a calibration from a file, ...
+const LEFT_BY_A_FILE_UT: f64 = 2.0;
+/// ... in the stream that a phone's system calibrated, ...
+const LEFT_BY_THE_SYSTEM_UT: f64 = 3.0;
+/// ... and in the uncalibrated stream less the system's offset.
+const LEFT_UNCALIBRATED_UT: f64 = 12.0;
+
+type Item = Result<Instant, EvaluationError>;
+
+/// The instants of a recording, the first of which have been looked at.
+pub(crate) struct FirstLook<I> {
+    looked_at: VecDeque<Item>,
+    rest: I,
+    means: [Mean; 2],
+    /// Taken from every uncalibrated sample.
+    offset: Option<Vector3<f64>>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    sum: Vector3<f64>,
+    count: u32,
+}
+
+impl Mean {
+    fn add(&mut self, value: Option<Vector3<f64>>) {
+        if let Some(value) = value.filter(|v| v.norm_squared().is_finite()) {
+            self.sum += value;
+            self.count += 1;
+        }
+    }
+
+    fn value(self) -> Option<Vector3<f64>> {
+        (self.count > 0).then(|| self.sum / f64::from(self.count))
+    }
+}
+
+impl<I: Iterator<Item = Item>> FirstLook<I> {
+    /// Looks at the time over which a run averages its start.
+    pub(crate) fn new(mut instants: I, options: &RunOptions) -> Self {
+        let window_ns = (options.driver.alignment_s * 1e9) as i64;
+        let mut looked_at = VecDeque::new();
+        let mut means = [Mean::default(); 2];
+        let mut first_ns = None;
+        for item in instants.by_ref() {
+            let Ok(instant) = &item else {
+                looked_at.push_back(item);
+                break;
+            };
+            let first_ns = *first_ns.get_or_insert(instant.time_ns);
+            let late = instant.time_ns.saturating_sub(first_ns) > window_ns;
+            means[0].add(instant.magnetic_field);
+            means[1].add(instant.magnetic_field_uncalibrated);
+            looked_at.push_back(item);
+            if late {
+                break;
+            }
+        }
+        let mut look = Self {
+            looked_at,
+            rest: instants,
+            means,
+            offset: None,
+        };
+        look.offset = look.offset_for(options);
+        look
+    }
+
+    /// The offset, where the uncalibrated stream is used as it comes. Where a calibration or a state
+    /// is taken over, it was made without this one.
+    fn offset_for(&self, options: &RunOptions) -> Option<Vector3<f64>> {
+        let raw = options.sensors.magnetometer
+            && options.sensors.magnetometer_source == MagnetometerSource::Uncalibrated;
+        let corrected = options.field_calibration.is_some();
+        let taken_over = options.calibration.is_some() || options.start.is_some();
+        let [system, uncalibrated] = self.means.map(Mean::value);
+        (raw && !corrected && !taken_over)
+            .then(|| Some(uncalibrated? - system?))
+            .flatten()
+    }
+
+    /// The options with the hard iron's prior of the stream in use.
+    pub(crate) fn options(&self, options: &RunOptions) -> RunOptions {
+        let mut options = options.clone();
+        let uncalibrated =
+            options.sensors.magnetometer_source == MagnetometerSource::Uncalibrated;
+        let prior = &mut options.config.bounded_velocity.initial_hard_iron_std_ut;
+        if options.explicit_settings.contains(PRIOR) {
+            return options;
+        }
+        if options.field_calibration.is_some() {
+            *prior = LEFT_BY_A_FILE_UT;
+        } else if uncalibrated {
+            *prior = LEFT_UNCALIBRATED_UT;
+        } else if self.means[1].count > 0 {
+            *prior = LEFT_BY_THE_SYSTEM_UT;
+        }
+        options
+    }
+
+    /// What was taken from the uncalibrated field, in a sentence.
+    pub(crate) fn sentence(&self) -> Option<String> {
+        let v = self.offset?;
+        Some(format!(
+            "The uncalibrated magnetometer is used less the offset that the device's own calibration \
+             had at the start: ({:.1}, {:.1}, {:.1}) uT.",
+            v.x, v.y, v.z
+        ))
+    }
+}
+
+impl<I: Iterator<Item = Item>> Iterator for FirstLook<I> {
+    type Item = Item;
+
+    fn next(&mut self) -> Option<Item> {
+        let mut item = self.looked_at.pop_front().or_else(|| self.rest.next())?;
+        if let (Ok(instant), Some(offset)) = (&mut item, self.offset)
+            && let Some(field) = &mut instant.magnetic_field_uncalibrated
+        {
+            *field -= offset;
+        }
+        Some(item)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, UnitQuaternion};
+    use northing_core::attitude::{InitialState, References};
+
+    fn state() -> InitialState<f64> {
+        InitialState {
+            attitude: UnitQuaternion::identity(),
+            attitude_covariance: Matrix3::identity(),
+            gyroscope_bias: Vector3::zeros(),
+            gyroscope_bias_std: 0.1,
+            north_known: false,
+            references: References {
+                specific_force: Vector3::z(),
+                magnetic_field: None,
+            },
+        }
+    }
+
+    /// A phone at 50 Hz whose uncalibrated stream is off by (300, -100, 20) microtesla.
+    fn phone(uncalibrated: bool) -> impl Iterator<Item = Item> {
+        (0..100).map(move |k| {
+            let field = Vector3::new(0.0, 20.0 + f64::from(k % 2), -40.0);
+            let raw = field + Vector3::new(300.0, -100.0, 20.0);
+            Ok(Instant {
+                time_ns: 20_000_000 * i64::from(k),
+                magnetic_field: Some(field),
+                magnetic_field_uncalibrated: uncalibrated.then_some(raw),
+                ..Instant::default()
+            })
+        })
+    }
+
+    fn uncalibrated() -> RunOptions {
+        let mut options = RunOptions::default();
+        options.sensors.magnetometer_source = MagnetometerSource::Uncalibrated;
+        options
+    }
+
+    fn prior(options: &RunOptions, both: bool) -> f64 {
+        let options = FirstLook::new(phone(both), options).options(options);
+        options.config.bounded_velocity.initial_hard_iron_std_ut
+    }
+
+    #[test]
+    fn the_systems_offset_is_taken_from_the_uncalibrated_stream_and_said() {
+        let options = uncalibrated();
+        let look = FirstLook::new(phone(true), &options);
+        let sentence = look.sentence().unwrap();
+        assert!(sentence.contains("(300.0, -100.0, 20.0) uT"), "{sentence}");
+        let mut count = 0;
+        for item in look {
+            let instant = item.unwrap();
+            let left = instant.magnetic_field_uncalibrated.unwrap()
+                - instant.magnetic_field.unwrap();
+            assert!(left.amax() < 1e-9, "{left}");
+            count += 1;
+        }
+        assert_eq!(count, 100, "nothing is lost");
+    }
+
+    #[test]
+    fn other_streams_and_calibrations_are_left_alone() {
+        let device = RunOptions::default();
+        assert_eq!(FirstLook::new(phone(true), &device).sentence(), None);
+        let mut taken_over = uncalibrated();
+        taken_over.start = Some(state());
+        assert_eq!(FirstLook::new(phone(true), &taken_over).sentence(), None);
+        let missing = FirstLook::new(phone(false), &uncalibrated());
+        assert_eq!(missing.sentence(), None);
+        assert_eq!(missing.count(), 100);
+    }
+
+    #[test]
+    fn the_prior_follows_from_the_stream_unless_it_is_set() {
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} for {b}");
+        near(prior(&RunOptions::default(), false), 0.0);
+        near(prior(&RunOptions::default(), true), LEFT_BY_THE_SYSTEM_UT);
+        near(prior(&uncalibrated(), true), LEFT_UNCALIBRATED_UT);
+        let mut set = uncalibrated();
+        set.set("bounded_initial_hard_iron_std_ut=5").unwrap();
+        near(prior(&set, true), 5.0);
+    }
+
+    #[test]
+    fn an_error_at_the_start_comes_out_where_it_was() {
+        let failed = || Err(EvaluationError::NoDeviceOrientation);
+        let instants = phone(true).take(3).chain(std::iter::once_with(failed));
+        let mut look = FirstLook::new(instants, &uncalibrated());
+        assert!(look.by_ref().take(3).all(|item| item.is_ok()));
+        assert!(look.next().unwrap().is_err() && look.next().is_none());
+    }
+}
