@@ -12,9 +12,7 @@ use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
 use northing_core::attitude::usque::Usque;
-use northing_core::attitude::{
-    AttitudeEstimator, CompassHeading, InitialState, Propagation,
-};
+use northing_core::attitude::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 

@@ -100,8 +100,7 @@ impl<I: Iterator<Item = Item>> FirstLook<I> {
     /// The options with the hard iron's prior of the stream in use.
     pub(crate) fn options(&self, options: &RunOptions) -> RunOptions {
         let mut options = options.clone();
-        let uncalibrated =
-            options.sensors.magnetometer_source == MagnetometerSource::Uncalibrated;
+        let uncalibrated = options.sensors.magnetometer_source == MagnetometerSource::Uncalibrated;
         let prior = &mut options.config.bounded_velocity.initial_hard_iron_std_ut;
         if options.explicit_settings.contains(PRIOR) {
             return options;
@@ -195,8 +194,8 @@ mod tests {
         let mut count = 0;
         for item in look {
             let instant = item.unwrap();
-            let left = instant.magnetic_field_uncalibrated.unwrap()
-                - instant.magnetic_field.unwrap();
+            let left =
+                instant.magnetic_field_uncalibrated.unwrap() - instant.magnetic_field.unwrap();
             assert!(left.amax() < 1e-9, "{left}");
             count += 1;
         }

@@ -239,11 +239,7 @@ impl Tally {
         counted.filter(|(_, count)| *count > 0).collect()
     }
 
-    fn verdicts(
-        &self,
-        nis: &NisOf<NisSummary>,
-        options: &RunOptions,
-    ) -> Vec<SensorVerdict> {
+    fn verdicts(&self, nis: &NisOf<NisSummary>, options: &RunOptions) -> Vec<SensorVerdict> {
         let bounded = options.estimator == EstimatorKind::BoundedVelocity;
         let mut config = options.config.alignment(options.estimator);
         if bounded {

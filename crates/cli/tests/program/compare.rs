@@ -114,7 +114,7 @@ fn a_broken_recording_is_left_out_and_named() {
         .map(|run| run["recording"].as_str().unwrap())
         .collect();
     assert!(
-        names.len() == 11 && names.iter().all(|name| *name == "phone.csv"),
+        names.len() == 12 && names.iter().all(|name| *name == "phone.csv"),
         "{names:?}"
     );
     let message = String::from_utf8(output.stderr).unwrap();

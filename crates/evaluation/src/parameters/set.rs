@@ -100,10 +100,12 @@ impl Parameters {
     /// The first that makes no sense, and what was expected.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.attitude.validate()?;
-        self.bounded_velocity.validate().map_err(|error| ConfigError {
-            field: full_name(error.field),
-            ..error
-        })?;
+        self.bounded_velocity
+            .validate()
+            .map_err(|error| ConfigError {
+                field: full_name(error.field),
+                ..error
+            })?;
         let (field, expected) = match self.cascade.config().senseless() {
             None => return Ok(()),
             Some("pole") => ("cascade_pole", "a number from 0.001 to 100"),
@@ -132,7 +134,11 @@ fn fields(of: &impl Serialize) -> Map<String, Value> {
 impl From<Parameters> for Map<String, Value> {
     fn from(parameters: Parameters) -> Self {
         let bounded = bounded_velocity::prefixed(fields(&parameters.bounded_velocity));
-        let parts = [fields(&parameters.attitude), bounded, fields(&parameters.cascade)];
+        let parts = [
+            fields(&parameters.attitude),
+            bounded,
+            fields(&parameters.cascade),
+        ];
         parts.into_iter().flatten().collect()
     }
 }
@@ -176,7 +182,11 @@ mod tests {
             serde_json::from_str::<Parameters>("{}").unwrap(),
             Parameters::default()
         );
-        for unknown in ["{\"acc_std\":1}", "{\"cascade_poles\":1}", "{\"bounded_vel\":1}"] {
+        for unknown in [
+            "{\"acc_std\":1}",
+            "{\"cascade_poles\":1}",
+            "{\"bounded_vel\":1}",
+        ] {
             let error = serde_json::from_str::<Parameters>(unknown).unwrap_err();
             assert!(error.to_string().contains("unknown field"), "{error}");
         }
@@ -203,7 +213,10 @@ mod tests {
         let mut set = Parameters::default();
         set.bounded_velocity.velocity_psd = 0.0;
         let error = set.validate().unwrap_err().to_string();
-        assert_eq!(error, "bounded_velocity_psd: expected a finite number above 0");
+        assert_eq!(
+            error,
+            "bounded_velocity_psd: expected a finite number above 0"
+        );
         assert!(message(f64::NAN, 1.0).contains("cascade_pole"));
         assert!(message(1.0, -1.0).contains("cascade_position_std_m"));
     }
