@@ -37,6 +37,6 @@ export function roleOf(estimator: string): string {
 
 /** What an attitude is called on the page. */
 export function nameOf(estimator: string): string {
-  const names: Record<string, string> = { mekf: "MEKF", integration: "Integration", device: "Device's own", truth: "Truth", usque: "USQUE", "quaternion-ekf": "Quaternion EKF", mekf3: "MEKF, no bias", complementary: "Complementary", "complementary-passive": "Passive", "complementary-direct": "Direct" };
+  const names: Record<string, string> = { mekf: "MEKF", "bounded-velocity": "Bounded velocity", integration: "Integration", device: "Device's own", truth: "Truth", usque: "USQUE", "quaternion-ekf": "Quaternion EKF", mekf3: "MEKF, no bias", complementary: "Complementary", "complementary-passive": "Passive", "complementary-direct": "Direct" };
   return names[estimator] ?? estimator;
 }

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`geometry`] | rotations: exponential and logarithm on SO(3), Jacobians, conversions, frames |
 //! | [`kalman`] | the innovation record, NIS gates, in-place scalar updates, covariance hygiene |
-//! | [`attitude`] | gyroscope integration, MEKF, USQUE, quaternion EKF, Wahba's problem, alignment |
+//! | [`attitude`] | gyroscope integration, MEKF, bounded velocity, USQUE, quaternion EKF, Wahba's problem, alignment |
 //! | [`navigation`] | the 15-state error-state filter: position, velocity and attitude from an IMU and aiding |
 //! | [`calibration`] | what a sensor at rest tells: bias, noise, references, and when to refuse |
 //! | [`tracking`] | others: one target or many in clutter, from a platform whose own pose is uncertain |
@@ -17,8 +17,8 @@
 //!
 //! Quaternions are Hamilton, unit, body to reference (`v_ref = q v_body q*`), named
 //! `ref_from_body`, written **w, x, y, z** at every border. Attitude errors are local (body axes):
-//! `q_true = q * Exp(dtheta)`. An accelerometer measures specific force, +9.81 m/s^2 on the axis
-//! that points up at rest. SI and radians everywhere; magnetic field in microtesla.
+//! `q_true = q * Exp(dtheta)`; filters that keep another one inside convert at their border. An
+//! accelerometer measures specific force, +9.81 m/s^2 on the axis that points up at rest. SI and radians everywhere; magnetic field in microtesla.
 //!
 //! # Scalars
 //!
