@@ -299,6 +299,9 @@ pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
     all
 }
 
+/// Only a quaternion of four free numbers has a norm to speak of.
+const NORM: &str = "quaternion_norm";
+
 /// Whether a parameter makes a difference to an estimator.
 fn matters(kind: EstimatorKind, name: &str) -> bool {
     let complementary = name.starts_with(COMPLEMENTARY);
@@ -308,8 +311,9 @@ fn matters(kind: EstimatorKind, name: &str) -> bool {
     match kind {
         EstimatorKind::Integration | EstimatorKind::Device => false,
         EstimatorKind::BoundedVelocity => bounded,
-        EstimatorKind::Mekf3 => of_ekf && !BIAS_ONLY.contains(&name),
-        EstimatorKind::Mekf | EstimatorKind::Usque | EstimatorKind::QuaternionEkf => of_ekf,
+        EstimatorKind::Mekf3 => of_ekf && name != NORM && !BIAS_ONLY.contains(&name),
+        EstimatorKind::Mekf | EstimatorKind::Usque => of_ekf && name != NORM,
+        EstimatorKind::QuaternionEkf => of_ekf,
         EstimatorKind::Complementary
         | EstimatorKind::ComplementaryPassive
         | EstimatorKind::ComplementaryDirect => complementary || name == COMPLEMENTARY_TOO,

@@ -4,7 +4,7 @@
 //! The simulated values come from 10 or 4 flights of another generator: ours, of 30, agree when they are
 //! nearer than a quarter, or when as many of our flights, drawn anew and tuned as theirs, scatter that far.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // --nocapture shows the table
 
 use northing_core::attitude::complementary::ComplementaryForm;
 use northing_evaluation::observers::experiment::{

@@ -74,8 +74,6 @@ pub struct Comparison {
 pub struct ChosenGains {
     /// Of the original.
     pub original: Gains,
-    /// Of the original whose accelerometer weight is tuned too.
-    pub original_weighted: Gains,
     /// Of the modified scheme.
     pub modified: Gains,
     /// Of the EKF.
@@ -104,6 +102,8 @@ pub struct Condition {
     pub tuned: Comparison,
     /// Error of the original with the accelerometer's weight tuned too, deg.
     pub original_weighted_deg: f64,
+    /// The gains of that one.
+    pub original_weighted_gains: Gains,
     /// What the modified scheme gains over that one, percent.
     pub gain_over_weighted_percent: f64,
     /// The schemes at the literature's gains.
@@ -302,8 +302,8 @@ impl Case<'_> {
         let northing_gains = self.chosen(Form::Northing)?;
         let compare = |form, g: &ChosenGains| self.compare(form, [g.original, g.modified, g.ekf]);
         let tuned = compare(Form::Printed, &gains)?;
-        let weighted = Scheme::OriginalWeighted;
-        let weighted = self.scores(weighted, Form::Printed, &gains.original_weighted)?;
+        let weighted_gains = self.best(Scheme::OriginalWeighted, Form::Printed)?;
+        let weighted = self.scores(Scheme::OriginalWeighted, Form::Printed, &weighted_gains)?;
         let weighted = self.aggregate.of(&self.errors(&weighted));
         Ok(Condition {
             name: name.to_owned(),
@@ -313,6 +313,7 @@ impl Case<'_> {
             scored_on,
             scored: self.scored.len(),
             original_weighted_deg: weighted,
+            original_weighted_gains: weighted_gains,
             gain_over_weighted_percent: 100.0 * (1.0 - tuned.modified_deg / weighted),
             tuned,
             default: self.compare(Form::Printed, [self.default; 3])?,
@@ -324,16 +325,16 @@ impl Case<'_> {
         })
     }
 
+    fn best(&self, scheme: Scheme, form: Form) -> Result<Gains, EvaluationError> {
+        let (data, grid) = (self.tuned_on, &self.grid);
+        best(data, scheme, form, grid, self.metric, self.aggregate)
+    }
+
     fn chosen(&self, form: Form) -> Result<ChosenGains, EvaluationError> {
-        let best = |scheme| {
-            let (data, grid) = (self.tuned_on, &self.grid);
-            best(data, scheme, form, grid, self.metric, self.aggregate)
-        };
         Ok(ChosenGains {
-            original: best(Scheme::Original)?,
-            original_weighted: best(Scheme::OriginalWeighted)?,
-            modified: best(Scheme::Modified)?,
-            ekf: best(Scheme::Ekf)?,
+            original: self.best(Scheme::Original, form)?,
+            modified: self.best(Scheme::Modified, form)?,
+            ekf: self.best(Scheme::Ekf, form)?,
         })
     }
 

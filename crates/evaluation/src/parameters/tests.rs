@@ -26,7 +26,9 @@ fn parameters_carry_the_defaults_of_each_profile() {
     assert_eq!(parameters_of(EstimatorKind::BoundedVelocity).len(), bounded);
     let count = |kind| parameters_of(kind).len();
     let of_ekf = all.len() - complementary - cascade - bounded;
-    assert_eq!(count(EstimatorKind::Mekf3) + BIAS_ONLY.len(), of_ekf);
+    // All but the norm of four free numbers.
+    assert_eq!(count(EstimatorKind::Mekf3) + BIAS_ONLY.len() + 1, of_ekf);
+    assert_eq!(count(EstimatorKind::QuaternionEkf), of_ekf);
     assert_eq!(
         count(EstimatorKind::ComplementaryPassive),
         complementary + 1

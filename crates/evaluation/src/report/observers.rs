@@ -3,13 +3,13 @@
 use super::axis::Axis;
 use super::comparison::{self, Best, Cell, Column, Table};
 use super::html::{Frame, Page};
-use super::plot::WIDTH;
+use super::plot::{Key, Sign, WIDTH, key, legend};
 use super::svg::Svg;
 use super::{Fact, PROGRAM, Tone, Verdict};
 use crate::observers::experiment::{Comparison, Condition, ExperimentOutcome};
 
 /// Room at the left for names of conditions.
-const NAMES: f64 = 330.0;
+const NAMES: f64 = 390.0;
 /// Room at the right for numbers.
 const NUMBERS: f64 = 120.0;
 /// Height of a row.
@@ -166,6 +166,7 @@ struct Rows<'a> {
     /// Vertical lines at values.
     rules: &'a [f64],
     rows: Vec<(&'a str, Vec<Mark>, String)>,
+    legend: Vec<Key>,
 }
 
 impl Rows<'_> {
@@ -175,8 +176,11 @@ impl Rows<'_> {
 
     fn render(&self) -> String {
         let height = ROW * self.rows.len() as f64;
-        let mut svg = Svg::picture(WIDTH, height + 60.0, self.label);
-        svg.open_window(NAMES, 6.0, INNER, height);
+        let mut keys = Svg::default();
+        let top = 6.0 + legend(&mut keys, &self.legend, [NAMES, 0.0], WIDTH - 8.0);
+        let mut svg = Svg::picture(WIDTH, top + height + 54.0, self.label);
+        svg.raw(&keys.finish());
+        svg.open_window(NAMES, top, INNER, height);
         svg.rectangle([0.0, 0.0], [INNER, height], 0.0, "frame");
         let ticks = self.axis.ticks();
         let columns = ticks.iter().map(|(v, _)| self.x(*v));
@@ -199,14 +203,22 @@ impl Rows<'_> {
         }
         svg.close();
         for (i, (name, _, note)) in self.rows.iter().enumerate() {
-            let y = 6.0 + (i as f64 + 0.5) * ROW + 5.0;
+            let y = top + (i as f64 + 0.5) * ROW + 5.0;
             svg.text([NAMES - 12.0, y], "tick end", name);
             svg.text([NAMES + INNER + 10.0, y], "note", note);
         }
         for (value, text) in &ticks {
-            svg.text([NAMES + self.x(*value), height + 26.0], "tick mid", text);
+            svg.text(
+                [NAMES + self.x(*value), top + height + 20.0],
+                "tick mid",
+                text,
+            );
         }
-        svg.text([NAMES + INNER / 2.0, height + 50.0], "unit mid", self.unit);
+        svg.text(
+            [NAMES + INNER / 2.0, top + height + 44.0],
+            "unit mid",
+            self.unit,
+        );
         svg.close();
         svg.finish()
     }
@@ -235,6 +247,7 @@ fn gains(conditions: &[Condition]) -> String {
         axis: Axis::linear(low, 100.0, 7),
         rules: &[0.0, 40.0],
         rows: rows.collect(),
+        legend: Vec::new(),
     };
     caption(
         &svg.render(),
@@ -268,10 +281,15 @@ fn errors(conditions: &[Condition]) -> String {
     });
     let svg = Rows {
         label: "Errors of original, modified and EKF in each condition",
-        unit: "error, deg (logarithmic): original above, modified in the middle, EKF below",
+        unit: "error, deg (logarithmic)",
         axis: Axis::logarithmic(0.7 * low, 1.4 * high).with_fine_ticks(),
         rules: &[],
         rows: rows.collect(),
+        legend: vec![
+            key(Sign::Line, "line bold s0", "original"),
+            key(Sign::Line, "line bold s1", "modified"),
+            key(Sign::Line, "line bold s2", "EKF alone"),
+        ],
     };
     caption(
         &svg.render(),
@@ -363,7 +381,7 @@ fn settings_table(conditions: &[Condition]) -> Table {
             Cell::text(ekf(&c.gains.modified)),
             Cell::text(ekf(&c.gains.ekf)),
             Cell::number(Some(c.original_weighted_deg), 2),
-            Cell::text(c.gains.original_weighted.accelerometer_weight.to_string()),
+            Cell::text(c.original_weighted_gains.accelerometer_weight.to_string()),
         ]
     });
     Table {

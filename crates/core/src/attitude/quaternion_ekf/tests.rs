@@ -243,8 +243,7 @@ fn the_papers_block_form_of_the_rate_matrix_has_the_wrong_sign() {
     let (rate, q4) = (Vector3::new(0.3, -1.2, 0.7), wxyz(&q));
     let blocks = |sign: f64| {
         let mut m = Matrix4::zeros();
-        m.fixed_view_mut::<1, 3>(0, 1)
-            .copy_from(&-rate.transpose());
+        m.fixed_view_mut::<1, 3>(0, 1).copy_from(&-rate.transpose());
         m.fixed_view_mut::<3, 1>(1, 0).copy_from(&rate);
         m.fixed_view_mut::<3, 3>(1, 1)
             .copy_from(&(so3::skew(&rate) * sign));
@@ -274,7 +273,10 @@ fn the_papers_gravity_and_field_predictions_are_the_inverse_rotation() {
 /// quaternion is only there.
 #[test]
 fn a_free_norm_keeps_a_variance_along_the_quaternion() {
-    for (norm, expected) in [(QuaternionNorm::Projected, 0.0), (QuaternionNorm::Free, 0.1)] {
+    for (norm, expected) in [
+        (QuaternionNorm::Projected, 0.0),
+        (QuaternionNorm::Free, 0.1),
+    ] {
         let config = AttitudeConfig::<f64> {
             quaternion_norm: norm,
             initial_tilt_std: 0.4_f64.sqrt(),
