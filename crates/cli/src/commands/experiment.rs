@@ -5,7 +5,9 @@ use std::sync::Mutex;
 
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
-use northing_evaluation::observers::experiment::{SCENARIO, SCENARIO_NAME};
+use northing_evaluation::observers::experiment::{
+    SCENARIO, SCENARIO_NAME, check_recordings, read_all,
+};
 use northing_evaluation::observers::{Comparison, Condition, Experiment, ExperimentOutcome};
 use northing_evaluation::report;
 use northing_recording::OpenOptions;
@@ -85,7 +87,9 @@ pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
         for sentence in found.left_out.iter().chain(&found.broken) {
             eprintln!("northing: {sentence}");
         }
-        folders.push((name_of(folder), found.paths));
+        let (name, data) = (name_of(folder), read_all(&found.paths, &options)?);
+        check_recordings(&name, &data)?;
+        folders.push((name, data));
     }
     let variants = chosen(args, &file)?;
     let experiment = Experiment {
@@ -110,8 +114,8 @@ pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
         conditions.push(experiment.simulated(&file.scenario(Some(variant))?)?);
         done();
     }
-    for (name, paths) in &folders {
-        conditions.extend(experiment.recorded(name, paths, &options)?);
+    for (name, data) in &folders {
+        conditions.extend(Experiment::recorded(name, data)?);
         done();
     }
     drop(progress);

@@ -101,6 +101,6 @@ fn what_cannot_be_flown_is_said_in_one_line() {
     let one = [&FEW[..], &["--data", "one"]].concat();
     contains(
         &lab.refuses(&one),
-        &["one: 1 recordings with a reference attitude", "at least 2"],
+        &["one: 1 of its recordings have gyroscope", "at least 2"],
     );
 }

@@ -14,6 +14,8 @@ use crate::error::EvaluationError;
 pub const DECIMATION: usize = 3;
 /// Decimated samples whose mean gives the start of a recording.
 const START_SAMPLES: usize = 50;
+/// A sample later than this after a gyroscope sample does not belong to it, ns.
+const LONGEST_NS: i64 = 100_000_000;
 /// Variance of each quaternion component at the start is 0.1, that of the angle four times that.
 const START_VARIANCE: f64 = 0.4;
 /// Standard deviation of the bias at the start, rad/s.
@@ -204,7 +206,14 @@ impl Rows {
             self.truth.push(None);
             return;
         }
-        if self.times_ns.last() != Some(&event.time_ns) {
+        // What comes between two gyroscope samples belongs to the one before.
+        let since = |last: &i64| event.time_ns.saturating_sub(*last);
+        if !self
+            .times_ns
+            .last()
+            .map(since)
+            .is_some_and(|ns| (0..LONGEST_NS).contains(&ns))
+        {
             return;
         }
         let last = self.times_ns.len() - 1;

@@ -149,8 +149,8 @@ pub enum ExperimentError {
     Recording(#[from] northing_recording::RecordingError),
     /// Nothing to score.
     #[error(
-        "{name}: {found} recordings with a reference attitude and all samples; expected at least 2, one to tune on and \
-         one to score"
+        "{name}: {found} of its recordings have gyroscope, accelerometer, magnetometer and a reference attitude; expected \
+         at least 2, one to tune on and one to score"
     )]
     TooFew {
         /// Folder.
@@ -201,21 +201,9 @@ impl Experiment {
     /// once with the magnetometer and once without.
     ///
     /// # Errors
-    /// A recording cannot be read, or there are less than two.
-    pub fn recorded(
-        &self,
-        name: &str,
-        paths: &[PathBuf],
-        options: &OpenOptions,
-    ) -> Result<Vec<Condition>, ExperimentError> {
-        let data = read_all(paths, options)?;
-        if data.len() < 2 {
-            let name = name.to_owned();
-            return Err(ExperimentError::TooFew {
-                name,
-                found: data.len(),
-            });
-        }
+    /// There are less than two.
+    pub fn recorded(name: &str, data: &[ObserverData]) -> Result<Vec<Condition>, ExperimentError> {
+        check_recordings(name, data)?;
         let without: Vec<ObserverData> = data
             .iter()
             .map(ObserverData::without_magnetometer)
@@ -223,10 +211,24 @@ impl Experiment {
         let title = format!("{} recordings of {name}", data.len());
         let blind = format!("{title}, accelerometer alone");
         Ok(vec![
-            judge_recordings(name, &title, &data)?,
+            judge_recordings(name, &title, data)?,
             judge_recordings(&format!("{name}-accelerometer-only"), &blind, &without)?,
         ])
     }
+}
+
+/// Whether recordings can be halved.
+///
+/// # Errors
+/// There are less than two.
+pub fn check_recordings(name: &str, data: &[ObserverData]) -> Result<(), ExperimentError> {
+    if data.len() < 2 {
+        return Err(ExperimentError::TooFew {
+            name: name.to_owned(),
+            found: data.len(),
+        });
+    }
+    Ok(())
 }
 
 /// Recordings that have a reference and all three sensors, decimated.
