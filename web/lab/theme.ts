@@ -31,12 +31,12 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () 
 
 /** Which colour an attitude is drawn in, everywhere. */
 export function roleOf(estimator: string): string {
-  const roles: Record<string, string> = { mekf: "estimate", integration: "s1", device: "device", truth: "reference", usque: "s2", "quaternion-ekf": "s4", mekf3: "s5", complementary: "s5", "complementary-passive": "s5", "complementary-direct": "s5" };
+  const roles: Record<string, string> = { mekf: "estimate", integration: "s1", device: "device", truth: "reference", usque: "s2", "quaternion-ekf": "s4", mekf3: "s5", complementary: "s5", "complementary-passive": "s5", "complementary-direct": "s5", cascade: "s5", "cascade-ekf": "s4" };
   return roles[estimator] ?? "s5";
 }
 
 /** What an attitude is called on the page. */
 export function nameOf(estimator: string): string {
-  const names: Record<string, string> = { mekf: "MEKF", "bounded-velocity": "Bounded velocity", integration: "Integration", device: "Device's own", truth: "Truth", usque: "USQUE", "quaternion-ekf": "Quaternion EKF", mekf3: "MEKF, no bias", complementary: "Complementary", "complementary-passive": "Passive", "complementary-direct": "Direct" };
+  const names: Record<string, string> = { mekf: "MEKF", "bounded-velocity": "Bounded velocity", integration: "Integration", device: "Device's own", truth: "Truth", usque: "USQUE", "quaternion-ekf": "Quaternion EKF", mekf3: "MEKF, no bias", complementary: "Complementary", "complementary-passive": "Passive", "complementary-direct": "Direct", cascade: "Cascade", "cascade-ekf": "Cascade, EKF" };
   return names[estimator] ?? estimator;
 }

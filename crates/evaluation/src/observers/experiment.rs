@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use northing_recording::OpenOptions;
 use northing_simulation::scenario::flight_schema::{FlightScenario, Metric};
 use rayon::prelude::*;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use super::cost::{self, Cost};
 use super::data::ObserverData;
@@ -89,7 +89,6 @@ pub struct Condition {
     /// What it is, in a few words.
     pub title: String,
     /// Which error counts.
-    #[serde(serialize_with = "metric_name")]
     pub metric: Metric,
     /// What was tuned on, in words.
     pub tuned_on: String,
@@ -119,10 +118,6 @@ pub struct Condition {
     pub position_without_rate_term_m: Option<f64>,
     /// Nanoseconds per step with the sensors of this condition.
     pub cost_ns: Cost,
-}
-
-fn metric_name<S: Serializer>(metric: &Metric, serializer: S) -> Result<S::Ok, S::Error> {
-    metric.serialize(serializer)
 }
 
 /// Everything that came out.
