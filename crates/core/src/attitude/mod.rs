@@ -12,10 +12,12 @@
 //! | [`bounded_velocity::BoundedVelocity`] | `bounded_velocity.rs` | attitude, velocity, bias, scale, field, hard iron | phones and wearables in real use |
 //! | [`usque::Usque`] | `usque.rs` | attitude, gyroscope bias | unscented, large errors |
 //! | [`quaternion_ekf::QuaternionEkf`] | `quaternion_ekf.rs` | quaternion, gyroscope bias | additive EKF |
+//! | [`axis_filters::AxisFilters`] | `axis_filters.rs` | two an axis | roll, pitch, yaw by themselves: the smallest, not of this trait |
 //! | [`complementary::Complementary`] | `complementary.rs` | none | fixed gains: cheap, no covariance |
 //! | [`ekf_reconstruction::EkfReconstruction`] | `ekf_reconstruction.rs` | none | a passive filter behind the additive EKF |
 
 pub mod alignment;
+pub mod axis_filters;
 pub mod bounded_velocity;
 pub mod complementary;
 pub mod config;

@@ -5,11 +5,13 @@
 //! |---|---|---|---|
 //! | [`ErrorStateFilter`] | `error_state.rs` | attitude, velocity, position, two biases | GNSS compass, tangent plane |
 //! | [`Cascade`] | `cascade.rs` | none | positions behind any attitude estimator; fixed gains |
+//! | [`axis_filters::PositionAxisFilters`] | `axis_filters.rs` | three an axis | the smallest there is, on a chip |
 //!
 //! Frames of the error-state filter: local north, east, down (NED) tangent plane; body forward, right, down (FRD). Gravity is
 //! constant and points down; Earth's rotation is left out. Both are small against the noise of the
 //! sensors this is meant for within some tens of kilometres.
 
+pub mod axis_filters;
 pub mod cascade;
 pub mod error_state;
 pub mod transition;
