@@ -72,7 +72,8 @@ pub trait RunObserver {
         let _ = record;
     }
 
-    /// A position, where the estimator uses them; also those that were refused or skipped.
+    /// A position, where the estimator uses them; also those that were refused or skipped, but not those
+    /// of a calibration at rest.
     fn position(&mut self, record: &PositionRecord) {
         let _ = record;
     }

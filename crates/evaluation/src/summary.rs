@@ -44,6 +44,10 @@ pub struct RunSummary {
     pub unobservable: Vec<String>,
     /// The profile of the parameters; `None` for what has no parameters.
     pub profile: Option<Profile>,
+    /// Standard deviation of the hard iron at the start, microtesla, of an estimator that estimates it:
+    /// unless set, it follows from the stream of the magnetometer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hard_iron_prior_ut: Option<f64>,
     /// Where the calibration came from, in words.
     pub calibration: Option<String>,
     /// The magnetometer calibration that was applied, in words; left out of JSON without one.

@@ -214,6 +214,8 @@ impl Tally {
             verdicts: self.verdicts(&nis, options),
             nis,
             unobservable,
+            hard_iron_prior_ut: (options.estimator == EstimatorKind::BoundedVelocity)
+                .then_some(options.config.bounded_velocity.initial_hard_iron_std_ut),
             profile: runs_filter.then_some(options.profile),
             calibration: calibration_in_words(options).filter(|_| runs_filter),
             field_calibration: field_calibration_in_words(options).filter(|_| runs_filter),

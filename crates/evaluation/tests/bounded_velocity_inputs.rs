@@ -76,7 +76,7 @@ fn uncalibrated() -> RunOptions {
 }
 
 #[test]
-fn a_sound_phone_is_followed_honestly() {
+fn a_sound_phone_is_followed() {
     let events = events(|_, sample| Some(sample));
     let summary = summary(&events, &options());
     assert!(total(&summary) < 1.0, "{}", total(&summary));

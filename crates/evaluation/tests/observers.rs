@@ -6,7 +6,9 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // --nocapture shows the table
 
+use northing_core::attitude::AttitudeEstimator as _;
 use northing_core::attitude::complementary::ComplementaryForm;
+use northing_core::attitude::ekf_reconstruction::EkfReconstruction;
 use northing_evaluation::observers::experiment::{
     SCENARIO, SCENARIO_NAME, default_gains, read_all,
 };
@@ -209,28 +211,68 @@ fn slow_positions_and_bursts_agree_with_the_independent_implementation() {
     TABLE[7..].iter().for_each(row_agrees);
 }
 
-/// What Northing's forms are worth: the lead of a sample and the unprojected covariance cost most where
-/// the sensors are disturbed.
+/// What the projection is worth, by the EKF alone: nothing where the sensors are good, most of the error
+/// where they are disturbed and a magnetometer is there.
 #[test]
 fn a_projected_covariance_is_what_survives_magnetic_bursts_and_strong_thrust() {
-    for (condition, factor) in [
-        ("magnetic-bursts", 0.8),
-        ("thrust-3", 0.8),
-        ("rotation", 0.9),
+    for (condition, expected) in [
+        ("magnetic-bursts", 0.0..0.7),
+        ("thrust-3", 0.0..0.7),
+        ("rotation", 0.95..1.05),
+        // Without a heading it is the other way round.
+        ("thrust-1.5-accelerometer-only", 1.1..4.0),
     ] {
         let scenario = scenario(condition);
         let data = flights(&scenario, 0..FLIGHTS);
         let gains = default_gains(scenario.ekf.linear_acceleration_std_mps2, 0.0);
         let error = |form| {
-            let one = |d: &ObserverData| scores(d, Scheme::Modified, form, &[gains]).unwrap()[0];
-            rms(&data.iter().map(one).collect::<Vec<_>>(), |s| s.total_deg)
+            let one = |d: &ObserverData| scores(d, Scheme::Ekf, form, &[gains]).unwrap()[0];
+            let scores: Vec<Score> = data.iter().map(one).collect();
+            rms(&scores, |s| s.of(scenario.meta.metric))
         };
         let (printed, ours) = (error(Form::Printed), error(Form::Northing));
         println!("{condition}: printed {printed:.2}, ours {ours:.2} deg");
+        let ratio = ours / printed;
         assert!(
-            ours < factor * printed,
+            expected.contains(&ratio),
             "{condition}: {ours} against {printed} deg"
         );
+    }
+}
+
+/// The lead of one sample: at 3 rad/s and 100 Hz the printed form is 1.7 degrees ahead.
+#[test]
+fn a_sample_compared_with_the_estimate_before_it_makes_the_observer_lead() {
+    let scenario = scenario("spin");
+    let data = flights(&scenario, 0..5);
+    let gains = gains(2.0, 0.0, 1.0, 0.2, 0.0);
+    let error = |form| {
+        let one = |d: &ObserverData| scores(d, Scheme::Original, form, &[gains]).unwrap()[0];
+        rms(&data.iter().map(one).collect::<Vec<_>>(), |s| s.total_deg)
+    };
+    let (printed, ours) = (error(Form::Printed), error(Form::Northing));
+    println!("spin: printed {printed:.2}, ours {ours:.2} deg");
+    assert!(printed > 1.0 && ours < 0.8, "{printed} and {ours} deg");
+}
+
+/// What is scored as the modified scheme is what `cascade-ekf` runs.
+#[test]
+fn the_modified_scheme_is_the_filter_of_core() {
+    let mut scenario = scenario("free-1.5");
+    (scenario.meta.duration_s, scenario.meta.scored_from_s) = (10.0, 0.0);
+    let data = ObserverData::flight(&scenario, SEED, 0);
+    let gains = default_gains(1.05, 0.0);
+    let ekf = schemes::ekf(&data, &gains, Form::Northing).unwrap();
+    let scored = schemes::modified(&data, &ekf, &gains, Form::Northing).unwrap();
+    let config = schemes::settings(&data, &gains, Form::Northing);
+    let mut filter = EkfReconstruction::new(config).unwrap();
+    filter.initialize(&data.initial_state());
+    for (k, rate) in data.angular_rate.iter().enumerate() {
+        filter.propagate(rate, data.interval_s);
+        filter.update_accelerometer(&data.specific_force[k]);
+        filter.update_magnetometer(&data.magnetic_field[k]);
+        let apart = filter.attitude().angle_to(&scored[k].attitude);
+        assert!(apart < 1e-12, "sample {k}: {apart} rad");
     }
 }
 
@@ -389,9 +431,26 @@ fn broad_gives_the_errors_of_the_independent_implementation() {
         "accelerometer alone, inclination: {original:.2} and {behind_ekf:.2} deg, theirs 2.28 and 2.33"
     );
     assert!((original / 2.28 - 1.0).abs() < 0.05, "{original}");
-    // Aimed at 5 %. Without a magnetometer the EKF's heading wanders by tens of degrees and carries the
-    // inclination with it: the last bits decide, and this row is 6 % better than theirs.
+    // Aimed at 5 %; it is 6 % better than theirs, by one trial of fourteen (30: 4.85 against 6.58 deg),
+    // whose error moves by a fifth when the assumed acceleration moves by a hundredth.
     assert!((behind_ekf / 2.33 - 1.0).abs() < 0.07, "{behind_ekf}");
+    let theirs = [
+        2.79, 2.16, 1.97, 1.31, 0.29, 1.12, 1.19, 4.87, 1.35, 1.32, 4.93, 6.58, 0.96, 1.73,
+    ];
+    let ours = |acceleration: f64| -> Vec<f64> {
+        let g = gains(4.0, 0.3, 1.0, acceleration, 2.0);
+        let one = |d: &ObserverData| schemes::modified(d, &ekf(&g, d), &g, printed).unwrap();
+        let score = |d: &ObserverData| schemes::score(d, &one(d)).unwrap().inclination_deg;
+        blind.iter().map(score).collect()
+    };
+    let near = ours(8.0);
+    let near = near
+        .iter()
+        .zip(theirs)
+        .filter(|(a, b)| (*a / b - 1.0).abs() < 0.025);
+    assert!(near.count() >= 12);
+    let restless = ours(8.08)[11] / ours(8.0)[11];
+    assert!(restless > 1.1, "trial 30: {restless}");
 }
 
 /// The whole experiment on a small scale: what the command prints.

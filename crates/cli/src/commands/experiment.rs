@@ -51,7 +51,7 @@ struct ObserversArgs {
     #[arg(long, value_name = "DIR")]
     data: Vec<PathBuf>,
     /// Flights that are scored in each simulated condition; as many others are tuned on
-    #[arg(long, value_name = "NUMBER", default_value_t = 30, value_parser = clap::value_parser!(u64).range(2..=10_000))]
+    #[arg(long, value_name = "NUMBER", default_value_t = 30)]
     flights: u64,
     /// Seed of the flights
     #[arg(long, value_name = "NUMBER", default_value_t = 1)]
@@ -96,6 +96,9 @@ pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
         flights: args.flights,
         seed: args.seed,
     };
+    for variant in &variants {
+        experiment.check(&file.scenario(Some(variant))?)?;
+    }
     let steps = (variants.len() + folders.len()) as u64;
     let progress = Mutex::new((Progress::of_steps(steps, "conditions"), 0_u64));
     let done = || {
@@ -119,19 +122,8 @@ pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
         done();
     }
     drop(progress);
-    let cost_ns = conditions
-        .first()
-        .map(|c| c.cost_ns)
-        .context("no condition is left to fly")?;
-    conclude(
-        args,
-        &ExperimentOutcome {
-            seed: args.seed,
-            flights: args.flights,
-            conditions,
-            cost_ns,
-        },
-    )
+    let outcome = ExperimentOutcome::of(&experiment, conditions);
+    conclude(args, &outcome.context("no condition is left to fly")?)
 }
 
 fn scenario(args: &ObserversArgs) -> Result<FlightScenarioFile> {
@@ -180,23 +172,29 @@ fn text(outcome: &ExperimentOutcome) -> String {
     };
     let cost = &outcome.cost_ns;
     let times = |ns: f64| format!("{ns:.0} ns, {:.1} times", ns / cost.original);
+    let mut costs = format!("original {:.0} ns", cost.original);
+    for (name, ns) in [
+        ("modified", Some(cost.modified)),
+        ("EKF alone", Some(cost.ekf)),
+        ("cascade", cost.cascade),
+        ("cascade-ekf", cost.cascade_ekf),
+    ] {
+        if let Some(ns) = ns {
+            costs.push_str(&format!("; {name} {}", times(ns)));
+        }
+    }
     let sentences = report::observers_verdicts(outcome);
     let sentences: Vec<String> = sentences
         .into_iter()
         .map(|v| format!("- {}", v.text))
         .collect();
     format!(
-        "{}{}{}Cost of a step with accelerometer and magnetometer: original {:.0} ns; modified {}; EKF alone {}; cascade {}; \
-         cascade-ekf {}\n\n{}\n",
+        "{}{}{}Cost of a step, sensors of {}: {costs}\n\n{}\n",
         part("Tuned on one half, scored on the other", &|c| &c.tuned),
         part("At the literature's gains (k_P 1, k_I 0.3)", &|c| &c
             .default),
         part("Tuned, in Northing's forms", &|c| &c.northing),
-        cost.original,
-        times(cost.modified),
-        times(cost.ekf),
-        times(cost.cascade),
-        times(cost.cascade_ekf),
+        outcome.cost_of,
         sentences.join("\n"),
     )
 }

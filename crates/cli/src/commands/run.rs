@@ -123,7 +123,10 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let summary = summary?;
     let mut written = Vec::new();
     if let (Some(path), Some(trace)) = (&args.report, watchers.trace) {
-        let config = parameters_used(&options, None);
+        let mut config = parameters_used(&options, None);
+        if let Some(prior) = summary.hard_iron_prior_ut {
+            config.bounded_velocity.initial_hard_iron_std_ut = prior;
+        }
         let html = run_report::render(&summary, &config, &metadata, trace.trace());
         write_whole(path, html.as_bytes(), args.force)?;
         written.push(format!("Report: {} (open it in a browser)", path.display()));

@@ -89,7 +89,7 @@ fn what_cannot_be_flown_is_said_in_one_line() {
     );
     contains(
         &lab.refuses(&with(&["--flights", "1"])),
-        &["--flights", "2..=10000"],
+        &["1 flights of rotation: expected from 2 to 500 of this length"],
     );
     contains(&lab.refuses(&with(&["--data", "nowhere"])), &["nowhere"]);
     lab.write("r.html", "mine");

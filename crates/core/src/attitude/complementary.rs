@@ -137,14 +137,14 @@ impl<T: Scalar> Vector<T> {
         let (reference, norm) = self.reference.ok_or(SkipReason::NotInitialized)?;
         let square = measured.norm_squared();
         let [shortest, longest] = self.squares;
+        if !square.is_finite() {
+            return Err(SkipReason::NotFinite);
+        }
+        if square < norm * norm * lit(1e-6) {
+            return Err(SkipReason::ZeroNorm);
+        }
         if !(square >= shortest && square <= longest) {
-            return Err(if !square.is_finite() {
-                SkipReason::NotFinite
-            } else if square < norm * norm * lit(1e-6) {
-                SkipReason::ZeroNorm
-            } else {
-                SkipReason::OutOfRange
-            });
+            return Err(SkipReason::OutOfRange);
         }
         let interval = self.since.min(lit(LONGEST_STEP_S));
         self.since = T::zero();

@@ -136,7 +136,7 @@ pub struct AttitudeConfig<T> {
     /// lets the filter learn a large bias, at the price of a slower start.
     pub initial_gyroscope_bias_std: T,
     /// Largest attitude standard deviation per axis, rad, default 1.8: beyond it nothing is known
-    /// anyway, and single precision fails.
+    /// anyway, and single precision fails. A quaternion EKF of free norm has no axes and keeps none.
     pub maximum_attitude_std: T,
     /// What the additive quaternion EKF does about the norm, default `projected`; `free` is the
     /// textbook's. No other filter has the choice.
@@ -291,11 +291,6 @@ impl<T: Scalar> AttitudeConfig<T> {
                 "complementary_magnetometer_weight",
                 self.complementary_magnetometer_weight,
             ),
-            (
-                "complementary_field_tolerance",
-                self.complementary_field_tolerance,
-            ),
-            ("complementary_bias_limit", self.complementary_bias_limit),
         ];
         // Together with the longest step of a correction: below one, or it overshoots.
         let gains = [
@@ -319,6 +314,21 @@ impl<T: Scalar> AttitudeConfig<T> {
                 return Err(ConfigError {
                     field,
                     expected: "a finite number, 0 or above",
+                });
+            }
+        }
+        let limits = [
+            (
+                "complementary_field_tolerance",
+                self.complementary_field_tolerance,
+            ),
+            ("complementary_bias_limit", self.complementary_bias_limit),
+        ];
+        for (field, value) in limits {
+            if !(value >= T::zero() && value <= lit(1e3)) {
+                return Err(ConfigError {
+                    field,
+                    expected: "a number from 0 to 1000",
                 });
             }
         }

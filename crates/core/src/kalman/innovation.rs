@@ -34,7 +34,7 @@ pub enum Outcome {
     Inflated,
     /// Refused: the NIS was above the gate.
     Gated,
-    /// Not fused, for the reason given; the estimate is untouched.
+    /// Not fused, for the reason given: it corrected nothing.
     Skipped(SkipReason),
 }
 
@@ -63,6 +63,8 @@ pub enum SkipReason {
     NotDue,
     /// Taken up and summed: it takes effect with a later sample.
     Gathered,
+    /// So long after the last one of its sensor that nothing is known of the time between.
+    TooLate,
     /// The estimator does not use this sensor.
     NotUsed,
     /// The estimator has no attitude or no reference for this sensor yet.
@@ -84,6 +86,7 @@ impl SkipReason {
             Self::Repeated => "the same numbers again",
             Self::NotDue => "sooner than the update interval",
             Self::Gathered => "summed up for a later update",
+            Self::TooLate => "too long after the one before",
             Self::NotUsed => "sensor not used",
             Self::NotInitialized => "not initialised",
             Self::Unobservable => "direction gives no information",

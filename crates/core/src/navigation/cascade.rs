@@ -116,8 +116,10 @@ pub struct Cascade<T: Scalar> {
     force_at_rest: Vector3<T>,
     state: CascadeState<T>,
     past: Past<T>,
-    /// Seconds from the instant of the last position to now; `None` before the first one.
+    /// Seconds from the instant of the last position that was used to now; `None` before the first one.
     since_position: Option<T>,
+    /// Seconds from the latest instant of which a position was looked at, outliers included.
+    since_seen: T,
     outliers: u8,
 }
 
@@ -204,6 +206,7 @@ impl<T: Scalar> Cascade<T> {
             },
             past: Past::starting_at(Vector3::zeros()),
             since_position: None,
+            since_seen: T::zero(),
             outliers: 0,
         })
     }
@@ -234,6 +237,7 @@ impl<T: Scalar> Cascade<T> {
         self.state.velocity += acceleration * dt;
         self.past.advance(dt, &self.state.position);
         self.since_position = Some(since + dt);
+        self.since_seen += dt;
         Ok(())
     }
 
@@ -255,14 +259,15 @@ impl<T: Scalar> Cascade<T> {
             self.start(position, age);
             return unweighed(Vector3::zeros(), Outcome::Fused);
         };
-        let interval = since - age;
-        // Rounding of two clocks is no progress.
-        if interval < lit(1e-3) {
+        // Rounding of two clocks is no progress; an outlier that is held counts once, too.
+        if self.since_seen - age < lit(1e-3) {
             return Innovation::skipped(SkipReason::NotNewer);
         }
+        let interval = since - age;
         let Some(then) = self.past.before(age, &self.state.position) else {
             return Innovation::skipped(SkipReason::OutOfRange);
         };
+        self.since_seen = age;
         let error = position - then;
         let is_outlier = error.norm() > self.config.position_std * lit(OUTLIER_STDS);
         if is_outlier && self.outliers < OUTLIERS_BELIEVED {
@@ -285,6 +290,7 @@ impl<T: Scalar> Cascade<T> {
         self.state.velocity = Vector3::zeros();
         self.past = Past::starting_at(*position);
         self.since_position = Some(age);
+        self.since_seen = age;
         self.outliers = 0;
     }
 

@@ -27,10 +27,12 @@ pub struct Cost {
     pub modified: f64,
     /// The quaternion EKF alone.
     pub ekf: f64,
-    /// The original with the position observer behind it.
-    pub cascade: f64,
-    /// The modified with the position observer behind it.
-    pub cascade_ekf: f64,
+    /// The original with the position observer behind it; where there are positions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cascade: Option<f64>,
+    /// The modified with the position observer behind it; where there are positions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cascade_ekf: Option<f64>,
 }
 
 /// Times the schemes over `data`.
@@ -60,12 +62,13 @@ pub fn measure(data: &ObserverData, gains: &Gains) -> Result<Cost, EvaluationErr
         }
     }
     let [original, modified, ekf, cascade, cascade_ekf] = least;
+    let with_positions = |ns: f64| data.position.as_ref().map(|_| ns);
     Ok(Cost {
         original,
         modified,
         ekf,
-        cascade,
-        cascade_ekf,
+        cascade: with_positions(cascade),
+        cascade_ekf: with_positions(cascade_ekf),
     })
 }
 

@@ -14,6 +14,8 @@ use crate::error::EvaluationError;
 pub const DECIMATION: usize = 3;
 /// Decimated samples whose mean gives the start of a recording.
 const START_SAMPLES: usize = 50;
+/// Rows that a gap is filled with at most: beyond, a recording is two.
+const MOST_MISSING: f64 = 10_000.0;
 /// A sample later than this after a gyroscope sample does not belong to it, ns.
 const LONGEST_NS: i64 = 100_000_000;
 /// Variance of each quaternion component at the start is 0.1, that of the angle four times that.
@@ -118,6 +120,7 @@ impl ObserverData {
             let event = event.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
             rows.add(&event);
         }
+        rows.fill_gaps();
         let interval_s = rows.interval_s() * DECIMATION as f64;
         let [rates, forces, fields] =
             [&rows.rates, &rows.forces, &rows.fields].map(|v| decimated(v));
@@ -199,11 +202,7 @@ struct Rows {
 impl Rows {
     fn add(&mut self, event: &Event) {
         if let Sample::AngularRate(rate) = event.sample {
-            self.times_ns.push(event.time_ns);
-            self.rates.push(rate);
-            self.forces.push(Vector3::repeat(f64::NAN));
-            self.fields.push(Vector3::repeat(f64::NAN));
-            self.truth.push(None);
+            self.push(event.time_ns, rate);
             return;
         }
         // What comes between two gyroscope samples belongs to the one before.
@@ -225,6 +224,33 @@ impl Rows {
             }
             _ => {}
         }
+    }
+
+    /// Puts rows without samples where the gyroscope is silent for longer than one interval.
+    fn fill_gaps(&mut self) {
+        let interval = (self.interval_s() * 1e9).max(1.0);
+        let mut filled = Self::default();
+        for (k, time) in self.times_ns.iter().enumerate() {
+            let before = filled.times_ns.last().copied().unwrap_or(*time);
+            let missing = ((time.saturating_sub(before)) as f64 / interval).round() - 1.0;
+            for _ in 0..missing.clamp(0.0, MOST_MISSING) as usize {
+                filled.push(before, Vector3::repeat(f64::NAN));
+            }
+            filled.push(*time, self.rates[k]);
+            let last = filled.times_ns.len() - 1;
+            filled.forces[last] = self.forces[k];
+            filled.fields[last] = self.fields[k];
+            filled.truth[last] = self.truth[k];
+        }
+        *self = filled;
+    }
+
+    fn push(&mut self, time_ns: i64, rate: Vector3<f64>) {
+        self.times_ns.push(time_ns);
+        self.rates.push(rate);
+        self.forces.push(Vector3::repeat(f64::NAN));
+        self.fields.push(Vector3::repeat(f64::NAN));
+        self.truth.push(None);
     }
 
     /// Median interval, s.
@@ -319,6 +345,25 @@ mod tests {
         assert_eq!(means.len(), 2);
         assert!((means[0] - 4.0 / 3.0).abs() < 1e-12 && (means[1] - 11.0 / 3.0).abs() < 1e-12);
         assert!(decimated(&[Vector3::repeat(nan); 9]).is_empty());
+    }
+
+    #[test]
+    fn a_silent_gyroscope_leaves_rows_and_late_samples_belong_to_the_row_before() {
+        let mut rows = Rows::default();
+        let event = |time_ms: i64, sample| Event {
+            time_ns: time_ms * 1_000_000,
+            sample,
+        };
+        for time_ms in [0, 10, 20, 50, 60] {
+            rows.add(&event(time_ms, Sample::AngularRate(Vector3::x())));
+        }
+        rows.add(&event(63, Sample::SpecificForce(Vector3::z())));
+        rows.add(&event(900, Sample::SpecificForce(Vector3::y())));
+        rows.fill_gaps();
+        assert!((rows.interval_s() - 0.01).abs() < 0.0101);
+        let known: Vec<bool> = rows.rates.iter().map(|r| r.x.is_finite()).collect();
+        assert_eq!(known, [true, true, true, false, false, true, true]);
+        assert_eq!(rows.forces[6], Vector3::z());
     }
 
     #[test]

@@ -19,6 +19,9 @@ pub const SCENARIO: &str = include_str!("../../../../scenarios/observers/cascade
 /// Where they are kept.
 pub const SCENARIO_NAME: &str = "scenarios/observers/cascade.toml";
 
+/// Samples of all flights that are scored, at most: as many again are tuned on, 160 bytes each.
+const MOST_SAMPLES: f64 = 6e6;
+
 /// Gains that the literature recommends: `k_P` 1, `k_I` 0.3.
 #[must_use]
 pub fn default_gains(linear_acceleration_std: f64, field_std: f64) -> Gains {
@@ -46,14 +49,17 @@ pub struct Comparison {
     /// Error of the original, deg.
     pub original_deg: f64,
     /// Its 95 % interval over flights, deg.
+    #[serde(rename = "original_ci95_deg")]
     pub original_ci95: [f64; 2],
     /// Error of the modified scheme, deg.
     pub modified_deg: f64,
     /// Its interval, deg.
+    #[serde(rename = "modified_ci95_deg")]
     pub modified_ci95: [f64; 2],
     /// Error of the EKF alone, deg.
     pub ekf_deg: f64,
     /// Its interval, deg.
+    #[serde(rename = "ekf_ci95_deg")]
     pub ekf_ci95: [f64; 2],
     /// How much smaller the modified scheme's error is than the original's, percent.
     pub gain_percent: f64,
@@ -65,7 +71,8 @@ pub struct Comparison {
     /// The same for the velocity error, percent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub velocity_gain_percent: Option<f64>,
-    /// Mean scores of original, modified and EKF: heading, inclination, position and the rest.
+    /// Scores of original, modified and EKF: root mean square over flights, mean over recordings, of
+    /// `settled_s` the median.
     pub scores: [Score; 3],
 }
 
@@ -129,8 +136,26 @@ pub struct ExperimentOutcome {
     pub flights: u64,
     /// The conditions.
     pub conditions: Vec<Condition>,
-    /// Nanoseconds per step with accelerometer and magnetometer.
+    /// Nanoseconds per step in the condition `cost_of`.
     pub cost_ns: Cost,
+    /// The first condition with magnetometer and positions, or else the first.
+    pub cost_of: String,
+}
+
+impl ExperimentOutcome {
+    /// The outcome of these conditions; `None` when there are none.
+    #[must_use]
+    pub fn of(experiment: &Experiment, conditions: Vec<Condition>) -> Option<Self> {
+        let whole = |c: &&Condition| c.metric == Metric::Total && c.cost_ns.cascade.is_some();
+        let timed = conditions.iter().find(whole).or(conditions.first())?;
+        Some(Self {
+            seed: experiment.seed,
+            flights: experiment.flights,
+            cost_ns: timed.cost_ns,
+            cost_of: timed.name.clone(),
+            conditions,
+        })
+    }
 }
 
 /// Why an experiment could not be made.
@@ -142,6 +167,16 @@ pub enum ExperimentError {
     /// A recording could not be opened.
     #[error(transparent)]
     Recording(#[from] northing_recording::RecordingError),
+    /// Too many flights, or too few.
+    #[error("{flights} flights of {name}: expected from 2 to {most} of this length")]
+    Flights {
+        /// Condition.
+        name: String,
+        /// What was asked for.
+        flights: u64,
+        /// What fits into memory.
+        most: u64,
+    },
     /// Nothing to score.
     #[error(
         "{name}: {found} of its recordings have gyroscope, accelerometer, magnetometer and a reference attitude; expected \
@@ -161,6 +196,7 @@ impl Experiment {
     /// # Errors
     /// The scenario asks for something that no scheme can do.
     pub fn simulated(&self, scenario: &FlightScenario) -> Result<Condition, ExperimentError> {
+        self.check(scenario)?;
         let flights = |from: u64| -> Vec<ObserverData> {
             (from..from + self.flights)
                 .into_par_iter()
@@ -190,6 +226,23 @@ impl Experiment {
             format!("flights {} to {last}", self.flights),
             format!("flights 0 to {}", self.flights - 1),
         )
+    }
+
+    /// Whether the flights of a condition fit into memory.
+    ///
+    /// # Errors
+    /// There are less than two, or too many of that length.
+    pub fn check(&self, scenario: &FlightScenario) -> Result<(), ExperimentError> {
+        let samples = scenario.meta.duration_s * scenario.gyroscope.rate_hz;
+        let most = (MOST_SAMPLES / samples.max(1.0)) as u64;
+        if (2..=most).contains(&self.flights) {
+            return Ok(());
+        }
+        Err(ExperimentError::Flights {
+            name: scenario.meta.name.clone(),
+            flights: self.flights,
+            most,
+        })
     }
 
     /// Recordings with reference, in the order given: the odd ones are tuned on, the even ones scored,

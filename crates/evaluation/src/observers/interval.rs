@@ -16,13 +16,13 @@ const DRAWS: usize = 2000;
 pub struct Gain {
     /// `100 (1 - new / old)`: above zero where the new one is better.
     pub percent: f64,
-    /// Bounds that hold the gain of other flights of this kind in 95 % of the cases.
+    /// Bounds that hold the gain over all flights of this kind in 95 % of the cases; with less than ten
+    /// flights in fewer.
     pub ci95: [f64; 2],
 }
 
 impl Gain {
-    /// The gain of `new` over `old`, errors of the same flights in the same order; its interval is that
-    /// of as many other flights.
+    /// The gain of `new` over `old`, errors of the same flights in the same order.
     #[must_use]
     pub fn between(old: &[f64], new: &[f64], aggregate: Aggregate) -> Self {
         let percent =
@@ -39,7 +39,7 @@ impl Gain {
     }
 }
 
-/// Bounds that hold the aggregate error of as many other flights of this kind in 95 % of the cases.
+/// Bounds that hold the aggregate error over all flights of this kind in 95 % of the cases.
 #[must_use]
 pub fn error_ci95(errors: &[f64], aggregate: Aggregate) -> [f64; 2] {
     let mut drawn = bootstrap(errors.len(), errors.len(), |picked| {

@@ -26,14 +26,18 @@ const NO_OUTLIERS_M: f64 = 1e6;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gains {
     /// `k_P` of the complementary filter, 1/s.
+    #[serde(rename = "attitude_gain_per_s")]
     pub attitude_gain: f64,
     /// `k_I`, 1/s^2.
+    #[serde(rename = "bias_gain_per_s2")]
     pub bias_gain: f64,
     /// Weight of the accelerometer in the explicit form.
     pub accelerometer_weight: f64,
     /// Accelerations that the EKF takes for errors of gravity, m/s^2 per axis.
+    #[serde(rename = "linear_acceleration_std_m_s2")]
     pub linear_acceleration_std: f64,
     /// Error of the field per axis beside its noise, microtesla.
+    #[serde(rename = "field_std_ut")]
     pub field_std: f64,
 }
 
@@ -62,7 +66,8 @@ pub struct Score {
     pub position_m: f64,
     /// Velocity error, m/s; 0 without positions.
     pub velocity_mps: f64,
-    /// When the total error went below three degrees for good, s.
+    /// When the total error went below three degrees for good, s; the end of what is scored where it
+    /// did not.
     pub settled_s: f64,
 }
 

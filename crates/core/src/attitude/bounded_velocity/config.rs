@@ -74,7 +74,7 @@ pub struct BoundedVelocityConfig<T> {
     /// Standard deviation of the initial velocity per axis, m/s, default 1; also after a pause of
     /// the accelerometer.
     pub initial_velocity_std: T,
-    /// Power spectral density of the pseudo-measurement "velocity is zero" at rest, m^2/s, default
+    /// Power spectral density of the pseudo-measurement "velocity is zero" without acceleration, m^2/s, default
     /// 0.02. Raising it trusts gravity less.
     pub velocity_psd: T,
     /// Adds `gain * (mean square acceleration)` to it, s^3, default 0.025. Raising it trusts

@@ -46,7 +46,7 @@ impl<T: Scalar> BoundedVelocity<T> {
         self.state.since_force = T::zero();
         if dt > lit(LONGEST_FORCE_INTERVAL_S) {
             self.forget_velocity();
-            return Innovation::skipped(SkipReason::Gathered);
+            return Innovation::skipped(SkipReason::TooLate);
         }
         let level = self.state.level_from_body * measured;
         let state = &mut self.state;

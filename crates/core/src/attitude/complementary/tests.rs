@@ -256,6 +256,37 @@ fn bad_samples_leave_the_state_untouched() {
     }
 }
 
+/// A tolerance that lets everything in still takes no vector without a direction.
+#[test]
+fn no_tolerance_lets_a_zero_or_an_infinite_field_in() {
+    for form in FORMS {
+        let config = AttitudeConfig {
+            complementary_field_tolerance: 1e3,
+            ..settings()
+        };
+        let mut filter = Complementary::new(form, config).unwrap();
+        filter.initialize(&start(&config, UnitQuaternion::identity()));
+        let before = filter;
+        for bad in [
+            Vector3::zeros(),
+            Vector3::repeat(1e-9),
+            Vector3::repeat(f64::MAX),
+        ] {
+            let outcome = filter.update_magnetometer(&bad).outcome;
+            assert!(matches!(outcome, Outcome::Skipped(_)), "{bad}");
+        }
+        assert_eq!(filter, before);
+    }
+    let config = AttitudeConfig {
+        complementary_field_tolerance: 1e160,
+        ..AttitudeConfig::<f64>::default()
+    };
+    assert_eq!(
+        config.validate().unwrap_err().field,
+        "complementary_field_tolerance"
+    );
+}
+
 #[test]
 fn gains_that_would_overshoot_are_refused() {
     for (field, gain) in [

@@ -55,12 +55,9 @@ fn a_compass_finds_and_keeps_the_heading() {
         let config = BoundedVelocityConfig {
             compass_std: 0.1,
             compass_correlation_time_s: 0.0,
-            initial_gyroscope_bias_without_magnetometer_std: 0.02,
             ..BoundedVelocityConfig::default()
         };
-        let mut f = BoundedVelocity::new(config).unwrap();
-        f.state.has_field = false;
-        f
+        BoundedVelocity::new(config).unwrap()
     });
 }
 
