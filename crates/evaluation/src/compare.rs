@@ -69,7 +69,7 @@ pub fn compare_observed<O: RunObserver + Send>(
         .map(|(path, estimator)| {
             let run = RunOptions {
                 estimator,
-                smooth: options.run.smooth && estimator == EstimatorKind::Mekf,
+                smooth: options.run.smooth && estimator.has_smoother(),
                 ..options.run.clone()
             };
             let (outcome, observer) = match run_file(path, &run, &options.open, observe) {

@@ -69,7 +69,9 @@ pub enum EvaluationError {
     )]
     NoDeviceOrientation,
     /// Smoothing was asked of an estimator that has no smoother.
-    #[error("there is no smoother for `{estimator}`; smoothing works with the estimator mekf")]
+    #[error(
+        "there is no smoother for `{estimator}`; smoothing works with the estimators mekf and bounded-velocity"
+    )]
     NoSmoother {
         /// The estimator.
         estimator: &'static str,

@@ -180,6 +180,12 @@ impl EstimatorKind {
         self.info().name
     }
 
+    /// Whether it can be smoothed over a whole recording.
+    #[must_use]
+    pub const fn has_smoother(self) -> bool {
+        matches!(self, Self::Mekf | Self::BoundedVelocity)
+    }
+
     /// Whether it uses positions, where a recording has them.
     #[must_use]
     pub const fn uses_positions(self) -> bool {

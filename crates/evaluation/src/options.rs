@@ -46,7 +46,7 @@ pub struct RunOptions {
     pub skip_s: f64,
     /// The frame of the estimate and of the reference; recordings say theirs.
     pub world_frame: WorldFrame,
-    /// Smooth backwards over the whole recording (`mekf` only; memory grows with its length).
+    /// Smooth backwards over the whole recording (`mekf` and `bounded-velocity`; memory grows with its length).
     pub smooth: bool,
 }
 
@@ -97,7 +97,7 @@ impl RunOptions {
         if self.calibration.is_some() && self.calibrate_first_s.is_some() {
             return Err(EvaluationError::TwoCalibrations);
         }
-        if self.smooth && self.estimator != EstimatorKind::Mekf {
+        if self.smooth && !self.estimator.has_smoother() {
             return Err(EvaluationError::NoSmoother {
                 estimator: self.estimator.name(),
             });
@@ -304,6 +304,8 @@ mod tests {
             smooth: true,
             ..RunOptions::default()
         };
+        assert!(options.check().is_ok());
+        options.estimator = EstimatorKind::BoundedVelocity;
         assert!(options.check().is_ok());
         options.estimator = EstimatorKind::Usque;
         assert!(

@@ -1,7 +1,12 @@
-//! Rauch-Tung-Striebel smoother for the six-state MEKF: the best estimate in hindsight.
+//! Rauch-Tung-Striebel smoothers: the best estimate in hindsight. Here that of the six-state MEKF.
+//!
+//! | idea | file |
+//! |---|---|
+//! | one step back, whatever the states | `rts_smoother/backward.rs` |
+//! | the smoother of the bounded-velocity filter | `rts_smoother/bounded_velocity.rs` |
 //!
 //! Read first: Rauch, Tung & Striebel (1965); `docs/derivations/mekf.md`, section on the smoother.
-//! A [`Recorder`] runs a [`Mekf`] and keeps what each propagation did; [`Recorder::smooth`] then
+//! A [`Recorder`] runs a [`Mekf`] and keeps what each propagation did; [`Smoother::smooth`] then
 //! walks back. It needs the whole recording and about a kilobyte for each propagation. Use it for
 //! records and for judging an estimator, not on a device.
 //!
@@ -24,6 +29,9 @@
 //!
 //! A new start of the filter ends the chain: nothing is carried back across it.
 
+mod backward;
+pub mod bounded_velocity;
+
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use northing_core::attitude::config::ConfigError;
 use northing_core::attitude::mekf::Mekf;
@@ -32,6 +40,37 @@ use northing_core::attitude::{
 };
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::Innovation;
+
+use backward::Link;
+
+/// A filter that remembers what it did, and can look back.
+pub trait Smoother: AttitudeEstimator<f64> {
+    /// What hindsight says about the samples of one node.
+    type Node;
+
+    /// The node at which the filter is: its place in what [`Smoother::smooth`] returns.
+    fn node(&self) -> usize;
+
+    /// Every node in hindsight, the first to the last. The last is the filter's own.
+    fn smooth(&self) -> Vec<Self::Node>;
+
+    /// The estimate in hindsight at a sample of `node` where the filter had the attitude `filtered`
+    /// (`ref_from_body`).
+    fn in_hindsight(node: &Self::Node, filtered: &UnitQuaternion<f64>) -> Estimate;
+}
+
+/// What a smoother says about one sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// `ref_from_body`.
+    pub attitude: UnitQuaternion<f64>,
+    /// Covariance (rad^2) of its local error, body axes.
+    pub attitude_covariance: Matrix3<f64>,
+    /// Gyroscope bias, rad/s, body axes.
+    pub gyroscope_bias: Vector3<f64>,
+    /// Its covariance, (rad/s)^2.
+    pub bias_covariance: Matrix3<f64>,
+}
 
 /// Attitude, bias and covariance at one node.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,15 +138,25 @@ impl Recorder {
         })
     }
 
-    /// The node at which the filter is: its place in what [`Recorder::smooth`] returns.
-    #[must_use]
-    pub fn node(&self) -> usize {
+    fn remember(&mut self, filtered: SmoothedState, transition: Matrix6<f64>, propagated: bool) {
+        let predicted = SmoothedState::of(&self.mekf);
+        self.steps.push(Step {
+            filtered,
+            transition,
+            predicted,
+            propagated,
+        });
+    }
+}
+
+impl Smoother for Recorder {
+    type Node = SmoothedState;
+
+    fn node(&self) -> usize {
         self.steps.len()
     }
 
-    /// The smoothed state at every node, the first to the last. The last is the filter's own.
-    #[must_use]
-    pub fn smooth(&self) -> Vec<SmoothedState> {
+    fn smooth(&self) -> Vec<SmoothedState> {
         let mut smoothed = Vec::with_capacity(self.steps.len() + 1);
         let mut next = SmoothedState::of(&self.mekf);
         smoothed.push(next);
@@ -123,14 +172,13 @@ impl Recorder {
         smoothed
     }
 
-    fn remember(&mut self, filtered: SmoothedState, transition: Matrix6<f64>, propagated: bool) {
-        let predicted = SmoothedState::of(&self.mekf);
-        self.steps.push(Step {
-            filtered,
-            transition,
-            predicted,
-            propagated,
-        });
+    fn in_hindsight(node: &SmoothedState, _: &UnitQuaternion<f64>) -> Estimate {
+        Estimate {
+            attitude: node.attitude,
+            attitude_covariance: node.attitude_covariance(),
+            gyroscope_bias: node.gyroscope_bias,
+            bias_covariance: node.bias_covariance(),
+        }
     }
 }
 
@@ -142,31 +190,28 @@ fn step_back(step: &Step, next: &SmoothedState) -> SmoothedState {
         predicted,
         ..
     } = step;
-    let Some(factor) = predicted.covariance.cholesky() else {
-        return *filtered;
-    };
-    // (M22), transposed: G^T = (P^-)^-1 Phi P^+, as P^+ and P^- are symmetric.
-    let gain = factor
-        .solve(&(transition * filtered.covariance))
-        .transpose();
     let mut d = Vector6::zeros();
     let turn = so3::log(&(predicted.attitude.inverse() * next.attitude));
     d.fixed_rows_mut::<3>(0).copy_from(&turn);
     d.fixed_rows_mut::<3>(3)
         .copy_from(&(next.gyroscope_bias - predicted.gyroscope_bias));
+    let link = Link {
+        filtered: &filtered.covariance,
+        transition,
+        predicted: &predicted.covariance,
+    };
+    let Some((x, covariance)) = link.back(&d, &next.covariance) else {
+        return *filtered;
+    };
     // (M22b)
-    let x = gain * d;
     let (a, b): (Vector3<f64>, Vector3<f64>) = (
         x.fixed_rows::<3>(0).into_owned(),
         x.fixed_rows::<3>(3).into_owned(),
     );
-    // (M22c)
-    let change = next.covariance - predicted.covariance;
-    let covariance = filtered.covariance + gain * change * gain.transpose();
     SmoothedState {
         attitude: rotation::renormalize(&(filtered.attitude * so3::exp(&a))),
         gyroscope_bias: filtered.gyroscope_bias + b,
-        covariance: (covariance + covariance.transpose()) * 0.5,
+        covariance,
     }
 }
 

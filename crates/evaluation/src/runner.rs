@@ -6,6 +6,7 @@
 mod position_observer;
 
 use nalgebra::UnitQuaternion;
+use northing_core::attitude::bounded_velocity::BoundedVelocity;
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
 use northing_core::attitude::{AttitudeEstimator, Propagation};
 use northing_core::calibration::RestCalibration;
@@ -20,7 +21,8 @@ use crate::instants::{Instant, Instants};
 use crate::observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver};
 use crate::options::RunOptions;
 use crate::parameters::{CascadeRotation, Parameters};
-use crate::rts_smoother::Recorder;
+use crate::rts_smoother::bounded_velocity::Steps;
+use crate::rts_smoother::{Recorder, Smoother};
 use crate::summary::RunSummary;
 use crate::tally::Tally;
 use position_observer::PositionObserver;
@@ -91,7 +93,17 @@ where
     let said = instants.sentence();
     let mut summary = match options.estimator {
         EstimatorKind::Device => return device::run(instants, options, observer),
-        EstimatorKind::Mekf if options.smooth => run_smoothed(&mut instants, options, observer),
+        EstimatorKind::Mekf if options.smooth => {
+            let make = |config: &Parameters| Ok(Recorder::new(config.attitude)?);
+            run_smoothed(&mut instants, options, observer, &make)
+        }
+        EstimatorKind::BoundedVelocity if options.smooth => {
+            let make = |config: &Parameters| {
+                let steps = Steps::default();
+                Ok(BoundedVelocity::observed(config.bounded_velocity, steps)?)
+            };
+            run_smoothed(&mut instants, options, observer, &make)
+        }
         kind => run_filter(&mut instants, options, observer, kind),
     }?;
     summary.issues.extend(said);
@@ -148,13 +160,13 @@ fn run_filter(
 }
 
 /// Forward with a filter that remembers, then backward; the estimates told and scored are smoothed.
-fn run_smoothed(
+fn run_smoothed<S: Smoother>(
     instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
+    make: Make<'_, S>,
 ) -> Result<RunSummary, EvaluationError> {
-    let make = |config: &Parameters| Ok(Recorder::new(config.attitude)?);
-    let mut session = Session::new(options, &make)?;
+    let mut session = Session::new(options, make)?;
     let mut records: Vec<(EstimateRecord, usize)> = Vec::new();
     for instant in instants {
         let record = session.step(&instant?, observer)?;
@@ -167,10 +179,10 @@ fn run_smoothed(
         Phase::Calibrating(_) => Vec::new(),
     };
     for (mut record, node) in records {
-        let state = &smoothed[node];
-        record.attitude = state.attitude;
-        record.attitude_covariance = Some(state.attitude_covariance());
-        record.gyroscope_bias = Some((state.gyroscope_bias, state.bias_covariance()));
+        let known = S::in_hindsight(&smoothed[node], &record.attitude);
+        record.attitude = known.attitude;
+        record.attitude_covariance = Some(known.attitude_covariance);
+        record.gyroscope_bias = Some((known.gyroscope_bias, known.bias_covariance));
         session.tally.estimated(&record);
         observer.estimate(&record);
     }

@@ -7,9 +7,12 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use northing_core::attitude::alignment::level_covariance;
+use northing_core::attitude::bounded_velocity::steps::StepObserver;
 use northing_core::attitude::bounded_velocity::{BoundedVelocity, BoundedVelocityConfig};
 use northing_core::attitude::{AttitudeEstimator, InitialState, References, wahba};
 use northing_evaluation::metrics::ErrorStatistics;
+use northing_evaluation::rts_smoother::Smoother;
+use northing_evaluation::rts_smoother::bounded_velocity::Steps;
 use northing_recording::test_data::data_dir;
 use uniform::{Field, Uniform};
 
@@ -85,13 +88,13 @@ fn prototype() -> BoundedVelocityConfig<f64> {
 
 /// Runs over a uniform stream. The prototype took the newest field of each update interval at its
 /// end; `record` gets every estimate.
-fn run(
+fn run<O: StepObserver<f64>>(
     u: &Uniform,
     field: &Field,
-    config: BoundedVelocityConfig<f64>,
-    mut record: impl FnMut(usize, &BoundedVelocity<f64>),
+    filter: &mut BoundedVelocity<f64, O>,
+    mut record: impl FnMut(usize, &BoundedVelocity<f64, O>),
 ) {
-    let mut filter = BoundedVelocity::new(config).expect("valid settings");
+    let config = *filter.config();
     filter.initialize(&start(u, field, &config));
     let (mut since, mut newest) = (0.0, None);
     for k in 0..u.rate.len() {
@@ -107,19 +110,44 @@ fn run(
                 filter.update_magnetometer(&field);
             }
         }
-        record(k, &filter);
+        record(k, filter);
     }
 }
 
 /// RMS of the total error, deg, and NEES per degree of freedom.
 fn score(u: &Uniform, field: &Field, config: BoundedVelocityConfig<f64>) -> (f64, f64) {
     let mut statistics = ErrorStatistics::default();
-    run(u, field, config, |k, filter| {
+    let mut filter = BoundedVelocity::new(config).expect("valid settings");
+    run(u, field, &mut filter, |k, filter| {
         if let Some(reference) = &u.reference[k] {
             let covariance = filter.attitude_covariance();
             statistics.add(&filter.attitude(), covariance.as_ref(), reference);
         }
     });
+    result(&statistics)
+}
+
+/// As [`score`], in hindsight.
+fn score_smoothed(u: &Uniform, field: &Field, config: BoundedVelocityConfig<f64>) -> (f64, f64) {
+    let mut filter = BoundedVelocity::observed(config, Steps::default()).expect("valid settings");
+    let mut estimates = Vec::new();
+    run(u, field, &mut filter, |_, filter| {
+        estimates.push((filter.node(), filter.attitude()));
+    });
+    let nodes = filter.smooth();
+    let mut statistics = ErrorStatistics::default();
+    for ((node, filtered), reference) in estimates.iter().zip(&u.reference) {
+        if let Some(reference) = reference {
+            let node = &nodes[*node];
+            let attitude = node.attitude(filtered);
+            let covariance = node.attitude_covariance(&attitude);
+            statistics.add(&attitude, Some(&covariance), reference);
+        }
+    }
+    result(&statistics)
+}
+
+fn result(statistics: &ErrorStatistics) -> (f64, f64) {
     let total = statistics.summary().expect("a scored trial").total_rmse;
     (
         total,
@@ -176,8 +204,11 @@ fn recording(data: &Path, name: &str) -> PathBuf {
     data.join(format!("attitude/smartphone/{name}.parquet"))
 }
 
+/// How a stream is run and scored.
+type Score = fn(&Uniform, &Field, BoundedVelocityConfig<f64>) -> (f64, f64);
+
 /// Runs a line of the table; total error and NEES.
-fn reproduce(e: &Expected, data: &Path) -> Option<(f64, f64)> {
+fn reproduce(e: &Expected, data: &Path, score: Score) -> Option<(f64, f64)> {
     let mut u = Uniform::read(&e.path(data));
     let (field, initial_hard_iron_std_ut) = input(&mut u, e, data)?;
     let config = BoundedVelocityConfig {
@@ -194,7 +225,7 @@ fn check_against_prototype(test: &str, magnetometer: &str, trials: usize) {
     };
     let (mut sums, mut count) = ([0.0; 2], 0);
     for e in expected().filter(|e| e.magnetometer == magnetometer) {
-        let Some((total, nees)) = reproduce(&e, &data) else {
+        let Some((total, nees)) = reproduce(&e, &data, score) else {
             continue;
         };
         let (name, expected) = (e.trial, (e.total_deg, e.nees));
@@ -238,6 +269,42 @@ fn prototype_on_phones_with_both_sensors_calibrated() {
         "prototype_on_phones_with_both_sensors_calibrated",
         "own",
         40,
+    );
+}
+
+/// Acceptance test (g): the mean total error in hindsight.
+fn check_hindsight(test: &str, magnetometer: &str, trials: usize, limit_deg: f64) {
+    let Some(data) = data_dir(test) else {
+        return;
+    };
+    let (mut sums, mut count) = ([0.0; 2], 0);
+    for e in expected().filter(|e| e.magnetometer == magnetometer) {
+        let Some((total, nees)) = reproduce(&e, &data, score_smoothed) else {
+            continue;
+        };
+        println!("{}: {total:.3} deg, filter {:.3}", e.trial, e.total_deg);
+        sums[0] += total;
+        sums[1] += nees;
+        count += 1;
+    }
+    assert_eq!(count, trials);
+    let [total, nees] = sums.map(|sum| sum / trials as f64);
+    eprintln!("{magnetometer}, hindsight: mean total {total:.3} deg, mean NEES {nees:.3}");
+    assert!(total <= limit_deg, "{total} deg");
+}
+
+#[test]
+fn hindsight_on_wearables() {
+    check_hindsight("hindsight_on_wearables", "calibrated", 14, 2.0);
+}
+
+#[test]
+fn hindsight_on_phones_with_both_sensors_calibrated() {
+    check_hindsight(
+        "hindsight_on_phones_with_both_sensors_calibrated",
+        "own",
+        40,
+        3.0,
     );
 }
 

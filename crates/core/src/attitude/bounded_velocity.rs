@@ -38,6 +38,7 @@
 //! | sums over samples, step of the covariance | `propagation.rs` |
 //! | residuals, rows, injection | `updates.rs` |
 //! | is it at rest | `rest.rs` |
+//! | what a smoother records | `steps.rs` |
 //! | how good is a field | `field_quality.rs` |
 //!
 //! The attitude follows every gyroscope sample; covariance and updates run every
@@ -54,6 +55,7 @@ pub mod layout;
 pub mod propagation;
 pub mod rest;
 mod state;
+pub mod steps;
 pub mod updates;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -68,15 +70,17 @@ use crate::scalar::{Scalar, lit};
 pub use config::{BoundedVelocityConfig, ScaleStates};
 use layout::{ATTITUDE, BIAS};
 pub use state::BoundedVelocityState;
+use steps::{Moment, Step, StepObserver};
 
 /// The covariance is propagated without an update after so many update intervals.
 const MOST_INTERVALS: f64 = 2.5;
 
-/// The filter.
+/// The filter. `O` watches its steps; without one, `()`, it costs nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BoundedVelocity<T: Scalar> {
+pub struct BoundedVelocity<T: Scalar, O = ()> {
     config: BoundedVelocityConfig<T>,
     state: BoundedVelocityState<T>,
+    observer: O,
 }
 
 impl<T: Scalar> BoundedVelocity<T> {
@@ -86,9 +90,28 @@ impl<T: Scalar> BoundedVelocity<T> {
     /// # Errors
     /// [`ConfigError`] when a setting makes no sense.
     pub fn new(config: BoundedVelocityConfig<T>) -> Result<Self, ConfigError> {
+        Self::observed(config, ())
+    }
+}
+
+impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
+    /// As [`BoundedVelocity::new`], with `observer` watching its steps.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when a setting makes no sense.
+    pub fn observed(config: BoundedVelocityConfig<T>, observer: O) -> Result<Self, ConfigError> {
         config.validate()?;
         let state = BoundedVelocityState::blank(&config);
-        Ok(Self { config, state })
+        Ok(Self {
+            config,
+            state,
+            observer,
+        })
+    }
+
+    /// Who watches its steps.
+    pub fn observer(&self) -> &O {
+        &self.observer
     }
 
     /// The settings.
@@ -104,6 +127,12 @@ impl<T: Scalar> BoundedVelocity<T> {
     /// Continues from a saved state.
     pub fn restore(&mut self, state: BoundedVelocityState<T>) {
         self.state = state;
+        self.tell(Moment::Started);
+    }
+
+    #[inline(always)]
+    fn tell(&mut self, moment: Moment<'_, T>) {
+        self.observer.observe(moment, &self.state);
     }
 
     /// `ref_from_body` at the last sample, without prediction.
@@ -114,11 +143,13 @@ impl<T: Scalar> BoundedVelocity<T> {
     /// Brings the covariance up to the attitude (B8).
     #[inline]
     fn propagate_covariance(&mut self) {
-        let (config, state) = (&self.config, &mut self.state);
-        let time = state.sums.time;
+        let time = self.state.sums.time;
         if time <= T::zero() {
             return;
         }
+        let step = Step::Propagation(self.state.sums);
+        self.tell(Moment::Leaving(&step));
+        let (config, state) = (&self.config, &mut self.state);
         let walk = |std: T| std * std * time;
         let variances = [
             walk(config.gyroscope_bias_random_walk),
@@ -132,6 +163,7 @@ impl<T: Scalar> BoundedVelocity<T> {
             cap_variance(p, i, limit);
         }
         state.sums = propagation::Sums::default();
+        self.tell(Moment::Predicted);
     }
 
     /// Turns by the rate over `dt` (B3) and sums what the covariance needs.
@@ -157,12 +189,12 @@ impl<T: Scalar> BoundedVelocity<T> {
     }
 }
 
-impl<T: Scalar> AttitudeEstimator<T> for BoundedVelocity<T> {
+impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, O> {
     fn initialize(&mut self, initial: &InitialState<T>) {
         if initial.is_usable()
             && let Some(state) = BoundedVelocityState::start(&self.config, initial)
         {
-            self.state = state;
+            self.restore(state);
         }
     }
 
@@ -202,11 +234,13 @@ impl<T: Scalar> AttitudeEstimator<T> for BoundedVelocity<T> {
         }
         // What was summed so far belongs to the time before.
         self.propagate_covariance();
+        self.tell(Moment::Leaving(&Step::Widening));
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
         for i in ATTITUDE..ATTITUDE + 3 {
             self.state.covariance[(i, i)] += variance;
             cap_variance(&mut self.state.covariance, i, limit);
         }
+        self.tell(Moment::Predicted);
     }
 
     fn attitude(&self) -> UnitQuaternion<T> {

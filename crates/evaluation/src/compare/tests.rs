@@ -116,6 +116,22 @@ fn a_bounded_velocity_does_better_than_the_open_filters() {
     assert!(total <= 5.0, "phones: {total} deg");
 }
 
+/// Acceptance test (g) on the events as they come.
+#[test]
+fn hindsight_does_better_on_wearables() {
+    let Some(data) = data_dir("hindsight_does_better_on_wearables") else {
+        return;
+    };
+    let run = RunOptions {
+        smooth: true,
+        ..options(&[]).run
+    };
+    let (total, nees) = bounded_velocity(&data.join("attitude/broad"), run);
+    assert!(total <= 2.0, "BROAD: {total} deg");
+    // The filter's own bounds end at 1.2: errors of the field last, which hindsight takes for noise.
+    assert!((0.4..=1.8).contains(&nees), "BROAD: NEES {nees}");
+}
+
 #[test]
 fn a_file_that_cannot_be_read_is_one_error_among_results() {
     let paths = [PathBuf::from("no-such-folder/a.csv")];

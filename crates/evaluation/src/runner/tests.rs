@@ -139,20 +139,20 @@ fn calibrated_std(options: &RunOptions) -> f64 {
 
 #[test]
 fn smoothing_scores_better_than_filtering() {
-    let filtered = summary_of(&lab(EstimatorKind::Mekf));
-    let smoothed = summary_of(&RunOptions {
-        smooth: true,
-        ..lab(EstimatorKind::Mekf)
-    });
-    let total = |s: &RunSummary| s.error_deg.unwrap().total_rmse;
-    assert!(
-        total(&smoothed) < total(&filtered),
-        "{:?}",
-        smoothed.error_deg
-    );
-    assert!(smoothed.smoothed && !filtered.smoothed);
-    assert_eq!(smoothed.estimates, filtered.estimates);
-    assert_eq!(smoothed.nis_mean, filtered.nis_mean);
+    for kind in [EstimatorKind::Mekf, EstimatorKind::BoundedVelocity] {
+        let filtered = summary_of(&lab(kind));
+        let smoothed = summary_of(&RunOptions {
+            smooth: true,
+            ..lab(kind)
+        });
+        let total = |s: &RunSummary| s.error_deg.unwrap().total_rmse;
+        let errors = (total(&smoothed), total(&filtered));
+        println!("{kind}: smoothed and filtered {errors:?} deg");
+        assert!(errors.0 < errors.1, "{kind}: {errors:?}");
+        assert!(smoothed.smoothed && !filtered.smoothed);
+        assert_eq!(smoothed.estimates, filtered.estimates);
+        assert_eq!(smoothed.nis_mean, filtered.nis_mean);
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::config::ScaleStates;
 use super::layout::{ATTITUDE, BIAS, CAPACITY, Covariance, Layout, SCALE, VELOCITY};
+use crate::geometry::so3;
 use crate::kalman::sparse_update::add_scaled;
 use crate::scalar::Scalar;
 
@@ -117,6 +118,23 @@ impl<T: Scalar> Sums<T> {
         }
         add_to_diagonal(p, layout.field(), 2, field_variance);
         add_to_diagonal(p, layout.hard_iron(), 3, hard_iron_variance);
+    }
+
+    /// `Phi` in full (B8): for a smoother and for tests, the filter never forms it.
+    pub fn transition(&self, layout: &Layout) -> Covariance<T> {
+        let mut phi = Covariance::identity();
+        for r in 0..3 {
+            for c in 0..3 {
+                phi[(ATTITUDE + r, BIAS + c)] = -self.rotation[(r, c)];
+            }
+            for k in 0..layout.scale_len().min(9) {
+                phi[(ATTITUDE + r, SCALE + k)] = self.turn[(r, k)];
+            }
+        }
+        let tilt = -so3::skew(&self.velocity);
+        phi.fixed_view_mut::<2, 3>(VELOCITY, ATTITUDE)
+            .copy_from(&tilt.fixed_rows::<2>(0));
+        phi
     }
 
     /// The first five rows of `Phi P`. `P` is symmetric: its rows are its columns.

@@ -6,6 +6,7 @@
 use nalgebra::{Matrix2, Matrix3, Vector1, Vector2, Vector3};
 
 use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
+use super::steps::{Moment, Step, StepObserver};
 use super::{BoundedVelocity, field_quality};
 use crate::attitude::CompassHeading;
 use crate::attitude::vector_sensor::{LONGEST, Weighed};
@@ -30,7 +31,7 @@ pub(super) struct FieldMeasurement<T: Scalar> {
     pub(super) variance: T,
 }
 
-impl<T: Scalar> BoundedVelocity<T> {
+impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     /// Integrates a specific force that stood for the time since the last one (B4), and, when an
     /// update is due, says that the velocity is near zero, and what a rest says.
     #[inline]
@@ -67,6 +68,7 @@ impl<T: Scalar> BoundedVelocity<T> {
     /// Nothing is known about the velocity: as at the start.
     fn forget_velocity(&mut self) {
         self.propagate_covariance();
+        self.tell(Moment::Leaving(&Step::VelocityForgotten));
         let state = &mut self.state;
         let variance = self.config.initial_velocity_std * self.config.initial_velocity_std;
         state.velocity.fill(T::zero());
@@ -78,6 +80,7 @@ impl<T: Scalar> BoundedVelocity<T> {
         state.rest.wake();
         state.since_velocity_update = T::zero();
         state.rate_sum = Vector3::zeros();
+        self.tell(Moment::Predicted);
     }
 
     /// `v = 0` with the variance that a bounded motion allows (B10 to B12), and at rest `rate = bias`
@@ -268,6 +271,7 @@ impl<T: Scalar> BoundedVelocity<T> {
                 state.hard_iron_ut[i] += tail(first, i).unwrap_or_else(T::zero);
             }
         }
+        self.tell(Moment::Corrected);
     }
 }
 

@@ -48,23 +48,6 @@ fn feed<T: Scalar>(f: &mut BoundedVelocity<T>) {
     }
 }
 
-/// `Phi` in full.
-fn transition(f: &BoundedVelocity<f64>) -> Covariance<f64> {
-    let (s, mut phi) = (&f.state.sums, Covariance::identity());
-    for r in 0..3 {
-        for c in 0..3 {
-            phi[(r, BIAS + c)] = -s.rotation[(r, c)];
-        }
-        for k in 0..f.state.layout.scale_len() {
-            phi[(r, SCALE + k)] = s.turn[(r, k)];
-        }
-    }
-    let tilt = -so3::skew(&s.velocity);
-    phi.fixed_view_mut::<2, 3>(VELOCITY, ATTITUDE)
-        .copy_from(&tilt.fixed_rows::<2>(0));
-    phi
-}
-
 /// The error of a filter whose state is off by `x`, after the samples, with respect to one that is
 /// not.
 fn error_after(nominal: &BoundedVelocity<f64>, x: &Errors22<Dual>) -> Errors22<Dual> {
@@ -95,7 +78,7 @@ fn transition_equals_dual_numbers_of_the_true_error() {
     feed(&mut nominal);
     let (_, j): (_, SMatrix<f64, CAPACITY, CAPACITY>) =
         jacobian(|x| error_after(&nominal, &x), &Errors22::zeros());
-    let difference = j - transition(&nominal);
+    let difference = j - nominal.state.sums.transition(&nominal.state.layout);
     let time = nominal.state.sums.time;
     for row in 0..CAPACITY {
         for column in 0..CAPACITY {
@@ -128,7 +111,11 @@ fn the_step_by_rows_equals_the_dense_product() {
         }
         f.state.covariance = p;
         feed(&mut f);
-        let (phi, sums, layout) = (transition(&f), f.state.sums, f.state.layout);
+        let (phi, sums, layout) = (
+            f.state.sums.transition(&f.state.layout),
+            f.state.sums,
+            f.state.layout,
+        );
         let mut expected = phi * p * phi.transpose();
         let mut add = |first: usize, size: usize, variance: f64| {
             for i in first..first + size {
