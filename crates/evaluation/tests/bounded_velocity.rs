@@ -282,7 +282,7 @@ fn check_hindsight(test: &str, magnetometer: &str, trials: usize, limit_deg: f64
         let Some((total, nees)) = reproduce(&e, &data, score_smoothed) else {
             continue;
         };
-        println!("{}: {total:.3} deg, filter {:.3}", e.trial, e.total_deg);
+        eprintln!("{}: {total:.3} deg, filter {:.3}", e.trial, e.total_deg);
         sums[0] += total;
         sums[1] += nees;
         count += 1;
