@@ -7,7 +7,7 @@ use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
 use crate::commands::{
-    calibrate, compare, convert, demo, estimators, experiment, run, simulate, track,
+    benchmark, calibrate, compare, convert, demo, estimators, experiment, run, simulate, track,
 };
 
 /// Which way does a device point, and how sure are we?
@@ -40,6 +40,8 @@ pub(crate) enum Command {
     Run(Box<run::RunArgs>),
     /// Several recordings and estimators in one table
     Compare(Box<compare::CompareArgs>),
+    /// All estimators, and other people's, over folders of recordings: who is how wrong
+    Benchmark(benchmark::BenchmarkArgs),
     /// Find and follow targets in recordings of radar, lidar, cameras and AIS
     Track(track::TrackArgs),
     /// Measure what a sensor does wrong: at rest, turned about, or over hours
@@ -74,6 +76,7 @@ northing: which way does a device point, and how sure are we?
   northing demo                          a virtual phone, the lab's steps, a report: start here
   northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
   northing compare a.csv b.csv           several recordings and estimators in one table
+  northing benchmark attitude --data d   all estimators, and others', over folders
   northing track harbour.toml            targets in recordings of radar, cameras and AIS
   northing calibrate rest desk.csv       bias, noise and references of a device at rest
   northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions

@@ -1,6 +1,8 @@
 //! The outcome of a comparison as the data of its HTML report.
 
-use northing_evaluation::compare::{MeanMedian, TableRow, statistics};
+use std::path::Path;
+
+use northing_evaluation::compare::{MeanMedian, Score, TableRow, statistics};
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::options::RunOptions;
 use northing_evaluation::report::{
@@ -9,10 +11,13 @@ use northing_evaluation::report::{
 use northing_evaluation::summary::RunSummary;
 
 use crate::cli::command_line;
-use crate::commands::compare::Run;
+use crate::comparison::{Run, distinct, totals};
 
-/// The page of a comparison.
-pub(crate) fn render(runs: &[Run], options: &RunOptions) -> String {
+/// Heading of the page of a comparison.
+pub(crate) const TITLE: &str = "Comparison of estimators";
+
+/// The page of a comparison: the runs, and the scores of these and of others' estimators.
+pub(crate) fn render(title: &str, runs: &[Run], scores: &[Score], options: &RunOptions) -> String {
     let summaries: Vec<&RunSummary> = runs
         .iter()
         .filter_map(|run| run.outcome.as_ref().ok())
@@ -33,18 +38,19 @@ pub(crate) fn render(runs: &[Run], options: &RunOptions) -> String {
         .iter()
         .map(|estimator| estimator.name())
         .collect();
-    let rows = statistics(runs);
+    let rows = statistics(scores);
     let tables = match recordings.len() {
-        1 => vec![estimators_table(&summaries)],
-        _ => vec![statistics_table(&rows), recordings_table(runs, &estimators)],
+        // Of others' estimators there is less to tell: they have a place in the table of many only.
+        1 if scores.len() == runs.len() => vec![estimators_table(&summaries)],
+        _ => vec![statistics_table(&rows), recordings_table(scores)],
     };
     ComparisonReport {
-        title: "Comparison of estimators".to_owned(),
+        title: title.to_owned(),
         recording: over,
         command: Some(command_line()),
         summary: best(&rows, recordings.len()),
         tables,
-        distributions: distributions(&summaries, &estimators, recordings.len()),
+        distributions: distributions(scores, recordings.len()),
         runs: runs.iter().filter_map(drawn).collect(),
         issues: issues(&summaries),
         settings: names
@@ -72,7 +78,7 @@ fn best(rows: &[TableRow], recordings: usize) -> Vec<Fact> {
     folders.dedup();
     let best = folders.into_iter().filter_map(|folder| {
         let of = rows.iter().filter(|row| row.folder.as_ref() == folder);
-        let scored = of.filter_map(|row| Some((row.estimator, row.total_deg?.median)));
+        let scored = of.filter_map(|row| Some((&row.estimator, row.total_deg?.median)));
         let (estimator, median) = scored.min_by(|a, b| a.1.total_cmp(&b.1))?;
         let label = match folder {
             _ if recordings == 1 => "lowest error".to_owned(),
@@ -109,7 +115,7 @@ fn statistics_table(rows: &[TableRow]) -> Table {
             .map(|row| {
                 vec![
                     Cell::text(row.folder.as_deref().unwrap_or("all")),
-                    Cell::text(row.estimator.name()),
+                    Cell::text(row.estimator.as_str()),
                     Cell::number(Some(row.scored_recordings as f64), 0),
                     both(row.total_deg),
                     both(row.heading_deg),
@@ -122,36 +128,28 @@ fn statistics_table(rows: &[TableRow]) -> Table {
 }
 
 /// Total error, a row for each recording and a column for each estimator.
-fn recordings_table(runs: &[Run], estimators: &[EstimatorKind]) -> Table {
+fn recordings_table(scores: &[Score]) -> Table {
     let best = Some(Best::LowestOfRow);
+    let estimators = distinct(scores, |score| &score.estimator);
     let mut columns = vec![Column::new("recording", "", None)];
     columns.extend(
         estimators
             .iter()
-            .map(|estimator| Column::new(estimator.name(), "deg", best)),
+            .map(|estimator| Column::new(estimator.as_str(), "deg", best)),
     );
-    let row = |runs: &[Run]| {
-        let name = runs
-            .first()
-            .and_then(|run| run.path.file_stem())
-            .unwrap_or_default();
-        let errors = runs.iter().map(|run| {
-            let error = run
-                .outcome
-                .as_ref()
-                .ok()
-                .and_then(|summary| summary.error_deg);
-            Cell::number(error.map(|error| error.total_rmse), 2)
-        });
+    let row = |recording: &String| {
+        let name = Path::new(recording).file_stem().unwrap_or_default();
+        let errors = totals(scores, recording, &estimators).into_iter();
         std::iter::once(Cell::Text(name.to_string_lossy().into_owned()))
-            .chain(errors)
+            .chain(errors.map(|error| Cell::number(error, 2)))
             .collect()
     };
+    let recordings = distinct(scores, |score| &score.recording);
     Table {
         title: "Each recording".to_owned(),
         caption: "RMS of the total error.".to_owned(),
         columns,
-        rows: runs.chunks(estimators.len().max(1)).map(row).collect(),
+        rows: recordings.into_iter().map(row).collect(),
     }
 }
 
@@ -192,23 +190,18 @@ fn estimator_cells(summary: &RunSummary) -> Vec<Cell> {
     ]
 }
 
-fn distributions(
-    summaries: &[&RunSummary],
-    estimators: &[EstimatorKind],
-    recordings: usize,
-) -> Vec<Distribution> {
+fn distributions(scores: &[Score], recordings: usize) -> Vec<Distribution> {
     if recordings < 2 {
         return Vec::new();
     }
-    let of = |estimator: &EstimatorKind| {
-        let own = summaries
-            .iter()
-            .filter(|summary| summary.estimator == *estimator);
-        own.filter_map(|summary| summary.error_deg.map(|e| e.total_rmse))
+    let of = |estimator: &String| {
+        let own = scores.iter().filter(|score| score.estimator == *estimator);
+        own.filter_map(|score| score.error_deg.map(|error| error.total))
             .collect()
     };
-    let all = estimators.iter().map(|estimator| Distribution {
-        name: estimator.name().to_owned(),
+    let estimators = distinct(scores, |score| &score.estimator).into_iter();
+    let all = estimators.map(|estimator| Distribution {
+        name: estimator.clone(),
         errors_deg: of(estimator),
     });
     all.filter(|distribution| !distribution.errors_deg.is_empty())

@@ -7,6 +7,7 @@ mod campaign_part;
 mod campaign_report;
 mod cli;
 mod commands;
+mod comparison;
 mod comparison_report;
 mod estimate_file;
 mod estimation;
@@ -18,6 +19,7 @@ mod laboratory;
 mod output;
 #[cfg(feature = "parquet")]
 mod parquet_table;
+mod peers_file;
 mod progress;
 mod quantity;
 mod recordings;
@@ -57,6 +59,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Demo(args)) => commands::demo::execute(&args),
         Some(Command::Run(args)) => commands::run::execute(&args),
         Some(Command::Compare(args)) => commands::compare::execute(&args),
+        Some(Command::Benchmark(args)) => commands::benchmark::execute(&args),
         Some(Command::Track(args)) => commands::track::execute(&args),
         Some(Command::Calibrate(args)) => commands::calibrate::execute(&args),
         Some(Command::Convert(args)) => commands::convert::execute(&args),

@@ -9,7 +9,6 @@ use serde::Serialize;
 
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
-use crate::metrics::ErrorSummary;
 use crate::observer::RunObserver;
 use crate::options::RunOptions;
 use crate::runner;
@@ -110,7 +109,8 @@ fn run_file<O: RunObserver>(
 }
 
 /// Name of the folder that a file is in; `.` for a bare file name.
-fn folder_of(path: &Path) -> String {
+#[must_use]
+pub fn folder_of(path: &Path) -> String {
     let folder = path.parent().and_then(Path::file_name);
     folder.map_or_else(
         || ".".to_owned(),
@@ -146,13 +146,61 @@ impl MeanMedian {
     }
 }
 
+/// How one estimator did on one recording, whoever ran it: ours, or one of other people's whose
+/// errors were read from a file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Score {
+    /// The recording's file.
+    pub recording: String,
+    /// Name of the folder it is in.
+    pub folder: String,
+    /// Name of the estimator.
+    pub estimator: String,
+    /// Its errors; `None` where there is no reference, or nothing was estimated.
+    pub error_deg: Option<ErrorsDeg>,
+    /// Mean NEES per degree of freedom; `None` without a covariance.
+    pub nees: Option<f64>,
+}
+
+/// RMS errors over the scored samples of one recording, deg.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ErrorsDeg {
+    /// The whole error rotation, deg.
+    pub total: f64,
+    /// Its part about the vertical, deg.
+    pub heading: f64,
+    /// Its part about a horizontal axis, deg.
+    pub inclination: f64,
+}
+
+/// The scores of runs, in their order; a run that failed has no values.
+#[must_use]
+pub fn scores<O>(compared: &[Compared<O>]) -> Vec<Score> {
+    let score = |one: &Compared<O>| {
+        let summary = one.outcome.as_ref().ok();
+        let error = summary.and_then(|summary| summary.error_deg);
+        Score {
+            recording: one.path.display().to_string(),
+            folder: one.folder.clone(),
+            estimator: one.estimator.name().to_owned(),
+            error_deg: error.map(|error| ErrorsDeg {
+                total: error.total_rmse,
+                heading: error.heading_rmse,
+                inclination: error.inclination_rmse,
+            }),
+            nees: summary.and_then(|summary| summary.nees_mean),
+        }
+    };
+    compared.iter().map(score).collect()
+}
+
 /// One estimator over the recordings of one folder, or over all.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TableRow {
     /// The folder; `None` for all recordings together.
     pub folder: Option<String>,
-    /// The estimator.
-    pub estimator: EstimatorKind,
+    /// Name of the estimator.
+    pub estimator: String,
     /// Recordings with a score.
     pub scored_recordings: usize,
     /// RMS total error, deg.
@@ -168,14 +216,14 @@ pub struct TableRow {
 /// Mean and median per estimator, folder by folder in the order in which they come, and over all
 /// recordings if there is more than one folder.
 #[must_use]
-pub fn statistics<O>(compared: &[Compared<O>]) -> Vec<TableRow> {
+pub fn statistics(scores: &[Score]) -> Vec<TableRow> {
     let (mut folders, mut estimators) = (Vec::new(), Vec::new());
-    for one in compared {
+    for one in scores {
         if !folders.contains(&&one.folder) {
             folders.push(&one.folder);
         }
-        if !estimators.contains(&one.estimator) {
-            estimators.push(one.estimator);
+        if !estimators.contains(&&one.estimator) {
+            estimators.push(&one.estimator);
         }
     }
     let mut parts: Vec<_> = folders.iter().map(|folder| Some(*folder)).collect();
@@ -184,14 +232,10 @@ pub fn statistics<O>(compared: &[Compared<O>]) -> Vec<TableRow> {
     }
     let rows = parts.into_iter().flat_map(|folder| {
         estimators.iter().map(move |estimator| {
-            let of = compared.iter().filter(|one| {
-                one.estimator == *estimator && folder.is_none_or(|folder| one.folder == *folder)
+            let of = scores.iter().filter(|one| {
+                one.estimator == **estimator && folder.is_none_or(|folder| one.folder == *folder)
             });
-            row(
-                folder.cloned(),
-                *estimator,
-                of.filter_map(|one| one.outcome.as_ref().ok()),
-            )
+            row(folder.cloned(), (*estimator).clone(), of)
         })
     });
     rows.collect()
@@ -199,22 +243,22 @@ pub fn statistics<O>(compared: &[Compared<O>]) -> Vec<TableRow> {
 
 fn row<'a>(
     folder: Option<String>,
-    estimator: EstimatorKind,
-    summaries: impl Iterator<Item = &'a RunSummary>,
+    estimator: String,
+    scores: impl Iterator<Item = &'a Score>,
 ) -> TableRow {
-    let scored: Vec<_> = summaries
-        .filter_map(|s| s.error_deg.map(|error| (error, s.nees_mean)))
+    let scored: Vec<_> = scores
+        .filter_map(|score| score.error_deg.map(|error| (error, score.nees)))
         .collect();
-    let over = |value: fn(&ErrorSummary) -> f64| {
+    let over = |value: fn(&ErrorsDeg) -> f64| {
         MeanMedian::of(scored.iter().map(|(error, _)| value(error)).collect())
     };
     TableRow {
         folder,
         estimator,
         scored_recordings: scored.len(),
-        total_deg: over(|e| e.total_rmse),
-        heading_deg: over(|e| e.heading_rmse),
-        inclination_deg: over(|e| e.inclination_rmse),
+        total_deg: over(|e| e.total),
+        heading_deg: over(|e| e.heading),
+        inclination_deg: over(|e| e.inclination),
         nees: MeanMedian::of(scored.iter().filter_map(|(_, nees)| *nees).collect()),
     }
 }
@@ -229,7 +273,7 @@ pub fn table(rows: &[TableRow]) -> String {
         .max()
         .unwrap_or(0)
         .max(6);
-    let names = rows.iter().map(|row| row.estimator.name().len());
+    let names = rows.iter().map(|row| row.estimator.len());
     let name_width = names.max().unwrap_or(0).max(9);
     let mut text = format!(
         "{:folder_width$}  {:name_width$}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}\n",
@@ -248,7 +292,7 @@ pub fn table(rows: &[TableRow]) -> String {
             text,
             "{:folder_width$}  {:name_width$}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}",
             name(row),
-            row.estimator.name(),
+            row.estimator,
             row.scored_recordings,
             cell(row.total_deg),
             cell(row.heading_deg),

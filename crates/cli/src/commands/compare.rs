@@ -1,32 +1,21 @@
 //! `northing compare`: several estimators over several recordings.
 
 use std::path::PathBuf;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::EvaluationError;
-use northing_evaluation::compare::{CompareOptions, Compared, compare_observed, statistics, table};
+use northing_evaluation::compare::{CompareOptions, scores};
 use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
 use northing_evaluation::summary::RunSummary;
-use northing_recording::Metadata;
 use northing_recording::atomic_file::write_whole;
 
-use crate::comparison_report;
+use crate::comparison::{self, Outcome, Run, describe, notes};
 use crate::estimation::EstimationArgs;
-use crate::input::{InputArgs, STDIN, shown};
+use crate::input::{InputArgs, STDIN};
 use crate::output::{check_free, print, print_json};
-use crate::progress::Progress;
 use crate::recordings::{self, Recordings};
 use crate::table::Table;
-use crate::{interrupt, summary_text};
-
-/// With more recordings than this only means and medians are printed.
-const MOST_LISTED: usize = 12;
-/// Points of each series in a report of several runs.
-const TRACE_CAPACITY: usize = 3000;
+use crate::{comparison_report, summary_text};
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -67,27 +56,6 @@ pub(crate) struct CompareArgs {
     input: InputArgs,
 }
 
-/// A run with what its plots need, where they are wanted.
-pub(crate) type Run = Compared<PerhapsTrace>;
-
-/// Keeps what plots need, where plots are wanted.
-#[derive(Debug)]
-pub(crate) struct PerhapsTrace(pub(crate) Option<TraceObserver>);
-
-impl RunObserver for PerhapsTrace {
-    fn estimate(&mut self, record: &EstimateRecord) {
-        if let Some(trace) = &mut self.0 {
-            trace.estimate(record);
-        }
-    }
-
-    fn innovation(&mut self, record: &InnovationRecord) {
-        if let Some(trace) = &mut self.0 {
-            trace.innovation(record);
-        }
-    }
-}
-
 /// Compares.
 pub(crate) fn execute(args: &CompareArgs) -> Result<()> {
     if args.recordings.iter().any(|path| path.as_os_str() == STDIN) {
@@ -100,16 +68,7 @@ pub(crate) fn execute(args: &CompareArgs) -> Result<()> {
     let found = recordings::find(&args.recordings, &options.open)?;
     // Plots over time are for one recording; of many they would be a wall.
     let traced = args.report.is_some() && found.paths.len() == 1;
-    let mut runs = run_all(&found.paths, &options, traced);
-    if interrupt::happened() {
-        bail!("interrupted");
-    }
-    let failure = Failures::taken_from(&mut runs, &found.broken).into_error(found.paths.len());
-    if runs.is_empty()
-        && let Some(failure) = failure
-    {
-        return Err(failure);
-    }
+    let Outcome { runs, failure } = comparison::run(&found, &options, traced)?;
     print_all(args, &options, &found, &runs)?;
     failure.map_or(Ok(()), Err)
 }
@@ -121,8 +80,9 @@ fn print_all(
     found: &Recordings,
     runs: &[Run],
 ) -> Result<()> {
+    let scores = scores(runs);
     if let Some(path) = &args.report {
-        let html = comparison_report::render(runs, &options.run);
+        let html = comparison_report::render(comparison_report::TITLE, runs, &scores, &options.run);
         write_whole(path, html.as_bytes(), args.force)?;
     }
     if args.json {
@@ -132,17 +92,12 @@ fn print_all(
             .collect();
         return print_json(&summaries);
     }
-    let recordings = runs.len() / options.estimators.len().max(1);
-    let mut text = describe(runs, recordings, args.each);
-    for sentence in &found.left_out {
-        text.push_str(&format!("\nLeft out: {sentence}\n"));
-    }
-    if let Some(path) = &args.report {
-        text.push_str(&format!(
-            "\nReport: {} (open it in a browser)\n",
-            path.display()
-        ));
-    }
+    let mut text = if runs.len() <= options.estimators.len() {
+        one_recording(runs)
+    } else {
+        describe(&scores, args.each)
+    };
+    text.push_str(&notes(found, args.report.as_deref()));
     print(&text)
 }
 
@@ -162,80 +117,6 @@ fn compare_options(args: &CompareArgs) -> Result<CompareOptions> {
         run,
         open: args.input.options(),
     })
-}
-
-fn run_all(paths: &[PathBuf], options: &CompareOptions, traced: bool) -> Vec<Run> {
-    let total = (paths.len() * options.estimators.len()) as u64;
-    let progress = Mutex::new(Progress::of_steps(total, "comparing"));
-    let done = AtomicU64::new(0);
-    let finished = || {
-        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        // A panic elsewhere must not be hidden by one here.
-        if let Ok(mut progress) = progress.lock() {
-            progress.done(done);
-        }
-    };
-    let observe = |metadata: &Metadata| {
-        PerhapsTrace(traced.then(|| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame)))
-    };
-    let mut runs = compare_observed(paths, options, &finished, &observe);
-    for run in &mut runs {
-        if let Ok(summary) = &mut run.outcome {
-            summary.recording = shown(&run.path);
-        }
-    }
-    runs
-}
-
-/// Recordings that could not be compared, with the reason, each once.
-struct Failures(Vec<String>);
-
-impl Failures {
-    /// Takes recordings out on which a run failed: a table of the others stays whole.
-    fn taken_from(runs: &mut Vec<Run>, broken: &[String]) -> Self {
-        let mut failed: Vec<(PathBuf, String)> = Vec::new();
-        for run in runs.iter() {
-            let Err(error) = &run.outcome else { continue };
-            if failed.iter().any(|(path, _)| *path == run.path) {
-                continue;
-            }
-            let reason = match error {
-                // Its message begins with the file already.
-                EvaluationError::Recording(_) => error.to_string(),
-                error => format!("{}: {error}", shown(&run.path)),
-            };
-            failed.push((run.path.clone(), reason));
-        }
-        runs.retain(|run| failed.iter().all(|(path, _)| *path != run.path));
-        let reasons = failed.into_iter().map(|(_, reason)| reason);
-        Self(broken.iter().cloned().chain(reasons).collect())
-    }
-
-    /// The first one, with how many more there are; `all` recordings were asked for.
-    fn into_error(self, all: usize) -> Option<anyhow::Error> {
-        let first = self.0.first()?;
-        Some(match self.0.len() {
-            1 if all == 1 => anyhow::anyhow!("{first}"),
-            1 => anyhow::anyhow!("one recording is left out of the comparison: {first}"),
-            n => {
-                anyhow::anyhow!("{n} recordings are left out of the comparison; the first: {first}")
-            }
-        })
-    }
-}
-
-fn describe(runs: &[Run], recordings: usize, each: bool) -> String {
-    if recordings == 1 {
-        return one_recording(runs);
-    }
-    let mut text = String::new();
-    if each || recordings <= MOST_LISTED {
-        text.push_str("Total error of each recording, deg RMS\n\n");
-        text.push_str(&listing(runs));
-        text.push('\n');
-    }
-    text.push_str(&table(&statistics(runs)));
-    text
 }
 
 /// One line an estimator, with everything that is known of it.
@@ -284,30 +165,4 @@ fn cells(summary: &RunSummary) -> Vec<String> {
         number(test.and_then(|t| t.estimated_error_deg)),
         verdict.unwrap_or("-").to_owned(),
     ]
-}
-
-/// One line a recording, one column an estimator.
-fn listing(runs: &[Run]) -> String {
-    let mut estimators: Vec<EstimatorKind> = Vec::new();
-    for run in runs {
-        if !estimators.contains(&run.estimator) {
-            estimators.push(run.estimator);
-        }
-    }
-    let mut headings = vec!["<recording"];
-    headings.extend(estimators.iter().map(|estimator| estimator.name()));
-    let mut rows = Table::new(&headings);
-    for line in runs.chunks(estimators.len().max(1)) {
-        let name = line.first().map(|run| shown(&run.path)).unwrap_or_default();
-        let errors = line.iter().map(|run| {
-            let error = run
-                .outcome
-                .as_ref()
-                .ok()
-                .and_then(|summary| summary.error_deg);
-            error.map_or_else(|| "-".to_owned(), |e| format!("{:.2}", e.total_rmse))
-        });
-        rows.row(std::iter::once(name).chain(errors));
-    }
-    rows.render("  ")
 }

@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+pub(crate) mod benchmark;
 pub(crate) mod calibrate;
 pub(crate) mod compare;
 pub(crate) mod convert;

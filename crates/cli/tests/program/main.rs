@@ -4,6 +4,7 @@
 
 mod allan;
 mod bad_input;
+mod benchmark;
 mod calibrate;
 mod campaign;
 mod compare;

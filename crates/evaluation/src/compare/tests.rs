@@ -53,7 +53,7 @@ fn the_phones_own_orientation_scores_as_known() {
         assert_eq!(&one.path, path, "in order");
         assert!(one.outcome.is_ok(), "{}: {:?}", path.display(), one.outcome);
     }
-    let rows = statistics(&compared);
+    let rows = statistics(&scores(&compared));
     println!("{}", table(&rows));
     let total = rows[0].total_deg.unwrap();
     assert!((total.median - 13.24).abs() < 0.3, "{total:?}");
@@ -70,7 +70,7 @@ fn one_profile_does_as_well_as_the_known_ekf_on_all_recordings() {
     let mut paths = recordings(&data.join("attitude/broad"));
     paths.extend(recordings(&data.join("attitude/smartphone")));
     let compared = compare(&paths, &options(&EstimatorKind::ALL), &|| {});
-    let rows = statistics(&compared);
+    let rows = statistics(&scores(&compared));
     println!("{}", table(&rows));
     let total = |folder: &str| {
         let row = rows.iter().find(|row| {
@@ -95,7 +95,7 @@ fn bounded_velocity(folder: &Path, run: RunOptions) -> (f64, f64) {
         ..options(&[EstimatorKind::BoundedVelocity])
     };
     let compared = compare(&recordings(folder), &options, &|| {});
-    let rows = statistics(&compared);
+    let rows = statistics(&scores(&compared));
     println!("{}", table(&rows));
     (rows[0].total_deg.unwrap().mean, rows[0].nees.unwrap().mean)
 }
@@ -144,7 +144,7 @@ fn a_file_that_cannot_be_read_is_one_error_among_results() {
     let error = compared[0].outcome.as_ref().unwrap_err().to_string();
     assert!(error.contains("a.csv"), "{error}");
     assert_eq!(compared[0].folder, "no-such-folder");
-    let rows = statistics(&compared);
+    let rows = statistics(&scores(&compared));
     assert_eq!(rows.len(), 2);
     assert_eq!((rows[0].scored_recordings, rows[0].total_deg), (0, None));
     let text = table(&rows);

@@ -1,0 +1,164 @@
+//! `northing benchmark`: all estimators, ours and other people's, over folders of recordings.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::{Args, Subcommand};
+use northing_evaluation::compare::{CompareOptions, Score, TableRow, scores, statistics};
+use northing_evaluation::estimators::EstimatorKind;
+use northing_recording::atomic_file::write_whole;
+use serde::Serialize;
+
+use crate::comparison::{self, Outcome, Run, describe, distinct, notes};
+use crate::estimation::EstimationArgs;
+use crate::input::InputArgs;
+use crate::output::{check_free, print, print_json};
+use crate::recordings::Recordings;
+use crate::{comparison_report, peers_file, recordings};
+
+/// Arguments of `benchmark`.
+#[derive(Debug, Args)]
+pub(crate) struct BenchmarkArgs {
+    #[command(subcommand)]
+    benchmark: Benchmark,
+}
+
+/// The benchmarks.
+#[derive(Debug, Subcommand)]
+enum Benchmark {
+    /// Attitude: every estimator over every recording with a reference, beside other people's
+    Attitude(Box<AttitudeArgs>),
+}
+
+/// Arguments of `benchmark attitude`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Runs every estimator over every recording of the folders and prints one table: total, heading and \
+                  inclination error, and NEES where there is a covariance, mean and median over recordings. Errors of \
+                  other people's estimators on the same recordings are merged from CSV files with the columns \
+                  recording,estimator,total_deg,heading_deg,inclination_deg; the scripts in oracles/ write them.",
+    after_help = "\
+Examples:
+  northing benchmark attitude --data data/broad
+  python3 oracles/attitude.py data/broad --out peers.csv
+  northing benchmark attitude --data data/broad --peers peers.csv --report benchmark.html
+  northing benchmark attitude --data data/broad --data data/smartphone --magnetometer uncalibrated --json"
+)]
+struct AttitudeArgs {
+    /// Folder of recordings; may be given several times
+    #[arg(long, value_name = "DIR", required = true)]
+    data: Vec<PathBuf>,
+    /// CSV file with the errors of other people's estimators; may be given several times
+    #[arg(long, value_name = "FILE")]
+    peers: Vec<PathBuf>,
+    /// List each recording, however many there are
+    #[arg(long)]
+    each: bool,
+    /// Write a report with plots: one HTML file for a browser
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Overwrite the report if it exists
+    #[arg(long)]
+    force: bool,
+    /// Print one JSON document: the table, and the score of each estimator on each recording
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    estimation: EstimationArgs,
+    #[command(flatten)]
+    input: InputArgs,
+}
+
+/// The document of `--json`.
+#[derive(Serialize)]
+struct Document<'a> {
+    table: &'a [TableRow],
+    scores: &'a [Score],
+}
+
+/// Runs a benchmark.
+pub(crate) fn execute(args: &BenchmarkArgs) -> Result<()> {
+    match &args.benchmark {
+        Benchmark::Attitude(args) => attitude(args),
+    }
+}
+
+fn attitude(args: &AttitudeArgs) -> Result<()> {
+    if let Some(path) = args.data.iter().find(|path| !path.is_dir()) {
+        bail!(
+            "{}: no such folder; expected a folder of recordings, or compare files: northing compare FILE",
+            path.display()
+        );
+    }
+    let options = CompareOptions {
+        estimators: EstimatorKind::ALL.to_vec(),
+        run: args.estimation.options(EstimatorKind::Mekf, &args.input)?,
+        open: args.input.options(),
+    };
+    if let Some(report) = &args.report {
+        check_free(report, args.force)?;
+    }
+    let found = recordings::find(&args.data, &options.open)?;
+    let peers = peers(args, &found)?;
+    let Outcome { runs, failure } = comparison::run(&found, &options, false)?;
+    let scores = together(&runs, peers);
+    if let Some(path) = &args.report {
+        let html = comparison_report::render("Attitude benchmark", &runs, &scores, &options.run);
+        write_whole(path, html.as_bytes(), args.force)?;
+    }
+    show(args, &found, &scores)?;
+    failure.map_or(Ok(()), Err)
+}
+
+/// The peers' scores, read before the long work begins.
+fn peers(args: &AttitudeArgs, found: &Recordings) -> Result<Vec<Score>> {
+    // A row about a damaged recording would otherwise be blamed for naming an unknown one.
+    if let (false, Some(broken)) = (args.peers.is_empty(), found.broken.first()) {
+        bail!("{broken}; a comparison with others' errors needs every recording");
+    }
+    peers_file::read_all(&args.peers, &found.paths)
+}
+
+/// Our scores and then the peers', without those of recordings on which we failed.
+fn together(runs: &[Run], peers: Vec<Score>) -> Vec<Score> {
+    let mut scores = scores(runs);
+    let ours: Vec<String> = distinct(&scores, |score| &score.recording)
+        .into_iter()
+        .cloned()
+        .collect();
+    scores.extend(
+        peers
+            .into_iter()
+            .filter(|score| ours.contains(&score.recording)),
+    );
+    scores
+}
+
+fn show(args: &AttitudeArgs, found: &Recordings, scores: &[Score]) -> Result<()> {
+    if args.json {
+        return print_json(&Document {
+            table: &statistics(scores),
+            scores,
+        });
+    }
+    let mut text = describe(scores, args.each);
+    text.push_str(&incomplete(scores));
+    text.push_str(&notes(found, args.report.as_deref()));
+    print(&text)
+}
+
+/// Says whose means are over fewer recordings than there are: they compare with no other.
+fn incomplete(scores: &[Score]) -> String {
+    let recordings = distinct(scores, |score| &score.recording).len();
+    let of = |estimator: &String| scores.iter().filter(|s| s.estimator == *estimator).count();
+    let fewer = distinct(scores, |score| &score.estimator)
+        .into_iter()
+        .filter(|estimator| of(estimator) < recordings);
+    let sentence = |estimator: &String| {
+        let n = of(estimator);
+        format!(
+            "\n{estimator}: rows for {n} of the {recordings} recordings; its means are over those.\n"
+        )
+    };
+    fewer.map(sentence).collect()
+}

@@ -1,0 +1,193 @@
+//! What `compare` and `benchmark` share: estimators over recordings, what failed, and the table.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use anyhow::{Result, bail};
+use northing_evaluation::EvaluationError;
+use northing_evaluation::compare::{
+    CompareOptions, Compared, Score, compare_observed, statistics, table,
+};
+use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
+use northing_recording::Metadata;
+
+use crate::input::shown;
+use crate::interrupt;
+use crate::progress::Progress;
+use crate::recordings::Recordings;
+use crate::table::Table;
+
+/// With more recordings than this only means and medians are printed.
+const MOST_LISTED: usize = 12;
+/// Points of each series in a report of several runs.
+const TRACE_CAPACITY: usize = 3000;
+
+/// A run with what its plots need, where they are wanted.
+pub(crate) type Run = Compared<PerhapsTrace>;
+
+/// Keeps what plots need, where plots are wanted.
+#[derive(Debug)]
+pub(crate) struct PerhapsTrace(pub(crate) Option<TraceObserver>);
+
+impl RunObserver for PerhapsTrace {
+    fn estimate(&mut self, record: &EstimateRecord) {
+        if let Some(trace) = &mut self.0 {
+            trace.estimate(record);
+        }
+    }
+
+    fn innovation(&mut self, record: &InnovationRecord) {
+        if let Some(trace) = &mut self.0 {
+            trace.innovation(record);
+        }
+    }
+}
+
+/// The runs that were made, and why others were not.
+pub(crate) struct Outcome {
+    /// Recording by recording, of each every estimator.
+    pub(crate) runs: Vec<Run>,
+    /// The recordings that are left out, as the error to end with.
+    pub(crate) failure: Option<anyhow::Error>,
+}
+
+/// Runs every estimator over every recording; `traced` keeps what plots over time need.
+///
+/// # Errors
+/// Interrupted, or not one recording could be compared.
+pub(crate) fn run(found: &Recordings, options: &CompareOptions, traced: bool) -> Result<Outcome> {
+    let mut runs = run_all(&found.paths, options, traced);
+    if interrupt::happened() {
+        bail!("interrupted");
+    }
+    let failure = Failures::taken_from(&mut runs, &found.broken).into_error(found.paths.len());
+    match failure {
+        Some(failure) if runs.is_empty() => Err(failure),
+        failure => Ok(Outcome { runs, failure }),
+    }
+}
+
+fn run_all(paths: &[PathBuf], options: &CompareOptions, traced: bool) -> Vec<Run> {
+    let total = (paths.len() * options.estimators.len()) as u64;
+    let progress = Mutex::new(Progress::of_steps(total, "comparing"));
+    let done = AtomicU64::new(0);
+    let finished = || {
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        // A panic elsewhere must not be hidden by one here.
+        if let Ok(mut progress) = progress.lock() {
+            progress.done(done);
+        }
+    };
+    let observe = |metadata: &Metadata| {
+        PerhapsTrace(traced.then(|| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame)))
+    };
+    let mut runs = compare_observed(paths, options, &finished, &observe);
+    for run in &mut runs {
+        if let Ok(summary) = &mut run.outcome {
+            summary.recording = shown(&run.path);
+        }
+    }
+    runs
+}
+
+/// Recordings that could not be compared, with the reason, each once.
+struct Failures(Vec<String>);
+
+impl Failures {
+    /// Takes recordings out on which a run failed: a table of the others stays whole.
+    fn taken_from(runs: &mut Vec<Run>, broken: &[String]) -> Self {
+        let mut failed: Vec<(PathBuf, String)> = Vec::new();
+        for run in runs.iter() {
+            let Err(error) = &run.outcome else { continue };
+            if failed.iter().any(|(path, _)| *path == run.path) {
+                continue;
+            }
+            let reason = match error {
+                // Its message begins with the file already.
+                EvaluationError::Recording(_) => error.to_string(),
+                error => format!("{}: {error}", shown(&run.path)),
+            };
+            failed.push((run.path.clone(), reason));
+        }
+        runs.retain(|run| failed.iter().all(|(path, _)| *path != run.path));
+        let reasons = failed.into_iter().map(|(_, reason)| reason);
+        Self(broken.iter().cloned().chain(reasons).collect())
+    }
+
+    /// The first one, with how many more there are; `all` recordings were asked for.
+    fn into_error(self, all: usize) -> Option<anyhow::Error> {
+        let first = self.0.first()?;
+        Some(match self.0.len() {
+            1 if all == 1 => anyhow::anyhow!("{first}"),
+            1 => anyhow::anyhow!("one recording is left out of the comparison: {first}"),
+            n => {
+                anyhow::anyhow!("{n} recordings are left out of the comparison; the first: {first}")
+            }
+        })
+    }
+}
+
+/// The table over several recordings, and before it each of them where they are few or `each` is asked for.
+pub(crate) fn describe(scores: &[Score], each: bool) -> String {
+    let mut text = String::new();
+    if each || distinct(scores, |score| &score.recording).len() <= MOST_LISTED {
+        text.push_str("Total error of each recording, deg RMS\n\n");
+        text.push_str(&listing(scores));
+        text.push('\n');
+    }
+    text.push_str(&table(&statistics(scores)));
+    text
+}
+
+/// What comes below a table: files that are no recordings, and where the report is.
+pub(crate) fn notes(found: &Recordings, report: Option<&Path>) -> String {
+    let mut text = String::new();
+    for sentence in &found.left_out {
+        text.push_str(&format!("\nLeft out: {sentence}\n"));
+    }
+    if let Some(path) = report {
+        let path = path.display();
+        text.push_str(&format!("\nReport: {path} (open it in a browser)\n"));
+    }
+    text
+}
+
+/// The different values of a text of the scores, in the order in which they come.
+pub(crate) fn distinct(scores: &[Score], of: impl Fn(&Score) -> &String) -> Vec<&String> {
+    let mut texts = Vec::new();
+    for text in scores.iter().map(of) {
+        if !texts.contains(&text) {
+            texts.push(text);
+        }
+    }
+    texts
+}
+
+/// The total errors of one recording, deg, in the order of the estimators.
+pub(crate) fn totals(
+    scores: &[Score],
+    recording: &str,
+    estimators: &[&String],
+) -> Vec<Option<f64>> {
+    let of = |estimator: &&String| {
+        let mut own = scores.iter().filter(|s| s.recording == recording);
+        let score = own.find(|score| score.estimator == **estimator)?;
+        score.error_deg.map(|error| error.total)
+    };
+    estimators.iter().map(of).collect()
+}
+
+/// One line a recording, one column an estimator.
+fn listing(scores: &[Score]) -> String {
+    let estimators = distinct(scores, |score| &score.estimator);
+    let mut headings = vec!["<recording"];
+    headings.extend(estimators.iter().map(|estimator| estimator.as_str()));
+    let mut rows = Table::new(&headings);
+    for recording in distinct(scores, |score| &score.recording) {
+        let errors = totals(scores, recording, &estimators).into_iter();
+        let errors = errors.map(|e| e.map_or_else(|| "-".to_owned(), |e| format!("{e:.2}")));
+        rows.row(std::iter::once(recording.clone()).chain(errors));
+    }
+    rows.render("  ")
+}
