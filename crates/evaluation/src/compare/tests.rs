@@ -74,7 +74,7 @@ fn one_profile_does_as_well_as_the_known_ekf_on_all_recordings() {
     println!("{}", table(&rows));
     let total = |folder: &str| {
         let row = rows.iter().find(|row| {
-            row.folder.as_deref() == Some(folder) && row.estimator == EstimatorKind::Mekf
+            row.folder.as_deref() == Some(folder) && row.estimator == EstimatorKind::Mekf.name()
         });
         row.unwrap().total_deg.unwrap()
     };
