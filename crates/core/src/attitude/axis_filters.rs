@@ -156,7 +156,7 @@ impl<T: Scalar> AxisFiltersConfig<T> {
             Some("angle_std")
         } else if !not_negative(self.norm_gain) {
             Some("norm_gain")
-        } else if !(self.declination.abs() <= T::two_pi()) {
+        } else if !(self.declination.is_finite() && self.declination.abs() < lit(6.3)) {
             Some("declination")
         } else {
             None
