@@ -252,7 +252,7 @@ fn gains(conditions: &[Condition]) -> String {
     });
     let svg = Rows {
         label: "Gain of the modified scheme over the original in each condition",
-        unit: "smaller error of the modified scheme, % (both tuned); dashed: nothing, and the 40 % that were claimed",
+        unit: "smaller error of the modified scheme, % (both tuned)",
         axis: Axis::linear(low, 100.0, 7),
         rules: &[0.0, 40.0],
         rows: rows.collect(),
@@ -261,7 +261,7 @@ fn gains(conditions: &[Condition]) -> String {
     caption(
         &svg.render(),
         "One row for each condition.",
-        "A bar that reaches over the dashed zero says that other flights might decide otherwise; right of it the modified \
+        "Dashed: no gain, and the 40 % that were claimed. A bar that reaches over zero says that other flights might decide otherwise; right of it the modified \
          scheme is better, left of it worse.",
     )
 }
