@@ -291,7 +291,7 @@ fn clipping_widens_and_a_pause_of_the_accelerometer_forgets_the_velocity() {
         f.propagate(&Vector3::zeros(), 0.01);
     }
     let record = f.update_accelerometer(&(f.attitude().inverse() * Vector3::z() * 9.81));
-    assert_eq!(record.outcome, Outcome::Skipped(SkipReason::Gathered));
+    assert_eq!(record.outcome, Outcome::Skipped(SkipReason::TooLate));
     assert_eq!(f.state.velocity, nalgebra::Vector2::zeros());
     assert!((f.state.covariance[(3, 3)] - 1.0).abs() < 1e-12 && is_sound(&f));
 }
