@@ -27,7 +27,8 @@
 //! corrects is turned together with the next gyroscope sample, as in the continuous filter. The
 //! frame is that of the references: NED or ENU. Per axis the error obeys `s^2 + k_P s + k_I`.
 //!
-//! Cost: one exponential per gyroscope sample, two cross products per vector. Limits:
+//! Cost: one exponential per gyroscope sample, two cross products per vector; what a step calls is always
+//! inlined, a tenth of its time. Limits:
 //! accelerations enter with their full weight, a wrong field tilts the explicit form
 //! (`magnetometer_use = heading` prevents it); without magnetometer heading and its bias stay as
 //! they are.
@@ -46,6 +47,8 @@ use crate::scalar::{Scalar, lit};
 pub const LONGEST_STEP_S: f64 = 0.1;
 /// Below this share of gravity the device falls and says nothing about up.
 pub const LEAST_GRAVITY: f64 = 0.1;
+/// Below this share of the reference's square a vector has no direction.
+const LEAST_SQUARE: f64 = 1e-6;
 /// A field older than this is not put together with gravity, s.
 const OLDEST_FIELD_S: f64 = 0.2;
 /// Nearer to opposite than this the error has no direction: it is given one.
@@ -127,24 +130,28 @@ impl<T: Scalar> Vector<T> {
         self.reference = reference.and_then(|r| {
             let norm = r.norm();
             check_vector(&r, lit(1e-6), lit(1e6)).ok()?;
-            self.squares = self.shares.map(|share| share * share * norm * norm);
+            let least = lit::<T>(LEAST_SQUARE);
+            self.squares = self
+                .shares
+                .map(|share| (share * share).max(least) * norm * norm);
             Some((r / norm, norm))
         });
     }
 
-    #[inline]
+    #[inline(always)]
     fn take(&mut self, measured: &Vector3<T>) -> Result<Taken<T>, SkipReason> {
         let (reference, norm) = self.reference.ok_or(SkipReason::NotInitialized)?;
         let square = measured.norm_squared();
         let [shortest, longest] = self.squares;
-        if !square.is_finite() {
-            return Err(SkipReason::NotFinite);
-        }
-        if square < norm * norm * lit(1e-6) {
-            return Err(SkipReason::ZeroNorm);
-        }
+        // Both bounds are finite and the lower one is above zero: nothing else passes.
         if !(square >= shortest && square <= longest) {
-            return Err(SkipReason::OutOfRange);
+            return Err(if !square.is_finite() {
+                SkipReason::NotFinite
+            } else if square < norm * norm * lit(LEAST_SQUARE) {
+                SkipReason::ZeroNorm
+            } else {
+                SkipReason::OutOfRange
+            });
         }
         let interval = self.since.min(lit(LONGEST_STEP_S));
         self.since = T::zero();
@@ -210,7 +217,7 @@ impl<T: Scalar> Complementary<T> {
 
     /// Turns by `k_P e tau` (body axes) with the next gyroscope sample, and lets the bias follow (O3);
     /// `tau` is the interval (s) times the vector's weight.
-    #[inline]
+    #[inline(always)]
     fn correct(&mut self, error: &Vector3<T>, interval: T) {
         self.pending += error * (self.attitude_gain * interval);
         let limit = self.bias_limit;
@@ -251,7 +258,7 @@ impl<T: Scalar> Complementary<T> {
     }
 
     /// The error of one vector (O1), body axes, where `predicted` is `R^T r`.
-    #[inline]
+    #[inline(always)]
     fn vector_error(&mut self, measured: &Vector3<T>, predicted: &Vector3<T>) -> Vector3<T> {
         if measured.dot(predicted) < lit(OPPOSITE) {
             let axis = if predicted.x.abs() < predicted.y.abs() {
@@ -280,7 +287,7 @@ impl<T: Scalar> Complementary<T> {
 
 /// A residual that was used, without a statement about its covariance: a filter without covariance
 /// expects nothing of it.
-#[inline]
+#[inline(always)]
 fn unweighed<T: Scalar>(residual: Vector3<T>) -> Innovation<T> {
     Innovation {
         residual,
@@ -307,7 +314,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         self.since_compass = T::zero();
     }
 
-    #[inline]
+    #[inline(always)]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
         let rate = match checked_rate(angular_rate, &self.gyroscope_bias, dt) {
             Ok(Some(rate)) => rate,
@@ -332,7 +339,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         Propagation::Done
     }
 
-    #[inline]
+    #[inline(always)]
     fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
         let taken = match self.accelerometer.take(specific_force) {
             Ok(taken) => taken,
@@ -349,7 +356,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         unweighed(specific_force - predicted * taken.norm)
     }
 
-    #[inline]
+    #[inline(always)]
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
         let taken = match self.magnetometer.take(magnetic_field) {
             Ok(taken) => taken,
