@@ -6,6 +6,7 @@
 //!
 //! | folder | what is in it |
 //! |---|---|
+//! | [`earth`] | WGS-84, local tangent frames, gravity, Earth rate |
 //! | [`geometry`] | rotations: exponential and logarithm on SO(3), Jacobians, conversions, frames |
 //! | [`kalman`] | the innovation record, NIS gates, in-place scalar updates, covariance hygiene |
 //! | [`attitude`] | gyroscope integration, MEKF, bounded velocity, USQUE, quaternion EKF, Wahba's problem, alignment |
@@ -33,6 +34,7 @@ extern crate std;
 
 pub mod attitude;
 pub mod calibration;
+pub mod earth;
 pub mod geometry;
 pub mod kalman;
 pub mod navigation;
