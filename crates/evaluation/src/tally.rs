@@ -230,8 +230,11 @@ impl Tally {
     }
 
     fn sensor_samples(&self) -> u64 {
-        let total: u64 = self.samples.iter().sum();
-        total - self.samples_of(SensorKind::Reference)
+        SensorKind::ALL
+            .into_iter()
+            .filter(|kind| !kind.is_reference())
+            .map(|kind| self.samples_of(kind))
+            .sum()
     }
 
     fn samples_per_sensor(&self) -> BTreeMap<SensorKind, u64> {

@@ -8,11 +8,12 @@ use crate::delimited::{Channel, DelimitedSource, Layout, csv_error};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::metadata::Metadata;
+use crate::numbers;
 use crate::recording::Opened;
 use crate::stamp;
 
 /// Vector sensors: the parts of a column name before and after the axis letter.
-pub(crate) const VECTORS: [(SensorKind, &str, &str); 7] = [
+pub(crate) const VECTORS: [(SensorKind, &str, &str); 8] = [
     (SensorKind::Gyroscope, "gyro_", "_rad_s"),
     (SensorKind::Accelerometer, "acc_", "_m_s2"),
     (SensorKind::Magnetometer, "mag_", "_ut"),
@@ -20,6 +21,8 @@ pub(crate) const VECTORS: [(SensorKind, &str, &str); 7] = [
     (SensorKind::DeviceGyroscopeBias, "gyro_bias_", "_rad_s"),
     (SensorKind::Position, "pos_", "_m"),
     (SensorKind::Velocity, "vel_", "_m_s"),
+    // x, y, z of the world frame: north, east, down.
+    (SensorKind::ReferenceVelocity, "ref_vel_", "_m_s"),
 ];
 pub(crate) const TIME_S: &str = "t_s";
 pub(crate) const TIME_NS: &str = "t_ns";
@@ -27,9 +30,63 @@ pub(crate) const DEVICE_ORIENTATION: [&str; 4] =
     ["device_qw", "device_qx", "device_qy", "device_qz"];
 pub(crate) const REFERENCE: [&str; 4] = ["ref_qw", "ref_qx", "ref_qy", "ref_qz"];
 pub(crate) const SCORED: &str = "scored";
-pub(crate) const PRESSURE: &str = "pressure_pa";
-/// Heading and its standard deviation.
-pub(crate) const COMPASS: [&str; 2] = ["compass_heading_rad", "compass_std_rad"];
+/// The columns of the other kinds, in the order of their [`numbers`]. The last ones of a kind may be
+/// missing where its samples need not have them.
+pub(crate) const ROWS: [(SensorKind, &[&str]); 8] = [
+    (SensorKind::Pressure, &["pressure_pa"]),
+    (
+        SensorKind::CompassHeading,
+        &["compass_heading_rad", "compass_std_rad"],
+    ),
+    (
+        SensorKind::GnssPosition,
+        &[
+            "gnss_latitude_rad",
+            "gnss_longitude_rad",
+            "gnss_height_m",
+            "gnss_std_n_m",
+            "gnss_std_e_m",
+            "gnss_std_d_m",
+            "gnss_hdop",
+            "gnss_satellites",
+            "gnss_quality",
+        ],
+    ),
+    (
+        SensorKind::GnssVelocity,
+        &[
+            "gnss_vel_n_m_s",
+            "gnss_vel_e_m_s",
+            "gnss_vel_d_m_s",
+            "gnss_vel_std_n_m_s",
+            "gnss_vel_std_e_m_s",
+            "gnss_vel_std_d_m_s",
+        ],
+    ),
+    (SensorKind::ForwardSpeed, &["forward_speed_m_s"]),
+    (
+        SensorKind::WaterVelocity,
+        &["water_vel_forward_m_s", "water_vel_starboard_m_s"],
+    ),
+    (
+        SensorKind::TrueHeading,
+        &["true_heading_rad", "true_heading_std_rad"],
+    ),
+    (
+        SensorKind::ReferencePosition,
+        &[
+            "ref_latitude_rad",
+            "ref_longitude_rad",
+            "ref_height_m",
+            "ref_std_n_m",
+            "ref_std_e_m",
+            "ref_std_d_m",
+            "ref_hdop",
+            "ref_satellites",
+            "ref_quality",
+        ],
+    ),
+];
 
 /// Longest comment or header line that is believed, bytes.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -161,12 +218,15 @@ fn layout(names: Vec<String>, file: &str) -> Result<(Layout, Vec<String>)> {
         let inverse = false;
         channels.push(Channel::DeviceOrientation { columns, inverse });
     }
-    if let Some(column) = header.find(PRESSURE)? {
-        let factor = 1.0;
-        channels.push(Channel::Pressure { column, factor });
-    }
-    if let Some(columns) = header.group(&COMPASS.map(str::to_owned))? {
-        channels.push(Channel::Compass { columns });
+    for (kind, names) in ROWS {
+        if let Some(columns) = header.row(kind, names)? {
+            let factors = [1.0; numbers::MOST];
+            channels.push(Channel::Numbers {
+                kind,
+                columns,
+                factors,
+            });
+        }
     }
     if let Some(columns) = header.group(&REFERENCE.map(str::to_owned))? {
         channels.push(Channel::Reference {
@@ -233,6 +293,31 @@ impl Header<'_> {
             0 => Ok(Some(places)),
             n if n == N => Ok(None),
             _ => Err(self.missing(&missing)),
+        }
+    }
+
+    /// The columns of a kind whose last numbers may be absent; `None` without any of them.
+    fn row(
+        &mut self,
+        kind: SensorKind,
+        names: &[&str],
+    ) -> Result<Option<[Option<usize>; numbers::MOST]>> {
+        let mut columns = [None; numbers::MOST];
+        for (column, name) in columns.iter_mut().zip(names) {
+            *column = self.find(name)?;
+        }
+        if columns.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let needed = names.iter().take(numbers::widths(kind).1).zip(&columns);
+        let missing: Vec<String> = needed
+            .filter(|(_, column)| column.is_none())
+            .map(|(name, _)| (*name).to_owned())
+            .collect();
+        if missing.is_empty() {
+            Ok(Some(columns))
+        } else {
+            Err(self.missing(&missing))
         }
     }
 

@@ -5,12 +5,11 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use crate::atomic_file::AtomicFile;
-use crate::csv::{
-    COMPASS, DEVICE_ORIENTATION, PRESSURE, REFERENCE, SCORED, TIME_S, VECTORS, vector_columns,
-};
+use crate::csv::{DEVICE_ORIENTATION, REFERENCE, ROWS, SCORED, TIME_S, VECTORS, vector_columns};
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
+use crate::numbers::widths;
 use crate::stamp;
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
@@ -96,7 +95,12 @@ impl CsvWriter {
                 continue;
             };
             let (values, count) = numbers(sample);
-            for value in &values[..count] {
+            let needed = widths(*kind).1;
+            for (place, value) in values[..count].iter().enumerate() {
+                if place >= needed && value.is_nan() {
+                    self.line.push(',');
+                    continue;
+                }
                 // Writing to a string cannot fail.
                 let _ = write!(self.line, ",{value}");
             }
@@ -177,16 +181,20 @@ impl EventWriter for CsvWriter {
 
 /// The columns of a sensor.
 fn columns(kind: SensorKind) -> Vec<String> {
-    let fixed = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    let fixed =
+        |names: &[&str]| -> Vec<String> { names.iter().map(|name| (*name).to_owned()).collect() };
     match kind {
         SensorKind::DeviceOrientation => fixed(&DEVICE_ORIENTATION),
-        SensorKind::Pressure => fixed(&[PRESSURE]),
-        SensorKind::CompassHeading => fixed(&COMPASS),
         SensorKind::Reference => fixed(&[&REFERENCE[..], &[SCORED]].concat()),
         _ => VECTORS
             .iter()
             .filter(|(vector, ..)| *vector == kind)
             .flat_map(|(_, prefix, suffix)| vector_columns(prefix, suffix))
+            .chain(
+                ROWS.iter()
+                    .filter(|(row, _)| *row == kind)
+                    .flat_map(|(_, names)| fixed(names)),
+            )
             .collect(),
     }
 }

@@ -8,8 +8,9 @@ use csv::{ByteRecord, Position};
 use nalgebra::Vector3;
 
 use crate::error::{RecordingError, Result, shown};
-use crate::event::{CompassHeading, Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
 use crate::issues::Issues;
+use crate::numbers;
 use crate::recording::EventSource;
 use crate::stamp;
 
@@ -36,26 +37,33 @@ pub(crate) enum Channel {
         factors: [f64; 3],
     },
     /// Order w, x, y, z; `inverse` when the file holds body-from-world.
-    DeviceOrientation {
-        columns: [usize; 4],
-        inverse: bool,
-    },
+    DeviceOrientation { columns: [usize; 4], inverse: bool },
     Reference {
         columns: [usize; 4],
         inverse: bool,
         scored: Option<usize>,
     },
-    Pressure {
-        column: usize,
-        factor: f64,
-    },
-    /// Heading and its standard deviation, rad.
-    Compass {
-        columns: [usize; 2],
+    /// Any other kind: number `i` of its row (see [`numbers`]) is `factors[i]` times column
+    /// `columns[i]`; NaN where there is none.
+    Numbers {
+        kind: SensorKind,
+        columns: [Option<usize>; numbers::MOST],
+        factors: [f64; numbers::MOST],
     },
 }
 
 impl Channel {
+    /// The channel of a kind with one number.
+    pub(crate) fn one(kind: SensorKind, column: usize, factor: f64) -> Self {
+        let (mut columns, mut factors) = ([None; numbers::MOST], [1.0; numbers::MOST]);
+        (columns[0], factors[0]) = (Some(column), factor);
+        Self::Numbers {
+            kind,
+            columns,
+            factors,
+        }
+    }
+
     /// The columns that it reads.
     pub(crate) fn columns(&self) -> Vec<usize> {
         match self {
@@ -64,8 +72,7 @@ impl Channel {
             Self::Reference {
                 columns, scored, ..
             } => columns.iter().copied().chain(*scored).collect(),
-            Self::Pressure { column, .. } => vec![*column],
-            Self::Compass { columns } => columns.to_vec(),
+            Self::Numbers { columns, .. } => columns.iter().flatten().copied().collect(),
         }
     }
 
@@ -74,8 +81,7 @@ impl Channel {
             Self::Vector { kind, .. } => *kind,
             Self::DeviceOrientation { .. } => SensorKind::DeviceOrientation,
             Self::Reference { .. } => SensorKind::Reference,
-            Self::Pressure { .. } => SensorKind::Pressure,
-            Self::Compass { .. } => SensorKind::CompassHeading,
+            Self::Numbers { kind, .. } => *kind,
         }
     }
 }
@@ -254,16 +260,34 @@ impl<'a> Cells<'a> {
                 let scored = scored.map_or(Ok(true), |column| self.flag(column))?;
                 Some(Sample::Reference(Reference { attitude, scored }))
             }
-            Channel::Pressure { column, factor } => {
-                self.number(*column)?.map(|p| Sample::Pressure(p * factor))
-            }
-            Channel::Compass { columns } => self.numbers(columns)?.map(|[heading_rad, std_rad]| {
-                Sample::CompassHeading(CompassHeading {
-                    heading_rad,
-                    std_rad,
-                })
-            }),
+            Channel::Numbers {
+                kind,
+                columns,
+                factors,
+            } => self.row_of(*kind, columns, factors)?,
         })
+    }
+
+    /// The sample of a kind whose numbers may be absent; `None` when all that it needs are empty.
+    fn row_of(
+        &self,
+        kind: SensorKind,
+        columns: &[Option<usize>; numbers::MOST],
+        factors: &[f64; numbers::MOST],
+    ) -> Result<Option<Sample>> {
+        let mut row = [f64::NAN; numbers::MOST];
+        for ((value, column), factor) in row.iter_mut().zip(columns).zip(factors) {
+            if let Some(column) = column
+                && let Some(number) = self.number(*column)?
+            {
+                *value = number * factor;
+            }
+        }
+        let needed = columns.iter().take(numbers::widths(kind).1).flatten();
+        if needed.clone().all(|column| self.cell(*column).is_empty()) {
+            return Ok(None);
+        }
+        Ok(numbers::sample(kind, &row, true))
     }
 
     fn attitude(

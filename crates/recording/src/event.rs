@@ -5,6 +5,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use crate::gnss::{GnssPosition, GnssVelocity};
+
 /// One measurement of one sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Event {
@@ -42,6 +44,20 @@ pub enum Sample {
     Pressure(f64),
     /// Heading as the device reports it.
     CompassHeading(CompassHeading),
+    /// A fix of a satellite navigation receiver.
+    GnssPosition(GnssPosition),
+    /// Velocity over ground of a satellite navigation receiver.
+    GnssVelocity(GnssVelocity),
+    /// Speed over ground along the body's x axis (wheels), m/s; backwards is negative.
+    ForwardSpeed(f64),
+    /// Velocity through the water (a ship's log).
+    WaterVelocity(WaterVelocity),
+    /// Heading from true north (a gyrocompass, two antennas).
+    TrueHeading(TrueHeading),
+    /// A position to score against. Never fed to a filter.
+    ReferencePosition(GnssPosition),
+    /// A velocity to score against, north-east-down, m/s. Never fed to a filter.
+    ReferenceVelocity(Vector3<f64>),
 }
 
 /// Where the horizontal part of the body's y axis (a phone's top edge) points, as the device
@@ -53,6 +69,24 @@ pub struct CompassHeading {
     pub heading_rad: f64,
     /// Standard deviation that the device states, rad.
     pub std_rad: f64,
+}
+
+/// Where the bow (the body's x axis) points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrueHeading {
+    /// Clockwise from true north seen from above, rad.
+    pub heading_rad: f64,
+    /// Standard deviation as the sensor states it, rad.
+    pub std_rad: Option<f64>,
+}
+
+/// Velocity through the water: over ground it differs by the current.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WaterVelocity {
+    /// Along the bow, m/s.
+    pub forward_m_s: f64,
+    /// To starboard, m/s; `None` from a log with one axis.
+    pub starboard_m_s: Option<f64>,
 }
 
 /// The truth, or the best known stand-in for it.
@@ -93,12 +127,26 @@ pub enum SensorKind {
     Pressure,
     /// [`Sample::CompassHeading`]
     CompassHeading,
+    /// [`Sample::GnssPosition`]
+    GnssPosition,
+    /// [`Sample::GnssVelocity`]
+    GnssVelocity,
+    /// [`Sample::ForwardSpeed`]
+    ForwardSpeed,
+    /// [`Sample::WaterVelocity`]
+    WaterVelocity,
+    /// [`Sample::TrueHeading`]
+    TrueHeading,
+    /// [`Sample::ReferencePosition`]
+    ReferencePosition,
+    /// [`Sample::ReferenceVelocity`]
+    ReferenceVelocity,
 }
 
 impl SensorKind {
     /// Every kind, in the order in which events of one instant are delivered: sensors first, the
     /// reference last, so that an estimate is scored after it has seen everything of that instant.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 18] = [
         Self::Gyroscope,
         Self::Accelerometer,
         Self::Magnetometer,
@@ -109,6 +157,13 @@ impl SensorKind {
         Self::Velocity,
         Self::Pressure,
         Self::CompassHeading,
+        Self::GnssPosition,
+        Self::GnssVelocity,
+        Self::ForwardSpeed,
+        Self::WaterVelocity,
+        Self::TrueHeading,
+        Self::ReferencePosition,
+        Self::ReferenceVelocity,
         Self::Reference,
     ];
 
@@ -127,11 +182,27 @@ impl SensorKind {
             Self::Velocity => "velocity",
             Self::Pressure => "pressure",
             Self::CompassHeading => "compass-heading",
+            Self::GnssPosition => "gnss-position",
+            Self::GnssVelocity => "gnss-velocity",
+            Self::ForwardSpeed => "forward-speed",
+            Self::WaterVelocity => "water-velocity",
+            Self::TrueHeading => "true-heading",
+            Self::ReferencePosition => "reference-position",
+            Self::ReferenceVelocity => "reference-velocity",
         }
     }
 }
 
 impl SensorKind {
+    /// Whether it is something to score against and not a sensor.
+    #[must_use]
+    pub const fn is_reference(self) -> bool {
+        matches!(
+            self,
+            Self::Reference | Self::ReferencePosition | Self::ReferenceVelocity
+        )
+    }
+
     /// The place of this kind in [`SensorKind::ALL`].
     #[must_use]
     pub const fn order(self) -> usize {
@@ -146,7 +217,14 @@ impl SensorKind {
             Self::Velocity => 7,
             Self::Pressure => 8,
             Self::CompassHeading => 9,
-            Self::Reference => 10,
+            Self::GnssPosition => 10,
+            Self::GnssVelocity => 11,
+            Self::ForwardSpeed => 12,
+            Self::WaterVelocity => 13,
+            Self::TrueHeading => 14,
+            Self::ReferencePosition => 15,
+            Self::ReferenceVelocity => 16,
+            Self::Reference => 17,
         }
     }
 }
@@ -162,11 +240,20 @@ impl Sample {
             | Self::MagneticFieldUncalibrated(v)
             | Self::DeviceGyroscopeBias(v)
             | Self::Position(v)
-            | Self::Velocity(v) => v.iter().all(|x| x.is_finite()),
+            | Self::Velocity(v)
+            | Self::ReferenceVelocity(v) => v.iter().all(|x| x.is_finite()),
             Self::DeviceOrientation(q) => q.coords.iter().all(|x| x.is_finite()),
             Self::Reference(reference) => reference.attitude.coords.iter().all(|x| x.is_finite()),
-            Self::Pressure(p) => p.is_finite(),
+            Self::Pressure(x) | Self::ForwardSpeed(x) => x.is_finite(),
             Self::CompassHeading(c) => c.heading_rad.is_finite() && c.std_rad.is_finite(),
+            Self::GnssPosition(fix) | Self::ReferencePosition(fix) => fix.is_finite(),
+            Self::GnssVelocity(velocity) => velocity.is_finite(),
+            Self::TrueHeading(h) => {
+                h.heading_rad.is_finite() && h.std_rad.is_none_or(f64::is_finite)
+            }
+            Self::WaterVelocity(w) => {
+                w.forward_m_s.is_finite() && w.starboard_m_s.is_none_or(f64::is_finite)
+            }
         }
     }
 
@@ -180,6 +267,7 @@ impl Sample {
             SensorKind::DeviceGyroscopeBias => Self::DeviceGyroscopeBias(v),
             SensorKind::Position => Self::Position(v),
             SensorKind::Velocity => Self::Velocity(v),
+            SensorKind::ReferenceVelocity => Self::ReferenceVelocity(v),
             _ => return None,
         })
     }
@@ -199,6 +287,13 @@ impl Sample {
             Self::Velocity(_) => SensorKind::Velocity,
             Self::Pressure(_) => SensorKind::Pressure,
             Self::CompassHeading(_) => SensorKind::CompassHeading,
+            Self::GnssPosition(_) => SensorKind::GnssPosition,
+            Self::GnssVelocity(_) => SensorKind::GnssVelocity,
+            Self::ForwardSpeed(_) => SensorKind::ForwardSpeed,
+            Self::WaterVelocity(_) => SensorKind::WaterVelocity,
+            Self::TrueHeading(_) => SensorKind::TrueHeading,
+            Self::ReferencePosition(_) => SensorKind::ReferencePosition,
+            Self::ReferenceVelocity(_) => SensorKind::ReferenceVelocity,
         }
     }
 }

@@ -119,7 +119,8 @@ pub(crate) fn vector(sample: &Sample) -> Option<Vector3<f64>> {
         | Sample::MagneticFieldUncalibrated(v)
         | Sample::DeviceGyroscopeBias(v)
         | Sample::Position(v)
-        | Sample::Velocity(v) => Some(*v),
+        | Sample::Velocity(v)
+        | Sample::ReferenceVelocity(v) => Some(*v),
         _ => None,
     }
 }

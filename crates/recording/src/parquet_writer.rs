@@ -17,6 +17,7 @@ use crate::atomic_file::AtomicFile;
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
+use crate::numbers::MOST;
 use crate::parquet::{MOVING, SENSORS, START_NS, TIME};
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
@@ -91,7 +92,7 @@ impl ParquetWriter {
         for &kind in &self.sensors {
             let width = columns(kind).len();
             let sample = self.row.get(kind);
-            let values = sample.map_or([f64::NAN; 4], |sample| numbers(sample).0);
+            let values = sample.map_or([f64::NAN; MOST], |sample| numbers(sample).0);
             for (column, value) in self.columns[place..place + width].iter_mut().zip(values) {
                 column.push(value);
             }

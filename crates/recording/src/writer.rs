@@ -4,8 +4,9 @@ use std::path::Path;
 
 use crate::csv_writer::CsvWriter;
 use crate::error::{RecordingError, Result};
-use crate::event::{Event, Sample, SensorKind};
+use crate::event::{Event, Reference, Sample, SensorKind};
 use crate::metadata::Metadata;
+use crate::numbers;
 
 /// Takes events in time order and makes a file of them. Nothing appears under the file's name
 /// before [`EventWriter::finish`].
@@ -111,21 +112,15 @@ pub(crate) fn in_order(sensors: &[SensorKind]) -> Vec<SensorKind> {
         .collect()
 }
 
-/// The numbers of a sample in the order of its columns; quaternions w, x, y, z with w >= 0.
-pub(crate) fn numbers(sample: &Sample) -> ([f64; 4], usize) {
-    match sample {
-        Sample::AngularRate(v)
-        | Sample::SpecificForce(v)
-        | Sample::MagneticField(v)
-        | Sample::MagneticFieldUncalibrated(v)
-        | Sample::DeviceGyroscopeBias(v)
-        | Sample::Position(v)
-        | Sample::Velocity(v) => ([v.x, v.y, v.z, 0.0], 3),
-        Sample::DeviceOrientation(q) => (quaternion_to_file(q), 4),
-        Sample::Reference(reference) => (quaternion_to_file(&reference.attitude), 4),
-        Sample::Pressure(p) => ([*p, 0.0, 0.0, 0.0], 1),
-        Sample::CompassHeading(c) => ([c.heading_rad, c.std_rad, 0.0, 0.0], 2),
+/// The numbers of a sample in the order of its columns; quaternions w, x, y, z with w >= 0, NaN where
+/// one is absent.
+pub(crate) fn numbers(sample: &Sample) -> ([f64; numbers::MOST], usize) {
+    let (mut row, count) = numbers::numbers(sample);
+    if let Sample::DeviceOrientation(q) | Sample::Reference(Reference { attitude: q, .. }) = sample
+    {
+        row[..4].copy_from_slice(&quaternion_to_file(q));
     }
+    (row, count)
 }
 
 /// w, x, y, z with w >= 0.

@@ -8,8 +8,8 @@ use std::path::Path;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::{
-    CompassHeading, Event, Metadata, OpenOptions, Reference, Sample, SensorKind, WorldFrame,
-    create, open,
+    CompassHeading, Event, GnssPosition, GnssQuality, GnssVelocity, Metadata, OpenOptions,
+    Reference, Sample, SensorKind, TrueHeading, WaterVelocity, WorldFrame, create, open,
 };
 #[cfg(feature = "parquet")]
 use support::error_of;
@@ -43,11 +43,54 @@ fn all_sensors() -> Vec<Event> {
                 heading_rad: 0.01 * t,
                 std_rad: 0.2,
             }));
+            navigation(i).into_iter().for_each(&mut put);
         }
         let scored = i % 3 == 0;
         put(Sample::Reference(Reference { attitude, scored }));
     }
     events
+}
+
+/// Navigation sensors, with and without the numbers that may be absent.
+fn navigation(i: i64) -> [Sample; 7] {
+    let t = i as f64 * 0.005;
+    let whole = i % 20 == 0;
+    let fix = GnssPosition {
+        latitude_rad: 0.7 + t * 1e-7,
+        longitude_rad: -1.8 - t * 1e-7,
+        height_m: whole.then_some(1601.474),
+        std_m: whole.then_some([0.01, 0.02, 0.03]),
+        hdop: whole.then_some(0.9),
+        satellites: whole.then_some(21),
+        quality: if whole {
+            GnssQuality::RtkFloat
+        } else {
+            GnssQuality::Unknown
+        },
+    };
+    [
+        Sample::GnssPosition(fix),
+        Sample::GnssVelocity(GnssVelocity {
+            north_m_s: t.cos(),
+            east_m_s: t.sin(),
+            down_m_s: whole.then_some(0.1),
+            std_m_s: whole.then_some([0.1; 3]),
+        }),
+        Sample::ForwardSpeed(-0.5),
+        Sample::WaterVelocity(WaterVelocity {
+            forward_m_s: 4.0,
+            starboard_m_s: whole.then_some(0.3),
+        }),
+        Sample::TrueHeading(TrueHeading {
+            heading_rad: 6.0 - t / 100.0,
+            std_rad: whole.then_some(0.01),
+        }),
+        Sample::ReferencePosition(GnssPosition {
+            height_m: Some(1600.0 + t),
+            ..fix
+        }),
+        Sample::ReferenceVelocity(Vector3::new(t, 1.0, 2.0)),
+    ]
 }
 
 fn metadata() -> Metadata {

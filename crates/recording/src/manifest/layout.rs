@@ -75,7 +75,7 @@ impl LayoutBuilder<'_> {
                 PressureUnit::Kpa => 1000.0,
             };
             let column = self.column(&pressure.column)?;
-            channels.push(Channel::Pressure { column, factor });
+            channels.push(Channel::one(SensorKind::Pressure, column, factor));
         }
         if let Some(reference) = &manifest.reference {
             let (columns, inverse) = self.quaternion(reference)?;

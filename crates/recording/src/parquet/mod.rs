@@ -11,7 +11,6 @@ use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bytes::Bytes;
-use nalgebra::Vector3;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 
@@ -19,9 +18,10 @@ use column::{Column, read_rows};
 use layout::Layout;
 
 use crate::error::{RecordingError, Result, shown};
-use crate::event::{CompassHeading, Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
+use crate::numbers;
 use crate::recording::{EventSource, Opened};
 use crate::stamp;
 
@@ -31,7 +31,7 @@ pub(crate) const MOVING: &str = "moving";
 pub(crate) const START_NS: &str = "start_time_ns";
 
 /// The columns of each sensor, in [`SensorKind::ALL`] order.
-pub(crate) const SENSORS: [(SensorKind, &[&str]); 11] = [
+pub(crate) const SENSORS: [(SensorKind, &[&str]); 18] = [
     (SensorKind::Gyroscope, &["gx", "gy", "gz"]),
     (SensorKind::Accelerometer, &["ax", "ay", "az"]),
     (SensorKind::Magnetometer, &["mx", "my", "mz"]),
@@ -42,6 +42,51 @@ pub(crate) const SENSORS: [(SensorKind, &[&str]); 11] = [
     (SensorKind::Velocity, &["vx", "vy", "vz"]),
     (SensorKind::Pressure, &["pressure"]),
     (SensorKind::CompassHeading, &["heading", "heading_std"]),
+    (
+        SensorKind::GnssPosition,
+        &[
+            "lat",
+            "lon",
+            "height",
+            "std_n",
+            "std_e",
+            "std_d",
+            "hdop",
+            "satellites",
+            "quality",
+        ],
+    ),
+    (
+        SensorKind::GnssVelocity,
+        &["vn", "ve", "vd", "vn_std", "ve_std", "vd_std"],
+    ),
+    (SensorKind::ForwardSpeed, &["forward_speed"]),
+    (
+        SensorKind::WaterVelocity,
+        &["water_forward", "water_starboard"],
+    ),
+    (
+        SensorKind::TrueHeading,
+        &["true_heading", "true_heading_std"],
+    ),
+    (
+        SensorKind::ReferencePosition,
+        &[
+            "ref_lat",
+            "ref_lon",
+            "ref_height",
+            "ref_std_n",
+            "ref_std_e",
+            "ref_std_d",
+            "ref_hdop",
+            "ref_satellites",
+            "ref_quality",
+        ],
+    ),
+    (
+        SensorKind::ReferenceVelocity,
+        &["ref_vn", "ref_ve", "ref_vd"],
+    ),
     (SensorKind::Reference, &["qw", "qx", "qy", "qz"]),
 ];
 
@@ -217,44 +262,19 @@ impl<R: ChunkReader + 'static> ParquetSource<R> {
     }
 
     fn sample(&self, kind: SensorKind, first: usize, row: usize) -> Option<Sample> {
-        let value = |offset: usize| self.columns[first + offset].values[row];
-        match kind {
-            SensorKind::Pressure => {
-                let pressure = value(0);
-                (!pressure.is_nan()).then_some(Sample::Pressure(pressure))
-            }
-            SensorKind::CompassHeading => {
-                let [heading_rad, std_rad] = [value(0), value(1)];
-                let heading = CompassHeading {
-                    heading_rad,
-                    std_rad,
-                };
-                let measured = !(heading_rad.is_nan() && std_rad.is_nan());
-                measured.then_some(Sample::CompassHeading(heading))
-            }
-            SensorKind::DeviceOrientation | SensorKind::Reference => {
-                let [w, x, y, z] = [value(0), value(1), value(2), value(3)];
-                if w.is_nan() && x.is_nan() && y.is_nan() && z.is_nan() {
-                    return None;
-                }
-                let attitude = quaternion_from_file(w, x, y, z);
-                if kind == SensorKind::DeviceOrientation {
-                    return Some(Sample::DeviceOrientation(attitude));
-                }
-                // 1: moving, -1: the set has no such flag.
-                let scored = self
-                    .moving
-                    .is_none_or(|place| self.columns[place].values[row] != 0.0);
-                Some(Sample::Reference(Reference { attitude, scored }))
-            }
-            _ => {
-                let [x, y, z] = [value(0), value(1), value(2)];
-                if x.is_nan() && y.is_nan() && z.is_nan() {
-                    return None;
-                }
-                Sample::from_vector(kind, Vector3::new(x, y, z))
-            }
+        let width = numbers::widths(kind).0;
+        let mut values = [f64::NAN; numbers::MOST];
+        for (value, column) in values.iter_mut().zip(&self.columns[first..first + width]) {
+            *value = column.values[row];
         }
+        if values[..width].iter().all(|value| value.is_nan()) {
+            return None;
+        }
+        // 1: moving, -1: the set has no such flag.
+        let scored = self
+            .moving
+            .is_none_or(|place| self.columns[place].values[row] != 0.0);
+        numbers::sample(kind, &values, scored)
     }
 }
 

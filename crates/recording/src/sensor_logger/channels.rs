@@ -199,9 +199,8 @@ fn streams(export: &Export, convention: Convention, notes: &mut Vec<String>) -> 
     }
     if export.has("barometer") {
         // The app gives millibar.
-        let pressure = export.stream("barometer", ["pressure"], |[column]| Channel::Pressure {
-            column,
-            factor: 100.0,
+        let pressure = export.stream("barometer", ["pressure"], |[column]| {
+            Channel::one(SensorKind::Pressure, column, 100.0)
         })?;
         streams.push((SensorKind::Pressure, pressure));
     }

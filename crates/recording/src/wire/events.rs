@@ -1,21 +1,53 @@
 //! Our own events as bytes, exact to the bit: what virtual phones and replays deliver.
 //!
-//! A payload is the byte 1 (the version) and then, for each event: the sensor's place in
-//! [`SensorKind::ALL`] (1 byte), a flag (1 byte; of a reference whether it is scored), the stamp
+//! A payload is the byte 1 (the version) and then, for each event: the sensor's place in [`CODES`]
+//! (1 byte), a flag (1 byte; of a reference whether it is scored), the stamp
 //! (`i64`, ns), and the numbers of the sample (`f64`): three of a vector, four of a quaternion in the
-//! order w, x, y, z with the sign it has inside, two of a compass heading, one of a pressure. Little-endian
-//! throughout.
+//! order w, x, y, z with the sign it has inside, two of a compass heading, one of a pressure, and so on (NaN
+//! where a number is absent). Little-endian throughout.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::WireError;
-use crate::event::{CompassHeading, Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::numbers::{self, numbers};
 
 const VERSION: u8 = 1;
 /// Sensor, flag, stamp.
 const HEAD: usize = 10;
 /// A quaternion whose norm is farther than this from 1 was not written by this program.
 const NORM_TOLERANCE: f64 = 1e-6;
+
+/// The sensors by their byte. Stored payloads hold these bytes: new kinds are appended.
+const CODES: [SensorKind; SensorKind::ALL.len()] = [
+    SensorKind::Gyroscope,
+    SensorKind::Accelerometer,
+    SensorKind::Magnetometer,
+    SensorKind::MagnetometerUncalibrated,
+    SensorKind::DeviceGyroscopeBias,
+    SensorKind::DeviceOrientation,
+    SensorKind::Position,
+    SensorKind::Velocity,
+    SensorKind::Pressure,
+    SensorKind::CompassHeading,
+    SensorKind::Reference,
+    SensorKind::GnssPosition,
+    SensorKind::GnssVelocity,
+    SensorKind::ForwardSpeed,
+    SensorKind::WaterVelocity,
+    SensorKind::TrueHeading,
+    SensorKind::ReferencePosition,
+    SensorKind::ReferenceVelocity,
+];
+
+/// The byte of a sensor.
+const fn code(kind: SensorKind) -> u8 {
+    match kind {
+        SensorKind::Reference => 10,
+        kind if kind.order() < 10 => kind.order() as u8,
+        kind => kind.order() as u8 + 1,
+    }
+}
 
 /// The events as bytes.
 #[must_use]
@@ -28,7 +60,7 @@ pub fn encode(events: &[Event]) -> Vec<u8> {
             event.sample,
             Sample::Reference(Reference { scored: true, .. })
         );
-        bytes.push(event.sample.kind().order() as u8);
+        bytes.push(code(event.sample.kind()));
         bytes.push(u8::from(scored));
         bytes.extend_from_slice(&event.time_ns.to_le_bytes());
         for number in &numbers[..count] {
@@ -63,7 +95,7 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<Event>, WireError> {
 
 fn next(rest: &mut &[u8]) -> Option<Event> {
     let [sensor, flag] = take::<2>(rest)?;
-    let kind = *SensorKind::ALL.get(usize::from(sensor))?;
+    let kind = *CODES.get(usize::from(sensor))?;
     let time_ns = i64::from_le_bytes(take(rest)?);
     let sample = match kind {
         SensorKind::DeviceOrientation => Sample::DeviceOrientation(quaternion(rest)?),
@@ -71,14 +103,13 @@ fn next(rest: &mut &[u8]) -> Option<Event> {
             attitude: quaternion(rest)?,
             scored: flag != 0,
         }),
-        SensorKind::Pressure => Sample::Pressure(number(rest)?),
-        SensorKind::CompassHeading => Sample::CompassHeading(CompassHeading {
-            heading_rad: number(rest)?,
-            std_rad: number(rest)?,
-        }),
         _ => {
-            let v = Vector3::new(number(rest)?, number(rest)?, number(rest)?);
-            Sample::from_vector(kind, v)?
+            let mut row = [0.0; numbers::MOST];
+            let row = &mut row[..numbers::widths(kind).0];
+            for value in row.iter_mut() {
+                *value = number(rest)?;
+            }
+            numbers::sample(kind, row, true)?
         }
     };
     Some(Event { time_ns, sample })
@@ -104,18 +135,66 @@ fn quaternion(rest: &mut &[u8]) -> Option<UnitQuaternion<f64>> {
     Some(quaternion_from_file(w, x, y, z))
 }
 
-fn numbers(sample: &Sample) -> ([f64; 4], usize) {
-    let of = |q: &UnitQuaternion<f64>| ([q.w, q.i, q.j, q.k], 4);
-    match sample {
-        Sample::DeviceOrientation(q) => of(q),
-        Sample::Reference(reference) => of(&reference.attitude),
-        other => crate::writer::numbers(other),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::{CompassHeading, TrueHeading, WaterVelocity};
+    use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
+    use nalgebra::Vector3;
+
+    /// Samples with and without what may be absent.
+    fn navigation() -> Vec<Event> {
+        let full = GnssPosition {
+            latitude_rad: 0.7,
+            longitude_rad: -1.0 / 3.0,
+            height_m: Some(-1.5),
+            std_m: Some([0.01, 0.02, 0.03]),
+            hdop: Some(0.9),
+            satellites: Some(21),
+            quality: GnssQuality::RtkFloat,
+        };
+        let bare = GnssPosition {
+            height_m: None,
+            std_m: None,
+            hdop: None,
+            satellites: None,
+            quality: GnssQuality::Unknown,
+            ..full
+        };
+        let velocity = GnssVelocity {
+            north_m_s: 1.0,
+            east_m_s: -2.0,
+            down_m_s: None,
+            std_m_s: None,
+        };
+        let samples = [
+            Sample::GnssPosition(full),
+            Sample::ReferencePosition(bare),
+            Sample::GnssVelocity(velocity),
+            Sample::GnssVelocity(GnssVelocity {
+                down_m_s: Some(0.1),
+                std_m_s: Some([0.1; 3]),
+                ..velocity
+            }),
+            Sample::ForwardSpeed(-0.5),
+            Sample::WaterVelocity(WaterVelocity {
+                forward_m_s: 4.0,
+                starboard_m_s: None,
+            }),
+            Sample::TrueHeading(TrueHeading {
+                heading_rad: 6.0,
+                std_rad: Some(0.01),
+            }),
+        ];
+        samples.map(|sample| event(3, sample)).to_vec()
+    }
+
+    #[test]
+    fn every_sensor_has_one_byte_of_its_own() {
+        for (place, kind) in CODES.into_iter().enumerate() {
+            assert_eq!(usize::from(code(kind)), place);
+        }
+    }
 
     fn event(time_ns: i64, sample: Sample) -> Event {
         Event { time_ns, sample }
@@ -139,6 +218,7 @@ mod tests {
             std_rad,
         };
         events.push(event(7, Sample::CompassHeading(heading)));
+        events.extend(navigation());
         for scored in [true, false] {
             let reference = Reference {
                 attitude: q,
