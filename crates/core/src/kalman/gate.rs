@@ -77,6 +77,32 @@ impl<T: Scalar> Gate<T> {
     }
 }
 
+/// A gate for measurements that come seldom: it refuses a number of them in a row, and then believes
+/// them instead of the state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CountedGate {
+    rejected: u8,
+}
+
+impl CountedGate {
+    /// Decides about a measurement with normalised innovation squared `nis`. Above `threshold` (zero: no
+    /// gate) it is refused, `most` times in a row; the next one is let in with `Inflate(nis / threshold)`,
+    /// and what is to be inflated is the caller's choice.
+    #[inline]
+    pub fn decide<T: Scalar>(&mut self, nis: T, threshold: T, most: u8) -> GateDecision<T> {
+        if threshold <= T::zero() || nis <= threshold {
+            self.rejected = 0;
+            GateDecision::Accept
+        } else if self.rejected >= most {
+            self.rejected = 0;
+            GateDecision::Inflate(nis / threshold)
+        } else {
+            self.rejected += 1;
+            GateDecision::Reject
+        }
+    }
+}
+
 /// Chi-square quantiles for gates and bands, by degrees of freedom: 95 %, 99 %, 99.9 %.
 pub const CHI_SQUARE: [(u8, [f64; 3]); 3] = [
     (1, [3.841_459, 6.634_897, 10.827_566]),
@@ -116,6 +142,21 @@ mod tests {
             GateDecision::Reject,
             "the clock starts again"
         );
+    }
+
+    #[test]
+    fn a_counted_gate_refuses_so_many_in_a_row_and_then_believes() {
+        let mut gate = CountedGate::default();
+        for _ in 0..3 {
+            assert_eq!(gate.decide(28.0, 14.0, 3), GateDecision::Reject);
+        }
+        assert_eq!(gate.decide(28.0, 14.0, 3), GateDecision::Inflate(2.0));
+        assert_eq!(gate.decide(28.0, 14.0, 3), GateDecision::Reject);
+        assert_eq!(gate.decide(1.0, 14.0, 3), GateDecision::Accept);
+        for _ in 0..3 {
+            assert_eq!(gate.decide(28.0, 14.0, 3), GateDecision::Reject);
+        }
+        assert_eq!(gate.decide(28.0, 0.0, 3), GateDecision::Accept, "no gate");
     }
 
     #[test]

@@ -9,5 +9,5 @@ pub mod scalar_update;
 pub mod sparse_update;
 
 pub use feedback::{ErrorFeedback, ErrorPropagation, OutsideCorrection, ScalarCorrection};
-pub use gate::{Gate, GateDecision, GateState};
+pub use gate::{CountedGate, Gate, GateDecision, GateState};
 pub use innovation::{Innovation, Outcome, SkipReason};

@@ -11,31 +11,31 @@ use nalgebra::{SMatrix, SVector};
 use super::covariance::cholesky;
 use crate::scalar::Scalar;
 
-/// Most elements of a row: three of an attitude, three of an offset.
+/// Most elements of a row, if nothing else is said: three of an attitude, three of an offset.
 pub const MOST_ELEMENTS: usize = 6;
 
-/// A measurement row: pairs of state and element; everything else is zero.
+/// A measurement row of up to `E` elements: pairs of state and element; everything else is zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SparseRow<T> {
-    elements: [(usize, T); MOST_ELEMENTS],
+pub struct SparseRow<T, const E: usize = MOST_ELEMENTS> {
+    elements: [(usize, T); E],
     len: usize,
 }
 
-impl<T: Scalar> Default for SparseRow<T> {
+impl<T: Scalar, const E: usize> Default for SparseRow<T, E> {
     fn default() -> Self {
-        let elements = [(0, T::zero()); MOST_ELEMENTS];
+        let elements = [(0, T::zero()); E];
         Self { elements, len: 0 }
     }
 }
 
-impl<T: Scalar> SparseRow<T> {
+impl<T: Scalar, const E: usize> SparseRow<T, E> {
     /// The row that sees one state as it is.
     #[inline]
     pub fn of_state(state: usize) -> Self {
         Self::default().with(state, T::one())
     }
 
-    /// With one more element; beyond [`MOST_ELEMENTS`] there is none.
+    /// With one more element; beyond `E` there is none.
     #[inline]
     #[must_use]
     pub fn with(mut self, state: usize, h: T) -> Self {
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn a_row_holds_six_elements() {
-        let mut row = SparseRow::default();
+        let mut row = SparseRow::<f64>::default();
         for state in 0..8 {
             row = row.with(state, 1.0);
         }

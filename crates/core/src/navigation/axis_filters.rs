@@ -28,6 +28,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
+pub use crate::navigation::validity::Validity;
+use crate::navigation::validity::ValidityLimits;
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval of a propagation, s.
@@ -39,13 +41,6 @@ const LARGEST: [f64; 3] = [1e10, 1e6, 100.0];
 const OUTLIER_NIS: f64 = 13.8;
 /// ... unless so many came in a row: then the state is what is wrong.
 const OUTLIERS_BELIEVED: u8 = 5;
-/// After so long without a fix the position is dead reckoning, s.
-pub const DEAD_RECKONING_AFTER_S: f64 = 2.0;
-/// After so long, or above this standard deviation (m), it is not worth to be called a position.
-pub const INVALID_AFTER_S: f64 = 30.0;
-/// See [`INVALID_AFTER_S`].
-pub const INVALID_ABOVE_M: f64 = 50.0;
-
 /// Which noise stands where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(
@@ -210,19 +205,6 @@ fn capped<T: Scalar>(p: &Matrix3<T>) -> Matrix3<T> {
     (scaled + scaled.transpose()) * lit::<T>(0.5)
 }
 
-/// What a position is worth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Validity {
-    /// No fix has come yet.
-    Waiting,
-    /// Fixes come.
-    Aided,
-    /// None for longer than [`DEAD_RECKONING_AFTER_S`]: accelerations alone.
-    DeadReckoning,
-    /// None for longer than [`INVALID_AFTER_S`], or the stated error is above [`INVALID_ABOVE_M`].
-    Invalid,
-}
-
 /// The three filters: north, east, down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PositionAxisFilters<T: Scalar> {
@@ -253,7 +235,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
         })
     }
 
-    /// North, east and down, each with its covariance; meaningless while [`Validity::Waiting`].
+    /// North, east and down, each with its covariance; meaningless while [`Validity::Aligning`].
     pub fn axes(&self) -> &[PositionAxis<T>; 3] {
         &self.axes
     }
@@ -270,17 +252,9 @@ impl<T: Scalar> PositionAxisFilters<T> {
 
     /// What the position is worth.
     pub fn validity(&self) -> Validity {
-        let Some(since) = self.since_fix else {
-            return Validity::Waiting;
-        };
         let [north, east, _] = self.axes.map(|axis| axis.covariance.m11);
-        if since > lit(INVALID_AFTER_S) || (north.max(east)).sqrt() > lit(INVALID_ABOVE_M) {
-            Validity::Invalid
-        } else if since > lit(DEAD_RECKONING_AFTER_S) {
-            Validity::DeadReckoning
-        } else {
-            Validity::Aided
-        }
+        let variance = north.max(east);
+        ValidityLimits::default().judge(self.since_fix, variance)
     }
 
     /// Moves on by `dt` seconds with the specific force (m/s^2, body axes forward, right, down) at the

@@ -32,10 +32,12 @@
 //! up or down is undefined.
 
 mod aiding;
+mod sparse;
 
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 pub use aiding::{GnssCompassFix, GnssCompassUpdate};
+pub use sparse::{Measurement, REJECTIONS_BELIEVED, ROW_ELEMENTS, Row, SIDE};
 
 use super::transition::{ErrorTransition, ProcessNoise};
 use super::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION, STATES, VELOCITY};
@@ -246,6 +248,20 @@ impl<T: Scalar> ErrorStateFilter<T> {
         let noise = self.process_noise();
         transition.propagate_covariance(&mut self.state.covariance, &noise);
         transition
+    }
+
+    /// Goes on by `duration` (s) without inertial samples: the velocity is held, and attitude and velocity walk at
+    /// random by `walks` (rad/sqrt(s) and m/s/sqrt(s)). The covariance must have caught up.
+    pub(super) fn hold_velocity(&mut self, duration: T, [attitude, velocity]: [T; 2]) {
+        let transition = ErrorTransition::without_samples(duration);
+        let noise = ProcessNoise {
+            gyroscope: attitude * attitude,
+            accelerometer: velocity * velocity,
+            ..self.process_noise()
+        };
+        let state = &mut self.state;
+        state.position += state.velocity * duration;
+        transition.propagate_covariance(&mut state.covariance, &noise);
     }
 
     /// The covariance that `transition` would make of the present one: a look ahead that changes

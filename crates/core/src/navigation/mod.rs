@@ -4,6 +4,7 @@
 //! | estimator | file | error states | when |
 //! |---|---|---|---|
 //! | [`ErrorStateFilter`] | `error_state.rs` | attitude, velocity, position, two biases | GNSS compass, tangent plane |
+//! | [`GnssIns`] | `gnss_ins.rs` | the same, and up to seven beside | an inertial unit and a receiver, stamped, start to outage |
 //! | [`Cascade`] | `cascade.rs` | none | positions behind any attitude estimator; fixed gains |
 //! | [`axis_filters::PositionAxisFilters`] | `axis_filters.rs` | three an axis | the smallest there is, on a chip |
 //!
@@ -11,14 +12,22 @@
 //! constant and points down; Earth's rotation is left out. Both are small against the noise of the
 //! sensors this is meant for within some tens of kilometres.
 
+pub mod aiding;
 pub mod axis_filters;
 pub mod cascade;
 pub mod error_state;
+pub mod gnss_ins;
+pub mod history;
+pub mod side_states;
 pub mod transition;
+pub mod validity;
 
 pub use cascade::{Cascade, CascadeConfig, CascadeState};
 pub use error_state::{ErrorStateConfig, ErrorStateFilter, GnssCompassFix, NavigationState};
+pub use gnss_ins::{GnssIns, GnssInsConfig};
+pub use side_states::SideStates;
 pub use transition::ErrorTransition;
+pub use validity::{Validity, ValidityLimits};
 
 /// Number of error states: `[dpsi, dv, dp, db_a, db_g]`, three each.
 pub const STATES: usize = 15;

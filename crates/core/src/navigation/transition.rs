@@ -88,6 +88,14 @@ impl<T: Scalar> ErrorTransition<T> {
         self.duration
     }
 
+    /// An interval of which nothing is known but its length: the velocity goes on, and attitude and force stay out.
+    pub(super) fn without_samples(duration: T) -> Self {
+        Self {
+            duration,
+            ..Self::default()
+        }
+    }
+
     /// Multiplies one inertial sample of `dt` seconds into the transition (E6), given body axes
     /// and specific force in NED at its middle. Integrals are trapezoids, which is exact for what
     /// is constant over a sample.

@@ -102,10 +102,10 @@ fn a_fix_counts_once_however_often_it_is_held() {
 fn silence_makes_it_dead_reckoning_and_then_nothing() {
     let level = Vector3::new(0.0, 0.0, -G);
     let mut f = filters(PositionAxisConfig::default());
-    assert_eq!(f.validity(), Validity::Waiting);
+    assert_eq!(f.validity(), Validity::Aligning);
     f.propagate(&UnitQuaternion::identity(), &level, G, DT)
         .unwrap();
-    assert_eq!(f.validity(), Validity::Waiting);
+    assert_eq!(f.validity(), Validity::Aligning);
     f.update_position(1, &Vector3::zeros());
     assert_eq!(f.validity(), Validity::Aided);
     let mut before = f.axes()[0].covariance.m11;

@@ -1,0 +1,36 @@
+//! What aids the inertial navigation, one file each: what was measured, and the rows that it makes.
+//!
+//! Each file has a function from the state at the instant of validity ([`Instant`]) to a
+//! [`Measurement`](super::error_state::Measurement), free of side effects, so that its Jacobian can be held
+//! against dual numbers. [`ErrorStateFilter::fuse_sparse`](super::ErrorStateFilter::fuse_sparse) does the rest.
+//!
+//! | file | measures |
+//! |---|---|
+//! | `gnss_position.rs` | position of an antenna off the unit |
+//! | `gnss_velocity.rs` | its velocity |
+//! | `heading.rs` | heading from a gyrocompass, a dual antenna or a magnetometer |
+//! | `barometer.rs` | height, up to a slow offset |
+//! | `zero_velocity.rs` | that the body stands |
+//! | `body_velocity.rs` | that a vehicle does not move sideways; its speed from wheels or a log |
+
+pub mod barometer;
+pub mod body_velocity;
+pub mod gnss_position;
+pub mod gnss_velocity;
+pub mod heading;
+pub mod zero_velocity;
+
+use nalgebra::Vector3;
+
+use super::error_state::Row;
+use crate::scalar::Scalar;
+
+/// Adds the elements of row `i` of `-[v]x` for the attitude error: what turning a vector `v` (NED) does to its
+/// component `i`.
+fn with_turned<T: Scalar>(row: Row<T>, v: &Vector3<T>, i: usize) -> Row<T> {
+    match i {
+        0 => row.with(1, v.z).with(2, -v.y),
+        1 => row.with(0, -v.z).with(2, v.x),
+        _ => row.with(0, v.y).with(1, -v.x),
+    }
+}

@@ -1,0 +1,168 @@
+//! Alignment: level from the standstill, heading from whatever tells it first.
+//!
+//! From the first sample on, the attitude against an arbitrary heading is kept by integrating the gyroscope, and
+//! levelled whenever the unit stands. What tells the heading (a setting, a magnetometer, a compass, the course
+//! once it moves) fixes the one angle between that arbitrary north and the true one: it holds for the time before
+//! as well as after. Without a standstill the mean force of the first seconds has to do.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::stillness::Window;
+use crate::geometry::{rotation, so3};
+use crate::navigation::aiding::heading::wrapped;
+use crate::scalar::{Scalar, lit};
+
+/// Tilt after levelling at rest (rad): 1 degree of accelerometer bias.
+const TILT_STD_AT_REST: f64 = 0.02;
+/// Tilt after levelling in motion (rad): 1 m/s^2 of acceleration.
+const TILT_STD_MOVING: f64 = 0.1;
+/// Seconds that are averaged for levelling in motion.
+const MOVING_AVERAGE_S: f64 = 2.0;
+/// Once levelled, gravity does not tilt without a turn: by more (rad) it is an acceleration ...
+const LARGEST_TILT_CHANGE: f64 = 0.03;
+/// ... unless it lasts for more windows than a vehicle pulls away.
+const PULLING_WINDOWS: u32 = 20;
+/// Share of a window in the average of the gyroscope bias at rest.
+const LEAST_SHARE: f64 = 0.05;
+/// How far a gyroscope bias may be from its average at rest, rad/s.
+const BIAS_STD_AT_REST: f64 = 0.002;
+
+/// The attitude on the way to a start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Alignment<T: Scalar> {
+    /// Attitude against level axes of arbitrary heading.
+    level_from_body: UnitQuaternion<T>,
+    /// Standard deviation of its tilt; `None` until levelled.
+    tilt_std: Option<T>,
+    bias: Vector3<T>,
+    still_windows: u32,
+    /// Windows in a row in which gravity seemed to tilt without a turn: a steady pull, not a standstill.
+    tilted_windows: u32,
+    /// Whether the last window was still.
+    pub(super) is_still: bool,
+    /// Specific force summed in level axes, and for how long.
+    force_sum: Vector3<T>,
+    force_time: T,
+    /// Angle from arbitrary to true north, and its standard deviation.
+    heading: Option<[T; 2]>,
+}
+
+impl<T: Scalar> Default for Alignment<T> {
+    fn default() -> Self {
+        Self {
+            level_from_body: UnitQuaternion::identity(),
+            tilt_std: None,
+            bias: Vector3::zeros(),
+            still_windows: 0,
+            tilted_windows: 0,
+            is_still: false,
+            force_sum: Vector3::zeros(),
+            force_time: T::zero(),
+            heading: None,
+        }
+    }
+}
+
+/// What to start from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Aligned<T: Scalar> {
+    pub(super) ned_from_body: UnitQuaternion<T>,
+    pub(super) tilt_std: T,
+    pub(super) heading_std: T,
+    pub(super) gyroscope_bias: Vector3<T>,
+    /// `None` when it never stood.
+    pub(super) gyroscope_bias_std: Option<T>,
+}
+
+impl<T: Scalar> Alignment<T> {
+    /// Takes a sample that held over `dt`.
+    pub(super) fn propagate(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
+        let turn = so3::exp(&((rate - self.bias) * dt));
+        self.level_from_body = rotation::renormalize(&(self.level_from_body * turn));
+        if self.tilt_std.is_none() {
+            self.force_sum += self.level_from_body * force * dt;
+            self.force_time += dt;
+            if self.force_time >= lit(MOVING_AVERAGE_S) {
+                self.level(&self.force_sum.clone_owned());
+                self.tilt_std = Some(lit(TILT_STD_MOVING));
+            }
+        }
+    }
+
+    /// Takes a finished window.
+    pub(super) fn window(&mut self, window: &Window<T>) {
+        let force = self.level_from_body * window.mean_force;
+        let tilted = force.xy().norm() > force.norm() * lit(LARGEST_TILT_CHANGE);
+        self.tilted_windows = if window.is_still && tilted && self.still_windows > 0 {
+            self.tilted_windows.saturating_add(1)
+        } else {
+            0
+        };
+        let pulling = (1..=PULLING_WINDOWS).contains(&self.tilted_windows);
+        self.is_still = window.is_still && !pulling;
+        if !self.is_still {
+            return;
+        }
+        self.still_windows = self.still_windows.saturating_add(1);
+        let share = T::one() / lit(f64::from(self.still_windows));
+        self.bias += (window.mean_rate - self.bias) * share.max(lit(LEAST_SHARE));
+        self.level(&force);
+        self.tilt_std = Some(lit(TILT_STD_AT_REST));
+    }
+
+    /// Turns the shortest way until `force` (level axes) points up; the heading stays as arbitrary as it was.
+    fn level(&mut self, force: &Vector3<T>) {
+        let up = -Vector3::z();
+        let axis = force.cross(&up);
+        let angle = axis.norm().atan2(force.dot(&up));
+        let length = axis.norm();
+        let turn = if length > lit(1e-9) {
+            axis * (angle / length)
+        } else if force.z > T::zero() {
+            Vector3::x() * T::pi()
+        } else {
+            Vector3::zeros()
+        };
+        self.level_from_body = rotation::renormalize(&(so3::exp(&turn) * self.level_from_body));
+    }
+
+    /// Attitude in level axes of arbitrary heading, once levelled.
+    pub(super) fn level_from_body(&self) -> Option<UnitQuaternion<T>> {
+        self.tilt_std.map(|_| self.level_from_body)
+    }
+
+    /// Heading of the forward axis against arbitrary north, once levelled.
+    pub(super) fn arbitrary_heading(&self) -> Option<T> {
+        let forward = self.level_from_body()? * Vector3::x();
+        let horizontal = forward.x * forward.x + forward.y * forward.y;
+        (horizontal > lit(0.01)).then(|| forward.y.atan2(forward.x))
+    }
+
+    /// Takes the true heading (rad) of the forward axis now, unless a better one is known.
+    pub(super) fn heading(&mut self, heading: T, std: T) {
+        if let Some(arbitrary) = self.arbitrary_heading() {
+            self.offset(heading - arbitrary, std);
+        }
+    }
+
+    /// Takes the angle (rad) from arbitrary to true north, unless a better one is known.
+    pub(super) fn offset(&mut self, angle: T, std: T) {
+        if self.heading.is_none_or(|[_, known]| std < known) && angle.is_finite() {
+            self.heading = Some([wrapped(angle), std]);
+        }
+    }
+
+    /// What to start from, once level and heading are known.
+    pub(super) fn finish(&self) -> Option<Aligned<T>> {
+        let [angle, heading_std] = self.heading?;
+        let tilt_std = self.tilt_std?;
+        let stood = self.still_windows > 0;
+        Some(Aligned {
+            ned_from_body: so3::exp(&(Vector3::z() * angle)) * self.level_from_body,
+            tilt_std,
+            heading_std,
+            gyroscope_bias: self.bias,
+            gyroscope_bias_std: stood.then(|| lit(BIAS_STD_AT_REST)),
+        })
+    }
+}

@@ -1,0 +1,257 @@
+//! Settings of the GNSS/INS; the defaults serve every case of `docs/results/navigation.md`.
+
+use crate::navigation::validity::ValidityLimits;
+use crate::scalar::{Scalar, lit};
+
+/// What one inertial sample is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
+pub enum ImuSamples {
+    /// Read at its stamp, as most sensors do: the mean of two samples stands for the time between them.
+    #[default]
+    Instants,
+    /// The mean since the sample before: increments divided by their interval.
+    Means,
+}
+
+/// Settings; angles in radians, vectors in body axes (forward, right, down).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(
+        default,
+        deny_unknown_fields,
+        bound(
+            serialize = "T: serde::Serialize",
+            deserialize = "T: Scalar + serde::Deserialize<'de>"
+        )
+    )
+)]
+pub struct GnssInsConfig<T: Scalar> {
+    /// What one inertial sample is, default `instants`.
+    pub imu_samples: ImuSamples,
+    /// White noise of the accelerometer as a density, (m/s^2)/sqrt(Hz). Raising it follows fixes more quickly and
+    /// grows faster in an outage.
+    pub accelerometer_noise_density: T,
+    /// White noise of the gyroscope as a density, (rad/s)/sqrt(Hz).
+    pub gyroscope_noise_density: T,
+    /// Random walk of the accelerometer bias, (m/s^2)/sqrt(s). Raising it lets the bias move.
+    pub accelerometer_bias_random_walk: T,
+    /// Random walk of the gyroscope bias, (rad/s)/sqrt(s).
+    pub gyroscope_bias_random_walk: T,
+    /// Standard deviation of the accelerometer bias at the start, m/s^2.
+    pub accelerometer_bias_std: T,
+    /// Standard deviation of the gyroscope bias at the start, rad/s, when it never stood still; default 0.02.
+    pub gyroscope_bias_std: T,
+    /// Gravity, m/s^2, default 9.80665. Take [`crate::earth::normal_gravity`] of the place, unless the
+    /// accelerometer is scaled in units of standard gravity.
+    pub gravity: T,
+    /// Earth rate in NED (rad/s), default zero: left out. [`crate::earth::earth_rate_ned`] of the place also
+    /// brings in Coriolis force. Worth it for gyroscopes better than some 10 deg/h.
+    pub earth_rate_rad_s: [T; 3],
+    /// From the unit to the antenna, m, default zero.
+    pub lever_arm_m: [T; 3],
+    /// How long before its stamp a position was valid, s, default 0; negative when it was valid after it.
+    pub position_latency_s: T,
+    /// The same of a velocity, default 0.
+    pub velocity_latency_s: T,
+    /// Standard deviation of what both latencies are off by, s, default 0: not estimated. Raising it learns a
+    /// time offset from accelerations and turns.
+    pub time_offset_std_s: T,
+    /// Jitter of the stamps between the two clocks, s: adds speed times jitter to the noise of a position.
+    pub time_jitter_s: T,
+    /// Share of a position's stated standard deviation that changes from fix to fix.
+    pub position_white_share: T,
+    /// Share of it that goes on from fix to fix, as receivers' errors do; 0: none is estimated. Raising it believes
+    /// the mean of many fixes less.
+    pub position_slow_share: T,
+    /// For how long it goes on, s, default 60.
+    pub position_slow_time_s: T,
+    /// Least standard deviation of a position, m.
+    pub position_std_floor_m: T,
+    /// Least standard deviation of a velocity, m/s.
+    pub velocity_std_floor_m_s: T,
+    /// Standard deviation of a magnetometer's heading, rad, default 0.09 (5 degrees).
+    pub magnetic_heading_std: T,
+    /// Magnetic declination, rad, east positive, default 0.
+    pub declination: T,
+    /// Standard deviation of a barometer's height from sample to sample, m, default 0.5.
+    pub barometer_std_m: T,
+    /// Random walk of its offset, m/sqrt(s), default 0.02.
+    pub barometer_offset_random_walk: T,
+    /// Whether zero velocity is fused when the unit is found at rest, default no.
+    pub zero_velocity: bool,
+    /// Whether the vehicle is taken not to move sideways or up and down, default no. Only for what rolls on wheels.
+    pub non_holonomic: bool,
+    /// Standard deviation of its sideways and vertical velocity, m/s, taken at 5 Hz.
+    pub non_holonomic_std_m_s: T,
+    /// From the unit to the point that does not move sideways (middle of the rear axle), m, default zero.
+    pub vehicle_arm_m: [T; 3],
+    /// Standard deviation of pitch and yaw of the mount, rad, default 0.12 (7 degrees).
+    pub mount_std: T,
+    /// True heading at the start (rad) and its standard deviation, if known.
+    pub initial_heading: Option<[T; 2]>,
+    /// Standard deviation of heading against course at the start, rad: crab and mount. Default 0.15.
+    pub course_std: T,
+    /// How the attitude wanders while there are no inertial samples, rad/sqrt(s), default 0.3.
+    pub gap_attitude_random_walk: T,
+    /// How the velocity wanders then, m/s/sqrt(s), default 2.
+    pub gap_velocity_random_walk: T,
+    /// When a position is dead reckoning, and when it is nothing.
+    pub validity: ValidityLimits<T>,
+}
+
+impl<T: Scalar> Default for GnssInsConfig<T> {
+    fn default() -> Self {
+        Self {
+            imu_samples: ImuSamples::Instants,
+            accelerometer_noise_density: lit(0.03),
+            gyroscope_noise_density: lit(1e-3),
+            accelerometer_bias_random_walk: lit(1e-3),
+            gyroscope_bias_random_walk: lit(3e-5),
+            accelerometer_bias_std: lit(0.15),
+            gyroscope_bias_std: lit(0.02),
+            gravity: lit(9.806_65),
+            earth_rate_rad_s: [T::zero(); 3],
+            lever_arm_m: [T::zero(); 3],
+            position_latency_s: T::zero(),
+            velocity_latency_s: T::zero(),
+            time_offset_std_s: T::zero(),
+            time_jitter_s: lit(0.003),
+            position_white_share: lit(0.7),
+            position_slow_share: lit(0.7),
+            position_slow_time_s: lit(60.0),
+            position_std_floor_m: lit(0.01),
+            velocity_std_floor_m_s: lit(0.05),
+            magnetic_heading_std: lit(0.09),
+            declination: T::zero(),
+            barometer_std_m: lit(0.5),
+            barometer_offset_random_walk: lit(0.02),
+            zero_velocity: false,
+            non_holonomic: false,
+            non_holonomic_std_m_s: lit(0.3),
+            vehicle_arm_m: [T::zero(); 3],
+            mount_std: lit(0.12),
+            initial_heading: None,
+            course_std: lit(0.15),
+            gap_attitude_random_walk: lit(0.3),
+            gap_velocity_random_walk: lit(2.0),
+            validity: ValidityLimits::default(),
+        }
+    }
+}
+
+impl<T: Scalar> GnssInsConfig<T> {
+    /// Name of the first setting that makes no sense: not finite, negative where that means nothing, or beyond
+    /// any sensor.
+    pub fn senseless(&self) -> Option<&'static str> {
+        let within = |x: T, limit: f64| x >= T::zero() && x <= lit(limit);
+        let above = |x: T, limit: f64| x > T::zero() && x <= lit(limit);
+        let finite = |v: &[T; 3], limit: f64| v.iter().all(|x| x.abs() <= lit(limit));
+        let (rest, limits) = (lit::<T>(1e9), &self.validity);
+        let checks = [
+            (
+                "accelerometer_noise_density",
+                above(self.accelerometer_noise_density, 10.0),
+            ),
+            (
+                "gyroscope_noise_density",
+                above(self.gyroscope_noise_density, 1.0),
+            ),
+            (
+                "accelerometer_bias_random_walk",
+                within(self.accelerometer_bias_random_walk, 1.0),
+            ),
+            (
+                "gyroscope_bias_random_walk",
+                within(self.gyroscope_bias_random_walk, 1.0),
+            ),
+            (
+                "accelerometer_bias_std",
+                above(self.accelerometer_bias_std, 10.0),
+            ),
+            ("gyroscope_bias_std", above(self.gyroscope_bias_std, 1.0)),
+            ("gravity", within(self.gravity, 100.0)),
+            ("earth_rate_rad_s", finite(&self.earth_rate_rad_s, 1e-3)),
+            ("lever_arm_m", finite(&self.lever_arm_m, 100.0)),
+            (
+                "position_latency_s",
+                self.position_latency_s.abs() <= lit(2.0),
+            ),
+            (
+                "velocity_latency_s",
+                self.velocity_latency_s.abs() <= lit(2.0),
+            ),
+            ("time_offset_std_s", within(self.time_offset_std_s, 1.0)),
+            ("time_jitter_s", within(self.time_jitter_s, 1.0)),
+            (
+                "position_white_share",
+                above(self.position_white_share, 100.0),
+            ),
+            (
+                "position_slow_share",
+                within(self.position_slow_share, 100.0),
+            ),
+            (
+                "position_slow_time_s",
+                above(self.position_slow_time_s, 1e6),
+            ),
+            (
+                "position_std_floor_m",
+                above(self.position_std_floor_m, 1e3),
+            ),
+            (
+                "velocity_std_floor_m_s",
+                above(self.velocity_std_floor_m_s, 1e3),
+            ),
+            (
+                "magnetic_heading_std",
+                above(self.magnetic_heading_std, 10.0),
+            ),
+            ("declination", self.declination.abs() <= lit(4.0)),
+            ("barometer_std_m", above(self.barometer_std_m, 1e3)),
+            (
+                "barometer_offset_random_walk",
+                within(self.barometer_offset_random_walk, 1e3),
+            ),
+            (
+                "non_holonomic_std_m_s",
+                above(self.non_holonomic_std_m_s, 1e3),
+            ),
+            ("vehicle_arm_m", finite(&self.vehicle_arm_m, 100.0)),
+            ("mount_std", within(self.mount_std, 1.0)),
+            (
+                "initial_heading",
+                self.initial_heading
+                    .is_none_or(|[heading, std]| heading.abs() <= lit(10.0) && above(std, 10.0)),
+            ),
+            ("course_std", above(self.course_std, 1.0)),
+            (
+                "gap_attitude_random_walk",
+                within(self.gap_attitude_random_walk, 100.0),
+            ),
+            (
+                "gap_velocity_random_walk",
+                within(self.gap_velocity_random_walk, 1e3),
+            ),
+            (
+                "validity.dead_reckoning_after_s",
+                limits.dead_reckoning_after_s > T::zero(),
+            ),
+            (
+                "validity.invalid_after_s",
+                limits.invalid_after_s > T::zero(),
+            ),
+            (
+                "validity.invalid_above_m",
+                limits.invalid_above_m > T::zero() && limits.invalid_above_m < rest,
+            ),
+        ];
+        checks.iter().find(|(_, good)| !good).map(|(name, _)| *name)
+    }
+}

@@ -1,0 +1,233 @@
+//! The start: what was seen of fixes during alignment, and the state that it makes.
+
+use nalgebra::{SMatrix, Vector3};
+
+use super::{Aid, GnssIns, seconds};
+use crate::navigation::aiding::gnss_position::GnssPosition;
+use crate::navigation::aiding::gnss_velocity::GnssVelocity;
+use crate::navigation::side_states::{
+    GNSS_OFFSET, MOUNT_PITCH, MOUNT_YAW, SideStates, TIME_OFFSET,
+};
+use crate::navigation::{
+    ACCELEROMETER_BIAS, ATTITUDE, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION,
+    VELOCITY,
+};
+use crate::scalar::{Scalar, lit};
+
+/// A fix is fresh enough to start from for so long, s.
+const FRESH_S: f64 = 1.5;
+/// A course is a heading when the velocity is so many times its standard deviation, and so fast (m/s).
+const COURSE_OVER_STD: f64 = 8.0;
+const LEAST_COURSE_SPEED: f64 = 1.0;
+/// A chord of two positions is one when it is so many times the standard deviation of a position.
+const CHORD_OVER_STD: f64 = 3.0;
+/// Two positions make a velocity when they are not further apart than so many seconds.
+const LONGEST_CHORD_S: f64 = 3.0;
+/// Speed (m/s) below which a receiver does not contradict a standstill, and that of a standstill.
+const STANDING_SPEED: f64 = 0.5;
+const STANDING_STD: f64 = 0.1;
+/// Standard deviation of a velocity of which nothing is known, m/s.
+const UNKNOWN_VELOCITY_STD: f64 = 10.0;
+
+/// A fix and when it was taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Stamped<T: Scalar> {
+    time_ns: i64,
+    ned: Vector3<T>,
+    std: Vector3<T>,
+    /// Heading of the body then, against arbitrary north.
+    heading: Option<T>,
+}
+
+/// The last fixes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen<T: Scalar> {
+    position: Option<Stamped<T>>,
+    velocity: Option<Stamped<T>>,
+    /// Velocity from the last two positions.
+    difference: Option<Stamped<T>>,
+}
+
+impl<T: Scalar> Default for Seen<T> {
+    fn default() -> Self {
+        Self {
+            position: None,
+            velocity: None,
+            difference: None,
+        }
+    }
+}
+
+impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+    /// Sees a position during alignment; two of them make a velocity and a course.
+    pub(super) fn see_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) {
+        let heading = self.aligning.as_ref().and_then(|a| a.arbitrary_heading());
+        let fresh = Stamped {
+            time_ns,
+            ned: fix.ned,
+            std: fix.std,
+            heading,
+        };
+        if let Some(before) = self.seen.position.replace(fresh) {
+            self.see_chord(&before, &fresh);
+        }
+    }
+
+    fn see_chord(&mut self, before: &Stamped<T>, after: &Stamped<T>) {
+        let dt: T = seconds(before.time_ns, after.time_ns);
+        if !(dt > lit(0.05) && dt < lit(LONGEST_CHORD_S)) {
+            return;
+        }
+        let chord = after.ned - before.ned;
+        let std = (before.std + after.std) * lit::<T>(core::f64::consts::FRAC_1_SQRT_2);
+        self.seen.difference = Some(Stamped {
+            time_ns: after.time_ns,
+            ned: chord / dt,
+            // Twice: the vehicle may also have changed its speed.
+            std: std / dt + Vector3::repeat(T::one()),
+            heading: None,
+        });
+        let length = chord.xy().norm();
+        let across = std.x.max(std.y);
+        let Some((from, to)) = before.heading.zip(after.heading) else {
+            return;
+        };
+        if length > across * lit(CHORD_OVER_STD) && length > dt * lit(LEAST_COURSE_SPEED) {
+            // The chord has the course of mid-interval.
+            let turned = crate::navigation::aiding::heading::wrapped(to - from);
+            let course = chord.y.atan2(chord.x);
+            self.see_course(course, from + turned * lit(0.5), across / length);
+        }
+    }
+
+    /// Sees a velocity during alignment.
+    pub(super) fn see_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) {
+        let heading = self.aligning.as_ref().and_then(|a| a.arbitrary_heading());
+        let mut std = fix.std;
+        let mut ned = fix.ned;
+        if !fix.has_vertical {
+            (ned.z, std.z) = (T::zero(), T::one());
+        }
+        self.seen.velocity = Some(Stamped {
+            time_ns,
+            ned,
+            std,
+            heading,
+        });
+        let speed = ned.xy().norm();
+        let across = std.x.max(std.y);
+        let enough = (across * lit(COURSE_OVER_STD)).max(lit(LEAST_COURSE_SPEED));
+        if let Some(heading) = heading.filter(|_| speed > enough) {
+            self.see_course(ned.y.atan2(ned.x), heading, across / speed);
+        }
+    }
+
+    /// Takes a course for the heading `arbitrary` of the body.
+    fn see_course(&mut self, course: T, arbitrary: T, std: T) {
+        let slip = self.config.course_std;
+        let std = (std * std + slip * slip).sqrt();
+        if let Some(alignment) = &mut self.aligning {
+            alignment.offset(course - arbitrary, std);
+        }
+    }
+
+    /// Starts when level, heading and position are known.
+    pub(super) fn try_to_start(&mut self) {
+        let (Some(alignment), Some(now)) = (&mut self.aligning, self.now_ns) else {
+            return;
+        };
+        if let Some([heading, std]) = self.config.initial_heading {
+            alignment.heading(heading, std);
+        }
+        let fresh = |seen: Option<Stamped<T>>| {
+            seen.filter(|seen| seconds::<T>(seen.time_ns, now) < lit(FRESH_S))
+        };
+        let Some((aligned, position)) = alignment.finish().zip(fresh(self.seen.position)) else {
+            return;
+        };
+        let standing = Stamped {
+            time_ns: now,
+            ned: Vector3::zeros(),
+            std: Vector3::repeat(lit(STANDING_STD)),
+            heading: None,
+        };
+        let unknown = Stamped {
+            std: Vector3::repeat(lit(UNKNOWN_VELOCITY_STD)),
+            ..standing
+        };
+        let receiver = fresh(self.seen.velocity).or(fresh(self.seen.difference));
+        let moves = receiver.is_some_and(|seen| {
+            seen.ned.norm() > (seen.std.norm() + seen.std.norm()).max(lit(STANDING_SPEED))
+        });
+        let velocity = match receiver {
+            _ if alignment.is_still && !moves => standing,
+            Some(seen) => seen,
+            None => unknown,
+        };
+        let age = seconds::<T>(position.time_ns, now) + self.config.position_latency_s;
+        let state = NavigationState {
+            ned_from_body: aligned.ned_from_body,
+            velocity: velocity.ned,
+            position: position.ned + velocity.ned * age
+                - aligned.ned_from_body * Vector3::from(self.config.lever_arm_m),
+            accelerometer_bias: Vector3::zeros(),
+            gyroscope_bias: aligned.gyroscope_bias,
+            covariance: SMatrix::zeros(),
+            pending: ErrorTransition::default(),
+            skipped: self.filter.state().skipped,
+        };
+        let gyroscope_std = aligned
+            .gyroscope_bias_std
+            .unwrap_or(self.config.gyroscope_bias_std);
+        let tilt = aligned.tilt_std;
+        let groups = [
+            (ATTITUDE, Vector3::new(tilt, tilt, aligned.heading_std)),
+            (VELOCITY, velocity.std + Vector3::repeat(lit(STANDING_STD))),
+            (POSITION, position.std + velocity.std * age.abs()),
+            (
+                ACCELEROMETER_BIAS,
+                Vector3::repeat(self.config.accelerometer_bias_std),
+            ),
+            (GYROSCOPE_BIAS, Vector3::repeat(gyroscope_std)),
+        ];
+        self.start_from(state, &groups, &position.std);
+    }
+
+    fn start_from(
+        &mut self,
+        mut state: NavigationState<T>,
+        groups: &[(usize, Vector3<T>); 5],
+        position_std: &Vector3<T>,
+    ) {
+        for (first, std) in groups {
+            for i in 0..3 {
+                state.covariance[(first + i, first + i)] = std[i] * std[i];
+            }
+        }
+        if !self.filter.restore(state) {
+            return;
+        }
+        self.side = SideStates::default();
+        let square = |x: T| x * x;
+        let slow = self.config.position_slow_share;
+        for i in 0..3 {
+            let variance = square(slow * position_std[i]);
+            self.slow_variance[i] = variance;
+            if variance > T::zero() {
+                self.side.start(GNSS_OFFSET + i, T::zero(), variance);
+                // The position was taken from the receiver: what that is off by, this is too.
+                self.side.cross[(POSITION + i, GNSS_OFFSET + i)] = -variance;
+            }
+        }
+        let time_variance = square(self.config.time_offset_std_s);
+        self.side.start(TIME_OFFSET, T::zero(), time_variance);
+        if self.config.non_holonomic || self.counts[Aid::Speed as usize].skipped > 0 {
+            let variance = square(self.config.mount_std);
+            self.side.start(MOUNT_PITCH, T::zero(), variance);
+            self.side.start(MOUNT_YAW, T::zero(), variance);
+        }
+        self.history.clear();
+        self.last_fix_ns = self.seen.position.map(|seen| seen.time_ns);
+        self.aligning = None;
+    }
+}

@@ -1,0 +1,104 @@
+//! Whether a unit stands still, out of windows of its own samples.
+//!
+//! A window is still when the rate is that of a bias, neither rate nor force shakes more than an idling engine,
+//! and the force is as long as gravity. A vehicle at constant speed on a smooth road passes too: whoever uses it
+//! must also ask what else is known of the speed.
+
+use nalgebra::Vector3;
+
+use crate::scalar::{Scalar, lit};
+
+/// Length of a window, s.
+pub(super) const WINDOW_S: f64 = 0.5;
+/// Fewest samples in one.
+const LEAST_SAMPLES: u32 = 5;
+/// Largest mean rate (rad/s): 3 degrees a second, the bias of a bad gyroscope.
+const LARGEST_MEAN_RATE: f64 = 0.055;
+/// Largest standard deviation of the rate (rad/s): engines idle at up to 0.045.
+const LARGEST_RATE_STD: f64 = 0.06;
+/// Largest standard deviation of the specific force, m/s^2.
+const LARGEST_FORCE_STD: f64 = 0.3;
+/// How much longer or shorter than gravity the mean force may be, m/s^2.
+const LARGEST_FORCE_ERROR: f64 = 0.5;
+
+/// The window under way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct StillnessWindow<T: Scalar> {
+    duration: T,
+    samples: u32,
+    origin: [Vector3<T>; 2],
+    sums: [Vector3<T>; 2],
+    squares: [Vector3<T>; 2],
+}
+
+/// What a finished window said.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window<T: Scalar> {
+    /// Mean rate (rad/s) and specific force (m/s^2), body axes.
+    pub(super) mean_rate: Vector3<T>,
+    pub(super) mean_force: Vector3<T>,
+    /// Variance of the mean rate's worst component, as far as its scatter tells.
+    pub(super) rate_variance: T,
+    pub(super) is_still: bool,
+}
+
+impl<T: Scalar> Default for StillnessWindow<T> {
+    fn default() -> Self {
+        Self {
+            duration: T::zero(),
+            samples: 0,
+            origin: [Vector3::zeros(); 2],
+            sums: [Vector3::zeros(); 2],
+            squares: [Vector3::zeros(); 2],
+        }
+    }
+}
+
+impl<T: Scalar> StillnessWindow<T> {
+    /// Takes a sample; at the end of a window gives what it said and begins the next.
+    pub(super) fn add(
+        &mut self,
+        rate: &Vector3<T>,
+        force: &Vector3<T>,
+        gravity: T,
+        dt: T,
+    ) -> Option<Window<T>> {
+        if self.samples == 0 {
+            self.origin = [*rate, *force];
+        }
+        for (i, value) in [rate, force].into_iter().enumerate() {
+            // Off the first sample: squares of what is left keep their digits in single precision.
+            let off = value - self.origin[i];
+            self.sums[i] += off;
+            self.squares[i] += off.component_mul(&off);
+        }
+        self.samples += 1;
+        self.duration += dt;
+        if self.duration < lit(WINDOW_S) {
+            return None;
+        }
+        let window = core::mem::take(self);
+        (window.samples >= LEAST_SAMPLES).then(|| window.finish(gravity))
+    }
+
+    fn finish(&self, gravity: T) -> Window<T> {
+        let n = lit::<T>(f64::from(self.samples));
+        let means = [0, 1].map(|i| self.sums[i] / n);
+        let variances = [0, 1].map(|i| {
+            (self.squares[i] / n - means[i].component_mul(&means[i])).map(|v| v.max(T::zero()))
+        });
+        let [mean_rate, mean_force] = [0, 1].map(|i| self.origin[i] + means[i]);
+        let [rate_variance, force_variance] = variances.map(|v| v.max());
+        let squared = |x: f64| lit::<T>(x * x);
+        let is_still = mean_rate.norm_squared() < squared(LARGEST_MEAN_RATE)
+            && rate_variance < squared(LARGEST_RATE_STD)
+            && force_variance < squared(LARGEST_FORCE_STD)
+            && (mean_force.norm() - gravity).abs() < lit(LARGEST_FORCE_ERROR);
+        Window {
+            mean_rate,
+            mean_force,
+            rate_variance: rate_variance / n,
+            is_still,
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! The measurements of a GNSS/INS: checks, stamps, latency, gates.
+
+use nalgebra::Vector3;
+
+use super::stillness::Window;
+use super::{Aid, GnssIns, LONGEST_GAP_S, seconds};
+use crate::kalman::gate::CHI_SQUARE;
+use crate::kalman::innovation::check_vector;
+use crate::kalman::{Innovation, SkipReason};
+use crate::navigation::VELOCITY;
+use crate::navigation::aiding::gnss_position::{self, GnssPosition};
+use crate::navigation::aiding::gnss_velocity::{self, GnssVelocity};
+use crate::navigation::aiding::{barometer, body_velocity, heading, zero_velocity};
+use crate::navigation::error_state::Measurement;
+use crate::navigation::side_states::{
+    BAROMETER_OFFSET, GNSS_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
+};
+use crate::scalar::{Scalar, lit};
+
+/// Positions further than this from the origin (m) are no fixes of this frame.
+const FURTHEST_M: f64 = 1e6;
+/// Faster than this (m/s) nothing moves that this is for.
+const FASTEST_M_S: f64 = 1e3;
+/// Standard deviation of a standing body's velocity, m/s: an idling engine, a swaying boat.
+const STANDING_STD: f64 = 0.03;
+/// A window at rest is believed when the estimate is slower than so many of its standard deviations, and ...
+const STANDING_SIGMAS: f64 = 3.0;
+/// ... this (m/s): what a receiver or dead reckoning may be off by.
+const STANDING_SPEED: f64 = 0.5;
+/// Least standard deviation of a gyroscope's bias from one window at rest, rad/s.
+const STANDING_RATE_STD: f64 = 1e-3;
+/// How often the non-holonomic constraint is taken, s.
+const CONSTRAINT_INTERVAL_S: f64 = 0.2;
+/// Standard deviation of a barometer's offset before anything is known, m.
+const UNKNOWN_OFFSET_STD_M: f64 = 100.0;
+
+/// What a position told, horizontally and vertically: each has its own gate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GnssPositionUpdate<T> {
+    /// North and east, m.
+    pub horizontal: Innovation<T>,
+    /// Down, m.
+    pub vertical: Innovation<T>,
+}
+
+/// The 99.9 % bound of chi-square.
+fn bound<T: Scalar>(degrees_of_freedom: usize) -> T {
+    let row = CHI_SQUARE.get(degrees_of_freedom.saturating_sub(1));
+    lit(row.map_or(16.3, |(_, [_, _, bound])| *bound))
+}
+
+impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+    /// Takes a position.
+    pub fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
+        let checked = check_fix(&fix.ned, &fix.std, FURTHEST_M)
+            .and_then(|()| self.accept(Aid::GnssPosition, time_ns));
+        if checked.is_ok() && self.aligning.is_some() {
+            self.see_position(time_ns, fix);
+        }
+        let ready = checked.and_then(|()| self.make_ready());
+        let update = match ready {
+            Ok(()) => self.fuse_position(time_ns, fix),
+            Err(reason) => GnssPositionUpdate {
+                horizontal: Innovation::skipped(reason),
+                vertical: Innovation::skipped(reason),
+            },
+        };
+        self.counts[Aid::GnssPosition as usize].count(&update.horizontal);
+        self.counts[Aid::GnssHeight as usize].count(&update.vertical);
+        if update.horizontal.outcome.is_fused() {
+            self.last_fix_ns = Some(time_ns);
+        }
+        update
+    }
+
+    fn fuse_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
+        let floor = self.config.position_std_floor_m;
+        let std = fix.std.map(|s| s.max(floor));
+        self.follow_slow_error(&std);
+        let velocity = self.filter.state().velocity;
+        let white = std * self.config.position_white_share;
+        let jitter = velocity * self.config.time_jitter_s;
+        let variance = white.component_mul(&white) + jitter.component_mul(&jitter);
+        let horizontal = {
+            let m = self.position_rows(time_ns, &fix.ned, &variance, [0, 1]);
+            self.fuse(Aid::GnssPosition, &m)
+        };
+        let vertical = if fix.has_height {
+            let m = self.position_rows(time_ns, &fix.ned, &variance, [2]);
+            self.fuse(Aid::GnssHeight, &m)
+        } else {
+            Innovation::skipped(SkipReason::NotUsed)
+        };
+        GnssPositionUpdate {
+            horizontal,
+            vertical,
+        }
+    }
+
+    fn position_rows<const M: usize>(
+        &self,
+        time_ns: i64,
+        ned: &Vector3<T>,
+        variance: &Vector3<T>,
+        components: [usize; M],
+    ) -> Measurement<T, M> {
+        let latency = self.config.position_latency_s + self.side.values[TIME_OFFSET];
+        let then = self.instant(time_ns, latency);
+        let arm = Vector3::from(self.config.lever_arm_m);
+        gnss_position::measurement(&then, &self.side, &arm, ned, variance, components)
+    }
+
+    /// Holds the receiver's slow error to the standard deviation that it states now. When that falls by half
+    /// (a float solution that is fixed), the error of before is over.
+    fn follow_slow_error(&mut self, std: &Vector3<T>) {
+        for i in 0..3 {
+            let share = self.config.position_slow_share * std[i];
+            let (variance, before) = (share * share, self.slow_variance[i]);
+            if variance < before * lit(0.25) {
+                self.side.start(GNSS_OFFSET + i, T::zero(), variance);
+            } else if variance > before && before > T::zero() {
+                self.side.covariance[(GNSS_OFFSET + i, GNSS_OFFSET + i)] += variance - before;
+            }
+            self.slow_variance[i] = variance;
+        }
+    }
+
+    /// Takes a velocity.
+    pub fn gnss_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) -> Innovation<T> {
+        let checked = check_fix(&fix.ned, &fix.std, FASTEST_M_S)
+            .and_then(|()| self.accept(Aid::GnssVelocity, time_ns));
+        if checked.is_ok() && self.aligning.is_some() {
+            self.see_velocity(time_ns, fix);
+        }
+        let innovation = match checked.and_then(|()| self.make_ready()) {
+            Ok(()) => self.fuse_velocity(time_ns, fix),
+            Err(reason) => Innovation::skipped(reason),
+        };
+        self.counts[Aid::GnssVelocity as usize].count(&innovation);
+        innovation
+    }
+
+    fn fuse_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) -> Innovation<T> {
+        let latency = self.config.velocity_latency_s + self.side.values[TIME_OFFSET];
+        let then = self.instant(time_ns, latency);
+        let arm = Vector3::from(self.config.lever_arm_m);
+        let floor = self.config.velocity_std_floor_m_s;
+        let std = fix.std.map(|s| s.max(floor));
+        let variance = std.component_mul(&std);
+        if fix.has_vertical {
+            let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1, 2]);
+            self.fuse(Aid::GnssVelocity, &m)
+        } else {
+            let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1]);
+            self.fuse(Aid::GnssVelocity, &m)
+        }
+    }
+
+    /// Takes a true heading of the forward axis (rad, clockwise from north) with its standard deviation.
+    pub fn heading(&mut self, time_ns: i64, heading: T, std: T) -> Innovation<T> {
+        let checked =
+            check_scalar(heading, std, 100.0).and_then(|()| self.accept(Aid::Heading, time_ns));
+        if let (Ok(()), Some(alignment)) = (checked, &mut self.aligning) {
+            alignment.heading(heading, std);
+        }
+        let innovation = match checked.and_then(|()| self.make_ready()) {
+            Ok(()) => {
+                let then = self.instant(time_ns, T::zero());
+                let made = heading::measurement(&then, heading, std * std);
+                self.fuse_or_skip(Aid::Heading, made)
+            }
+            Err(reason) => Innovation::skipped(reason),
+        };
+        self.counts[Aid::Heading as usize].count(&innovation);
+        innovation
+    }
+
+    /// Takes a calibrated magnetic field (microtesla, body axes): its heading alone is used.
+    pub fn magnetometer(&mut self, time_ns: i64, magnetic_field: &Vector3<T>) -> Innovation<T> {
+        let std = self.config.magnetic_heading_std;
+        let declination = self.config.declination;
+        let checked = check_vector(magnetic_field, lit(1e-6), lit(1e6))
+            .and_then(|()| self.accept(Aid::Magnetometer, time_ns));
+        if let (Ok(()), Some(alignment)) = (checked, &mut self.aligning)
+            && let Some(level) = alignment.level_from_body()
+        {
+            let field = level * magnetic_field;
+            alignment.offset(declination - field.y.atan2(field.x), std);
+        }
+        let innovation = match checked.and_then(|()| self.make_ready()) {
+            Ok(()) => {
+                let then = self.instant(time_ns, T::zero());
+                let made = heading::magnetic(&then, magnetic_field, declination, std * std);
+                self.fuse_or_skip(Aid::Magnetometer, made)
+            }
+            Err(reason) => Innovation::skipped(reason),
+        };
+        self.counts[Aid::Magnetometer as usize].count(&innovation);
+        innovation
+    }
+
+    /// Takes a barometric height (m, up, of any zero; [`barometer::pressure_height`] of a pressure).
+    pub fn barometer(&mut self, time_ns: i64, height: T) -> Innovation<T> {
+        let std = self.config.barometer_std_m;
+        let ready = check_scalar(height, std, 1e5)
+            .and_then(|()| self.accept(Aid::Barometer, time_ns))
+            .and_then(|()| self.make_ready());
+        let innovation = match ready {
+            Ok(()) => {
+                let then = self.instant(time_ns, T::zero());
+                if !self.side.is_used(BAROMETER_OFFSET) {
+                    let offset = height + then.position.z;
+                    let unknown = lit::<T>(UNKNOWN_OFFSET_STD_M);
+                    self.side.start(BAROMETER_OFFSET, offset, unknown * unknown);
+                }
+                let m = barometer::measurement(&then, &self.side, height, std * std);
+                self.fuse(Aid::Barometer, &m)
+            }
+            Err(reason) => Innovation::skipped(reason),
+        };
+        self.counts[Aid::Barometer as usize].count(&innovation);
+        innovation
+    }
+
+    /// Takes a speed (m/s) along the vehicle's forward axis with its standard deviation, negative backwards: from
+    /// wheels, or a ship's log in still water.
+    pub fn speed(&mut self, time_ns: i64, forward: T, std: T) -> Innovation<T> {
+        let ready = check_scalar(forward, std, FASTEST_M_S)
+            .and_then(|()| self.accept(Aid::Speed, time_ns))
+            .and_then(|()| self.make_ready());
+        let innovation = match ready {
+            Ok(()) => {
+                self.use_mount();
+                let then = self.instant(time_ns, T::zero());
+                let arm = Vector3::from(self.config.vehicle_arm_m);
+                let m = body_velocity::speed(&then, &self.side, &arm, forward, std * std);
+                self.fuse(Aid::Speed, &m)
+            }
+            Err(reason) => Innovation::skipped(reason),
+        };
+        self.counts[Aid::Speed as usize].count(&innovation);
+        innovation
+    }
+
+    fn use_mount(&mut self) {
+        let variance = self.config.mount_std * self.config.mount_std;
+        for state in [MOUNT_PITCH, MOUNT_YAW] {
+            if !self.side.is_used(state) {
+                self.side.start(state, T::zero(), variance);
+            }
+        }
+    }
+
+    /// What the filter knows without being told: that it stands, that it does not slide.
+    pub(super) fn constrain(&mut self, window: Option<&Window<T>>, dt: T) {
+        if let Some(window) = window.filter(|window| self.config.zero_velocity && window.is_still) {
+            self.stand(window);
+        }
+        self.since_constraint += dt;
+        if self.config.non_holonomic && self.since_constraint >= lit(CONSTRAINT_INTERVAL_S) {
+            self.since_constraint = T::zero();
+            self.catch_up();
+            if self.aligning.is_some() {
+                return;
+            }
+            self.use_mount();
+            let then = self
+                .history
+                .at(self.filter.state(), self.config.gravity, T::zero());
+            let arm = Vector3::from(self.config.vehicle_arm_m);
+            let std = self.config.non_holonomic_std_m_s;
+            let m = body_velocity::non_holonomic(&then, &self.side, &arm, std * std);
+            let innovation = self.fuse(Aid::NonHolonomic, &m);
+            self.counts[Aid::NonHolonomic as usize].count(&innovation);
+        }
+    }
+
+    /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
+    fn stand(&mut self, window: &Window<T>) {
+        self.catch_up();
+        if self.aligning.is_some() {
+            return;
+        }
+        let state = self.filter.state();
+        let variance =
+            state.covariance[(VELOCITY, VELOCITY)] + state.covariance[(VELOCITY + 1, VELOCITY + 1)];
+        let slow = lit::<T>(STANDING_SPEED) + variance.max(T::zero()).sqrt() * lit(STANDING_SIGMAS);
+        if state.velocity.norm() > slow {
+            return;
+        }
+        let then = self.history.at(state, self.config.gravity, T::zero());
+        let m = zero_velocity::velocity(&then, lit(STANDING_STD * STANDING_STD));
+        let innovation = self.fuse(Aid::ZeroVelocity, &m);
+        self.counts[Aid::ZeroVelocity as usize].count(&innovation);
+        if innovation.outcome.is_fused() {
+            let bias = self.filter.state().gyroscope_bias;
+            let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
+            let m = zero_velocity::rate(&window.mean_rate, &bias, window.rate_variance.max(least));
+            self.fuse(Aid::ZeroVelocity, &m);
+        }
+    }
+
+    fn fuse<const M: usize>(&mut self, aid: Aid, measurement: &Measurement<T, M>) -> Innovation<T> {
+        let gate = &mut self.gates[aid as usize];
+        self.filter
+            .fuse_sparse(&mut self.side, measurement, gate, bound(M))
+    }
+
+    fn fuse_or_skip<const M: usize>(
+        &mut self,
+        aid: Aid,
+        made: Result<Measurement<T, M>, SkipReason>,
+    ) -> Innovation<T> {
+        match made {
+            Ok(measurement) => self.fuse(aid, &measurement),
+            Err(reason) => Innovation::skipped(reason),
+        }
+    }
+
+    /// Takes the stamp of a measurement: it must be newer than its sensor's last and near the present.
+    fn accept(&mut self, aid: Aid, time_ns: i64) -> Result<(), SkipReason> {
+        let stamp = &mut self.stamps[aid as usize];
+        let ahead = |last: i64| seconds::<T>(time_ns, last) > lit(LONGEST_GAP_S);
+        if stamp.is_some_and(|last| time_ns <= last && !ahead(last)) {
+            return Err(SkipReason::NotNewer);
+        }
+        *stamp = Some(time_ns);
+        match self.now_ns {
+            None => Err(SkipReason::NotInitialized),
+            Some(now) if seconds::<T>(now, time_ns).abs() > T::one() => Err(SkipReason::TooLate),
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// Brings the covariance up to the state, if there is one.
+    fn make_ready(&mut self) -> Result<(), SkipReason> {
+        if self.aligning.is_none() {
+            self.catch_up();
+        }
+        match self.aligning {
+            None => Ok(()),
+            Some(_) => Err(SkipReason::NotInitialized),
+        }
+    }
+}
+
+fn check_fix<T: Scalar>(ned: &Vector3<T>, std: &Vector3<T>, limit: f64) -> Result<(), SkipReason> {
+    check_vector(ned, T::zero(), lit(limit))?;
+    check_vector(std, T::zero(), lit(limit))?;
+    let positive = std.iter().all(|s| *s > T::zero());
+    positive.then_some(()).ok_or(SkipReason::OutOfRange)
+}
+
+fn check_scalar<T: Scalar>(value: T, std: T, limit: f64) -> Result<(), SkipReason> {
+    if !(value.is_finite() && std.is_finite()) {
+        Err(SkipReason::NotFinite)
+    } else if value.abs() > lit(limit) || std <= T::zero() {
+        Err(SkipReason::OutOfRange)
+    } else {
+        Ok(())
+    }
+}

@@ -1,0 +1,89 @@
+//! What a position is worth: aided, dead reckoning, or nothing any more.
+//!
+//! A filter can always say where it believes to be. Whether anybody should act on it is a matter of how long
+//! nothing has confirmed it and of how uncertain it says it is; both limits are settings.
+
+use crate::scalar::{Scalar, lit};
+
+/// What a position is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Validity {
+    /// There is no position yet.
+    Aligning,
+    /// Fixes come.
+    Aided,
+    /// None for longer than [`ValidityLimits::dead_reckoning_after_s`]: inertial sensors, and whatever else aids.
+    DeadReckoning,
+    /// None for longer than [`ValidityLimits::invalid_after_s`], or the stated error is above
+    /// [`ValidityLimits::invalid_above_m`].
+    Invalid,
+}
+
+/// When a position changes its worth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(
+        default,
+        deny_unknown_fields,
+        bound(
+            serialize = "T: serde::Serialize",
+            deserialize = "T: Scalar + serde::Deserialize<'de>"
+        )
+    )
+)]
+pub struct ValidityLimits<T> {
+    /// Seconds without a fix after which a position is dead reckoning, default 2. Raising it hides short
+    /// outages.
+    pub dead_reckoning_after_s: T,
+    /// Seconds without a fix after which a position is invalid, default 30. Raising it believes inertial
+    /// sensors for longer than cheap ones deserve.
+    pub invalid_after_s: T,
+    /// Standard deviation (m) of the less certain horizontal axis above which a position is invalid, default 50.
+    pub invalid_above_m: T,
+}
+
+impl<T: Scalar> Default for ValidityLimits<T> {
+    fn default() -> Self {
+        Self {
+            dead_reckoning_after_s: lit(2.0),
+            invalid_after_s: lit(30.0),
+            invalid_above_m: lit(50.0),
+        }
+    }
+}
+
+impl<T: Scalar> ValidityLimits<T> {
+    /// The worth of a position `since_fix` seconds after its last fix (`None`: there was none) whose larger
+    /// horizontal variance is `variance` (m^2). What is not a number is not valid.
+    pub fn judge(&self, since_fix: Option<T>, variance: T) -> Validity {
+        let Some(since) = since_fix else {
+            return Validity::Aligning;
+        };
+        let above = self.invalid_above_m * self.invalid_above_m;
+        if !(since <= self.invalid_after_s && variance <= above) {
+            Validity::Invalid
+        } else if since > self.dead_reckoning_after_s {
+            Validity::DeadReckoning
+        } else {
+            Validity::Aided
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_position_ages_and_what_is_not_a_number_is_not_valid() {
+        let limits = ValidityLimits::<f64>::default();
+        let worth = [None, Some(0.0), Some(2.5), Some(31.0)].map(|since| limits.judge(since, 4.0));
+        use Validity::{Aided, Aligning, DeadReckoning, Invalid};
+        assert_eq!(worth, [Aligning, Aided, DeadReckoning, Invalid]);
+        assert_eq!(limits.judge(Some(0.0), 51.0 * 51.0), Invalid);
+        assert_eq!(limits.judge(Some(0.0), f64::NAN), Invalid);
+        assert_eq!(limits.judge(Some(f64::NAN), 1.0), Invalid);
+    }
+}
