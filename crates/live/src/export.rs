@@ -89,6 +89,7 @@ fn metadata(finished: &Finished) -> Metadata {
         world_frame: finished.options.world_frame,
         device: Some(finished.device_name.clone()),
         extra: [("sha256".to_owned(), finished.hash.clone())].into(),
+        ..Metadata::default()
     }
 }
 

@@ -4,7 +4,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 
-use crate::delimited::{Channel, DelimitedSource, Layout, csv_error};
+use crate::delimited::{Channel, DelimitedSource, Layout, TimeForm, csv_error};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::metadata::Metadata;
@@ -211,6 +211,7 @@ fn layout(names: Vec<String>, file: &str) -> Result<(Layout, Vec<String>)> {
                 kind,
                 columns,
                 factors,
+                is_increment: false,
             });
         }
     }
@@ -239,9 +240,10 @@ fn layout(names: Vec<String>, file: &str) -> Result<(Layout, Vec<String>)> {
     let layout = Layout {
         names,
         time,
-        time_exponent,
+        time_form: TimeForm::Decimal(time_exponent),
         channels,
         decimal_comma: false,
+        rows: None,
     };
     if layout.channels.is_empty() {
         return Err(RecordingError::MissingColumns {

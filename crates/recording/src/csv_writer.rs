@@ -211,6 +211,9 @@ fn metadata_lines(metadata: &Metadata) -> String {
         line("device", device);
     }
     line("world_frame", metadata.world_frame.name());
+    for (key, value) in metadata.receiver() {
+        line(key, &value);
+    }
     for (key, value) in &metadata.extra {
         // A colon or a line break in a key would read back as another key.
         line(&key.replace([':', '\n', '\r'], "_"), value);

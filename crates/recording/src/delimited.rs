@@ -2,6 +2,8 @@
 //!
 //! A [`Layout`] says which columns make which sensor; [`DelimitedSource`] walks the rows.
 
+mod navigation;
+
 use std::io::Read;
 
 use csv::{ByteRecord, Position};
@@ -14,30 +16,54 @@ use crate::numbers;
 use crate::recording::EventSource;
 use crate::stamp;
 
+pub(crate) use navigation::{EcefPart, EcefPose};
+
 /// Which columns (numbered from 0) make the time and the sensors.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
     /// Every column's name, for messages.
     pub(crate) names: Vec<String>,
     pub(crate) time: usize,
-    /// Decimal exponent from the time column's unit to nanoseconds.
-    pub(crate) time_exponent: i32,
+    pub(crate) time_form: TimeForm,
     pub(crate) channels: Vec<Channel>,
     /// Whether numbers are written with a decimal comma.
     pub(crate) decimal_comma: bool,
+    /// The rows to take; without it all.
+    pub(crate) rows: Option<RowsOf>,
+}
+
+/// How time stamps are written.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum TimeForm {
+    /// A number; the decimal exponent from its unit to nanoseconds.
+    Decimal(i32),
+    /// A date and a time of day.
+    DateTime,
+}
+
+/// The rows that have a text in a column.
+#[derive(Debug, Clone)]
+pub(crate) struct RowsOf {
+    pub(crate) column: usize,
+    pub(crate) equals: Vec<u8>,
 }
 
 /// The columns of one sensor.
 #[derive(Debug, Clone)]
 pub(crate) enum Channel {
-    /// Body axis `i` is `factors[i]` times column `columns[i]`.
+    /// Body axis `i` is `factors[i]` times column `columns[i]`; of increments divided by the time since
+    /// the row before.
     Vector {
         kind: SensorKind,
         columns: [usize; 3],
         factors: [f64; 3],
+        is_increment: bool,
     },
     /// Order w, x, y, z; `inverse` when the file holds body-from-world.
-    DeviceOrientation { columns: [usize; 4], inverse: bool },
+    DeviceOrientation {
+        columns: [usize; 4],
+        inverse: bool,
+    },
     Reference {
         columns: [usize; 4],
         inverse: bool,
@@ -50,6 +76,23 @@ pub(crate) enum Channel {
         columns: [Option<usize>; numbers::MOST],
         factors: [f64; numbers::MOST],
     },
+    /// Static pressure told as height in the standard atmosphere, m.
+    PressureHeight {
+        column: usize,
+    },
+    /// As [`Channel::Numbers`], with the quality in RTKLIB's numbers.
+    RtklibPosition {
+        columns: [Option<usize>; numbers::MOST],
+        factors: [f64; numbers::MOST],
+    },
+    SpeedAndCourse {
+        speed: usize,
+        course: usize,
+        std: Option<usize>,
+        to_m_per_s: f64,
+        to_rad: f64,
+    },
+    Ecef(EcefPose),
 }
 
 impl Channel {
@@ -72,7 +115,18 @@ impl Channel {
             Self::Reference {
                 columns, scored, ..
             } => columns.iter().copied().chain(*scored).collect(),
-            Self::Numbers { columns, .. } => columns.iter().flatten().copied().collect(),
+            Self::Numbers { columns, .. } | Self::RtklibPosition { columns, .. } => {
+                // One radius may stand for the standard deviations north and east.
+                let is_radius = columns[3].is_some() && columns[3] == columns[4];
+                let skipped = usize::from(is_radius);
+                let rest = columns[..3].iter().chain(&columns[3 + skipped..]);
+                rest.flatten().copied().collect()
+            }
+            Self::PressureHeight { column } => vec![*column],
+            Self::SpeedAndCourse {
+                speed, course, std, ..
+            } => [*speed, *course].into_iter().chain(*std).collect(),
+            Self::Ecef(pose) => pose.columns(),
         }
     }
 
@@ -82,6 +136,10 @@ impl Channel {
             Self::DeviceOrientation { .. } => SensorKind::DeviceOrientation,
             Self::Reference { .. } => SensorKind::Reference,
             Self::Numbers { kind, .. } => *kind,
+            Self::PressureHeight { .. } => SensorKind::Pressure,
+            Self::RtklibPosition { .. } => SensorKind::GnssPosition,
+            Self::SpeedAndCourse { .. } => SensorKind::GnssVelocity,
+            Self::Ecef(pose) => pose.kind(),
         }
     }
 }
@@ -105,6 +163,8 @@ pub(crate) struct DelimitedSource<R> {
     record: ByteRecord,
     /// Events of the current row, the next one last.
     row: Vec<Event>,
+    /// Stamp of the row before.
+    previous_ns: Option<i64>,
 }
 
 impl<R: Read + Send> DelimitedSource<R> {
@@ -121,6 +181,7 @@ impl<R: Read + Send> DelimitedSource<R> {
             lines_before,
             record: ByteRecord::new(),
             row: Vec::new(),
+            previous_ns: None,
         }
     }
 
@@ -133,16 +194,27 @@ impl<R: Read + Send> DelimitedSource<R> {
         if !more {
             return Ok(false);
         }
-        let cells = Cells {
+        let mut cells = Cells {
             file: &self.file,
             record: &self.record,
             layout: &self.layout,
             line: self.lines_before + self.record.position().map_or(0, Position::line),
+            interval_s: None,
         };
+        if let Some(rows) = &self.layout.rows
+            && cells.cell(rows.column) != rows.equals
+        {
+            return Ok(true);
+        }
         let Some(time_ns) = cells.stamp()? else {
             issues.rows_without_stamp += 1;
             return Ok(true);
         };
+        let interval_ns = self
+            .previous_ns
+            .replace(time_ns)
+            .map_or(0, |previous| time_ns.saturating_sub(previous));
+        cells.interval_s = (interval_ns > 0).then_some(interval_ns as f64 * 1e-9);
         for channel in self.layout.channels.iter().rev() {
             if let Some(sample) = cells.sample(channel)? {
                 self.row.push(Event { time_ns, sample });
@@ -174,7 +246,11 @@ pub(crate) struct Cells<'a> {
     pub(crate) layout: &'a Layout,
     /// The row's line in the file, for messages.
     pub(crate) line: u64,
+    /// Time since the row before, s, if it went forward.
+    pub(crate) interval_s: Option<f64>,
 }
+
+const DECIMAL: &str = "a time stamp (a decimal number, at most 146 years of nanoseconds)";
 
 impl<'a> Cells<'a> {
     fn cell(&self, column: usize) -> &'a [u8] {
@@ -188,18 +264,19 @@ impl<'a> Cells<'a> {
         if cell.is_empty() || cell.eq_ignore_ascii_case(b"nan") {
             return Ok(None);
         }
-        let exponent = self.layout.time_exponent;
-        let parsed = if self.layout.decimal_comma {
-            stamp::parse_ns(&with_point(cell), exponent)
-        } else {
-            stamp::parse_ns(cell, exponent)
+        let (parsed, expected) = match self.layout.time_form {
+            TimeForm::Decimal(exponent) if self.layout.decimal_comma => {
+                (stamp::parse_ns(&with_point(cell), exponent), DECIMAL)
+            }
+            TimeForm::Decimal(exponent) => (stamp::parse_ns(cell, exponent), DECIMAL),
+            TimeForm::DateTime => (
+                stamp::parse_date_time(cell),
+                "a date and a time of day, e.g. 2014-08-01T00:00:00.186Z",
+            ),
         };
-        parsed.map(Some).ok_or_else(|| {
-            self.bad_cell(
-                column,
-                "a time stamp (a decimal number, at most 146 years of nanoseconds)",
-            )
-        })
+        parsed
+            .map(Some)
+            .ok_or_else(|| self.bad_cell(column, expected))
     }
 
     /// The number of a cell; `None` when it is empty.
@@ -240,11 +317,14 @@ impl<'a> Cells<'a> {
                 kind,
                 columns,
                 factors,
+                is_increment,
             } => self.numbers(columns)?.and_then(|[x, y, z]| {
-                Sample::from_vector(
-                    *kind,
-                    Vector3::new(x * factors[0], y * factors[1], z * factors[2]),
-                )
+                let v = Vector3::new(x * factors[0], y * factors[1], z * factors[2]);
+                if *is_increment {
+                    // Over how long the first row's increment was gained nobody knows.
+                    return Sample::from_vector(*kind, v / self.interval_s?);
+                }
+                Sample::from_vector(*kind, v)
             }),
             Channel::DeviceOrientation { columns, inverse } => self
                 .attitude(columns, *inverse)?
@@ -265,6 +345,7 @@ impl<'a> Cells<'a> {
                 columns,
                 factors,
             } => self.row_of(*kind, columns, factors)?,
+            channel => self.navigation(channel)?,
         })
     }
 

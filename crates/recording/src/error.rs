@@ -98,7 +98,7 @@ pub enum RecordingError {
     },
     /// No estimator can run without angular rates.
     #[error(
-        "{file}: no gyroscope: it has {present}; every estimator needs angular rates \
+        "{file}: no gyroscope: it has {present}; estimators need angular rates, or fixes of a satellite receiver \
          (for CSV the columns gyro_x_rad_s, gyro_y_rad_s, gyro_z_rad_s)"
     )]
     NoGyroscope {

@@ -56,7 +56,8 @@ pub enum Sample {
     TrueHeading(TrueHeading),
     /// A position to score against. Never fed to a filter.
     ReferencePosition(GnssPosition),
-    /// A velocity to score against, north-east-down, m/s. Never fed to a filter.
+    /// A velocity to score against, north-east-down, m/s; down is NaN where it is not known. Never
+    /// fed to a filter.
     ReferenceVelocity(Vector3<f64>),
 }
 
@@ -240,8 +241,8 @@ impl Sample {
             | Self::MagneticFieldUncalibrated(v)
             | Self::DeviceGyroscopeBias(v)
             | Self::Position(v)
-            | Self::Velocity(v)
-            | Self::ReferenceVelocity(v) => v.iter().all(|x| x.is_finite()),
+            | Self::Velocity(v) => v.iter().all(|x| x.is_finite()),
+            Self::ReferenceVelocity(v) => v.x.is_finite() && v.y.is_finite() && !v.z.is_infinite(),
             Self::DeviceOrientation(q) => q.coords.iter().all(|x| x.is_finite()),
             Self::Reference(reference) => reference.attitude.coords.iter().all(|x| x.is_finite()),
             Self::Pressure(x) | Self::ForwardSpeed(x) => x.is_finite(),

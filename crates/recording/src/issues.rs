@@ -23,6 +23,10 @@ pub struct Issues {
     /// Samples dropped because their second half is missing (Sensor Logger: an acceleration
     /// without gravity at the same stamp).
     pub incomplete_samples: u64,
+    /// Fixes dropped because the receiver itself calls them invalid.
+    pub invalid_fixes: BTreeMap<SensorKind, u64>,
+    /// What was left out and why, in words that complete "Left out: 3 ...".
+    pub rejected: BTreeMap<&'static str, u64>,
     /// Pauses of the gyroscope longer than `gap_limit_s`.
     pub gaps: u64,
     /// Stamps of the gyroscope, and the time from the first to the last of them, s.
@@ -115,6 +119,15 @@ impl Issues {
                 "Dropped for want of their other half at the same stamp: {} sample(s).",
                 self.incomplete_samples
             ));
+        }
+        for (kind, count) in &self.invalid_fixes {
+            let name = kind.name();
+            sentences.push(format!(
+                "Left out: {count} sample(s) of {name} that the receiver itself calls invalid."
+            ));
+        }
+        for (what, count) in &self.rejected {
+            sentences.push(format!("Left out: {count} {what}."));
         }
         sentences.extend(self.notes.iter().cloned());
         sentences

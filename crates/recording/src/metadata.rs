@@ -16,7 +16,7 @@ pub enum WorldFrame {
 }
 
 /// Facts about a recording that hold for all of it.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Metadata {
     /// Short name: the file's stem unless the file says otherwise.
     pub name: String,
@@ -26,6 +26,16 @@ pub struct Metadata {
     pub world_frame: WorldFrame,
     /// Device name if known.
     pub device: Option<String>,
+    /// From the inertial sensor to the antenna of the satellite receiver: forward, right, down in body
+    /// axes, m.
+    #[serde(default)]
+    pub gnss_lever_arm_m: Option<[f64; 3]>,
+    /// How long before its stamp a position of the receiver was true, s.
+    #[serde(default)]
+    pub gnss_position_latency_s: f64,
+    /// How long before its stamp a velocity of the receiver was true, s.
+    #[serde(default)]
+    pub gnss_velocity_latency_s: f64,
     /// Everything else the file says, key by key.
     pub extra: BTreeMap<String, String>,
 }
@@ -54,20 +64,60 @@ impl std::str::FromStr for WorldFrame {
 }
 
 impl Metadata {
-    /// Takes one `key: value` of a file: `name`, `device` and `world_frame` have fields of their
-    /// own, everything else goes to `extra`.
+    /// Takes one `key: value` of a file: `name`, `device`, `world_frame` and what is told of the satellite
+    /// receiver have fields of their own, everything else goes to `extra`.
     ///
     /// # Errors
-    /// A sentence when `world_frame` is not one of the known frames.
+    /// A sentence when `world_frame` is not one of the known frames, or a number is none.
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), String> {
         match key {
             "name" => value.clone_into(&mut self.name),
             "device" => self.device = Some(value.to_owned()),
             "world_frame" => self.world_frame = value.parse()?,
+            LEVER_ARM => self.gnss_lever_arm_m = Some(lever_arm(value)?),
+            POSITION_LATENCY => self.gnss_position_latency_s = seconds(key, value)?,
+            VELOCITY_LATENCY => self.gnss_velocity_latency_s = seconds(key, value)?,
             _ => {
                 self.extra.insert(key.to_owned(), value.to_owned());
             }
         }
         Ok(())
     }
+
+    /// What is told of the satellite receiver, as keys and values that [`Self::set`] takes.
+    pub(crate) fn receiver(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = Vec::new();
+        if let Some([forward, right, down]) = self.gnss_lever_arm_m {
+            pairs.push((LEVER_ARM, format!("{forward} {right} {down}")));
+        }
+        let latencies = [
+            (POSITION_LATENCY, self.gnss_position_latency_s),
+            (VELOCITY_LATENCY, self.gnss_velocity_latency_s),
+        ];
+        for (key, latency) in latencies {
+            if latency.abs() > 0.0 {
+                pairs.push((key, latency.to_string()));
+            }
+        }
+        pairs
+    }
+}
+
+const LEVER_ARM: &str = "gnss_lever_arm_m";
+const POSITION_LATENCY: &str = "gnss_position_latency_s";
+const VELOCITY_LATENCY: &str = "gnss_velocity_latency_s";
+
+fn lever_arm(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text
+        .split_ascii_whitespace()
+        .map(|number| number.parse().ok().filter(|x: &f64| x.is_finite()))
+        .collect();
+    numbers
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| format!("{LEVER_ARM} `{text}`: expected forward, right and down in metres"))
+}
+
+fn seconds(key: &str, text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x: &f64| x.is_finite());
+    number.ok_or_else(|| format!("{key} `{text}`: expected seconds"))
 }

@@ -97,34 +97,55 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
 }
 
 fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
+    if path.is_dir() {
+        return open_data_file(path, options.format, options);
+    }
+    if let Some(manifest_path) = &options.manifest {
+        return manifest::open_with_data(manifest_path, path, options);
+    }
+    let is_manifest = has_extension(path, "toml");
+    match options.format {
+        Some(Format::Manifest) | None if is_manifest => return manifest::open(path, options),
+        Some(Format::Manifest) | None => {
+            if let Some(manifest_path) = beside(path) {
+                return manifest::open_with_data(&manifest_path, path, options);
+            }
+        }
+        Some(_) => {}
+    }
+    if options.format == Some(Format::Manifest) {
+        return Err(RecordingError::Unsupported {
+            file: file.to_owned(),
+            problem: format!(
+                "no manifest beside it (`{file}.toml`); write one as docs/formats.md says, or name it with --manifest"
+            ),
+        });
+    }
+    open_data_file(path, options.format, options)
+}
+
+/// Opens a file or folder that describes itself; its format is told by content unless it is given.
+pub(crate) fn open_data_file(
+    path: &Path,
+    format: Option<Format>,
+    options: &OpenOptions,
+) -> Result<Opened> {
+    let file = &path.display().to_string();
     let failed = |error| RecordingError::io(file, "open it", error);
     let metadata = named(stem(path));
     if path.is_dir() {
         return sensor_logger::open_folder(path, file, metadata);
     }
-    if let Some(manifest_path) = &options.manifest {
-        return manifest::open_with_data(manifest_path, path, options);
-    }
     let mut input = File::open(path).map_err(failed)?;
-    let format = match options.format {
+    let format = match format {
         Some(format) => format,
-        None if has_extension(path, "toml") => Format::Manifest,
-        None => match beside(path) {
-            Some(manifest_path) => return manifest::open_with_data(&manifest_path, path, options),
-            None => detect(&head(&mut input).map_err(failed)?, file)?,
-        },
+        None => detect(&head(&mut input).map_err(failed)?, file)?,
     };
     match format {
-        Format::Manifest if has_extension(path, "toml") => manifest::open(path, options),
-        Format::Manifest => match beside(path) {
-            Some(manifest_path) => manifest::open_with_data(&manifest_path, path, options),
-            None => Err(RecordingError::Unsupported {
-                file: file.to_owned(),
-                problem: format!(
-                    "no manifest beside it (`{file}.toml`); write one as docs/formats.md says, or name it with --manifest"
-                ),
-            }),
-        },
+        Format::Manifest => Err(RecordingError::Unsupported {
+            file: file.to_owned(),
+            problem: "a table needs the keys of its columns in the manifest".to_owned(),
+        }),
         Format::Parquet => open_parquet_file(File::open(path).map_err(failed)?, file, metadata),
         Format::Mcap => open_mcap(File::open(path).map_err(failed)?, file, metadata, options),
         Format::Csv => csv::open(File::open(path).map_err(failed)?, file, metadata),
@@ -223,7 +244,7 @@ fn has_extension(path: &Path, extension: &str) -> bool {
         .is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
-fn stem(path: &Path) -> String {
+pub(crate) fn stem(path: &Path) -> String {
     path.file_stem()
         .unwrap_or_default()
         .to_string_lossy()

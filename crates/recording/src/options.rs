@@ -16,6 +16,8 @@ pub struct OpenOptions {
     pub device: Option<String>,
     /// A manifest that describes the (text) file; default: `FILE.toml` beside it if needed.
     pub manifest: Option<PathBuf>,
+    /// The folder in which the files that a manifest names are; default: the manifest's own.
+    pub data: Option<PathBuf>,
     /// The unit in which the file's angular rates are, where it is not what the format promises.
     /// Giving it also turns the plausibility check of the gyroscope off.
     pub gyroscope_unit: Option<RateUnit>,
@@ -35,6 +37,7 @@ impl Default for OpenOptions {
             format: None,
             device: None,
             manifest: None,
+            data: None,
             gyroscope_unit: None,
             accelerometer_unit: None,
             magnetometer_unit: None,

@@ -149,6 +149,8 @@ impl ParquetWriter {
         if let Some(device) = &self.metadata.device {
             pairs.push(("device".to_owned(), device.clone()));
         }
+        let receiver = self.metadata.receiver().into_iter();
+        pairs.extend(receiver.map(|(key, value)| (key.to_owned(), value)));
         pairs.extend(self.metadata.extra.clone());
         for (key, value) in pairs {
             self.output

@@ -4,6 +4,7 @@ use std::fmt;
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
+use crate::gnss::GnssQuality;
 use crate::instant::Instant;
 use crate::issues::Issues;
 use crate::metadata::Metadata;
@@ -50,7 +51,8 @@ pub struct Recording {
     /// An error or the end met while the current instant was gathered.
     ending: Option<Ending>,
     delivered: u64,
-    has_gyroscope: bool,
+    /// A gyroscope or a satellite receiver has spoken: without either nothing can be estimated.
+    can_be_estimated: bool,
 }
 
 enum Ending {
@@ -106,7 +108,7 @@ impl Recording {
             pending: None,
             ending: None,
             delivered: 0,
-            has_gyroscope: false,
+            can_be_estimated: false,
         }
     }
 
@@ -140,6 +142,10 @@ impl Recording {
                 None => return self.ending = Some(Ending::End),
             };
             self.scale.apply(&mut event.sample);
+            if is_invalid_fix(&event.sample) {
+                Issues::count(&mut self.issues.invalid_fixes, event.sample.kind());
+                continue;
+            }
             match self.timeline.admit(&event, &mut self.issues, &self.file) {
                 Ok(true) if self.instant.accepts(event.time_ns) => self.instant.put(event),
                 Ok(true) => return self.pending = Some(event),
@@ -155,7 +161,10 @@ impl Recording {
             return Err(error);
         }
         self.delivered += 1;
-        self.has_gyroscope |= matches!(event.sample, Sample::AngularRate(_));
+        self.can_be_estimated |= matches!(
+            event.sample,
+            Sample::AngularRate(_) | Sample::GnssPosition(_)
+        );
         Ok(event)
     }
 
@@ -169,7 +178,7 @@ impl Recording {
             });
         }
         self.timeline.finish(&self.file)?;
-        if !self.has_gyroscope {
+        if !self.can_be_estimated {
             let others: Vec<_> = self
                 .sensors
                 .iter()
@@ -228,22 +237,32 @@ impl fmt::Debug for Recording {
     }
 }
 
+/// Whether it is a fix that the receiver itself calls invalid: nobody gets to see it.
+fn is_invalid_fix(sample: &Sample) -> bool {
+    match sample {
+        Sample::GnssPosition(fix) | Sample::ReferencePosition(fix) => {
+            fix.quality == GnssQuality::Invalid
+        }
+        _ => false,
+    }
+}
+
 /// Factors from the units the user named to those inside.
 #[derive(Clone, Copy)]
-struct Scale {
+pub(crate) struct Scale {
     rate: Option<f64>,
     force: Option<f64>,
     field: Option<f64>,
 }
 
 impl Scale {
-    const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         rate: None,
         force: None,
         field: None,
     };
 
-    fn new(options: &OpenOptions) -> Self {
+    pub(crate) fn new(options: &OpenOptions) -> Self {
         Self {
             rate: options.gyroscope_unit.map(|unit| unit.to_rad_per_s()),
             force: options.accelerometer_unit.map(|unit| unit.to_m_per_s2()),
@@ -251,7 +270,7 @@ impl Scale {
         }
     }
 
-    fn apply(&self, sample: &mut Sample) {
+    pub(crate) fn apply(&self, sample: &mut Sample) {
         let (vector, factor) = match sample {
             Sample::AngularRate(v) | Sample::DeviceGyroscopeBias(v) => (v, self.rate),
             Sample::SpecificForce(v) => (v, self.force),

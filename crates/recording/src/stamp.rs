@@ -1,5 +1,7 @@
 //! Time stamps between text and integer nanoseconds, exactly: never through a floating-point number.
 
+use chrono::{DateTime, NaiveDateTime};
+
 /// Decimal exponent that turns seconds into nanoseconds.
 pub(crate) const SECONDS: i32 = 9;
 /// Decimal exponent that turns nanoseconds into nanoseconds.
@@ -25,6 +27,26 @@ pub(crate) fn parse_ns(text: &[u8], exponent: i32) -> Option<i64> {
     }
     let value = i64::try_from(magnitude).ok()?;
     Some(if negative { -value } else { value })
+}
+
+/// Nanoseconds since 1970 of a date and a time of day: `2014-08-01T00:00:00.186Z`, with a blank for the
+/// `T`, with another zone or without one (UTC).
+pub(crate) fn parse_date_time(text: &[u8]) -> Option<i64> {
+    /// More characters have no part in a time.
+    const LONGEST: usize = 48;
+    let text = std::str::from_utf8(text).ok()?.trim();
+    if text.len() > LONGEST {
+        return None;
+    }
+    let text = text.replacen(' ', "T", 1);
+    let ns = DateTime::parse_from_rfc3339(&text).map_or_else(
+        |_| {
+            let plain = NaiveDateTime::parse_from_str(&text, "%Y-%m-%dT%H:%M:%S%.f").ok()?;
+            plain.and_utc().timestamp_nanos_opt()
+        },
+        |date| date.timestamp_nanos_opt(),
+    )?;
+    (ns.unsigned_abs() <= i64::MAX as u64 / 2).then_some(ns)
 }
 
 /// `mantissa * 10^exponent`; digits beyond the nineteenth are cut, which is below a nanosecond for
@@ -103,7 +125,7 @@ pub(crate) fn format_s(nanoseconds: i64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{NANOSECONDS, SECONDS, format_s, from_seconds, parse_ns};
+    use super::{NANOSECONDS, SECONDS, format_s, from_seconds, parse_date_time, parse_ns};
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
@@ -150,6 +172,28 @@ mod tests {
     }
 
     #[test]
+    fn dates_with_and_without_a_zone() {
+        for text in [
+            "2014-08-01T00:00:00.186Z",
+            "2014-08-01 00:00:00.186",
+            "2014-08-01T02:00:00.186+02:00",
+            "2014-08-01 00:00:00.186000+00:00",
+        ] {
+            let ns = parse_date_time(text.as_bytes());
+            assert_eq!(ns, Some(1_406_851_200_186_000_000), "{text}");
+        }
+        for text in [
+            "",
+            "2014-08-01",
+            "00:00:00",
+            "2014-13-01T00:00:00Z",
+            "9999-01-01T00:00:00Z",
+        ] {
+            assert_eq!(parse_date_time(text.as_bytes()), None, "{text}");
+        }
+    }
+
+    #[test]
     fn floating_stamps_round_to_the_nearest_nanosecond() {
         assert_eq!(from_seconds(0.1), Some(100_000_000));
         assert_eq!(from_seconds(f64::NAN), None);
@@ -172,6 +216,7 @@ mod tests {
         #[test]
         fn arbitrary_bytes_never_panic(text in proptest::collection::vec(any::<u8>(), 0..40), exponent in -3..10_i32) {
             let _ = parse_ns(&text, exponent);
+            let _ = parse_date_time(&text);
         }
     }
 }

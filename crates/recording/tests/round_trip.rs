@@ -99,6 +99,9 @@ fn metadata() -> Metadata {
         format: String::new(),
         world_frame: WorldFrame::Ned,
         device: Some("test bench".to_owned()),
+        gnss_lever_arm_m: Some([0.5, -0.05, -1.25]),
+        gnss_position_latency_s: 0.045,
+        gnss_velocity_latency_s: 0.12,
         extra: [("weather".to_owned(), "dry: mostly".to_owned())].into(),
     }
 }

@@ -95,6 +95,7 @@ impl VirtualPhone {
             world_frame: WorldFrame::Enu,
             device: Some("virtual phone".to_owned()),
             extra: extra.map(|(key, value)| (key.to_owned(), value)).into(),
+            ..Metadata::default()
         }
     }
 

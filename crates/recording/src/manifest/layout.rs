@@ -1,18 +1,20 @@
 //! From a manifest's columns to those of the file.
 
+mod navigation;
+
 use super::problem;
 use super::schema::{
-    Column, Manifest, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
-    TimeUnit, VectorColumns,
+    Column, ForceColumnUnit, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
+    RateColumnUnit, Source, TimeColumn, TimeUnit, VectorColumns,
 };
-use crate::delimited::{Channel, Layout};
+use crate::delimited::{Channel, Layout, RowsOf, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::options::{FieldUnit, ForceUnit, OpenOptions, RateUnit};
 
 /// Finds the manifest's columns in the file.
 pub(super) struct LayoutBuilder<'a> {
-    pub(super) manifest: &'a Manifest,
+    pub(super) source: &'a Source,
     pub(super) manifest_file: &'a str,
     pub(super) file: &'a str,
     pub(super) names: Vec<String>,
@@ -21,44 +23,9 @@ pub(super) struct LayoutBuilder<'a> {
 
 impl LayoutBuilder<'_> {
     pub(super) fn build(self) -> Result<Layout> {
-        let manifest = self.manifest;
-        let mut channels = Vec::new();
-        let rate = |unit: Option<RateUnit>| {
-            self.options
-                .gyroscope_unit
-                .or(unit)
-                .map_or(1.0, RateUnit::to_rad_per_s)
-        };
-        let force = |unit: Option<ForceUnit>| {
-            self.options
-                .accelerometer_unit
-                .or(unit)
-                .map_or(1.0, ForceUnit::to_m_per_s2)
-        };
-        let field = |unit: Option<FieldUnit>| {
-            self.options
-                .magnetometer_unit
-                .or(unit)
-                .map_or(1.0, FieldUnit::to_microtesla)
-        };
-        channels.extend(self.vector(SensorKind::Gyroscope, manifest.gyroscope.as_ref(), rate)?);
-        channels.extend(self.vector(
-            SensorKind::Accelerometer,
-            manifest.accelerometer.as_ref(),
-            force,
-        )?);
-        channels.extend(self.vector(
-            SensorKind::Magnetometer,
-            manifest.magnetometer.as_ref(),
-            field,
-        )?);
-        let raw = manifest.magnetometer_uncalibrated.as_ref();
-        channels.extend(self.vector(SensorKind::MagnetometerUncalibrated, raw, field)?);
-        let bias = manifest.device_gyroscope_bias.as_ref();
-        channels.extend(self.vector(SensorKind::DeviceGyroscopeBias, bias, rate)?);
-        channels.extend(self.vector(SensorKind::Position, manifest.position.as_ref(), |_| 1.0)?);
-        channels.extend(self.vector(SensorKind::Velocity, manifest.velocity.as_ref(), |_| 1.0)?);
-        if let Some(device) = &manifest.device_orientation {
+        let mut channels = self.vectors()?;
+        let source = self.source;
+        if let Some(device) = &source.device_orientation {
             if device.scored.is_some() {
                 return Err(problem(
                     self.manifest_file,
@@ -68,16 +35,17 @@ impl LayoutBuilder<'_> {
             let (columns, inverse) = self.quaternion(device)?;
             channels.push(Channel::DeviceOrientation { columns, inverse });
         }
-        if let Some(pressure) = &manifest.pressure {
-            let factor = match pressure.unit {
-                PressureUnit::Pa => 1.0,
-                PressureUnit::Hpa => 100.0,
-                PressureUnit::Kpa => 1000.0,
-            };
+        if let Some(pressure) = &source.pressure {
             let column = self.column(&pressure.column)?;
-            channels.push(Channel::one(SensorKind::Pressure, column, factor));
+            channels.push(match pressure.unit {
+                PressureUnit::Pa => Channel::one(SensorKind::Pressure, column, 1.0),
+                PressureUnit::Hpa => Channel::one(SensorKind::Pressure, column, 100.0),
+                PressureUnit::Kpa => Channel::one(SensorKind::Pressure, column, 1000.0),
+                PressureUnit::M => Channel::PressureHeight { column },
+            });
         }
-        if let Some(reference) = &manifest.reference {
+        self.navigation(&mut channels)?;
+        if let Some(reference) = &source.reference {
             let (columns, inverse) = self.quaternion(reference)?;
             let scored = reference
                 .scored
@@ -93,24 +61,77 @@ impl LayoutBuilder<'_> {
         self.finish(channels)
     }
 
+    /// The channels of the vector sensors.
+    fn vectors(&self) -> Result<Vec<Channel>> {
+        use SensorKind as Kind;
+        let source = self.source;
+        let rate = |unit: Option<RateUnit>| {
+            let unit = self.options.gyroscope_unit.or(unit);
+            (unit.map_or(1.0, RateUnit::to_rad_per_s), false)
+        };
+        let rate_or_angle = |unit: Option<RateColumnUnit>| match unit {
+            Some(RateColumnUnit::Rad) => (1.0, true),
+            Some(RateColumnUnit::Deg) => (1_f64.to_radians(), true),
+            Some(RateColumnUnit::DegPerS) => rate(Some(RateUnit::DegPerS)),
+            Some(RateColumnUnit::RadPerS) | None => rate(None),
+        };
+        let force = |unit: Option<ForceColumnUnit>| {
+            let unit = match unit {
+                Some(ForceColumnUnit::MPerS) => return (1.0, true),
+                Some(ForceColumnUnit::G) => Some(ForceUnit::G),
+                Some(ForceColumnUnit::MPerS2) | None => None,
+            };
+            let unit = self.options.accelerometer_unit.or(unit);
+            (unit.map_or(1.0, ForceUnit::to_m_per_s2), false)
+        };
+        let field = |unit: Option<FieldUnit>| {
+            let unit = self.options.magnetometer_unit.or(unit);
+            (unit.map_or(1.0, FieldUnit::to_microtesla), false)
+        };
+        let raw = source.magnetometer_uncalibrated.as_ref();
+        let bias = source.device_gyroscope_bias.as_ref();
+        let channels = [
+            self.vector(Kind::Gyroscope, source.gyroscope.as_ref(), rate_or_angle)?,
+            self.vector(Kind::Accelerometer, source.accelerometer.as_ref(), force)?,
+            self.vector(Kind::Magnetometer, source.magnetometer.as_ref(), field)?,
+            self.vector(Kind::MagnetometerUncalibrated, raw, field)?,
+            self.vector(Kind::DeviceGyroscopeBias, bias, rate)?,
+            self.vector(Kind::Position, source.position.as_ref(), |_| (1.0, false))?,
+            self.vector(Kind::Velocity, source.velocity.as_ref(), |_| (1.0, false))?,
+        ];
+        Ok(channels.into_iter().flatten().collect())
+    }
+
     fn finish(self, channels: Vec<Channel>) -> Result<Layout> {
+        let Some(time) = &self.source.time else {
+            return Err(problem(
+                self.manifest_file,
+                "missing key `time`: the column of the time stamps and its unit".to_owned(),
+            ));
+        };
+        let rows = match &self.source.rows {
+            Some(filter) => Some(RowsOf {
+                column: self.column(&filter.column)?,
+                equals: filter.equals.clone().into_bytes(),
+            }),
+            None => None,
+        };
         let layout = Layout {
-            time: self.column(&self.manifest.time.column)?,
-            time_exponent: match self.manifest.time.unit {
-                TimeUnit::S => 9,
-                TimeUnit::Ms => 6,
-                TimeUnit::Us => 3,
-                TimeUnit::Ns => 0,
-            },
+            time: self.column(&time.column)?,
+            time_form: time_form(time),
             channels,
-            decimal_comma: self.manifest.decimal_comma,
+            decimal_comma: self.source.decimal_comma,
+            rows,
             names: self.names,
         };
         check_columns(&layout, self.manifest_file)?;
-        if self.manifest.gyroscope.is_none() {
-            return Err(RecordingError::no_gyroscope(
+        if layout.channels.is_empty() {
+            return Err(problem(
                 self.manifest_file,
-                &layout.sensors(),
+                format!(
+                    "no columns of any sensor for {}: add e.g. [gyroscope] with `columns`",
+                    self.file
+                ),
             ));
         }
         Ok(layout)
@@ -130,7 +151,7 @@ impl LayoutBuilder<'_> {
             )),
             Column::Number(number) if *number <= self.names.len() => Ok(number - 1),
             Column::Number(number) => Err(missing(format!("column number {number}"))),
-            Column::Name(_) if !self.manifest.header => Err(problem(
+            Column::Name(_) if !self.source.header => Err(problem(
                 self.manifest_file,
                 "with header = false columns are given by number, from 1".to_owned(),
             )),
@@ -154,12 +175,12 @@ impl LayoutBuilder<'_> {
         &self,
         kind: SensorKind,
         columns: Option<&VectorColumns<U>>,
-        factor: impl Fn(Option<U>) -> f64,
+        factor: impl Fn(Option<U>) -> (f64, bool),
     ) -> Result<Option<Channel>> {
         let Some(vector) = columns else {
             return Ok(None);
         };
-        let factor = factor(vector.unit);
+        let (factor, is_increment) = factor(vector.unit);
         let axes = match &vector.axes {
             Some(text) => parse_axes(text).ok_or_else(|| {
                 problem(
@@ -182,6 +203,7 @@ impl LayoutBuilder<'_> {
             kind,
             columns: places,
             factors,
+            is_increment,
         }))
     }
 
@@ -197,6 +219,16 @@ impl LayoutBuilder<'_> {
             places,
             quaternion.direction == QuaternionDirection::WorldToBody,
         ))
+    }
+}
+
+fn time_form(time: &TimeColumn) -> TimeForm {
+    match time.unit {
+        TimeUnit::S => TimeForm::Decimal(9),
+        TimeUnit::Ms => TimeForm::Decimal(6),
+        TimeUnit::Us => TimeForm::Decimal(3),
+        TimeUnit::Ns => TimeForm::Decimal(0),
+        TimeUnit::DateTime => TimeForm::DateTime,
     }
 }
 
@@ -220,7 +252,8 @@ fn parse_axes(text: &str) -> Option<[(usize, f64); 3]> {
 }
 
 /// Refuses a column that is named twice: one of the two is a slip of the pen. Only the device's own
-/// orientation may be the reference as well, where a file holds nothing better.
+/// orientation may be the reference as well, where a file holds nothing better, and the parts of a
+/// reference track share its position.
 fn check_columns(layout: &Layout, manifest_file: &str) -> Result<()> {
     let mut used = vec![layout.time];
     let orientation = layout.channels.iter().find_map(|channel| match channel {

@@ -1,27 +1,33 @@
-//! Any other delimited text file, described by a small TOML manifest.
+//! Recordings described by a small TOML manifest: any delimited text, and several files as one recording.
 //!
-//! Read first: `docs/formats.md`, which has an example. Opening the manifest opens the recording.
+//! Read first: `docs/formats.md`, which has examples. Opening the manifest opens the recording.
 
 mod blanks;
+mod combined;
 mod layout;
+mod navigation;
 mod schema;
+mod table;
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Read};
-use std::path::Path;
+use std::io::{Cursor, Read};
+use std::path::{Path, PathBuf};
 
-use crate::delimited::{DelimitedSource, csv_error};
 use crate::error::{RecordingError, Result};
+use crate::event::SensorKind;
 use crate::metadata::Metadata;
-use crate::open::named;
-use crate::options::OpenOptions;
-use crate::recording::{Opened, Recording};
+use crate::open::{open_data_file, stem};
+use crate::options::{Format, OpenOptions};
+use crate::recording::{Opened, Recording, Scale};
 
-use blanks::Blanks;
-use layout::LayoutBuilder;
+pub use navigation::{
+    AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, PositionColumns,
+    QualityCode, SpeedColumn, SpeedUnit, VelocityAxes, VelocityColumns, WaterColumns,
+};
 pub use schema::{
-    Column, Manifest, Metre, MetrePerSecond, PressureColumn, PressureUnit, QuaternionColumns,
-    QuaternionDirection, QuaternionOrder, TimeColumn, TimeUnit, VectorColumns, parse,
+    Column, ForceColumnUnit, General, Latency, LeverArm, Manifest, Metre, MetrePerSecond,
+    PressureColumn, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
+    RateColumnUnit, Role, RowFilter, Source, TimeColumn, TimeUnit, VectorColumns, parse,
 };
 
 /// Reads delimited text in memory through a manifest in memory; `name` stands for both in messages.
@@ -34,35 +40,54 @@ pub fn read_bytes(
     name: &str,
     options: &OpenOptions,
 ) -> Result<Recording> {
-    let manifest = parse(manifest, name)?;
-    let opened = open_data(
-        &manifest,
-        name,
-        Cursor::new(data),
-        name,
-        named(name.to_owned()),
-        options,
-    )?;
+    let loaded = Loaded {
+        manifest: parse(manifest, name)?,
+        file: name.to_owned(),
+    };
+    let opened = loaded.stream(Cursor::new(data), name, name.to_owned(), options)?;
     Ok(Recording::new(name.to_owned(), opened, options))
 }
 
-/// Opens the data file that the manifest names.
+/// Opens the data files that the manifest names.
 pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Opened> {
-    let (manifest, file) = load(path)?;
-    let Some(data) = &manifest.file else {
-        return Err(problem(
-            &file,
-            "missing key `file`: the data file, relative to the manifest".to_owned(),
-        ));
+    let loaded = Loaded::read(path)?;
+    let folder = match &options.data {
+        Some(folder) => folder,
+        None => path.parent().unwrap_or(Path::new("")),
     };
-    let data = path.parent().unwrap_or(Path::new("")).join(data);
-    open_loaded(&manifest, &file, &data, options)
+    let mut parts = Vec::new();
+    let mut name = stem(path);
+    let sources = &loaded.manifest.sources;
+    for source in sources {
+        let Some(data) = &source.file else {
+            return Err(problem(
+                &loaded.file,
+                "missing key `file`: the data file, relative to the folder of data or to the manifest"
+                    .to_owned(),
+            ));
+        };
+        let data = folder.join(data);
+        if sources.len() == 1 {
+            name = stem(&data);
+        }
+        parts.push((source, loaded.source(source, path, &data, options)?));
+    }
+    if parts.is_empty() {
+        return Err(problem(
+            &loaded.file,
+            "no [[source]]: each names a `file`".to_owned(),
+        ));
+    }
+    loaded.finish(combined::combine(parts, Scale::new(options)), name)
 }
 
 /// Opens `data` as the manifest at `path` describes, whatever file that names.
 pub(crate) fn open_with_data(path: &Path, data: &Path, options: &OpenOptions) -> Result<Opened> {
-    let (manifest, file) = load(path)?;
-    open_loaded(&manifest, &file, data, options)
+    let loaded = Loaded::read(path)?;
+    let source = loaded.only_source()?;
+    let opened = loaded.source(source, path, data, options)?;
+    let parts = vec![(source, opened)];
+    loaded.finish(combined::combine(parts, Scale::new(options)), stem(data))
 }
 
 /// Reads a stream as the manifest at `path` describes.
@@ -72,137 +97,117 @@ pub(crate) fn open_stream(
     path: &Path,
     options: &OpenOptions,
 ) -> Result<Opened> {
-    let (manifest, file) = load(path)?;
-    open_data(
-        &manifest,
-        &file,
-        input,
-        name,
-        named(name.to_owned()),
-        options,
-    )
+    Loaded::read(path)?.stream(input, name, name.to_owned(), options)
 }
 
-/// Whether there is a manifest at `path` which names `data`.
+/// Whether there is a manifest at `path` which names `data` and no other file.
 pub(crate) fn describes(path: &Path, data: &Path) -> bool {
-    let Ok((manifest, _)) = load(path) else {
+    let Ok(loaded) = Loaded::read(path) else {
         return false;
     };
-    let named = manifest.file.as_deref().and_then(Path::file_name);
+    let [source] = &loaded.manifest.sources[..] else {
+        return false;
+    };
+    let named = source.file.as_deref().and_then(Path::file_name);
     named.is_some() && named == data.file_name()
 }
 
-fn load(path: &Path) -> Result<(Manifest, String)> {
-    /// A manifest is a page; anything longer is another file.
-    const LONGEST: u64 = 1 << 20;
-    let file = path.display().to_string();
-    let mut text = String::new();
-    File::open(path)
-        .and_then(|input| input.take(LONGEST).read_to_string(&mut text))
-        .map_err(|error| RecordingError::io(&file, "read the manifest", error))?;
-    Ok((parse(&text, &file)?, file))
+/// A manifest and the file for messages.
+struct Loaded {
+    manifest: Manifest,
+    file: String,
 }
 
-fn open_loaded(
-    manifest: &Manifest,
-    manifest_file: &str,
-    data: &Path,
-    options: &OpenOptions,
-) -> Result<Opened> {
-    let file = data.display().to_string();
-    let input = File::open(data).map_err(|error| RecordingError::io(&file, "open it", error))?;
-    let stem = data
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
-    open_data(manifest, manifest_file, input, &file, named(stem), options)
-}
+impl Loaded {
+    fn read(path: &Path) -> Result<Self> {
+        /// A manifest is a page; anything longer is another file.
+        const LONGEST: u64 = 1 << 20;
+        let file = path.display().to_string();
+        let mut text = String::new();
+        File::open(path)
+            .and_then(|input| input.take(LONGEST).read_to_string(&mut text))
+            .map_err(|error| RecordingError::io(&file, "read the manifest", error))?;
+        let manifest = parse(&text, &file)?;
+        Ok(Self { manifest, file })
+    }
 
-fn open_data(
-    manifest: &Manifest,
-    manifest_file: &str,
-    input: impl Read + Send + 'static,
-    file: &str,
-    mut metadata: Metadata,
-    options: &OpenOptions,
-) -> Result<Opened> {
-    "manifest".clone_into(&mut metadata.format);
-    metadata.world_frame = manifest.world_frame;
-    metadata.device.clone_from(&manifest.device);
-    metadata.extra.clone_from(&manifest.extra);
-    if let Some(name) = &manifest.name {
-        metadata.name.clone_from(name);
+    /// The source of a manifest that has one.
+    fn only_source(&self) -> Result<&Source> {
+        let [source] = &self.manifest.sources[..] else {
+            return Err(problem(
+                &self.file,
+                "describes several files; open the manifest itself".to_owned(),
+            ));
+        };
+        Ok(source)
     }
-    let mut input = BufReader::with_capacity(1 << 16, input);
-    skip(&mut input, manifest.skip_rows, file)?;
-    let blanks = manifest.delimiter == ' ';
-    let input: Box<dyn Read + Send> = if blanks {
-        Box::new(Blanks::new(input))
-    } else {
-        Box::new(input)
-    };
-    let mut reader = csv::ReaderBuilder::new()
-        .delimiter(manifest.delimiter as u8)
-        .comment(manifest.comment.map(|c| c as u8))
-        .has_headers(manifest.header)
-        .buffer_capacity(1 << 16)
-        .from_reader(input);
-    // Without a header this is the first row, which stays to be read.
-    let first = reader
-        .byte_headers()
-        .map_err(|error| csv_error(file, manifest.skip_rows, &error))?;
-    if first.is_empty() {
-        return Err(RecordingError::Empty {
-            file: file.to_owned(),
-            found: format!("nothing after {} skipped lines", manifest.skip_rows),
-            expected: "rows of numbers",
-        });
-    }
-    let names = if manifest.header {
-        first
-            .iter()
-            .map(|name| {
-                String::from_utf8_lossy(name.trim_ascii())
-                    .trim_start_matches('\u{feff}')
-                    .to_owned()
-            })
-            .collect()
-    } else {
-        (1..=first.len()).map(|number| number.to_string()).collect()
-    };
-    let layout = LayoutBuilder {
-        manifest,
-        manifest_file,
-        file,
-        names,
-        options,
-    }
-    .build()?;
-    Ok(Opened {
-        metadata,
-        sensors: layout.sensors(),
-        source: Box::new(DelimitedSource::new(
-            file.to_owned(),
-            reader,
-            layout,
-            manifest.skip_rows,
-        )),
-        notes: Vec::new(),
-        units_applied: true,
-    })
-}
 
-fn skip(input: &mut impl BufRead, lines: u64, file: &str) -> Result<()> {
-    for _ in 0..lines {
-        let skipped = input
-            .skip_until(b'\n')
-            .map_err(|error| RecordingError::io(file, "read it", error))?;
-        if skipped == 0 {
-            return Ok(());
+    /// Opens one source on disk.
+    fn source(
+        &self,
+        source: &Source,
+        manifest: &Path,
+        data: &Path,
+        options: &OpenOptions,
+    ) -> Result<Opened> {
+        if source.time.is_some() || source.format == Some(Format::Manifest) {
+            let file = data.display().to_string();
+            let input =
+                File::open(data).map_err(|error| RecordingError::io(&file, "open it", error))?;
+            return table::open(source, &self.file, input, &file, options);
         }
+        if same_file(manifest, data) || has_toml_extension(data) {
+            return Err(problem(
+                &self.file,
+                format!("{} is a manifest, not a data file", data.display()),
+            ));
+        }
+        open_data_file(data, source.format, options)
     }
-    Ok(())
+
+    fn stream(
+        &self,
+        input: impl Read + Send + 'static,
+        file: &str,
+        name: String,
+        options: &OpenOptions,
+    ) -> Result<Opened> {
+        let source = self.only_source()?;
+        let opened = table::open(source, &self.file, input, file, options)?;
+        let parts = vec![(source, opened)];
+        self.finish(combined::combine(parts, Scale::new(options)), name)
+    }
+
+    /// Adds what the manifest says of the whole recording.
+    fn finish(&self, mut opened: Opened, name: String) -> Result<Opened> {
+        let enough = [SensorKind::Gyroscope, SensorKind::GnssPosition];
+        if !enough.iter().any(|kind| opened.sensors.contains(kind)) {
+            return Err(RecordingError::no_gyroscope(&self.file, &opened.sensors));
+        }
+        let general = &self.manifest.general;
+        let latency = general.latency.unwrap_or_default();
+        opened.metadata = Metadata {
+            name: general.name.clone().unwrap_or(name),
+            format: "manifest".to_owned(),
+            world_frame: general.world_frame,
+            device: general.device.clone(),
+            gnss_lever_arm_m: general.lever_arm.map(|arm| arm.frd_m),
+            gnss_position_latency_s: latency.gnss_position_s,
+            gnss_velocity_latency_s: latency.gnss_velocity_s,
+            extra: general.extra.clone(),
+        };
+        Ok(opened)
+    }
+}
+
+fn same_file(one: &Path, other: &Path) -> bool {
+    let canonical = |path: &Path| path.canonicalize().unwrap_or(PathBuf::from(path));
+    canonical(one) == canonical(other)
+}
+
+fn has_toml_extension(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
 }
 
 fn problem(file: &str, problem: String) -> RecordingError {

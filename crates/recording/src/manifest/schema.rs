@@ -4,25 +4,92 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::Deserialize;
+use toml::Spanned;
+use toml::de::{DeTable, Deserializer};
 
+use super::navigation::{
+    EcefColumns, HeadingColumn, PositionColumns, SpeedColumn, VelocityColumns, WaterColumns,
+};
 use super::problem;
 use crate::error::Result;
+use crate::event::SensorKind;
 use crate::metadata::WorldFrame;
-use crate::options::{FieldUnit, ForceUnit, RateUnit};
+use crate::options::{FieldUnit, Format, RateUnit};
 
-/// A manifest file. Unknown keys are refused.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A manifest file: what is told of the whole recording, and its sources. Unknown keys are refused.
+#[derive(Debug, Clone)]
 pub struct Manifest {
-    /// The data file, relative to the manifest.
-    pub file: Option<PathBuf>,
-    /// Name of the recording; default: the data file's stem.
+    /// What holds for all sources.
+    pub general: General,
+    /// The files. A manifest of one file has its keys at the top.
+    pub sources: Vec<Source>,
+}
+
+/// The keys that hold for the whole recording.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct General {
+    /// Name of the recording; default: the stem of the data file, of several files that of the
+    /// manifest.
     pub name: Option<String>,
     /// Device name.
     pub device: Option<String>,
     /// World frame of orientations, reference and positions.
-    #[serde(default)]
     pub world_frame: WorldFrame,
+    /// Where the antenna is.
+    pub lever_arm: Option<LeverArm>,
+    /// How late the receiver's numbers are.
+    pub latency: Option<Latency>,
+    /// Anything else worth knowing, kept in the metadata.
+    pub extra: BTreeMap<String, String>,
+}
+
+/// The names of [`General`]'s keys.
+const GENERAL: [&str; 6] = [
+    "name",
+    "device",
+    "world_frame",
+    "lever_arm",
+    "latency",
+    "extra",
+];
+
+/// From the inertial sensor to the antenna.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeverArm {
+    /// Forward, right, down in body axes, m.
+    pub frd_m: [f64; 3],
+}
+
+/// How long before its time stamp a measurement of the receiver was true.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Latency {
+    /// Of positions, s.
+    pub gnss_position_s: f64,
+    /// Of velocities, s.
+    pub gnss_velocity_s: f64,
+}
+
+/// One file of a recording: how it is read and what its columns are.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// The data file, relative to the folder of data or else to the manifest.
+    pub file: Option<PathBuf>,
+    /// Its format, where it is no table of columns; with neither this nor `time` it is told by content.
+    pub format: Option<Format>,
+    /// Whether it is something to score against: positions, velocities and device orientations
+    /// become references.
+    #[serde(default)]
+    pub role: Role,
+    /// Of a file that is no table: the sensors to take; default all.
+    #[serde(rename = "use")]
+    pub only: Option<Vec<SensorKind>>,
+    /// Added to every time stamp, s. Default 0.
+    #[serde(default)]
+    pub time_offset_s: f64,
     /// One character between cells, e.g. `,` (default), `;`, `\t`, or ` ` for runs of blanks.
     #[serde(default = "comma")]
     pub delimiter: char,
@@ -34,15 +101,17 @@ pub struct Manifest {
     pub skip_rows: u64,
     /// Lines that start with this character are skipped everywhere.
     pub comment: Option<char>,
+    /// Which rows to take, of a file that has rows of several kinds; default all.
+    pub rows: Option<RowFilter>,
     /// Whether numbers are written `0,5`.
     #[serde(default)]
     pub decimal_comma: bool,
-    /// The time column.
-    pub time: TimeColumn,
+    /// The time column, which every table has.
+    pub time: Option<TimeColumn>,
     /// Angular rate; default unit `rad-per-s`.
-    pub gyroscope: Option<VectorColumns<RateUnit>>,
+    pub gyroscope: Option<VectorColumns<RateColumnUnit>>,
     /// Specific force; default unit `m-per-s2`.
-    pub accelerometer: Option<VectorColumns<ForceUnit>>,
+    pub accelerometer: Option<VectorColumns<ForceColumnUnit>>,
     /// Magnetic field as the device calibrated it; default unit `microtesla`.
     pub magnetometer: Option<VectorColumns<FieldUnit>>,
     /// Magnetic field without the device's calibration; default unit `microtesla`.
@@ -59,9 +128,39 @@ pub struct Manifest {
     pub reference: Option<QuaternionColumns>,
     /// Static pressure.
     pub pressure: Option<PressureColumn>,
-    /// Anything else worth knowing, kept in the metadata.
-    #[serde(default)]
-    pub extra: BTreeMap<String, String>,
+    /// Fixes of a satellite receiver.
+    pub gnss_position: Option<PositionColumns>,
+    /// Velocity over ground of a satellite receiver.
+    pub gnss_velocity: Option<VelocityColumns>,
+    /// Speed over ground along the body's x axis (wheels).
+    pub forward_speed: Option<SpeedColumn>,
+    /// Velocity through the water (a ship's log).
+    pub water_velocity: Option<WaterColumns>,
+    /// Heading of the bow from true north (a gyrocompass).
+    pub true_heading: Option<HeadingColumn>,
+    /// A reference track in Earth-centred coordinates.
+    pub ecef_reference: Option<EcefColumns>,
+}
+
+/// What a source is for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// Measurements.
+    #[default]
+    Sensors,
+    /// What estimates are scored against; no filter sees it.
+    Reference,
+}
+
+/// The rows in which a cell holds a text.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowFilter {
+    /// Which column.
+    pub column: Column,
+    /// What must stand there.
+    pub equals: String,
 }
 
 /// A column by its name in the header, or by its number from 1.
@@ -96,6 +195,38 @@ pub enum TimeUnit {
     Us,
     /// Nanoseconds.
     Ns,
+    /// A date and a time of day, `2014-08-01T00:00:00.186Z` or with a blank for the `T`; without a zone
+    /// it is UTC.
+    #[serde(rename = "date-time")]
+    DateTime,
+}
+
+/// Unit of a table's angular rates.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RateColumnUnit {
+    /// Radians per second.
+    RadPerS,
+    /// Degrees per second.
+    DegPerS,
+    /// Radians turned since the row before: an increment.
+    Rad,
+    /// Degrees turned since the row before.
+    Deg,
+}
+
+/// Unit of a table's specific forces.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub enum ForceColumnUnit {
+    /// Metres per second squared.
+    #[serde(rename = "m-per-s2")]
+    MPerS2,
+    /// Standard gravity.
+    #[serde(rename = "g")]
+    G,
+    /// Velocity gained since the row before, m/s: an increment.
+    #[serde(rename = "m-per-s")]
+    MPerS,
 }
 
 /// The three columns of a vector sensor.
@@ -170,6 +301,8 @@ pub enum PressureUnit {
     Hpa,
     /// Kilopascal.
     Kpa,
+    /// Not a pressure but the height in the standard atmosphere that belongs to it, m.
+    M,
 }
 
 /// The only unit of positions.
@@ -201,7 +334,7 @@ fn yes() -> bool {
 /// # Errors
 /// [`crate::RecordingError::Manifest`] with the line and what was expected.
 pub fn parse(text: &str, file: &str) -> Result<Manifest> {
-    let manifest: Manifest = toml::from_str(text).map_err(|error| {
+    let manifest = parse_toml(text).map_err(|error| {
         let line = error.span().map_or(String::new(), |span| {
             let before = text.get(..span.start).unwrap_or(text);
             format!("line {}: ", before.matches('\n').count() + 1)
@@ -211,18 +344,61 @@ pub fn parse(text: &str, file: &str) -> Result<Manifest> {
             format!("{line}{}", error.message().replace('\n', "; ")),
         )
     })?;
-    if !manifest.delimiter.is_ascii() || manifest.comment.is_some_and(|c| !c.is_ascii()) {
+    manifest
+        .sources
+        .iter()
+        .try_for_each(|source| check(source, file))?;
+    Ok(manifest)
+}
+
+/// Divides the keys into those of the recording and those of its sources.
+fn parse_toml(text: &str) -> std::result::Result<Manifest, toml::de::Error> {
+    let mut table = DeTable::parse(text)?;
+    let span = table.span();
+    let rest = table.get_mut();
+    let mut general = DeTable::new();
+    for key in GENERAL {
+        if let Some((key, value)) = rest.remove_entry(key) {
+            general.insert(key, value);
+        }
+    }
+    let general = General::deserialize(Deserializer::from(Spanned::new(span, general)))?;
+    let sources = if rest.contains_key("source") {
+        Several::deserialize(Deserializer::from(table))?.source
+    } else {
+        vec![Source::deserialize(Deserializer::from(table))?]
+    };
+    Ok(Manifest { general, sources })
+}
+
+/// What is left of a manifest of several files.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Several {
+    source: Vec<Source>,
+}
+
+fn check(source: &Source, file: &str) -> Result<()> {
+    if !source.delimiter.is_ascii() || source.comment.is_some_and(|c| !c.is_ascii()) {
         return Err(problem(
             file,
             "delimiter and comment must each be one ASCII character, e.g. \";\"".to_owned(),
         ));
     }
-    if manifest.decimal_comma && manifest.delimiter == ',' {
+    if source.decimal_comma && source.delimiter == ',' {
         return Err(problem(
             file,
             "decimal_comma needs a delimiter other than the comma, e.g. delimiter = \";\""
                 .to_owned(),
         ));
     }
-    Ok(manifest)
+    /// Beyond a century an offset is a slip of the unit.
+    const LARGEST_OFFSET_S: f64 = 3.2e9;
+    if source.time_offset_s.is_nan() || source.time_offset_s.abs() > LARGEST_OFFSET_S {
+        return Err(problem(
+            file,
+            format!("time_offset_s = {}: expected seconds", source.time_offset_s),
+        ));
+    }
+    Ok(())
 }

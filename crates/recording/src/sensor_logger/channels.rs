@@ -79,6 +79,7 @@ impl Export {
             kind,
             columns,
             factors: [factor; 3],
+            is_increment: false,
         })
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 use super::plain;
-use crate::delimited::{Channel, DelimitedSource, Layout, csv_error};
+use crate::delimited::{Channel, DelimitedSource, Layout, TimeForm, csv_error};
 use crate::error::{RecordingError, Result, join};
 use crate::recording::EventSource;
 use crate::stamp;
@@ -117,7 +117,8 @@ impl Folder {
         }
         let layout = Layout {
             time: find(TIME)?,
-            time_exponent: stamp::NANOSECONDS,
+            time_form: TimeForm::Decimal(stamp::NANOSECONDS),
+            rows: None,
             channels: vec![channel(places)],
             decimal_comma: false,
             names,

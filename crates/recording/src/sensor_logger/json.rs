@@ -16,7 +16,7 @@ use serde::de::{IgnoredAny, MapAccess, SeqAccess};
 use super::entries::{Entries, Entry};
 use super::folder::TIME;
 use super::plain;
-use crate::delimited::{Cells, Channel, Layout};
+use crate::delimited::{Cells, Channel, Layout, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::Event;
 use crate::issues::Issues;
@@ -145,7 +145,8 @@ impl Json {
             layout: Layout {
                 names,
                 time: 0,
-                time_exponent: stamp::NANOSECONDS,
+                time_form: TimeForm::Decimal(stamp::NANOSECONDS),
+                rows: None,
                 channels: vec![channel(std::array::from_fn(|index| index + 1))],
                 decimal_comma: false,
             },
@@ -187,6 +188,7 @@ impl Table {
                 record: &record,
                 layout: &self.layout,
                 line: entry.line,
+                interval_s: None,
             };
             let Some(time_ns) = cells.stamp()? else {
                 issues.rows_without_stamp += 1;

@@ -1,0 +1,192 @@
+//! From a manifest's columns of satellite receivers, speeds and headings to those of the file.
+
+use super::super::navigation::{
+    EcefColumns, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
+};
+use super::super::problem;
+use super::super::schema::{Column, QuaternionDirection, QuaternionOrder};
+use super::LayoutBuilder;
+use crate::delimited::{Channel, EcefPart, EcefPose};
+use crate::error::Result;
+use crate::event::SensorKind;
+use crate::numbers::MOST;
+
+/// The places of a kind's numbers in the file and what they are multiplied by.
+struct Row {
+    columns: [Option<usize>; MOST],
+    factors: [f64; MOST],
+}
+
+impl Row {
+    const fn new() -> Self {
+        Self {
+            columns: [None; MOST],
+            factors: [1.0; MOST],
+        }
+    }
+
+    fn put(&mut self, number: usize, column: Option<usize>, factor: f64) {
+        (self.columns[number], self.factors[number]) = (column, factor);
+    }
+
+    fn channel(self, kind: SensorKind) -> Channel {
+        Channel::Numbers {
+            kind,
+            columns: self.columns,
+            factors: self.factors,
+        }
+    }
+}
+
+impl LayoutBuilder<'_> {
+    /// Adds the channels of navigation.
+    pub(super) fn navigation(&self, channels: &mut Vec<Channel>) -> Result<()> {
+        let source = self.source;
+        if let Some(position) = &source.gnss_position {
+            channels.push(self.gnss_position(position)?);
+        }
+        if let Some(velocity) = &source.gnss_velocity {
+            channels.push(self.gnss_velocity(velocity)?);
+        }
+        if let Some(speed) = &source.forward_speed {
+            let column = self.column(&speed.column)?;
+            let factor = speed.unit.to_m_per_s();
+            channels.push(Channel::one(SensorKind::ForwardSpeed, column, factor));
+        }
+        if let Some(water) = &source.water_velocity {
+            let factor = water.unit.to_m_per_s();
+            let mut row = Row::new();
+            row.put(0, Some(self.column(&water.forward)?), factor);
+            row.put(1, self.optional(water.starboard.as_ref())?, factor);
+            channels.push(row.channel(SensorKind::WaterVelocity));
+        }
+        if let Some(heading) = &source.true_heading {
+            let factor = heading.unit.to_rad();
+            let mut row = Row::new();
+            row.put(0, Some(self.column(&heading.column)?), factor);
+            row.put(1, self.optional(heading.std.as_ref())?, factor);
+            channels.push(row.channel(SensorKind::TrueHeading));
+        }
+        if let Some(ecef) = &source.ecef_reference {
+            self.ecef(ecef, channels)?;
+        }
+        Ok(())
+    }
+
+    fn gnss_position(&self, position: &PositionColumns) -> Result<Channel> {
+        let to_rad = position.unit.to_rad();
+        let mut row = Row::new();
+        row.put(0, Some(self.column(&position.latitude)?), to_rad);
+        row.put(1, Some(self.column(&position.longitude)?), to_rad);
+        let height = self.optional(position.height.as_ref())?;
+        row.put(2, height, position.height_unit.to_m());
+        match (&position.std, &position.accuracy) {
+            (Some(_), Some(_)) => {
+                return Err(problem(
+                    self.manifest_file,
+                    "[gnss_position] has both `std` and `accuracy`; keep one of them".to_owned(),
+                ));
+            }
+            (Some(std), None) => {
+                for (number, column) in (3..).zip(std) {
+                    row.put(number, Some(self.column(column)?), 1.0);
+                }
+            }
+            (None, Some([horizontal, vertical])) => {
+                let horizontal = Some(self.column(horizontal)?);
+                row.put(3, horizontal, std::f64::consts::FRAC_1_SQRT_2);
+                row.put(4, horizontal, std::f64::consts::FRAC_1_SQRT_2);
+                row.put(5, Some(self.column(vertical)?), 1.0);
+            }
+            (None, None) => {}
+        }
+        row.put(6, self.optional(position.hdop.as_ref())?, 1.0);
+        row.put(7, self.optional(position.satellites.as_ref())?, 1.0);
+        row.put(8, self.optional(position.quality.as_ref())?, 1.0);
+        Ok(match position.quality_code {
+            QualityCode::Gga => row.channel(SensorKind::GnssPosition),
+            QualityCode::Rtklib => Channel::RtklibPosition {
+                columns: row.columns,
+                factors: row.factors,
+            },
+        })
+    }
+
+    fn gnss_velocity(&self, velocity: &VelocityColumns) -> Result<Channel> {
+        let wrong = |what: &str| {
+            Err(problem(
+                self.manifest_file,
+                format!("[gnss_velocity] {what}"),
+            ))
+        };
+        match (&velocity.columns, &velocity.speed, &velocity.course) {
+            (Some(columns), None, None) => {
+                if velocity.speed_std.is_some() {
+                    return wrong("has `speed_std` without `speed`; with `columns` it is `std`");
+                }
+                self.components(columns, velocity)
+            }
+            (None, Some(speed), Some(course)) => {
+                if velocity.std.is_some() {
+                    return wrong("has `std` without `columns`; with `speed` it is `speed_std`");
+                }
+                Ok(Channel::SpeedAndCourse {
+                    speed: self.column(speed)?,
+                    course: self.column(course)?,
+                    std: self.optional(velocity.speed_std.as_ref())?,
+                    to_m_per_s: velocity.speed_unit.to_m_per_s(),
+                    to_rad: velocity.course_unit.to_rad(),
+                })
+            }
+            _ => wrong("needs either three `columns`, or `speed` and `course`"),
+        }
+    }
+
+    fn components(&self, columns: &[Column; 3], velocity: &VelocityColumns) -> Result<Channel> {
+        // Where the file's components stand among north, east, down, and the sense of the vertical.
+        let (order, vertical) = match velocity.axes {
+            VelocityAxes::Ned => ([0, 1, 2], 1.0),
+            VelocityAxes::Neu => ([0, 1, 2], -1.0),
+            VelocityAxes::Enu => ([1, 0, 2], -1.0),
+        };
+        let mut row = Row::new();
+        for (column, number) in columns.iter().zip(order) {
+            let factor = if number == 2 { vertical } else { 1.0 };
+            row.put(number, Some(self.column(column)?), factor);
+        }
+        for (column, number) in velocity.std.iter().flatten().zip(order) {
+            row.put(3 + number, Some(self.column(column)?), 1.0);
+        }
+        Ok(row.channel(SensorKind::GnssVelocity))
+    }
+
+    fn ecef(&self, ecef: &EcefColumns, channels: &mut Vec<Channel>) -> Result<()> {
+        let position = self.places(&ecef.position_m)?;
+        let mut put = |part| channels.push(Channel::Ecef(EcefPose { position, part }));
+        put(EcefPart::Position);
+        if let Some(velocity) = &ecef.velocity_m_s {
+            put(EcefPart::Velocity(self.places(velocity)?));
+        }
+        if let Some(attitude) = &ecef.attitude {
+            let mut columns = self.places(attitude)?;
+            if matches!(ecef.order, QuaternionOrder::Xyzw) {
+                columns.rotate_right(1);
+            }
+            let inverse = ecef.direction == QuaternionDirection::WorldToBody;
+            put(EcefPart::Attitude { columns, inverse });
+        }
+        Ok(())
+    }
+
+    fn places<const N: usize>(&self, columns: &[Column; N]) -> Result<[usize; N]> {
+        let mut places = [0; N];
+        for (place, column) in places.iter_mut().zip(columns) {
+            *place = self.column(column)?;
+        }
+        Ok(places)
+    }
+
+    fn optional(&self, column: Option<&Column>) -> Result<Option<usize>> {
+        column.map(|column| self.column(column)).transpose()
+    }
+}

@@ -1,0 +1,233 @@
+//! The keys of a manifest for satellite receivers, speeds, headings and reference tracks.
+
+use serde::Deserialize;
+
+use super::schema::{Column, QuaternionDirection, QuaternionOrder};
+
+/// The columns of position fixes.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PositionColumns {
+    /// Geodetic latitude, north positive.
+    pub latitude: Column,
+    /// Longitude, east positive.
+    pub longitude: Column,
+    /// Unit of the two. Default `deg`.
+    #[serde(default)]
+    pub unit: CoordinateUnit,
+    /// Height above the ellipsoid, or above the geoid where that is all there is.
+    pub height: Option<Column>,
+    /// Unit of the height. Default `m`.
+    #[serde(default)]
+    pub height_unit: HeightUnit,
+    /// Standard deviations north, east and vertical, m.
+    pub std: Option<[Column; 3]>,
+    /// In place of `std`: the radius that the fix is within with 68 %, and the vertical standard
+    /// deviation, m. A standard deviation along one axis is the radius divided by the root of 2.
+    pub accuracy: Option<[Column; 2]>,
+    /// Horizontal dilution of precision.
+    pub hdop: Option<Column>,
+    /// Satellites used.
+    pub satellites: Option<Column>,
+    /// Kind of fix.
+    pub quality: Option<Column>,
+    /// Whose numbers those of `quality` are. Default `gga`.
+    #[serde(default)]
+    pub quality_code: QualityCode,
+}
+
+/// Unit of latitude and longitude in a file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+pub enum CoordinateUnit {
+    /// Degrees.
+    #[default]
+    #[serde(rename = "deg")]
+    Degrees,
+    /// Radians.
+    #[serde(rename = "rad")]
+    Radians,
+    /// Ten-millionths of a degree, an integer.
+    #[serde(rename = "1e-7-deg")]
+    TenMillionths,
+}
+
+/// Unit of heights in a file.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HeightUnit {
+    /// Metres.
+    #[default]
+    M,
+    /// Millimetres.
+    Mm,
+}
+
+/// Whose numbers tell the kind of a fix.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum QualityCode {
+    /// NMEA's GGA: 0 invalid, 1 autonomous, 2 differential, 4 RTK fixed, 5 RTK float, 6 estimated.
+    #[default]
+    Gga,
+    /// RTKLIB: 1 fixed, 2 float, 3 satellite corrections, 4 differential, 5 single, 6 precise point.
+    Rtklib,
+}
+
+/// The columns of a velocity over ground: `columns`, or `speed` and `course`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VelocityColumns {
+    /// Three components in the order of `axes`, m/s.
+    pub columns: Option<[Column; 3]>,
+    /// What they are. Default `ned`.
+    #[serde(default)]
+    pub axes: VelocityAxes,
+    /// Their standard deviations in the same order, m/s.
+    pub std: Option<[Column; 3]>,
+    /// Speed over ground.
+    pub speed: Option<Column>,
+    /// Unit of the speed. Default `m-per-s`.
+    #[serde(default)]
+    pub speed_unit: SpeedUnit,
+    /// Standard deviation of the speed, in the speed's unit.
+    pub speed_std: Option<Column>,
+    /// Course over ground, clockwise from true north.
+    pub course: Option<Column>,
+    /// Unit of the course. Default `deg`.
+    #[serde(default)]
+    pub course_unit: AngleUnit,
+}
+
+/// The order and sense of a velocity's components.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VelocityAxes {
+    /// North, east, down.
+    #[default]
+    Ned,
+    /// East, north, up.
+    Enu,
+    /// North, east, up.
+    Neu,
+}
+
+/// Unit of speeds in a file.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+pub enum SpeedUnit {
+    /// Metres per second.
+    #[default]
+    #[serde(rename = "m-per-s")]
+    MPerS,
+    /// Knots, 1852 m in an hour.
+    #[serde(rename = "knots")]
+    Knots,
+    /// Kilometres per hour.
+    #[serde(rename = "km-per-h")]
+    KmPerH,
+}
+
+/// Unit of angles in a file.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AngleUnit {
+    /// Degrees.
+    #[default]
+    Deg,
+    /// Radians.
+    Rad,
+}
+
+/// The column of a speed.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpeedColumn {
+    /// Which column.
+    pub column: Column,
+    /// Its unit. Default `m-per-s`.
+    #[serde(default)]
+    pub unit: SpeedUnit,
+}
+
+/// The columns of a ship's log.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WaterColumns {
+    /// Speed through the water along the bow.
+    pub forward: Column,
+    /// Speed to starboard.
+    pub starboard: Option<Column>,
+    /// Unit of both. Default `m-per-s`.
+    #[serde(default)]
+    pub unit: SpeedUnit,
+}
+
+/// The columns of a heading.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HeadingColumn {
+    /// Which column.
+    pub column: Column,
+    /// Its standard deviation.
+    pub std: Option<Column>,
+    /// Unit of both. Default `deg`.
+    #[serde(default)]
+    pub unit: AngleUnit,
+}
+
+/// The columns of a reference track in Earth-centred, Earth-fixed coordinates.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EcefColumns {
+    /// Position, m.
+    pub position_m: [Column; 3],
+    /// Velocity, m/s.
+    pub velocity_m_s: Option<[Column; 3]>,
+    /// Attitude: a quaternion between the body (forward, right, down) and the Earth-centred axes.
+    pub attitude: Option<[Column; 4]>,
+    /// Order of the quaternion's numbers. Default `wxyz`.
+    #[serde(default)]
+    pub order: QuaternionOrder,
+    /// What it does to a vector; "world" are the Earth-centred axes. Default `body-to-world`.
+    #[serde(default)]
+    pub direction: QuaternionDirection,
+}
+
+impl CoordinateUnit {
+    /// What a number in this unit is multiplied by to become radians.
+    pub(super) const fn to_rad(self) -> f64 {
+        match self {
+            Self::Degrees => std::f64::consts::PI / 180.0,
+            Self::Radians => 1.0,
+            Self::TenMillionths => std::f64::consts::PI / 180.0 * 1e-7,
+        }
+    }
+}
+
+impl HeightUnit {
+    pub(super) const fn to_m(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Mm => 1e-3,
+        }
+    }
+}
+
+impl SpeedUnit {
+    /// What a number in this unit is multiplied by to become m/s.
+    pub(super) const fn to_m_per_s(self) -> f64 {
+        match self {
+            Self::MPerS => 1.0,
+            Self::Knots => 1852.0 / 3600.0,
+            Self::KmPerH => 1000.0 / 3600.0,
+        }
+    }
+}
+
+impl AngleUnit {
+    pub(super) const fn to_rad(self) -> f64 {
+        match self {
+            Self::Deg => std::f64::consts::PI / 180.0,
+            Self::Rad => 1.0,
+        }
+    }
+}
