@@ -61,7 +61,8 @@ pub use updates::GnssPositionUpdate;
 
 use self::alignment::Alignment;
 use self::starting::Seen;
-use self::stillness::{StillnessWindow, Window};
+use self::stillness::{Quiet, StillnessWindow, Window};
+use super::bias_wander::{BiasAtRest, WanderSettings};
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
 use super::history::{ImuHistory, Instant};
 use super::side_states::{BAROMETER_OFFSET, GNSS_OFFSET, SIDE_STATES, SideStates, SideStep};
@@ -91,14 +92,22 @@ pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     aligning: Option<Alignment<T>>,
     seen: Seen<T>,
     window: StillnessWindow<T>,
-    last_window: Option<Window<T>>,
+    quiet: Quiet<T>,
+    /// Windows at rest in a row.
+    still_windows: u32,
+    /// Until when the receiver's last velocity says that it stands.
+    stands_until_ns: Option<i64>,
     /// Time of the state.
     now_ns: Option<i64>,
     last_imu: Option<(i64, Vector3<T>, Vector3<T>)>,
     last_fix_ns: Option<i64>,
     /// Variance that the receiver's slow error is held to have, m^2.
     slow_variance: Vector3<T>,
+    /// Values at rest of the accelerometer's and the gyroscope's bias.
+    at_rest: [BiasAtRest<T>; 2],
     since_constraint: T,
+    /// Seconds since something measured the velocity.
+    since_velocity: T,
     gates: [CountedGate; Aid::ALL.len()],
     counts: [AidCounts<T>; Aid::ALL.len()],
     stamps: [Option<i64>; Aid::ALL.len()],
@@ -119,8 +128,17 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let settings = ErrorStateConfig {
             accelerometer_noise_density: config.accelerometer_noise_density,
             gyroscope_noise_density: config.gyroscope_noise_density,
-            accelerometer_bias_random_walk: config.accelerometer_bias_random_walk,
-            gyroscope_bias_random_walk: config.gyroscope_bias_random_walk,
+            // What wanders is moved by `bias_wander` instead.
+            accelerometer_bias_random_walk: if config.accelerometer_wander_std > T::zero() {
+                T::zero()
+            } else {
+                config.accelerometer_bias_random_walk
+            },
+            gyroscope_bias_random_walk: if config.gyroscope_wander_std > T::zero() {
+                T::zero()
+            } else {
+                config.gyroscope_bias_random_walk
+            },
             gravity: config.gravity,
             reset_jacobian: true,
         };
@@ -142,12 +160,16 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             aligning: Some(Alignment::default()),
             seen: Seen::default(),
             window: StillnessWindow::default(),
-            last_window: None,
+            quiet: Quiet::default(),
+            still_windows: 0,
+            stands_until_ns: None,
             now_ns: None,
             last_imu: None,
             last_fix_ns: None,
             slow_variance: Vector3::zeros(),
+            at_rest: [BiasAtRest::new(Vector3::zeros(), T::zero()); 2],
             since_constraint: T::zero(),
+            since_velocity: T::zero(),
             gates: [CountedGate::default(); Aid::ALL.len()],
             counts: [AidCounts::default(); Aid::ALL.len()],
             stamps: [None; Aid::ALL.len()],
@@ -223,7 +245,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// Whether the unit was found at rest in the last half second.
     pub fn is_still(&self) -> bool {
-        self.last_window.is_some_and(|window| window.is_still)
+        self.still_windows > 0
     }
 
     /// Takes an angular rate (rad/s) and specific force (m/s^2) of one stamp, body axes.
@@ -275,16 +297,19 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Moves on by `dt` with a rate and force that held over it.
     fn step(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
         let window = self.window.add(rate, force, self.config.gravity, dt);
-        if window.is_some() {
-            self.last_window = window;
-        }
         if let Some(alignment) = &mut self.aligning {
             alignment.propagate(rate, force, dt);
             if let Some(window) = &window {
                 alignment.window(window);
+                let is_still = alignment.is_still;
+                self.see_window(window, is_still);
             }
             self.try_to_start();
             return;
+        }
+        if let Some(window) = &window {
+            let stands = self.stands_until_ns >= self.now_ns && window.may_be_still;
+            self.see_window(window, stands);
         }
         let (rate, force) = self.on_the_earth(rate, force);
         // Cannot be refused: checked above, and the interval is positive and short.
@@ -295,6 +320,19 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             self.catch_up();
         }
         self.constrain(window.as_ref(), dt);
+    }
+
+    /// Counts windows at rest, and learns from those in which it is `known` to stand.
+    fn see_window(&mut self, window: &Window<T>, known: bool) {
+        if known {
+            self.quiet.learn(window);
+        }
+        let still = known || self.quiet.agrees(window);
+        self.still_windows = if still {
+            self.still_windows.saturating_add(1)
+        } else {
+            0
+        };
     }
 
     /// Takes out of a sample what the filter's plane does not know: Earth rate, Coriolis force, and gravity that
@@ -336,10 +374,29 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             step.added[BAROMETER_OFFSET] = walk * walk * duration;
         }
         self.side.propagate(&transition, &step);
+        self.relax_biases(duration);
         self.filter.limit_covariance(&mut self.side);
         if !(self.filter.state().is_usable() && self.side.is_usable()) {
             self.restart();
         }
+    }
+
+    fn relax_biases(&mut self, duration: T) {
+        let c = &self.config;
+        let settings = [
+            WanderSettings {
+                std: c.accelerometer_wander_std,
+                time_s: c.accelerometer_wander_time_s,
+                walk: c.accelerometer_bias_random_walk,
+            },
+            WanderSettings {
+                std: c.gyroscope_wander_std,
+                time_s: c.gyroscope_wander_time_s,
+                walk: c.gyroscope_bias_random_walk,
+            },
+        ];
+        self.filter
+            .relax_biases(&mut self.at_rest, &settings, duration, &mut self.side);
     }
 
     /// Goes on over a time without inertial samples: the velocity is held and everything grows uncertain.
@@ -347,7 +404,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.gaps = self.gaps.saturating_add(1);
         self.history.clear();
         self.window = StillnessWindow::default();
-        self.last_window = None;
+        self.still_windows = 0;
         if duration > lit(LONGEST_GAP_S) {
             self.restart();
         } else if self.aligning.is_some() {

@@ -14,6 +14,7 @@
 
 pub mod aiding;
 pub mod axis_filters;
+mod bias_wander;
 pub mod cascade;
 pub mod error_state;
 pub mod gnss_ins;

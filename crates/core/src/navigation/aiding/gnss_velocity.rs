@@ -34,11 +34,13 @@ pub fn measurement<T: Scalar, const M: usize>(
     let axes = then.ned_from_body.to_rotation_matrix().into_inner();
     let swing = axes * then.angular_rate.cross(lever_arm);
     let predicted = then.velocity + swing;
+    let centripetal = axes * then.angular_rate.cross(&then.angular_rate.cross(lever_arm));
+    let acceleration = then.acceleration + centripetal;
     let turned = swing - then.force_integral;
     let by_force_bias = axes * then.age_s;
     let by_rate_bias = axes * skew(lever_arm);
     let row = |i: usize| {
-        let mut row = Row::of_state(VELOCITY + i).with(SIDE + TIME_OFFSET, -then.acceleration[i]);
+        let mut row = Row::of_state(VELOCITY + i).with(SIDE + TIME_OFFSET, -acceleration[i]);
         for j in 0..3 {
             row = row
                 .with(ACCELEROMETER_BIAS + j, by_force_bias[(i, j)])

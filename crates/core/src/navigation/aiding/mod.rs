@@ -20,6 +20,9 @@ pub mod gnss_velocity;
 pub mod heading;
 pub mod zero_velocity;
 
+#[cfg(test)]
+mod tests;
+
 use nalgebra::Vector3;
 
 use super::error_state::Row;

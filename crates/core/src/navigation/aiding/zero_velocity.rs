@@ -2,7 +2,7 @@
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E25).
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use crate::navigation::error_state::{Measurement, Row};
 use crate::navigation::history::Instant;
@@ -22,6 +22,16 @@ pub fn rate<T: Scalar>(
     variance: T,
 ) -> Measurement<T, 3> {
     of_states(GYROSCOPE_BIAS, &(mean_rate - bias), variance)
+}
+
+/// Rows of a prior: horizontally the velocity is zero, give or take `variance` (E31).
+pub fn damping<T: Scalar>(velocity: &Vector3<T>, variance: T) -> Measurement<T, 2> {
+    Measurement {
+        rows: core::array::from_fn(|i| Row::of_state(VELOCITY + i)),
+        residual: -velocity.xy(),
+        variance: Vector2::repeat(variance),
+        freed: [usize::MAX; 2],
+    }
 }
 
 fn of_states<T: Scalar>(first: usize, residual: &Vector3<T>, variance: T) -> Measurement<T, 3> {

@@ -13,8 +13,9 @@ use super::ErrorStateFilter;
 use crate::kalman::covariance::{cap_variance, normalized_square};
 use crate::kalman::sparse_update::SparseRow;
 use crate::kalman::{CountedGate, GateDecision, Innovation, Outcome, SkipReason};
-use crate::navigation::STATES;
+use crate::navigation::bias_wander::{BiasAtRest, WanderSettings};
 use crate::navigation::side_states::{SIDE_STATES, SideStates};
+use crate::navigation::{ACCELEROMETER_BIAS, GYROSCOPE_BIAS, STATES};
 use crate::scalar::{Scalar, lit};
 
 /// Most elements of a row: velocity, attitude, gyroscope bias, two mount angles, and one to spare.
@@ -210,6 +211,25 @@ impl<T: Scalar> ErrorStateFilter<T> {
         }
     }
 
+    /// Lets accelerometer and gyroscope bias relax to their values at rest over `dt` seconds.
+    pub(in crate::navigation) fn relax_biases(
+        &mut self,
+        at_rest: &mut [BiasAtRest<T>; 2],
+        settings: &[WanderSettings<T>; 2],
+        dt: T,
+        side: &mut SideStates<T>,
+    ) {
+        let state = &mut self.state;
+        let biases = [
+            (ACCELEROMETER_BIAS, &mut state.accelerometer_bias),
+            (GYROSCOPE_BIAS, &mut state.gyroscope_bias),
+        ];
+        for ((bias, at_rest), settings) in biases.into_iter().zip(at_rest).zip(settings) {
+            let p = &mut state.covariance;
+            at_rest.relax(settings, dt, bias, p, &mut side.cross);
+        }
+    }
+
     /// Adds the square of each residual to the variance of the state it sees (E17).
     fn set_free<const M: usize>(&mut self, measurement: &Measurement<T, M>) {
         for (state, residual) in measurement.freed.iter().zip(measurement.residual.iter()) {
@@ -242,3 +262,6 @@ fn record<T: Scalar, const M: usize>(
         outcome,
     }
 }
+
+#[cfg(test)]
+mod tests;

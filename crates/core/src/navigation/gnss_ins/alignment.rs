@@ -93,13 +93,13 @@ impl<T: Scalar> Alignment<T> {
     pub(super) fn window(&mut self, window: &Window<T>) {
         let force = self.level_from_body * window.mean_force;
         let tilted = force.xy().norm() > force.norm() * lit(LARGEST_TILT_CHANGE);
-        self.tilted_windows = if window.is_still && tilted && self.still_windows > 0 {
+        self.tilted_windows = if window.may_be_still && tilted && self.still_windows > 0 {
             self.tilted_windows.saturating_add(1)
         } else {
             0
         };
         let pulling = (1..=PULLING_WINDOWS).contains(&self.tilted_windows);
-        self.is_still = window.is_still && !pulling;
+        self.is_still = window.may_be_still && !pulling;
         if !self.is_still {
             return;
         }

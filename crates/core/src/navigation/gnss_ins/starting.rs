@@ -5,6 +5,7 @@ use nalgebra::{SMatrix, Vector3};
 use super::{Aid, GnssIns, seconds};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
+use crate::navigation::bias_wander::BiasAtRest;
 use crate::navigation::side_states::{
     GNSS_OFFSET, MOUNT_PITCH, MOUNT_YAW, SideStates, TIME_OFFSET,
 };
@@ -226,6 +227,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             self.side.start(MOUNT_PITCH, T::zero(), variance);
             self.side.start(MOUNT_YAW, T::zero(), variance);
         }
+        let [_, _, _, (_, force_std), (_, rate_std)] = groups;
+        self.at_rest = [
+            BiasAtRest::new(state.accelerometer_bias, force_std.x),
+            BiasAtRest::new(state.gyroscope_bias, rate_std.x),
+        ];
         self.history.clear();
         self.last_fix_ns = self.seen.position.map(|seen| seen.time_ns);
         self.aligning = None;

@@ -2,11 +2,11 @@
 
 use nalgebra::Vector3;
 
-use super::stillness::Window;
+use super::stillness::{WINDOW_S, Window};
 use super::{Aid, GnssIns, LONGEST_GAP_S, seconds};
 use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::innovation::check_vector;
-use crate::kalman::{Innovation, SkipReason};
+use crate::kalman::{CountedGate, Innovation, SkipReason};
 use crate::navigation::VELOCITY;
 use crate::navigation::aiding::gnss_position::{self, GnssPosition};
 use crate::navigation::aiding::gnss_velocity::{self, GnssVelocity};
@@ -27,10 +27,17 @@ const STANDING_STD: f64 = 0.03;
 const STANDING_SIGMAS: f64 = 3.0;
 /// ... this (m/s): what a receiver or dead reckoning may be off by.
 const STANDING_SPEED: f64 = 0.5;
+/// How much larger the floor of a height is: satellites are seen on one side only.
+const VERTICAL_FLOOR: f64 = 2.5;
+/// A receiver's velocity (m/s) below which it stands, beside its noise, and for how long after (ns).
+const RECEIVER_STANDS_M_S: f64 = 0.1;
+const RECEIVER_STANDS_NS: i64 = 700_000_000;
 /// Least standard deviation of a gyroscope's bias from one window at rest, rad/s.
 const STANDING_RATE_STD: f64 = 1e-3;
 /// How often the non-holonomic constraint is taken, s.
 const CONSTRAINT_INTERVAL_S: f64 = 0.2;
+/// The velocity is damped when no receiver has measured it for so long, s.
+const DAMPED_AFTER_S: f64 = 2.0;
 /// Standard deviation of a barometer's offset before anything is known, m.
 const UNKNOWN_OFFSET_STD_M: f64 = 100.0;
 
@@ -68,6 +75,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.counts[Aid::GnssPosition as usize].count(&update.horizontal);
         self.counts[Aid::GnssHeight as usize].count(&update.vertical);
         if update.horizontal.outcome.is_fused() {
+            self.since_velocity = T::zero();
             self.last_fix_ns = Some(time_ns);
         }
         update
@@ -75,7 +83,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     fn fuse_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
         let floor = self.config.position_std_floor_m;
-        let std = fix.std.map(|s| s.max(floor));
+        let floor = Vector3::new(floor, floor, floor * lit(VERTICAL_FLOOR));
+        let std = fix.std.zip_map(&floor, |stated, floor| stated.max(floor));
         self.follow_slow_error(&std);
         let velocity = self.filter.state().velocity;
         let white = std * self.config.position_white_share;
@@ -129,14 +138,22 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     pub fn gnss_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) -> Innovation<T> {
         let checked = check_fix(&fix.ned, &fix.std, FASTEST_M_S)
             .and_then(|()| self.accept(Aid::GnssVelocity, time_ns));
-        if checked.is_ok() && self.aligning.is_some() {
-            self.see_velocity(time_ns, fix);
+        if checked.is_ok() {
+            let slow = lit::<T>(RECEIVER_STANDS_M_S) + fix.std.max();
+            let stands = fix.ned.norm() < slow;
+            self.stands_until_ns = stands.then(|| time_ns.saturating_add(RECEIVER_STANDS_NS));
+            if self.aligning.is_some() {
+                self.see_velocity(time_ns, fix);
+            }
         }
         let innovation = match checked.and_then(|()| self.make_ready()) {
             Ok(()) => self.fuse_velocity(time_ns, fix),
             Err(reason) => Innovation::skipped(reason),
         };
         self.counts[Aid::GnssVelocity as usize].count(&innovation);
+        if innovation.outcome.is_fused() {
+            self.since_velocity = T::zero();
+        }
         innovation
     }
 
@@ -239,6 +256,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             Err(reason) => Innovation::skipped(reason),
         };
         self.counts[Aid::Speed as usize].count(&innovation);
+        if innovation.outcome.is_fused() {
+            self.since_velocity = T::zero();
+        }
         innovation
     }
 
@@ -253,8 +273,14 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// What the filter knows without being told: that it stands, that it does not slide.
     pub(super) fn constrain(&mut self, window: Option<&Window<T>>, dt: T) {
-        if let Some(window) = window.filter(|window| self.config.zero_velocity && window.is_still) {
+        // The first window at rest may have begun before the stop.
+        let stands = self.config.zero_velocity && self.still_windows > 1;
+        if let Some(window) = window.filter(|_| stands) {
             self.stand(window);
+        }
+        self.since_velocity += dt;
+        if self.since_velocity > lit(DAMPED_AFTER_S) && window.is_some() {
+            self.damp();
         }
         self.since_constraint += dt;
         if self.config.non_holonomic && self.since_constraint >= lit(CONSTRAINT_INTERVAL_S) {
@@ -273,6 +299,25 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             let innovation = self.fuse(Aid::NonHolonomic, &m);
             self.counts[Aid::NonHolonomic as usize].count(&innovation);
         }
+    }
+
+    /// Pulls the velocity towards zero as weakly as its prior says, when nothing has measured it (E31).
+    fn damp(&mut self) {
+        let std = self.config.damping_speed_m_s;
+        if std <= T::zero() {
+            return;
+        }
+        self.catch_up();
+        if self.aligning.is_some() {
+            return;
+        }
+        let visits = self.config.damping_time_s / lit(WINDOW_S);
+        let velocity = self.filter.state().velocity;
+        let m = zero_velocity::damping(&velocity, std * std * visits);
+        // It cannot be wrong by more than itself: no gate.
+        let mut open = CountedGate::default();
+        self.filter
+            .fuse_sparse(&mut self.side, &m, &mut open, T::zero());
     }
 
     /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
