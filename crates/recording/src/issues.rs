@@ -133,6 +133,11 @@ impl Issues {
         sentences
     }
 
+    /// Counts something that was left out; `what` completes "Left out: 3 ...".
+    pub(crate) fn reject(&mut self, what: &'static str) {
+        *self.rejected.entry(what).or_default() += 1;
+    }
+
     pub(crate) fn count(counters: &mut BTreeMap<SensorKind, u64>, kind: SensorKind) {
         *counters.entry(kind).or_default() += 1;
     }

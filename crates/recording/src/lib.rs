@@ -23,6 +23,7 @@ pub mod manifest;
 pub mod mcap;
 mod merge;
 pub mod metadata;
+mod nmea;
 mod numbers;
 mod open;
 pub mod options;

@@ -8,7 +8,7 @@ use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
-use crate::{csv, manifest, sensor_logger};
+use crate::{csv, manifest, nmea, sensor_logger};
 
 /// Bytes that are looked at to tell the format.
 const SAMPLE_BYTES: usize = 4096;
@@ -47,6 +47,7 @@ pub fn read_from(
     let metadata = named(name.to_owned());
     let opened = match (format, &options.manifest) {
         (Format::Csv, _) => csv::open(input, name, metadata)?,
+        (Format::Nmea, _) => nmea::open(input, name, metadata),
         (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
         (Format::Manifest, None) => {
             return Err(RecordingError::Unsupported {
@@ -82,6 +83,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
     let metadata = named(name.to_owned());
     let opened = match format {
         Format::Csv => csv::open(Cursor::new(bytes), name, metadata)?,
+        Format::Nmea => nmea::open(Cursor::new(bytes), name, metadata),
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
         Format::Mcap => open_mcap(Cursor::new(bytes), name, metadata, options)?,
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
@@ -150,6 +152,11 @@ pub(crate) fn open_data_file(
         Format::Mcap => open_mcap(File::open(path).map_err(failed)?, file, metadata, options),
         Format::Csv => csv::open(File::open(path).map_err(failed)?, file, metadata),
         Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
+        Format::Nmea => Ok(nmea::open(
+            File::open(path).map_err(failed)?,
+            file,
+            metadata,
+        )),
     }
 }
 
@@ -210,6 +217,13 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     let text = text.trim_start_matches('\u{feff}');
     if text.trim_start().starts_with(['[', '{']) {
         return Ok(Format::SensorLogger);
+    }
+    let has_time_column = text
+        .lines()
+        .find(|line| !line.starts_with('#'))
+        .is_some_and(csv::recognises);
+    if !has_time_column && nmea::recognises(text) {
+        return Ok(Format::Nmea);
     }
     let comments_only = !text.is_empty() && text.lines().all(|line| line.starts_with('#'));
     let header = text

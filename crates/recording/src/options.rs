@@ -102,6 +102,8 @@ named_values! {
         SensorLogger = "sensor-logger",
         /// MCAP: recordings of the lab, ROS 2 messages (feature `mcap`).
         Mcap = "mcap",
+        /// NMEA 0183: a log of sentences.
+        Nmea = "nmea",
         /// Any other delimited text file, described by a TOML manifest.
         Manifest = "manifest",
     }

@@ -59,3 +59,17 @@ fn the_manifests_of_targets_parse() {
         northing_recording::tracking::manifest::parse(toml, "formats.md").unwrap();
     }
 }
+
+#[test]
+fn the_manifest_of_several_files_is_one() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/formats.md");
+    let text = std::fs::read_to_string(path).unwrap();
+    let section = text
+        .split("\n### Several files as one recording")
+        .nth(1)
+        .unwrap();
+    let toml = section.split("```toml\n").nth(1).unwrap();
+    let read = manifest::parse(toml.split("```").next().unwrap(), "formats.md").unwrap();
+    assert_eq!(read.sources.len(), 4);
+    assert_eq!(read.general.lever_arm.unwrap().frd_m.len(), 3);
+}

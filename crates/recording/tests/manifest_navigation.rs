@@ -440,3 +440,157 @@ fn the_car_is_read() {
         }
     }
 }
+
+/// The events of a manifest, and what was odd.
+fn told(name: &str, data: &Path) -> (Vec<Event>, Vec<String>) {
+    let mut recording = example(name, data);
+    let events = recording.by_ref().map(Result::unwrap).collect();
+    (events, recording.issues().sentences())
+}
+
+/// Name, how many samples of some kinds there are, and parts of remarks.
+type Expected = (
+    &'static str,
+    &'static [(SensorKind, usize)],
+    &'static [&'static str],
+);
+
+#[test]
+fn every_example_is_read() {
+    use SensorKind as Kind;
+    let Some(data) = northing_recording::test_data::data_dir("every_example_is_read") else {
+        return;
+    };
+    let expected: [Expected; 8] = [
+        (
+            "phone_comma2k19",
+            &[
+                (Kind::Gyroscope, 6256),
+                (Kind::Magnetometer, 592),
+                (Kind::GnssPosition, 579),
+                (Kind::GnssVelocity, 579),
+                (Kind::ForwardSpeed, 4974),
+                (Kind::ReferencePosition, 1200),
+                (Kind::ReferenceVelocity, 1200),
+                (Kind::Reference, 1200),
+            ],
+            &[],
+        ),
+        (
+            "vn100_circles_1hz",
+            &[
+                (Kind::Gyroscope, 2530),
+                (Kind::Magnetometer, 2530),
+                (Kind::GnssPosition, 66),
+            ],
+            &[],
+        ),
+        (
+            "px4_simulated",
+            &[
+                (Kind::Gyroscope, 9711),
+                (Kind::Magnetometer, 3212),
+                (Kind::Pressure, 538),
+                (Kind::GnssPosition, 98),
+                (Kind::GnssVelocity, 98),
+            ],
+            &[],
+        ),
+        (
+            "phone_sensorlogger_1hz",
+            &[
+                (Kind::Gyroscope, 5450),
+                (Kind::Pressure, 5450),
+                (Kind::GnssPosition, 5443),
+            ],
+            &["one sample every 1.000 s"],
+        ),
+        (
+            "ship_nbp1406_pcode",
+            &[
+                (Kind::GnssPosition, 420),
+                (Kind::GnssVelocity, 420),
+                (Kind::WaterVelocity, 352),
+                (Kind::TrueHeading, 2099),
+                (Kind::ReferencePosition, 420),
+                (Kind::Reference, 420),
+            ],
+            &["1024 weeks from that of the log"],
+        ),
+        (
+            "nmea_gps",
+            &[(Kind::GnssPosition, 1202), (Kind::GnssVelocity, 1201)],
+            &[],
+        ),
+        (
+            "nmea_plaka",
+            &[
+                (Kind::GnssPosition, 7250),
+                (Kind::GnssVelocity, 7249),
+                (Kind::WaterVelocity, 7249),
+            ],
+            &["before the first time of the log"],
+        ),
+        (
+            "nmea_gofree_merrimac",
+            &[(Kind::GnssPosition, 142), (Kind::WaterVelocity, 142)],
+            &[
+                "142 NMEA sentence(s) with a wrong checksum",
+                "fields are not",
+            ],
+        ),
+    ];
+    for (name, counts, remarks) in expected {
+        let (events, sentences) = told(&format!("{name}.toml"), &data);
+        for &(kind, number) in counts {
+            assert_eq!(count(&events, kind), number, "{name}: {kind:?}");
+        }
+        let all = sentences.join(" ");
+        assert!(remarks.iter().all(|r| all.contains(r)), "{name}: {all}");
+        assert!(!remarks.is_empty() || all.is_empty(), "{name}: {all}");
+    }
+}
+
+#[test]
+fn the_pose_track_and_the_receiver_of_the_phone_agree() {
+    let Some(data) = northing_recording::test_data::data_dir("the_pose_track_and_the_receiver")
+    else {
+        return;
+    };
+    let events = all(example("phone_comma2k19.toml", &data));
+    let mut reference = None;
+    let (mut pairs, mut worst_m, mut worst_course) = (0, 0.0_f64, 0.0_f64);
+    let mut course = None;
+    for event in &events {
+        match event.sample {
+            // Of one instant the attitude comes last.
+            Sample::ReferenceVelocity(v) => course = Some(v.y.atan2(v.x)),
+            Sample::ReferencePosition(place) => reference = Some((event.time_ns, place)),
+            Sample::Reference(r) => {
+                // The phone looks ahead, level within a few degrees.
+                let (roll, pitch, yaw) = r.attitude.euler_angles();
+                assert!(roll.abs() < 0.2 && pitch.abs() < 0.2, "{event:?}");
+                let course: f64 = course.unwrap();
+                worst_course = worst_course.max((yaw - course).sin().abs());
+            }
+            Sample::GnssPosition(fix) => {
+                let Some((time_ns, place)) = reference else {
+                    continue;
+                };
+                pairs += 1;
+                let speed_m = 25.0 * (event.time_ns - time_ns) as f64 * 1e-9;
+                let north = (fix.latitude_rad - place.latitude_rad) * 6.37e6;
+                let east =
+                    (fix.longitude_rad - place.longitude_rad) * 6.37e6 * fix.latitude_rad.cos();
+                worst_m = worst_m.max(north.hypot(east) - speed_m);
+                worst_course =
+                    worst_course.max((fix.height_m.unwrap() - place.height_m.unwrap()).abs());
+            }
+            _ => {}
+        }
+    }
+    assert!(
+        pairs > 500 && worst_m < 15.0,
+        "{pairs} {worst_m} {worst_course}"
+    );
+}

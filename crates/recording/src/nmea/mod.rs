@@ -1,0 +1,296 @@
+//! NMEA 0183: logs of sentences, one fix for each instant of UTC.
+//!
+//! GGA, GNS, RMC, GLL, VTG and GSA of one UTC time make one fix and one velocity; a sentence without a
+//! time belongs to the one with a time before it. HDT and THS give the heading from true north, VHW the
+//! speed through the water; `PSXN,23` (a Seapath's attitude) and `PUHAW,UVH` (a Doppler log) are read too.
+//! A line may begin with its time of arrival (`2014-08-01T00:00:00.186Z $GPGGA,...`).
+//!
+//! A fix has the time that the receiver says it has, on the day that the arrival says, or else the
+//! receiver; that day may be wrong by a roll-over of the week, so it only places the beginning.
+
+mod content;
+mod epoch;
+mod line;
+
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
+use std::io::{BufRead, BufReader, Read};
+
+use content::Content;
+use epoch::{Calendar, Epoch};
+use line::{Sentence, reason};
+
+use crate::error::{RecordingError, Result};
+use crate::event::{Event, Sample, SensorKind};
+use crate::issues::Issues;
+use crate::metadata::{Metadata, WorldFrame};
+use crate::recording::{EventSource, Opened};
+
+pub(crate) use line::recognises;
+
+/// What a log may have in it.
+const SENSORS: [SensorKind; 5] = [
+    SensorKind::DeviceOrientation,
+    SensorKind::GnssPosition,
+    SensorKind::GnssVelocity,
+    SensorKind::WaterVelocity,
+    SensorKind::TrueHeading,
+];
+
+/// How long events wait for earlier ones: a fix may be told a second late, in the same log as a
+/// compass that is told at once.
+const HOLD_NS: i64 = 3_000_000_000;
+
+/// A line of more bytes than this is none.
+const LONGEST_LINE: u64 = 1024;
+
+/// Opens a log.
+pub(crate) fn open(
+    input: impl Read + Send + 'static,
+    file: &str,
+    mut metadata: Metadata,
+) -> Opened {
+    "nmea".clone_into(&mut metadata.format);
+    metadata.world_frame = WorldFrame::Ned;
+    Opened {
+        metadata,
+        sensors: SENSORS.to_vec(),
+        source: Box::new(NmeaSource {
+            file: file.to_owned(),
+            input: BufReader::with_capacity(1 << 16, input),
+            log: Log::default(),
+            at_end: false,
+        }),
+        notes: Vec::new(),
+        units_applied: true,
+    }
+}
+
+/// The log of a file as events.
+struct NmeaSource<R> {
+    file: String,
+    input: BufReader<R>,
+    log: Log,
+    at_end: bool,
+}
+
+impl<R: Read + Send> NmeaSource<R> {
+    /// Reads a line; false at the end.
+    fn read_line(&mut self, line: &mut Vec<u8>) -> Result<bool> {
+        line.clear();
+        let read = self
+            .input
+            .by_ref()
+            .take(LONGEST_LINE)
+            .read_until(b'\n', line)
+            .map_err(|error| RecordingError::io(&self.file, "read it", error))?;
+        Ok(read > 0)
+    }
+}
+
+impl<R: Read + Send> EventSource for NmeaSource<R> {
+    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+        let mut line = Vec::new();
+        loop {
+            if let Some(event) = self.log.ready(self.at_end) {
+                return Some(Ok(event));
+            }
+            if self.at_end {
+                return None;
+            }
+            match self.read_line(&mut line) {
+                Ok(true) => self.log.take(&line, issues),
+                Ok(false) => {
+                    self.log.close(issues);
+                    self.log.remark(issues);
+                    self.at_end = true;
+                }
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+/// A log, line by line.
+#[derive(Default)]
+struct Log {
+    calendar: Calendar,
+    epoch: Option<Epoch>,
+    /// Samples of the open epoch: when they arrived, and what they are.
+    beside: Vec<(Option<i64>, Sample)>,
+    /// The last time that was told without a fix.
+    clock: Option<(i64, Option<chrono::NaiveDate>)>,
+    /// Talkers that write checksums: what comes from them without one was cut off.
+    summing: BTreeSet<[u8; 2]>,
+    waiting: BinaryHeap<Reverse<Waiting>>,
+    sequence: u64,
+    latest_ns: i64,
+}
+
+/// An event that waits for its turn.
+struct Waiting {
+    time_ns: i64,
+    sequence: u64,
+    sample: Sample,
+}
+
+impl Log {
+    /// Takes a line; what cannot be used is counted.
+    fn take(&mut self, line: &[u8], issues: &mut Issues) {
+        let sentence = match Sentence::of_line(line) {
+            Ok(Some(sentence)) => sentence,
+            Ok(None) => return,
+            Err(reason) => return issues.reject(reason),
+        };
+        if !self.is_whole(&sentence) {
+            return issues.reject(reason::CUT_OFF);
+        }
+        match content::read(&sentence) {
+            Ok(Content::Part(part)) => self.part(part, sentence.arrival_ns, issues),
+            Ok(Content::Clock {
+                time_of_day_ns,
+                date,
+            }) => self.tell_time(time_of_day_ns, date),
+            Ok(Content::Sample(sample)) => self.beside(sample, sentence.arrival_ns, issues),
+            Ok(Content::Other) => {}
+            Err(()) => issues.reject(reason::GARBLED),
+        }
+    }
+
+    /// Whether the sentence has its checksum, or comes from a talker that never writes one.
+    fn is_whole(&mut self, sentence: &Sentence<'_>) -> bool {
+        let Some(talker) = sentence.address().as_bytes().first_chunk::<2>() else {
+            return true;
+        };
+        if sentence.has_checksum {
+            self.summing.insert(*talker);
+        }
+        sentence.has_checksum || !self.summing.contains(talker)
+    }
+
+    fn part(&mut self, part: content::Part, arrival_ns: Option<i64>, issues: &mut Issues) {
+        // A position without a time has that of the receiver's clock, told just before.
+        let clock = self.clock.filter(|_| part.position_rad.is_some());
+        let time = part
+            .time_of_day_ns
+            .or(clock.map(|(time_of_day_ns, _)| time_of_day_ns));
+        let is_open = |epoch: &Epoch| time.is_none_or(|time| time == epoch.time_of_day_ns);
+        if !self.epoch.as_ref().is_some_and(is_open) {
+            self.close(issues);
+            let Some(time) = time else {
+                return issues.reject(reason::NO_TIME);
+            };
+            let mut epoch = Epoch::new(time, arrival_ns);
+            epoch.date = self.clock.and_then(|(_, date)| date);
+            self.epoch = Some(epoch);
+        }
+        if let Some(epoch) = &mut self.epoch {
+            epoch.add(&part);
+        }
+    }
+
+    fn tell_time(&mut self, time_of_day_ns: i64, date: Option<chrono::NaiveDate>) {
+        self.clock = Some((time_of_day_ns, date));
+        if let Some(epoch) = &mut self.epoch
+            && epoch.time_of_day_ns == time_of_day_ns
+        {
+            epoch.date = epoch.date.or(date);
+        }
+    }
+
+    /// Takes a sample that comes without a time of its own.
+    fn beside(&mut self, sample: Sample, arrival_ns: Option<i64>, issues: &mut Issues) {
+        match (&self.epoch, arrival_ns) {
+            (Some(_), _) => self.beside.push((arrival_ns, sample)),
+            (None, Some(time_ns)) => self.wait(time_ns, sample),
+            (None, None) => issues.reject(reason::NO_TIME),
+        }
+    }
+
+    /// Ends the open epoch: its samples get their times.
+    fn close(&mut self, issues: &mut Issues) {
+        let Some(epoch) = self.epoch.take() else {
+            return;
+        };
+        let time_ns = self
+            .calendar
+            .place(epoch.time_of_day_ns, epoch.date, epoch.arrival_ns);
+        match epoch.samples() {
+            Some(samples) => samples.for_each(|sample| self.wait(time_ns, sample)),
+            None => issues.reject(reason::NO_POSITION),
+        }
+        // The first of a kind was measured with the fix; further ones by so much later as they arrived.
+        let beside = std::mem::take(&mut self.beside);
+        for (index, (arrival, sample)) in beside.iter().enumerate() {
+            let mut earlier = beside[..index].iter();
+            let first = earlier.find(|(_, s)| s.kind() == sample.kind());
+            let later_ns = match (arrival, first) {
+                (Some(arrival), Some((Some(first), _))) => arrival.saturating_sub(*first),
+                _ => 0,
+            };
+            self.wait(time_ns.saturating_add(later_ns), *sample);
+        }
+    }
+
+    fn wait(&mut self, time_ns: i64, sample: Sample) {
+        self.sequence += 1;
+        self.latest_ns = self.latest_ns.max(time_ns);
+        self.waiting.push(Reverse(Waiting {
+            time_ns,
+            sequence: self.sequence,
+            sample,
+        }));
+    }
+
+    /// The next event for which nothing earlier is expected any more.
+    fn ready(&mut self, at_end: bool) -> Option<Event> {
+        let Reverse(first) = self.waiting.peek()?;
+        if !at_end && self.latest_ns.saturating_sub(first.time_ns) < HOLD_NS {
+            return None;
+        }
+        self.waiting.pop().map(|Reverse(first)| Event {
+            time_ns: first.time_ns,
+            sample: first.sample,
+        })
+    }
+
+    /// Tells what was odd about the dates.
+    fn remark(&self, issues: &mut Issues) {
+        let Some([told, known]) = self.calendar.contradiction else {
+            return;
+        };
+        let weeks = (known - told).num_weeks();
+        let roll_over = if weeks.abs() == 1024 {
+            " (a week number that rolled over)"
+        } else {
+            ""
+        };
+        issues.notes.push(format!(
+            "The receiver's date {told} is {weeks} weeks from that of the log, {known}{roll_over}; its times of \
+             day are used and its dates are not."
+        ));
+    }
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Waiting {}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        (self.time_ns, self.sequence).cmp(&(other.time_ns, other.sequence))
+    }
+}
+
+#[cfg(test)]
+mod tests;
