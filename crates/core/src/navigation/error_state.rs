@@ -252,7 +252,11 @@ impl<T: Scalar> ErrorStateFilter<T> {
 
     /// Goes on by `duration` (s) without inertial samples: the velocity is held, and attitude and velocity walk at
     /// random by `walks` (rad/sqrt(s) and m/s/sqrt(s)). The covariance must have caught up.
-    pub(super) fn hold_velocity(&mut self, duration: T, [attitude, velocity]: [T; 2]) {
+    pub(super) fn hold_velocity(
+        &mut self,
+        duration: T,
+        [attitude, velocity]: [T; 2],
+    ) -> ErrorTransition<T> {
         let transition = ErrorTransition::without_samples(duration);
         let noise = ProcessNoise {
             gyroscope: attitude * attitude,
@@ -262,6 +266,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         let state = &mut self.state;
         state.position += state.velocity * duration;
         transition.propagate_covariance(&mut state.covariance, &noise);
+        transition
     }
 
     /// The covariance that `transition` would make of the present one: a look ahead that changes

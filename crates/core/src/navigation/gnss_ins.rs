@@ -53,6 +53,9 @@ mod starting;
 mod stillness;
 mod updates;
 
+#[cfg(test)]
+mod tests;
+
 use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 pub use config::{GnssInsConfig, ImuSamples};
@@ -266,6 +269,12 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             } else {
                 Err(SkipReason::NotNewer)
             });
+        let used = self.config.imu_samples != ImuSamples::None;
+        let checked = checked.and(if used {
+            Ok(())
+        } else {
+            Err(SkipReason::NotUsed)
+        });
         if let Err(reason) = checked {
             self.imu_skipped = self.imu_skipped.saturating_add(1);
             return Err(reason);
@@ -288,7 +297,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
                 (angular_rate + last_rate) * half,
                 (specific_force + last_force) * half,
             ),
-            ImuSamples::Means => (*angular_rate, *specific_force),
+            ImuSamples::Means | ImuSamples::None => (*angular_rate, *specific_force),
         };
         self.step(&rate, &force, dt);
         Ok(())
@@ -359,6 +368,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Brings the covariance up to the state.
     fn catch_up(&mut self) {
         let transition = self.filter.catch_up();
+        self.follow(&transition);
+    }
+
+    /// Brings what is beside the filter along.
+    fn follow(&mut self, transition: &ErrorTransition<T>) {
         let duration = transition.duration_s();
         let mut step = SideStep {
             decay: [T::one(); SIDE_STATES],
@@ -373,7 +387,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             let walk = self.config.barometer_offset_random_walk;
             step.added[BAROMETER_OFFSET] = walk * walk * duration;
         }
-        self.side.propagate(&transition, &step);
+        self.side.propagate(transition, &step);
         self.relax_biases(duration);
         self.filter.limit_covariance(&mut self.side);
         if !(self.filter.state().is_usable() && self.side.is_usable()) {
@@ -410,13 +424,39 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         } else if self.aligning.is_some() {
             self.aligning = Some(Alignment::default());
         } else if duration > T::zero() {
-            self.catch_up();
-            let walks = [
-                self.config.gap_attitude_random_walk,
-                self.config.gap_velocity_random_walk,
-            ];
-            self.filter.hold_velocity(duration, walks);
-            self.catch_up();
+            self.hold_velocity(duration);
+        }
+    }
+
+    fn hold_velocity(&mut self, duration: T) {
+        self.catch_up();
+        let walks = [
+            self.config.gap_attitude_random_walk,
+            self.config.gap_velocity_random_walk,
+        ];
+        let transition = self.filter.hold_velocity(duration, walks);
+        self.follow(&transition);
+    }
+
+    /// Moves the time on where there is no inertial unit.
+    fn go_on_without_samples(&mut self, time_ns: i64) {
+        let now = self.now_ns.unwrap_or(time_ns);
+        let duration: T = seconds(now, time_ns);
+        if duration <= T::zero() && self.now_ns.is_some() {
+            return;
+        }
+        self.now_ns = Some(time_ns);
+        if duration > lit(LONGEST_GAP_S) {
+            self.restart();
+        }
+        match &mut self.aligning {
+            Some(alignment) => alignment.assume_level(),
+            None => {
+                self.hold_velocity(duration);
+                let tilt = lit(alignment::TILT_STD_ASSUMED);
+                self.filter.hold_level(&mut self.side, tilt);
+                self.constrain(None, duration);
+            }
         }
     }
 

@@ -10,12 +10,13 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::ErrorStateFilter;
+use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{cap_variance, normalized_square};
 use crate::kalman::sparse_update::SparseRow;
 use crate::kalman::{CountedGate, GateDecision, Innovation, Outcome, SkipReason};
 use crate::navigation::bias_wander::{BiasAtRest, WanderSettings};
 use crate::navigation::side_states::{SIDE_STATES, SideStates};
-use crate::navigation::{ACCELEROMETER_BIAS, GYROSCOPE_BIAS, STATES};
+use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, STATES};
 use crate::scalar::{Scalar, lit};
 
 /// Most elements of a row: velocity, attitude, gyroscope bias, two mount angles, and one to spare.
@@ -208,6 +209,19 @@ impl<T: Scalar> ErrorStateFilter<T> {
                 side.cross.row_mut(state).scale_mut(scale);
                 cap_variance(&mut self.state.covariance, state, limit);
             }
+        }
+    }
+
+    /// Takes the body to be level within `std` (rad): its tilt is then correlated with nothing.
+    pub(in crate::navigation) fn hold_level(&mut self, side: &mut SideStates<T>, std: T) {
+        let state = &mut self.state;
+        let [yaw, _, _] = rotation::to_yaw_pitch_roll(&state.ned_from_body);
+        state.ned_from_body = so3::exp(&(Vector3::z() * yaw));
+        for tilt in [ATTITUDE, ATTITUDE + 1] {
+            state.covariance.row_mut(tilt).fill(T::zero());
+            state.covariance.column_mut(tilt).fill(T::zero());
+            side.cross.row_mut(tilt).fill(T::zero());
+            state.covariance[(tilt, tilt)] = std * std;
         }
     }
 

@@ -16,6 +16,8 @@ use crate::scalar::{Scalar, lit};
 const TILT_STD_AT_REST: f64 = 0.02;
 /// Tilt after levelling in motion (rad): 1 m/s^2 of acceleration.
 const TILT_STD_MOVING: f64 = 0.1;
+/// Tilt of a body that is taken to be level (rad).
+pub(super) const TILT_STD_ASSUMED: f64 = 0.05;
 /// Seconds that are averaged for levelling in motion.
 const MOVING_AVERAGE_S: f64 = 2.0;
 /// Once levelled, gravity does not tilt without a turn: by more (rad) it is an acceleration ...
@@ -108,6 +110,11 @@ impl<T: Scalar> Alignment<T> {
         self.bias += (window.mean_rate - self.bias) * share.max(lit(LEAST_SHARE));
         self.level(&force);
         self.tilt_std = Some(lit(TILT_STD_AT_REST));
+    }
+
+    /// Takes the body to be level: there is no accelerometer.
+    pub(super) fn assume_level(&mut self) {
+        self.tilt_std = Some(lit(TILT_STD_ASSUMED));
     }
 
     /// Turns the shortest way until `force` (level axes) points up; the heading stays as arbitrary as it was.

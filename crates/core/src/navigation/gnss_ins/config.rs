@@ -17,6 +17,10 @@ pub enum ImuSamples {
     Instants,
     /// The mean since the sample before: increments divided by their interval.
     Means,
+    /// There is no inertial unit: a ship's bridge with receiver, gyrocompass and log. The body is taken to be level,
+    /// velocity and heading walk by [`GnssInsConfig::gap_velocity_random_walk`] and
+    /// [`GnssInsConfig::gap_attitude_random_walk`], and every measurement moves the time on.
+    None,
 }
 
 /// Settings; angles in radians, vectors in body axes (forward, right, down).
@@ -118,9 +122,10 @@ pub struct GnssInsConfig<T: Scalar> {
     pub initial_heading: Option<[T; 2]>,
     /// Standard deviation of heading against course at the start, rad: crab and mount. Default 0.15.
     pub course_std: T,
-    /// How the attitude wanders while there are no inertial samples, rad/sqrt(s), default 0.3.
+    /// How the attitude wanders while there are no inertial samples, rad/sqrt(s), default 0.3; for a ship without
+    /// any 0.02.
     pub gap_attitude_random_walk: T,
-    /// How the velocity wanders then, m/s/sqrt(s), default 2.
+    /// How the velocity wanders then, m/s/sqrt(s), default 2; for a ship without any 0.1.
     pub gap_velocity_random_walk: T,
     /// When a position is dead reckoning, and when it is nothing.
     pub validity: ValidityLimits<T>,

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::stillness::{WINDOW_S, Window};
-use super::{Aid, GnssIns, LONGEST_GAP_S, seconds};
+use super::{Aid, GnssIns, ImuSamples, LONGEST_GAP_S, seconds};
 use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{CountedGate, Innovation, SkipReason};
@@ -63,6 +63,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             .and_then(|()| self.accept(Aid::GnssPosition, time_ns));
         if checked.is_ok() && self.aligning.is_some() {
             self.see_position(time_ns, fix);
+            if self.config.imu_samples == ImuSamples::None {
+                self.try_to_start();
+            }
         }
         let ready = checked.and_then(|()| self.make_ready());
         let update = match ready {
@@ -370,6 +373,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             return Err(SkipReason::NotNewer);
         }
         *stamp = Some(time_ns);
+        if self.config.imu_samples == ImuSamples::None {
+            self.go_on_without_samples(time_ns);
+        }
         match self.now_ns {
             None => Err(SkipReason::NotInitialized),
             Some(now) if seconds::<T>(now, time_ns).abs() > T::one() => Err(SkipReason::TooLate),

@@ -1,7 +1,6 @@
 //! Sparse scalar updates against the dense joint update in Joseph form, over all 22 states.
 
 use super::*;
-use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::cholesky;
 use crate::navigation::side_states::SideStep;
 use crate::navigation::{ErrorStateConfig, ErrorTransition, NavigationState};
