@@ -36,6 +36,7 @@ mod recording;
 mod sensor_logger;
 mod stamp;
 pub mod timeline;
+pub mod track;
 pub mod tracking;
 mod tum_writer;
 pub mod wire;
@@ -53,6 +54,7 @@ pub use options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
 #[cfg(feature = "parquet")]
 pub use parquet_writer::ParquetWriter;
 pub use recording::Recording;
+pub use track::{TrackPoint, check_track_path, write_track};
 pub use tum_writer::TumWriter;
 pub use writer::{EventWriter, create};
 

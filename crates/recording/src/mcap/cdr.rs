@@ -39,6 +39,12 @@ impl CdrWriter {
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 
+    /// A number of one to eight bytes, little-endian.
+    pub(crate) fn bytes(&mut self, number: &[u8]) {
+        self.align(number.len());
+        self.bytes.extend_from_slice(number);
+    }
+
     /// A short text of this program.
     pub(crate) fn string(&mut self, text: &str) {
         self.u32(text.len() as u32 + 1);

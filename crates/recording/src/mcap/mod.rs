@@ -15,6 +15,7 @@ mod cdr;
 mod file;
 mod lab;
 mod lab_source;
+pub(crate) mod nav_sat_fix;
 mod recover;
 mod ros;
 mod ros_source;

@@ -123,7 +123,7 @@ impl MagneticField {
     }
 }
 
-fn header(out: &mut CdrWriter, time_ns: i64, frame: &str) -> Option<()> {
+pub(crate) fn header(out: &mut CdrWriter, time_ns: i64, frame: &str) -> Option<()> {
     out.i32(i32::try_from(time_ns.div_euclid(NS_PER_S)).ok()?);
     out.u32(u32::try_from(time_ns.rem_euclid(NS_PER_S)).ok()?);
     out.string(frame);
