@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
 use northing_core::calibration::RestCalibration;
+use northing_evaluation::calibration_set::CalibrationSet;
 
 use crate::rest_span::Calibrated;
 use crate::toml_file::{self, in_comment};
@@ -34,6 +35,14 @@ pub(crate) fn to_toml(calibrated: &Calibrated, recording: &str) -> Result<String
 pub(crate) fn read(path: &Path) -> Result<RestCalibration<f64>> {
     let calibration = toml_file::read(path, COMMAND)?;
     checked(calibration, &path.display().to_string())
+}
+
+/// Reads a folder of such files, for [`CalibrationSet`].
+///
+/// # Errors
+/// As [`read`]; or there are none.
+pub(crate) fn read_folder(folder: &Path) -> Result<CalibrationSet<RestCalibration<f64>>> {
+    toml_file::read_folder(folder, "gyroscope_bias_rad_s", COMMAND, read)
 }
 
 fn checked(calibration: RestCalibration<f64>, file: &str) -> Result<RestCalibration<f64>> {
@@ -88,7 +97,7 @@ mod tests {
         calibrate(
             phone.events().map(Ok),
             Span::default(),
-            MagnetometerSource::Device,
+            Some(MagnetometerSource::Device),
         )
         .unwrap()
     }

@@ -7,7 +7,9 @@ use clap::Args;
 use northing_core::calibration::RestCalibration;
 use northing_evaluation::EvaluationError;
 use northing_evaluation::calibration::calibrated_config;
+use northing_evaluation::calibration_set::{CalibrationSet, Calibrations};
 use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::field_calibration::FieldCalibration;
 use northing_evaluation::observer::RunObserver;
 use northing_evaluation::options::{MagnetometerSource, RunOptions, SensorSelection};
 use northing_evaluation::parameters::Parameters;
@@ -17,7 +19,7 @@ use northing_recording::Recording;
 
 use crate::calibration_file;
 use crate::field_file;
-use crate::input::{InputArgs, magnetometer_source, positive_seconds};
+use crate::input::{InputArgs, MagnetometerChoice, magnetometer_choice, positive_seconds, shown};
 use crate::interrupt::interruptible;
 use crate::settings::SettingArgs;
 
@@ -29,13 +31,15 @@ pub(crate) struct EstimationArgs {
     /// headings beside a magnetometer, too
     #[arg(long, value_name = "LIST")]
     sensors: Option<SensorSelection>,
-    /// Which magnetometer: device (calibrated by the device) or uncalibrated
-    #[arg(long, value_name = "WHICH", value_parser = magnetometer_source)]
-    magnetometer: Option<MagnetometerSource>,
-    /// Calibration at rest, a file that `northing calibrate rest` wrote
+    /// Which magnetometer: device (calibrated by the device), uncalibrated, or calibrated=FILE, which is
+    /// --magnetometer-calibration FILE; without it what the recording has and the estimator can use
+    #[arg(long, value_name = "WHICH", value_parser = magnetometer_choice)]
+    magnetometer: Option<MagnetometerChoice>,
+    /// Calibration at rest, a file that `northing calibrate rest` wrote, or a folder of files whose names
+    /// end with device and day (rest_iPhone5_d3.toml)
     #[arg(long, value_name = "FILE", conflicts_with = "calibrate_first")]
     calibration: Option<PathBuf>,
-    /// Calibration of the magnetometer, a file that `northing calibrate magnetometer` wrote
+    /// Calibration of the magnetometer, a file that `northing calibrate magnetometer` wrote, or such a folder
     #[arg(long, value_name = "FILE")]
     magnetometer_calibration: Option<PathBuf>,
     /// Calibrate from the first seconds of the recording, in which the device must rest
@@ -48,36 +52,51 @@ pub(crate) struct EstimationArgs {
     settings: SettingArgs,
 }
 
+/// What a command asks of its runs.
+#[derive(Debug, Clone)]
+pub(crate) struct Asked {
+    /// The options of every run.
+    pub(crate) run: RunOptions,
+    /// Calibrations of devices and days, of which each recording gets its own.
+    pub(crate) calibrations: Calibrations,
+}
+
 impl EstimationArgs {
     /// The options of a run with this estimator.
     ///
     /// # Errors
     /// A setting, a file or a combination that makes no sense.
-    pub(crate) fn options(
-        &self,
-        estimator: EstimatorKind,
-        input: &InputArgs,
-    ) -> Result<RunOptions> {
-        let mut options = self.settings.options(estimator)?;
-        options.driver.gap_limit_s = input.gap_limit_s();
+    pub(crate) fn options(&self, estimator: EstimatorKind, input: &InputArgs) -> Result<Asked> {
+        let mut run = self.settings.options(estimator)?;
+        run.driver.gap_limit_s = input.gap_limit_s();
+        run.choose_magnetometer = self.magnetometer.is_none() && self.sensors.is_none();
         if let Some(sensors) = self.sensors {
-            options.sensors = sensors;
+            run.sensors = sensors;
         }
-        if let Some(source) = self.magnetometer {
-            options.sensors.magnetometer_source = source;
+        if let Some(MagnetometerChoice::Stream(source)) = self.magnetometer {
+            run.sensors.magnetometer_source = source;
         }
-        if let Some(path) = &self.magnetometer_calibration {
-            self.calibrate_field(&mut options, path)?;
+        run.calibrate_first_s = self.calibrate_first;
+        run.smooth = self.smooth;
+        let mut asked = Asked {
+            run,
+            calibrations: Calibrations::default(),
+        };
+        if let Some(path) = self.field_path()? {
+            self.calibrate_field(&mut asked, path)?;
         }
-        options.calibration = self
-            .calibration
-            .as_deref()
-            .map(calibration_file::read)
-            .transpose()?;
-        options.calibrate_first_s = self.calibrate_first;
-        options.smooth = self.smooth;
-        options.check()?;
-        Ok(options)
+        match self.calibration.as_deref() {
+            Some(folder) if folder.is_dir() => {
+                asked.calibrations.rest = Some(calibration_file::read_folder(folder)?);
+            }
+            Some(path) => {
+                asked.run.calibration = Some(calibration_file::read(path)?);
+                asked.run.calibration_names[0] = Some(shown(path));
+            }
+            None => {}
+        }
+        asked.run.check()?;
+        Ok(asked)
     }
 
     /// As [`Self::options`] for this estimator alone, which must have a use for every `--set`.
@@ -88,28 +107,66 @@ impl EstimationArgs {
         &self,
         estimator: EstimatorKind,
         input: &InputArgs,
-    ) -> Result<RunOptions> {
-        let options = self.options(estimator, input)?;
+    ) -> Result<Asked> {
+        let asked = self.options(estimator, input)?;
         self.settings.check_effect(estimator)?;
-        Ok(options)
+        Ok(asked)
+    }
+
+    /// Where the calibration of the magnetometer is.
+    fn field_path(&self) -> Result<Option<&Path>> {
+        let option = self.magnetometer_calibration.as_deref();
+        let chosen = match &self.magnetometer {
+            Some(MagnetometerChoice::Calibrated(path)) => Some(path.as_path()),
+            _ => None,
+        };
+        if option.is_some() && chosen.is_some() {
+            bail!(
+                "--magnetometer calibrated= and --magnetometer-calibration both name a calibration; keep one"
+            );
+        }
+        Ok(option.or(chosen))
     }
 
     /// A calibration of the magnetometer also says which of the two is used, unless the user did.
-    fn calibrate_field(&self, options: &mut RunOptions, path: &Path) -> Result<()> {
-        let field = field_file::read(path)?;
-        let sensors = &mut options.sensors;
-        if !sensors.magnetometer {
+    fn calibrate_field(&self, asked: &mut Asked, path: &Path) -> Result<()> {
+        if !asked.run.sensors.magnetometer {
             bail!(
-                "--magnetometer-calibration has no effect: --sensors leaves the magnetometer out"
+                "a calibration of the magnetometer has no effect: --sensors leaves the magnetometer out"
             );
         }
-        if self.magnetometer.is_none() && sensors.magnetometer_source == MagnetometerSource::Device
-        {
+        asked.run.choose_magnetometer = false;
+        if path.is_dir() {
+            let set = field_file::read_folder(path)?;
+            if let Some(MagnetometerChoice::Stream(used)) = self.magnetometer {
+                check_streams(&set, used)?;
+            }
+            asked.calibrations.field = Some(set);
+            return Ok(());
+        }
+        let field = field_file::read(path)?;
+        let sensors = &mut asked.run.sensors;
+        let is_named = matches!(self.magnetometer, Some(MagnetometerChoice::Stream(_)));
+        if !is_named && sensors.magnetometer_source == MagnetometerSource::Device {
             sensors.magnetometer_source = field.magnetometer;
         }
-        options.field_calibration = Some(field);
+        asked.run.field_calibration = Some(field);
+        asked.run.calibration_names[1] = Some(shown(path));
         Ok(())
     }
+}
+
+/// Refuses calibrations of another stream than the one that was named.
+fn check_streams(set: &CalibrationSet<FieldCalibration>, used: MagnetometerSource) -> Result<()> {
+    let other = set.named.iter().find(|(_, c)| c.magnetometer != used);
+    let Some((name, calibration)) = other else {
+        return Ok(());
+    };
+    let error = EvaluationError::OtherMagnetometer {
+        calibrated: calibration.magnetometer.name(),
+        used: used.name(),
+    };
+    Err(anyhow::Error::from(error).context(format!("{}/{name}.toml", set.place)))
 }
 
 /// Runs an estimator over a recording; `name` stands for it in the summary and in messages.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
+use northing_evaluation::calibration_set::CalibrationSet;
 use northing_evaluation::field_calibration::{FieldCalibration, FieldReport};
 
 use crate::toml_file::{self, in_comment};
@@ -34,6 +35,14 @@ pub(crate) fn to_toml(report: &FieldReport, recording: &str) -> Result<String> {
 /// It cannot be read, is no TOML, lacks something, or has numbers that no calibration can have.
 pub(crate) fn read(path: &Path) -> Result<FieldCalibration> {
     checked(toml_file::read(path, COMMAND)?, &path.display().to_string())
+}
+
+/// Reads a folder of such files, for [`CalibrationSet`].
+///
+/// # Errors
+/// As [`read`]; or there are none.
+pub(crate) fn read_folder(folder: &Path) -> Result<CalibrationSet<FieldCalibration>> {
+    toml_file::read_folder(folder, "magnetometer", COMMAND, read)
 }
 
 fn checked(field: FieldCalibration, file: &str) -> Result<FieldCalibration> {

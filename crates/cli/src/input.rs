@@ -91,6 +91,26 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Which magnetometer a run uses.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum MagnetometerChoice {
+    /// The device's own, or the uncalibrated one.
+    Stream(MagnetometerSource),
+    /// The one that a file, or a file of a folder, is a calibration of.
+    Calibrated(PathBuf),
+}
+
+/// A choice such as `uncalibrated` or `calibrated=magnetometer.toml`.
+pub(crate) fn magnetometer_choice(text: &str) -> Result<MagnetometerChoice, String> {
+    match text.strip_prefix("calibrated=") {
+        Some("") => Err("expected a file or folder after calibrated=".to_owned()),
+        Some(path) => Ok(MagnetometerChoice::Calibrated(path.into())),
+        None => magnetometer_source(text)
+            .map(MagnetometerChoice::Stream)
+            .map_err(|_| "expected device, uncalibrated or calibrated=FILE".to_owned()),
+    }
+}
+
 /// Which of a phone's two magnetometers is meant.
 pub(crate) fn magnetometer_source(text: &str) -> Result<MagnetometerSource, String> {
     match text {

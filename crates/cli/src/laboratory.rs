@@ -180,7 +180,7 @@ impl<'a> Lab<'a> {
             to_s: Some(self.phone.config().rest_before_s),
         };
         let calibrated =
-            rest_span::calibrate(recording.by_ref(), span, MagnetometerSource::Device)?;
+            rest_span::calibrate(recording.by_ref(), span, Some(MagnetometerSource::Device))?;
         let name = self.folder.recording.display().to_string();
         let text = calibration_file::to_toml(&calibrated, &name)?;
         write_whole(&self.folder.calibration, text.as_bytes(), self.folder.force)?;

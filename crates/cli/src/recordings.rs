@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use northing_evaluation::calibration_set::Calibrations;
+use northing_evaluation::options::RunOptions;
 use northing_recording::{OpenOptions, RecordingError, open};
 
 /// Endings of files that may be recordings.
@@ -20,6 +22,20 @@ pub(crate) struct Recordings {
     pub(crate) left_out: Vec<String>,
     /// Recordings that are damaged, with the reason.
     pub(crate) broken: Vec<String>,
+}
+
+/// The recordings behind the arguments, without those that `calibrations` has none for.
+///
+/// # Errors
+/// A folder cannot be read, or has no recording; or no recording has a calibration.
+pub(crate) fn find_calibrated(
+    arguments: &[PathBuf],
+    options: &OpenOptions,
+    calibrations: &Calibrations,
+) -> Result<Recordings> {
+    let mut found = find(arguments, options)?;
+    found.keep_calibrated(options, calibrations)?;
+    Ok(found)
 }
 
 /// The recordings behind the arguments.
@@ -74,6 +90,33 @@ impl Recordings {
                 self.take(path, options);
             }
         }
+        Ok(())
+    }
+
+    /// Leaves recordings out that have no calibration in a folder of them.
+    fn keep_calibrated(
+        &mut self,
+        options: &OpenOptions,
+        calibrations: &Calibrations,
+    ) -> Result<()> {
+        let mut missing = Vec::new();
+        self.paths.retain(|path| {
+            // What cannot be opened is told of where it is run.
+            let Ok(recording) = open(path, options) else {
+                return true;
+            };
+            match calibrations.apply(recording.metadata(), &mut RunOptions::default()) {
+                Ok(()) => true,
+                Err(error) => {
+                    missing.push(format!("{}: {error}", path.display()));
+                    false
+                }
+            }
+        });
+        if let (true, Some(first)) = (self.paths.is_empty(), missing.first()) {
+            bail!("{first}");
+        }
+        self.left_out.extend(missing);
         Ok(())
     }
 

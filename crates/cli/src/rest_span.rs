@@ -34,14 +34,15 @@ pub(crate) struct Calibrated {
     pub(crate) span_s: [f64; 2],
 }
 
-/// Calibrates from a span of a recording; `magnetometer` says which of its magnetometers counts.
+/// Calibrates from a span of a recording; `magnetometer` says which of its magnetometers
+/// counts, if any.
 ///
 /// # Errors
 /// The recording cannot be read, or the device did not rest; with the reason.
 pub(crate) fn calibrate(
     events: impl Iterator<Item = Result<Event, RecordingError>>,
     span: Span,
-    magnetometer: MagnetometerSource,
+    magnetometer: Option<MagnetometerSource>,
 ) -> Result<Calibrated> {
     match (span.from_s, span.to_s) {
         (None, None) => rest_at_the_beginning(events, magnetometer),
@@ -56,7 +57,7 @@ pub(crate) fn calibrate(
 fn exact_span(
     events: impl Iterator<Item = Result<Event, RecordingError>>,
     [from_s, to_s]: [f64; 2],
-    magnetometer: MagnetometerSource,
+    magnetometer: Option<MagnetometerSource>,
 ) -> Result<Calibrated> {
     let mut feed = Feed::new(magnetometer);
     let mut last_s = 0.0;
@@ -84,7 +85,7 @@ fn exact_span(
 /// left out: the motion may have begun in it.
 fn rest_at_the_beginning(
     events: impl Iterator<Item = Result<Event, RecordingError>>,
-    magnetometer: MagnetometerSource,
+    magnetometer: Option<MagnetometerSource>,
 ) -> Result<Calibrated> {
     let limits = RestLimits::default();
     let mut feed = Feed::new(magnetometer);
@@ -137,13 +138,13 @@ fn rest_at_the_beginning(
 /// Gives samples to a calibrator with the times between them.
 struct Feed {
     calibrator: RestCalibrator<f64>,
-    magnetometer: MagnetometerSource,
+    magnetometer: Option<MagnetometerSource>,
     first_ns: Option<i64>,
     last_ns: [Option<i64>; 3],
 }
 
 impl Feed {
-    fn new(magnetometer: MagnetometerSource) -> Self {
+    fn new(magnetometer: Option<MagnetometerSource>) -> Self {
         Self {
             calibrator: RestCalibrator::new(),
             magnetometer,
@@ -168,11 +169,11 @@ impl Feed {
                 let dt = self.interval(1, event.time_ns);
                 self.calibrator.add_accelerometer(&v, dt);
             }
-            Sample::MagneticField(v) if self.magnetometer == MagnetometerSource::Device => {
+            Sample::MagneticField(v) if self.magnetometer == Some(MagnetometerSource::Device) => {
                 self.add_magnetometer(&v, event.time_ns);
             }
             Sample::MagneticFieldUncalibrated(v)
-                if self.magnetometer == MagnetometerSource::Uncalibrated =>
+                if self.magnetometer == Some(MagnetometerSource::Uncalibrated) =>
             {
                 self.add_magnetometer(&v, event.time_ns);
             }
@@ -266,7 +267,12 @@ mod tests {
 
     #[test]
     fn the_rest_at_the_beginning_is_found() {
-        let found = calibrate(events(lab()), Span::default(), MagnetometerSource::Device).unwrap();
+        let found = calibrate(
+            events(lab()),
+            Span::default(),
+            Some(MagnetometerSource::Device),
+        )
+        .unwrap();
         let [from_s, to_s] = found.span_s;
         assert!(from_s < 1e-9 && (8.4..=10.0).contains(&to_s), "{to_s}");
     }
@@ -277,7 +283,12 @@ mod tests {
             motion: Motion::Rest,
             ..lab()
         };
-        let found = calibrate(events(config), Span::default(), MagnetometerSource::Device).unwrap();
+        let found = calibrate(
+            events(config),
+            Span::default(),
+            Some(MagnetometerSource::Device),
+        )
+        .unwrap();
         assert!((found.span_s[1] - 75.0).abs() < 0.1, "{:?}", found.span_s);
     }
 
@@ -287,8 +298,12 @@ mod tests {
             rest_before_s: 1.0,
             ..lab()
         };
-        let error =
-            calibrate(events(config), Span::default(), MagnetometerSource::Device).unwrap_err();
+        let error = calibrate(
+            events(config),
+            Span::default(),
+            Some(MagnetometerSource::Device),
+        )
+        .unwrap_err();
         assert!(
             error
                 .to_string()
@@ -303,19 +318,19 @@ mod tests {
             from_s: Some(1.0),
             to_s: Some(9.0),
         };
-        let found = calibrate(events(lab()), at_rest, MagnetometerSource::Device).unwrap();
+        let found = calibrate(events(lab()), at_rest, Some(MagnetometerSource::Device)).unwrap();
         assert_eq!(found.calibration.gyroscope_samples, 801);
         let moving = Span {
             from_s: Some(20.0),
             to_s: Some(30.0),
         };
-        let error = calibrate(events(lab()), moving, MagnetometerSource::Device).unwrap_err();
+        let error = calibrate(events(lab()), moving, Some(MagnetometerSource::Device)).unwrap_err();
         assert!(error.to_string().contains("the device moved"), "{error}");
         let behind = Span {
             from_s: Some(200.0),
             to_s: None,
         };
-        let error = calibrate(events(lab()), behind, MagnetometerSource::Device).unwrap_err();
+        let error = calibrate(events(lab()), behind, Some(MagnetometerSource::Device)).unwrap_err();
         assert!(error.to_string().contains("behind its end"), "{error}");
     }
 }

@@ -82,7 +82,19 @@ fn raise_bounded_velocity(
     }
 }
 
-/// The driver's settings with what the calibration knows beforehand.
+/// How far a gyroscope's bias of one rest is from that of another recording, rad/s (0.3 deg/s): it
+/// changes with the temperature and from one switching on to the next.
+const BIAS_OF_ANOTHER_RECORDING: f64 = 5.2e-3;
+
+/// Whether a calibration was made at the place where a run begins. In a laboratory every calibration
+/// is; a hand-held device has left the place, and its field, where a file was made.
+#[must_use]
+pub fn is_of_this_place(options: &RunOptions) -> bool {
+    options.profile == Profile::Lab || options.calibration.is_none()
+}
+
+/// The driver's settings with what the calibration knows beforehand. From a file it says nothing about
+/// the field around a hand-held device, and about its bias less than it did then.
 #[must_use]
 pub fn calibrated_driver(
     options: &RunOptions,
@@ -90,11 +102,17 @@ pub fn calibrated_driver(
 ) -> DriverConfig<f64> {
     let mut driver = options.driver_config();
     driver.prior.gyroscope_bias = calibration.gyroscope_bias();
-    driver.prior.gyroscope_bias_std = Some(calibration.gyroscope_bias_std());
+    let bias_std = calibration.gyroscope_bias_std();
+    driver.prior.gyroscope_bias_std = Some(bias_std);
     if let Some(gravity) = calibration.gravity() {
         driver.prior.gravity = gravity;
     }
-    driver.prior.field_horizontal_down_ut = calibration.field_horizontal_down();
+    if is_of_this_place(options) {
+        driver.prior.field_horizontal_down_ut = calibration.field_horizontal_down();
+    } else {
+        let bias_std = bias_std.hypot(BIAS_OF_ANOTHER_RECORDING);
+        driver.prior.gyroscope_bias_std = Some(bias_std);
+    }
     driver
 }
 
@@ -366,6 +384,22 @@ mod tests {
         lab.config.bounded_velocity.magnetometer_std_ut = 0.1;
         let bounded = calibrated_config(&lab, &calibration).bounded_velocity;
         assert!((bounded.magnetometer_std_ut / 0.5 - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn a_hand_held_device_has_left_the_field_and_the_bias_of_a_file() {
+        let calibration = phase().finish().unwrap();
+        let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
+        let here = calibrated_driver(&options, &calibration).prior;
+        assert!(here.field_horizontal_down_ut.is_some());
+        assert!(here.gyroscope_bias_std.unwrap() < 1e-3);
+        options.calibration = Some(calibration);
+        let away = calibrated_driver(&options, &calibration).prior;
+        assert_eq!(away.field_horizontal_down_ut, None);
+        assert!((away.gyroscope_bias_std.unwrap() / 5.2e-3 - 1.0).abs() < 0.01);
+        assert_eq!(away.gyroscope_bias, here.gyroscope_bias);
+        options.profile = Profile::Lab;
+        assert_eq!(calibrated_driver(&options, &calibration).prior, here);
     }
 
     #[test]

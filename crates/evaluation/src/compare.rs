@@ -7,6 +7,7 @@ use northing_recording::{Metadata, OpenOptions};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::calibration_set::Calibrations;
 use crate::error::EvaluationError;
 use crate::estimators::EstimatorKind;
 use crate::observer::RunObserver;
@@ -21,6 +22,8 @@ pub struct CompareOptions {
     pub estimators: Vec<EstimatorKind>,
     /// The options of every run; the estimator in it is replaced.
     pub run: RunOptions,
+    /// Calibrations of devices and days, of which each recording gets its own.
+    pub calibrations: Calibrations,
     /// How recordings are opened.
     pub open: OpenOptions,
 }
@@ -71,7 +74,7 @@ pub fn compare_observed<O: RunObserver + Send>(
                 smooth: options.run.smooth && estimator.has_smoother(),
                 ..options.run.clone()
             };
-            let (outcome, observer) = match run_file(path, &run, &options.open, observe) {
+            let (outcome, observer) = match run_file(path, run, options, observe) {
                 Ok((summary, observer)) => (Ok(summary), Some(observer)),
                 Err(error) => (Err(error), None),
             };
@@ -89,13 +92,14 @@ pub fn compare_observed<O: RunObserver + Send>(
 
 fn run_file<O: RunObserver>(
     path: &Path,
-    options: &RunOptions,
-    open: &OpenOptions,
+    mut run: RunOptions,
+    options: &CompareOptions,
     observe: &(dyn Fn(&Metadata) -> O + Sync),
 ) -> Result<(RunSummary, O), EvaluationError> {
-    let mut recording = northing_recording::open(path, open)
+    let mut recording = northing_recording::open(path, &options.open)
         .map_err(|error| EvaluationError::Recording(Box::new(error)))?;
-    let options = runner::options_for(&recording, options);
+    options.calibrations.apply(recording.metadata(), &mut run)?;
+    let options = runner::options_for(&recording, &run);
     let mut observer = observe(recording.metadata());
     let mut summary = runner::run_leniently(&mut recording, &options, &mut observer)?;
     if summary.estimates == 0 {

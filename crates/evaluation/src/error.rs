@@ -109,6 +109,19 @@ pub enum EvaluationError {
         /// The stream in use.
         used: &'static str,
     },
+    /// No calibration of a folder belongs to a recording.
+    #[error(
+        "no calibration of {wanted} in {place}; there are {named}; expected names that end with the device, or device \
+         and day, such as magnetometer_iPhone5_d3.toml"
+    )]
+    NoCalibration {
+        /// Device and day, as far as the recording says.
+        wanted: String,
+        /// The folder.
+        place: String,
+        /// Names of the calibrations in it.
+        named: String,
+    },
     /// The calibration does not give what a start needs.
     #[error("calibration: {problem}")]
     UnusableCalibration {

@@ -5,12 +5,19 @@
 //! that the system knew; taken from the uncalibrated stream it leaves a few microtesla to a filter
 //! that estimates hard iron, and a usable field to those that do not. What the offset misses is what
 //! such a filter has to expect; that follows from the stream.
+//!
+//! Where the choice is left to the program, a filter that estimates hard iron takes the uncalibrated
+//! stream if both are there: what a system takes away and adds while a recording lasts, no filter can
+//! follow; what iron does to the sensor stays.
 
 use std::collections::VecDeque;
 
 use nalgebra::Vector3;
+use northing_core::calibration::RestCalibration;
 
+use crate::calibration::is_of_this_place;
 use crate::error::EvaluationError;
+use crate::estimators::EstimatorKind;
 use crate::instants::Instant;
 use crate::options::{MagnetometerSource, RunOptions};
 
@@ -32,6 +39,9 @@ pub(crate) struct FirstLook<I> {
     means: [Mean; 2],
     /// Taken from every uncalibrated sample.
     offset: Option<Vector3<f64>>,
+    stream: MagnetometerSource,
+    /// Whether the stream is another than the one that the options name.
+    chosen: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -79,28 +89,40 @@ impl<I: Iterator<Item = Item>> FirstLook<I> {
             rest: instants,
             means,
             offset: None,
+            stream: options.sensors.magnetometer_source,
+            chosen: false,
         };
-        look.offset = look.offset_for(options);
+        let offset = look.offset_for(options);
+        if options.choose_magnetometer
+            && options.estimator == EstimatorKind::BoundedVelocity
+            && offset.is_some()
+        {
+            look.chosen = look.stream != MagnetometerSource::Uncalibrated;
+            look.stream = MagnetometerSource::Uncalibrated;
+        }
+        look.offset = offset.filter(|_| look.stream == MagnetometerSource::Uncalibrated);
         look
     }
 
-    /// The offset, where the uncalibrated stream is used as it comes. Where a calibration or a state
-    /// is taken over, it was made without this one.
+    /// The offset, where the uncalibrated stream can be used as it comes. Where a calibration knows a
+    /// field, or a state is taken over, it was made without this one.
     fn offset_for(&self, options: &RunOptions) -> Option<Vector3<f64>> {
-        let raw = options.sensors.magnetometer
-            && options.sensors.magnetometer_source == MagnetometerSource::Uncalibrated;
         let corrected = options.field_calibration.is_some();
-        let taken_over = options.calibration.is_some() || options.start.is_some();
+        let knows_field = |c: &RestCalibration<f64>| c.magnetic_field_ut.is_some();
+        let taken_over =
+            options.calibration.as_ref().is_some_and(knows_field) && is_of_this_place(options);
+        let taken_over = taken_over || options.start.is_some();
         let [system, uncalibrated] = self.means.map(Mean::value);
-        (raw && !corrected && !taken_over)
+        (options.sensors.magnetometer && !corrected && !taken_over)
             .then(|| Some(uncalibrated? - system?))
             .flatten()
     }
 
-    /// The options with the hard iron's prior of the stream in use.
+    /// The options with the stream in use, and the hard iron's prior of it.
     pub(crate) fn options(&self, options: &RunOptions) -> RunOptions {
         let mut options = options.clone();
-        let uncalibrated = options.sensors.magnetometer_source == MagnetometerSource::Uncalibrated;
+        options.sensors.magnetometer_source = self.stream;
+        let uncalibrated = self.stream == MagnetometerSource::Uncalibrated;
         let prior = &mut options.config.bounded_velocity.initial_hard_iron_std_ut;
         if options.explicit_settings.contains(PRIOR) {
             return options;
@@ -115,12 +137,18 @@ impl<I: Iterator<Item = Item>> FirstLook<I> {
         options
     }
 
-    /// What was taken from the uncalibrated field, in a sentence.
+    /// What was taken from the uncalibrated field, and who chose it, in a sentence.
     pub(crate) fn sentence(&self) -> Option<String> {
         let v = self.offset?;
+        let why = if self.chosen {
+            " It was chosen because this estimator finds the hard iron that is left; --magnetometer \
+             device takes the device's own."
+        } else {
+            ""
+        };
         Some(format!(
             "The uncalibrated magnetometer is used less the offset that the device's own calibration \
-             had at the start: ({:.1}, {:.1}, {:.1}) uT.",
+             had at the start: ({:.1}, {:.1}, {:.1}) uT.{why}",
             v.x, v.y, v.z
         ))
     }

@@ -50,6 +50,7 @@
 
 pub mod allan;
 pub mod calibration;
+pub mod calibration_set;
 pub mod compare;
 pub mod consistency;
 mod device;

@@ -33,10 +33,15 @@ pub struct RunOptions {
     pub driver: DriverConfig<f64>,
     /// The sensors to use.
     pub sensors: SensorSelection,
+    /// Choose the magnetometer's stream by what the recording has and the estimator can do, in place of
+    /// the one in `sensors`, default false.
+    pub choose_magnetometer: bool,
     /// A calibration made before.
     pub calibration: Option<RestCalibration<f64>>,
     /// Calibration of the magnetometer, applied to every sample of its stream before anything else.
     pub field_calibration: Option<FieldCalibration>,
+    /// Names of the two calibrations, at rest and of the magnetometer, for the summary.
+    pub calibration_names: [Option<String>; 2],
     /// Take the calibration from the first so many seconds of the recording, at rest.
     pub calibrate_first_s: Option<f64>,
     /// The state at the first sample, where it is known: nothing is aligned then. It comes from a
@@ -68,8 +73,10 @@ impl RunOptions {
             explicit_settings: BTreeSet::new(),
             driver: DriverConfig::default(),
             sensors: SensorSelection::default(),
+            choose_magnetometer: false,
             calibration: None,
             field_calibration: None,
+            calibration_names: [None, None],
             calibrate_first_s: None,
             start: None,
             skip_s: 5.0,

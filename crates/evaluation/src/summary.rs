@@ -10,6 +10,7 @@ use crate::estimators::EstimatorKind;
 use crate::final_test::FinalSummary;
 use crate::metrics::ErrorSummary;
 use crate::nis::{NisSummary, UpdateCounts};
+use crate::options::MagnetometerSource;
 use crate::parameters::Profile;
 
 /// The outcome of one estimator on one recording. What does not apply is `None`, `null` in JSON.
@@ -44,6 +45,9 @@ pub struct RunSummary {
     pub unobservable: Vec<String>,
     /// The profile of the parameters; `None` for what has no parameters.
     pub profile: Option<Profile>,
+    /// The stream of the magnetometer that was used; left out of JSON without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub magnetometer: Option<MagnetometerSource>,
     /// Standard deviation of the hard iron at the start, microtesla, of an estimator that estimates it:
     /// unless set, it follows from the stream of the magnetometer.
     #[serde(skip_serializing_if = "Option::is_none")]

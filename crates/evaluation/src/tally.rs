@@ -214,6 +214,8 @@ impl Tally {
             verdicts: self.verdicts(&nis, options),
             nis,
             unobservable,
+            magnetometer: (runs_filter && self.present.magnetometer)
+                .then_some(options.sensors.magnetometer_source),
             hard_iron_prior_ut: (options.estimator == EstimatorKind::BoundedVelocity)
                 .then_some(options.config.bounded_velocity.initial_hard_iron_std_ut),
             profile: runs_filter.then_some(options.profile),
@@ -322,16 +324,24 @@ impl Tally {
 
 fn calibration_in_words(options: &RunOptions) -> Option<String> {
     match (&options.calibration, options.calibrate_first_s) {
-        (Some(_), _) => Some("made before".to_owned()),
+        (Some(_), _) => Some(made_before(&options.calibration_names[0])),
         (None, Some(seconds)) => Some(format!("from the first {seconds} s of the recording")),
         (None, None) => None,
+    }
+}
+
+fn made_before(name: &Option<String>) -> String {
+    match name {
+        Some(name) => format!("made before ({name})"),
+        None => "made before".to_owned(),
     }
 }
 
 fn field_calibration_in_words(options: &RunOptions) -> Option<String> {
     let calibration = &options.field_calibration.as_ref()?.calibration;
     Some(format!(
-        "made before: {}, hard iron {:.1} uT, residual {:.2} uT",
+        "{}: {}, hard iron {:.1} uT, residual {:.2} uT",
+        made_before(&options.calibration_names[1]),
         calibration.model.name(),
         calibration.hard_iron().norm(),
         calibration.residual_std_ut

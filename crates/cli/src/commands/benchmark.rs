@@ -10,7 +10,7 @@ use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
 use crate::comparison::{self, Outcome, Run, describe, distinct, notes};
-use crate::estimation::EstimationArgs;
+use crate::estimation::{Asked, EstimationArgs};
 use crate::input::InputArgs;
 use crate::output::{check_free, print, print_json};
 use crate::recordings::Recordings;
@@ -90,15 +90,17 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
             path.display()
         );
     }
+    let Asked { run, calibrations } = args.estimation.options(EstimatorKind::Mekf, &args.input)?;
     let options = CompareOptions {
         estimators: EstimatorKind::ALL.to_vec(),
-        run: args.estimation.options(EstimatorKind::Mekf, &args.input)?,
+        run,
+        calibrations,
         open: args.input.options(),
     };
     if let Some(report) = &args.report {
         check_free(report, args.force)?;
     }
-    let found = recordings::find(&args.data, &options.open)?;
+    let found = recordings::find_calibrated(&args.data, &options.open, &options.calibrations)?;
     let peers = peers(args, &found)?;
     let Outcome { runs, failure } = comparison::run(&found, &options, false)?;
     let scores = together(&runs, peers);

@@ -10,7 +10,7 @@ use northing_evaluation::summary::RunSummary;
 use northing_recording::atomic_file::write_whole;
 
 use crate::comparison::{self, Outcome, Run, describe, notes};
-use crate::estimation::EstimationArgs;
+use crate::estimation::{Asked, EstimationArgs};
 use crate::input::{InputArgs, STDIN};
 use crate::output::{check_free, print, print_json};
 use crate::recordings::{self, Recordings};
@@ -65,7 +65,8 @@ pub(crate) fn execute(args: &CompareArgs) -> Result<()> {
     if let Some(report) = &args.report {
         check_free(report, args.force)?;
     }
-    let found = recordings::find(&args.recordings, &options.open)?;
+    let found =
+        recordings::find_calibrated(&args.recordings, &options.open, &options.calibrations)?;
     // Plots over time are for one recording; of many they would be a wall.
     let traced = args.report.is_some() && found.paths.len() == 1;
     let Outcome { runs, failure } = comparison::run(&found, &options, traced)?;
@@ -111,10 +112,11 @@ fn compare_options(args: &CompareArgs) -> Result<CompareOptions> {
     if estimators.is_empty() {
         estimators = EstimatorKind::ALL.to_vec();
     }
-    let run = args.estimation.options(EstimatorKind::Mekf, &args.input)?;
+    let Asked { run, calibrations } = args.estimation.options(EstimatorKind::Mekf, &args.input)?;
     Ok(CompareOptions {
         estimators,
         run,
+        calibrations,
         open: args.input.options(),
     })
 }

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
+use northing_evaluation::calibration_set::Calibrations;
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::{
     EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver,
 };
-use northing_evaluation::options::RunOptions;
 use northing_evaluation::setup::RunSetup;
 use northing_recording::atomic_file::write_whole;
 
 use crate::estimate_file::EstimateFile;
-use crate::estimation::{EstimationArgs, parameters_used, run_over};
+use crate::estimation::{Asked, EstimationArgs, parameters_used, run_over};
 use crate::input::{InputArgs, shown};
 use crate::output::{check_free, check_not_input, print, print_json, same_file};
 use crate::progress::Progress;
@@ -84,7 +84,10 @@ pub(crate) struct RunArgs {
 
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
-    let options = match &args.setup {
+    let Asked {
+        run: mut options,
+        calibrations,
+    } = match &args.setup {
         Some(path) => from_setup(path)?,
         None => args
             .estimation
@@ -109,6 +112,9 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         .transpose()?;
     let mut recording = args.input.open(&args.recording)?;
     let metadata = recording.metadata().clone();
+    calibrations
+        .apply(&metadata, &mut options)
+        .with_context(|| shown(&args.recording))?;
     let traced = args.report.as_ref();
     let mut watchers = Watchers {
         trace: traced.map(|_| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame)),
@@ -146,11 +152,14 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
 }
 
 /// The options that a report of the lab carries.
-fn from_setup(path: &Path) -> Result<RunOptions> {
+fn from_setup(path: &Path) -> Result<Asked> {
     let file = path.display();
     let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
     let setup = RunSetup::parse(&text).map_err(|problem| anyhow!("{file}: {problem}"))?;
-    setup.options().with_context(|| file.to_string())
+    Ok(Asked {
+        run: setup.options().with_context(|| file.to_string())?,
+        calibrations: Calibrations::default(),
+    })
 }
 
 /// What watches a run: nothing, plots, a file.

@@ -1,8 +1,13 @@
 //! Comparisons of made-up recordings and, where they are there, of real ones.
 
 use super::*;
-use crate::options::MagnetometerSource;
+use crate::calibration::CalibrationPhase;
+use crate::calibration_set::CalibrationSet;
+use crate::field_calibration::FieldSamples;
+use crate::instants::Instants;
+use crate::options::{MagnetometerSource, SensorSelection};
 use crate::parameters::Profile;
+use northing_core::calibration::MagnetometerLimits;
 use northing_recording::test_data::data_dir;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -10,6 +15,7 @@ fn options(estimators: &[EstimatorKind]) -> CompareOptions {
     CompareOptions {
         estimators: estimators.to_vec(),
         run: RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld),
+        calibrations: Calibrations::default(),
         open: OpenOptions::default(),
     }
 }
@@ -114,6 +120,87 @@ fn a_bounded_velocity_does_better_than_the_open_filters() {
     run.sensors.magnetometer_source = MagnetometerSource::Uncalibrated;
     let (total, _) = bounded_velocity(&data.join("attitude/smartphone"), run);
     assert!(total <= 5.0, "phones: {total} deg");
+}
+
+/// What `northing calibrate` makes of the recordings for calibration beside the phones': of the
+/// magnetometer, and of gyroscope and accelerometer at rest.
+fn calibrations(folder: &Path) -> Calibrations {
+    let days = [
+        "Nexus5_d1",
+        "Nexus5_d2",
+        "Nexus5_d3",
+        "iPhone4S_d2",
+        "iPhone4S_d3",
+        "iPhone5_d3",
+    ];
+    let open = |kind: &str, day: &str| {
+        let path = folder.join(format!("calib_{kind}_{day}.parquet"));
+        northing_recording::open(&path, &OpenOptions::default()).unwrap()
+    };
+    let field = |day: &&str| {
+        let mut samples = FieldSamples::default();
+        open("mag", day).for_each(|event| samples.add(&event.unwrap()));
+        let report = samples.calibrate(None, &MagnetometerLimits::default());
+        (format!("magnetometer_{day}"), report.unwrap().field)
+    };
+    let rest = |day: &&str| {
+        let sensors = SensorSelection {
+            magnetometer: false,
+            ..SensorSelection::default()
+        };
+        let mut phase = CalibrationPhase::new(60.0, sensors);
+        Instants::new(open("gyr", day)).for_each(|instant| phase.add(&instant.unwrap()));
+        (format!("rest_{day}"), phase.finish().unwrap())
+    };
+    let place = folder.display().to_string();
+    Calibrations {
+        field: Some(CalibrationSet {
+            place: place.clone(),
+            named: days.iter().map(field).collect(),
+        }),
+        rest: Some(CalibrationSet {
+            place,
+            named: days.iter().map(rest).collect(),
+        }),
+    }
+}
+
+/// On the events as they come, by the filter and in hindsight.
+#[test]
+fn calibrated_phones_do_better_still() {
+    let Some(data) = data_dir("calibrated_phones_do_better_still") else {
+        return;
+    };
+    let folder = data.join("attitude/smartphone");
+    let calibrations = calibrations(&folder);
+    // The calibrations of two recordings' days are kept back.
+    let mut paths = recordings(&folder);
+    paths.retain(|path| {
+        let recording = northing_recording::open(path, &OpenOptions::default()).unwrap();
+        calibrations
+            .apply(recording.metadata(), &mut RunOptions::default())
+            .is_ok()
+    });
+    assert_eq!(paths.len(), 40);
+    for (smooth, limit_deg) in [(false, 4.6), (true, 3.0)] {
+        let options = CompareOptions {
+            run: RunOptions {
+                smooth,
+                ..options(&[]).run
+            },
+            calibrations: calibrations.clone(),
+            ..options(&[EstimatorKind::BoundedVelocity])
+        };
+        let compared = compare(&paths, &options, &|| {});
+        let summary = compared[0].outcome.as_ref().unwrap();
+        let words = summary.field_calibration.as_ref().unwrap();
+        assert!(words.contains("magnetometer_Nexus5_d"), "{words}");
+        assert_eq!(summary.magnetometer, Some(MagnetometerSource::Uncalibrated));
+        let rows = statistics(&scores(&compared));
+        println!("{}", table(&rows));
+        let total = rows[0].total_deg.unwrap().mean;
+        assert!(total <= limit_deg, "smoothed {smooth}: {total} deg");
+    }
 }
 
 /// Acceptance test (g) on the events as they come.

@@ -40,9 +40,10 @@ pub(super) struct RestArgs {
     recording: PathBuf,
     #[command(flatten)]
     span: SpanArgs,
-    /// Which magnetometer: device (calibrated by the device, the default) or uncalibrated
-    #[arg(long, value_name = "WHICH", value_parser = magnetometer_source)]
-    magnetometer: Option<MagnetometerSource>,
+    /// Which magnetometer: device (calibrated by the device, the default), uncalibrated, or none: only
+    /// gyroscope and accelerometer
+    #[arg(long, value_name = "WHICH", value_parser = magnetometer_or_none)]
+    magnetometer: Option<Asked>,
     /// Calibration of the magnetometer, a file that `northing calibrate magnetometer` wrote
     #[arg(long, value_name = "FILE")]
     magnetometer_calibration: Option<PathBuf>,
@@ -50,6 +51,22 @@ pub(super) struct RestArgs {
     output: OutputArgs,
     #[command(flatten)]
     input: InputArgs,
+}
+
+/// The magnetometer that is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Asked {
+    Stream(MagnetometerSource),
+    None,
+}
+
+fn magnetometer_or_none(text: &str) -> Result<Asked, String> {
+    match text {
+        "none" => Ok(Asked::None),
+        _ => magnetometer_source(text)
+            .map(Asked::Stream)
+            .map_err(|_| "expected device, uncalibrated or none".to_owned()),
+    }
 }
 
 /// Calibrates.
@@ -102,12 +119,17 @@ fn calibrate(args: &RestArgs) -> Result<Calibrated> {
         .with_context(|| format!("{}: no calibration", shown(&args.recording)))
 }
 
-/// The stream in use: the one asked for, otherwise that of the calibration.
+/// The stream in use: the one asked for, otherwise that of the calibration, otherwise the device's.
 fn stream(
-    asked: Option<MagnetometerSource>,
+    asked: Option<Asked>,
     field: Option<&FieldCalibration>,
-) -> Result<MagnetometerSource> {
+) -> Result<Option<MagnetometerSource>> {
     let calibrated = field.map(|field| field.magnetometer);
+    let asked = match asked {
+        Some(Asked::None) => return Ok(None),
+        Some(Asked::Stream(stream)) => Some(stream),
+        None => None,
+    };
     match (asked, calibrated) {
         (Some(used), Some(calibrated)) if used != calibrated => {
             Err(EvaluationError::OtherMagnetometer {
@@ -116,7 +138,7 @@ fn stream(
             }
             .into())
         }
-        (asked, calibrated) => Ok(asked.or(calibrated).unwrap_or_default()),
+        (asked, calibrated) => Ok(Some(asked.or(calibrated).unwrap_or_default())),
     }
 }
 
