@@ -10,6 +10,7 @@ use northing_evaluation::compare::{
     CompareOptions, Compared, Score, compare_observed, statistics, table,
 };
 use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
+use northing_evaluation::options::MagnetometerSource;
 use northing_recording::Metadata;
 
 use crate::input::shown;
@@ -151,6 +152,29 @@ pub(crate) fn notes(found: &Recordings, report: Option<&Path>) -> String {
         text.push_str(&format!("\nReport: {path} (open it in a browser)\n"));
     }
     text
+}
+
+/// Which estimators took another magnetometer than the rest, where that was left to them.
+pub(crate) fn streams(runs: &[Run]) -> String {
+    let of = |source: MagnetometerSource| {
+        let taken = runs.iter().filter(move |run| {
+            let summary = run.outcome.as_ref().ok();
+            summary.is_some_and(|summary| summary.magnetometer == Some(source))
+        });
+        let mut names: Vec<&str> = taken.map(|run| run.estimator.name()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    };
+    let own = of(MagnetometerSource::Uncalibrated);
+    if own.is_empty() || of(MagnetometerSource::Device).is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nWhere a recording has both magnetometers, {} took the uncalibrated one, whose hard iron it estimates, and \
+         the others the device's; --magnetometer gives all the same.\n",
+        own.join(", ")
+    )
 }
 
 /// The different values of a text of the scores, in the order in which they come.

@@ -62,11 +62,15 @@ pub(crate) struct Asked {
 }
 
 impl EstimationArgs {
-    /// The options of a run with this estimator.
+    /// The options of a run with this estimator, otherwise that of the profile.
     ///
     /// # Errors
     /// A setting, a file or a combination that makes no sense.
-    pub(crate) fn options(&self, estimator: EstimatorKind, input: &InputArgs) -> Result<Asked> {
+    pub(crate) fn options(
+        &self,
+        estimator: Option<EstimatorKind>,
+        input: &InputArgs,
+    ) -> Result<Asked> {
         let mut run = self.settings.options(estimator)?;
         run.driver.gap_limit_s = input.gap_limit_s();
         run.choose_magnetometer = self.magnetometer.is_none() && self.sensors.is_none();
@@ -105,11 +109,11 @@ impl EstimationArgs {
     /// As [`Self::options`], and a setting without effect.
     pub(crate) fn options_of_one(
         &self,
-        estimator: EstimatorKind,
+        estimator: Option<EstimatorKind>,
         input: &InputArgs,
     ) -> Result<Asked> {
         let asked = self.options(estimator, input)?;
-        self.settings.check_effect(estimator)?;
+        self.settings.check_effect(asked.run.estimator)?;
         Ok(asked)
     }
 

@@ -25,15 +25,16 @@ pub(crate) struct SettingArgs {
 }
 
 impl SettingArgs {
-    /// Options with these parameters: the profile (named here, or in the file, or hand-held),
+    /// Options with this estimator, otherwise the profile's, and these parameters: the profile (named here, or in the file, or hand-held),
     /// changed by the file, changed by `--set`.
     ///
     /// # Errors
     /// The file cannot be read or is no TOML; a name is unknown or a value does not fit.
-    pub(crate) fn options(&self, estimator: EstimatorKind) -> Result<RunOptions> {
+    pub(crate) fn options(&self, estimator: Option<EstimatorKind>) -> Result<RunOptions> {
         let file = self.config.as_deref().map(ConfigFile::read).transpose()?;
         let in_file = file.as_ref().and_then(|file| file.profile);
         let profile = self.profile.or(in_file).unwrap_or_default();
+        let estimator = estimator.unwrap_or(profile.estimator());
         let mut options = RunOptions::new(estimator, profile);
         for (setting, place) in file.iter().flat_map(|file| &file.settings) {
             options.set(setting).with_context(|| place.clone())?;
@@ -136,7 +137,7 @@ mod tests {
             config: Some(path),
             ..args
         }
-        .options(EstimatorKind::Mekf)
+        .options(Some(EstimatorKind::Mekf))
     }
 
     fn message(file: &str) -> String {
@@ -146,7 +147,8 @@ mod tests {
 
     #[test]
     fn without_anything_it_is_the_hand_held_profile() {
-        let settings = SettingArgs::default().options(EstimatorKind::Mekf).unwrap();
+        let settings = SettingArgs::default().options(None).unwrap();
+        assert_eq!(settings.estimator, EstimatorKind::BoundedVelocity);
         assert_eq!(settings.config.attitude, AttitudeConfig::hand_held());
         assert!(settings.explicit_settings.is_empty());
     }

@@ -6,6 +6,7 @@ use northing_core::kalman::SkipReason;
 use northing_evaluation::consistency::nees_in_words;
 use northing_evaluation::final_test::FinalVerdict;
 use northing_evaluation::nis::UpdateCounts;
+use northing_evaluation::options::MagnetometerSource;
 use northing_evaluation::summary::{PositionSummary, RunSummary};
 use northing_recording::SensorKind;
 
@@ -59,6 +60,11 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
             "does not apply: the device does not rest in the same pose at both ends",
         ),
     }
+    if let Some(stream) = summary.magnetometer
+        && let Some(prior) = summary.hard_iron_prior_ut
+    {
+        sheet.row("hard iron", hard_iron(stream, prior));
+    }
     if let Some(calibration) = &summary.calibration {
         sheet.row("calibration", calibration.as_str());
     }
@@ -83,6 +89,16 @@ fn title(summary: &RunSummary) -> String {
         summary.duration_s,
         summary.samples
     )
+}
+
+/// What the estimator takes for granted about the magnetometer's offset.
+fn hard_iron(stream: MagnetometerSource, prior_ut: f64) -> String {
+    let stream = stream.name();
+    if prior_ut > 0.0 {
+        format!("estimated, expected within {prior_ut:.0} uT per axis ({stream} magnetometer).")
+    } else {
+        format!("not estimated: the {stream} magnetometer is taken as calibrated.")
+    }
 }
 
 /// What became of the positions, and what they told.

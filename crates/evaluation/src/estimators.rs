@@ -27,9 +27,10 @@ pub enum EstimatorKind {
     Integration,
     /// The paper's filter.
     Mekf3,
-    /// With gyroscope bias: the default.
+    /// With gyroscope bias: the default in the laboratory.
     Mekf,
-    /// With gyroscope bias and scale, bounded velocity, hard iron and field: for what people carry.
+    /// With gyroscope bias and scale, bounded velocity, hard iron and field: the default for what
+    /// people carry.
     BoundedVelocity,
     /// Unscented.
     Usque,
@@ -101,15 +102,15 @@ impl EstimatorKind {
             },
             Self::Mekf => EstimatorInfo {
                 name: "mekf",
-                summary: "multiplicative EKF with gyroscope bias: the default",
+                summary: "multiplicative EKF with gyroscope bias: the default of the lab profile",
                 error_states: 6,
                 has_covariance: true,
                 paper: "Markley (2003); Utrera & Vazquez (2021)",
             },
             Self::BoundedVelocity => EstimatorInfo {
                 name: "bounded-velocity",
-                summary: "Kalman filter for phones and wearables: a bounded velocity instead of gravity, \
-                          gyroscope scale, hard iron and field estimated",
+                summary: "Kalman filter for phones and wearables, the default: a bounded velocity instead of \
+                          gravity, gyroscope scale, hard iron and field estimated",
                 error_states: 22,
                 has_covariance: true,
                 paper: "docs/derivations/bounded_velocity.md",

@@ -1,6 +1,6 @@
 //! What a choice of sensors cannot tell, in words.
 
-use crate::options::SensorSelection;
+use crate::options::{MagnetometerSource, SensorSelection};
 
 /// Which sensors gave samples that were usable, among those chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -9,6 +9,8 @@ pub struct Present {
     pub accelerometer: bool,
     /// At least one magnetometer sample.
     pub magnetometer: bool,
+    /// At least one sample of the magnetometer stream that was not chosen.
+    pub other_magnetometer: bool,
     /// At least one compass heading that was used.
     pub compass: bool,
 }
@@ -32,7 +34,11 @@ pub fn unobservable(present: Present, chosen: &SensorSelection) -> Vec<String> {
         ));
     }
     if !present.magnetometer && !present.compass {
-        let reason = why(chosen.magnetometer, "magnetometer");
+        let reason = if chosen.magnetometer && present.other_magnetometer {
+            other_stream(chosen.magnetometer_source).to_owned()
+        } else {
+            why(chosen.magnetometer, "magnetometer")
+        };
         sentences.push(format!(
             "{reason}: nothing says where north is, so the heading is arbitrary at the start and \
              drifts with the gyroscope bias about the vertical, which is not observable either \
@@ -49,6 +55,21 @@ pub fn unobservable(present: Present, chosen: &SensorSelection) -> Vec<String> {
     sentences
 }
 
+/// The stream that was asked for is not there, the other one is: what to do.
+const fn other_stream(chosen: MagnetometerSource) -> &'static str {
+    match chosen {
+        MagnetometerSource::Device => {
+            "The recording has an uncalibrated magnetometer alone, whose offset nobody knows, and it is \
+             not used (calibrate it with `northing calibrate magnetometer`, or take it as it is with \
+             --magnetometer uncalibrated)"
+        }
+        MagnetometerSource::Uncalibrated => {
+            "The recording has no usable uncalibrated magnetometer (it has the device's own: \
+             --magnetometer device)"
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,6 +80,7 @@ mod tests {
         let all = Present {
             accelerometer: true,
             magnetometer: true,
+            other_magnetometer: false,
             compass: false,
         };
         assert!(unobservable(all, &chosen).is_empty());
@@ -69,6 +91,20 @@ mod tests {
         let sentences = unobservable(no_field, &chosen);
         assert_eq!(sentences.len(), 1);
         assert!(sentences[0].starts_with("The recording has no usable magnetometer: nothing says"));
+        let other = Present {
+            other_magnetometer: true,
+            ..no_field
+        };
+        assert!(unobservable(other, &chosen)[0].contains("uncalibrated magnetometer alone"));
+        let raw = SensorSelection {
+            magnetometer_source: MagnetometerSource::Uncalibrated,
+            ..chosen
+        };
+        let sentences = unobservable(other, &raw);
+        assert!(
+            sentences[0].contains("--magnetometer device): nothing says"),
+            "{sentences:?}"
+        );
         let with_compass = Present {
             compass: true,
             ..no_field

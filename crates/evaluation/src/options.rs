@@ -15,13 +15,13 @@ use crate::estimators::EstimatorKind;
 use crate::field_calibration::FieldCalibration;
 use crate::parameters::{self, Parameters, Profile};
 
-/// Everything a run is asked for. [`RunOptions::default`] is `mekf` with the hand-held profile and
+/// Everything a run is asked for. [`RunOptions::default`] is `bounded-velocity` with the hand-held profile and
 /// all sensors.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
     /// Name of the recording, for the summary.
     pub recording: String,
-    /// The estimator, default `mekf`.
+    /// The estimator, default the first choice for the profile ([`Profile::estimator`]).
     pub estimator: EstimatorKind,
     /// The profile that `config` started from; it is named in the summary.
     pub profile: Profile,
@@ -57,7 +57,8 @@ pub struct RunOptions {
 
 impl Default for RunOptions {
     fn default() -> Self {
-        Self::new(EstimatorKind::Mekf, Profile::default())
+        let profile = Profile::default();
+        Self::new(profile.estimator(), profile)
     }
 }
 

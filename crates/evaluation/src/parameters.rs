@@ -49,6 +49,16 @@ impl Profile {
         }
     }
 
+    /// The estimator that is the first choice for it: on what people carry the bounded-velocity filter
+    /// is by far the most accurate; what a device on a bench does, the simpler MEKF explains as well.
+    #[must_use]
+    pub const fn estimator(self) -> EstimatorKind {
+        match self {
+            Self::HandHeld => EstimatorKind::BoundedVelocity,
+            Self::Lab => EstimatorKind::Mekf,
+        }
+    }
+
     /// Its parameters.
     #[must_use]
     pub fn config(self) -> Parameters {

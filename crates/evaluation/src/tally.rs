@@ -16,7 +16,7 @@ use crate::metrics::ErrorStatistics;
 use crate::nis::{NisStatistics, NisSummary, UpdateCounts};
 use crate::observability::{self, Present};
 use crate::observer::EstimateRecord;
-use crate::options::RunOptions;
+use crate::options::{MagnetometerSource, RunOptions};
 use crate::summary::{Gaps, NisOf, PerSensor, RunSummary};
 
 /// Fewer zeros than this may be chance.
@@ -195,7 +195,15 @@ impl Tally {
         let error_deg = self.scores.summary();
         let mut unobservable = Vec::new();
         if runs_filter {
-            unobservable = observability::unobservable(self.present, &options.sensors);
+            let other = match options.sensors.magnetometer_source {
+                MagnetometerSource::Device => SensorKind::MagnetometerUncalibrated,
+                MagnetometerSource::Uncalibrated => SensorKind::Magnetometer,
+            };
+            let present = Present {
+                other_magnetometer: self.samples_of(other) > 0,
+                ..self.present
+            };
+            unobservable = observability::unobservable(present, &options.sensors);
         }
         RunSummary {
             estimator: options.estimator,

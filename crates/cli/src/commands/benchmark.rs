@@ -9,7 +9,7 @@ use northing_evaluation::estimators::EstimatorKind;
 use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
-use crate::comparison::{self, Outcome, Run, describe, distinct, notes};
+use crate::comparison::{self, Outcome, Run, describe, distinct, notes, streams};
 use crate::estimation::{Asked, EstimationArgs};
 use crate::input::InputArgs;
 use crate::output::{check_free, print, print_json};
@@ -74,6 +74,9 @@ struct AttitudeArgs {
 struct Document<'a> {
     table: &'a [TableRow],
     scores: &'a [Score],
+    /// Whether estimators took different magnetometers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    note: Option<&'a str>,
 }
 
 /// Runs a benchmark.
@@ -90,7 +93,7 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
             path.display()
         );
     }
-    let Asked { run, calibrations } = args.estimation.options(EstimatorKind::Mekf, &args.input)?;
+    let Asked { run, calibrations } = args.estimation.options(None, &args.input)?;
     let options = CompareOptions {
         estimators: EstimatorKind::ALL.to_vec(),
         run,
@@ -108,7 +111,7 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
         let html = comparison_report::render("Attitude benchmark", &runs, &scores, &options.run);
         write_whole(path, html.as_bytes(), args.force)?;
     }
-    show(args, &found, &scores)?;
+    show(args, &found, &scores, &streams(&runs))?;
     failure.map_or(Ok(()), Err)
 }
 
@@ -136,15 +139,17 @@ fn together(runs: &[Run], peers: Vec<Score>) -> Vec<Score> {
     scores
 }
 
-fn show(args: &AttitudeArgs, found: &Recordings, scores: &[Score]) -> Result<()> {
+fn show(args: &AttitudeArgs, found: &Recordings, scores: &[Score], streams: &str) -> Result<()> {
     if args.json {
         return print_json(&Document {
             table: &statistics(scores),
             scores,
+            note: Some(streams.trim()).filter(|note| !note.is_empty()),
         });
     }
     let mut text = describe(scores, args.each);
     text.push_str(&incomplete(scores));
+    text.push_str(streams);
     text.push_str(&notes(found, args.report.as_deref()));
     print(&text)
 }

@@ -9,7 +9,7 @@ use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::summary::RunSummary;
 use northing_recording::atomic_file::write_whole;
 
-use crate::comparison::{self, Outcome, Run, describe, notes};
+use crate::comparison::{self, Outcome, Run, describe, notes, streams};
 use crate::estimation::{Asked, EstimationArgs};
 use crate::input::{InputArgs, STDIN};
 use crate::output::{check_free, print, print_json};
@@ -98,6 +98,7 @@ fn print_all(
     } else {
         describe(&scores, args.each)
     };
+    text.push_str(&streams(runs));
     text.push_str(&notes(found, args.report.as_deref()));
     print(&text)
 }
@@ -112,7 +113,7 @@ fn compare_options(args: &CompareArgs) -> Result<CompareOptions> {
     if estimators.is_empty() {
         estimators = EstimatorKind::ALL.to_vec();
     }
-    let Asked { run, calibrations } = args.estimation.options(EstimatorKind::Mekf, &args.input)?;
+    let Asked { run, calibrations } = args.estimation.options(None, &args.input)?;
     Ok(CompareOptions {
         estimators,
         run,

@@ -53,14 +53,9 @@ pub(crate) struct RunArgs {
     /// The recording: file, Sensor Logger folder, or - for standard input
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
-    /// Estimator; `northing estimators` lists them
-    #[arg(
-        long,
-        value_name = "NAME",
-        default_value = "mekf",
-        conflicts_with = "setup"
-    )]
-    estimator: EstimatorKind,
+    /// Estimator; `northing estimators` lists them; without it bounded-velocity, with the lab profile mekf
+    #[arg(long, value_name = "NAME", conflicts_with = "setup")]
+    estimator: Option<EstimatorKind>,
     /// Run as a report of the lab says: estimator, parameters, calibrations and all; nothing else may be set
     #[arg(long, value_name = "REPORT", conflicts_with_all = SET_ELSEWHERE)]
     setup: Option<PathBuf>,
