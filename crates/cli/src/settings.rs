@@ -34,8 +34,10 @@ impl SettingArgs {
         let file = self.config.as_deref().map(ConfigFile::read).transpose()?;
         let in_file = file.as_ref().and_then(|file| file.profile);
         let profile = self.profile.or(in_file).unwrap_or_default();
-        let estimator = estimator.unwrap_or(profile.estimator());
-        let mut options = RunOptions::new(estimator, profile);
+        let mut options = RunOptions::new(estimator.unwrap_or(profile.estimator()), profile);
+        if let (None, Some(file), Some(path)) = (estimator, &file, &self.config) {
+            file.check_effect(options.estimator, path)?;
+        }
         for (setting, place) in file.iter().flat_map(|file| &file.settings) {
             options.set(setting).with_context(|| place.clone())?;
         }
@@ -76,6 +78,26 @@ struct ConfigFile {
 }
 
 impl ConfigFile {
+    /// Refuses a file without any parameter of the estimator that nobody named.
+    fn check_effect(&self, estimator: EstimatorKind, path: &Path) -> Result<()> {
+        let known = parameters_of(estimator);
+        let names = self.settings.iter().map(|(setting, _)| setting);
+        let mut names = names.filter_map(|setting| setting.split('=').next());
+        // What is no parameter at all is told of by its line.
+        let other = |name: &str| {
+            let is = |kind: &EstimatorKind| parameters_of(*kind).iter().any(|p| p.name == name);
+            !known.iter().any(|p| p.name == name) && EstimatorKind::ALL.iter().any(is)
+        };
+        if !self.settings.is_empty() && names.all(other) {
+            bail!(
+                "{}: none of its parameters has an effect on `{estimator}`; name the estimator that they are for \
+                 (--estimator mekf), or see `northing estimators`",
+                path.display()
+            );
+        }
+        Ok(())
+    }
+
     fn read(path: &Path) -> Result<Self> {
         let file = path.display().to_string();
         let text =

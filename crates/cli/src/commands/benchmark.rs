@@ -93,7 +93,9 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
             path.display()
         );
     }
-    let Asked { run, calibrations } = args.estimation.options(None, &args.input)?;
+    let Asked { run, calibrations } = args
+        .estimation
+        .options(Some(EstimatorKind::Mekf), &args.input)?;
     let options = CompareOptions {
         estimators: EstimatorKind::ALL.to_vec(),
         run,

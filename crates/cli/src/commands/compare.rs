@@ -113,7 +113,9 @@ fn compare_options(args: &CompareArgs) -> Result<CompareOptions> {
     if estimators.is_empty() {
         estimators = EstimatorKind::ALL.to_vec();
     }
-    let Asked { run, calibrations } = args.estimation.options(None, &args.input)?;
+    let Asked { run, calibrations } = args
+        .estimation
+        .options(Some(EstimatorKind::Mekf), &args.input)?;
     Ok(CompareOptions {
         estimators,
         run,

@@ -45,8 +45,9 @@ const SET_ELSEWHERE: [&str; 9] = [
 Examples:
   northing run walk.zip --report walk.html
   northing run lab.csv --profile lab --calibrate-first 10 --report lab.html
-  northing run walk.zip --sensors gyro,acc --set accelerometer_std=0.3 --out estimates.csv
+  northing run walk.zip --sensors gyro,acc --set bounded_velocity_psd=0.05 --out estimates.csv
   northing run walk.parquet --smooth --out smoothed.tum
+  northing run walk.zip --magnetometer calibrated=magnetometer.toml --calibration rest.toml
   northing demo --record-only - | northing run - --json"
 )]
 pub(crate) struct RunArgs {

@@ -60,7 +60,7 @@ fn known_noise_is_found_and_becomes_the_q_of_a_filter() {
             "from the rise of the curve",
             "Written to q.toml",
             "Report: a.html",
-            "run RECORDING --config q.toml",
+            "run RECORDING --estimator mekf --config q.toml",
         ],
     );
     let json = lab.json(&["calibrate", "allan", "rest.csv", "--json"]);
@@ -86,6 +86,8 @@ fn known_noise_is_found_and_becomes_the_q_of_a_filter() {
     lab.succeeds(&[
         "run",
         "phone.csv",
+        "--estimator",
+        "mekf",
         "--config",
         "q.toml",
         "--report",
@@ -94,6 +96,14 @@ fn known_noise_is_found_and_becomes_the_q_of_a_filter() {
     contains(
         &lab.read("r.html"),
         &[&format!("{noise}"), &format!("{walk}")],
+    );
+    // They are those of other filters than the first choice.
+    contains(
+        &lab.refuses(&["run", "phone.csv", "--config", "q.toml"]),
+        &[
+            "q.toml: none of its parameters has an effect on `bounded-velocity`",
+            "--estimator",
+        ],
     );
 }
 

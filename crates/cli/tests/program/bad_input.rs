@@ -316,7 +316,7 @@ fn unknown_estimators_parameters_and_sensors_list_the_valid_ones() {
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--magnetometer", "mine"]),
-        &["device or uncalibrated"],
+        &["device, uncalibrated or calibrated=FILE"],
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--format", "xls"]),

@@ -57,7 +57,7 @@ fn json_is_an_array_of_runs_in_order() {
             ("b.csv", "mekf")
         ]
     );
-    let alone = lab.json(&["run", "b.csv", "--json"]);
+    let alone = lab.json(&["run", "b.csv", "--estimator", "mekf", "--json"]);
     assert_eq!(json[3]["error_deg"], alone["error_deg"]);
 }
 

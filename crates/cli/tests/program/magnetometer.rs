@@ -127,7 +127,7 @@ fn known_iron_is_found_and_the_run_is_as_good_as_without_it() {
         "clean {clean}, raw {raw}, mended {mended}"
     );
     let text = lab.succeeds(&["run", "walk.csv", "--magnetometer-calibration", "m.toml"]);
-    contains(&text, &["made before: ellipsoid, hard iron 32."]);
+    contains(&text, &["made before (m.toml): ellipsoid, hard iron 32."]);
 }
 
 #[test]

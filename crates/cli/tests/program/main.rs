@@ -14,6 +14,7 @@ mod demo;
 mod experiment;
 mod introduction;
 mod magnetometer;
+mod magnetometer_choice;
 mod positions;
 mod run;
 #[cfg(target_os = "linux")]

@@ -31,7 +31,7 @@ fn json_has_the_keys_that_scripts_read() {
     }
     assert_eq!(
         (&json["estimator"], &json["recording"]),
-        (&"mekf".into(), &"phone.csv".into())
+        (&"bounded-velocity".into(), &"phone.csv".into())
     );
     assert!((json["duration_s"].as_f64().unwrap() - 75.0).abs() < 0.02);
     for sensor in ["gyroscope", "accelerometer", "magnetometer"] {
@@ -210,7 +210,7 @@ fn report_and_estimates_are_written() {
     let report = lab.read("r.html");
     contains(
         &report,
-        &["<svg", "</html>", "accelerometer_std", "Final test"],
+        &["<svg", "</html>", "bounded_velocity_psd", "Final test"],
     );
     for outside in [
         "<script",

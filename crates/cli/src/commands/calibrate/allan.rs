@@ -33,7 +33,7 @@ use crate::toml_file::in_comment;
 Examples:
   northing calibrate allan night.csv --report night.html
   northing calibrate allan night.csv --out q.toml
-  northing run walk.csv --config q.toml
+  northing run walk.csv --estimator mekf --config q.toml
   northing calibrate allan night.csv --sensor accelerometer"
 )]
 pub(super) struct AllanArgs {
@@ -113,7 +113,7 @@ pub(super) fn execute(args: &AllanArgs) -> Result<()> {
     let told = args.output.told(args.report.as_deref());
     let next = match args.output.file() {
         Some(file) => format!(
-            "Use it with\n  {} run RECORDING --config {}\n",
+            "Use it with\n  {} run RECORDING --estimator mekf --config {}\n",
             called(),
             file.display()
         ),
