@@ -126,6 +126,17 @@ export interface Estimate {
   std_deg: Triple | null;
   angles_deg: Triple;
   bias_deg_s: Triple | null;
+  surroundings?: Surroundings;
+}
+
+/** What the bounded-velocity filter knows beside the attitude. */
+export interface Surroundings {
+  /** Null where it is not estimated. */
+  hard_iron_ut: Triple | null;
+  hard_iron_std_ut: Triple | null;
+  /** 1 is the field that is expected; null without a magnetometer. */
+  field_variance_factor: number | null;
+  is_resting: boolean;
 }
 
 export interface Innovation {

@@ -5,6 +5,7 @@
 // | magnetometer calibration with live coverage sphere and ellipsoid fit | a magnetised phone is calibrated while it turns |
 // | Allan deviation explained in words, able to fill Q | a rest gives the gyroscope's noise and fills Q |
 // | any other estimator, and the angle to it | every estimator can be chosen |
+// | hard iron, field quality and rest as they develop | hard iron, field and rest are shown |
 // | display rate never slows the estimate | at five frames a second every innovation is drawn |
 // | calculated against estimated error quaternion | the error quaternions turn by the errors |
 // | results of each phone | each phone shows its own result |
@@ -90,6 +91,23 @@ await suite(async () => {
     await until("its ghost", async () => (await page.locator(".ghosts tr", { hasText: "USQUE" }).count()) === 1);
     await until("its angle", async () => (await view.angleTo("USQUE")) < 3);
     await until("the ghost of the other to go", async () => (await page.locator(".ghosts tr", { hasText: "Integration" }).count()) === 0);
+    await view.pick("Virtual phone 2");
+  });
+
+  await test("hard iron, field and rest are shown as the bounded-velocity filter finds them", async () => {
+    await view.pick("Virtual phone 1");
+    const value = (name) => page.locator(`.surroundings tr[data-value=${name}] td`).textContent();
+    await page.locator("[data-estimator-choice=bounded-velocity]").check();
+    await until("a rest", async () => /^rests/.test(await value("motion")));
+    assert.match(await value("iron"), /^not estimated/);
+    assert.match(await value("field"), /^as expected, variance × 1\.\d$/);
+    await page.locator("summary", { hasText: "All parameters" }).click();
+    await page.locator(".fields label", { hasText: "bounded_initial_hard_iron_std_ut" }).locator("input").fill("5");
+    await page.keyboard.press("Tab");
+    await until("the hard iron", async () => /^[+−]\d+\.\d [+−]\d+\.\d [+−]\d+\.\d ±[0-5]\.\d µT$/.test(await value("iron")));
+    await page.locator("summary", { hasText: "All parameters" }).click();
+    await page.locator(".surroundings").scrollIntoViewIfNeeded();
+    await view.picture("4b-surroundings");
     await view.pick("Virtual phone 2");
   });
 

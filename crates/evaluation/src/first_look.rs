@@ -23,14 +23,32 @@ use crate::options::{MagnetometerSource, RunOptions};
 
 /// The parameter that follows from the stream unless somebody sets it.
 const PRIOR: &str = "bounded_initial_hard_iron_std_ut";
-/// Hard iron that is left, microtesla per axis: by a calibration from a file, ...
-const LEFT_BY_A_FILE_UT: f64 = 2.0;
+/// Hard iron that is left, microtesla per axis: by a calibration of the magnetometer, ...
+pub const LEFT_BY_A_CALIBRATION_UT: f64 = 2.0;
 /// ... in the stream that a phone's system calibrated, ...
 const LEFT_BY_THE_SYSTEM_UT: f64 = 3.0;
 /// ... and in the uncalibrated stream less the system's offset.
 const LEFT_UNCALIBRATED_UT: f64 = 12.0;
 
 type Item = Result<Instant, EvaluationError>;
+
+impl RunOptions {
+    /// Sets the standard deviation of the hard iron that the stream in use leaves to a filter, unless
+    /// somebody has set it: `has_uncalibrated` tells a phone, whose system calibrates, from a sensor.
+    pub fn expect_hard_iron(&mut self, has_uncalibrated: bool) {
+        if self.is_explicit(PRIOR) {
+            return;
+        }
+        let prior = &mut self.config.bounded_velocity.initial_hard_iron_std_ut;
+        if self.field_calibration.is_some() {
+            *prior = LEFT_BY_A_CALIBRATION_UT;
+        } else if self.sensors.magnetometer_source == MagnetometerSource::Uncalibrated {
+            *prior = LEFT_UNCALIBRATED_UT;
+        } else if has_uncalibrated && *prior <= 0.0 {
+            *prior = LEFT_BY_THE_SYSTEM_UT;
+        }
+    }
+}
 
 /// The instants of a recording, the first of which have been looked at.
 pub(crate) struct FirstLook<I> {
@@ -122,18 +140,8 @@ impl<I: Iterator<Item = Item>> FirstLook<I> {
     pub(crate) fn options(&self, options: &RunOptions) -> RunOptions {
         let mut options = options.clone();
         options.sensors.magnetometer_source = self.stream;
-        let uncalibrated = self.stream == MagnetometerSource::Uncalibrated;
-        let prior = &mut options.config.bounded_velocity.initial_hard_iron_std_ut;
-        if options.explicit_settings.contains(PRIOR) {
-            return options;
-        }
-        if options.field_calibration.is_some() {
-            *prior = LEFT_BY_A_FILE_UT;
-        } else if uncalibrated {
-            *prior = LEFT_UNCALIBRATED_UT;
-        } else if self.means[1].count > 0 {
-            *prior = LEFT_BY_THE_SYSTEM_UT;
-        }
+        // Where there is none in use, the other stream says that the device has a system that calibrates.
+        options.expect_hard_iron(self.means[1].count > 0);
         options
     }
 

@@ -59,7 +59,7 @@ pub mod estimators;
 pub mod field_calibration;
 mod field_watch;
 pub mod final_test;
-mod first_look;
+pub mod first_look;
 pub mod instants;
 pub mod metrics;
 pub mod multi_target;

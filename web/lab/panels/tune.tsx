@@ -1,7 +1,8 @@
 // Step 4: Q and R by hand, sensors on and off; every change acts at once.
 
 import { AllParameters, Sliders } from "../parameters";
-import type { Device, Sensor, Settings } from "../protocol";
+import { LiveText } from "../live";
+import type { Device, Sensor, Settings, Surroundings } from "../protocol";
 import { changeHere, goTo, offers, send, settingsOf, state, useOf } from "../store";
 import { nameOf, roleOf } from "../theme";
 
@@ -34,10 +35,49 @@ export function Tune({ device }: { device: Device }) {
         ))}
       </fieldset>
       {offers("estimators") && <Estimators device={device} />}
+      {(state.estimators[device.id] ?? device.estimators ?? []).includes(BOUNDED) && <SurroundingsTable device={device.id} />}
       <AllParameters settings={settings} change={(name, value) => apply({ [name]: value })} />
       <button type="button" class="primary" onClick={() => goTo("experiment")}>Next: experiment</button>
     </>
   );
+}
+
+const BOUNDED = "bounded-velocity";
+
+/** What the bounded-velocity filter finds out about magnetometer, field and motion while it runs. */
+function SurroundingsTable({ device }: { device: string }) {
+  const row = (name: string, key: string, text: (s: Surroundings) => string) => (
+    <tr data-value={key}>
+      <th scope="row">{name}</th>
+      <td><LiveText device={device} text={(frame) => { const s = frame.estimates[BOUNDED]?.surroundings; return s ? text(s) : "–"; }} /></td>
+    </tr>
+  );
+  return (
+    <table class="compact surroundings">
+      <caption><b>{nameOf(BOUNDED)}</b>: what it finds out</caption>
+      <tbody>
+        {row("Hard iron", "iron", ironInWords)}
+        {row("Field", "field", fieldInWords)}
+        {row("Motion", "motion", (s) => (s.is_resting ? "rests: the rate is the bias" : "moves"))}
+      </tbody>
+    </table>
+  );
+}
+
+/** x, y, z and the worst standard deviation, microtesla. */
+function ironInWords({ hard_iron_ut: iron, hard_iron_std_ut: std }: Surroundings): string {
+  if (!iron || !std) return "not estimated: taken as calibrated";
+  const signed = iron.map((v) => `${v < 0 ? "−" : "+"}${Math.abs(v).toFixed(1)}`).join(" ");
+  return `${signed} ±${Math.max(...std).toFixed(1)} µT`;
+}
+
+/** From this factor on the variance of the field a field is doubtful, and from that on disturbed. */
+const DOUBTFUL = 2, DISTURBED = 5;
+
+function fieldInWords({ field_variance_factor: factor }: Surroundings): string {
+  if (factor === null) return "no magnetometer";
+  const word = factor < DOUBTFUL ? "as expected" : factor < DISTURBED ? "doubtful" : "disturbed";
+  return `${word}, variance × ${factor.toFixed(1)}`;
 }
 
 /** Every estimator with its ghost; one that is off costs nothing. */

@@ -201,7 +201,7 @@ mod tests {
         let report = RunReport::of_run("Lab", &summary, &options.config, &trace);
         assert_eq!(
             (report.estimator.as_str(), report.recording.as_str()),
-            ("mekf", "lab.csv")
+            ("bounded-velocity", "lab.csv")
         );
         let labels: Vec<&str> = report.summary.iter().map(|f| f.label.as_str()).collect();
         assert_eq!(labels[0], "attitude error, RMS");

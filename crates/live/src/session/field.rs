@@ -51,6 +51,7 @@ impl DeviceSession {
         if let Some(rest) = &mut self.options.calibration {
             *rest = recalibrated(rest, before.as_ref(), self.magnetometer.as_ref());
         }
+        self.expect_hard_iron();
         // One under way would mix two fields.
         self.calibration = None;
         // Options were checked when they were set.

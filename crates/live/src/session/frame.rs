@@ -11,6 +11,7 @@ use northing_evaluation::observer::angles_covariance;
 use northing_recording::SensorKind;
 use serde::Serialize;
 
+use super::bounded_velocity::Surroundings;
 use super::lamp::{Lamp, Remark};
 use super::{DeviceSession, health};
 
@@ -28,6 +29,9 @@ pub struct Estimate {
     pub angles_deg: [f64; 3],
     /// Gyroscope bias, deg/s, where it is estimated.
     pub bias_deg_s: Option<[f64; 3]>,
+    /// What the bounded-velocity filter knows beside it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surroundings: Option<Surroundings>,
 }
 
 /// The truth, where it is known.
@@ -152,6 +156,7 @@ fn estimate(
         std_deg: covariance.map(std),
         angles_deg: rotation::to_yaw_pitch_roll(q).map(f64::to_degrees),
         bias_deg_s: bias.map(|b| b.map(f64::to_degrees).into()),
+        surroundings: None,
     }
 }
 
@@ -165,7 +170,9 @@ impl DeviceSession {
             let bias = estimator.gyroscope_bias().map(|(bias, _)| bias);
             let q = estimator.attitude();
             let covariance = estimator.attitude_covariance();
-            estimates.insert(track.kind.name(), estimate(&q, covariance, bias));
+            let mut estimate = estimate(&q, covariance, bias);
+            estimate.surroundings = estimator.bounded_velocity().map(Surroundings::of);
+            estimates.insert(track.kind.name(), estimate);
         }
         if let Some(q) = &self.device {
             estimates.insert("device", estimate(q, None, None));

@@ -4,6 +4,7 @@
 //! in the same order give the same numbers to the bit, whenever and however fast they arrive.
 
 mod aside;
+pub mod bounded_velocity;
 pub mod calibration;
 pub mod experiment;
 pub mod field;
@@ -171,6 +172,7 @@ impl DeviceSession {
             Sample::SpecificForce(_) | Sample::MagneticField(_) | Sample::CompassHeading(_) => {
                 self.update(event);
             }
+            Sample::MagneticFieldUncalibrated(_) => self.expect_hard_iron(),
             Sample::DeviceOrientation(q) => self.device = Some(q),
             Sample::Reference(reference) => self.truth = Some(reference.attitude),
             _ => {}
@@ -378,6 +380,7 @@ impl DeviceSession {
     ) -> Result<(), EvaluationError> {
         let changed = with_settings(&self.options, profile, settings)?;
         let before = std::mem::replace(&mut self.options, changed);
+        self.expect_hard_iron();
         let config = self.config();
         let mut tracks = self.tracks.clone();
         if let Err(error) = tracks.iter_mut().try_for_each(|t| t.retune(&config)) {

@@ -1,6 +1,7 @@
 //! One estimator on a live stream: its driver, and changing its parameters while it runs.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::attitude::bounded_velocity::BoundedVelocityState;
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
 use northing_core::attitude::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use northing_core::kalman::Innovation;
@@ -13,6 +14,17 @@ use northing_evaluation::parameters::Parameters;
 pub struct Rebuildable {
     inner: AnyEstimator,
     start: Option<InitialState<f64>>,
+}
+
+impl Rebuildable {
+    /// The state of the bounded-velocity filter, if it is one.
+    #[must_use]
+    pub fn bounded_velocity(&self) -> Option<&BoundedVelocityState<f64>> {
+        match &self.inner {
+            AnyEstimator::BoundedVelocity(filter) => Some(filter.state()),
+            _ => None,
+        }
+    }
 }
 
 impl AttitudeEstimator<f64> for Rebuildable {

@@ -61,6 +61,19 @@ pub struct BoundedVelocityState<T: Scalar> {
 }
 
 impl<T: Scalar> BoundedVelocityState<T> {
+    /// Whether it started with a magnetic field.
+    pub fn has_field(&self) -> bool {
+        self.has_field
+    }
+
+    /// Standard deviation of the hard iron, microtesla, body axes; `None` where it is not estimated.
+    pub fn hard_iron_std_ut(&self) -> Option<Vector3<T>> {
+        let first = self.layout.hard_iron()?;
+        let variance = |i: usize| self.covariance.get((first + i, first + i)).copied();
+        let std = |i: usize| variance(i).map(|v| v.max(T::zero()).sqrt());
+        Some(Vector3::new(std(0)?, std(1)?, std(2)?))
+    }
+
     /// Before the start: the identity, as uncertain as it gets, and no references.
     pub(super) fn blank(config: &BoundedVelocityConfig<T>) -> Self {
         let layout = Layout::new(config, false);
