@@ -182,7 +182,9 @@ pub fn settings(estimator: EstimatorKind, config: &Parameters) -> Vec<Setting> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimators::EstimatorKind;
     use crate::options::RunOptions;
+    use crate::parameters::Profile;
     use crate::runner::run;
     use northing_recording::RecordingError;
     use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
@@ -194,14 +196,14 @@ mod tests {
         let options = RunOptions {
             calibrate_first_s: Some(9.0),
             recording: "lab.csv".to_owned(),
-            ..RunOptions::default()
+            ..RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld)
         };
         let summary = run(events, &options, &mut ()).unwrap();
         let trace = Trace::new(10);
         let report = RunReport::of_run("Lab", &summary, &options.config, &trace);
         assert_eq!(
             (report.estimator.as_str(), report.recording.as_str()),
-            ("bounded-velocity", "lab.csv")
+            ("mekf", "lab.csv")
         );
         let labels: Vec<&str> = report.summary.iter().map(|f| f.label.as_str()).collect();
         assert_eq!(labels[0], "attitude error, RMS");

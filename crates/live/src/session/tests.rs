@@ -468,3 +468,59 @@ fn a_phone_at_rest_whose_browser_rounds_is_calibrated_and_told_so() {
     }
     assert!(rest(0.0, 0.0).unwrap_err().contains("accelerometer"));
 }
+
+/// Live and in the stored experiment the filter expects the same hard iron; the page is told what it finds.
+#[test]
+fn hard_iron_is_expected_as_the_stream_says_live_and_stored() {
+    let mut events: Vec<Event> = phone(4).events().collect();
+    let prior = |live: &DeviceSession| {
+        let bounded = live.options().config.bounded_velocity;
+        bounded.initial_hard_iron_std_ut
+    };
+    let shown = |live: &DeviceSession| {
+        let estimates = live.estimates();
+        estimates["bounded-velocity"].surroundings.clone().unwrap()
+    };
+    let mut live = session();
+    live.use_estimators(&[EstimatorKind::BoundedVelocity])
+        .unwrap();
+    live.take(&mut events[..1500].to_vec());
+    assert!(prior(&live) <= 0.0 && shown(&live).hard_iron_ut.is_none());
+    assert!(shown(&live).is_resting);
+    let near_one = shown(&live).field_variance_factor.unwrap();
+    assert!((1.0..2.0).contains(&near_one), "{near_one}");
+    // A phone whose system calibrates has the uncalibrated stream, too.
+    let beside = events.iter().filter_map(|event| match event.sample {
+        Sample::MagneticField(field) => Some(Event {
+            sample: Sample::MagneticFieldUncalibrated(field.add_scalar(200.0)),
+            ..*event
+        }),
+        _ => None,
+    });
+    let beside: Vec<Event> = beside.collect();
+    events.extend(beside);
+    events.sort_by_key(|event| (event.time_ns, event.sample.kind().order()));
+    let cut = |s: f64| events.partition_point(|e| (e.time_ns as f64) < s * 1e9);
+    let mut live = session();
+    live.use_estimators(&[EstimatorKind::BoundedVelocity])
+        .unwrap();
+    live.take(&mut events[..cut(7.0)].to_vec());
+    assert!((prior(&live) - 3.0).abs() < 1e-12);
+    assert!(shown(&live).hard_iron_std_ut.unwrap()[0] > 0.1);
+    live.start_experiment(60.0, "").unwrap();
+    live.take(&mut events[cut(7.0)..cut(18.0)].to_vec());
+    let now = live.attitude("bounded-velocity").unwrap();
+    let Some(Happening::Experimented(done)) = live.stop() else {
+        panic!("no experiment to stop");
+    };
+    let mut last = LastEstimate(None);
+    let kind = EstimatorKind::BoundedVelocity;
+    let summary = run_over(&done, live.options(), kind, &mut last).unwrap();
+    assert!((summary.hard_iron_prior_ut.unwrap() - 3.0).abs() < 1e-12);
+    assert!(last.0.unwrap().angle_to(&now) < 1e-3);
+    // What the user sets stays.
+    let settings = json!({"bounded_initial_hard_iron_std_ut": 5.0});
+    live.set(None, settings.as_object().unwrap()).unwrap();
+    live.take(&mut events[cut(18.0)..].to_vec());
+    assert!((prior(&live) - 5.0).abs() < 1e-12);
+}
