@@ -39,6 +39,7 @@ pub mod timeline;
 pub mod track;
 pub mod tracking;
 mod tum_writer;
+mod ubx;
 pub mod wire;
 mod writer;
 

@@ -8,7 +8,7 @@ use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
-use crate::{csv, manifest, nmea, sensor_logger};
+use crate::{csv, manifest, nmea, sensor_logger, ubx};
 
 /// Bytes that are looked at to tell the format.
 const SAMPLE_BYTES: usize = 4096;
@@ -48,6 +48,7 @@ pub fn read_from(
     let opened = match (format, &options.manifest) {
         (Format::Csv, _) => csv::open(input, name, metadata)?,
         (Format::Nmea, _) => nmea::open(input, name, metadata),
+        (Format::Ubx, _) => ubx::open(input, name, metadata),
         (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
         (Format::Manifest, None) => {
             return Err(RecordingError::Unsupported {
@@ -84,6 +85,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
     let opened = match format {
         Format::Csv => csv::open(Cursor::new(bytes), name, metadata)?,
         Format::Nmea => nmea::open(Cursor::new(bytes), name, metadata),
+        Format::Ubx => ubx::open(Cursor::new(bytes), name, metadata),
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
         Format::Mcap => open_mcap(Cursor::new(bytes), name, metadata, options)?,
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
@@ -157,6 +159,7 @@ pub(crate) fn open_data_file(
             file,
             metadata,
         )),
+        Format::Ubx => Ok(ubx::open(File::open(path).map_err(failed)?, file, metadata)),
     }
 }
 
@@ -209,6 +212,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     }
     if head.starts_with(b"PK\x03\x04") {
         return Ok(Format::SensorLogger);
+    }
+    if ubx::recognises(head) {
+        return Ok(Format::Ubx);
     }
     if head.contains(&0) {
         return Err(not("binary data of an unknown kind"));

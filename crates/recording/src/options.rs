@@ -104,6 +104,8 @@ named_values! {
         Mcap = "mcap",
         /// NMEA 0183: a log of sentences.
         Nmea = "nmea",
+        /// UBX, the binary protocol of u-blox receivers.
+        Ubx = "ubx",
         /// Any other delimited text file, described by a TOML manifest.
         Manifest = "manifest",
     }

@@ -594,3 +594,42 @@ fn the_pose_track_and_the_receiver_of_the_phone_agree() {
         "{pairs} {worst_m} {worst_course}"
     );
 }
+
+#[test]
+fn logs_of_ublox_receivers_are_told_by_content_and_read() {
+    let Some(data) = northing_recording::test_data::data_dir("logs_of_ublox_receivers") else {
+        return;
+    };
+    // Solutions with a known time, and frames with a wrong checksum or cut off, counted by hand.
+    for (name, solutions, broken) in [
+        ("pygpsdata-MIXED", 39, 0),
+        ("pygpsdata-MIXED3", 3, 0),
+        ("pygpsdata-BADCK2", 1, 2),
+        ("pygpsdata-BADEOF2", 1, 1),
+        ("pygpsdata-NAV-ZED-X20P", 2, 0),
+        ("pygpsdata-MIXED-RTCM3BADCRC", 1, 0),
+        ("ucenter-ZEDF9P-configdebug", 2, 0),
+    ] {
+        let path = data.join(format!("nav/ubx/{name}.log"));
+        let mut recording = open(&path, &OpenOptions::default()).unwrap();
+        assert_eq!(recording.metadata().format, "ubx", "{name}");
+        let fixes = recording
+            .by_ref()
+            .filter_map(Result::ok)
+            .filter(|event| event.sample.kind() == SensorKind::GnssPosition)
+            .count() as u64;
+        let issues = recording.issues();
+        let invalid: u64 = issues.invalid_fixes.values().sum();
+        let repeated: u64 = issues.duplicate_stamps.values().sum();
+        let of = |part: &str| -> u64 {
+            let known = issues
+                .rejected
+                .iter()
+                .filter(|(what, _)| what.contains(part));
+            known.map(|(_, count)| count).sum()
+        };
+        let seen = fixes + invalid + of("NAV-PVT") + repeated / 2;
+        assert_eq!(seen, solutions, "{name}: {issues:?}");
+        assert_eq!(of("UBX frame"), broken, "{name}: {issues:?}");
+    }
+}
