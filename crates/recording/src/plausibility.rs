@@ -1,4 +1,5 @@
-//! Detects units that cannot be: degrees for radians, g for m/s^2, gauss or tesla for microtesla.
+//! Detects units that cannot be: degrees for radians, g for m/s^2, gauss or tesla for microtesla; and
+//! places that cannot be ([`position`]).
 //!
 //! Streaming, constant memory. The accelerometer and the magnetometers are judged by the median
 //! norm of their first two seconds. The gyroscope is judged by what the accelerometer sees of the
@@ -7,10 +8,14 @@
 //! are deg/s"; only a clear win of the second refuses the recording, so a resting sensor, whose
 //! numbers fit both, passes.
 
+mod position;
+
 use nalgebra::Vector3;
+use position::PositionCheck;
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample};
+use crate::issues::Issues;
 use crate::options::OpenOptions;
 
 /// The checks of one recording.
@@ -20,6 +25,7 @@ pub struct Plausibility {
     field: Option<NormCheck>,
     field_uncalibrated: Option<NormCheck>,
     rate: Option<RateCheck>,
+    position: Option<PositionCheck>,
 }
 
 impl Plausibility {
@@ -35,6 +41,7 @@ impl Plausibility {
             field,
             rate: (options.plausibility && options.gyroscope_unit.is_none())
                 .then(RateCheck::default),
+            position: options.plausibility.then(PositionCheck::default),
         }
     }
 
@@ -79,9 +86,26 @@ impl Plausibility {
                     field_verdict(norm, "magnetometer-uncalibrated", file)
                 })?;
             }
+            Sample::GnssPosition(fix) => {
+                if let Some(check) = &mut self.position {
+                    check.position(time_ns, fix, file)?;
+                }
+            }
+            Sample::GnssVelocity(velocity) => {
+                if let Some(check) = &mut self.position {
+                    check.velocity(time_ns, velocity);
+                }
+            }
             _ => {}
         }
         Ok(())
+    }
+
+    /// Tells what was odd and is no reason to refuse the recording.
+    pub(crate) fn tell(&self, issues: &mut Issues) {
+        if let Some(check) = &self.position {
+            check.tell(issues);
+        }
     }
 
     /// The verdict on recordings too short for the running checks.

@@ -177,6 +177,7 @@ impl Recording {
                 expected: "at least one sample",
             });
         }
+        self.plausibility.tell(&mut self.issues);
         self.timeline.finish(&self.file)?;
         if !self.can_be_estimated {
             let others: Vec<_> = self
