@@ -10,6 +10,7 @@
 //! | what a sensor makes of the truth: noise, bias, quantisation, disturbances | [`sensors`] |
 //! | faults that wrap a sensor | [`faults`] |
 //! | a vessel and its manoeuvres | [`trajectory::vessel`] |
+//! | a person and a car with a 1 Hz receiver, for GNSS/INS | [`ground`] |
 //! | scenarios as files, and the runs they describe | [`scenario`] |
 //! | arrays for Monte Carlo consistency tests of attitude filters | [`monte_carlo`] |
 //! | a recording of a phone that never existed | [`virtual_phone`] |
@@ -23,6 +24,7 @@
 //! `libm` through nalgebra, so a seed gives the same numbers on every machine.
 
 pub mod faults;
+pub mod ground;
 pub mod monte_carlo;
 pub mod random;
 mod rotation;
