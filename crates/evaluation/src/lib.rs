@@ -60,6 +60,7 @@ pub mod field_calibration;
 mod field_watch;
 pub mod final_test;
 pub mod first_look;
+pub mod ground;
 pub mod instants;
 pub mod metrics;
 pub mod multi_target;

@@ -57,6 +57,8 @@ pub struct GroundSensors {
     pub accelerometer_bias: f64,
     /// Random walk of the gyroscope bias, (rad/s)/sqrt(s).
     pub gyroscope_bias_random_walk: f64,
+    /// Random walk of the accelerometer bias, (m/s^2)/sqrt(s).
+    pub accelerometer_bias_random_walk: f64,
     /// Receiver: horizontal axes, vertical axis (m), velocity (m/s).
     pub position_std: [f64; 2],
     /// See `position_std`.
@@ -76,6 +78,7 @@ impl Default for GroundSensors {
             gyroscope_bias: 1_f64.to_radians(),
             accelerometer_bias: 0.15,
             gyroscope_bias_random_walk: 2e-5,
+            accelerometer_bias_random_walk: 0.0,
             position_std: [horizontal, 2.0 * horizontal],
             velocity_std: 0.1,
             receiver: ReceiverError::White,
@@ -227,10 +230,11 @@ fn measure(path: &Path, sensors: &GroundSensors, samples: usize, seed: u64) -> V
     let mut accelerometer = stream_of("accelerometer");
     let mut magnetometer = stream_of("magnetometer");
     let mut walk = stream_of("gyroscope/bias");
+    let mut force_walk = stream_of("accelerometer/bias");
     let mut errors = stream_of("errors");
     let mut even = |limit: f64| Vector3::from_fn(|_, _| errors.random_range(-1.0..1.0) * limit);
     let mut rate_bias = even(sensors.gyroscope_bias);
-    let force_bias = even(sensors.accelerometer_bias);
+    let mut force_bias = even(sensors.accelerometer_bias);
     let (sin_dip, cos_dip) = sin_cos(DIP_DEG.to_radians());
     let field = Vector3::new(cos_dip, 0.0, sin_dip) * FIELD_UT;
     let mut receiver = Receiver::new(sensors, seed);
@@ -253,6 +257,10 @@ fn measure(path: &Path, sensors: &GroundSensors, samples: usize, seed: u64) -> V
         let middle = before * crate::rotation::exp(&(turn * 0.5));
         let force = middle.inverse() * (acceleration - Vector3::z() * GRAVITY_M_S2);
         rate_bias += normal_vector(&mut walk, sensors.gyroscope_bias_random_walk * dt.sqrt());
+        force_bias += normal_vector(
+            &mut force_walk,
+            sensors.accelerometer_bias_random_walk * dt.sqrt(),
+        );
         let fix = (k % RATE_HZ as usize == RATE_HZ as usize - 1)
             .then(|| receiver.fix(&path.position[to], &path.velocity[to]));
         made.push(GroundSample {
@@ -328,6 +336,7 @@ mod tests {
             gyroscope_bias: 1e-300,
             accelerometer_bias: 1e-300,
             gyroscope_bias_random_walk: 0.0,
+            accelerometer_bias_random_walk: 0.0,
             position_std: [0.0; 2],
             velocity_std: 0.0,
             receiver: ReceiverError::White,

@@ -36,10 +36,7 @@ use crate::scalar::{Scalar, lit};
 const LONGEST_STEP_S: f64 = 10.0;
 /// Largest variances: position m^2, velocity m^2/s^2, bias m^2/s^4. Beyond nothing is known.
 const LARGEST: [f64; 3] = [1e10, 1e6, 100.0];
-/// A fix whose innovation squared is above so many variances is an outlier (99.9 % of two degrees of
-/// freedom) ...
-const OUTLIER_NIS: f64 = 13.8;
-/// ... unless so many came in a row: then the state is what is wrong.
+/// Outliers in a row after which the state is what is wrong.
 const OUTLIERS_BELIEVED: u8 = 5;
 /// Which noise stands where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -85,6 +82,9 @@ pub struct PositionAxisConfig<T> {
     pub vertical_position_std: T,
     /// Which of them stands where, default `physical`.
     pub noise: PositionNoise,
+    /// Normalised innovation squared of north and east above which a fix is left out, default 13.8 (99.9 % of two
+    /// degrees of freedom); 0, as in the paper, believes every fix. Raising it lets outliers in.
+    pub outlier_nis: T,
 }
 
 impl<T: Scalar> Default for PositionAxisConfig<T> {
@@ -95,6 +95,7 @@ impl<T: Scalar> Default for PositionAxisConfig<T> {
             position_std: lit(2.55),
             vertical_position_std: lit(6.0),
             noise: PositionNoise::Physical,
+            outlier_nis: lit(13.8),
         }
     }
 }
@@ -111,6 +112,8 @@ impl<T: Scalar> PositionAxisConfig<T> {
             Some("position_std")
         } else if !positive(self.vertical_position_std) {
             Some("vertical_position_std")
+        } else if !(self.outlier_nis >= T::zero() && self.outlier_nis <= lit(1e6)) {
+            Some("outlier_nis")
         } else {
             None
         }
@@ -315,7 +318,8 @@ impl<T: Scalar> PositionAxisFilters<T> {
         }
         let [north, east, _] = variances;
         let jump = residual.x * residual.x / north + residual.y * residual.y / east;
-        if jump > lit(OUTLIER_NIS) {
+        let limit = self.config.outlier_nis;
+        if limit > T::zero() && jump > limit {
             return self.outlier(position, residual);
         }
         self.outliers = 0;

@@ -348,7 +348,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// turns and falls with the distance from the origin (E27).
     fn on_the_earth(&self, rate: &Vector3<T>, force: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
         let state = self.filter.state();
-        let per_metre = self.config.gravity / lit(EARTH_RADIUS_M);
+        let per_metre = if self.config.earth_curvature {
+            self.config.gravity / lit(EARTH_RADIUS_M)
+        } else {
+            T::zero()
+        };
         let p = &state.position;
         let mut extra = Vector3::new(-p.x, -p.y, p.z + p.z) * per_metre;
         let earth = Vector3::from(self.config.earth_rate_rad_s);

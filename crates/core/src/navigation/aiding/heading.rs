@@ -63,9 +63,12 @@ pub fn magnetic<T: Scalar>(
     if horizontal <= total * lit(LEAST_HORIZONTAL) {
         return Err(SkipReason::Unobservable);
     }
+    // Along where north is, not where this sample says: the noise that is in the residual must not be in the row, or
+    // every sample pulls the tilt the same way.
+    let tangent = m.z / horizontal.sqrt();
     let row = Row::of_state(ATTITUDE + 2)
-        .with(ATTITUDE, -m.z * m.x / horizontal)
-        .with(ATTITUDE + 1, -m.z * m.y / horizontal);
+        .with(ATTITUDE, -tangent * declination.cos())
+        .with(ATTITUDE + 1, -tangent * declination.sin());
     let residual = wrapped(declination - m.y.atan2(m.x));
     Ok(one(row, residual, variance))
 }

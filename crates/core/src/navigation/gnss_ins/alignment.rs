@@ -12,8 +12,8 @@ use crate::geometry::{rotation, so3};
 use crate::navigation::aiding::heading::wrapped;
 use crate::scalar::{Scalar, lit};
 
-/// Tilt after levelling at rest (rad): 1 degree of accelerometer bias.
-const TILT_STD_AT_REST: f64 = 0.02;
+/// Tilt after levelling at rest (rad), beside what the accelerometer's bias does to it: noise, and a vehicle that sways.
+const TILT_STD_AT_REST: f64 = 0.003;
 /// Tilt after levelling in motion (rad): 1 m/s^2 of acceleration.
 const TILT_STD_MOVING: f64 = 0.1;
 /// Tilt of a body that is taken to be level (rad).
@@ -71,6 +71,8 @@ pub(super) struct Aligned<T: Scalar> {
     pub(super) ned_from_body: UnitQuaternion<T>,
     pub(super) tilt_std: T,
     pub(super) heading_std: T,
+    /// Whether the accelerometer at rest told the tilt: what its bias is, the tilt is off by.
+    pub(super) level_by_force: bool,
     pub(super) gyroscope_bias: Vector3<T>,
     /// `None` when it never stood.
     pub(super) gyroscope_bias_std: Option<T>,
@@ -168,6 +170,7 @@ impl<T: Scalar> Alignment<T> {
             ned_from_body: so3::exp(&(Vector3::z() * angle)) * self.level_from_body,
             tilt_std,
             heading_std,
+            level_by_force: stood,
             gyroscope_bias: self.bias,
             gyroscope_bias_std: stood.then(|| lit(BIAS_STD_AT_REST)),
         })

@@ -71,6 +71,8 @@ pub struct GnssInsConfig<T: Scalar> {
     /// Earth rate in NED (rad/s), default zero: left out. [`crate::earth::earth_rate_ned`] of the place also
     /// brings in Coriolis force. Worth it for gyroscopes better than some 10 deg/h.
     pub earth_rate_rad_s: [T; 3],
+    /// Whether gravity turns and falls with the distance from the origin, default yes: 0.0015 m/s^2 a kilometre.
+    pub earth_curvature: bool,
     /// From the unit to the antenna, m, default zero.
     pub lever_arm_m: [T; 3],
     /// How long before its stamp a position was valid, s, default 0; negative when it was valid after it.
@@ -147,6 +149,7 @@ impl<T: Scalar> Default for GnssInsConfig<T> {
             gyroscope_bias_std: lit(0.02),
             gravity: lit(9.806_65),
             earth_rate_rad_s: [T::zero(); 3],
+            earth_curvature: true,
             lever_arm_m: [T::zero(); 3],
             position_latency_s: T::zero(),
             velocity_latency_s: T::zero(),

@@ -191,7 +191,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             ),
             (GYROSCOPE_BIAS, Vector3::repeat(gyroscope_std)),
         ];
-        self.start_from(state, &groups, &position.std);
+        self.start_from(state, &groups, &position.std, aligned.level_by_force);
     }
 
     fn start_from(
@@ -199,11 +199,15 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         mut state: NavigationState<T>,
         groups: &[(usize, Vector3<T>); 5],
         position_std: &Vector3<T>,
+        level_by_force: bool,
     ) {
         for (first, std) in groups {
             for i in 0..3 {
                 state.covariance[(first + i, first + i)] = std[i] * std[i];
             }
+        }
+        if level_by_force {
+            self.tie_tilt_to_bias(&mut state);
         }
         if !self.filter.restore(state) {
             return;
@@ -235,5 +239,24 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.history.clear();
         self.last_fix_ns = self.seen.position.map(|seen| seen.time_ns);
         self.aligning = None;
+    }
+    /// What levels is the measured force, bias and all: `g e = (b_y, -b_x)` in level axes (E32).
+    fn tie_tilt_to_bias(&self, state: &mut NavigationState<T>) {
+        let axes = state.ned_from_body.to_rotation_matrix().into_inner();
+        let variance = self.config.accelerometer_bias_std * self.config.accelerometer_bias_std;
+        let gravity = self.config.gravity.max(T::one());
+        for j in 0..3 {
+            let rows = [axes[(1, j)] / gravity, -axes[(0, j)] / gravity];
+            for (tilt, row) in rows.into_iter().enumerate() {
+                let shared = row * variance;
+                state.covariance[(ATTITUDE + tilt, ACCELEROMETER_BIAS + j)] = shared;
+                state.covariance[(ACCELEROMETER_BIAS + j, ATTITUDE + tilt)] = shared;
+            }
+            for a in 0..2 {
+                for b in 0..2 {
+                    state.covariance[(ATTITUDE + a, ATTITUDE + b)] += rows[a] * rows[b] * variance;
+                }
+            }
+        }
     }
 }
