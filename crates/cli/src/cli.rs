@@ -7,7 +7,7 @@ use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
 use crate::commands::{
-    benchmark, calibrate, compare, convert, demo, estimators, experiment, run, simulate, track,
+    benchmark, calibrate, compare, convert, demo, estimators, experiment, run, simulate, track, tune,
 };
 
 /// Which way does a device point, and how sure are we?
@@ -56,6 +56,8 @@ pub(crate) enum Command {
     MonteCarlo(Box<montecarlo::MonteCarloArgs>),
     /// Experiments of the literature, made again: who is better, by how much, at what cost
     Experiment(experiment::ExperimentArgs),
+    /// Fit the noise of a navigation estimator to a recording, and say whether it holds
+    Tune(tune::TuneArgs),
     /// List the estimators and their parameters
     Estimators(estimators::EstimatorsArgs),
 }
@@ -85,6 +87,7 @@ northing: which way does a device point, and how sure are we?
   northing simulate scenario.toml        one run of a tracking scenario
   northing montecarlo scenario.toml      many runs: who is how wrong, and who knows
   northing experiment observers          observers in cascade, judged: errors, gains, cost
+  northing tune drive.toml               noise parameters fitted to a recording
   northing estimators                    the estimators and their parameters
 
 `northing COMMAND --help` says more, with examples.

@@ -10,12 +10,13 @@ use northing_evaluation::calibration::calibrated_config;
 use northing_evaluation::calibration_set::{CalibrationSet, Calibrations};
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::field_calibration::FieldCalibration;
+use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
 use northing_evaluation::observer::RunObserver;
 use northing_evaluation::options::{MagnetometerSource, RunOptions, SensorSelection};
 use northing_evaluation::parameters::Parameters;
 use northing_evaluation::runner::run;
 use northing_evaluation::summary::RunSummary;
-use northing_recording::Recording;
+use northing_recording::{Metadata, Recording};
 
 use crate::calibration_file;
 use crate::field_file;
@@ -130,6 +131,37 @@ impl EstimationArgs {
             );
         }
         Ok(option.or(chosen))
+    }
+
+    /// The options of a run with this navigation estimator.
+    ///
+    /// # Errors
+    /// A setting that makes no sense, or an option that only attitude estimators have a use for.
+    pub(crate) fn navigation_options(
+        &self,
+        kind: NavigationKind,
+        metadata: &Metadata,
+    ) -> Result<NavigationOptions> {
+        let attitude_alone = [
+            ("--sensors", self.sensors.is_some()),
+            ("--magnetometer", self.magnetometer.is_some()),
+            ("--calibration", self.calibration.is_some()),
+            (
+                "--magnetometer-calibration",
+                self.magnetometer_calibration.is_some(),
+            ),
+            ("--calibrate-first", self.calibrate_first.is_some()),
+        ];
+        if let Some((option, _)) = attitude_alone.into_iter().find(|(_, given)| *given) {
+            bail!(
+                "{option} has no effect on `{kind}`: it is for attitude estimators; leave it out"
+            );
+        }
+        let mut options = NavigationOptions::of_recording(kind, metadata);
+        options.smooth = self.smooth;
+        self.settings
+            .navigation_parameters(kind, &mut options.parameters)?;
+        Ok(options)
     }
 
     /// A calibration of the magnetometer also says which of the two is used, unless the user did.

@@ -25,6 +25,9 @@ pub(crate) struct InputArgs {
     /// TOML file that describes the columns of any other table (see docs/formats.md)
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
+    /// The folder in which the files that a manifest names are [default: the manifest's own]
+    #[arg(long = "data", value_name = "DIR")]
+    data: Option<PathBuf>,
     /// Unit of the gyroscope in the file: rad-per-s, deg-per-s
     #[arg(long, value_name = "UNIT")]
     gyroscope_unit: Option<RateUnit>,
@@ -51,6 +54,7 @@ impl InputArgs {
             format: self.format,
             device: self.device.clone(),
             manifest: self.manifest.clone(),
+            data: self.data.clone(),
             gyroscope_unit: self.gyroscope_unit,
             accelerometer_unit: self.accelerometer_unit,
             magnetometer_unit: self.magnetometer_unit,

@@ -16,6 +16,9 @@ mod field_file;
 mod input;
 mod interrupt;
 mod laboratory;
+mod navigation_file;
+mod navigation_run;
+mod navigation_text;
 mod output;
 #[cfg(feature = "parquet")]
 mod parquet_table;
@@ -24,6 +27,7 @@ mod progress;
 mod quantity;
 mod recordings;
 mod rest_span;
+mod run_estimator;
 mod run_report;
 mod scenario_input;
 mod settings;
@@ -67,6 +71,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "parquet")]
         Some(Command::MonteCarlo(args)) => commands::montecarlo::execute(&args),
         Some(Command::Experiment(args)) => commands::experiment::execute(&args),
+        Some(Command::Tune(args)) => commands::tune::execute(&args),
         Some(Command::Estimators(args)) => commands::estimators::execute(&args),
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::navigation::{NavigationKind, NavigationParameters};
 use northing_evaluation::options::RunOptions;
 use northing_evaluation::parameters::{Profile, parameters_of};
 use toml::de::{DeTable, DeValue};
@@ -49,6 +50,30 @@ impl SettingArgs {
 }
 
 impl SettingArgs {
+    /// Changes parameters of a navigation estimator: by the file, then by `--set`.
+    ///
+    /// # Errors
+    /// As [`Self::options`], and a profile, which navigation estimators do not have.
+    pub(crate) fn navigation_parameters(
+        &self,
+        kind: NavigationKind,
+        parameters: &mut NavigationParameters,
+    ) -> Result<()> {
+        let file = self.config.as_deref().map(ConfigFile::read).transpose()?;
+        if self.profile.is_some() || file.as_ref().is_some_and(|file| file.profile.is_some()) {
+            bail!("`{kind}` has no profiles; leave --profile out and set what you need with --set");
+        }
+        for (setting, place) in file.iter().flat_map(|file| &file.settings) {
+            parameters
+                .set(kind, setting)
+                .with_context(|| place.clone())?;
+        }
+        for setting in &self.set {
+            parameters.set(kind, setting).context("--set")?;
+        }
+        Ok(())
+    }
+
     /// Refuses a `--set` that this estimator has no use for. A file may be shared by several.
     pub(crate) fn check_effect(&self, estimator: EstimatorKind) -> Result<()> {
         let known = parameters_of(estimator);

@@ -142,6 +142,24 @@ pub enum EvaluationError {
         /// What is needed, s.
         needed: f64,
     },
+    /// A navigation run without one usable fix.
+    #[error(
+        "no usable fix of a satellite receiver in the recording ({fixes} in all): a navigation estimator needs \
+         positions to start from; for attitude alone choose another --estimator, e.g. mekf"
+    )]
+    NoFix {
+        /// Fixes there were, the unusable ones.
+        fixes: u64,
+    },
+    /// A navigation run without gyroscope and accelerometer.
+    #[error(
+        "the recording has no gyroscope with accelerometer, which `{estimator}` needs; choose --estimator \
+         dead-reckoning"
+    )]
+    NoInertialSamples {
+        /// The estimator.
+        estimator: &'static str,
+    },
     /// The recording cannot be read, or its reader refuses it.
     #[error("{0}")]
     Recording(Box<dyn std::error::Error + Send + Sync>),

@@ -20,6 +20,7 @@
 //! | HTML reports | [`report`] |
 //! | Monte Carlo campaigns on trackers | [`tracking`] |
 //! | the experiment on observers in cascade | [`observers`] |
+//! | where is the body: GNSS/INS over recordings, outages, scores | [`navigation`] |
 //!
 //! # Example
 //!
@@ -64,6 +65,7 @@ pub mod ground;
 pub mod instants;
 pub mod metrics;
 pub mod multi_target;
+pub mod navigation;
 pub mod nis;
 pub mod observability;
 pub mod observer;

@@ -14,3 +14,4 @@ pub(crate) mod montecarlo;
 pub(crate) mod run;
 pub(crate) mod simulate;
 pub(crate) mod track;
+pub(crate) mod tune;

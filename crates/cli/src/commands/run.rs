@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use northing_evaluation::calibration_set::Calibrations;
-use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::observer::{
     EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver,
 };
@@ -16,7 +15,9 @@ use crate::estimate_file::EstimateFile;
 use crate::estimation::{Asked, EstimationArgs, parameters_used, run_over};
 use crate::input::{InputArgs, shown};
 use crate::output::{check_free, check_not_input, print, print_json, same_file};
+use crate::navigation_run::{self, NavigationArgs};
 use crate::progress::Progress;
+use crate::run_estimator::RunEstimator;
 use crate::{run_report, summary_text};
 
 /// Points a series of a report's plots has at most.
@@ -40,7 +41,9 @@ const SET_ELSEWHERE: [&str; 9] = [
 #[command(
     long_about = "Estimates the attitude over one recording and says how good the estimate is: the error \
                   against a reference if the recording has one, whether the stated uncertainty and the noise \
-                  of each sensor are honest, and the final test of a device that is put back where it began.",
+                  of each sensor are honest, and the final test of a device that is put back where it began. \
+                  With a navigation estimator (error-state, axis-filters, dead-reckoning) it says where the device \
+                  was, scored at fixes that are kept back.",
     after_help = "\
 Examples:
   northing run walk.zip --report walk.html
@@ -48,46 +51,58 @@ Examples:
   northing run walk.zip --sensors gyro,acc --set bounded_velocity_psd=0.05 --out estimates.csv
   northing run walk.parquet --smooth --out smoothed.tum
   northing run walk.zip --magnetometer calibrated=magnetometer.toml --calibration rest.toml
+  northing run drive.toml --estimator error-state --gnss-every 4 --outage 120:30 --report drive.html
   northing demo --record-only - | northing run - --json"
 )]
 pub(crate) struct RunArgs {
     /// The recording: file, Sensor Logger folder, or - for standard input
     #[arg(value_name = "RECORDING")]
-    recording: PathBuf,
+    pub(crate) recording: PathBuf,
     /// Estimator; `northing estimators` lists them; without it bounded-velocity, with the lab profile mekf
     #[arg(long, value_name = "NAME", conflicts_with = "setup")]
-    estimator: Option<EstimatorKind>,
+    estimator: Option<RunEstimator>,
     /// Run as a report of the lab says: estimator, parameters, calibrations and all; nothing else may be set
     #[arg(long, value_name = "REPORT", conflicts_with_all = SET_ELSEWHERE)]
     setup: Option<PathBuf>,
     /// Write a report with plots: one HTML file for a browser
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    pub(crate) report: Option<PathBuf>,
     /// Write the estimates: .csv, .parquet or .tum
     #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
     /// Overwrite outputs that exist
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
     /// Print one JSON document
     #[arg(long)]
-    json: bool,
+    pub(crate) json: bool,
     #[command(flatten)]
-    estimation: EstimationArgs,
+    pub(crate) navigation: NavigationArgs,
     #[command(flatten)]
-    input: InputArgs,
+    pub(crate) estimation: EstimationArgs,
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
 }
 
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
+    let estimator = match args.estimator {
+        Some(RunEstimator::Navigation(kind)) => return navigation_run::execute(kind, args),
+        Some(RunEstimator::Attitude(kind)) => Some(kind),
+        None => None,
+    };
+    if let Some(option) = args.navigation.first_given() {
+        bail!(
+            "{option} has no effect on an estimator of the attitude alone; choose --estimator error-state, \
+             axis-filters or dead-reckoning"
+        );
+    }
     let Asked {
         run: mut options,
         calibrations,
     } = match &args.setup {
         Some(path) => from_setup(path)?,
-        None => args
-            .estimation
-            .options_of_one(args.estimator, &args.input)?,
+        None => args.estimation.options_of_one(estimator, &args.input)?,
     };
     if let Some(report) = &args.report {
         if args.out.as_ref().is_some_and(|out| same_file(out, report)) {

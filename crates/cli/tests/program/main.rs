@@ -15,6 +15,7 @@ mod experiment;
 mod introduction;
 mod magnetometer;
 mod magnetometer_choice;
+mod navigation;
 mod positions;
 mod run;
 #[cfg(target_os = "linux")]

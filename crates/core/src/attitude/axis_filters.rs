@@ -387,6 +387,20 @@ impl<T: Scalar> AxisFilters<T> {
             None => Innovation::skipped(SkipReason::Unobservable),
         }
     }
+
+    /// Corrects the yaw with a heading from true north (rad) that is not a magnetometer's: a course over
+    /// ground, a gyrocompass. The record has its residual (rad).
+    pub fn update_heading(&mut self, heading: T) -> Innovation<T> {
+        if !heading.is_finite() {
+            return Innovation::skipped(SkipReason::NotFinite);
+        }
+        let [_, _, r] = self.config.noise(self.last_dt);
+        let [_, pitch, yaw] = &mut self.axes;
+        if pitch.angle.cos().abs() < lit(LEAST_COSINE) {
+            return Innovation::skipped(SkipReason::Unobservable);
+        }
+        record(&[yaw.update(heading, r)])
+    }
 }
 
 /// The record of up to three independent scalar updates: innovation and variance of each.

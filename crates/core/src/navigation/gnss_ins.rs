@@ -60,7 +60,7 @@ use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 pub use config::{GnssInsConfig, ImuSamples};
 pub use counts::{Aid, AidCounts};
-pub use updates::GnssPositionUpdate;
+pub use updates::{ErrorShares, GnssPositionUpdate};
 
 use self::alignment::Alignment;
 use self::starting::Seen;

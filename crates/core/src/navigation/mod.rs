@@ -6,6 +6,7 @@
 //! | [`ErrorStateFilter`] | `error_state.rs` | attitude, velocity, position, two biases | GNSS compass, tangent plane |
 //! | [`GnssIns`] | `gnss_ins.rs` | the same, and up to seven beside | an inertial unit and a receiver, stamped, start to outage |
 //! | [`Cascade`] | `cascade.rs` | none | positions behind any attitude estimator; fixed gains |
+//! | [`DeadReckoning`] | `dead_reckoning.rs` | position and current | a ship's compass, log and fixes, no inertial sensors |
 //! | [`axis_filters::PositionAxisFilters`] | `axis_filters.rs` | three an axis | the smallest there is, on a chip |
 //!
 //! Frames of the error-state filter: local north, east, down (NED) tangent plane; body forward, right, down (FRD). Gravity is
@@ -16,6 +17,7 @@ pub mod aiding;
 pub mod axis_filters;
 mod bias_wander;
 pub mod cascade;
+pub mod dead_reckoning;
 pub mod error_state;
 pub mod gnss_ins;
 pub mod history;
@@ -24,6 +26,7 @@ pub mod transition;
 pub mod validity;
 
 pub use cascade::{Cascade, CascadeConfig, CascadeState};
+pub use dead_reckoning::{DeadReckoning, DeadReckoningConfig, DeadReckoningState};
 pub use error_state::{ErrorStateConfig, ErrorStateFilter, GnssCompassFix, NavigationState};
 pub use gnss_ins::{GnssIns, GnssInsConfig};
 pub use side_states::SideStates;

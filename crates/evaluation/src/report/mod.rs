@@ -16,6 +16,7 @@
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
 //! | `tracking.rs`, `tracking_map.rs` | sections of [`TrackingReport`], the map of tracks |
+//! | `navigation.rs`, `navigation_plots.rs` | the page of a navigation run: track, outages, the paper's figures |
 //! | `map.rs` | a map with its scale and grid |
 //! | `style.rs` | colours of both themes, layout, print |
 //!
@@ -36,6 +37,8 @@ mod innovation_plots;
 mod map;
 #[cfg(test)]
 mod markup_checks;
+mod navigation;
+mod navigation_plots;
 mod observers;
 mod plot;
 mod position_plots;
@@ -54,6 +57,9 @@ pub use comparison::{Best, Cell, Column, ComparedRun, ComparisonReport, Distribu
 pub use field_page::render as field_html;
 pub use from_summary::settings;
 pub use hero::{HeroPicture, hero_svg};
+pub use navigation::{
+    NavigationReport, navigation_settings, navigation_verdicts, validity_word,
+};
 pub use observers::{render as observers_html, verdicts as observers_verdicts};
 pub use tracking::TrackingReport;
 

@@ -56,10 +56,10 @@ pub struct GnssInsConfig<T: Scalar> {
     pub accelerometer_wander_std: T,
     /// For how long they last, s, default 60.
     pub accelerometer_wander_time_s: T,
-    /// Standard deviation (rad/s) of those of the gyroscope, default 0.0025 (0.14 deg/s): what vibration does to a cheap
+    /// Standard deviation (rad/s) of those of the gyroscope, default 0.002 (0.11 deg/s): what vibration does to a cheap
     /// one. 0: there are none, as for a sensor on foot. Raising it trusts the gyroscope less in an outage.
     pub gyroscope_wander_std: T,
-    /// For how long they last, s, default 15: until the next gear or speed.
+    /// For how long they last, s, default 20: until the next gear or speed.
     pub gyroscope_wander_time_s: T,
     /// Standard deviation of the accelerometer bias at the start, m/s^2, default 0.15: consumer sensors.
     pub accelerometer_bias_std: T,
@@ -143,8 +143,8 @@ impl<T: Scalar> Default for GnssInsConfig<T> {
             gyroscope_bias_random_walk: lit(3e-5),
             accelerometer_wander_std: lit(0.02),
             accelerometer_wander_time_s: lit(60.0),
-            gyroscope_wander_std: lit(2.5e-3),
-            gyroscope_wander_time_s: lit(15.0),
+            gyroscope_wander_std: lit(2e-3),
+            gyroscope_wander_time_s: lit(20.0),
             accelerometer_bias_std: lit(0.15),
             gyroscope_bias_std: lit(0.02),
             gravity: lit(9.806_65),

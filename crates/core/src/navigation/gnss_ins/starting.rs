@@ -22,8 +22,10 @@ const COURSE_OVER_STD: f64 = 8.0;
 const LEAST_COURSE_SPEED: f64 = 1.0;
 /// A chord of two positions is one when it is so many times the standard deviation of a position.
 const CHORD_OVER_STD: f64 = 3.0;
-/// Two positions make a velocity when they are not further apart than so many seconds.
-const LONGEST_CHORD_S: f64 = 3.0;
+/// Two positions make a velocity when they are not further apart than so many seconds ...
+const LONGEST_DIFFERENCE_S: f64 = 3.0;
+/// ... and a course when not further than so many: on an arc the chord has the course of its middle.
+const LONGEST_CHORD_S: f64 = 6.0;
 /// Speed (m/s) below which a receiver does not contradict a standstill, and that of a standstill.
 const STANDING_SPEED: f64 = 0.5;
 const STANDING_STD: f64 = 0.1;
@@ -44,6 +46,8 @@ struct Stamped<T: Scalar> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen<T: Scalar> {
     position: Option<Stamped<T>>,
+    /// The position from which a chord is drawn: short ones say nothing, so it stays until one is long enough.
+    anchor: Option<Stamped<T>>,
     velocity: Option<Stamped<T>>,
     /// Velocity from the last two positions.
     difference: Option<Stamped<T>>,
@@ -53,6 +57,7 @@ impl<T: Scalar> Default for Seen<T> {
     fn default() -> Self {
         Self {
             position: None,
+            anchor: None,
             velocity: None,
             difference: None,
         }
@@ -69,36 +74,42 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             std: fix.std,
             heading,
         };
-        if let Some(before) = self.seen.position.replace(fresh) {
-            self.see_chord(&before, &fresh);
+        self.seen.position = Some(fresh);
+        let anchor = *self.seen.anchor.get_or_insert(fresh);
+        let passed: T = seconds(anchor.time_ns, time_ns);
+        let drawn = passed > lit(0.05) && self.see_chord(&anchor, &fresh, passed);
+        let backwards = passed < T::zero();
+        if drawn || backwards || passed >= lit(LONGEST_CHORD_S) || anchor.heading.is_none() {
+            self.seen.anchor = Some(fresh);
         }
     }
 
-    fn see_chord(&mut self, before: &Stamped<T>, after: &Stamped<T>) {
-        let dt: T = seconds(before.time_ns, after.time_ns);
-        if !(dt > lit(0.05) && dt < lit(LONGEST_CHORD_S)) {
-            return;
-        }
+    /// Sees the way from one position to another, `dt` later; whether it was long enough for a course.
+    fn see_chord(&mut self, before: &Stamped<T>, after: &Stamped<T>, dt: T) -> bool {
         let chord = after.ned - before.ned;
         let std = (before.std + after.std) * lit::<T>(core::f64::consts::FRAC_1_SQRT_2);
-        self.seen.difference = Some(Stamped {
-            time_ns: after.time_ns,
-            ned: chord / dt,
-            // Twice: the vehicle may also have changed its speed.
-            std: std / dt + Vector3::repeat(T::one()),
-            heading: None,
-        });
+        if dt < lit(LONGEST_DIFFERENCE_S) {
+            self.seen.difference = Some(Stamped {
+                time_ns: after.time_ns,
+                ned: chord / dt,
+                // Twice: the vehicle may also have changed its speed.
+                std: std / dt + Vector3::repeat(T::one()),
+                heading: None,
+            });
+        }
         let length = chord.xy().norm();
         let across = std.x.max(std.y);
         let Some((from, to)) = before.heading.zip(after.heading) else {
-            return;
+            return false;
         };
-        if length > across * lit(CHORD_OVER_STD) && length > dt * lit(LEAST_COURSE_SPEED) {
+        let is_long = length > across * lit(CHORD_OVER_STD) && length > dt * lit(LEAST_COURSE_SPEED);
+        if is_long {
             // The chord has the course of mid-interval.
             let turned = crate::navigation::aiding::heading::wrapped(to - from);
             let course = chord.y.atan2(chord.x);
             self.see_course(course, from + turned * lit(0.5), across / length);
         }
+        is_long
     }
 
     /// Sees a velocity during alignment.

@@ -50,6 +50,15 @@ pub struct GnssPositionUpdate<T> {
     pub vertical: Innovation<T>,
 }
 
+/// How the stated standard deviation of a position divides: what changes from fix to fix, and what goes on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ErrorShares<T> {
+    /// Share that changes from fix to fix.
+    pub white: T,
+    /// Share that goes on, as errors of orbits, clocks and the air do.
+    pub slow: T,
+}
+
 /// The 99.9 % bound of chi-square.
 fn bound<T: Scalar>(degrees_of_freedom: usize) -> T {
     let row = CHI_SQUARE.get(degrees_of_freedom.saturating_sub(1));
@@ -59,6 +68,20 @@ fn bound<T: Scalar>(degrees_of_freedom: usize) -> T {
 impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Takes a position.
     pub fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
+        let shares = ErrorShares {
+            white: self.config.position_white_share,
+            slow: self.config.position_slow_share,
+        };
+        self.gnss_position_with(time_ns, fix, shares)
+    }
+
+    /// Takes a position whose error has other shares than those of the settings.
+    pub fn gnss_position_with(
+        &mut self,
+        time_ns: i64,
+        fix: &GnssPosition<T>,
+        shares: ErrorShares<T>,
+    ) -> GnssPositionUpdate<T> {
         let checked = check_fix(&fix.ned, &fix.std, FURTHEST_M)
             .and_then(|()| self.accept(Aid::GnssPosition, time_ns));
         if checked.is_ok() && self.aligning.is_some() {
@@ -69,7 +92,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         }
         let ready = checked.and_then(|()| self.make_ready());
         let update = match ready {
-            Ok(()) => self.fuse_position(time_ns, fix),
+            Ok(()) => self.fuse_position(time_ns, fix, shares),
             Err(reason) => GnssPositionUpdate {
                 horizontal: Innovation::skipped(reason),
                 vertical: Innovation::skipped(reason),
@@ -84,13 +107,18 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         update
     }
 
-    fn fuse_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
+    fn fuse_position(
+        &mut self,
+        time_ns: i64,
+        fix: &GnssPosition<T>,
+        shares: ErrorShares<T>,
+    ) -> GnssPositionUpdate<T> {
         let floor = self.config.position_std_floor_m;
         let floor = Vector3::new(floor, floor, floor * lit(VERTICAL_FLOOR));
         let std = fix.std.zip_map(&floor, |stated, floor| stated.max(floor));
-        self.follow_slow_error(&std);
+        self.follow_slow_error(&(std * shares.slow));
         let velocity = self.filter.state().velocity;
-        let white = std * self.config.position_white_share;
+        let white = std * shares.white;
         let jitter = velocity * self.config.time_jitter_s;
         let variance = white.component_mul(&white) + jitter.component_mul(&jitter);
         let horizontal = {
@@ -124,10 +152,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// Holds the receiver's slow error to the standard deviation that it states now. When that falls by half
     /// (a float solution that is fixed), the error of before is over.
-    fn follow_slow_error(&mut self, std: &Vector3<T>) {
+    fn follow_slow_error(&mut self, slow_std: &Vector3<T>) {
         for i in 0..3 {
-            let share = self.config.position_slow_share * std[i];
-            let (variance, before) = (share * share, self.slow_variance[i]);
+            let (variance, before) = (slow_std[i] * slow_std[i], self.slow_variance[i]);
             if variance < before * lit(0.25) {
                 self.side.start(GNSS_OFFSET + i, T::zero(), variance);
             } else if variance > before && before > T::zero() {

@@ -1,0 +1,219 @@
+//! `northing run` with a navigation estimator: where was it, and how wrong is that?
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use northing_core::earth::wgs84::LocalFrame;
+use northing_core::kalman::Innovation;
+use northing_core::nalgebra::Vector3;
+use northing_evaluation::EvaluationError;
+use northing_evaluation::navigation::runner::ScoredPoint;
+use northing_evaluation::navigation::trace::NavigationTrace;
+use northing_evaluation::navigation::{
+    AidKind, NavigationEstimate, NavigationKind, NavigationObserver, NavigationOptions,
+    NavigationSummary, Outage, run_navigation,
+};
+use northing_evaluation::report::{NavigationReport, navigation_settings};
+use northing_recording::atomic_file::write_whole;
+use northing_recording::Recording;
+
+use crate::cli::command_line;
+use crate::commands::run::{RunArgs, TRACE_CAPACITY};
+use crate::input::{seconds, shown};
+use crate::interrupt::interruptible;
+use crate::navigation_file::NavigationFile;
+use crate::navigation_text;
+use crate::output::{check_free, check_not_input, print, print_json, same_file};
+use crate::progress::Progress;
+
+/// Options about navigation.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Navigation (error-state, axis-filters, dead-reckoning)")]
+pub(crate) struct NavigationArgs {
+    /// Use one of N fixes; the others are kept back and scored at
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    gnss_every: Option<u32>,
+    /// Keep all fixes back for a while, both in seconds, the start after the first fix; may be repeated
+    #[arg(long, value_name = "START:DURATION")]
+    outage: Vec<Outage>,
+    /// Leave aids out, e.g. magnetometer,barometer
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    without: Vec<AidKind>,
+    /// Scores count from so many seconds after the first fix [default: 60]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
+    score_from: Option<f64>,
+}
+
+impl NavigationArgs {
+    /// The first option given, for an estimator that has no use for it.
+    pub(crate) fn first_given(&self) -> Option<&'static str> {
+        let given = [
+            ("--gnss-every", self.gnss_every.is_some()),
+            ("--outage", !self.outage.is_empty()),
+            ("--without", !self.without.is_empty()),
+            ("--score-from", self.score_from.is_some()),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(n, _)| n)
+    }
+
+    fn apply(&self, options: &mut NavigationOptions) {
+        let defaults = NavigationOptions::default();
+        options.gnss_every = self.gnss_every.unwrap_or(defaults.gnss_every);
+        options.outages.clone_from(&self.outage);
+        options.without.clone_from(&self.without);
+        options.score_from_s = self.score_from.unwrap_or(defaults.score_from_s);
+    }
+}
+
+/// Runs.
+pub(crate) fn execute(kind: NavigationKind, args: &RunArgs) -> Result<()> {
+    check_outputs(args)?;
+    let mut recording = args.input.open(&args.recording)?;
+    let mut options = args
+        .estimation
+        .navigation_options(kind, recording.metadata())?;
+    args.navigation.apply(&mut options);
+    let file = args.out.as_deref();
+    let mut watchers = Watchers {
+        trace: args
+            .report
+            .as_ref()
+            .map(|_| NavigationTrace::new(TRACE_CAPACITY)),
+        file: file
+            .map(|path| NavigationFile::create(path, args.force))
+            .transpose()?,
+    };
+    let name = shown(&args.recording);
+    let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
+    let title = recording.metadata().name.clone();
+    let written = write_outputs(args, &options, &summary, &title, watchers)?;
+    if args.json {
+        return print_json(&summary);
+    }
+    let mut text = navigation_text::describe(&summary);
+    if !written.is_empty() {
+        text.push_str(&format!("\n{}\n", written.join("\n")));
+    }
+    print(&text)
+}
+
+/// Refuses outputs that cannot be written, before any work is done for them.
+fn check_outputs(args: &RunArgs) -> Result<()> {
+    if let Some(report) = &args.report {
+        if args.out.as_ref().is_some_and(|out| same_file(out, report)) {
+            bail!(
+                "--report and --out name the same file, {}; name two",
+                report.display()
+            );
+        }
+        check_free(report, args.force)?;
+    }
+    for output in args.report.iter().chain(&args.out) {
+        check_not_input(output, &args.recording)?;
+    }
+    Ok(())
+}
+
+/// Runs an estimator over a recording; `name` stands for it in the summary and in messages.
+fn run_over(
+    recording: &mut Recording,
+    name: &str,
+    options: &NavigationOptions,
+    observer: &mut dyn NavigationObserver,
+) -> Result<NavigationSummary> {
+    let mut progress = Progress::of_stream("navigating");
+    let world = recording.metadata().world_frame;
+    let events = interruptible(recording.by_ref()).inspect(|_| progress.event());
+    let mut summary = match run_navigation(events, name, world, options, observer) {
+        Ok(summary) => summary,
+        // Its message begins with the file already.
+        Err(error @ EvaluationError::Recording(_)) => return Err(error.into()),
+        Err(error) => return Err(anyhow::Error::from(error).context(name.to_owned())),
+    };
+    summary.issues.splice(0..0, recording.issues().sentences());
+    Ok(summary)
+}
+
+fn write_outputs(
+    args: &RunArgs,
+    options: &NavigationOptions,
+    summary: &NavigationSummary,
+    name: &str,
+    watchers: Watchers,
+) -> Result<Vec<String>> {
+    let mut written = Vec::new();
+    if let (Some(path), Some(trace)) = (&args.report, &watchers.trace) {
+        let page = NavigationReport {
+            name: name.to_owned(),
+            summary,
+            trace,
+            settings: navigation_settings(&options.parameters, options.estimator),
+            command: Some(command_line()),
+        };
+        write_whole(path, page.render().as_bytes(), args.force)?;
+        written.push(format!("Report: {} (open it in a browser)", path.display()));
+    }
+    if let (Some(path), Some(file)) = (&args.out, watchers.file) {
+        file.finish().with_context(|| shown_path(path))?;
+        written.push(format!("Estimates: {}", path.display()));
+    }
+    Ok(written)
+}
+
+fn shown_path(path: &Path) -> String {
+    PathBuf::from(path).display().to_string()
+}
+
+/// What watches a run: nothing, plots, a file.
+struct Watchers {
+    trace: Option<NavigationTrace>,
+    file: Option<NavigationFile>,
+}
+
+impl Watchers {
+    fn each(&mut self, tell: impl Fn(&mut dyn NavigationObserver)) {
+        if let Some(trace) = &mut self.trace {
+            tell(trace);
+        }
+        if let Some(file) = &mut self.file {
+            tell(file);
+        }
+    }
+}
+
+impl NavigationObserver for Watchers {
+    fn interval_ns(&self) -> i64 {
+        let trace = self.trace.as_ref().map(NavigationObserver::interval_ns);
+        let file = self.file.as_ref().map(NavigationObserver::interval_ns);
+        trace.into_iter().chain(file).min().unwrap_or(i64::MAX)
+    }
+
+    fn estimate(&mut self, estimate: &NavigationEstimate) {
+        self.each(|watcher| watcher.estimate(estimate));
+    }
+
+    fn fix(&mut self, time_ns: i64, ned: &Vector3<f64>, used: bool) {
+        self.each(|watcher| watcher.fix(time_ns, ned, used));
+    }
+
+    fn reference(&mut self, time_ns: i64, ned: &Vector3<f64>) {
+        self.each(|watcher| watcher.reference(time_ns, ned));
+    }
+
+    fn scored(&mut self, point: &ScoredPoint) {
+        self.each(|watcher| watcher.scored(point));
+    }
+
+    fn innovation(&mut self, time_ns: i64, aid: AidKind, innovation: &Innovation<f64>) {
+        self.each(|watcher| watcher.innovation(time_ns, aid, innovation));
+    }
+
+    fn inertial(&mut self, time_ns: i64, rate: &Vector3<f64>, force: &Vector3<f64>) {
+        self.each(|watcher| watcher.inertial(time_ns, rate, force));
+    }
+
+    fn origin(&mut self, frame: &LocalFrame) {
+        self.each(|watcher| watcher.origin(frame));
+    }
+}

@@ -1,0 +1,127 @@
+//! The outcome of a navigation run for people: a short sheet, numbers with words.
+
+use northing_evaluation::navigation::NavigationSummary;
+use northing_evaluation::navigation::score::OutageScore;
+use northing_evaluation::nis::UpdateCounts;
+use northing_evaluation::report::navigation_verdicts;
+
+use crate::sheet::Sheet;
+
+/// The sheet of a run.
+pub(crate) fn describe(summary: &NavigationSummary) -> String {
+    let mut sheet = Sheet::default();
+    sheet.row("position", position(summary));
+    if let Some(velocity) = summary.velocity_rmse_mps {
+        sheet.row("velocity", format!("{velocity:.3} m/s RMS"));
+    }
+    if let Some(heading) = &summary.heading {
+        let text = if heading.against_course {
+            format!(
+                "{:.2} deg RMS about the course on straight parts ({} instants; the unit points {:.2} deg to the right of it)",
+                heading.rmse_deg, heading.samples, heading.mean_deg
+            )
+        } else {
+            format!(
+                "{:.2} deg RMS ({:.2} deg in the mean), tilt {:.2} deg RMS, over {} instants",
+                heading.rmse_deg,
+                heading.mean_deg,
+                summary.tilt_rmse_deg.unwrap_or(f64::NAN),
+                heading.samples
+            )
+        };
+        sheet.row("heading", text);
+    }
+    for (index, outage) in summary.outages.iter().enumerate() {
+        sheet.row(if index == 0 { "outages" } else { "" }, of_outage(outage));
+    }
+    for (kind, aid) in &summary.aids {
+        let mut text = counts(&aid.updates);
+        if let Some(nis) = &aid.nis {
+            text.push_str(&format!(
+                " Mean NIS {:.2} of {} expected.",
+                nis.mean, nis.degrees_of_freedom
+            ));
+        }
+        sheet.row(kind.name(), text);
+    }
+    let v = &summary.validity;
+    sheet.row(
+        "validity",
+        format!(
+            "aided {:.1} s, dead reckoning {:.1} s, invalid {:.1} s, aligning {:.1} s",
+            v.aided_s, v.dead_reckoning_s, v.invalid_s, v.aligning_s
+        ),
+    );
+    let verdicts: Vec<String> = navigation_verdicts(summary)
+        .into_iter()
+        .map(|verdict| verdict.text)
+        .collect();
+    sheet.sentences("verdict", &verdicts);
+    for (reason, count) in &summary.fixes_unusable {
+        sheet.row("not used", format!("{count} fixes: {reason}"));
+    }
+    sheet.sentences("recording", &summary.issues);
+    let smoothed = if summary.smoothed { ", smoothed" } else { "" };
+    format!(
+        "{}: {}{smoothed} over {:.1} s, {} inertial samples, {} of {} fixes used\n\n{}",
+        summary.recording,
+        summary.estimator,
+        summary.duration_s,
+        summary.inertial_samples,
+        summary.fixes_used,
+        summary.fixes,
+        sheet.render()
+    )
+}
+
+fn position(summary: &NavigationSummary) -> String {
+    let Some(score) = &summary.position else {
+        return "not scored: every fix was used and there is no reference".to_owned();
+    };
+    let vertical = score
+        .vertical_rmse_m
+        .map_or_else(String::new, |v| format!(", {v:.3} m vertically"));
+    let mut text = format!(
+        "{:.3} m RMS horizontally{vertical}, against {} at {} points; {:.1} % inside the 95 % ellipse.",
+        score.horizontal_rmse_m,
+        summary.scored_against.unwrap_or("withheld fixes"),
+        score.scored_fixes,
+        100.0 * score.inside_95
+    );
+    if let (Some(hold), Some(line)) = (score.hold_rmse_m, score.extrapolation_rmse_m) {
+        text.push_str(&format!(
+            " Without a filter: {hold:.3} m holding the last fix, {line:.3} m moving on from it."
+        ));
+    }
+    text
+}
+
+fn of_outage(outage: &OutageScore) -> String {
+    let span = format!(
+        "{:.0} s to {:.0} s:",
+        outage.start_s,
+        outage.start_s + outage.duration_s
+    );
+    match (outage.horizontal_error_m, outage.predicted_std_m) {
+        (Some(error), Some(std)) => {
+            let inside = match outage.inside_95 {
+                Some(true) => "inside",
+                _ => "outside",
+            };
+            format!("{span} {error:.1} m off at the end, {std:.1} m predicted; {inside} the 95 % ellipse")
+        }
+        _ => format!("{span} nothing to score at"),
+    }
+}
+
+/// How many samples were used and how many not, and why not.
+fn counts(counts: &UpdateCounts) -> String {
+    let mut text = format!(
+        "{} fused, {} gated, {} skipped.",
+        counts.fused, counts.gated, counts.skipped
+    );
+    for (reason, count) in &counts.skipped_because {
+        text.push_str(&format!(" {count} of them: {reason}."));
+    }
+    text
+}

@@ -1,0 +1,193 @@
+//! `northing run` with navigation estimators, and `northing tune`.
+
+use std::fmt::Write as _;
+
+use crate::support::{Lab, contains};
+
+/// A car: it stands for 5 s, pulls away to 10 m/s, and then drives circles; IMU at 50 Hz, fixes at 1 Hz.
+fn with_car() -> Lab {
+    let lab = Lab::new();
+    let (mut imu, mut gnss) = (
+        "t_s,wx,wy,wz,fx,fy,fz\n".to_owned(),
+        "t_s,lat_deg,lon_deg,h_m,vn,ve,vd\n".to_owned(),
+    );
+    let (mut speed, mut course, mut north, mut east) = (0.0_f64, 0.4_f64, 0.0_f64, 0.0_f64);
+    for k in 0..6000_u32 {
+        let t = f64::from(k) * 0.02;
+        let forward = if (5.0..10.0).contains(&t) { 2.0 } else { 0.0 };
+        let turn = if t > 15.0 { 0.15 } else { 0.0 };
+        let shake = 0.05 * (t * 37.0).sin();
+        writeln!(
+            imu,
+            "{t:.2},{:.6},{:.6},{:.6},{:.5},{:.5},{:.5}",
+            0.01 * shake,
+            -0.02 * shake,
+            turn + 0.01 * shake,
+            forward + shake,
+            speed * turn - shake,
+            -9.80665 + shake
+        )
+        .unwrap();
+        if k % 50 == 0 {
+            // Errors of a metre without pattern, the same on every machine.
+            let off = |n: f64| 1.5 * (f64::from(k) * n).sin();
+            let latitude = 48.0 + (north + off(12.9)) / 111_200.0;
+            let longitude = 11.0 + (east + off(7.7)) / 74_600.0;
+            writeln!(
+                gnss,
+                "{t:.2},{latitude:.8},{longitude:.8},{:.2},{:.3},{:.3},0.0",
+                500.0 + off(3.3),
+                speed * course.cos(),
+                speed * course.sin()
+            )
+            .unwrap();
+        }
+        north += speed * course.cos() * 0.02;
+        east += speed * course.sin() * 0.02;
+        speed += forward * 0.02;
+        course += turn * 0.02;
+    }
+    lab.write("imu.csv", imu);
+    lab.write("gnss.csv", gnss);
+    lab.write("car.toml", MANIFEST);
+    lab
+}
+
+const MANIFEST: &str = r#"
+name = "car"
+world_frame = "ned"
+
+[[source]]
+file = "imu.csv"
+time = { column = "t_s", unit = "s" }
+gyroscope = { columns = ["wx", "wy", "wz"] }
+accelerometer = { columns = ["fx", "fy", "fz"] }
+
+[[source]]
+file = "gnss.csv"
+time = { column = "t_s", unit = "s" }
+gnss_position = { latitude = "lat_deg", longitude = "lon_deg", height = "h_m" }
+gnss_velocity = { columns = ["vn", "ve", "vd"] }
+"#;
+
+#[test]
+fn json_has_what_scripts_read_and_the_filter_beats_no_filter() {
+    let json = with_car().json(&[
+        "run",
+        "car.toml",
+        "--estimator",
+        "error-state",
+        "--gnss-every",
+        "2",
+        "--outage",
+        "60:10",
+        "--score-from",
+        "20",
+        "--json",
+    ]);
+    let position = &json["position"];
+    let number = |key: &str| position[key].as_f64().unwrap();
+    assert!(number("horizontal_rmse_m") < 3.0, "{position}");
+    assert!(number("horizontal_rmse_m") < number("hold_rmse_m"));
+    assert!(number("vertical_rmse_m") < 3.0 && number("scored_fixes") > 30.0);
+    for key in ["velocity_rmse_mps", "heading_rmse_deg"] {
+        assert!(json[key].is_f64(), "{key}");
+    }
+    let outage = &json["outages"][0];
+    assert_eq!(outage["start_s"].as_f64(), Some(60.0));
+    assert_eq!(outage["duration_s"].as_f64(), Some(10.0));
+    assert!(outage["horizontal_error_m"].as_f64().unwrap() < 20.0);
+    assert!(outage["predicted_std_m"].is_f64());
+    assert!(json["aids"]["gnss-position"]["nis"]["mean"].is_f64());
+    for worth in ["aligning_s", "aided_s", "dead_reckoning_s", "invalid_s"] {
+        assert!(json["validity"][worth].is_f64(), "{worth}");
+    }
+    assert!(json["validity"]["dead_reckoning_s"].as_f64().unwrap() > 5.0);
+}
+
+#[test]
+fn estimates_and_a_report_are_written() {
+    let lab = with_car();
+    let text = lab.succeeds(&[
+        "run",
+        "car.toml",
+        "--estimator",
+        "error-state",
+        "--gnss-every",
+        "2",
+        "--out",
+        "car.csv",
+        "--report",
+        "car.html",
+    ]);
+    contains(&text, &["position", "RMS horizontally", "validity", "Estimates: car.csv"]);
+    let estimates = lab.read("car.csv");
+    assert!(estimates.starts_with("t_s,latitude_deg,longitude_deg,height_m,"));
+    let row: Vec<_> = estimates.lines().last().unwrap().split(',').collect();
+    assert!((row[1].parse::<f64>().unwrap() - 48.0).abs() < 0.01);
+    assert_eq!((row.len(), row[19]), (20, "aided"));
+    let report = lab.read("car.html");
+    contains(
+        &report,
+        &["Where was car?", "Track", "Orientation", "What each aid told", "fixes kept back"],
+    );
+    assert!(!report.contains("NaN"));
+}
+
+#[test]
+fn the_other_estimators_run_on_the_same_file() {
+    let lab = with_car();
+    for estimator in ["axis-filters", "dead-reckoning"] {
+        let options = ["run", "car.toml", "--gnss-every", "2", "--json", "--estimator"];
+        let json = lab.json(&[&options[..], &[estimator]].concat());
+        assert_eq!(json["estimator"].as_str(), Some(estimator));
+        let error = json["position"]["horizontal_rmse_m"].as_f64().unwrap();
+        assert!(error < 12.0, "{estimator}: {error}");
+    }
+}
+
+#[test]
+fn options_that_do_not_fit_are_refused_with_what_to_do() {
+    let lab = with_car();
+    lab.succeeds(&["demo", "--record-only", "phone.csv"]);
+    let navigate = |more: &[&str]| {
+        lab.refuses(&[&["run", "car.toml", "--estimator", "error-state"], more].concat())
+    };
+    for (more, expected) in [
+        (&["--outage", "60"][..], "expected START:DURATION"),
+        (&["--gnss-every", "0"], "0"),
+        (&["--sensors", "gyro,acc"], "--sensors has no effect on `error-state`"),
+        (&["--without", "sonar"], "unknown aid `sonar`"),
+        (&["--set", "colour=3"], "unknown parameter `colour`"),
+        (&["--set", "gravity=-3"], "gravity"),
+        (&["--out", "car.xyz"], "car.xyz"),
+    ] {
+        let message = navigate(more);
+        assert!(message.contains(expected), "{more:?}: {message}");
+    }
+    let message = lab.refuses(&["run", "phone.csv", "--estimator", "error-state"]);
+    contains(&message, &["phone.csv", "no usable fix", "choose another --estimator"]);
+    let message = lab.refuses(&["run", "phone.csv", "--gnss-every", "2"]);
+    contains(&message, &["--gnss-every has no effect", "error-state"]);
+    let message = lab.refuses(&["run", "car.toml", "--estimator", "ins"]);
+    contains(&message, &["unknown estimator `ins`", "error-state"]);
+}
+
+#[test]
+fn noise_is_fitted_written_and_used() {
+    let lab = with_car();
+    let text = lab.succeeds(&[
+        "tune",
+        "car.toml",
+        "--parameters",
+        "accelerometer_noise_density",
+        "--out",
+        "noise.toml",
+    ]);
+    contains(&text, &["accelerometer_noise_density", "held back", "--config noise.toml"]);
+    let run = ["run", "car.toml", "--estimator", "error-state", "--config", "noise.toml"];
+    lab.succeeds(&run);
+    let message = lab.refuses(&["tune", "car.toml", "--parameters", "colour"]);
+    contains(&message, &["unknown parameter `colour`", "gyroscope_noise_density"]);
+    lab.refuses(&["tune", "car.toml", "--fit", "2"]);
+}

@@ -1,0 +1,406 @@
+//! Dead reckoning of a ship: compass and log through the water, corrected by positions, with the current
+//! as a state.
+//!
+//! Read first: `docs/derivations/dead_reckoning.md`, whose equation numbers (R..) stand at the lines below.
+//! Use it where there is no inertial measurement unit but a heading and a speed, or where there are positions
+//! alone (then the "current" is the whole velocity, and it is a filter of constant velocity). Do not use it
+//! where an inertial measurement unit is at hand: [`super::ErrorStateFilter`] knows the attitude, too.
+//!
+//! # Model
+//!
+//! ```text
+//! x = [position north, east, current north, east],  w: velocity through the water           (R1)
+//! position <- position + (w + current) T,  current walks
+//! Q: white velocity error of density s_w, current walk s_c                                   (R2)
+//! position z = position + noise,  velocity over ground z = w + current + noise               (R3)
+//! ```
+//!
+//! | symbol | here | unit |
+//! |---|---|---|
+//! | `s_w` | [`DeadReckoningConfig::water_velocity_noise_density`] | (m/s)/sqrt(Hz) |
+//! | `s_c` | [`DeadReckoningConfig::current_random_walk`], without a log [`DeadReckoningConfig::velocity_random_walk`] | (m/s)/sqrt(s) |
+//!
+//! Frame: local north, east. The errors of log and compass that last (a scale, a deviation) go into the
+//! current, which is why it walks; after a turn it is wrong by as much as they changed. Cost: about 60
+//! multiplications a step, 40 an update.
+
+use nalgebra::{Matrix2, Matrix4, Vector2, Vector3, Vector4};
+
+use super::{Validity, ValidityLimits};
+use crate::kalman::gate::CHI_SQUARE;
+use crate::kalman::scalar_update::update_one_state;
+use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::scalar::{Scalar, lit};
+
+/// Longest interval of a propagation, s.
+const LONGEST_STEP_S: f64 = 10.0;
+/// Fastest velocity through the water, m/s.
+const FASTEST: f64 = 100.0;
+/// So many fixes outside the gate in a row, and the state is what is wrong.
+const OUTLIERS_BELIEVED: u8 = 5;
+/// Largest position error that still means something, m.
+const FARTHEST: f64 = 1e6;
+
+/// Settings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(
+        default,
+        deny_unknown_fields,
+        bound(
+            serialize = "T: serde::Serialize",
+            deserialize = "T: Scalar + serde::Deserialize<'de>"
+        )
+    )
+)]
+pub struct DeadReckoningConfig<T> {
+    /// White error of the velocity through the water, (m/s)/sqrt(Hz), default 0.3. Raising it follows the
+    /// fixes more.
+    pub water_velocity_noise_density: T,
+    /// Random walk of the current, (m/s)/sqrt(s), default 0.02. Raising it follows a change of current, or of
+    /// what log and compass do wrong, faster; an outage grows faster, too.
+    pub current_random_walk: T,
+    /// Random walk of the velocity while there is no log, m/s/sqrt(s), default 1: what a vessel's or a vehicle's
+    /// accelerations amount to. Raising it follows the fixes more.
+    pub velocity_random_walk: T,
+    /// Standard deviation of the current at the start, m/s, default 2.
+    pub initial_current_std: T,
+    /// When a position is dead reckoning, and when it is nothing; default 2 s, 1800 s and 500 m: a ship's log
+    /// drifts with the current alone.
+    pub validity: ValidityLimits<T>,
+}
+
+impl<T: Scalar> Default for DeadReckoningConfig<T> {
+    fn default() -> Self {
+        Self {
+            water_velocity_noise_density: lit(0.3),
+            current_random_walk: lit(0.02),
+            velocity_random_walk: T::one(),
+            initial_current_std: lit(2.0),
+            validity: ValidityLimits {
+                dead_reckoning_after_s: lit(2.0),
+                invalid_after_s: lit(1800.0),
+                invalid_above_m: lit(500.0),
+            },
+        }
+    }
+}
+
+impl<T: Scalar> DeadReckoningConfig<T> {
+    /// Name of the first setting that makes no sense.
+    pub fn senseless(&self) -> Option<&'static str> {
+        let positive = |x: T| x > T::zero() && x <= lit(1e9);
+        let settings = [
+            (
+                "water_velocity_noise_density",
+                self.water_velocity_noise_density,
+            ),
+            ("current_random_walk", self.current_random_walk),
+            ("velocity_random_walk", self.velocity_random_walk),
+            ("initial_current_std", self.initial_current_std),
+            (
+                "validity.dead_reckoning_after_s",
+                self.validity.dead_reckoning_after_s,
+            ),
+            ("validity.invalid_after_s", self.validity.invalid_after_s),
+            ("validity.invalid_above_m", self.validity.invalid_above_m),
+        ];
+        let bad = settings.into_iter().find(|(_, value)| !positive(*value));
+        bad.map(|(name, _)| name)
+    }
+}
+
+/// Everything the filter remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeadReckoningState<T: Scalar> {
+    /// Position north, east (m), current north, east (m/s).
+    pub state: Vector4<T>,
+    /// Covariance of the state.
+    pub covariance: Matrix4<T>,
+    /// Last velocity through the water, north, east, m/s; zero before the first.
+    pub water_velocity: Vector2<T>,
+    /// Whether there ever was one.
+    pub has_log: bool,
+    /// Seconds since the last fix that was used; `None` before the first.
+    pub since_fix_s: Option<T>,
+    /// Fixes outside the gate in a row.
+    pub outliers: u8,
+}
+
+/// The filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeadReckoning<T: Scalar> {
+    config: DeadReckoningConfig<T>,
+    state: DeadReckoningState<T>,
+}
+
+impl<T: Scalar> DeadReckoning<T> {
+    /// A filter that waits for its first fix.
+    ///
+    /// # Errors
+    /// The name of the first setting that makes no sense.
+    pub fn new(config: DeadReckoningConfig<T>) -> Result<Self, &'static str> {
+        if let Some(name) = config.senseless() {
+            return Err(name);
+        }
+        Ok(Self {
+            config,
+            state: DeadReckoningState {
+                state: Vector4::zeros(),
+                covariance: Matrix4::identity(),
+                water_velocity: Vector2::zeros(),
+                has_log: false,
+                since_fix_s: None,
+                outliers: 0,
+            },
+        })
+    }
+
+    /// The state, to save or to look at.
+    pub fn state(&self) -> &DeadReckoningState<T> {
+        &self.state
+    }
+
+    /// Continues from a saved state; one with numbers that are not finite changes nothing and gives `false`.
+    pub fn restore(&mut self, state: DeadReckoningState<T>) -> bool {
+        let usable = state.state.norm_squared().is_finite()
+            && state.covariance.norm_squared().is_finite()
+            && state.water_velocity.norm_squared().is_finite();
+        if usable {
+            self.state = state;
+        }
+        usable
+    }
+
+    /// Position north, east, m.
+    pub fn position(&self) -> Vector2<T> {
+        self.state.state.fixed_rows::<2>(0).into_owned()
+    }
+
+    /// Velocity over ground north, east, m/s.
+    pub fn velocity(&self) -> Vector2<T> {
+        self.state.water_velocity + self.current()
+    }
+
+    /// The current north, east, m/s: what log and compass do not explain.
+    pub fn current(&self) -> Vector2<T> {
+        self.state.state.fixed_rows::<2>(2).into_owned()
+    }
+
+    /// Covariance of the position, m^2.
+    pub fn position_covariance(&self) -> Matrix2<T> {
+        self.state.covariance.fixed_view::<2, 2>(0, 0).into_owned()
+    }
+
+    /// What the position is worth.
+    pub fn validity(&self) -> Validity {
+        let variance = self.state.covariance.m11.max(self.state.covariance.m22);
+        let since = self.state.since_fix_s;
+        self.config.validity.judge(since, variance)
+    }
+
+    /// Takes a velocity through the water (m/s, north, east); it holds until the next.
+    ///
+    /// # Errors
+    /// Why it is refused; the one before then holds on.
+    pub fn water_velocity(&mut self, velocity: &Vector2<T>) -> Result<(), SkipReason> {
+        check2(velocity, FASTEST)?;
+        self.state.water_velocity = *velocity;
+        self.state.has_log = true;
+        Ok(())
+    }
+
+    /// Moves on by `dt` seconds (R1, R2). Before the first fix, and for `dt <= 0`, it does nothing.
+    ///
+    /// # Errors
+    /// Why the step is refused; the state is then untouched.
+    pub fn propagate(&mut self, dt: T) -> Result<(), SkipReason> {
+        if !dt.is_finite() {
+            return Err(SkipReason::NotFinite);
+        }
+        if dt > lit(LONGEST_STEP_S) {
+            return Err(SkipReason::OutOfRange);
+        }
+        let Some(since) = self.state.since_fix_s.filter(|_| dt > T::zero()) else {
+            return Ok(());
+        };
+        let moved = self.velocity() * dt;
+        self.state.state.x += moved.x;
+        self.state.state.y += moved.y;
+        let square = |x: T| x * x;
+        let white = square(self.config.water_velocity_noise_density) * dt;
+        let walk = if self.state.has_log {
+            self.config.current_random_walk
+        } else {
+            self.config.velocity_random_walk
+        };
+        let walk = square(walk) * dt;
+        let p = &mut self.state.covariance;
+        for axis in 0..2 {
+            let rows = p.row(axis) + p.row(axis + 2) * dt;
+            p.set_row(axis, &rows);
+            let columns = p.column(axis) + p.column(axis + 2) * dt;
+            p.set_column(axis, &columns);
+        }
+        for axis in 0..2 {
+            p[(axis, axis)] = (p[(axis, axis)] + white).min(square(lit(FARTHEST)));
+            p[(axis + 2, axis + 2)] = (p[(axis + 2, axis + 2)] + walk).min(lit(1e4));
+        }
+        self.state.since_fix_s = Some((since + dt).min(lit(1e6)));
+        Ok(())
+    }
+
+    /// Corrects with a position (m, north, east) and its standard deviation per axis. The first one starts
+    /// the filter; one that jumps too far is left out, five times in a row, and then the position starts again
+    /// there, with the current kept.
+    pub fn update_position(&mut self, position: &Vector2<T>, std: T) -> Innovation<T> {
+        if let Err(reason) = check2(position, 1e8).and_then(|()| check_std(std)) {
+            return Innovation::skipped(reason);
+        }
+        let variance = std * std;
+        if self.state.since_fix_s.is_none() {
+            self.state.covariance.m33 = self.config.initial_current_std.powi(2);
+            self.state.covariance.m44 = self.state.covariance.m33;
+            self.start(position, variance);
+            return self.record(&Vector2::zeros(), 0, variance, Outcome::Fused);
+        }
+        let residual = position - self.position();
+        let record = self.record(&residual, 0, variance, Outcome::Fused);
+        if record.nis > outlier_nis() {
+            return self.outlier(position, variance, record);
+        }
+        self.state.outliers = 0;
+        self.fuse(0, &residual, variance);
+        self.state.since_fix_s = Some(T::zero());
+        record
+    }
+
+    /// Corrects with a velocity over ground (m/s, north, east) and its standard deviation per axis.
+    pub fn update_velocity(&mut self, velocity: &Vector2<T>, std: T) -> Innovation<T> {
+        if let Err(reason) = check2(velocity, FASTEST).and_then(|()| check_std(std)) {
+            return Innovation::skipped(reason);
+        }
+        if self.state.since_fix_s.is_none() {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        }
+        let residual = velocity - self.velocity();
+        // The log's own noise, over the second that it is averaged for, is in the difference, too.
+        let log = if self.state.has_log {
+            self.config.water_velocity_noise_density
+        } else {
+            T::zero()
+        };
+        let variance = std * std + log * log;
+        let record = self.record(&residual, 2, variance, Outcome::Fused);
+        if record.nis > outlier_nis() {
+            return Innovation {
+                outcome: Outcome::Gated,
+                ..record
+            };
+        }
+        self.fuse(2, &residual, variance);
+        record
+    }
+
+    fn outlier(
+        &mut self,
+        position: &Vector2<T>,
+        variance: T,
+        record: Innovation<T>,
+    ) -> Innovation<T> {
+        let believed = self.state.outliers >= OUTLIERS_BELIEVED;
+        if believed {
+            self.start(position, variance);
+            self.state.outliers = 0;
+        } else {
+            self.state.outliers += 1;
+        }
+        let outcome = if believed {
+            Outcome::Inflated
+        } else {
+            Outcome::Gated
+        };
+        Innovation { outcome, ..record }
+    }
+
+    /// Puts the position where the fix is; it is no longer correlated with the current.
+    fn start(&mut self, position: &Vector2<T>, variance: T) {
+        let state = &mut self.state;
+        for axis in 0..2 {
+            state.state[axis] = position[axis];
+            for other in 0..4 {
+                state.covariance[(axis, other)] = T::zero();
+                state.covariance[(other, axis)] = T::zero();
+            }
+            state.covariance[(axis, axis)] = variance;
+        }
+        state.since_fix_s = Some(T::zero());
+    }
+
+    /// Two scalar measurements of the states `first` and `first + 1` (R3).
+    fn fuse(&mut self, first: usize, residual: &Vector2<T>, variance: T) {
+        let mut correction = Vector4::zeros();
+        let p = &mut self.state.covariance;
+        for axis in 0..2 {
+            // A variance that is not positive changes nothing.
+            let _ = update_one_state(p, &mut correction, first + axis, residual[axis], variance);
+        }
+        self.state.state += correction;
+    }
+
+    fn record(
+        &self,
+        residual: &Vector2<T>,
+        first: usize,
+        variance: T,
+        outcome: Outcome,
+    ) -> Innovation<T> {
+        let block = self.state.covariance.fixed_view::<2, 2>(first, first);
+        let s = block + Matrix2::identity() * variance;
+        let determinant = s.m11 * s.m22 - s.m12 * s.m21;
+        let [x, y] = [residual.x, residual.y];
+        let nis = (x * x * s.m22 - x * y * (s.m12 + s.m21) + y * y * s.m11) / determinant;
+        let mut covariance = nalgebra::Matrix3::zeros();
+        covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&s);
+        Innovation {
+            residual: Vector3::new(x, y, T::zero()),
+            covariance,
+            nis,
+            degrees_of_freedom: 2,
+            outcome,
+        }
+    }
+}
+
+/// 99.9 % of two degrees of freedom.
+fn outlier_nis<T: Scalar>() -> T {
+    let [_, (_, [_, _, quantile]), _] = CHI_SQUARE;
+    lit(quantile)
+}
+
+fn check2<T: Scalar>(v: &Vector2<T>, longest: f64) -> Result<(), SkipReason> {
+    let longest: T = lit(longest);
+    let squared = v.norm_squared();
+    if !squared.is_finite() {
+        Err(SkipReason::NotFinite)
+    } else if squared > longest * longest {
+        Err(SkipReason::OutOfRange)
+    } else {
+        Ok(())
+    }
+}
+
+fn check_std<T: Scalar>(std: T) -> Result<(), SkipReason> {
+    if !std.is_finite() {
+        Err(SkipReason::NotFinite)
+    } else if std > T::zero() {
+        Ok(())
+    } else {
+        Err(SkipReason::OutOfRange)
+    }
+}
+
+#[cfg(test)]
+mod tests;

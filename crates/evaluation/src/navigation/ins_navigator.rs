@@ -1,0 +1,169 @@
+//! The GNSS/INS of core behind the interface of all navigation estimators.
+
+use nalgebra::{Matrix3, Vector3};
+use northing_core::kalman::{Innovation, SkipReason};
+use northing_core::navigation::aiding::barometer::pressure_height;
+use northing_core::navigation::aiding::gnss_position::GnssPosition;
+use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
+use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
+use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Validity};
+
+use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
+use crate::nis::UpdateCounts;
+
+/// Inertial samples kept to look back by: 0.6 s at 200 Hz.
+const HISTORY: usize = 128;
+/// Where a receiver states no standard deviation it is that of a code solution by itself: orbits, clocks and the
+/// air last minutes, and a third is noise and reflections that change from fix to fix.
+const UNSTATED: ErrorShares<f64> = ErrorShares {
+    white: 0.3,
+    slow: 0.9,
+};
+/// Standard deviation of a wheel speed, m/s.
+const SPEED_STD: f64 = 0.2;
+
+/// The GNSS/INS.
+pub(crate) struct InsNavigator {
+    ins: Box<GnssIns<f64, HISTORY>>,
+    arm: Vector3<f64>,
+    /// Angular rate of the last sample: the antenna moves with it.
+    rate: Vector3<f64>,
+}
+
+impl InsNavigator {
+    pub(crate) fn new(config: GnssInsConfig<f64>) -> Result<Self, &'static str> {
+        Ok(Self {
+            ins: Box::new(GnssIns::new(config)?),
+            arm: config.lever_arm_m.into(),
+            rate: Vector3::zeros(),
+        })
+    }
+
+    fn fuse(&mut self, time_ns: i64, aid: &Aid) -> Innovation<f64> {
+        match *aid {
+            Aid::Velocity { ned, std, vertical } => {
+                let fix = GnssVelocity {
+                    ned,
+                    std,
+                    has_vertical: vertical,
+                };
+                self.ins.gnss_velocity(time_ns, &fix)
+            }
+            Aid::MagneticField(field) => self.ins.magnetometer(time_ns, &field),
+            Aid::Heading { heading, std } => self.ins.heading(time_ns, heading, std),
+            Aid::Pressure(pressure) => match pressure_height(pressure) {
+                Some(height) => self.ins.barometer(time_ns, height),
+                None => Innovation::skipped(SkipReason::OutOfRange),
+            },
+            Aid::ForwardSpeed(speed) => self.ins.speed(time_ns, speed, SPEED_STD),
+            Aid::Position { .. } | Aid::WaterVelocity(_) => {
+                Innovation::skipped(SkipReason::NotUsed)
+            }
+        }
+    }
+}
+
+impl Navigator for InsNavigator {
+    fn inertial(
+        &mut self,
+        time_ns: i64,
+        rate: &Vector3<f64>,
+        force: &Vector3<f64>,
+        _: &mut Vec<Told>,
+    ) {
+        // What is refused is counted inside, and told at the end.
+        if self.ins.imu(time_ns, rate, force).is_ok() {
+            self.rate = *rate;
+        }
+    }
+
+    fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {
+        if let Aid::Position {
+            ned,
+            std,
+            vertical,
+            stated,
+        } = *aid
+        {
+            let fix = GnssPosition {
+                ned,
+                std,
+                has_height: vertical,
+            };
+            let update = if stated {
+                self.ins.gnss_position(time_ns, &fix)
+            } else {
+                self.ins.gnss_position_with(time_ns, &fix, UNSTATED)
+            };
+            told.push((AidKind::GnssPosition, update.horizontal));
+            told.push((AidKind::GnssHeight, update.vertical));
+        } else {
+            told.push((aid.kind(), self.fuse(time_ns, aid)));
+        }
+    }
+
+    fn estimate(&mut self) -> Option<NavigationEstimate> {
+        let state = self.ins.state()?;
+        let attitude = state.ned_from_body;
+        let spin = self.rate - state.gyroscope_bias;
+        let p = &state.covariance;
+        let heading_variance = p[(ATTITUDE + 2, ATTITUDE + 2)];
+        let position_covariance: Matrix3<f64> =
+            p.fixed_view::<3, 3>(POSITION, POSITION).into_owned();
+        Some(NavigationEstimate {
+            time_ns: self.ins.time_ns()?,
+            ned_from_body: Some(attitude),
+            heading_std: Some(heading_variance.max(0.0).sqrt()),
+            position: state.position + attitude * self.arm,
+            position_covariance,
+            velocity: state.velocity + attitude * spin.cross(&self.arm),
+            validity: self.ins.validity(),
+        })
+    }
+
+    fn validity(&self) -> Validity {
+        self.ins.validity()
+    }
+
+    fn own_counts(&self) -> Vec<(AidKind, UpdateCounts)> {
+        let own = [
+            (Aided::ZeroVelocity, AidKind::ZeroVelocity),
+            (Aided::NonHolonomic, AidKind::NonHolonomic),
+        ];
+        let counted = own.map(|(aid, kind)| {
+            let counts = self.ins.counts(aid);
+            let updates = UpdateCounts {
+                fused: u64::from(counts.fused + counts.inflated),
+                gated: u64::from(counts.gated),
+                skipped: u64::from(counts.skipped),
+                inflated: u64::from(counts.inflated),
+                ..UpdateCounts::default()
+            };
+            (kind, updates)
+        });
+        let happened = |c: &UpdateCounts| c.fused + c.gated + c.skipped > 0;
+        counted.into_iter().filter(|(_, c)| happened(c)).collect()
+    }
+
+    fn issues(&self) -> Vec<String> {
+        let mut issues = Vec::new();
+        let mut say = |count: u32, what: &str| {
+            if count > 0 {
+                issues.push(format!("{count} {what}"));
+            }
+        };
+        say(
+            self.ins.imu_skipped(),
+            "inertial samples refused: not finite, not newer, or beyond any sensor.",
+        );
+        say(
+            self.ins.gaps(),
+            "gaps of more than 0.5 s between inertial samples; the velocity was held over them.",
+        );
+        say(
+            self.ins.restarts(),
+            "restarts: after a gap of more than 10 s the filter aligns anew.",
+        );
+        issues
+    }
+}

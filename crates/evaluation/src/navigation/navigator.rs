@@ -1,0 +1,211 @@
+//! What every navigation estimator does, whatever is inside: takes inertial samples and aids, says where
+//! the body is.
+
+use std::str::FromStr;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+use northing_core::kalman::Innovation;
+use northing_core::navigation::Validity;
+use serde::Serialize;
+
+use crate::nis::UpdateCounts;
+
+/// A measurement that aids.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Aid {
+    /// Position of the antenna, m, north, east, down.
+    Position {
+        /// The position; down is not looked at without `vertical`.
+        ned: Vector3<f64>,
+        /// Standard deviations, m.
+        std: Vector3<f64>,
+        /// Whether the receiver observes the height.
+        vertical: bool,
+        /// Whether the receiver itself stated the standard deviations.
+        stated: bool,
+    },
+    /// Velocity of the antenna over ground, m/s, north, east, down.
+    Velocity {
+        /// The velocity; down is not looked at without `vertical`.
+        ned: Vector3<f64>,
+        /// Standard deviations, m/s.
+        std: Vector3<f64>,
+        /// Whether the receiver observes the vertical part.
+        vertical: bool,
+    },
+    /// Magnetic field, microtesla, body axes.
+    MagneticField(Vector3<f64>),
+    /// Heading from true north, rad.
+    Heading {
+        /// Clockwise from north.
+        heading: f64,
+        /// Standard deviation, rad.
+        std: f64,
+    },
+    /// Static pressure, Pa.
+    Pressure(f64),
+    /// Speed over ground along the body's forward axis, m/s.
+    ForwardSpeed(f64),
+    /// Velocity through the water, forward and to starboard, m/s.
+    WaterVelocity(Vector2<f64>),
+}
+
+/// Which aid, by the name in summaries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AidKind {
+    /// [`Aid::Position`], horizontally
+    GnssPosition,
+    /// Its height, where that has a gate of its own.
+    GnssHeight,
+    /// [`Aid::Velocity`]
+    GnssVelocity,
+    /// [`Aid::MagneticField`]
+    Magnetometer,
+    /// [`Aid::Heading`]
+    Heading,
+    /// [`Aid::Pressure`]
+    Barometer,
+    /// [`Aid::ForwardSpeed`]
+    ForwardSpeed,
+    /// [`Aid::WaterVelocity`]
+    WaterVelocity,
+    /// The accelerometer as a measurement of tilt.
+    Accelerometer,
+    /// The vehicle stands still.
+    ZeroVelocity,
+    /// A vehicle on wheels moves neither sideways nor up.
+    NonHolonomic,
+}
+
+impl AidKind {
+    /// Those that a recording can hold, and that can therefore be left out.
+    pub const MEASURED: [Self; 8] = [
+        Self::GnssPosition,
+        Self::GnssHeight,
+        Self::GnssVelocity,
+        Self::Magnetometer,
+        Self::Heading,
+        Self::Barometer,
+        Self::ForwardSpeed,
+        Self::WaterVelocity,
+    ];
+
+    /// The name for people and files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::GnssPosition => "gnss-position",
+            Self::GnssHeight => "gnss-height",
+            Self::GnssVelocity => "gnss-velocity",
+            Self::Magnetometer => "magnetometer",
+            Self::Heading => "heading",
+            Self::Barometer => "barometer",
+            Self::ForwardSpeed => "forward-speed",
+            Self::WaterVelocity => "water-velocity",
+            Self::Accelerometer => "accelerometer",
+            Self::ZeroVelocity => "zero-velocity",
+            Self::NonHolonomic => "non-holonomic",
+        }
+    }
+}
+
+/// One of [`AidKind::MEASURED`] by its name.
+impl FromStr for AidKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::MEASURED.into_iter().find(|kind| kind.name() == text);
+        found.ok_or_else(|| {
+            let names = Self::MEASURED.map(Self::name).join(", ");
+            format!("unknown aid `{text}`; expected one of: {names}")
+        })
+    }
+}
+
+impl Aid {
+    /// Which it is.
+    #[must_use]
+    pub const fn kind(&self) -> AidKind {
+        match self {
+            Self::Position { .. } => AidKind::GnssPosition,
+            Self::Velocity { .. } => AidKind::GnssVelocity,
+            Self::MagneticField(_) => AidKind::Magnetometer,
+            Self::Heading { .. } => AidKind::Heading,
+            Self::Pressure(_) => AidKind::Barometer,
+            Self::ForwardSpeed(_) => AidKind::ForwardSpeed,
+            Self::WaterVelocity(_) => AidKind::WaterVelocity,
+        }
+    }
+}
+
+/// Where the body is, and how sure that is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NavigationEstimate {
+    /// Time stamp, ns.
+    pub time_ns: i64,
+    /// `ned_from_body`; `None` from an estimator without attitude.
+    pub ned_from_body: Option<UnitQuaternion<f64>>,
+    /// Standard deviation of the heading, rad, if stated.
+    pub heading_std: Option<f64>,
+    /// Position of the antenna, m, north, east, down from the first fix.
+    pub position: Vector3<f64>,
+    /// Covariance of the position, m^2.
+    pub position_covariance: Matrix3<f64>,
+    /// Velocity of the antenna, m/s, north, east, down.
+    pub velocity: Vector3<f64>,
+    /// What the position is worth.
+    pub validity: Validity,
+}
+
+impl NavigationEstimate {
+    /// Where it says that the antenna is a moment (s) later or earlier, with the velocity it has.
+    #[must_use]
+    pub fn position_after(&self, seconds: f64) -> Vector3<f64> {
+        self.position + self.velocity * seconds
+    }
+
+    /// Heading of the body's forward axis, rad, clockwise from north.
+    #[must_use]
+    pub fn heading(&self) -> Option<f64> {
+        self.ned_from_body.map(|attitude| {
+            let forward = attitude * Vector3::x();
+            forward.y.atan2(forward.x)
+        })
+    }
+}
+
+/// An update and what it told.
+pub type Told = (AidKind, Innovation<f64>);
+
+/// A navigation estimator.
+pub(crate) trait Navigator {
+    /// Takes an angular rate (rad/s) and a specific force (m/s^2), forward, right, down. What it then does by
+    /// itself (standstill, vehicle constraint) goes to `told`.
+    fn inertial(
+        &mut self,
+        time_ns: i64,
+        rate: &Vector3<f64>,
+        force: &Vector3<f64>,
+        told: &mut Vec<Told>,
+    );
+
+    /// Takes an aid; what it told goes to `told`.
+    fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>);
+
+    /// Where the body is at the last sample; `None` before the start.
+    fn estimate(&mut self) -> Option<NavigationEstimate>;
+
+    /// What the position is worth now.
+    fn validity(&self) -> Validity;
+
+    /// Updates that it made by itself, of which nobody was told.
+    fn own_counts(&self) -> Vec<(AidKind, UpdateCounts)> {
+        Vec::new()
+    }
+
+    /// What was odd, one sentence each.
+    fn issues(&self) -> Vec<String> {
+        Vec::new()
+    }
+}

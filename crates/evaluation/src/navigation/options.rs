@@ -1,0 +1,225 @@
+//! What a navigation run can be asked for.
+
+use std::fmt;
+use std::str::FromStr;
+
+use northing_recording::Metadata;
+use serde::Serialize;
+
+use super::navigator::AidKind;
+use super::parameters::NavigationParameters;
+use crate::error::EvaluationError;
+
+/// A navigation estimator that can be asked for by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NavigationKind {
+    /// Fifteen error states: the filter that people want today.
+    ErrorState,
+    /// The paper's six small filters.
+    AxisFilters,
+    /// A ship's log and compass, no inertial sensors.
+    DeadReckoning,
+}
+
+/// What people want to know before they choose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct NavigationInfo {
+    /// The name on the command line and in files.
+    pub name: &'static str,
+    /// What it is, in a sentence.
+    pub summary: &'static str,
+    /// Where to read about it.
+    pub paper: &'static str,
+}
+
+impl NavigationKind {
+    /// Every one, the recommended first.
+    pub const ALL: [Self; 3] = [Self::ErrorState, Self::AxisFilters, Self::DeadReckoning];
+
+    /// What there is to know about it.
+    #[must_use]
+    pub const fn info(self) -> NavigationInfo {
+        match self {
+            Self::ErrorState => NavigationInfo {
+                name: "error-state",
+                summary: "GNSS/INS: 15-state error-state Kalman filter of attitude, velocity, position and biases",
+                paper: "docs/derivations/error_state.md",
+            },
+            Self::AxisFilters => NavigationInfo {
+                name: "axis-filters",
+                summary: "GNSS/INS of the microcontroller paper: three angle filters and three position filters",
+                paper: "Romaniuk & Gosiewski (2014)",
+            },
+            Self::DeadReckoning => NavigationInfo {
+                name: "dead-reckoning",
+                summary: "a ship's compass, log and fixes, the current estimated; no inertial sensors",
+                paper: "docs/derivations/dead_reckoning.md",
+            },
+        }
+    }
+
+    /// The name on the command line and in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        self.info().name
+    }
+}
+
+impl fmt::Display for NavigationKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for NavigationKind {
+    type Err = EvaluationError;
+
+    fn from_str(text: &str) -> Result<Self, EvaluationError> {
+        let found = Self::ALL.into_iter().find(|kind| kind.name() == text);
+        found.ok_or_else(|| EvaluationError::UnknownEstimator {
+            name: text.to_owned(),
+            valid: Self::ALL.map(Self::name).join(", "),
+        })
+    }
+}
+
+/// A time in which the filter gets no fixes, made to see how it does without.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outage {
+    /// Its start, s after the first fix.
+    pub start_s: f64,
+    /// How long it lasts, s.
+    pub duration_s: f64,
+}
+
+impl Outage {
+    /// Whether it covers this time, s after the first fix.
+    #[must_use]
+    pub fn covers(&self, since_first_fix_s: f64) -> bool {
+        (self.start_s..self.start_s + self.duration_s).contains(&since_first_fix_s)
+    }
+}
+
+/// `START:DURATION`, both in seconds.
+impl FromStr for Outage {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = || {
+            format!(
+                "`{text}` is no outage; expected START:DURATION in seconds after the first fix, e.g. 120:30"
+            )
+        };
+        let (start, duration) = text.split_once(':').ok_or_else(expected)?;
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+        match (number(start), number(duration)) {
+            (Some(start_s), Some(duration_s)) if start_s >= 0.0 && duration_s > 0.0 => Ok(Self {
+                start_s,
+                duration_s,
+            }),
+            _ => Err(expected()),
+        }
+    }
+}
+
+/// Options of a navigation run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NavigationOptions {
+    /// The estimator.
+    pub estimator: NavigationKind,
+    /// Its parameters (and those of the others).
+    pub parameters: NavigationParameters,
+    /// One of so many fixes is used, the others are withheld and scored at; default 1: all are used.
+    pub gnss_every: u32,
+    /// Times without fixes; those of the receiver are scored at.
+    pub outages: Vec<Outage>,
+    /// Aids that are left out.
+    pub without: Vec<AidKind>,
+    /// Scores count from so many seconds after the first fix, default 60: alignment and biases have
+    /// settled.
+    pub score_from_s: f64,
+    /// Whether the estimate looks back over the whole recording.
+    pub smooth: bool,
+}
+
+impl Default for NavigationOptions {
+    fn default() -> Self {
+        Self {
+            estimator: NavigationKind::ErrorState,
+            parameters: NavigationParameters::default(),
+            gnss_every: 1,
+            outages: Vec::new(),
+            without: Vec::new(),
+            score_from_s: 60.0,
+            smooth: false,
+        }
+    }
+}
+
+impl NavigationOptions {
+    /// The defaults of an estimator, with what the recording knows about its receiver.
+    #[must_use]
+    pub fn of_recording(estimator: NavigationKind, metadata: &Metadata) -> Self {
+        let mut options = Self {
+            estimator,
+            ..Self::default()
+        };
+        let config = &mut options.parameters.error_state;
+        if let Some(arm) = metadata.gnss_lever_arm_m {
+            config.lever_arm_m = arm;
+        }
+        config.position_latency_s = metadata.gnss_position_latency_s;
+        config.velocity_latency_s = metadata.gnss_velocity_latency_s;
+        options
+    }
+
+    /// Refuses what makes no sense.
+    ///
+    /// # Errors
+    /// The option, and what was expected.
+    pub fn check(&self) -> Result<(), EvaluationError> {
+        let bad = |name: &str, value: String, problem: &str| EvaluationError::BadValue {
+            name: name.to_owned(),
+            value,
+            problem: problem.to_owned(),
+        };
+        if self.gnss_every == 0 {
+            return Err(bad("gnss_every", "0".to_owned(), "expected 1 or more"));
+        }
+        if !(self.score_from_s >= 0.0 && self.score_from_s.is_finite()) {
+            let value = self.score_from_s.to_string();
+            return Err(bad("score_from_s", value, "expected seconds, 0 or above"));
+        }
+        if self.smooth && self.estimator != NavigationKind::ErrorState {
+            return Err(EvaluationError::NoSmoother {
+                estimator: self.estimator.name(),
+            });
+        }
+        self.parameters.check(self.estimator)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outages_are_read_and_bad_ones_are_told_what_was_expected() {
+        let outage: Outage = "75:30".parse().unwrap();
+        assert!(outage.covers(75.0) && outage.covers(104.9) && !outage.covers(105.0));
+        for bad in ["75", "75:", ":30", "75:0", "-1:30", "a:b", "75:nan"] {
+            let message = bad.parse::<Outage>().unwrap_err();
+            assert!(message.contains("expected START:DURATION"), "{message}");
+        }
+    }
+
+    #[test]
+    fn names_come_back() {
+        for kind in NavigationKind::ALL {
+            assert_eq!(kind.name().parse::<NavigationKind>().unwrap(), kind);
+        }
+        let message = "ins".parse::<NavigationKind>().unwrap_err().to_string();
+        assert!(message.contains("error-state, axis-filters"), "{message}");
+    }
+}

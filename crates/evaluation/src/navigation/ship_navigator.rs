@@ -1,0 +1,126 @@
+//! Dead reckoning behind the interface of all navigation estimators: compass and log make a velocity
+//! through the water.
+
+use nalgebra::{Matrix3, Rotation2, UnitQuaternion, Vector2, Vector3};
+use northing_core::kalman::{Innovation, SkipReason};
+use northing_core::navigation::{DeadReckoning, DeadReckoningConfig, Validity};
+
+use super::navigator::{Aid, NavigationEstimate, Navigator, Told};
+
+/// Longest step of the filter, s.
+const STEP_S: f64 = 1.0;
+/// Variance of what is not estimated: the height, m^2.
+const HEIGHT_VARIANCE: f64 = 1e4;
+
+/// Dead reckoning with its last heading and log.
+pub(crate) struct ShipNavigator {
+    filter: DeadReckoning<f64>,
+    time_ns: Option<i64>,
+    heading: Option<f64>,
+    heading_std: f64,
+    log: Option<Vector2<f64>>,
+    height: f64,
+}
+
+impl ShipNavigator {
+    pub(crate) fn new(config: DeadReckoningConfig<f64>) -> Result<Self, &'static str> {
+        Ok(Self {
+            filter: DeadReckoning::new(config)?,
+            time_ns: None,
+            heading: None,
+            heading_std: 0.0,
+            log: None,
+            height: 0.0,
+        })
+    }
+
+    /// Lets the time go on to `time_ns`.
+    fn advance_to(&mut self, time_ns: i64) {
+        let last = self.time_ns.unwrap_or(time_ns);
+        let mut left = time_ns.saturating_sub(last) as f64 * 1e-9;
+        while left > 0.0 {
+            // Steps of this length are never refused.
+            let _ = self.filter.propagate(left.min(STEP_S));
+            left -= STEP_S;
+        }
+        self.time_ns = Some(last.max(time_ns));
+    }
+
+    /// The velocity through the water where compass and log have both spoken.
+    fn set_water_velocity(&mut self) -> Result<(), SkipReason> {
+        match (self.heading, self.log) {
+            (Some(heading), Some(log)) => {
+                let north_east = Rotation2::new(heading) * log;
+                self.filter.water_velocity(&north_east)
+            }
+            _ => Err(SkipReason::NotInitialized),
+        }
+    }
+
+    fn fuse(&mut self, aid: &Aid) -> Innovation<f64> {
+        match *aid {
+            Aid::Position {
+                ned, std, vertical, ..
+            } => {
+                if vertical && ned.z.is_finite() {
+                    self.height = ned.z;
+                }
+                self.filter.update_position(&ned.xy(), std.x.max(std.y))
+            }
+            Aid::Velocity { ned, std, .. } => {
+                self.filter.update_velocity(&ned.xy(), std.x.max(std.y))
+            }
+            Aid::Heading { heading, std } if heading.is_finite() => {
+                (self.heading, self.heading_std) = (Some(heading), std);
+                taken(self.set_water_velocity())
+            }
+            Aid::WaterVelocity(log) if log.norm_squared().is_finite() => {
+                self.log = Some(log);
+                taken(self.set_water_velocity())
+            }
+            Aid::Heading { .. } | Aid::WaterVelocity(_) => {
+                Innovation::skipped(SkipReason::NotFinite)
+            }
+            _ => Innovation::skipped(SkipReason::NotUsed),
+        }
+    }
+}
+
+/// A measurement that moves no state by itself: taken in, or why not.
+fn taken(result: Result<(), SkipReason>) -> Innovation<f64> {
+    Innovation::skipped(result.err().unwrap_or(SkipReason::Gathered))
+}
+
+impl Navigator for ShipNavigator {
+    fn inertial(&mut self, _: i64, _: &Vector3<f64>, _: &Vector3<f64>, _: &mut Vec<Told>) {}
+
+    fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {
+        self.advance_to(time_ns);
+        told.push((aid.kind(), self.fuse(aid)));
+    }
+
+    fn estimate(&mut self) -> Option<NavigationEstimate> {
+        let time_ns = self.time_ns?;
+        self.filter.state().since_fix_s?;
+        let (place, velocity) = (self.filter.position(), self.filter.velocity());
+        let mut position_covariance = Matrix3::zeros();
+        position_covariance
+            .fixed_view_mut::<2, 2>(0, 0)
+            .copy_from(&self.filter.position_covariance());
+        position_covariance.m33 = HEIGHT_VARIANCE;
+        let level = |heading| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
+        Some(NavigationEstimate {
+            time_ns,
+            ned_from_body: self.heading.map(level),
+            heading_std: self.heading.map(|_| self.heading_std),
+            position: Vector3::new(place.x, place.y, self.height),
+            position_covariance,
+            velocity: Vector3::new(velocity.x, velocity.y, 0.0),
+            validity: self.filter.validity(),
+        })
+    }
+
+    fn validity(&self) -> Validity {
+        self.filter.validity()
+    }
+}
