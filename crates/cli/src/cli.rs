@@ -7,7 +7,8 @@ use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
 use crate::commands::{
-    benchmark, calibrate, compare, convert, demo, estimators, experiment, run, simulate, track, tune,
+    benchmark, calibrate, compare, convert, demo, estimators, experiment, run, simulate, track,
+    tune,
 };
 
 /// Which way does a device point, and how sure are we?

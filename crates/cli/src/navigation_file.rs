@@ -69,7 +69,9 @@ impl NavigationFile {
         }
         for angle in [estimate.heading(), estimate.heading_std] {
             match angle {
-                Some(angle) => self.file.print(format_args!("{:.4},", angle.to_degrees()))?,
+                Some(angle) => self
+                    .file
+                    .print(format_args!("{:.4},", angle.to_degrees()))?,
                 None => self.file.print(format_args!(","))?,
             }
         }

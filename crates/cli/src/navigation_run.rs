@@ -15,8 +15,8 @@ use northing_evaluation::navigation::{
     NavigationSummary, Outage, run_navigation,
 };
 use northing_evaluation::report::{NavigationReport, navigation_settings};
-use northing_recording::atomic_file::write_whole;
 use northing_recording::Recording;
+use northing_recording::atomic_file::write_whole;
 
 use crate::cli::command_line;
 use crate::commands::run::{RunArgs, TRACE_CAPACITY};

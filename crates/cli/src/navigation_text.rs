@@ -108,7 +108,9 @@ fn of_outage(outage: &OutageScore) -> String {
                 Some(true) => "inside",
                 _ => "outside",
             };
-            format!("{span} {error:.1} m off at the end, {std:.1} m predicted; {inside} the 95 % ellipse")
+            format!(
+                "{span} {error:.1} m off at the end, {std:.1} m predicted; {inside} the 95 % ellipse"
+            )
         }
         _ => format!("{span} nothing to score at"),
     }

@@ -25,7 +25,14 @@ fn run(data: &Path, example: &str, change: impl Fn(&mut NavigationOptions)) -> N
     let metadata = recording.metadata().clone();
     let mut options = NavigationOptions::of_recording(NavigationKind::ErrorState, &metadata);
     change(&mut options);
-    run_navigation(&mut recording, example, metadata.world_frame, &options, &mut ()).unwrap()
+    run_navigation(
+        &mut recording,
+        example,
+        metadata.world_frame,
+        &options,
+        &mut (),
+    )
+    .unwrap()
 }
 
 /// Errors and honesty of outages, each in a run of its own.
@@ -123,7 +130,10 @@ fn a_phone_and_circles_beat_holding_and_extrapolation() {
         let position = summary.position.unwrap();
         let simple = position.hold_rmse_m.unwrap();
         let simple = simple.min(position.extrapolation_rmse_m.unwrap());
-        assert!(position.horizontal_rmse_m < simple, "{example}: {position:?}");
+        assert!(
+            position.horizontal_rmse_m < simple,
+            "{example}: {position:?}"
+        );
     }
 }
 

@@ -120,7 +120,15 @@ fn estimates_and_a_report_are_written() {
         "--report",
         "car.html",
     ]);
-    contains(&text, &["position", "RMS horizontally", "validity", "Estimates: car.csv"]);
+    contains(
+        &text,
+        &[
+            "position",
+            "RMS horizontally",
+            "validity",
+            "Estimates: car.csv",
+        ],
+    );
     let estimates = lab.read("car.csv");
     assert!(estimates.starts_with("t_s,latitude_deg,longitude_deg,height_m,"));
     let row: Vec<_> = estimates.lines().last().unwrap().split(',').collect();
@@ -129,7 +137,13 @@ fn estimates_and_a_report_are_written() {
     let report = lab.read("car.html");
     contains(
         &report,
-        &["Where was car?", "Track", "Orientation", "What each aid told", "fixes kept back"],
+        &[
+            "Where was car?",
+            "Track",
+            "Orientation",
+            "What each aid told",
+            "fixes kept back",
+        ],
     );
     assert!(!report.contains("NaN"));
 }
@@ -138,7 +152,14 @@ fn estimates_and_a_report_are_written() {
 fn the_other_estimators_run_on_the_same_file() {
     let lab = with_car();
     for estimator in ["axis-filters", "dead-reckoning"] {
-        let options = ["run", "car.toml", "--gnss-every", "2", "--json", "--estimator"];
+        let options = [
+            "run",
+            "car.toml",
+            "--gnss-every",
+            "2",
+            "--json",
+            "--estimator",
+        ];
         let json = lab.json(&[&options[..], &[estimator]].concat());
         assert_eq!(json["estimator"].as_str(), Some(estimator));
         let error = json["position"]["horizontal_rmse_m"].as_f64().unwrap();
@@ -156,7 +177,10 @@ fn options_that_do_not_fit_are_refused_with_what_to_do() {
     for (more, expected) in [
         (&["--outage", "60"][..], "expected START:DURATION"),
         (&["--gnss-every", "0"], "0"),
-        (&["--sensors", "gyro,acc"], "--sensors has no effect on `error-state`"),
+        (
+            &["--sensors", "gyro,acc"],
+            "--sensors has no effect on `error-state`",
+        ),
         (&["--without", "sonar"], "unknown aid `sonar`"),
         (&["--set", "colour=3"], "unknown parameter `colour`"),
         (&["--set", "gravity=-3"], "gravity"),
@@ -166,7 +190,10 @@ fn options_that_do_not_fit_are_refused_with_what_to_do() {
         assert!(message.contains(expected), "{more:?}: {message}");
     }
     let message = lab.refuses(&["run", "phone.csv", "--estimator", "error-state"]);
-    contains(&message, &["phone.csv", "no usable fix", "choose another --estimator"]);
+    contains(
+        &message,
+        &["phone.csv", "no usable fix", "choose another --estimator"],
+    );
     let message = lab.refuses(&["run", "phone.csv", "--gnss-every", "2"]);
     contains(&message, &["--gnss-every has no effect", "error-state"]);
     let message = lab.refuses(&["run", "car.toml", "--estimator", "ins"]);
@@ -184,10 +211,27 @@ fn noise_is_fitted_written_and_used() {
         "--out",
         "noise.toml",
     ]);
-    contains(&text, &["accelerometer_noise_density", "held back", "--config noise.toml"]);
-    let run = ["run", "car.toml", "--estimator", "error-state", "--config", "noise.toml"];
+    contains(
+        &text,
+        &[
+            "accelerometer_noise_density",
+            "held back",
+            "--config noise.toml",
+        ],
+    );
+    let run = [
+        "run",
+        "car.toml",
+        "--estimator",
+        "error-state",
+        "--config",
+        "noise.toml",
+    ];
     lab.succeeds(&run);
     let message = lab.refuses(&["tune", "car.toml", "--parameters", "colour"]);
-    contains(&message, &["unknown parameter `colour`", "gyroscope_noise_density"]);
+    contains(
+        &message,
+        &["unknown parameter `colour`", "gyroscope_noise_density"],
+    );
     lab.refuses(&["tune", "car.toml", "--fit", "2"]);
 }

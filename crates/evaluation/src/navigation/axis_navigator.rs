@@ -138,7 +138,11 @@ impl AxisNavigator {
                 }
                 self.fixes += 1;
                 // Without a height the estimate's own says nothing new downwards.
-                let down = if vertical { ned.z } else { self.position.position().z };
+                let down = if vertical {
+                    ned.z
+                } else {
+                    self.position.position().z
+                };
                 let place = Vector3::new(ned.x, ned.y, down);
                 self.position.update_position(self.fixes, &place)
             }

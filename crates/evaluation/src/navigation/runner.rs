@@ -338,7 +338,9 @@ impl<'a> Session<'a> {
         }
         let ned = self.place(fix);
         self.scorer.fix_came(time_ns);
-        let thinned = !self.fix_index.is_multiple_of(u64::from(self.options.gnss_every));
+        let thinned = !self
+            .fix_index
+            .is_multiple_of(u64::from(self.options.gnss_every));
         self.fix_index += 1;
         self.withheld = thinned || self.scorer.in_outage(time_ns);
         self.observer.fix(time_ns, &ned, !self.withheld);
@@ -423,10 +425,9 @@ impl<'a> Session<'a> {
             last.velocity = ned;
         }
         let [across, down] = VELOCITY_STD;
-        let std = velocity.std_m_s.map_or_else(
-            || Vector3::new(across, across, down),
-            |std| Vector3::from(std),
-        );
+        let std = velocity
+            .std_m_s
+            .map_or_else(|| Vector3::new(across, across, down), Vector3::from);
         self.aid(time_ns, &Aid::Velocity { ned, std, vertical });
     }
 

@@ -234,8 +234,7 @@ impl Scorer {
             if outage.covers(since) {
                 self.recovering = true;
                 score.horizontal_error_m = Some(horizontal);
-                let variance =
-                    estimate.position_covariance.m11 + estimate.position_covariance.m22;
+                let variance = estimate.position_covariance.m11 + estimate.position_covariance.m22;
                 score.predicted_std_m = Some(variance.max(0.0).sqrt());
                 score.inside_95 = Some(inside);
                 score.hold_error_m = simple.map(|[hold, _]| hold);

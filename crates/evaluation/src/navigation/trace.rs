@@ -137,9 +137,9 @@ impl NavigationObserver for NavigationTrace {
         let time_s = self.time_s(estimate.time_ns);
         self.first_estimate_s.get_or_insert(time_s);
         let c = &estimate.position_covariance;
-        let angles = estimate.ned_from_body.map(|attitude| {
-            to_yaw_pitch_roll(&attitude).map(f64::to_degrees)
-        });
+        let angles = estimate
+            .ned_from_body
+            .map(|attitude| to_yaw_pitch_roll(&attitude).map(f64::to_degrees));
         let point = NavigationPoint {
             time_s,
             position_m: estimate.position.into(),
@@ -195,13 +195,15 @@ impl NavigationObserver for NavigationTrace {
         let time_s = self.time_s(time_ns);
         let capacity = self.capacity;
         let series = self.aids.entry(aid);
-        series.or_insert_with(|| Thinned::new(capacity)).push(|| AidPoint {
-            time_s,
-            residual: innovation.residual.into(),
-            std: innovation.residual_std().into(),
-            degrees_of_freedom: innovation.degrees_of_freedom,
-            outcome: innovation.outcome,
-        });
+        series
+            .or_insert_with(|| Thinned::new(capacity))
+            .push(|| AidPoint {
+                time_s,
+                residual: innovation.residual.into(),
+                std: innovation.residual_std().into(),
+                degrees_of_freedom: innovation.degrees_of_freedom,
+                outcome: innovation.outcome,
+            });
     }
 
     fn origin(&mut self, frame: &LocalFrame) {

@@ -143,10 +143,7 @@ pub fn tune(
 }
 
 /// The parameters to fit.
-fn names(
-    options: &NavigationOptions,
-    asked: &TuneOptions,
-) -> Result<Vec<String>, EvaluationError> {
+fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>, EvaluationError> {
     let known = options.parameters.settings(options.estimator);
     let is_noise = |name: &str| NOISES.iter().any(|end| name.ends_with(end));
     let noises: Vec<String> = known
@@ -338,7 +335,13 @@ mod tests {
             }),
         };
         (0..900)
-            .map(|k| at(k, 4.0 * standard_normal(&mut random), 4.0 * standard_normal(&mut random)))
+            .map(|k| {
+                at(
+                    k,
+                    4.0 * standard_normal(&mut random),
+                    4.0 * standard_normal(&mut random),
+                )
+            })
             .collect()
     }
 
@@ -383,7 +386,12 @@ mod tests {
             ..TuneOptions::default()
         };
         let tuned = tune(&all, WorldFrame::Ned, &options, &asked, &|| ());
-        assert!(tuned.unwrap_err().to_string().contains("only numbers above 0"));
+        assert!(
+            tuned
+                .unwrap_err()
+                .to_string()
+                .contains("only numbers above 0")
+        );
     }
 
     #[test]

@@ -57,9 +57,7 @@ pub use comparison::{Best, Cell, Column, ComparedRun, ComparisonReport, Distribu
 pub use field_page::render as field_html;
 pub use from_summary::settings;
 pub use hero::{HeroPicture, hero_svg};
-pub use navigation::{
-    NavigationReport, navigation_settings, navigation_verdicts, validity_word,
-};
+pub use navigation::{NavigationReport, navigation_settings, navigation_verdicts, validity_word};
 pub use observers::{render as observers_html, verdicts as observers_verdicts};
 pub use tracking::TrackingReport;
 

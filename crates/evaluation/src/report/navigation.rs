@@ -195,7 +195,10 @@ fn facts(summary: &NavigationSummary) -> Vec<Fact> {
         } else {
             "heading error, RMS"
         };
-        facts.push(Fact::new(against, format!("{:.1}\u{00b0}", heading.rmse_deg)));
+        facts.push(Fact::new(
+            against,
+            format!("{:.1}\u{00b0}", heading.rmse_deg),
+        ));
     }
     let aided = summary.validity.aided_s;
     facts.push(Fact::new("time with fixes", format!("{aided:.0} s")));
@@ -229,8 +232,14 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
             ),
         ));
     }
-    if verdicts.is_empty() && summary.issues.iter().any(|issue| issue.contains("--score-from")) {
-        let text = "Nothing to judge by yet: the recording ends before scores count; see --score-from.";
+    if verdicts.is_empty()
+        && summary
+            .issues
+            .iter()
+            .any(|issue| issue.contains("--score-from"))
+    {
+        let text =
+            "Nothing to judge by yet: the recording ends before scores count; see --score-from.";
         verdicts.push(Verdict::new(Tone::Warn, text));
     } else if verdicts.is_empty() {
         verdicts.push(Verdict::new(
@@ -284,7 +293,9 @@ fn honesty(position: &PositionScore) -> Verdict {
         );
         Verdict::new(Tone::Good, text)
     } else if share < *HONEST.start() {
-        let text = format!("Too sure of itself: only {percent:.0} % of the points inside the 95 % ellipse.");
+        let text = format!(
+            "Too sure of itself: only {percent:.0} % of the points inside the 95 % ellipse."
+        );
         Verdict::new(Tone::Bad, text)
     } else {
         let text = format!("Too modest: {percent:.1} % of the points inside the 95 % ellipse.");
@@ -294,13 +305,22 @@ fn honesty(position: &PositionScore) -> Verdict {
 
 fn outage_honesty(outages: &[OutageScore]) -> Option<Verdict> {
     let judged = outages.iter().filter_map(|o| o.inside_95);
-    let (inside, all) = judged.fold((0, 0), |(inside, all), ok| (inside + u32::from(ok), all + 1));
-    let mut errors: Vec<f64> = outages.iter().filter_map(|o| o.horizontal_error_m).collect();
+    let (inside, all) = judged.fold((0, 0), |(inside, all), ok| {
+        (inside + u32::from(ok), all + 1)
+    });
+    let mut errors: Vec<f64> = outages
+        .iter()
+        .filter_map(|o| o.horizontal_error_m)
+        .collect();
     errors.sort_by(f64::total_cmp);
     let middle = errors.get(errors.len() / 2).copied()?;
     let low = errors.get((errors.len() - 1) / 2).copied()?;
     // Of a dozen, one or two outside are chance.
-    let tone = if 10 * inside >= 8 * all { Tone::Good } else { Tone::Bad };
+    let tone = if 10 * inside >= 8 * all {
+        Tone::Good
+    } else {
+        Tone::Bad
+    };
     Some(Verdict::new(
         tone,
         format!(
@@ -318,10 +338,19 @@ fn column(title: &str) -> Column {
 }
 
 fn outage_table(outages: &[OutageScore]) -> Table {
-    let number = |value: Option<f64>| value.map_or(Cell::Missing, |v| Cell::Number { value: v, decimals: 1 });
+    let number = |value: Option<f64>| {
+        value.map_or(Cell::Missing, |v| Cell::Number {
+            value: v,
+            decimals: 1,
+        })
+    };
     let row = |o: &OutageScore| {
         vec![
-            Cell::Text(format!("{:.0} s to {:.0} s", o.start_s, o.start_s + o.duration_s)),
+            Cell::Text(format!(
+                "{:.0} s to {:.0} s",
+                o.start_s,
+                o.start_s + o.duration_s
+            )),
             number(o.horizontal_error_m),
             number(o.predicted_std_m),
             Cell::Text(match o.inside_95 {
@@ -335,7 +364,8 @@ fn outage_table(outages: &[OutageScore]) -> Table {
     };
     Table {
         title: "Outages".to_owned(),
-        caption: "Horizontal error at the last point inside, m; beside it what needs no filter.".to_owned(),
+        caption: "Horizontal error at the last point inside, m; beside it what needs no filter."
+            .to_owned(),
         columns: [
             "after the first fix",
             "error",
@@ -360,16 +390,29 @@ fn aid_table(summary: &NavigationSummary) -> Table {
             count(counts.fused),
             count(counts.gated),
             count(counts.skipped),
-            nis.map_or(Cell::Missing, |n| Cell::Number { value: n.mean, decimals: 2 }),
-            nis.map_or(Cell::Missing, |n| Cell::Text(n.degrees_of_freedom.to_string())),
+            nis.map_or(Cell::Missing, |n| Cell::Number {
+                value: n.mean,
+                decimals: 2,
+            }),
+            nis.map_or(Cell::Missing, |n| {
+                Cell::Text(n.degrees_of_freedom.to_string())
+            }),
         ]
     });
     Table {
         title: "Aids".to_owned(),
-        caption: "The mean NIS of an honest filter is the number of components measured.".to_owned(),
-        columns: ["aid", "used", "refused", "not looked at", "mean NIS", "components"]
-            .map(column)
-            .into(),
+        caption: "The mean NIS of an honest filter is the number of components measured."
+            .to_owned(),
+        columns: [
+            "aid",
+            "used",
+            "refused",
+            "not looked at",
+            "mean NIS",
+            "components",
+        ]
+        .map(column)
+        .into(),
         rows: rows.collect(),
     }
 }

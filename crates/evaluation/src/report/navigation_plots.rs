@@ -42,7 +42,12 @@ pub(super) fn track(trace: &NavigationTrace) -> Option<String> {
         of.map(|f| place(f.position_m)).collect()
     };
     let (used, withheld) = (fixes(true), fixes(false));
-    let reference: Vec<Place> = trace.reference.items().iter().map(|f| place(f.position_m)).collect();
+    let reference: Vec<Place> = trace
+        .reference
+        .items()
+        .iter()
+        .map(|f| place(f.position_m))
+        .collect();
     if places.is_empty() {
         return None;
     }
@@ -57,7 +62,11 @@ pub(super) fn track(trace: &NavigationTrace) -> Option<String> {
         keys.push(key(Sign::Line, "line gated", "dead reckoning"));
     }
     if !withheld.is_empty() {
-        keys.push(key(Sign::Dot, &format!("{KEPT_BACK} big"), "fixes kept back"));
+        keys.push(key(
+            Sign::Dot,
+            &format!("{KEPT_BACK} big"),
+            "fixes kept back",
+        ));
     }
     if !reference.is_empty() {
         keys.push(key(Sign::Line, "line thin dash reference", "reference"));
@@ -152,9 +161,7 @@ pub(super) fn orientation(trace: &NavigationTrace) -> Option<Figure> {
     let heading_band: Vec<BandPoint> = points
         .iter()
         .map(|p| match (p.angles_deg, p.heading_std_deg) {
-            (Some([yaw, ..]), Some(std)) => {
-                [p.time_s, yaw - SIGMAS * std, yaw + SIGMAS * std]
-            }
+            (Some([yaw, ..]), Some(std)) => [p.time_s, yaw - SIGMAS * std, yaw + SIGMAS * std],
             _ => [p.time_s, f64::NAN, f64::NAN],
         })
         .collect();
@@ -192,8 +199,8 @@ pub(super) fn position(trace: &NavigationTrace) -> Option<Figure> {
     if points.is_empty() {
         return None;
     }
-    let panels = coordinates()
-        .map(|(name, axis, sign)| position_panel(trace, points, name, axis, sign));
+    let panels =
+        coordinates().map(|(name, axis, sign)| position_panel(trace, points, name, axis, sign));
     Some(figure(
         "Position north, east and up over time, with fixes",
         time_of(trace),
@@ -214,7 +221,11 @@ fn position_keys(trace: &NavigationTrace) -> Vec<Key> {
         key(Sign::Dot, &format!("{USED} big"), "fixes used"),
     ];
     if trace.fixes.items().iter().any(|fix| !fix.used) {
-        keys.push(key(Sign::Dot, &format!("{KEPT_BACK} big"), "fixes kept back"));
+        keys.push(key(
+            Sign::Dot,
+            &format!("{KEPT_BACK} big"),
+            "fixes kept back",
+        ));
     }
     keys
 }
@@ -299,7 +310,10 @@ pub(super) fn errors(trace: &NavigationTrace) -> Option<Figure> {
     if scored.is_empty() {
         return None;
     }
-    let error: Vec<Point> = scored.iter().map(|(t, p)| [*t, p.error.xy().norm()]).collect();
+    let error: Vec<Point> = scored
+        .iter()
+        .map(|(t, p)| [*t, p.error.xy().norm()])
+        .collect();
     let half = CHI_SQUARE_95.sqrt() * std::f64::consts::FRAC_1_SQRT_2;
     let bound: Vec<BandPoint> = scored
         .iter()
@@ -334,7 +348,12 @@ pub(super) fn errors(trace: &NavigationTrace) -> Option<Figure> {
         key(Sign::Dot, "dots big estimate", "error"),
         key(Sign::Band, "band estimate-fill", "predicted, 95 %"),
     ];
-    Some(figure("Position error over time", time_of(trace), legend, panels))
+    Some(figure(
+        "Position error over time",
+        time_of(trace),
+        legend,
+        panels,
+    ))
 }
 
 fn dots_of(points: Vec<Point>) -> Layer {
@@ -364,7 +383,9 @@ pub(super) fn outages(trace: &NavigationTrace, outages: &[OutageScore]) -> Optio
             .map(|(t, p)| [t - start, 0.0, half * p.horizontal_std])
             .collect();
         let highest = error.iter().map(|p| p[1]);
-        let highest = highest.chain(bound.iter().map(|b| b[2])).fold(0.1, f64::max);
+        let highest = highest
+            .chain(bound.iter().map(|b| b[2]))
+            .fold(0.1, f64::max);
         let layers = vec![band_layer(bound, false), dots_of(error)];
         let name = format!("{:.0} s after the first fix", outage.start_s);
         let mut panel = Panel::new(&name, "m", Axis::linear(0.0, 1.05 * highest, 4), layers);
@@ -411,7 +432,13 @@ pub(super) fn innovations(trace: &NavigationTrace, aid: AidKind) -> Option<Figur
     let mut legend: Vec<Key> = Fate::ALL
         .into_iter()
         .filter(|fate| points.iter().any(|p| Fate::of(p.outcome) == Some(*fate)))
-        .map(|fate| key(Sign::Dot, &format!("dots big {}", fate.class()), fate.name()))
+        .map(|fate| {
+            key(
+                Sign::Dot,
+                &format!("dots big {}", fate.class()),
+                fate.name(),
+            )
+        })
         .collect();
     legend.push(key(
         Sign::Band,

@@ -101,7 +101,11 @@ fn what_is_no_number_or_no_velocity_stays_out_and_the_position_says_when_it_is_w
     assert_eq!(filter.water_velocity(&fast), Err(SkipReason::OutOfRange));
     assert_eq!(filter.propagate(f64::NAN), Err(SkipReason::NotFinite));
     assert_eq!(filter.propagate(60.0), Err(SkipReason::OutOfRange));
-    for (position, std) in [(nan, 1.0), (Vector2::zeros(), 0.0), (Vector2::zeros(), f64::NAN)] {
+    for (position, std) in [
+        (nan, 1.0),
+        (Vector2::zeros(), 0.0),
+        (Vector2::zeros(), f64::NAN),
+    ] {
         assert!(!filter.update_position(&position, std).outcome.is_fused());
         assert!(!filter.update_velocity(&position, std).outcome.is_fused());
     }
@@ -180,7 +184,10 @@ impl Noise {
     fn one(&mut self) -> f64 {
         let mut sum = -6.0;
         for _ in 0..12 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             sum += (self.0 >> 11) as f64 / (1_u64 << 53) as f64;
         }
         sum

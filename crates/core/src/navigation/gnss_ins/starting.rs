@@ -102,7 +102,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let Some((from, to)) = before.heading.zip(after.heading) else {
             return false;
         };
-        let is_long = length > across * lit(CHORD_OVER_STD) && length > dt * lit(LEAST_COURSE_SPEED);
+        let is_long =
+            length > across * lit(CHORD_OVER_STD) && length > dt * lit(LEAST_COURSE_SPEED);
         if is_long {
             // The chord has the course of mid-interval.
             let turned = crate::navigation::aiding::heading::wrapped(to - from);
