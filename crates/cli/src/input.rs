@@ -25,9 +25,6 @@ pub(crate) struct InputArgs {
     /// TOML file that describes the columns of any other table (see docs/formats.md)
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
-    /// The folder in which the files that a manifest names are [default: the manifest's own]
-    #[arg(long = "data", value_name = "DIR")]
-    data: Option<PathBuf>,
     /// Unit of the gyroscope in the file: rad-per-s, deg-per-s
     #[arg(long, value_name = "UNIT")]
     gyroscope_unit: Option<RateUnit>,
@@ -42,6 +39,15 @@ pub(crate) struct InputArgs {
     gap_limit: f64,
 }
 
+/// Where the files of a manifest are.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "About the recording")]
+pub(crate) struct DataArgs {
+    /// The folder in which the files that a manifest names are [default: the manifest's own]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
 impl InputArgs {
     /// The longest pause of the gyroscope that is no gap, s.
     pub(crate) fn gap_limit_s(&self) -> f64 {
@@ -54,7 +60,6 @@ impl InputArgs {
             format: self.format,
             device: self.device.clone(),
             manifest: self.manifest.clone(),
-            data: self.data.clone(),
             gyroscope_unit: self.gyroscope_unit,
             accelerometer_unit: self.accelerometer_unit,
             magnetometer_unit: self.magnetometer_unit,
@@ -68,7 +73,18 @@ impl InputArgs {
     /// # Errors
     /// It is no recording; the message says which file and why.
     pub(crate) fn open(&self, path: &Path) -> Result<Recording> {
-        let options = self.options();
+        self.open_in(path, &DataArgs::default())
+    }
+
+    /// As [`Self::open`], with the files that a manifest names in the folder of `data`.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(crate) fn open_in(&self, path: &Path, data: &DataArgs) -> Result<Recording> {
+        let options = OpenOptions {
+            data: data.data.clone(),
+            ..self.options()
+        };
         Ok(if path == Path::new(STDIN) {
             read_from(std::io::stdin(), "standard input", &options)?
         } else {

@@ -69,7 +69,7 @@ impl NavigationArgs {
 /// Runs.
 pub(crate) fn execute(kind: NavigationKind, args: &RunArgs) -> Result<()> {
     check_outputs(args)?;
-    let mut recording = args.input.open(&args.recording)?;
+    let mut recording = args.input.open_in(&args.recording, &args.data)?;
     let mut options = args
         .estimation
         .navigation_options(kind, recording.metadata())?;
@@ -155,7 +155,7 @@ fn write_outputs(
         written.push(format!("Report: {} (open it in a browser)", path.display()));
     }
     if let (Some(path), Some(file)) = (&args.out, watchers.file) {
-        file.finish().with_context(|| shown_path(path))?;
+        file.finish(name).with_context(|| shown_path(path))?;
         written.push(format!("Estimates: {}", path.display()));
     }
     Ok(written)

@@ -8,7 +8,7 @@ use northing_core::nalgebra::Vector3;
 use northing_recording::{Issues, Recording, Sample, TumWriter, create};
 use serde::Serialize;
 
-use crate::input::{InputArgs, shown};
+use crate::input::{DataArgs, InputArgs, shown};
 use crate::interrupt::interruptible;
 use crate::output::{check_free, check_not_input, print, print_json};
 use crate::progress::Progress;
@@ -45,6 +45,8 @@ pub(crate) struct ConvertArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
     input: InputArgs,
 }
 
@@ -64,7 +66,7 @@ pub(crate) fn execute(args: &ConvertArgs) -> Result<()> {
     };
     check_free(output, args.force)?;
     check_not_input(output, &args.recording)?;
-    let mut recording = args.input.open(&args.recording)?;
+    let mut recording = args.input.open_in(&args.recording, &args.data)?;
     let samples = if has_extension(output, "tum") {
         write_trajectory(&mut recording, output, args)?
     } else {

@@ -13,7 +13,7 @@ use northing_recording::atomic_file::write_whole;
 
 use crate::estimate_file::EstimateFile;
 use crate::estimation::{Asked, EstimationArgs, parameters_used, run_over};
-use crate::input::{InputArgs, shown};
+use crate::input::{DataArgs, InputArgs, shown};
 use crate::navigation_run::{self, NavigationArgs};
 use crate::output::{check_free, check_not_input, print, print_json, same_file};
 use crate::progress::Progress;
@@ -67,7 +67,7 @@ pub(crate) struct RunArgs {
     /// Write a report with plots: one HTML file for a browser
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
-    /// Write the estimates: .csv, .parquet or .tum
+    /// Write the estimates: .csv, .parquet or .tum; of a navigation estimator .csv, .kml, .gpx, .geojson, .tum or .mcap
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
     /// Overwrite outputs that exist
@@ -80,6 +80,8 @@ pub(crate) struct RunArgs {
     pub(crate) navigation: NavigationArgs,
     #[command(flatten)]
     pub(crate) estimation: EstimationArgs,
+    #[command(flatten)]
+    pub(crate) data: DataArgs,
     #[command(flatten)]
     pub(crate) input: InputArgs,
 }
@@ -121,7 +123,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         .as_ref()
         .map(|out| EstimateFile::create(out, options.estimator, args.force))
         .transpose()?;
-    let mut recording = args.input.open(&args.recording)?;
+    let mut recording = args.input.open_in(&args.recording, &args.data)?;
     let metadata = recording.metadata().clone();
     calibrations
         .apply(&metadata, &mut options)

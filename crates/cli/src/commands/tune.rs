@@ -12,7 +12,7 @@ use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
 use crate::cli::called;
-use crate::input::{InputArgs, shown};
+use crate::input::{DataArgs, InputArgs, shown};
 use crate::interrupt::{happened, interruptible};
 use crate::output::{check_free, check_not_input, print, print_json};
 use crate::progress::Progress;
@@ -55,6 +55,8 @@ pub(crate) struct TuneArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
     input: InputArgs,
 }
 
@@ -79,7 +81,7 @@ pub(crate) fn execute(args: &TuneArgs) -> Result<()> {
         check_free(out, args.force)?;
     }
     let name = shown(&args.recording);
-    let mut recording = args.input.open(&args.recording)?;
+    let mut recording = args.input.open_in(&args.recording, &args.data)?;
     let metadata = recording.metadata().clone();
     let events: Vec<Event> = interruptible(recording.by_ref()).collect::<Result<_, _>>()?;
     let options = NavigationOptions::of_recording(args.estimator, &metadata);

@@ -134,6 +134,18 @@ fn estimates_and_a_report_are_written() {
     let row: Vec<_> = estimates.lines().last().unwrap().split(',').collect();
     assert!((row[1].parse::<f64>().unwrap() - 48.0).abs() < 0.01);
     assert_eq!((row.len(), row[19]), (20, "aided"));
+    for track in ["car.kml", "car.gpx", "car.geojson", "car.tum"] {
+        let run = [
+            "run",
+            "car.toml",
+            "--estimator",
+            "error-state",
+            "--out",
+            track,
+        ];
+        lab.succeeds(&run);
+        assert!(lab.read(track).lines().count() > 3, "{track}");
+    }
     let report = lab.read("car.html");
     contains(
         &report,
