@@ -4,6 +4,7 @@
 //! |---|---|
 //! | one step back, whatever the states | `rts_smoother/backward.rs` |
 //! | the smoother of the bounded-velocity filter | `rts_smoother/bounded_velocity.rs` |
+//! | the smoother of the GNSS/INS | `rts_smoother/navigation.rs` |
 //!
 //! Read first: Rauch, Tung & Striebel (1965); `docs/derivations/mekf.md`, section on the smoother.
 //! A [`Recorder`] runs a [`Mekf`] and keeps what each propagation did; [`Smoother::smooth`] then
@@ -31,6 +32,7 @@
 
 mod backward;
 pub mod bounded_velocity;
+pub mod navigation;
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use northing_core::attitude::config::ConfigError;

@@ -84,6 +84,18 @@ const COVARIANCE_INTERVAL_S: f64 = 0.1;
 /// Earth's mean radius, m: how gravity turns and falls with position.
 const EARTH_RADIUS_M: f64 = 6.371e6;
 
+/// How the errors went on over one step of the covariance: the 15 by the transition, then the biases and the side
+/// states shrunk.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CovarianceStep<T: Scalar> {
+    /// Of the 15 errors.
+    pub transition: ErrorTransition<T>,
+    /// What is left of the accelerometer's and of the gyroscope's bias error.
+    pub bias_kept: [T; 2],
+    /// What is left of the side states.
+    pub side_kept: [T; SIDE_STATES],
+}
+
 /// The GNSS/INS; `HISTORY` samples are kept to look back by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
@@ -108,6 +120,9 @@ pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     slow_variance: Vector3<T>,
     /// Values at rest of the accelerometer's and the gyroscope's bias.
     at_rest: [BiasAtRest<T>; 2],
+    last_step: CovarianceStep<T>,
+    /// A finished window that has not been used yet.
+    due_window: Option<Window<T>>,
     since_constraint: T,
     /// Seconds since something measured the velocity.
     since_velocity: T,
@@ -171,6 +186,12 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             last_fix_ns: None,
             slow_variance: Vector3::zeros(),
             at_rest: [BiasAtRest::new(Vector3::zeros(), T::zero()); 2],
+            last_step: CovarianceStep {
+                transition: ErrorTransition::default(),
+                bias_kept: [T::one(); 2],
+                side_kept: [T::one(); SIDE_STATES],
+            },
+            due_window: None,
             since_constraint: T::zero(),
             since_velocity: T::zero(),
             gates: [CountedGate::default(); Aid::ALL.len()],
@@ -291,6 +312,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             self.bridge(seconds(now.unwrap_or(last_ns), time_ns));
             return Ok(());
         }
+        self.settle();
         let half = lit::<T>(0.5);
         let (rate, force) = match self.config.imu_samples {
             ImuSamples::Instants => (
@@ -325,10 +347,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         if self.filter.propagate(&rate, &force, dt).is_ok() {
             self.history.push(&rate, &force, dt);
         }
-        if self.filter.state().pending.duration_s() >= lit(COVARIANCE_INTERVAL_S) {
-            self.catch_up();
-        }
-        self.constrain(window.as_ref(), dt);
+        self.since_velocity += dt;
+        self.since_constraint += dt;
+        self.due_window = window.or(self.due_window);
     }
 
     /// Counts windows at rest, and learns from those in which it is `known` to stand.
@@ -369,10 +390,38 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         (rate, force + body_from_ned * extra)
     }
 
+    /// Whether [`Self::settle`] has something to do: the covariance is 0.1 s behind, or a window or interval is over in
+    /// which the filter constrains itself.
+    pub fn is_due(&self) -> bool {
+        let behind = self.pending_s() >= lit(COVARIANCE_INTERVAL_S);
+        self.aligning.is_none() && (behind || self.due_window.is_some() || self.is_constraint_due())
+    }
+
+    /// Brings the covariance up to the state if it is due, and applies what the filter knows without being told. The
+    /// next sample or measurement does it anyway; a smoother does it itself, to see what happens between.
+    pub fn settle(&mut self) {
+        if self.is_due() {
+            self.catch_up();
+            self.constrain();
+        }
+    }
+
+    /// Seconds that the state is ahead of its covariance.
+    pub fn pending_s(&self) -> T {
+        self.filter.state().pending.duration_s()
+    }
+
+    /// The last step of the covariance: how the errors went on over it.
+    pub fn last_step(&self) -> &CovarianceStep<T> {
+        &self.last_step
+    }
+
     /// Brings the covariance up to the state.
-    fn catch_up(&mut self) {
-        let transition = self.filter.catch_up();
-        self.follow(&transition);
+    pub fn catch_up(&mut self) {
+        if self.pending_s() > T::zero() {
+            let transition = self.filter.catch_up();
+            self.follow(&transition);
+        }
     }
 
     /// Brings what is beside the filter along.
@@ -392,6 +441,22 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             step.added[BAROMETER_OFFSET] = walk * walk * duration;
         }
         self.side.propagate(transition, &step);
+        let kept = |std: T, time: T| {
+            if std > T::zero() {
+                (-duration / time).exp()
+            } else {
+                T::one()
+            }
+        };
+        let c = &self.config;
+        self.last_step = CovarianceStep {
+            transition: *transition,
+            bias_kept: [
+                kept(c.accelerometer_wander_std, c.accelerometer_wander_time_s),
+                kept(c.gyroscope_wander_std, c.gyroscope_wander_time_s),
+            ],
+            side_kept: step.decay,
+        };
         self.relax_biases(duration);
         self.filter.limit_covariance(&mut self.side);
         if !(self.filter.state().is_usable() && self.side.is_usable()) {
@@ -459,7 +524,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
                 self.hold_velocity(duration);
                 let tilt = lit(alignment::TILT_STD_ASSUMED);
                 self.filter.hold_level(&mut self.side, tilt);
-                self.constrain(None, duration);
+                self.since_velocity += duration;
+                self.since_constraint += duration;
+                self.constrain();
             }
         }
     }
@@ -473,6 +540,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.seen = Seen::default();
         self.side = SideStates::default();
         self.history.clear();
+        self.due_window = None;
         self.last_fix_ns = None;
         self.gates = [CountedGate::default(); Aid::ALL.len()];
     }

@@ -301,28 +301,26 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         }
     }
 
-    /// What the filter knows without being told: that it stands, that it does not slide.
-    pub(super) fn constrain(&mut self, window: Option<&Window<T>>, dt: T) {
-        // The first window at rest may have begun before the stop.
-        let stands = self.config.zero_velocity && self.still_windows > 1;
-        if let Some(window) = window.filter(|_| stands) {
-            self.stand(window);
-        }
-        self.since_velocity += dt;
-        if self.since_velocity > lit(DAMPED_AFTER_S) && window.is_some() {
-            self.damp();
-        }
-        self.since_constraint += dt;
-        if self.config.non_holonomic && self.since_constraint >= lit(CONSTRAINT_INTERVAL_S) {
-            self.since_constraint = T::zero();
-            self.catch_up();
-            if self.aligning.is_some() {
-                return;
+    pub(super) fn is_constraint_due(&self) -> bool {
+        self.config.non_holonomic && self.since_constraint >= lit(CONSTRAINT_INTERVAL_S)
+    }
+
+    /// What the filter knows without being told: that it stands, that it does not slide, that it is no rocket.
+    pub(super) fn constrain(&mut self) {
+        if let Some(window) = self.due_window.take() {
+            // The first window at rest may have begun before the stop.
+            if self.config.zero_velocity && self.still_windows > 1 {
+                self.stand(&window);
             }
+            if self.since_velocity > lit(DAMPED_AFTER_S) {
+                self.damp();
+            }
+        }
+        if self.is_constraint_due() && self.aligning.is_none() {
+            self.since_constraint = T::zero();
             self.use_mount();
-            let then = self
-                .history
-                .at(self.filter.state(), self.config.gravity, T::zero());
+            let state = self.filter.state();
+            let then = self.history.at(state, self.config.gravity, T::zero());
             let arm = Vector3::from(self.config.vehicle_arm_m);
             let std = self.config.non_holonomic_std_m_s;
             let m = body_velocity::non_holonomic(&then, &self.side, &arm, std * std);
@@ -334,11 +332,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Pulls the velocity towards zero as weakly as its prior says, when nothing has measured it (E31).
     fn damp(&mut self) {
         let std = self.config.damping_speed_m_s;
-        if std <= T::zero() {
-            return;
-        }
-        self.catch_up();
-        if self.aligning.is_some() {
+        if std <= T::zero() || self.aligning.is_some() {
             return;
         }
         let visits = self.config.damping_time_s / lit(WINDOW_S);
@@ -352,7 +346,6 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
     fn stand(&mut self, window: &Window<T>) {
-        self.catch_up();
         if self.aligning.is_some() {
             return;
         }

@@ -1,0 +1,140 @@
+//! Cost of the GNSS/INS: its block propagation and its scalar updates beside the dense forms, and whole steps.
+//!
+//! `cargo bench -p northing-core --bench navigation` ends with the ratios, dense over structured, of the same run.
+
+#![allow(clippy::print_stdout, clippy::unwrap_used)]
+
+use std::hint::black_box;
+use std::time::Instant as Clock;
+
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use northing_core::kalman::CountedGate;
+use northing_core::navigation::aiding::gnss_position::GnssPosition;
+use northing_core::navigation::error_state::{Measurement, Row};
+use northing_core::navigation::gnss_ins::{GnssIns, GnssInsConfig};
+use northing_core::navigation::{
+    ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState, SideStates,
+};
+
+type M15 = SMatrix<f64, 15, 15>;
+
+const ROUNDS: usize = 9;
+const CALLS: u32 = 20_000;
+
+fn filter() -> ErrorStateFilter<f64> {
+    let stds = [0.05, 0.5, 1.5, 0.02, 0.0004];
+    let a = M15::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin());
+    let d = M15::from_diagonal(&SVector::from_fn(|i, _| stds[i / 3]));
+    let state = NavigationState {
+        ned_from_body: UnitQuaternion::from_euler_angles(0.1, -0.2, 0.7),
+        velocity: Vector3::new(10.0, 0.0, 0.0),
+        position: Vector3::zeros(),
+        accelerometer_bias: Vector3::zeros(),
+        gyroscope_bias: Vector3::zeros(),
+        covariance: d * (a * a.transpose() * 0.05 + M15::identity()) * d,
+        pending: ErrorTransition::default(),
+        skipped: 0,
+    };
+    ErrorStateFilter::new(ErrorStateConfig::default(), state).unwrap()
+}
+
+/// Nanoseconds a call: the best of some rounds.
+fn nanoseconds(mut call: impl FnMut()) -> f64 {
+    let mut best = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let start = Clock::now();
+        for _ in 0..CALLS {
+            call();
+        }
+        best = best.min(start.elapsed().as_secs_f64() * 1e9 / f64::from(CALLS));
+    }
+    best
+}
+
+fn propagation() -> [f64; 2] {
+    let mut moved = filter();
+    let (rate, force) = (Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.5, 0.2, -9.7));
+    for _ in 0..10 {
+        moved.propagate(&rate, &force, 0.01).unwrap();
+    }
+    let transition = moved.state().pending;
+    let phi = transition.to_matrix();
+    let covariance = moved.state().covariance;
+    let noise = M15::identity() * 1e-6;
+    let blocks = nanoseconds(|| {
+        black_box(black_box(&moved).predicted_covariance(black_box(&transition)));
+    });
+    let dense = nanoseconds(|| {
+        let (phi, p) = (black_box(&phi), black_box(&covariance));
+        black_box(phi * p * phi.transpose() + noise);
+    });
+    [blocks, dense]
+}
+
+fn update() -> [f64; 2] {
+    let start = filter();
+    let measurement = Measurement {
+        rows: [6, 7, 8].map(Row::of_state),
+        residual: Vector3::new(0.5, -0.3, 0.2),
+        variance: Vector3::repeat(1.0),
+        freed: [6, 7, 8],
+    };
+    let scalars = nanoseconds(|| {
+        let (mut filter, mut side) = (*black_box(&start), SideStates::default());
+        let mut gate = CountedGate::default();
+        black_box(filter.fuse_sparse(&mut side, black_box(&measurement), &mut gate, 16.3));
+        black_box(filter);
+    });
+    let mut h = SMatrix::<f64, 3, 15>::zeros();
+    h.fixed_view_mut::<3, 3>(0, 6).fill_with_identity();
+    let r = Matrix3::identity();
+    let p = start.state().covariance;
+    let dense = nanoseconds(|| {
+        let (h, p) = (black_box(&h), black_box(&p));
+        let s = h * p * h.transpose() + r;
+        let gain = p * h.transpose() * s.try_inverse().unwrap();
+        let left = M15::identity() - gain * h;
+        let plus = left * p * left.transpose() + gain * r * gain.transpose();
+        black_box((gain * measurement.residual, plus));
+    });
+    [scalars, dense]
+}
+
+/// Whole GNSS/INS at 100 Hz with a fix a second, nanoseconds a sample.
+fn whole() -> f64 {
+    let config = GnssInsConfig {
+        initial_heading: Some([0.3, 0.05]),
+        ..GnssInsConfig::default()
+    };
+    let mut ins = GnssIns::<f64>::new(config).unwrap();
+    let force = Vector3::new(0.1, -0.2, -9.8);
+    let mut k = 0_i64;
+    nanoseconds(|| {
+        k += 1;
+        let time_ns = k * 10_000_000;
+        ins.imu(time_ns, &Vector3::zeros(), &force).unwrap();
+        if k % 100 == 0 {
+            let fix = GnssPosition {
+                ned: Vector3::zeros(),
+                std: Vector3::repeat(2.0),
+                has_height: true,
+            };
+            ins.gnss_position(time_ns, &fix);
+        }
+    })
+}
+
+fn main() {
+    for (what, [structured, dense]) in [
+        ("propagation of the covariance", propagation()),
+        ("update with a position", update()),
+    ] {
+        let ratio = dense / structured;
+        println!("{what}: {structured:.0} ns, dense {dense:.0} ns, ratio {ratio:.1}");
+    }
+    let step = whole();
+    println!(
+        "GNSS/INS, a sample: {step:.0} ns, {:.2} million a second",
+        1e3 / step
+    );
+}
