@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::ErrorStateFilter;
 use crate::geometry::{rotation, so3};
-use crate::kalman::covariance::{cap_variance, normalized_square};
+use crate::kalman::covariance::{cap_variance, mirror_upper, normalized_square};
 use crate::kalman::sparse_update::SparseRow;
 use crate::kalman::{CountedGate, GateDecision, Innovation, Outcome, SkipReason};
 use crate::navigation::bias_wander::{BiasAtRest, WanderSettings};
@@ -61,7 +61,10 @@ impl<T: Scalar> Projected<T> {
         let mut beside = SVector::<T, SIDE_STATES>::zeros();
         for (state, h) in row.elements() {
             if *state < SIDE {
-                error.axpy(*h, &p.column(*state), T::one());
+                // The upper triangle alone is kept up between the rows of a measurement.
+                for (i, sum) in error.iter_mut().enumerate() {
+                    *sum += *h * p[(i.min(*state), i.max(*state))];
+                }
                 for j in (0..SIDE_STATES).filter(|j| side.is_used(*j)) {
                     beside[j] += *h * side.cross[(*state, j)];
                 }
@@ -165,20 +168,20 @@ impl<T: Scalar> ErrorStateFilter<T> {
             correction.side.axpy(nu * inverse, &ph.side, T::one());
             self.shrink(side, &ph, inverse);
         }
+        mirror_upper(&mut self.state.covariance);
         side.values += correction.side;
         let angle = self.inject(&correction.error);
         side.reset(&angle);
     }
 
-    /// `P -= (P H^T)(P H^T)^T / S`, over the joint covariance, both halves alike.
+    /// `P -= (P H^T)(P H^T)^T / S`, over the joint covariance; of the filter's the upper triangle.
     fn shrink(&mut self, side: &mut SideStates<T>, ph: &Projected<T>, inverse: T) {
         let p = &mut self.state.covariance;
-        for j in 0..STATES {
-            let k = ph.error[j] * inverse;
-            for i in 0..=j {
-                let value = p[(i, j)] - ph.error[i] * k;
-                p[(i, j)] = value;
-                p[(j, i)] = value;
+        let columns = p.as_mut_slice().chunks_exact_mut(STATES);
+        for (j, (column, b)) in columns.zip(&ph.error).enumerate() {
+            let k = *b * inverse;
+            for (value, a) in column.iter_mut().zip(&ph.error).take(j + 1) {
+                *value -= *a * k;
             }
         }
         for j in 0..SIDE_STATES {
