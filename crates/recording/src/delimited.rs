@@ -16,6 +16,8 @@ use crate::numbers;
 use crate::recording::EventSource;
 use crate::stamp;
 
+#[cfg(feature = "ulog")]
+pub(crate) use navigation::standard_pressure;
 pub(crate) use navigation::{EcefPart, EcefPose};
 
 /// Which columns (numbered from 0) make the time and the sensors.

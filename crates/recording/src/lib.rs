@@ -16,6 +16,7 @@ mod delimited;
 pub mod error;
 pub mod event;
 pub mod gnss;
+mod hold;
 mod instant;
 pub mod issues;
 pub mod manifest;
@@ -40,6 +41,8 @@ pub mod track;
 pub mod tracking;
 mod tum_writer;
 mod ubx;
+#[cfg(feature = "ulog")]
+mod ulog;
 pub mod wire;
 mod writer;
 

@@ -49,6 +49,7 @@ pub fn read_from(
         (Format::Csv, _) => csv::open(input, name, metadata)?,
         (Format::Nmea, _) => nmea::open(input, name, metadata),
         (Format::Ubx, _) => ubx::open(input, name, metadata),
+        (Format::Ulog, _) => open_ulog(input, name, metadata)?,
         (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
         (Format::Manifest, None) => {
             return Err(RecordingError::Unsupported {
@@ -86,6 +87,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
         Format::Csv => csv::open(Cursor::new(bytes), name, metadata)?,
         Format::Nmea => nmea::open(Cursor::new(bytes), name, metadata),
         Format::Ubx => ubx::open(Cursor::new(bytes), name, metadata),
+        Format::Ulog => open_ulog(Cursor::new(bytes), name, metadata)?,
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
         Format::Mcap => open_mcap(Cursor::new(bytes), name, metadata, options)?,
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
@@ -160,6 +162,7 @@ pub(crate) fn open_data_file(
             metadata,
         )),
         Format::Ubx => Ok(ubx::open(File::open(path).map_err(failed)?, file, metadata)),
+        Format::Ulog => open_ulog(File::open(path).map_err(failed)?, file, metadata),
     }
 }
 
@@ -209,6 +212,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     }
     if head.starts_with(b"\x89MCAP") {
         return Ok(Format::Mcap);
+    }
+    if head.starts_with(b"ULog\x01\x12\x35") {
+        return Ok(Format::Ulog);
     }
     if head.starts_with(b"PK\x03\x04") {
         return Ok(Format::SensorLogger);
@@ -322,5 +328,18 @@ fn open_mcap<T>(_: T, file: &str, _: Metadata, _: &OpenOptions) -> Result<Opened
     Err(RecordingError::Unsupported {
         file: file.to_owned(),
         problem: "this build cannot read MCAP; build with `--features mcap`".to_owned(),
+    })
+}
+
+#[cfg(feature = "ulog")]
+fn open_ulog(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Result<Opened> {
+    crate::ulog::open(input, file, metadata)
+}
+
+#[cfg(not(feature = "ulog"))]
+fn open_ulog<T>(_: T, file: &str, _: Metadata) -> Result<Opened> {
+    Err(RecordingError::Unsupported {
+        file: file.to_owned(),
+        problem: "this build cannot read ULog; build with `--features ulog`".to_owned(),
     })
 }

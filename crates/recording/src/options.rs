@@ -106,6 +106,8 @@ named_values! {
         Nmea = "nmea",
         /// UBX, the binary protocol of u-blox receivers.
         Ubx = "ubx",
+        /// ULog: logs of PX4 autopilots (feature `ulog`).
+        Ulog = "ulog",
         /// Any other delimited text file, described by a TOML manifest.
         Manifest = "manifest",
     }

@@ -12,8 +12,7 @@ mod content;
 mod epoch;
 mod line;
 
-use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read};
 
 use content::Content;
@@ -22,6 +21,7 @@ use line::{Sentence, reason};
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
+use crate::hold::Hold;
 use crate::issues::Issues;
 use crate::metadata::{Metadata, WorldFrame};
 use crate::recording::{EventSource, Opened};
@@ -92,7 +92,7 @@ impl<R: Read + Send> EventSource for NmeaSource<R> {
     fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
         let mut line = Vec::new();
         loop {
-            if let Some(event) = self.log.ready(self.at_end) {
+            if let Some(event) = self.log.hold.take(self.at_end) {
                 return Some(Ok(event));
             }
             if self.at_end {
@@ -112,7 +112,6 @@ impl<R: Read + Send> EventSource for NmeaSource<R> {
 }
 
 /// A log, line by line.
-#[derive(Default)]
 struct Log {
     calendar: Calendar,
     epoch: Option<Epoch>,
@@ -122,16 +121,20 @@ struct Log {
     clock: Option<(i64, Option<chrono::NaiveDate>)>,
     /// Talkers that write checksums: what comes from them without one was cut off.
     summing: BTreeSet<[u8; 2]>,
-    waiting: BinaryHeap<Reverse<Waiting>>,
-    sequence: u64,
-    latest_ns: i64,
+    hold: Hold,
 }
 
-/// An event that waits for its turn.
-struct Waiting {
-    time_ns: i64,
-    sequence: u64,
-    sample: Sample,
+impl Default for Log {
+    fn default() -> Self {
+        Self {
+            calendar: Calendar::default(),
+            epoch: None,
+            beside: Vec::new(),
+            clock: None,
+            summing: BTreeSet::new(),
+            hold: Hold::new(HOLD_NS),
+        }
+    }
 }
 
 impl Log {
@@ -202,7 +205,7 @@ impl Log {
     fn beside(&mut self, sample: Sample, arrival_ns: Option<i64>, issues: &mut Issues) {
         match (&self.epoch, arrival_ns) {
             (Some(_), _) => self.beside.push((arrival_ns, sample)),
-            (None, Some(time_ns)) => self.wait(time_ns, sample),
+            (None, Some(time_ns)) => self.hold.put(time_ns, sample),
             (None, None) => issues.reject(reason::NO_TIME),
         }
     }
@@ -216,7 +219,7 @@ impl Log {
             .calendar
             .place(epoch.time_of_day_ns, epoch.date, epoch.arrival_ns);
         match epoch.samples() {
-            Some(samples) => samples.for_each(|sample| self.wait(time_ns, sample)),
+            Some(samples) => samples.for_each(|sample| self.hold.put(time_ns, sample)),
             None => issues.reject(reason::NO_POSITION),
         }
         // The first of a kind was measured with the fix; further ones by so much later as they arrived.
@@ -228,30 +231,8 @@ impl Log {
                 (Some(arrival), Some((Some(first), _))) => arrival.saturating_sub(*first),
                 _ => 0,
             };
-            self.wait(time_ns.saturating_add(later_ns), *sample);
+            self.hold.put(time_ns.saturating_add(later_ns), *sample);
         }
-    }
-
-    fn wait(&mut self, time_ns: i64, sample: Sample) {
-        self.sequence += 1;
-        self.latest_ns = self.latest_ns.max(time_ns);
-        self.waiting.push(Reverse(Waiting {
-            time_ns,
-            sequence: self.sequence,
-            sample,
-        }));
-    }
-
-    /// The next event for which nothing earlier is expected any more.
-    fn ready(&mut self, at_end: bool) -> Option<Event> {
-        let Reverse(first) = self.waiting.peek()?;
-        if !at_end && self.latest_ns.saturating_sub(first.time_ns) < HOLD_NS {
-            return None;
-        }
-        self.waiting.pop().map(|Reverse(first)| Event {
-            time_ns: first.time_ns,
-            sample: first.sample,
-        })
     }
 
     /// Tells what was odd about the dates.
@@ -269,26 +250,6 @@ impl Log {
             "The receiver's date {told} is {weeks} weeks from that of the log, {known}{roll_over}; its times of \
              day are used and its dates are not."
         ));
-    }
-}
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Waiting {}
-
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.time_ns, self.sequence).cmp(&(other.time_ns, other.sequence))
     }
 }
 
