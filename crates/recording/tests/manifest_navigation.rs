@@ -633,3 +633,39 @@ fn logs_of_ublox_receivers_are_told_by_content_and_read() {
         assert_eq!(of("UBX frame"), broken, "{name}: {issues:?}");
     }
 }
+
+#[cfg(feature = "ulog")]
+#[test]
+fn logs_of_autopilots_are_read() {
+    use SensorKind as Kind;
+    let Some(data) = northing_recording::test_data::data_dir("logs_of_autopilots_are_read") else {
+        return;
+    };
+    let (events, told_cube) = told("px4_cubeorange.toml", &data);
+    let counts = [
+        (Kind::Gyroscope, 1298),
+        (Kind::Magnetometer, 319),
+        (Kind::Pressure, 120),
+        (Kind::DeviceOrientation, 1298),
+        (Kind::GnssPosition, 32),
+        (Kind::GnssVelocity, 32),
+    ];
+    for (kind, number) in counts {
+        assert_eq!(count(&events, kind), number, "{kind:?} {told_cube:?}");
+    }
+    let (events, told_x21) = told("px4_auav_x21.toml", &data);
+    assert_eq!(count(&events, Kind::Gyroscope), 17_070, "{told_x21:?}");
+    assert_eq!(count(&events, Kind::DeviceOrientation), 6461);
+    // Level on the ground or nearly: the specific force points up, which is -z.
+    let Sample::SpecificForce(force) = first(&events, Kind::Accelerometer).sample else {
+        panic!("{events:?}")
+    };
+    assert!(
+        (force.norm() - 9.8).abs() < 1.0 && force.z < -8.0,
+        "{force}"
+    );
+    let path = data.join("nav/px4_flight/sample.ulg");
+    let alone = open(&path, &OpenOptions::default()).unwrap();
+    assert_eq!(alone.metadata().format, "ulog");
+    assert_eq!(alone.filter(Result::is_ok).count(), events.len());
+}

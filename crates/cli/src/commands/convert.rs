@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_core::nalgebra::Vector3;
-use northing_recording::{Issues, Recording, Sample, TumWriter, create};
+use northing_recording::{Issues, Recording, Sample, TrackPoint, TumWriter, create, write_track};
 use serde::Serialize;
 
 use crate::input::{DataArgs, InputArgs, shown};
@@ -18,7 +18,8 @@ use crate::progress::Progress;
 #[command(
     long_about = "Writes a recording in another format: .csv or .parquet keep every sensor; .mcap has messages \
                   of ROS 2 (Imu, MagneticField); .tum is a \
-                  trajectory of poses (the reference, or without one the device's own orientation).",
+                  trajectory of poses (the reference, or without one the device's own orientation); \
+                  .kml, .gpx and .geojson are the fixes of a satellite receiver on a map.",
     after_help = "\
 Examples:
   northing convert walk.zip walk.parquet
@@ -26,13 +27,14 @@ Examples:
   northing convert lab.mcap walk.csv --device anna
   northing convert walk.csv walk.mcap
   northing convert trial.csv trial.tum
+  northing convert bridge.nmea voyage.kml
   northing convert imu.txt imu.csv --manifest imu.toml"
 )]
 pub(crate) struct ConvertArgs {
     /// The recording: file, Sensor Logger folder, or - for standard input
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
-    /// Where to write it: .csv, .parquet, .mcap or .tum
+    /// Where to write it: .csv, .parquet, .mcap, .tum, .kml, .gpx or .geojson
     #[arg(value_name = "OUTPUT", required_unless_present = "out")]
     output: Option<PathBuf>,
     /// The same as OUTPUT
@@ -69,6 +71,11 @@ pub(crate) fn execute(args: &ConvertArgs) -> Result<()> {
     let mut recording = args.input.open_in(&args.recording, &args.data)?;
     let samples = if has_extension(output, "tum") {
         write_trajectory(&mut recording, output, args)?
+    } else if ["kml", "gpx", "geojson"]
+        .iter()
+        .any(|e| has_extension(output, e))
+    {
+        write_fixes(&mut recording, output, args)?
     } else {
         write_recording(&mut recording, output, args)?
     };
@@ -126,6 +133,36 @@ fn write_recording(recording: &mut Recording, output: &Path, args: &ConvertArgs)
     }
     writer.finish()?;
     Ok(samples)
+}
+
+/// The fixes of a satellite receiver as a track.
+fn write_fixes(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> Result<u64> {
+    let mut progress = Progress::of_stream("converting");
+    let mut points = Vec::new();
+    for event in interruptible(recording.by_ref()) {
+        let event = event?;
+        progress.event();
+        if let Sample::GnssPosition(fix) = event.sample
+            && fix.is_usable()
+        {
+            points.push(TrackPoint {
+                time_ns: event.time_ns,
+                latitude_rad: fix.latitude_rad,
+                longitude_rad: fix.longitude_rad,
+                height_m: fix.height_m.unwrap_or(0.0),
+                std_m: fix.std_m,
+                attitude: None,
+            });
+        }
+    }
+    if points.is_empty() {
+        bail!(
+            "{}: no fix of a satellite receiver, so there is no track to write",
+            shown(&args.recording)
+        );
+    }
+    write_track(output, &recording.metadata().name, &points, args.force)?;
+    Ok(points.len() as u64)
 }
 
 /// The reference as poses, or the device's orientation where the recording has no reference.
