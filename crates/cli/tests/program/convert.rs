@@ -90,3 +90,20 @@ fn other_extensions_and_existing_outputs_are_refused() {
     lab.succeeds(&["convert", "phone.csv", "old.csv", "--force"]);
     assert!(lab.read("old.csv").len() > 1000);
 }
+
+#[test]
+fn the_fixes_of_a_receiver_become_a_map() {
+    let lab = Lab::new();
+    let log = "$GPGGA,123519.50,4807.038,N,01131.324,E,1,08,0.9,545.4,M,46.9,M,,*69\n\
+        $GPGGA,123520.50,4807.040,N,01131.326,E,1,08,0.9,545.4,M,46.9,M,,*6E\n";
+    lab.write("bridge.nmea", log.to_owned());
+    let said = lab.succeeds(&["convert", "bridge.nmea", "voyage.kml"]);
+    contains(&said, &["2 samples written to voyage.kml"]);
+    contains(
+        &lab.read("voyage.kml"),
+        &["<name>bridge</name>", "11.522066667,48.117300000,592.300"],
+    );
+    lab.write("imu.csv", csv(IMU, 10, |_| "0,0,0,0,0,9.81".to_owned()));
+    let message = lab.refuses(&["convert", "imu.csv", "imu.gpx"]);
+    contains(&message, &["imu.csv", "no fix of a satellite receiver"]);
+}
