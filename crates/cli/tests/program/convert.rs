@@ -96,7 +96,7 @@ fn the_fixes_of_a_receiver_become_a_map() {
     let lab = Lab::new();
     let log = "$GPGGA,123519.50,4807.038,N,01131.324,E,1,08,0.9,545.4,M,46.9,M,,*69\n\
         $GPGGA,123520.50,4807.040,N,01131.326,E,1,08,0.9,545.4,M,46.9,M,,*6E\n";
-    lab.write("bridge.nmea", log.to_owned());
+    lab.write("bridge.nmea", log);
     let said = lab.succeeds(&["convert", "bridge.nmea", "voyage.kml"]);
     contains(&said, &["2 samples written to voyage.kml"]);
     contains(
