@@ -10,6 +10,7 @@ use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Vali
 
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use crate::nis::UpdateCounts;
+use crate::rts_smoother::navigation::NavigationRecorder;
 
 /// Inertial samples kept to look back by: 0.6 s at 200 Hz.
 const HISTORY: usize = 128;
@@ -28,11 +29,15 @@ pub(crate) struct InsNavigator {
     arm: Vector3<f64>,
     /// Angular rate of the last sample: the antenna moves with it.
     rate: Vector3<f64>,
+    /// What it has done, to look back.
+    recorder: Option<NavigationRecorder>,
 }
 
 impl InsNavigator {
-    pub(crate) fn new(config: GnssInsConfig<f64>) -> Result<Self, &'static str> {
+    /// `remembers`: for [`Navigator::smoothed`].
+    pub(crate) fn new(config: GnssInsConfig<f64>, remembers: bool) -> Result<Self, &'static str> {
         Ok(Self {
+            recorder: remembers.then(NavigationRecorder::default),
             ins: Box::new(GnssIns::new(config)?),
             arm: config.lever_arm_m.into(),
             rate: Vector3::zeros(),
@@ -71,6 +76,9 @@ impl Navigator for InsNavigator {
         force: &Vector3<f64>,
         _: &mut Vec<Told>,
     ) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.before_imu(&mut self.ins);
+        }
         // What is refused is counted inside, and told at the end.
         if self.ins.imu(time_ns, rate, force).is_ok() {
             self.rate = *rate;
@@ -78,6 +86,9 @@ impl Navigator for InsNavigator {
     }
 
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.before_measurement(&mut self.ins);
+        }
         if let Aid::Position {
             ned,
             std,
@@ -123,6 +134,30 @@ impl Navigator for InsNavigator {
 
     fn validity(&self) -> Validity {
         self.ins.validity()
+    }
+
+    fn smoothed(&mut self) -> Vec<NavigationEstimate> {
+        let Some(recorder) = &mut self.recorder else {
+            return Vec::new();
+        };
+        let nodes = recorder.smooth(&mut self.ins).into_iter();
+        let told = nodes.map(|node| NavigationEstimate {
+            time_ns: node.time_ns,
+            ned_from_body: Some(node.ned_from_body),
+            heading_std: Some(
+                node.covariance[(ATTITUDE + 2, ATTITUDE + 2)]
+                    .max(0.0)
+                    .sqrt(),
+            ),
+            position: node.position + node.ned_from_body * self.arm,
+            position_covariance: node
+                .covariance
+                .fixed_view::<3, 3>(POSITION, POSITION)
+                .into_owned(),
+            velocity: node.velocity,
+            validity: Validity::Aided,
+        });
+        told.collect()
     }
 
     fn own_counts(&self) -> Vec<(AidKind, UpdateCounts)> {

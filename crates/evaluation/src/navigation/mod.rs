@@ -9,10 +9,12 @@
 //! | `navigator.rs` | what every estimator does; the adapters of each are in `*_navigator.rs` |
 //! | `runner.rs` | from events to estimates |
 //! | `score.rs`, `summary.rs` | errors at withheld fixes, at a reference and in outages; the outcome |
+//! | `hindsight.rs` | scores of estimates that look back |
 //! | `trace.rs` | what plots need |
 //! | `tune.rs` | noise parameters by innovation likelihood, with a part held back |
 
 mod axis_navigator;
+mod hindsight;
 mod ins_navigator;
 pub mod navigator;
 pub mod options;

@@ -196,6 +196,11 @@ pub(crate) trait Navigator {
     /// Where the body is at the last sample; `None` before the start.
     fn estimate(&mut self) -> Option<NavigationEstimate>;
 
+    /// Every estimate in hindsight, in time order; empty unless it was told to remember.
+    fn smoothed(&mut self) -> Vec<NavigationEstimate> {
+        Vec::new()
+    }
+
     /// What the position is worth now.
     fn validity(&self) -> Validity;
 

@@ -16,6 +16,7 @@ use northing_recording::{
 };
 
 use super::axis_navigator::AxisNavigator;
+use super::hindsight::{self, Scored};
 use super::ins_navigator::InsNavigator;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use super::options::{NavigationKind, NavigationOptions};
@@ -115,6 +116,9 @@ where
         session.take(&event);
     }
     session.flush_inertial();
+    if options.smooth {
+        session.look_back();
+    }
     session.finish(name)
 }
 
@@ -122,7 +126,7 @@ fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, Evaluati
     let p = &options.parameters;
     let made: Result<Box<dyn Navigator>, &'static str> = match options.estimator {
         NavigationKind::ErrorState => {
-            InsNavigator::new(p.error_state).map(|n| Box::new(n) as Box<dyn Navigator>)
+            InsNavigator::new(p.error_state, options.smooth).map(|n| Box::new(n) as Box<dyn Navigator>)
         }
         NavigationKind::AxisFilters => AxisNavigator::new(p.attitude_axes, p.position_axes)
             .map(|n| Box::new(n) as Box<dyn Navigator>),
@@ -155,6 +159,10 @@ struct Session<'a> {
     counts: Counts,
     told: Vec<Told>,
     has_field: bool,
+    /// How fast the body turns, rad/s.
+    turn_rate: f64,
+    /// What is to be scored, kept until the estimates have looked back.
+    kept: Vec<Scored>,
     observed_ns: Option<i64>,
 }
 
@@ -201,6 +209,8 @@ impl<'a> Session<'a> {
             counts: Counts::default(),
             told: Vec::new(),
             has_field: false,
+            turn_rate: 0.0,
+            kept: Vec::new(),
             observed_ns: None,
         })
     }
@@ -227,11 +237,8 @@ impl<'a> Session<'a> {
             Sample::GnssVelocity(velocity) => self.gnss_velocity(time_ns, &velocity),
             Sample::ReferencePosition(place) => self.reference_position(time_ns, &place),
             Sample::ReferenceVelocity(velocity) => {
-                let estimate = self.navigator.estimate();
-                if let Some(estimate) = estimate {
-                    self.scorer.velocity(time_ns, &velocity, true, &estimate);
-                    self.scorer.course(time_ns, &velocity, &estimate);
-                }
+                self.score(Scored::Velocity(time_ns, velocity, true));
+                self.score(Scored::Course(time_ns, velocity, self.turn_rate));
             }
             Sample::Reference(reference) => self.reference_attitude(time_ns, &reference),
             other => {
@@ -282,7 +289,7 @@ impl<'a> Session<'a> {
             return;
         };
         self.counts.inertial += 1;
-        self.scorer.turns_at(rate.norm());
+        self.turn_rate = rate.norm();
         self.navigator
             .inertial(time_ns, &rate, &force, &mut self.told);
         self.observer.inertial(time_ns, &rate, &force);
@@ -320,7 +327,7 @@ impl<'a> Session<'a> {
         let due = self
             .observed_ns
             .is_none_or(|last| time_ns.saturating_sub(last) >= interval);
-        if interval == i64::MAX || !due {
+        if interval == i64::MAX || !due || self.options.smooth {
             return;
         }
         if let Some(estimate) = self.navigator.estimate() {
@@ -353,7 +360,7 @@ impl<'a> Session<'a> {
             return;
         }
         self.counts.used += 1;
-        self.scorer.fix_used();
+        self.score(Scored::FixUsed);
         self.remember(time_ns, &ned);
         let vertical = vertical && !self.options.without.contains(&AidKind::GnssHeight);
         let stated = fix.std_m.is_some();
@@ -409,12 +416,11 @@ impl<'a> Session<'a> {
             velocity.east_m_s,
             velocity.down_m_s.unwrap_or(0.0),
         );
-        let estimate = self.navigator.estimate();
-        if let (false, Some(estimate)) = (self.has_reference, estimate) {
+        if !self.has_reference {
             if self.withheld {
-                self.scorer.velocity(time_ns, &ned, vertical, &estimate);
+                self.score(Scored::Velocity(time_ns, ned, vertical));
             }
-            self.scorer.course(time_ns, &ned, &estimate);
+            self.score(Scored::Course(time_ns, ned, self.turn_rate));
         }
         if self.withheld {
             return;
@@ -448,9 +454,6 @@ impl<'a> Session<'a> {
     }
 
     fn score_position(&mut self, time_ns: i64, ned: &Vector3<f64>, std: f64, vertical: bool) {
-        let Some(estimate) = self.navigator.estimate() else {
-            return;
-        };
         self.counts.scored_at_reference = self.has_reference;
         let latency_s = self.options.parameters.error_state.position_latency_s;
         let latency_ns = (latency_s * 1e9) as i64;
@@ -461,24 +464,53 @@ impl<'a> Session<'a> {
             vertical,
             last_fix: self.last_fix,
         };
-        let error = self.scorer.position(&point, &estimate);
-        let c = &estimate.position_covariance;
-        self.observer.scored(&ScoredPoint {
-            time_ns: point.time_ns,
-            error,
-            horizontal_std: (c.m11 + c.m22).max(0.0).sqrt(),
-            vertical_std: c.m33.max(0.0).sqrt(),
-            vertical,
-        });
+        self.score(Scored::Position(point));
+    }
+
+    /// Scores with the estimate of now, or keeps it for hindsight.
+    fn score(&mut self, scored: Scored) {
+        if self.options.smooth {
+            self.kept.push(scored);
+        } else {
+            let estimate = self.navigator.estimate();
+            self.score_with(&scored, estimate.as_ref());
+        }
+    }
+
+    fn score_with(&mut self, scored: &Scored, estimate: Option<&NavigationEstimate>) {
+        let error = scored.score(&mut self.scorer, estimate);
+        if let (Some(error), Some(estimate), Scored::Position(point)) = (error, estimate, scored) {
+            let c = &estimate.position_covariance;
+            self.observer.scored(&ScoredPoint {
+                time_ns: point.time_ns,
+                error,
+                horizontal_std: (c.m11 + c.m22).max(0.0).sqrt(),
+                vertical_std: c.m33.max(0.0).sqrt(),
+                vertical: point.vertical,
+            });
+        }
+    }
+
+    /// Scores and shows what the estimates know once they have looked back.
+    fn look_back(&mut self) {
+        let nodes = self.navigator.smoothed();
+        for scored in core::mem::take(&mut self.kept) {
+            let time_ns = scored.time_ns().unwrap_or_default();
+            self.score_with(&scored, hindsight::at(&nodes, time_ns).as_ref());
+        }
+        if self.observer.interval_ns() < i64::MAX {
+            for node in &nodes {
+                self.observer.estimate(node);
+            }
+        }
     }
 
     fn reference_attitude(&mut self, time_ns: i64, reference: &Reference) {
-        if let Some(estimate) = self.navigator.estimate()
-            && reference.scored
+        if reference.scored
             && reference.attitude.coords.iter().all(|x| x.is_finite())
         {
             let ned_from_frd = self.ned_from_frd(&reference.attitude);
-            self.scorer.attitude(time_ns, &ned_from_frd, &estimate);
+            self.score(Scored::Attitude(time_ns, ned_from_frd));
         }
     }
 

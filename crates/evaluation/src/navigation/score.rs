@@ -145,7 +145,6 @@ pub(crate) struct Scorer {
     heading: Rms,
     course: Rms,
     tilt: Rms,
-    turn_rate: f64,
 }
 
 impl Scorer {
@@ -177,7 +176,6 @@ impl Scorer {
             heading: Rms::default(),
             course: Rms::default(),
             tilt: Rms::default(),
-            turn_rate: 0.0,
         }
     }
 
@@ -202,11 +200,6 @@ impl Scorer {
     /// The estimator got a fix.
     pub(crate) fn fix_used(&mut self) {
         self.recovering = false;
-    }
-
-    /// How fast the body turns, rad/s: courses count on straight parts.
-    pub(crate) fn turns_at(&mut self, rate: f64) {
-        self.turn_rate = rate;
     }
 
     /// Points that came before scores count.
@@ -278,17 +271,18 @@ impl Scorer {
         self.velocity.add(error.norm());
     }
 
-    /// On straight parts the course over ground is what the heading is compared with.
+    /// On straight parts (`turn_rate`, rad/s) the course over ground is what the heading is compared with.
     pub(crate) fn course(
         &mut self,
         time_ns: i64,
         ned: &Vector3<f64>,
+        turn_rate: f64,
         estimate: &NavigationEstimate,
     ) {
         if self.recovering || !self.counts(time_ns) {
             return;
         }
-        let straight = self.turn_rate < STRAIGHT && ned.xy().norm() > COURSE_ABOVE;
+        let straight = turn_rate < STRAIGHT && ned.xy().norm() > COURSE_ABOVE;
         if let Some(heading) = estimate.heading().filter(|_| straight) {
             let off = wrapped(heading - ned.y.atan2(ned.x));
             // About the mean so far, so that a unit mounted backwards is not cut in two.
@@ -463,10 +457,10 @@ mod tests {
         for degrees in [1.0_f64, -1.0, 1.0, -1.0] {
             let course = 0.2 + degrees.to_radians();
             let velocity = Vector3::new(course.cos(), course.sin(), 0.0) * 10.0;
-            scorer.course(1, &velocity, &estimate(0.0, 0.0));
+            scorer.course(1, &velocity, 0.0, &estimate(0.0, 0.0));
         }
-        scorer.turns_at(0.5);
-        scorer.course(1, &Vector3::new(0.0, 10.0, 0.0), &estimate(0.0, 0.0));
+        let across = Vector3::new(0.0, 10.0, 0.0);
+        scorer.course(1, &across, 0.5, &estimate(0.0, 0.0));
         let score = scorer.heading_score().unwrap();
         assert_eq!((score.samples, score.against_course), (4, true));
         approx::assert_relative_eq!(score.rmse_deg, 1.0, epsilon = 1e-6);
