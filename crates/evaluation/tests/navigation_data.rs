@@ -115,6 +115,28 @@ fn what_a_car_cannot_do_keeps_it_on_the_road() {
     assert!(short < 6.0 && long < 10.0, "{short} m, {long} m");
 }
 
+#[test]
+fn looking_back_is_better_than_looking_ahead() {
+    let Some(data) = data_dir("looking_back_is_better_than_looking_ahead") else {
+        return;
+    };
+    let errors = |smooth: bool| {
+        let thinned = run(&data, "car_rtk", |options| {
+            options.smooth = smooth;
+            options.gnss_every = 4;
+        });
+        let outage = run(&data, "car_rtk", |options| {
+            options.smooth = smooth;
+            options.outages = vec!["215:30".parse().unwrap()];
+        });
+        let outage = outage.outages[0].horizontal_error_m.unwrap();
+        (thinned.position.unwrap().horizontal_rmse_m, outage)
+    };
+    let ((ahead, far), (back, near)) = (errors(false), errors(true));
+    assert!(back < ahead, "{back} m after {ahead} m");
+    assert!(near < 0.1 * far, "{near} m after {far} m");
+}
+
 /// In both cars the magnetometer is tens of degrees off: their own iron.
 #[test]
 fn a_phone_and_circles_beat_holding_and_extrapolation() {

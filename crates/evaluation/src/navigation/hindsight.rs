@@ -28,9 +28,9 @@ impl Scored {
     pub(crate) const fn time_ns(&self) -> Option<i64> {
         match self {
             Self::Position(point) => Some(point.time_ns),
-            Self::Velocity(time_ns, ..) | Self::Course(time_ns, ..) | Self::Attitude(time_ns, _) => {
-                Some(*time_ns)
-            }
+            Self::Velocity(time_ns, ..)
+            | Self::Course(time_ns, ..)
+            | Self::Attitude(time_ns, _) => Some(*time_ns),
             Self::FixUsed => None,
         }
     }

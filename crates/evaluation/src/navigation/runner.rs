@@ -125,9 +125,8 @@ where
 fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, EvaluationError> {
     let p = &options.parameters;
     let made: Result<Box<dyn Navigator>, &'static str> = match options.estimator {
-        NavigationKind::ErrorState => {
-            InsNavigator::new(p.error_state, options.smooth).map(|n| Box::new(n) as Box<dyn Navigator>)
-        }
+        NavigationKind::ErrorState => InsNavigator::new(p.error_state, options.smooth)
+            .map(|n| Box::new(n) as Box<dyn Navigator>),
         NavigationKind::AxisFilters => AxisNavigator::new(p.attitude_axes, p.position_axes)
             .map(|n| Box::new(n) as Box<dyn Navigator>),
         NavigationKind::DeadReckoning => {
@@ -506,9 +505,7 @@ impl<'a> Session<'a> {
     }
 
     fn reference_attitude(&mut self, time_ns: i64, reference: &Reference) {
-        if reference.scored
-            && reference.attitude.coords.iter().all(|x| x.is_finite())
-        {
+        if reference.scored && reference.attitude.coords.iter().all(|x| x.is_finite()) {
             let ned_from_frd = self.ned_from_frd(&reference.attitude);
             self.score(Scored::Attitude(time_ns, ned_from_frd));
         }
