@@ -56,7 +56,8 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let share = (dt / self.config.acceleration_average_s).min(T::one());
         state.mean_square_acceleration += (acceleration2 - state.mean_square_acceleration) * share;
         let psd = self.config.velocity_noise_psd(acceleration2, measured);
-        state.sums.add_force(&level, dt, psd);
+        let felt = tilt_force(&level, state.has_field);
+        state.sums.add_force(&felt, dt, psd);
         state.rest.force(&self.config, measured, dt);
         let half = dt * lit(0.5);
         if dt <= T::zero() || state.since_velocity_update + half < self.config.update_interval_s {
@@ -272,6 +273,18 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             }
         }
         self.tell(Moment::Corrected);
+    }
+}
+
+/// The force that moves the velocity with an attitude error (B8). A heading error turns the velocity and does not
+/// lengthen it: "near zero" tells nothing of the heading. The model would think so, taking every velocity that is left
+/// for an error; only a magnetometer makes that harmless (B8c).
+#[inline]
+fn tilt_force<T: Scalar>(level: &Vector3<T>, has_field: bool) -> Vector3<T> {
+    if has_field {
+        *level
+    } else {
+        Vector3::new(T::zero(), T::zero(), level.z)
     }
 }
 
