@@ -13,6 +13,63 @@ const STILL_RAD_S: f64 = 0.1;
 const PIECE: u32 = 10;
 const STEADY_UT: f64 = 10.0;
 
+/// The device turns faster than this where its field is judged, rad/s.
+const TURNING_RAD_S: f64 = 0.5;
+/// Time over which its strength is averaged there, s, and a longest time between samples.
+const AVERAGE_S: f64 = 2.0;
+const LONGEST_S: f64 = 0.2;
+/// No sensor that is turned shows a strength that stays the same to this, microtesla: its noise, its axes and the
+/// room see to that.
+const MADE_CONSTANT_UT: f64 = 0.15;
+/// So much of the turning, in seconds and as a share, must have such a field.
+const MADE_CONSTANT_S: f64 = 5.0;
+const MADE_CONSTANT_SHARE: f64 = 0.2;
+
+/// Whether the strength of a field changes at all while the device turns. Some systems deliver a field
+/// of constant strength, and in the wrong direction.
+#[derive(Debug, Clone, Default)]
+struct Constancy {
+    turning: bool,
+    last_s: Option<f64>,
+    mean: f64,
+    /// Mean square of the deviation, microtesla squared.
+    spread: f64,
+    turned_s: f64,
+    constant_s: f64,
+}
+
+impl Constancy {
+    fn field(&mut self, time_s: f64, strength: f64) {
+        let Some(last_s) = self.last_s.replace(time_s) else {
+            (self.mean, self.spread) = (strength, 1.0);
+            return;
+        };
+        if !self.turning {
+            return;
+        }
+        let dt = (time_s - last_s).clamp(0.0, LONGEST_S);
+        let off = strength - self.mean;
+        self.mean += off * dt / AVERAGE_S;
+        self.spread += (off * off - self.spread) * dt / AVERAGE_S;
+        self.turned_s += dt;
+        if self.spread < MADE_CONSTANT_UT * MADE_CONSTANT_UT {
+            self.constant_s += dt;
+        }
+    }
+
+    fn sentence(&self) -> Option<String> {
+        let most = MADE_CONSTANT_S.max(MADE_CONSTANT_SHARE * self.turned_s);
+        (self.constant_s > most).then(|| {
+            format!(
+                "For {:.0} of the {:.0} s in which the device turned, the strength of its magnetic field was the same to \
+                 {MADE_CONSTANT_UT} uT. No sensor shows that: the device's system makes it so, and such a field has pointed \
+                 up to 30 deg off. Take the uncalibrated magnetometer if there is one, or believe no heading.",
+                self.constant_s, self.turned_s
+            )
+        })
+    }
+}
+
 /// Looks at the strength of the field, in constant memory.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FieldWatch {
@@ -24,12 +81,14 @@ pub(crate) struct FieldWatch {
     at_rest: Option<f64>,
     /// Largest change within one rest, and when.
     worst: Option<(f64, f64)>,
+    constancy: Constancy,
 }
 
 impl FieldWatch {
     /// Takes an angular rate, rad/s.
     pub(crate) fn rate(&mut self, rate: &Vector3<f64>) {
         self.still = rate.norm() < STILL_RAD_S;
+        self.constancy.turning = rate.norm() > TURNING_RAD_S;
         if !self.still {
             self.piece = (0.0, 0);
             self.at_rest = None;
@@ -42,6 +101,7 @@ impl FieldWatch {
         if !(strength > 0.0 && strength.is_finite()) {
             return;
         }
+        self.constancy.field(time_s, strength);
         self.samples += 1;
         self.strength_sum += strength;
         if !self.still {
@@ -80,6 +140,7 @@ impl FieldWatch {
                  at {time_s:.1} s: something magnetic moves nearby, and the heading follows it."
             ));
         }
+        sentences.extend(self.constancy.sentence());
         sentences
     }
 }
@@ -101,12 +162,24 @@ mod tests {
     #[test]
     fn the_field_of_the_earth_is_no_remark() {
         assert!(watched(|_| 45.0, 0.0).is_empty());
+        assert!(watched(|k| 45.0 + 0.3 * f64::from(k % 3), 1.0).is_empty());
         assert!(
             watched(|k| 45.0 + f64::from(k % 7), 0.0).is_empty(),
             "noise"
         );
-        let passing = |k: u32| if k > 500 { 65.0 } else { 45.0 };
+        let passing = |k: u32| f64::from(k % 5) * 0.2 + if k > 500 { 65.0 } else { 45.0 };
         assert!(watched(passing, 1.0).is_empty(), "while it is turned");
+    }
+
+    #[test]
+    fn a_strength_that_a_system_makes_constant_is_told_of() {
+        let made = watched(|k| 42.2 + 0.05 * f64::from(k % 2), 1.0);
+        assert_eq!(made.len(), 1, "{made:?}");
+        assert!(
+            made[0].contains("of the 10 s in which the device turned"),
+            "{made:?}"
+        );
+        assert!(made[0].contains("uncalibrated magnetometer"), "{made:?}");
     }
 
     #[test]

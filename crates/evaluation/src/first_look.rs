@@ -262,6 +262,28 @@ mod tests {
     }
 
     #[test]
+    fn where_the_choice_is_free_a_filter_of_hard_iron_takes_the_uncalibrated_stream() {
+        let mut free = RunOptions {
+            choose_magnetometer: true,
+            ..RunOptions::default()
+        };
+        let taken = |options: &RunOptions, both: bool| {
+            let look = FirstLook::new(phone(both), options);
+            let sentence = look.sentence();
+            (look.options(options).sensors.magnetometer_source, sentence)
+        };
+        let (stream, sentence) = taken(&free, true);
+        assert_eq!(stream, MagnetometerSource::Uncalibrated);
+        assert!(sentence.unwrap().contains("It was chosen because"));
+        assert_eq!(taken(&free, false), (MagnetometerSource::Device, None));
+        free.estimator = EstimatorKind::Mekf;
+        assert_eq!(taken(&free, true), (MagnetometerSource::Device, None));
+        free.estimator = EstimatorKind::BoundedVelocity;
+        free.start = Some(state());
+        assert_eq!(taken(&free, true), (MagnetometerSource::Device, None));
+    }
+
+    #[test]
     fn an_error_at_the_start_comes_out_where_it_was() {
         let failed = || Err(EvaluationError::NoDeviceOrientation);
         let instants = phone(true).take(3).chain(std::iter::once_with(failed));

@@ -1,10 +1,10 @@
 //! The bounded-velocity filter on what devices deliver when something is wrong with them.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use northing_evaluation::options::{MagnetometerSource, RunOptions};
 use northing_evaluation::summary::RunSummary;
 use northing_evaluation::{EstimatorKind, Profile, run};
-use northing_recording::{Event, RecordingError, Sample};
+use northing_recording::{Event, RecordingError, Reference, Sample};
 use northing_simulation::virtual_phone::Motion;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 
@@ -113,6 +113,60 @@ fn a_magnetometer_may_appear_or_disappear_in_the_middle() {
         let run = summary(&events, &options());
         assert!(inclination(&run) < 1.0, "{}", inclination(&run));
     }
+}
+
+/// The uncalibrated stream comes when the run has begun, or goes; the choice was free.
+#[test]
+fn a_stream_that_comes_late_is_not_chosen_and_one_that_goes_leaves_the_tilt() {
+    let sound = events(|_, sample| Some(sample));
+    let both = with_uncalibrated(&sound, true);
+    let first = both[0].time_ns;
+    let part = |keep: fn(f64) -> bool| -> Vec<Event> {
+        let kept = both.iter().filter(|event| {
+            let raw = matches!(event.sample, Sample::MagneticFieldUncalibrated(_));
+            !raw || keep((event.time_ns - first) as f64 * 1e-9)
+        });
+        kept.copied().collect()
+    };
+    let mut options = options();
+    options.choose_magnetometer = true;
+    let late = summary(&part(|t| t > 30.0), &options);
+    assert_eq!(late.magnetometer, Some(MagnetometerSource::Device));
+    assert!(total(&late) < 2.0, "{}", total(&late));
+    let gone = summary(&part(|t| t < 50.0), &options);
+    assert_eq!(gone.magnetometer, Some(MagnetometerSource::Uncalibrated));
+    assert!(total(&gone) < 5.0, "{}", total(&gone));
+    assert!(inclination(&gone) < 1.0, "{}", inclination(&gone));
+}
+
+/// On a turntable from the first sample on, tilted, at five radians a second.
+#[test]
+fn a_recording_that_starts_spinning_is_followed() {
+    let rate = Vector3::new(0.0, 0.4, 5.0);
+    let field = Vector3::new(0.0, 22.0, -42.0);
+    let mut spinning = Vec::new();
+    for k in 0..6000_i64 {
+        let time_ns = k * 10_000_000;
+        let turn = rate * (k as f64 * 0.01);
+        let truth = UnitQuaternion::from_euler_angles(0.3, -0.2, 1.0)
+            * UnitQuaternion::from_scaled_axis(turn);
+        let body = |v: Vector3<f64>| truth.inverse() * v;
+        let wobble = (k % 7) as f64 * 0.1;
+        let reference = Reference {
+            attitude: truth,
+            scored: true,
+        };
+        for sample in [
+            Sample::AngularRate(rate),
+            Sample::SpecificForce(body(Vector3::z() * 9.81)),
+            Sample::MagneticField(body(field).add_scalar(wobble)),
+            Sample::Reference(reference),
+        ] {
+            spinning.push(Event { time_ns, sample });
+        }
+    }
+    let run = summary(&spinning, &options());
+    assert!(total(&run) < 2.0, "{}", total(&run));
 }
 
 #[test]

@@ -140,6 +140,15 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         self.state.ref_from_level * self.state.level_from_body
     }
 
+    /// What a bias of the accelerometer adds to the covariance of the attitude error, level axes, rad^2 (B22b).
+    pub fn unseen_tilt(&self) -> Matrix3<T> {
+        if self.state.gravity <= T::zero() {
+            return Matrix3::zeros();
+        }
+        let tilt = self.config.accelerometer_bias_std / self.state.gravity;
+        Matrix3::from_diagonal(&Vector3::new(tilt * tilt, tilt * tilt, T::zero()))
+    }
+
     /// Brings the covariance up to the attitude (B8).
     #[inline]
     fn propagate_covariance(&mut self) {
@@ -251,13 +260,14 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         now * so3::exp(&(self.state.angular_rate * self.config.prediction_s))
     }
 
-    /// `R^T P R` of the attitude block (B22).
+    /// `R^T P R` of the attitude block, with the tilt that an accelerometer's bias hides (B22, B22b).
     fn attitude_covariance(&self) -> Option<Matrix3<T>> {
         let p: Matrix3<T> = self
             .state
             .covariance
             .fixed_view::<3, 3>(ATTITUDE, ATTITUDE)
             .into_owned();
+        let p = p + self.unseen_tilt();
         let r = self.state.level_from_body.to_rotation_matrix().into_inner();
         let turned = r.transpose() * p * r;
         Some((turned + turned.transpose()) * lit::<T>(0.5))

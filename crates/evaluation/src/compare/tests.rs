@@ -215,8 +215,7 @@ fn hindsight_does_better_on_wearables() {
     };
     let (total, nees) = bounded_velocity(&data.join("attitude/broad"), run);
     assert!(total <= 2.0, "BROAD: {total} deg");
-    // The filter's own bounds end at 1.2: errors of the field last, which hindsight takes for noise.
-    assert!((0.4..=1.8).contains(&nees), "BROAD: NEES {nees}");
+    assert!((0.4..=1.2).contains(&nees), "BROAD: NEES {nees}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 pub(crate) const BOUNDED: &str = "bounded_";
 
 /// Name, unit and meaning of each.
-pub(super) const TABLE: [(&str, &str, &str); 40] = [
+pub(super) const TABLE: [(&str, &str, &str); 41] = [
     (
         "bounded_update_interval_s",
         "s",
@@ -62,6 +62,11 @@ pub(super) const TABLE: [(&str, &str, &str); 40] = [
         "bounded_accelerometer_scale_noise",
         "1/sqrt(Hz)",
         "extra of it per acceleration",
+    ),
+    (
+        "bounded_accelerometer_bias_std",
+        "m/s^2",
+        "bias of the accelerometer that nobody calibrated; widens what is stated of the tilt",
     ),
     (
         "bounded_initial_velocity_std",

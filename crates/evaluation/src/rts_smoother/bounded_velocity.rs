@@ -266,7 +266,17 @@ impl Smoother for BoundedVelocity<f64, Steps> {
     }
 
     fn smooth(&self) -> Vec<SmoothedNode> {
-        self.observer().smooth()
+        let r = self
+            .state()
+            .ref_from_level
+            .to_rotation_matrix()
+            .into_inner();
+        let unseen = r * self.unseen_tilt() * r.transpose();
+        let mut nodes = self.observer().smooth();
+        for node in &mut nodes {
+            node.turn_covariance += unseen;
+        }
+        nodes
     }
 
     fn in_hindsight(node: &SmoothedNode, filtered: &UnitQuaternion<f64>) -> Estimate {

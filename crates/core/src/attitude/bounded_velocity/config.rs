@@ -71,6 +71,9 @@ pub struct BoundedVelocityConfig<T> {
     pub accelerometer_noise_density: T,
     /// Extra of it per acceleration, 1/sqrt(Hz), default 0.01: scale errors.
     pub accelerometer_scale_noise: T,
+    /// Standard deviation of the accelerometer's bias per axis, m/s^2, default 0: calibrated. It is no state: the
+    /// stated covariance of the tilt has `(bias / gravity)^2` beside the filter's own, and nothing else changes.
+    pub accelerometer_bias_std: T,
     /// Standard deviation of the initial velocity per axis, m/s, default 1; also after a pause of
     /// the accelerometer.
     pub initial_velocity_std: T,
@@ -160,6 +163,7 @@ impl<T: Scalar> Default for BoundedVelocityConfig<T> {
             initial_misalignment_std: lit(0.001),
             accelerometer_noise_density: lit(0.05),
             accelerometer_scale_noise: lit(0.01),
+            accelerometer_bias_std: T::zero(),
             initial_velocity_std: T::one(),
             velocity_psd: lit(0.02),
             velocity_psd_gain: lit(0.025),
@@ -199,6 +203,7 @@ impl<T: Scalar> BoundedVelocityConfig<T> {
     pub fn hand_held() -> Self {
         Self {
             prediction_s: lit(0.0025),
+            accelerometer_bias_std: lit(0.05),
             ..Self::default()
         }
     }
@@ -256,7 +261,7 @@ impl<T: Scalar> BoundedVelocityConfig<T> {
         ]
     }
 
-    fn not_negative(&self) -> [(&'static str, T); 20] {
+    fn not_negative(&self) -> [(&'static str, T); 21] {
         [
             ("gyroscope_scale_noise", self.gyroscope_scale_noise),
             (
@@ -274,6 +279,7 @@ impl<T: Scalar> BoundedVelocityConfig<T> {
             ("initial_scale_std", self.initial_scale_std),
             ("initial_misalignment_std", self.initial_misalignment_std),
             ("accelerometer_scale_noise", self.accelerometer_scale_noise),
+            ("accelerometer_bias_std", self.accelerometer_bias_std),
             ("velocity_psd_gain", self.velocity_psd_gain),
             (
                 "magnetometer_correlation_time_s",

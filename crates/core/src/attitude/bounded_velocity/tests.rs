@@ -249,6 +249,45 @@ fn without_a_magnetometer_the_tilt_is_kept_and_the_heading_variance_grows() {
     assert_eq!(f.state.layout.len(), 17);
 }
 
+/// However long it is shaken: what the velocity tells is not the heading (B8c).
+#[test]
+fn without_a_magnetometer_shaking_makes_no_heading() {
+    let mut config = full::<f64>();
+    // Nothing but the angle's own noise may change what is known of the heading.
+    config.scale_states = ScaleStates::Off;
+    let mut start = initial(TangentFrame::Enu, UnitQuaternion::identity());
+    start.references.magnetic_field = None;
+    start.gyroscope_bias_std = 1e-9;
+    config.gyroscope_bias_random_walk = 1e-12;
+    let mut f = BoundedVelocity::new(config).unwrap();
+    f.initialize(&start);
+    let mut last = f.state.covariance[(2, 2)];
+    for k in 0..6000 {
+        let t = f64::from(k) * 0.01;
+        let force = Vector3::new(8.0 * (5.0 * t).sin(), 6.0 * (7.0 * t).cos(), 9.81);
+        f.propagate(&Vector3::zeros(), 0.01);
+        f.update_accelerometer(&force);
+        let now = f.state.covariance[(2, 2)];
+        assert!(now > last * (1.0 - 1e-9), "step {k}: {now} after {last}");
+        last = now;
+    }
+    assert!(f.state.covariance[(0, 0)] < 1e-3, "the tilt is learnt");
+}
+
+#[test]
+fn a_bias_of_the_accelerometer_widens_what_is_stated_of_the_tilt_alone() {
+    let mut config = full::<f64>();
+    let plain = filter(config);
+    config.accelerometer_bias_std = 0.05;
+    let wide = filter(config);
+    assert_eq!(plain.state, wide.state);
+    let stated = |f: &BoundedVelocity<f64>| f.attitude_covariance().unwrap();
+    let more = stated(&wide) - stated(&plain);
+    let tilt = (0.05_f64 / 9.81).powi(2);
+    let expected = Matrix3::from_diagonal(&Vector3::new(tilt, tilt, 0.0));
+    assert!((more - expected).amax() < 1e-12, "{more}");
+}
+
 #[test]
 fn a_rest_tells_the_bias() {
     let run = |moving: f64| {
