@@ -7,9 +7,9 @@
 //! | estimator | file | error states | when |
 //! |---|---|---|---|
 //! | [`integration::Integration`] | `integration.rs` | none | the yardstick: gyroscope alone |
-//! | [`mekf::Mekf`] | `mekf.rs` | attitude, gyroscope bias | the default |
+//! | [`mekf::Mekf`] | `mekf.rs` | attitude, gyroscope bias | the first choice on a bench |
 //! | [`mekf3::Mekf3`] | `mekf3.rs` | attitude | the paper's filter, to the letter where asked |
-//! | [`bounded_velocity::BoundedVelocity`] | `bounded_velocity.rs` | attitude, velocity, bias, scale, field, hard iron | phones and wearables in real use |
+//! | [`bounded_velocity::BoundedVelocity`] | `bounded_velocity.rs` | attitude, velocity, bias, scale, field, hard iron | the first choice: phones and wearables in real use |
 //! | [`usque::Usque`] | `usque.rs` | attitude, gyroscope bias | unscented, large errors |
 //! | [`quaternion_ekf::QuaternionEkf`] | `quaternion_ekf.rs` | quaternion, gyroscope bias | additive EKF |
 //! | [`axis_filters::AxisFilters`] | `axis_filters.rs` | two an axis | roll, pitch, yaw by themselves: the smallest, not of this trait |
