@@ -67,7 +67,7 @@ function SurroundingsTable({ device }: { device: string }) {
 /** x, y, z and the worst standard deviation, microtesla. */
 function ironInWords({ hard_iron_ut: iron, hard_iron_std_ut: std }: Surroundings): string {
   if (!iron || !std) return "not estimated: taken as calibrated";
-  const signed = iron.map((v) => `${v < 0 ? "−" : "+"}${Math.abs(v).toFixed(1)}`).join(" ");
+  const signed = iron.map((v) => { const size = Math.abs(v).toFixed(1); return `${v < 0 && size !== "0.0" ? "−" : "+"}${size}`; }).join(" ");
   return `${signed} ±${Math.max(...std).toFixed(1)} µT`;
 }
 
