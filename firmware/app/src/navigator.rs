@@ -1,0 +1,89 @@
+//! The filters as the application sees them: start at rest, step at 50 Hz, estimate, fingerprint.
+
+mod axis_filters;
+
+pub use axis_filters::AxisNavigator;
+use northing_core::attitude::axis_filters::{AxisAngles, tilt_compensated_heading, tilt_of};
+use northing_core::nalgebra::Vector3;
+pub use northing_core::navigation::axis_filters::Validity;
+
+/// Frames that are averaged before the filters start: one second at rest.
+pub const REST_FRAMES: u32 = 50;
+
+/// What the IMU said in one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inertial {
+    /// Time since the step before, s.
+    pub dt_s: f32,
+    /// Angular rate, forward, right, down, rad/s.
+    pub angular_rate: Vector3<f32>,
+    /// Specific force, forward, right, down, m/s^2; `None` when its line was damaged.
+    pub specific_force: Option<Vector3<f32>>,
+    /// Magnetic field, forward, right, down, microtesla; `None` when its line was damaged.
+    pub magnetic_field: Option<Vector3<f32>>,
+}
+
+/// A position of the receiver that has not been used yet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Position {
+    /// Counts the fixes: each is used once.
+    pub number: u32,
+    /// North, east, down from the first fix, m.
+    pub ned: Vector3<f32>,
+    /// Velocity north and east, m/s.
+    pub velocity: Option<[f32; 2]>,
+    /// Horizontal dilution of precision.
+    pub hdop: f32,
+}
+
+/// What is believed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Roll, pitch, yaw, rad.
+    pub angles: Vector3<f32>,
+    /// Their standard deviations, rad.
+    pub angles_std: Vector3<f32>,
+    /// Position, velocity and the position's standard deviations: north, east, down, m and m/s.
+    pub position: Vector3<f32>,
+    /// See [`Self::position`].
+    pub velocity: Vector3<f32>,
+    /// See [`Self::position`].
+    pub position_std: Vector3<f32>,
+    /// What the position is worth; while waiting for the first fix the vectors mean nothing.
+    pub validity: Validity,
+}
+
+/// A build's filters.
+pub trait Navigator: Sized {
+    /// The name of the build.
+    const NAME: &'static [u8];
+
+    /// Filters that start from a mean over a rest; `None` when that is no start.
+    fn start(rest: &Inertial) -> Option<Self>;
+
+    /// One step: inertial sensors, and a position where there is a new one.
+    fn step(&mut self, inertial: &Inertial, position: Option<&Position>);
+
+    /// What is believed now.
+    fn estimate(&self) -> Estimate;
+
+    /// Gives every number of the state to `take`: equal numbers, equal state.
+    fn state_bits(&self, take: impl FnMut(f32));
+
+    /// A hash of the state's bits: equal on two machines when their states are equal to the bit.
+    fn fingerprint(&self) -> u32 {
+        let mut hash = 0x811c_9dc5_u32;
+        // FNV-1a over words; zero has one sign here.
+        self.state_bits(|x| hash = (hash ^ (x + 0.0).to_bits()).wrapping_mul(0x0100_0193));
+        hash
+    }
+}
+
+/// Roll, pitch and yaw of a body at rest; a yaw of zero without a field.
+fn angles_at_rest(rest: &Inertial) -> Option<[f32; 3]> {
+    let (roll, pitch) = tilt_of(&rest.specific_force?, AxisAngles::Exact);
+    let roll = roll.unwrap_or(0.0);
+    let field = rest.magnetic_field.unwrap_or_default();
+    let yaw = tilt_compensated_heading(&field, roll, pitch).unwrap_or(0.0);
+    Some([roll, pitch, yaw])
+}

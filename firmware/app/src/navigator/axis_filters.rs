@@ -1,0 +1,80 @@
+//! The build `axis-filters`: the paper's filters, one an axis, for attitude and for position.
+
+use northing_core::attitude::axis_filters::{AxisFilters, AxisFiltersConfig};
+use northing_core::nalgebra::Vector3;
+use northing_core::navigation::axis_filters::{PositionAxisConfig, PositionAxisFilters};
+
+use super::{Estimate, Inertial, Navigator, Position, angles_at_rest};
+
+/// Standard gravity, m/s^2.
+const GRAVITY: f32 = 9.806_65;
+
+/// Roll, pitch, yaw; north, east, down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisNavigator {
+    attitude: AxisFilters<f32>,
+    position: PositionAxisFilters<f32>,
+    /// Of the last sound frame.
+    specific_force: Vector3<f32>,
+}
+
+impl Navigator for AxisNavigator {
+    const NAME: &'static [u8] = b"axis-filters";
+
+    fn start(rest: &Inertial) -> Option<Self> {
+        let angles = angles_at_rest(rest)?;
+        Some(Self {
+            attitude: AxisFilters::new(AxisFiltersConfig::default(), angles).ok()?,
+            position: PositionAxisFilters::new(PositionAxisConfig::default()).ok()?,
+            specific_force: rest.specific_force?,
+        })
+    }
+
+    fn step(&mut self, inertial: &Inertial, position: Option<&Position>) {
+        // Refusals change nothing: what the sensors say is checked by the filters themselves.
+        let _ = self.attitude.propagate(&inertial.angular_rate, inertial.dt_s);
+        if let Some(force) = &inertial.specific_force {
+            let _ = self.attitude.update_accelerometer(force);
+            self.specific_force = *force;
+        }
+        if let Some(field) = &inertial.magnetic_field {
+            let _ = self.attitude.update_magnetometer(field);
+        }
+        let ned_from_body = self.attitude.attitude();
+        let _ = self.position.propagate(
+            &ned_from_body,
+            &self.specific_force,
+            GRAVITY,
+            inertial.dt_s,
+        );
+        if let Some(fix) = position {
+            let _ = self.position.update_position(u64::from(fix.number), &fix.ned);
+        }
+    }
+
+    fn estimate(&self) -> Estimate {
+        let std = |variance: f32| northing_core::nalgebra::ComplexField::sqrt(variance.max(0.0));
+        let angles = self.attitude.axes();
+        let axes = self.position.axes();
+        Estimate {
+            angles: Vector3::from(angles.map(|axis| axis.angle)),
+            angles_std: Vector3::from(angles.map(|axis| std(axis.covariance[0]))),
+            position: self.position.position(),
+            velocity: self.position.velocity(),
+            position_std: Vector3::from(axes.map(|axis| std(axis.covariance.m11))),
+            validity: self.position.validity(),
+        }
+    }
+
+    fn state_bits(&self, mut take: impl FnMut(f32)) {
+        for axis in self.attitude.axes() {
+            take(axis.angle);
+            take(axis.bias);
+            axis.covariance.iter().copied().for_each(&mut take);
+        }
+        for axis in self.position.axes() {
+            axis.state.iter().copied().for_each(&mut take);
+            axis.covariance.iter().copied().for_each(&mut take);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! What is counted: each filter's step, on the same motion.
+
+use core::hint::black_box;
+
+use cortex_m_semihosting::hprintln;
+use northing_core::nalgebra::{ComplexField, Vector3};
+use northing_firmware::navigator::{AxisNavigator, Position};
+use northing_firmware::{Inertial, Navigator};
+
+use crate::{Counter, STEPS};
+
+/// Steps between two fixes: 1 Hz.
+const FIX_EVERY: u32 = 50;
+
+/// Counts every filter and says so.
+pub(crate) fn all(counter: &Counter) {
+    navigator::<AxisNavigator>("axis-filters", counter);
+}
+
+/// A build's step, with a fix each second.
+fn navigator<N: Navigator>(name: &str, counter: &Counter) {
+    let Some(mut filter) = N::start(&inertial(0)) else {
+        hprintln!("{} does not start", name);
+        return;
+    };
+    let mut worst = 0;
+    let mut sum = 0;
+    for step in 1..=STEPS {
+        let inertial = black_box(inertial(step));
+        let position = black_box(fix(step));
+        let count = counter.instructions(|| filter.step(&inertial, position.as_ref()));
+        worst = worst.max(count);
+        sum += count;
+    }
+    black_box(filter.fingerprint());
+    say(name, worst, sum / STEPS);
+}
+
+fn say(name: &str, worst: u32, mean: u32) {
+    hprintln!("{} {} {}", name, worst, mean);
+}
+
+/// Of a hand that swings and turns.
+fn inertial(step: u32) -> Inertial {
+    let t = step as f32 * 0.02;
+    let [slow, fast] = [ComplexField::sin(t * 0.7), ComplexField::sin(t * 5.0)];
+    Inertial {
+        dt_s: if step == 0 { 0.0 } else { 0.02 },
+        angular_rate: Vector3::new(0.3 * fast, 0.2 * slow, 0.5 * slow - 0.1 * fast),
+        specific_force: Some(Vector3::new(1.5 * slow, 0.8 * fast, -9.8 + 0.5 * fast)),
+        magnetic_field: Some(Vector3::new(20.0 + slow, 3.0 * fast, 45.0)),
+    }
+}
+
+fn fix(step: u32) -> Option<Position> {
+    let number = step / FIX_EVERY;
+    (step % FIX_EVERY == 0).then(|| Position {
+        number,
+        ned: Vector3::new(number as f32, number as f32 * -0.5, 0.3),
+        velocity: Some([1.0, -0.5]),
+        hdop: 1.2,
+    })
+}

@@ -1,0 +1,79 @@
+//! The emulated chips give the bytes that the host gives, and estimates that are true.
+
+#![allow(clippy::unwrap_used, clippy::indexing_slicing)]
+
+use std::thread;
+
+use northing_firmware::navigator::AxisNavigator;
+use northing_firmware::{Navigator, ResetCause};
+use northing_firmware_tests::Board;
+use northing_firmware_tests::emulator::Emulator;
+use northing_firmware_tests::host::Host;
+use northing_firmware_tests::images::Chip;
+use northing_firmware_tests::output::{Sentence, of_kind, sentences};
+use northing_firmware_tests::walk::{Truth, Walk};
+
+/// Over this walk both chips and the host print the same bytes; each estimate carries a hash of all
+/// numbers of the filters' states, so that these are equal to the bit.
+fn chips_and_host_agree<N: Navigator>(image: &'static str, walk: &Walk) -> Vec<Sentence> {
+    let on_host = Host::<N>::start(ResetCause::Power).ticks(&walk.ticks);
+    thread::scope(|scope| {
+        for chip in Chip::ALL {
+            let on_host = &on_host;
+            scope.spawn(move || {
+                let on_chip = Emulator::start(chip, image).ticks(&walk.ticks);
+                let (host, chip_said) = (sentences(on_host), sentences(&on_chip));
+                for (at, (h, c)) in host.iter().zip(&chip_said).enumerate() {
+                    assert_eq!(c, h, "sentence {at} on {}", chip.name());
+                }
+                assert!(*on_host == on_chip, "{}: one stopped early", chip.name());
+            });
+        }
+    });
+    sentences(&on_host)
+}
+
+/// Root mean square of horizontal position (m), tilt and heading (rad) over the estimates after the
+/// first 40 seconds.
+fn errors(said: &[Sentence], truth: &[Truth]) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    let mut count = 0.0;
+    for estimate in of_kind(said, 'E') {
+        let ms: usize = estimate.number(0);
+        if ms < 40_000 {
+            continue;
+        }
+        // The first frame begins the time.
+        let truth = &truth[ms / 20];
+        let [roll, pitch, yaw] = estimate.vector(1, 1e-3).map(f64::to_radians);
+        let [true_roll, true_pitch, true_yaw] = <[f64; 3]>::from(truth.attitude.euler_angles());
+        let wrapped = (yaw - true_yaw).sin().asin();
+        let [north, east, _] = estimate.vector(8, 1e-3);
+        let off = [north - truth.position.x, east - truth.position.y];
+        let squares = [
+            off[0] * off[0] + off[1] * off[1],
+            (roll - true_roll).powi(2) + (pitch - true_pitch).powi(2),
+            wrapped * wrapped,
+        ];
+        for (sum, square) in sums.iter_mut().zip(squares) {
+            *sum += square;
+        }
+        count += 1.0;
+    }
+    assert!(count > 100.0);
+    sums.map(|sum: f64| (sum / count).sqrt())
+}
+
+#[test]
+fn axis_filters_on_a_chip_are_those_of_the_host_and_near_the_truth() {
+    let walk = Walk::new(7, 120.0);
+    let said = chips_and_host_agree::<AxisNavigator>("emulated-axis-filters", &walk);
+    assert_eq!(of_kind(&said, 'I').count(), walk.ticks.len());
+    // A second at rest, then an estimate each frame.
+    assert_eq!(of_kind(&said, 'E').count(), walk.ticks.len() - 50);
+    let fixes = walk.ticks.iter().filter(|tick| !tick.gnss.is_empty()).count();
+    // The one that came in that second is used as it ends.
+    assert_eq!(of_kind(&said, 'G').count(), fixes);
+    let [position_m, tilt, heading] = errors(&said, &walk.truth);
+    println!("position {position_m:.2} m, tilt {tilt:.4} rad, heading {heading:.4} rad");
+}
