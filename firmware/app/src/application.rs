@@ -47,12 +47,15 @@ pub struct Overruns {
     pub gnss: u32,
 }
 
-/// What the IMU has said since the last frame, in units of the sentences.
-#[derive(Debug, Clone, Copy, Default)]
-struct Frame {
-    force: Option<[i32; 3]>,
-    field: Option<[i32; 3]>,
-    rate: [i32; 3],
+/// What an IMU has said in one frame, in the units of the sentences: forward, right, down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Frame {
+    /// Specific force, 0.1 mm/s^2.
+    pub force: Option<[i32; 3]>,
+    /// Magnetic field, 0.01 microtesla.
+    pub field: Option<[i32; 3]>,
+    /// Angular rate, 1e-5 rad/s.
+    pub rate: [i32; 3],
 }
 
 /// The application of one build.
@@ -71,6 +74,7 @@ pub struct Application<N> {
     time_ms: u32,
     counts: Counts,
     status_us: u32,
+    imu_is_silent: bool,
 }
 
 #[derive(Debug)]
@@ -128,6 +132,7 @@ impl<N: Navigator> Application<N> {
             time_ms: 0,
             counts: Counts::default(),
             status_us: now_us,
+            imu_is_silent: true,
         }
     }
 
@@ -140,8 +145,11 @@ impl<N: Navigator> Application<N> {
             Some(razor::Line::Force(force)) => self.frame.force = Some(force),
             Some(razor::Line::Field(field)) => self.frame.field = Some(field),
             Some(razor::Line::Rate(rate)) => {
-                let frame = Frame { rate, ..core::mem::take(&mut self.frame) };
-                self.step(&frame, now_us, out);
+                let frame = Frame {
+                    rate,
+                    ..core::mem::take(&mut self.frame)
+                };
+                self.take_frame(&frame, now_us, out);
             }
             Some(razor::Line::Other) => {}
             None => self.counts.imu_damaged = self.counts.imu_damaged.wrapping_add(1),
@@ -165,7 +173,8 @@ impl<N: Navigator> Application<N> {
     /// What happens by itself with time; to be called at least every few milliseconds.
     pub fn poll(&mut self, now_us: u32, overruns: Overruns, out: &mut impl Sink) {
         self.fix = self.receiver.poll(now_us).or(self.fix);
-        if self.clock.is_silent(now_us) {
+        self.imu_is_silent = self.clock.is_silent(now_us);
+        if self.imu_is_silent {
             // A position without motion between is soon an old one.
             self.fix = None;
         }
@@ -175,7 +184,8 @@ impl<N: Navigator> Application<N> {
         }
     }
 
-    fn step(&mut self, frame: &Frame, now_us: u32, out: &mut impl Sink) {
+    /// Takes a frame as a whole, from an IMU that sends no lines.
+    pub fn take_frame(&mut self, frame: &Frame, now_us: u32, out: &mut impl Sink) {
         let intervals = match self.clock.frame(now_us) {
             Passed::Intervals(intervals) => Some(intervals),
             Passed::NewStart => {
@@ -203,6 +213,11 @@ impl<N: Navigator> Application<N> {
         }
     }
 
+    /// Whether no frame has come for more than a second: a Razor board may have to be told to send.
+    pub const fn imu_is_silent(&self) -> bool {
+        self.imu_is_silent
+    }
+
     fn navigate(&mut self, inertial: &Inertial, out: &mut impl Sink) {
         let fix = self.fix.take();
         let position = fix.map(|fix| self.position(&fix, out));
@@ -212,7 +227,10 @@ impl<N: Navigator> Application<N> {
         navigator.step(inertial, position.as_ref());
         let estimate = navigator.estimate();
         let fingerprint = navigator.fingerprint();
-        if matches!(estimate.validity, Validity::DeadReckoning | Validity::Invalid) {
+        if matches!(
+            estimate.validity,
+            Validity::DeadReckoning | Validity::Invalid
+        ) {
             self.receiver.say_lost();
         }
         say_estimate(self.time_ms, &estimate, fingerprint, out);
@@ -236,7 +254,10 @@ impl<N: Navigator> Application<N> {
             ned: plane.ned(fix),
             velocity: fix.speed_course.map(|(mm_s, course)| {
                 let (speed, course) = (mm_s as f32 * 1e-3, course as f32 * 1.745_329_3e-4);
-                [speed * ComplexField::cos(course), speed * ComplexField::sin(course)]
+                [
+                    speed * ComplexField::cos(course),
+                    speed * ComplexField::sin(course),
+                ]
             }),
             hdop: f32::from(fix.hdop_hundredths) * 1e-2,
         }
@@ -270,7 +291,7 @@ impl<N: Navigator> Application<N> {
             .unsigned(overruns.gnss)
             .end();
         if let Some(plane) = &self.plane
-            && counts.statuses % ORIGIN_EVERY == 0
+            && counts.statuses.is_multiple_of(ORIGIN_EVERY)
         {
             say_origin(plane, out);
         }
@@ -367,6 +388,3 @@ impl Sum {
         (self.count > 0).then(|| self.sum / self.count as f32)
     }
 }
-
-#[cfg(test)]
-mod tests;

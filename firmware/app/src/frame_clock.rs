@@ -64,7 +64,11 @@ impl FrameClock {
         };
         // The sender's clock is not ours: what is due follows what comes, slowly.
         let rest_us = late_us - (missed * INTERVAL_US) as i32;
-        let follow_us = if intervals == 0 { 0 } else { rest_us.clamp(EARLY_US, LATE_US) / 8 };
+        let follow_us = if intervals == 0 {
+            0
+        } else {
+            rest_us.clamp(EARLY_US, LATE_US) / 8
+        };
         let due_us = due_us
             .wrapping_add(intervals * INTERVAL_US)
             .wrapping_add_signed(follow_us);
@@ -132,9 +136,15 @@ mod tests {
 
     #[test]
     fn a_late_frame_gains_no_time() {
-        assert_eq!(intervals(&[0, 20, 50, 61, 80]), (Vec::from([1, 1, 1, 1]), 0));
+        assert_eq!(
+            intervals(&[0, 20, 50, 61, 80]),
+            (Vec::from([1, 1, 1, 1]), 0)
+        );
         // So late that it was taken for lost: the next one, in time, stands for none.
-        assert_eq!(intervals(&[0, 20, 58, 60, 80, 100]), (Vec::from([1, 2, 0, 1, 1]), 0));
+        assert_eq!(
+            intervals(&[0, 20, 58, 60, 80, 100]),
+            (Vec::from([1, 2, 0, 1, 1]), 0)
+        );
     }
 
     #[test]

@@ -73,7 +73,8 @@ impl LocalPlane {
         let north = (self.meridian_m + up + meridian_slope * dlat) * dlat
             + 0.5 * dlon * dlon * (self.normal_m + up) * sin * cos;
         // cos(latitude + dlat) to second order, and N's own change, e^2 N sin cos.
-        let cos_there = cos - dlat * sin * (1.0 - ECCENTRICITY_SQUARED * cos * cos) - 0.5 * dlat * dlat * cos;
+        let cos_there =
+            cos - dlat * sin * (1.0 - ECCENTRICITY_SQUARED * cos * cos) - 0.5 * dlat * dlat * cos;
         let east = (self.normal_m + up) * dlon * cos_there;
         let drop = 0.5 * (self.meridian_m * dlat * dlat + self.normal_m * cos * cos * dlon * dlon);
         Vector3::new(north, east, drop - up)
@@ -88,7 +89,8 @@ mod tests {
 
     fn ecef(fix: &Fix) -> V<f64> {
         let (a, e2) = (6_378_137.0_f64, 6.694_379_990_141_317e-3);
-        let [lat, lon] = [fix.latitude_e7, fix.longitude_e7].map(|x| (f64::from(x) * 1e-7).to_radians());
+        let [lat, lon] =
+            [fix.latitude_e7, fix.longitude_e7].map(|x| (f64::from(x) * 1e-7).to_radians());
         let h = f64::from(fix.height_mm) * 1e-3;
         let n = a / (1.0 - e2 * lat.sin().powi(2)).sqrt();
         V::new(
@@ -124,20 +126,32 @@ mod tests {
             (700_000_000, -1_799_990_000),
             (0, 0),
         ] {
-            let origin = Fix { latitude_e7, longitude_e7, height_mm: 150_000, ..Fix::default() };
+            let origin = Fix {
+                latitude_e7,
+                longitude_e7,
+                height_mm: 150_000,
+                ..Fix::default()
+            };
             let plane = LocalPlane::at(&origin);
-            for (offset_e7, up_mm, most_m) in
-                [(0, 20_000, 1e-4), (9_000, -5_000, 1e-3), (90_000, 30_000, 5e-3), (900_000, 200_000, 0.5)]
-            {
+            for (offset_e7, up_mm, most_m) in [
+                (0, 20_000, 1e-4),
+                (9_000, -5_000, 1e-3),
+                (90_000, 30_000, 5e-3),
+                (900_000, 200_000, 0.5),
+            ] {
                 for (north, east) in [(1, 0), (0, 1), (1, 1), (-1, 1), (1, -1), (-1, -1)] {
                     let mut there = origin;
                     there.latitude_e7 += north * offset_e7;
                     let longitude = i64::from(longitude_e7) + i64::from(east * offset_e7);
-                    let wrapped = (longitude + 1_800_000_000).rem_euclid(3_600_000_000) - 1_800_000_000;
+                    let wrapped =
+                        (longitude + 1_800_000_000).rem_euclid(3_600_000_000) - 1_800_000_000;
                     there.longitude_e7 = i32::try_from(wrapped).unwrap();
                     there.height_mm += up_mm;
                     let off = plane.ned(&there).cast::<f64>() - exact(&origin, &there);
-                    assert!(off.norm() < most_m, "{latitude_e7} {north} {east} {offset_e7}: {off}");
+                    assert!(
+                        off.norm() < most_m,
+                        "{latitude_e7} {north} {east} {offset_e7}: {off}"
+                    );
                 }
             }
         }

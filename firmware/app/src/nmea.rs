@@ -38,13 +38,24 @@ pub struct Fix {
     pub speed_course: Option<(u32, u32)>,
 }
 
+/// What an RMC says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rmc {
+    /// Time of day, UTC, ms.
+    pub utc_ms: u32,
+    /// Whether the receiver calls it valid.
+    pub valid: bool,
+    /// As [`Fix::speed_course`].
+    pub speed_course: Option<(u32, u32)>,
+}
+
 /// A sentence that was understood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sentence {
-    /// Position; `None` when the receiver has no fix.
+    /// Time (UTC, ms of the day) and position; `None` when the receiver has no fix.
     Gga(u32, Option<Fix>),
-    /// Time (UTC, ms of the day), whether it is valid, speed and course where given.
-    Rmc(u32, bool, Option<(u32, u32)>),
+    /// Motion.
+    Rmc(Rmc),
     /// A sound sentence of another kind.
     Other,
 }
@@ -86,8 +97,12 @@ fn hex(digit: u8) -> Option<u8> {
 
 fn gga<'a>(mut fields: impl Iterator<Item = &'a [u8]>) -> Option<Sentence> {
     let time = fields.next()?;
-    let [latitude, north, longitude, east] =
-        [fields.next()?, fields.next()?, fields.next()?, fields.next()?];
+    let [latitude, north, longitude, east] = [
+        fields.next()?,
+        fields.next()?,
+        fields.next()?,
+        fields.next()?,
+    ];
     let [quality, satellites, hdop] = [fields.next()?, fields.next()?, fields.next()?];
     let [altitude, _, separation] = [fields.next()?, fields.next()?, fields.next()?];
     if time.is_empty() {
@@ -99,7 +114,11 @@ fn gga<'a>(mut fields: impl Iterator<Item = &'a [u8]>) -> Option<Sentence> {
         return Some(Sentence::Gga(utc_ms, None));
     }
     let above_geoid = scaled(altitude, 3)?;
-    let geoid = if separation.is_empty() { 0 } else { scaled(separation, 3)? };
+    let geoid = if separation.is_empty() {
+        0
+    } else {
+        scaled(separation, 3)?
+    };
     let fix = Fix {
         utc_ms,
         latitude_e7: angle(latitude, north, [b"N", b"S"], 90)?,
@@ -124,10 +143,18 @@ fn rmc<'a>(mut fields: impl Iterator<Item = &'a [u8]>) -> Option<Sentence> {
         // One knot is 1852/3600 m/s. Without a course there is no motion to speak of.
         let knots = u32::try_from(scaled(speed, 3)?).ok()?;
         let mm_s = u32::try_from((u64::from(knots) * 1852 + 1800) / 3600).ok()?;
-        let course = if course.is_empty() { 0 } else { scaled(course, 2)? };
+        let course = if course.is_empty() {
+            0
+        } else {
+            scaled(course, 2)?
+        };
         Some((mm_s, u32::try_from(course).ok().filter(|c| *c <= 36_000)?))
     };
-    Some(Sentence::Rmc(time_of_day(time)?, status == b"A", motion))
+    Some(Sentence::Rmc(Rmc {
+        utc_ms: time_of_day(time)?,
+        valid: status == b"A",
+        speed_course: motion,
+    }))
 }
 
 /// `hhmmss.sss` as milliseconds.
@@ -141,7 +168,10 @@ fn time_of_day(text: &[u8]) -> Option<u32> {
 
 /// `dddmm.mmmm` in 1e-7 deg.
 fn angle(text: &[u8], side: &[u8], [positive, negative]: [&[u8]; 2], most: i32) -> Option<i32> {
-    let point = text.iter().position(|byte| *byte == b'.').unwrap_or(text.len());
+    let point = text
+        .iter()
+        .position(|byte| *byte == b'.')
+        .unwrap_or(text.len());
     let cut = point.checked_sub(2)?;
     let degrees = i32::try_from(whole(text.get(..cut)?)?).ok()?;
     let minutes_e6 = scaled(text.get(cut..)?, 6).filter(|m| (0..60_000_000).contains(m))?;
@@ -166,7 +196,7 @@ pub struct Receiver {
     /// Position that waits for its RMC, and the counter when it came.
     position: Option<(Fix, u32)>,
     /// The last RMC, for receivers that send it first.
-    motion: Option<(u32, bool, Option<(u32, u32)>)>,
+    motion: Option<Rmc>,
     /// Time of the last fix that was given out: no instant counts twice.
     last_utc_ms: Option<u32>,
     /// Whether fixes were refused or missed since the last one.
@@ -191,14 +221,16 @@ impl Receiver {
                 }
                 self.position = Some((fix, now_us));
                 match self.motion {
-                    Some((time, valid, motion)) if time == utc_ms => self.complete(valid, motion),
+                    Some(rmc) if rmc.utc_ms == utc_ms => self.complete(rmc.valid, rmc.speed_course),
                     _ => None,
                 }
             }
-            Sentence::Rmc(utc_ms, valid, motion) => {
-                self.motion = Some((utc_ms, valid, motion));
+            Sentence::Rmc(rmc) => {
+                self.motion = Some(rmc);
                 match self.position {
-                    Some((fix, _)) if fix.utc_ms == utc_ms => self.complete(valid, motion),
+                    Some((fix, _)) if fix.utc_ms == rmc.utc_ms => {
+                        self.complete(rmc.valid, rmc.speed_course)
+                    }
                     _ => None,
                 }
             }

@@ -22,7 +22,9 @@ pub fn scaled(text: &[u8], places: u32) -> Option<i32> {
             }
             (b'0'..=b'9', Some(u32::MAX)) => {}
             (b'0'..=b'9', _) => {
-                value = value.checked_mul(10)?.checked_add(i32::from(*byte - b'0'))?;
+                value = value
+                    .checked_mul(10)?
+                    .checked_add(i32::from(*byte - b'0'))?;
                 wanted = wanted.map(|places| places - 1);
                 seen = true;
             }
@@ -75,7 +77,18 @@ mod tests {
 
     #[test]
     fn what_is_no_number_or_too_large_is_none() {
-        for text in ["", "-", ".", "1.2.3", "1e3", "1,2", "--1", " 1", "214748364.8", "99999999999"] {
+        for text in [
+            "",
+            "-",
+            ".",
+            "1.2.3",
+            "1e3",
+            "1,2",
+            "--1",
+            " 1",
+            "214748364.8",
+            "99999999999",
+        ] {
             assert_eq!(scaled(text.as_bytes(), 1), None, "{text}");
         }
         assert_eq!(whole(b"0042"), Some(42));

@@ -41,7 +41,9 @@ pub fn read(line: &[u8]) -> Option<Line> {
         Some(Line::Field(counts?.map(|c| rescaled(c, 1, 10))))
     } else if let Some(counts) = values(b"#G-C=").or_else(|| values(b"#G-R=")) {
         // 0.06957 deg/s are 0.00121422556 rad/s.
-        Some(Line::Rate(counts?.map(|c| rescaled(c, 1_214_226, 1_000_000))))
+        Some(Line::Rate(
+            counts?.map(|c| rescaled(c, 1_214_226, 1_000_000)),
+        ))
     } else if line.starts_with(b"#SYNCH") {
         Some(Line::Other)
     } else {
@@ -49,10 +51,14 @@ pub fn read(line: &[u8]) -> Option<Line> {
     }
 }
 
-/// Three numbers in hundredths, and nothing behind them.
+/// Three numbers with two decimals each, as the board always writes them (a lost point would make a
+/// number a hundred times larger), in hundredths, and nothing behind them.
 fn three(text: &[u8]) -> Option<[i32; 3]> {
     let mut fields = text.split(|byte| *byte == b',');
-    let mut value = || scaled(fields.next()?, 2).filter(|v| v.abs() <= MOST_HUNDREDTHS);
+    let mut value = || match fields.next()? {
+        field @ [.., b'.', _, _] => scaled(field, 2).filter(|v| v.abs() <= MOST_HUNDREDTHS),
+        _ => None,
+    };
     let three = [value()?, value()?, value()?];
     fields.next().is_none().then_some(three)
 }
@@ -61,7 +67,11 @@ fn three(text: &[u8]) -> Option<[i32; 3]> {
 fn rescaled(value: i32, numerator: i32, denominator: i32) -> i32 {
     let product = i64::from(value) * i64::from(numerator);
     let half = i64::from(denominator / 2);
-    let shifted = if product < 0 { product - half } else { product + half };
+    let shifted = if product < 0 {
+        product - half
+    } else {
+        product + half
+    };
     shifted.checked_div(i64::from(denominator)).unwrap_or(0) as i32
 }
 
@@ -71,22 +81,35 @@ mod tests {
 
     #[test]
     fn a_board_at_rest_reads_as_a_host_reads_it() {
-        assert_eq!(read(b"#A-C=-0.00,-0.00,256.00"), Some(Line::Force([0, 0, -98_067])));
-        assert_eq!(read(b"#M-C=220.00,0.00,-420.15"), Some(Line::Field([2200, 0, -4202])));
-        assert_eq!(read(b"#G-C=100.00,-0.50,0"), Some(Line::Rate([12_142, -61, 0])));
-        assert_eq!(read(b"#A-R=1.00,2.00,3.00"), Some(Line::Force([-383, -766, -1149])));
+        assert_eq!(
+            read(b"#A-C=-0.00,-0.00,256.00"),
+            Some(Line::Force([0, 0, -98_067]))
+        );
+        assert_eq!(
+            read(b"#M-C=220.00,0.00,-420.15"),
+            Some(Line::Field([2200, 0, -4202]))
+        );
+        assert_eq!(
+            read(b"#G-C=100.00,-0.50,0.00"),
+            Some(Line::Rate([12_142, -61, 0]))
+        );
+        assert_eq!(
+            read(b"#A-R=1.00,2.00,3.00"),
+            Some(Line::Force([-383, -766, -1149]))
+        );
         assert_eq!(read(b"#SYNCH00"), Some(Line::Other));
     }
 
     #[test]
     fn damaged_lines_are_refused() {
-        let damaged: [&[u8]; 9] = [
+        let damaged: [&[u8]; 10] = [
             b"#A-C=1.00,2.00",
             b"#A-C=1.00,2.00,",
             b"#A-C=1.00,2.00,3.00,4.00",
             b"#A-C=1.00,2.00,3.0\xb00",
             b"#A-C=1.00,2.00,99999999.00",
-            b"#A-C=1.00,40000.01,0",
+            b"#A-C=1.00,40000.01,0.00",
+            b"#G-C=1.00,13552,3.00",
             b"#A-X=1.00,2.00,3.00",
             b"A-C=1.00,2.00,3.00",
             b"#YPR=1.00,2.00,3.00",

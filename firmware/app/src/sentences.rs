@@ -118,7 +118,11 @@ impl<'a, S: Sink> Sentence<'a, S> {
 /// The lowest four bits as a digit.
 fn hex_digit(value: u32) -> u8 {
     let low = (value & 0xf) as u8;
-    if low < 10 { b'0' + low } else { b'A' + low - 10 }
+    if low < 10 {
+        b'0' + low
+    } else {
+        b'A' + low - 10
+    }
 }
 
 /// `value * scale` as the nearest integer; what does not fit is the largest there is, and what is no
@@ -145,11 +149,23 @@ mod tests {
     #[test]
     fn fields_are_written_and_summed() {
         let text = written(|mut out| {
-            let sentence = Sentence::new(&mut out, b'X').integer(-120).unsigned(u32::MAX);
-            sentence.vector(None).integer(0).bits(0x1234_ABCD).text(b"a").end();
+            let sentence = Sentence::new(&mut out, b'X')
+                .integer(-120)
+                .unsigned(u32::MAX);
+            sentence
+                .vector(None)
+                .integer(0)
+                .bits(0x1234_ABCD)
+                .text(b"a")
+                .end();
         });
         assert_eq!(text, "$PNORX,-120,4294967295,,,,0,1234ABCD,a*19\r\n");
-        let body = text.trim_end().trim_start_matches('$').split('*').next().unwrap();
+        let body = text
+            .trim_end()
+            .trim_start_matches('$')
+            .split('*')
+            .next()
+            .unwrap();
         assert_eq!(body.bytes().fold(0, |sum, byte| sum ^ byte), 0x19);
         let text = written(|mut out| Sentence::new(&mut out, b'X').integer(i32::MIN).end());
         assert!(text.contains("-2147483648*"));

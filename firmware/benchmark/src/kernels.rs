@@ -54,7 +54,7 @@ fn inertial(step: u32) -> Inertial {
 
 fn fix(step: u32) -> Option<Position> {
     let number = step / FIX_EVERY;
-    (step % FIX_EVERY == 0).then(|| Position {
+    step.is_multiple_of(FIX_EVERY).then(|| Position {
         number,
         ned: Vector3::new(number as f32, number as f32 * -0.5, 0.3),
         velocity: Some([1.0, -0.5]),

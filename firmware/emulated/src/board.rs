@@ -63,7 +63,8 @@ impl<const N: usize> Line<N> {
         while let Some(byte) = uart.read() {
             self.ring.push(byte);
             let received = self.received.load(Ordering::Relaxed);
-            self.received.store(received.wrapping_add(1), Ordering::Release);
+            self.received
+                .store(received.wrapping_add(1), Ordering::Release);
         }
     }
 
@@ -106,9 +107,7 @@ pub(crate) fn run<N: Navigator>() -> ! {
             b'T' => {
                 let ms = command();
                 let [imu, gnss] = [sixteen_bits(), sixteen_bits()];
-                wait_for(|| {
-                    (IMU.has_received(imu) && GNSS.has_received(gnss)).then_some(())
-                });
+                wait_for(|| (IMU.has_received(imu) && GNSS.has_received(gnss)).then_some(()));
                 now_us = now_us.wrapping_add(u32::from(ms) * 1000);
                 while let Some(byte) = GNSS.ring.pop() {
                     application.gnss_byte(byte, now_us);

@@ -113,7 +113,8 @@ impl Board for Emulator {
         let length = written.wrapping_sub(self.read) as usize;
         self.read = written;
         while self.waiting.len() < length {
-            self.waiting.extend(self.out.recv_timeout(PATIENCE).unwrap());
+            self.waiting
+                .extend(self.out.recv_timeout(PATIENCE).unwrap());
         }
         let rest = self.waiting.split_off(length);
         std::mem::replace(&mut self.waiting, rest)

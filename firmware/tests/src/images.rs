@@ -53,7 +53,10 @@ impl Chip {
 pub fn image(chip: Chip, name: &str) -> PathBuf {
     let folder = env::var_os("NORTHING_FIRMWARE_IMAGES")
         .expect("NORTHING_FIRMWARE_IMAGES is not set: run ./scripts/test firmware");
-    let path = PathBuf::from(folder).join(chip.target()).join("release").join(name);
+    let path = PathBuf::from(folder)
+        .join(chip.target())
+        .join("release")
+        .join(name);
     assert!(
         path.is_file(),
         "{} is missing: run ./scripts/build-firmware",

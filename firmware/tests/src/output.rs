@@ -48,7 +48,9 @@ fn sentence(line: &str) -> Sentence {
     assert_eq!(u8::from_str_radix(sum, 16), Ok(computed), "{line}");
     let mut fields = body.split(',').map(str::to_owned);
     let address = fields.next().unwrap();
-    let kind = address.strip_prefix("PNOR").and_then(|kind| kind.chars().next());
+    let kind = address
+        .strip_prefix("PNOR")
+        .and_then(|kind| kind.chars().next());
     Sentence {
         kind: kind.unwrap_or_else(|| panic!("{line}")),
         fields: fields.collect(),
@@ -57,5 +59,7 @@ fn sentence(line: &str) -> Sentence {
 
 /// Those of one kind.
 pub fn of_kind(sentences: &[Sentence], kind: char) -> impl Iterator<Item = &Sentence> {
-    sentences.iter().filter(move |sentence| sentence.kind == kind)
+    sentences
+        .iter()
+        .filter(move |sentence| sentence.kind == kind)
 }

@@ -98,16 +98,15 @@ fn truth(t_s: f64) -> (Truth, Vector3<f64>) {
     let [angle, pace, growth] = along(since);
     let [north, east] = SIZE_M;
     let place = Vector3::new(north * angle.sin(), east * (2.0 * angle).sin(), 0.0);
-    let slope = Vector3::new(
-        north * angle.cos(),
-        2.0 * east * (2.0 * angle).cos(),
-        0.0,
-    );
+    let slope = Vector3::new(north * angle.cos(), 2.0 * east * (2.0 * angle).cos(), 0.0);
     let bend = Vector3::new(-place.x, -4.0 * place.y, 0.0);
     // Steps: two a second, 4 cm up and down at full pace, and a body that sways.
     let step = TAU * 1.9;
     let share = pace * ROUND_S / TAU;
-    let (up, up_rate) = (0.04 * (step * since).sin(), 0.04 * step * (step * since).cos());
+    let (up, up_rate) = (
+        0.04 * (step * since).sin(),
+        0.04 * step * (step * since).cos(),
+    );
     let roll = 0.05 + 0.06 * share * (step / 2.0 * since).sin();
     let pitch = -0.08 + 0.04 * share * (step * since).sin();
     let truth = Truth {
@@ -156,9 +155,8 @@ impl Sensors {
         let a = self.accelerometer.measure(force) * (-256.0 / GRAVITY);
         let m = self.magnetometer.measure(&field) * 10.0;
         let g = self.gyroscope.measure(rate) / 0.069_57_f64.to_radians();
-        let line = |name: char, v: Vector3<f64>| {
-            format!("#{name}-C={:.2},{:.2},{:.2}\r\n", v.x, v.y, v.z)
-        };
+        let line =
+            |name: char, v: Vector3<f64>| format!("#{name}-C={:.2},{:.2},{:.2}\r\n", v.x, v.y, v.z);
         line('A', a) + &line('M', m) + &line('G', g)
     }
 

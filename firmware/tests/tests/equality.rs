@@ -66,14 +66,32 @@ fn errors(said: &[Sentence], truth: &[Truth]) -> [f64; 3] {
 
 #[test]
 fn axis_filters_on_a_chip_are_those_of_the_host_and_near_the_truth() {
-    let walk = Walk::new(7, 120.0);
+    let walk = Walk::new(7, 90.0);
     let said = chips_and_host_agree::<AxisNavigator>("emulated-axis-filters", &walk);
     assert_eq!(of_kind(&said, 'I').count(), walk.ticks.len());
     // A second at rest, then an estimate each frame.
     assert_eq!(of_kind(&said, 'E').count(), walk.ticks.len() - 50);
-    let fixes = walk.ticks.iter().filter(|tick| !tick.gnss.is_empty()).count();
+    let fixes = walk
+        .ticks
+        .iter()
+        .filter(|tick| !tick.gnss.is_empty())
+        .count();
     // The one that came in that second is used as it ends.
     assert_eq!(of_kind(&said, 'G').count(), fixes);
     let [position_m, tilt, heading] = errors(&said, &walk.truth);
-    println!("position {position_m:.2} m, tilt {tilt:.4} rad, heading {heading:.4} rad");
+    // The fixes themselves are off by 3.5 m.
+    assert!(position_m < 4.5, "{position_m}");
+    assert!(tilt < 0.05 && heading < 0.1, "{tilt} {heading}");
+}
+
+#[test]
+fn a_counter_that_rolls_over_is_not_seen_in_the_estimates() {
+    // It does so after 30 seconds.
+    let walk = Walk::new(8, 40.0);
+    let said = chips_and_host_agree::<AxisNavigator>("emulated-axis-filters", &walk);
+    let steps: Vec<&str> = of_kind(&said, 'I').map(|frame| &*frame.fields[1]).collect();
+    assert_eq!(steps[0], "");
+    assert!(steps[1..].iter().all(|ms| *ms == "20"));
+    let statuses = of_kind(&said, 'S').count();
+    assert!((39..=40).contains(&statuses), "{statuses}");
 }

@@ -32,7 +32,9 @@ impl Navigator for AxisNavigator {
 
     fn step(&mut self, inertial: &Inertial, position: Option<&Position>) {
         // Refusals change nothing: what the sensors say is checked by the filters themselves.
-        let _ = self.attitude.propagate(&inertial.angular_rate, inertial.dt_s);
+        let _ = self
+            .attitude
+            .propagate(&inertial.angular_rate, inertial.dt_s);
         if let Some(force) = &inertial.specific_force {
             let _ = self.attitude.update_accelerometer(force);
             self.specific_force = *force;
@@ -41,14 +43,13 @@ impl Navigator for AxisNavigator {
             let _ = self.attitude.update_magnetometer(field);
         }
         let ned_from_body = self.attitude.attitude();
-        let _ = self.position.propagate(
-            &ned_from_body,
-            &self.specific_force,
-            GRAVITY,
-            inertial.dt_s,
-        );
+        let _ =
+            self.position
+                .propagate(&ned_from_body, &self.specific_force, GRAVITY, inertial.dt_s);
         if let Some(fix) = position {
-            let _ = self.position.update_position(u64::from(fix.number), &fix.ned);
+            let _ = self
+                .position
+                .update_position(u64::from(fix.number), &fix.ned);
         }
     }
 

@@ -65,10 +65,16 @@ fn other_constellations_and_sides_are_read() {
     let Some(Sentence::Gga(1000, Some(fix))) = understood(body) else {
         panic!("{:?}", understood(body));
     };
-    assert_eq!((fix.latitude_e7, fix.longitude_e7), (-338_583_333, -1_512_066_668));
+    assert_eq!(
+        (fix.latitude_e7, fix.longitude_e7),
+        (-338_583_333, -1_512_066_668)
+    );
     assert_eq!((fix.height_mm, fix.satellites), (-3500, 12));
     assert_eq!(understood("GPGSV,1,1,00"), Some(Sentence::Other));
-    assert_eq!(understood("GPGGA,,,,,,0,00,,,M,,M,,"), Some(Sentence::Other));
+    assert_eq!(
+        understood("GPGGA,,,,,,0,00,,,M,,M,,"),
+        Some(Sentence::Other)
+    );
 }
 
 #[test]
@@ -85,10 +91,22 @@ fn a_fix_that_is_not_good_enough_is_refused_and_the_next_must_be_better() {
         (first.or(second).is_some(), receiver.refused - before)
     };
     assert_eq!(fixes("000001", &gga("000001", 1, 4, "4.0"), 'A'), (true, 0));
-    assert_eq!(fixes("000002", &gga("000002", 0, 8, "1.0"), 'A'), (false, 1));
-    assert_eq!(fixes("000003", &gga("000003", 1, 4, "1.0"), 'A'), (false, 1));
-    assert_eq!(fixes("000004", &gga("000004", 1, 8, "1.0"), 'V'), (false, 1));
-    assert_eq!(fixes("000005", &gga("000005", 1, 8, "4.1"), 'A'), (false, 1));
+    assert_eq!(
+        fixes("000002", &gga("000002", 0, 8, "1.0"), 'A'),
+        (false, 1)
+    );
+    assert_eq!(
+        fixes("000003", &gga("000003", 1, 4, "1.0"), 'A'),
+        (false, 1)
+    );
+    assert_eq!(
+        fixes("000004", &gga("000004", 1, 8, "1.0"), 'V'),
+        (false, 1)
+    );
+    assert_eq!(
+        fixes("000005", &gga("000005", 1, 8, "4.1"), 'A'),
+        (false, 1)
+    );
     assert_eq!(fixes("000006", &gga("000006", 1, 5, "1.0"), 'A'), (true, 0));
     assert_eq!(fixes("000007", &gga("000007", 1, 4, "1.0"), 'A'), (true, 0));
 }

@@ -86,7 +86,8 @@ pub(super) fn unmask(interrupts: [Interrupt; 3]) {
 /// Wakes the program each 10 ms, so that it can feed the watchdog while nothing comes.
 pub(super) fn start_ticking() {
     if let Some(mut core) = cortex_m::Peripherals::take() {
-        core.SYST.set_clock_source(cortex_m::peripheral::syst::SystClkSource::Core);
+        core.SYST
+            .set_clock_source(cortex_m::peripheral::syst::SystClkSource::Core);
         core.SYST.set_reload(250_000);
         core.SYST.clear_current();
         core.SYST.enable_interrupt();

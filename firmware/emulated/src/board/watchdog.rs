@@ -27,7 +27,11 @@ pub(super) fn start() -> ResetCause {
     set_watchdog(LOCK, UNLOCK);
     set_watchdog(LOAD_REGISTER, LOAD);
     set_watchdog(CONTROL, 0b11);
-    if barked { ResetCause::Watchdog } else { ResetCause::Power }
+    if barked {
+        ResetCause::Watchdog
+    } else {
+        ResetCause::Power
+    }
 }
 
 /// The program is alive.
