@@ -225,6 +225,11 @@ impl<N: Navigator> Application<N> {
             return;
         };
         navigator.step(inertial, position.as_ref());
+        if !navigator.is_sound() {
+            self.phase = Phase::Resting(Rest::default());
+            self.counts.starts = self.counts.starts.wrapping_add(1);
+            return;
+        }
         let estimate = navigator.estimate();
         let fingerprint = navigator.fingerprint();
         if matches!(
@@ -325,23 +330,23 @@ fn say_fix(time_ms: u32, fix: &Fix, out: &mut impl Sink) {
 }
 
 fn say_estimate(time_ms: u32, estimate: &Estimate, fingerprint: u32, out: &mut impl Sink) {
-    let scaled = |v: &Vector3<f32>, scale: f32| Some([v.x, v.y, v.z].map(|x| fixed(x, scale)));
-    let known = estimate.validity != Validity::Waiting;
-    let milli = |v: &Vector3<f32>| scaled(v, MILLI).filter(|_| known);
+    let scaled = |v: Vector3<f32>, scale: f32| [v.x, v.y, v.z].map(|x| fixed(x, scale));
+    let attitude = estimate.attitude;
+    let motion = estimate.motion;
     let validity = match estimate.validity {
-        Validity::Waiting => 0,
+        Validity::Aligning => 0,
         Validity::Aided => 1,
         Validity::DeadReckoning => 2,
         Validity::Invalid => 3,
     };
     Sentence::new(out, b'E')
         .unsigned(time_ms)
-        .vector(scaled(&estimate.angles, MILLIDEGREES))
-        .vector(scaled(&estimate.angles_std, MILLIDEGREES))
+        .vector(attitude.map(|a| scaled(a.angles, MILLIDEGREES)))
+        .vector(attitude.map(|a| scaled(a.std, MILLIDEGREES)))
         .unsigned(validity)
-        .vector(milli(&estimate.position))
-        .vector(milli(&estimate.velocity))
-        .vector(milli(&estimate.position_std))
+        .vector(motion.map(|m| scaled(m.position, MILLI)))
+        .vector(motion.map(|m| scaled(m.velocity, MILLI)))
+        .vector(motion.map(|m| scaled(m.position_std, MILLI)))
         .bits(fingerprint)
         .end();
 }
@@ -350,7 +355,7 @@ impl Frame {
     fn inertial(&self, dt_ms: u32) -> Inertial {
         let si = |v: [i32; 3], unit: f32| Vector3::from(v.map(|x| x as f32 * unit));
         Inertial {
-            dt_s: dt_ms as f32 * 1e-3,
+            dt_ms,
             angular_rate: si(self.rate, RATE),
             specific_force: self.force.map(|v| si(v, FORCE)),
             magnetic_field: self.field.map(|v| si(v, FIELD)),
@@ -368,7 +373,7 @@ impl Rest {
 
     fn mean(&self) -> Inertial {
         Inertial {
-            dt_s: 0.0,
+            dt_ms: 0,
             angular_rate: self.rate.mean().unwrap_or_default(),
             specific_force: self.force.mean(),
             magnetic_field: self.field.mean(),

@@ -1,11 +1,13 @@
 //! The filters as the application sees them: start at rest, step at 50 Hz, estimate, fingerprint.
 
 mod axis_filters;
+mod error_state;
 
 pub use axis_filters::AxisNavigator;
+pub use error_state::ErrorStateNavigator;
 use northing_core::attitude::axis_filters::{AxisAngles, tilt_compensated_heading, tilt_of};
-use northing_core::nalgebra::Vector3;
-pub use northing_core::navigation::axis_filters::Validity;
+use northing_core::nalgebra::{ComplexField, Vector3};
+pub use northing_core::navigation::validity::Validity;
 
 /// Frames that are averaged before the filters start: one second at rest.
 pub const REST_FRAMES: u32 = 50;
@@ -13,8 +15,8 @@ pub const REST_FRAMES: u32 = 50;
 /// What the IMU said in one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertial {
-    /// Time since the step before, s.
-    pub dt_s: f32,
+    /// Time since the step before, ms; 0 for a frame that stands for none.
+    pub dt_ms: u32,
     /// Angular rate, forward, right, down, rad/s.
     pub angular_rate: Vector3<f32>,
     /// Specific force, forward, right, down, m/s^2; `None` when its line was damaged.
@@ -36,21 +38,43 @@ pub struct Position {
     pub hdop: f32,
 }
 
+impl Inertial {
+    /// Time since the step before, s.
+    #[must_use]
+    pub fn dt_s(&self) -> f32 {
+        self.dt_ms as f32 * 1e-3
+    }
+}
+
 /// What is believed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
-    /// Roll, pitch, yaw, rad.
-    pub angles: Vector3<f32>,
-    /// Their standard deviations, rad.
-    pub angles_std: Vector3<f32>,
-    /// Position, velocity and the position's standard deviations: north, east, down, m and m/s.
-    pub position: Vector3<f32>,
-    /// See [`Self::position`].
-    pub velocity: Vector3<f32>,
-    /// See [`Self::position`].
-    pub position_std: Vector3<f32>,
-    /// What the position is worth; while waiting for the first fix the vectors mean nothing.
+    /// Attitude, once there is one.
+    pub attitude: Option<Attitude>,
+    /// Position and velocity, once there are.
+    pub motion: Option<Motion>,
+    /// What the position is worth.
     pub validity: Validity,
+}
+
+/// Roll, pitch, yaw of `ned_from_body`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Attitude {
+    /// rad.
+    pub angles: Vector3<f32>,
+    /// Standard deviations, rad: of the angles, or of the turn about north, east and down.
+    pub std: Vector3<f32>,
+}
+
+/// North, east, down from the first fix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// m.
+    pub position: Vector3<f32>,
+    /// m/s.
+    pub velocity: Vector3<f32>,
+    /// Standard deviations of the position, m.
+    pub position_std: Vector3<f32>,
 }
 
 /// A build's filters.
@@ -67,6 +91,9 @@ pub trait Navigator: Sized {
     /// What is believed now.
     fn estimate(&self) -> Estimate;
 
+    /// Whether the numbers still are ones; otherwise it has to start again.
+    fn is_sound(&self) -> bool;
+
     /// Gives every number of the state to `take`: equal numbers, equal state.
     fn state_bits(&self, take: impl FnMut(f32));
 
@@ -77,6 +104,11 @@ pub trait Navigator: Sized {
         self.state_bits(|x| hash = (hash ^ (x + 0.0).to_bits()).wrapping_mul(0x0100_0193));
         hash
     }
+}
+
+/// The standard deviation of a variance.
+fn std_of(variance: f32) -> f32 {
+    ComplexField::sqrt(variance.max(0.0))
 }
 
 /// Roll, pitch and yaw of a body at rest; a yaw of zero without a field.

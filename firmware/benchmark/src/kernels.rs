@@ -4,7 +4,7 @@ use core::hint::black_box;
 
 use cortex_m_semihosting::hprintln;
 use northing_core::nalgebra::{ComplexField, Vector3};
-use northing_firmware::navigator::{AxisNavigator, Position};
+use northing_firmware::navigator::{AxisNavigator, ErrorStateNavigator, Position};
 use northing_firmware::{Inertial, Navigator};
 
 use crate::{Counter, STEPS};
@@ -15,6 +15,7 @@ const FIX_EVERY: u32 = 50;
 /// Counts every filter and says so.
 pub(crate) fn all(counter: &Counter) {
     navigator::<AxisNavigator>("axis-filters", counter);
+    navigator::<ErrorStateNavigator>("error-state", counter);
 }
 
 /// A build's step, with a fix each second.
@@ -45,7 +46,7 @@ fn inertial(step: u32) -> Inertial {
     let t = step as f32 * 0.02;
     let [slow, fast] = [ComplexField::sin(t * 0.7), ComplexField::sin(t * 5.0)];
     Inertial {
-        dt_s: if step == 0 { 0.0 } else { 0.02 },
+        dt_ms: if step == 0 { 0 } else { 20 },
         angular_rate: Vector3::new(0.3 * fast, 0.2 * slow, 0.5 * slow - 0.1 * fast),
         specific_force: Some(Vector3::new(1.5 * slow, 0.8 * fast, -9.8 + 0.5 * fast)),
         magnetic_field: Some(Vector3::new(20.0 + slow, 3.0 * fast, 45.0)),

@@ -9,6 +9,8 @@
 
 mod kernels;
 
+use northing_firmware_soft_float as _;
+
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_semihosting::{debug, hprintln};

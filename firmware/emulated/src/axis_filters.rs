@@ -4,6 +4,8 @@
 
 mod board;
 
+use northing_firmware_soft_float as _;
+
 #[cortex_m_rt::entry]
 fn main() -> ! {
     board::run::<northing_firmware::navigator::AxisNavigator>()

@@ -81,6 +81,47 @@ fn cross_columns<T: Scalar>(v: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
     ])
 }
 
+/// `m [v]x^T`: the cross product of `v` with each row.
+#[inline]
+fn cross_rows<T: Scalar>(v: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
+    cross_columns(v, &m.transpose()).transpose()
+}
+
+/// The block that begins at a row and a column. Without a panic where the optimiser does not see that
+/// it lies within.
+#[inline]
+fn block<T: Scalar>(p: &SMatrix<T, STATES, STATES>, row: usize, column: usize) -> Matrix3<T> {
+    Matrix3::from_fn(|i, j| {
+        let element = p.get((row + i, column + j));
+        element.copied().unwrap_or_else(T::zero)
+    })
+}
+
+/// Puts a block in its place.
+#[inline]
+fn set_block<T: Scalar>(
+    p: &mut SMatrix<T, STATES, STATES>,
+    row: usize,
+    column: usize,
+    block: &Matrix3<T>,
+) {
+    for ((i, j), value) in (0..9).map(|k| (k % 3, k / 3)).zip(block.iter()) {
+        if let Some(element) = p.get_mut((row + i, column + j)) {
+            *element = *value;
+        }
+    }
+}
+
+/// The lower half mirrored into the upper.
+#[inline]
+fn mirror_lower<T: Scalar>(p: &mut SMatrix<T, STATES, STATES>) {
+    for j in 1..STATES {
+        for i in 0..j {
+            p[(i, j)] = p[(j, i)];
+        }
+    }
+}
+
 impl<T: Scalar> ErrorTransition<T> {
     /// Length of the interval, s.
     #[inline]
@@ -156,11 +197,49 @@ impl<T: Scalar> ErrorTransition<T> {
         noise: &ProcessNoise<T>,
     ) {
         self.map_rows(p);
-        // (Phi (Phi P)^T)^T = Phi P Phi^T, and the result is symmetric.
-        p.transpose_mut();
-        self.map_rows(p);
+        self.map_lower_columns(p);
         self.add_noise(p, noise);
-        crate::kalman::covariance::symmetrize(p);
+        mirror_lower(p);
+    }
+
+    /// `M <- M Phi^T`, of which only the blocks on and below the diagonal are made: the product is
+    /// symmetric. The columns of the biases stay as they are.
+    fn map_lower_columns(&self, p: &mut SMatrix<T, STATES, STATES>) {
+        let b = self.integrated_axes.transpose();
+        let d = self.velocity_from_gyroscope_bias.transpose();
+        let e = self.position_from_gyroscope_bias.transpose();
+        let f = self.position_from_accelerometer_bias.transpose();
+        // Position first, attitude last: each needs the others as they were.
+        let row = POSITION;
+        let [attitude, velocity, force_bias, rate_bias] =
+            [ATTITUDE, VELOCITY, ACCELEROMETER_BIAS, GYROSCOPE_BIAS]
+                .map(|column| block(p, row, column));
+        let position = block(p, row, POSITION)
+            + cross_rows(&self.position_from_attitude, &attitude)
+            + velocity * self.duration
+            + force_bias * f
+            + rate_bias * e;
+        set_block(p, row, POSITION, &position);
+        for row in [POSITION, VELOCITY] {
+            let [attitude, force_bias, rate_bias] =
+                [ATTITUDE, ACCELEROMETER_BIAS, GYROSCOPE_BIAS].map(|column| block(p, row, column));
+            let velocity = block(p, row, VELOCITY)
+                + cross_rows(&self.velocity_from_attitude, &attitude)
+                + force_bias * b
+                + rate_bias * d;
+            set_block(p, row, VELOCITY, &velocity);
+        }
+        for row in [POSITION, VELOCITY, ATTITUDE] {
+            let attitude = block(p, row, ATTITUDE) + block(p, row, GYROSCOPE_BIAS) * b;
+            set_block(p, row, ATTITUDE, &attitude);
+        }
+        // Below the mapped rows those of the biases, whose mirror images are above.
+        for row in [ACCELEROMETER_BIAS, GYROSCOPE_BIAS] {
+            for column in [ATTITUDE, VELOCITY, POSITION] {
+                let mirrored = block(p, column, row).transpose();
+                set_block(p, row, column, &mirrored);
+            }
+        }
     }
 
     /// Adds `Q` for white noise and a specific force that is constant over the interval (E9). The

@@ -1,10 +1,12 @@
 //! The build `axis-filters`: the paper's filters, one an axis, for attitude and for position.
 
-use northing_core::attitude::axis_filters::{AxisFilters, AxisFiltersConfig};
+use northing_core::attitude::axis_filters::{AngleFilter, AxisFilters, AxisFiltersConfig};
 use northing_core::nalgebra::Vector3;
 use northing_core::navigation::axis_filters::{PositionAxisConfig, PositionAxisFilters};
 
-use super::{Estimate, Inertial, Navigator, Position, angles_at_rest};
+use super::{
+    Attitude, Estimate, Inertial, Motion, Navigator, Position, Validity, angles_at_rest, std_of,
+};
 
 /// Standard gravity, m/s^2.
 const GRAVITY: f32 = 9.806_65;
@@ -34,7 +36,7 @@ impl Navigator for AxisNavigator {
         // Refusals change nothing: what the sensors say is checked by the filters themselves.
         let _ = self
             .attitude
-            .propagate(&inertial.angular_rate, inertial.dt_s);
+            .propagate(&inertial.angular_rate, inertial.dt_s());
         if let Some(force) = &inertial.specific_force {
             let _ = self.attitude.update_accelerometer(force);
             self.specific_force = *force;
@@ -43,9 +45,12 @@ impl Navigator for AxisNavigator {
             let _ = self.attitude.update_magnetometer(field);
         }
         let ned_from_body = self.attitude.attitude();
-        let _ =
-            self.position
-                .propagate(&ned_from_body, &self.specific_force, GRAVITY, inertial.dt_s);
+        let _ = self.position.propagate(
+            &ned_from_body,
+            &self.specific_force,
+            GRAVITY,
+            inertial.dt_s(),
+        );
         if let Some(fix) = position {
             let _ = self
                 .position
@@ -54,17 +59,33 @@ impl Navigator for AxisNavigator {
     }
 
     fn estimate(&self) -> Estimate {
-        let std = |variance: f32| northing_core::nalgebra::ComplexField::sqrt(variance.max(0.0));
         let angles = self.attitude.axes();
         let axes = self.position.axes();
-        Estimate {
-            angles: Vector3::from(angles.map(|axis| axis.angle)),
-            angles_std: Vector3::from(angles.map(|axis| std(axis.covariance[0]))),
+        let validity = self.position.validity();
+        let motion = Motion {
             position: self.position.position(),
             velocity: self.position.velocity(),
-            position_std: Vector3::from(axes.map(|axis| std(axis.covariance.m11))),
-            validity: self.position.validity(),
+            position_std: Vector3::from(axes.map(|axis| std_of(axis.covariance.m11))),
+        };
+        Estimate {
+            attitude: Some(Attitude {
+                angles: Vector3::from(angles.map(|axis| axis.angle)),
+                std: Vector3::from(angles.map(
+                    |AngleFilter {
+                         covariance: [v, ..],
+                         ..
+                     }| std_of(v),
+                )),
+            }),
+            motion: (validity != Validity::Aligning).then_some(motion),
+            validity,
         }
+    }
+
+    fn is_sound(&self) -> bool {
+        let mut sum = 0.0;
+        self.state_bits(|x| sum += x);
+        sum.is_finite()
     }
 
     fn state_bits(&self, mut take: impl FnMut(f32)) {

@@ -135,9 +135,10 @@ impl<T: Scalar> ErrorStateFilter<T> {
             let projected = Projected::of(row, &self.state.covariance, side);
             for (i, row) in measurement.rows.iter().enumerate().take(j + 1) {
                 let value = projected.dot(row);
-                s[(i, j)] += value;
-                if i != j {
-                    s[(j, i)] += value;
+                for at in [(i, j), (j, i)].into_iter().take(1 + usize::from(i != j)) {
+                    if let Some(element) = s.get_mut(at) {
+                        *element += value;
+                    }
                 }
             }
         }

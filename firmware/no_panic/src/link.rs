@@ -1,15 +1,12 @@
-//! An image that links only when parsing, filters and output contain no panic.
+//! Everything an application does, in an image that links only when none of it contains a panic.
 //!
 //! Its panic handler calls a function that exists nowhere. Linked as a whole the optimiser proves that
 //! no path leads there and leaves the call out; where one is left, the linker names the symbol.
-#![no_std]
-#![no_main]
 
 use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use northing_firmware::application::Overruns;
-use northing_firmware::navigator::AxisNavigator;
 use northing_firmware::{Application, Navigator, ResetCause};
 
 #[panic_handler]
@@ -22,8 +19,8 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     unsafe { a_panic_is_still_reachable() }
 }
 
-/// Everything an application does, on bytes that the compiler knows nothing of.
-fn run<N: Navigator>() -> ! {
+/// An application of a build, on bytes that the compiler knows nothing of.
+pub(crate) fn run<N: Navigator>() -> ! {
     let mut out = |byte: u8| {
         black_box(byte);
     };
@@ -34,9 +31,4 @@ fn run<N: Navigator>() -> ! {
         application.imu_byte(black_box(0), now_us, &mut out);
         application.poll(now_us, black_box(Overruns::default()), &mut out);
     }
-}
-
-#[cortex_m_rt::entry]
-fn main() -> ! {
-    run::<AxisNavigator>()
 }

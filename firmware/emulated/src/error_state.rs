@@ -1,0 +1,12 @@
+//! The build `error-state` on the emulated board.
+#![no_std]
+#![no_main]
+
+mod board;
+
+use northing_firmware_soft_float as _;
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    board::run::<northing_firmware::navigator::ErrorStateNavigator>()
+}
