@@ -25,13 +25,14 @@ use crate::recorder::{Control, Recorder, RecordingStatus};
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
 /// How a device of the lab's own is called: no phone can call itself so.
-const OWN_NAMES: [&str; 8] = [
+const OWN_NAMES: [&str; 9] = [
     "virtual-",
     "replay-",
     "sensorserver-",
     "linkoping-",
     "phyphox-",
     "razor-",
+    "northing-",
     "hyperimu-",
     "sensorstreamer-",
 ];

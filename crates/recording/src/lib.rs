@@ -25,6 +25,7 @@ pub mod mcap;
 mod merge;
 pub mod metadata;
 mod nmea;
+mod northing_serial;
 mod numbers;
 mod open;
 pub mod options;

@@ -8,7 +8,7 @@ use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
-use crate::{csv, manifest, nmea, sensor_logger, ubx};
+use crate::{csv, manifest, nmea, northing_serial, sensor_logger, ubx};
 
 /// Bytes that are looked at to tell the format.
 const SAMPLE_BYTES: usize = 4096;
@@ -50,6 +50,7 @@ pub fn read_from(
         (Format::Nmea, _) => nmea::open(input, name, metadata),
         (Format::Ubx, _) => ubx::open(input, name, metadata),
         (Format::Ulog, _) => open_ulog(input, name, metadata)?,
+        (Format::NorthingSerial, _) => northing_serial::open(input, name, metadata),
         (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
         (Format::Manifest, None) => {
             return Err(RecordingError::Unsupported {
@@ -88,6 +89,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
         Format::Nmea => nmea::open(Cursor::new(bytes), name, metadata),
         Format::Ubx => ubx::open(Cursor::new(bytes), name, metadata),
         Format::Ulog => open_ulog(Cursor::new(bytes), name, metadata)?,
+        Format::NorthingSerial => northing_serial::open(Cursor::new(bytes), name, metadata),
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
         Format::Mcap => open_mcap(Cursor::new(bytes), name, metadata, options)?,
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
@@ -163,6 +165,11 @@ pub(crate) fn open_data_file(
         )),
         Format::Ubx => Ok(ubx::open(File::open(path).map_err(failed)?, file, metadata)),
         Format::Ulog => open_ulog(File::open(path).map_err(failed)?, file, metadata),
+        Format::NorthingSerial => Ok(northing_serial::open(
+            File::open(path).map_err(failed)?,
+            file,
+            metadata,
+        )),
     }
 }
 
@@ -234,6 +241,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
         .lines()
         .find(|line| !line.starts_with('#'))
         .is_some_and(csv::recognises);
+    if northing_serial::recognises(text) {
+        return Ok(Format::NorthingSerial);
+    }
     if !has_time_column && nmea::recognises(text) {
         return Ok(Format::Nmea);
     }

@@ -108,6 +108,8 @@ named_values! {
         Ubx = "ubx",
         /// ULog: logs of PX4 autopilots (feature `ulog`).
         Ulog = "ulog",
+        /// What a board with our firmware sends.
+        NorthingSerial = "northing-serial",
         /// Any other delimited text file, described by a TOML manifest.
         Manifest = "manifest",
     }

@@ -178,13 +178,9 @@ pub fn fix_sentences(second: u32, position: &Vector3<f64>, velocity: &Vector3<f6
         second % 60
     );
     let [latitude, longitude, height] = ORIGIN;
-    // Small distances: the radii of the ellipsoid at the origin do.
-    let (sin, cos) = latitude.to_radians().sin_cos();
-    let w2 = 1.0 - ECCENTRICITY_SQUARED * sin * sin;
-    let normal = SEMI_MAJOR_M / w2.sqrt();
-    let meridian = normal * (1.0 - ECCENTRICITY_SQUARED) / w2;
-    let latitude = latitude + (position.x / (meridian + height)).to_degrees();
-    let longitude = longitude + (position.y / ((normal + height) * cos)).to_degrees();
+    let [north, east] = metres_per_radian();
+    let latitude = latitude + (position.x / north).to_degrees();
+    let longitude = longitude + (position.y / east).to_degrees();
     let place = format!("{},N,0{},E", minutes(latitude), minutes(longitude));
     let altitude = height - position.z - GEOID_M;
     let gga = format!("GPGGA,{time},{place},1,09,0.92,{altitude:.1},M,{GEOID_M:.1},M,,");
@@ -192,6 +188,27 @@ pub fn fix_sentences(second: u32, position: &Vector3<f64>, velocity: &Vector3<f6
     let course = velocity.y.atan2(velocity.x).to_degrees().rem_euclid(360.0);
     let rmc = format!("GPRMC,{time},A,{place},{knots:.2},{course:.2},230394,,,A");
     sentence(&gga) + &sentence(&rmc)
+}
+
+/// Metres a radian of latitude and of longitude: over small distances the radii at the origin do.
+fn metres_per_radian() -> [f64; 2] {
+    let [latitude, _, height] = ORIGIN;
+    let (sin, cos) = latitude.to_radians().sin_cos();
+    let w2 = 1.0 - ECCENTRICITY_SQUARED * sin * sin;
+    let normal = SEMI_MAJOR_M / w2.sqrt();
+    let meridian = normal * (1.0 - ECCENTRICITY_SQUARED) / w2;
+    [meridian + height, (normal + height) * cos]
+}
+
+/// Where a latitude and a longitude (1e-7 deg) are: north and east of where the walk begins, m.
+#[must_use]
+pub fn place(latitude_e7: f64, longitude_e7: f64) -> [f64; 2] {
+    let [latitude, longitude, _] = ORIGIN;
+    let [north, east] = metres_per_radian();
+    [
+        (latitude_e7 * 1e-7 - latitude).to_radians() * north,
+        (longitude_e7 * 1e-7 - longitude).to_radians() * east,
+    ]
 }
 
 /// Degrees as `ddmm.mmmmm`.

@@ -11,7 +11,7 @@ use northing_firmware_tests::emulator::Emulator;
 use northing_firmware_tests::host::Host;
 use northing_firmware_tests::images::Chip;
 use northing_firmware_tests::output::{Sentence, of_kind, sentences};
-use northing_firmware_tests::walk::{Truth, Walk};
+use northing_firmware_tests::walk::{Truth, Walk, place};
 
 /// Frames that the second chip gets.
 const PREFIX: usize = 500;
@@ -47,6 +47,8 @@ fn chips_and_host_agree<N: Navigator>(image: &'static str, walk: &Walk) -> Vec<S
 /// Root mean square of horizontal position (m), tilt and heading (rad) over the estimates after the
 /// first 20 seconds.
 fn errors(said: &[Sentence], truth: &[Truth]) -> [f64; 3] {
+    let origin = of_kind(said, 'O').next().unwrap();
+    let [origin_north, origin_east] = place(origin.number(0), origin.number(1));
     let mut sums = [0.0; 3];
     let mut count = 0.0;
     for estimate in of_kind(said, 'E') {
@@ -60,7 +62,10 @@ fn errors(said: &[Sentence], truth: &[Truth]) -> [f64; 3] {
         let [true_roll, true_pitch, true_yaw] = <[f64; 3]>::from(truth.attitude.euler_angles());
         let wrapped = (yaw - true_yaw).sin().asin();
         let [north, east, _] = estimate.vector(8, 1e-3);
-        let off = [north - truth.position.x, east - truth.position.y];
+        let off = [
+            origin_north + north - truth.position.x,
+            origin_east + east - truth.position.y,
+        ];
         let squares = [
             off[0] * off[0] + off[1] * off[1],
             (roll - true_roll).powi(2) + (pitch - true_pitch).powi(2),

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow};
 use clap::{Args, ValueEnum};
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
-use northing_live::inputs::InputSpec;
+use northing_live::inputs::{InputKind, InputSpec};
 use northing_live::replay::{self, Speed};
 use northing_live::server::{self, LiveConfig, Running, StartError};
 use northing_live::tls::CertificateFiles;
@@ -79,9 +79,12 @@ pub(crate) struct LiveArgs {
     #[arg(long, requires = "replay")]
     exit: bool,
     /// Take samples from this input, too (repeatable): sensorserver=HOST:PORT, phyphox=HOST:PORT,
-    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE or razor=DEVICE@BAUD
+    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE[@BAUD], northing=DEVICE[@BAUD]
     #[arg(long = "input", value_name = "KIND=ADDRESS")]
     inputs: Vec<InputSpec>,
+    /// A board with Northing's firmware on this serial line (as --input northing=DEVICE[@BAUD])
+    #[arg(long, value_name = "DEVICE")]
+    serial: Option<String>,
     /// What people call this lab; the pages show it
     #[arg(
         long,
@@ -130,6 +133,7 @@ impl Default for LiveArgs {
             recordings: None,
             exit: false,
             inputs: Vec::new(),
+            serial: None,
             name: String::new(),
             allowed_hosts: Vec::new(),
             data_dir: None,
@@ -203,7 +207,9 @@ async fn run(args: &LiveArgs) -> Result<()> {
     let running = start(config, args.port.is_none()).await?;
     let events = running.lab.listen();
     ready(args, &running)?;
-    for input in &args.inputs {
+    let board = args.serial.as_deref();
+    let board = board.map(|device| InputSpec::new(InputKind::Northing, device));
+    for input in args.inputs.iter().chain(&board.transpose()?) {
         let added = running.inputs.add(input.clone());
         added.map_err(|text| anyhow!(text))?;
     }

@@ -190,7 +190,9 @@ impl Feed {
                 "set the sampling rate to 10000 microseconds in SensorServer's settings and connect again"
             }
             WireFormat::Phyphox => "choose the fastest sensor rate in the phyphox experiment",
-            WireFormat::Razor => "check the board's output and the line's speed",
+            WireFormat::Razor | WireFormat::NorthingSerial => {
+                "check the board's output and the line's speed"
+            }
             _ => "choose the fastest sensor rate in the app",
         }
     }

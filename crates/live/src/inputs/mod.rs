@@ -93,7 +93,8 @@ impl Inputs {
     /// # Errors
     /// It is there already, there are too many, or this program was built without it: in a sentence.
     pub fn add(self: &Arc<Self>, spec: InputSpec) -> Result<String, String> {
-        if spec.kind == InputKind::Razor && cfg!(not(feature = "serial")) {
+        let serial = matches!(spec.kind, InputKind::Razor | InputKind::Northing);
+        if serial && cfg!(not(feature = "serial")) {
             return Err(
                 "this program was built without serial lines (feature `serial`)".to_owned(),
             );
@@ -222,7 +223,7 @@ async fn run(link: Link) {
         InputKind::Linkoping | InputKind::SensorStreamer | InputKind::HyperImu => {
             listener::run(link).await;
         }
-        InputKind::Razor => {
+        InputKind::Razor | InputKind::Northing => {
             #[cfg(feature = "serial")]
             razor::run(link).await;
         }

@@ -1,4 +1,4 @@
-//! A Razor 9DOF board on a serial line: read on a thread of its own, because serial lines block.
+//! A board on a serial line, a Razor 9DOF or one with our own firmware: read on a thread of its own, because serial lines block.
 
 use std::io::{ErrorKind, Read, Write};
 use std::thread;
@@ -8,9 +8,9 @@ use axum::body::Bytes;
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
-use super::InputState;
 use super::link::{BackOff, Ended, LineCutter, Link};
 use super::spec::Address;
+use super::{InputKind, InputState};
 
 /// How long one read waits.
 const READ_TIMEOUT: Duration = Duration::from_millis(200);
@@ -20,7 +20,7 @@ const SILENCE: Duration = Duration::from_secs(3);
 const CHUNK: usize = 4096;
 /// Chunks that may wait: beyond, the thread waits and the system's buffer fills.
 const QUEUE: usize = 16;
-/// Tells the firmware to send text of the calibrated sensors, continuously.
+/// Tells a Razor's firmware to send text of the calibrated sensors, continuously.
 const START: &[u8] = b"#osct#o1";
 
 pub(super) async fn run(link: Link) {
@@ -33,9 +33,14 @@ pub(super) async fn run(link: Link) {
         );
         let (sender, mut chunks) = mpsc::channel(QUEUE);
         let address = link.address().clone();
+        let start = if link.kind() == InputKind::Razor {
+            START
+        } else {
+            b""
+        };
         let spawned = thread::Builder::new()
             .name("serial line".to_owned())
-            .spawn(move || read(&address, &sender));
+            .spawn(move || read(&address, start, &sender));
         let mut ended = Ended {
             why: spawned.map_or_else(
                 |error| error.to_string(),
@@ -79,8 +84,8 @@ pub(super) async fn run(link: Link) {
 }
 
 /// Reads until the line breaks or nobody listens.
-fn read(address: &Address, sender: &mpsc::Sender<Result<Vec<u8>, String>>) {
-    if let Err(why) = read_to_end(address, sender) {
+fn read(address: &Address, start: &[u8], sender: &mpsc::Sender<Result<Vec<u8>, String>>) {
+    if let Err(why) = read_to_end(address, start, sender) {
         // Whoever listened may be gone.
         let _ = sender.blocking_send(Err(why));
     }
@@ -88,6 +93,7 @@ fn read(address: &Address, sender: &mpsc::Sender<Result<Vec<u8>, String>>) {
 
 fn read_to_end(
     address: &Address,
+    start: &[u8],
     sender: &mpsc::Sender<Result<Vec<u8>, String>>,
 ) -> Result<(), String> {
     let Address::Serial { path, baud } = address else {
@@ -102,7 +108,7 @@ fn read_to_end(
         )
     })?;
     // A board that sends by itself needs no telling, and a line that cannot be written can be read.
-    let _ = port.write_all(START);
+    let _ = port.write_all(start);
     let mut chunk = vec![0; CHUNK];
     while !sender.is_closed() {
         match port.read(&mut chunk) {

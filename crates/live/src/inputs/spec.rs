@@ -19,6 +19,8 @@ pub enum InputKind {
     Phyphox,
     /// A Razor board on a serial line.
     Razor,
+    /// A board with our own firmware on a serial line.
+    Northing,
     /// HyperIMU: it sends us lines, by TCP or UDP.
     HyperImu,
     /// SensorStreamer: it connects to us.
@@ -32,8 +34,8 @@ enum Form {
     Remote,
     /// Nothing, `port` or `ip:port`.
     Listen(u16),
-    /// `device` or `device@baud`.
-    Serial,
+    /// `device` or `device@baud`, with the baud rate that is meant where none is given.
+    Serial(u32),
 }
 
 /// Where an input is.
@@ -79,18 +81,20 @@ pub struct SpecError {
     expected: String,
 }
 
-/// The baud rate of the Razor's firmware.
+/// The baud rates of the Razor's firmware and of ours.
 const RAZOR_BAUD: u32 = 57_600;
+const NORTHING_BAUD: u32 = 230_400;
 /// Longest address, bytes.
 const LONGEST: usize = 200;
 
 impl InputKind {
     /// Every kind.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::SensorServer,
         Self::Linkoping,
         Self::Phyphox,
         Self::Razor,
+        Self::Northing,
         Self::HyperImu,
         Self::SensorStreamer,
     ];
@@ -103,6 +107,7 @@ impl InputKind {
             Self::Linkoping => "linkoping",
             Self::Phyphox => "phyphox",
             Self::Razor => "razor",
+            Self::Northing => "northing",
             Self::HyperImu => "hyperimu",
             Self::SensorStreamer => "sensorstreamer",
         }
@@ -130,6 +135,10 @@ impl InputKind {
                 "Razor 9DOF board on a serial line: enter the device, such as /dev/ttyUSB0 or COM3; \
                  @57600 behind it is the speed."
             }
+            Self::Northing => {
+                "Board with Northing's firmware on a serial line: enter the device, such as /dev/ttyUSB0 or \
+                 COM3; @230400 behind it is the speed. Its own estimate is drawn as the device's."
+            }
             Self::HyperImu => {
                 "HyperIMU (Android): choose accelerometer, gyroscope, magnetometer in this order, a \
                  sampling of 10 ms, the protocol TCP or UDP, this computer's address and the port \
@@ -151,6 +160,7 @@ impl InputKind {
             Self::Linkoping => "3400",
             Self::Phyphox => "192.168.1.21:8080",
             Self::Razor => "/dev/ttyUSB0@57600",
+            Self::Northing => "/dev/ttyUSB0@230400",
             Self::HyperImu => "2055",
             Self::SensorStreamer => "3401",
         }
@@ -164,6 +174,7 @@ impl InputKind {
             Self::Linkoping => WireFormat::Linkoping,
             Self::Phyphox => WireFormat::Phyphox,
             Self::Razor => WireFormat::Razor,
+            Self::Northing => WireFormat::NorthingSerial,
             Self::HyperImu => WireFormat::HyperImu,
             Self::SensorStreamer => WireFormat::SensorStreamer,
         }
@@ -175,7 +186,8 @@ impl InputKind {
             Self::Linkoping => Form::Listen(linkoping::PORT),
             Self::HyperImu => Form::Listen(2055),
             Self::SensorStreamer => Form::Listen(3401),
-            Self::Razor => Form::Serial,
+            Self::Razor => Form::Serial(RAZOR_BAUD),
+            Self::Northing => Form::Serial(NORTHING_BAUD),
         }
     }
 
@@ -194,12 +206,12 @@ impl InputSpec {
         let parsed = (text.len() <= LONGEST).then(|| match kind.form() {
             Form::Remote => remote(text),
             Form::Listen(port) => listen(text, port),
-            Form::Serial => serial(text),
+            Form::Serial(baud) => serial(text, baud),
         });
         let expected = match kind.form() {
             Form::Remote => "HOST:PORT without a path",
             Form::Listen(_) => "nothing, a PORT, or an IP:PORT of this computer",
-            Form::Serial => "a serial device, with @BAUD behind it if need be",
+            Form::Serial(_) => "a serial device, with @BAUD behind it if need be",
         };
         let address = parsed.flatten().ok_or_else(|| SpecError {
             text: format!("{}={}", kind.name(), shown(text)),
@@ -272,10 +284,10 @@ fn listen(text: &str, default: u16) -> Option<Address> {
     })
 }
 
-fn serial(text: &str) -> Option<Address> {
+fn serial(text: &str, default: u32) -> Option<Address> {
     let (path, baud) = match text.rsplit_once('@') {
         Some((path, baud)) => (path, baud.parse().ok()?),
-        None => (text, RAZOR_BAUD),
+        None => (text, default),
     };
     let unix = path.starts_with("/dev/") && !path.contains("..");
     let windows = path
@@ -313,6 +325,7 @@ mod tests {
             ("sensorstreamer", "3401"),
             ("razor=/dev/ttyUSB0", "/dev/ttyUSB0@57600"),
             ("razor=COM3@115200", "COM3@115200"),
+            ("northing=/dev/ttyUSB0", "/dev/ttyUSB0@230400"),
         ] {
             let spec = parse(text).unwrap();
             assert_eq!(spec.address.to_string(), address, "{text}");

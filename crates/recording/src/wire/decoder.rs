@@ -11,6 +11,7 @@ use serde::de::IgnoredAny;
 
 use super::hyperimu::HyperImu;
 use super::linkoping::Linkoping;
+use super::northing_serial::{Axes, NorthingSerial};
 use super::phone_page::{Batch, PhonePage};
 use super::phyphox::Phyphox;
 use super::razor::{Razor, RazorConfig, RazorOutput};
@@ -54,13 +55,15 @@ pub enum WireFormat {
     HyperImu,
     /// Bytes of SensorStreamer, cut anywhere: [`super::sensorstreamer`].
     SensorStreamer,
+    /// Sentences of a board with our firmware, cut anywhere: [`super::northing_serial`].
+    NorthingSerial,
     /// Our own events: [`super::events`].
     Events,
 }
 
 impl WireFormat {
     /// Every format.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::PhonePage,
         Self::SensorLogger,
         Self::SensorServer,
@@ -70,6 +73,7 @@ impl WireFormat {
         Self::RazorBinary,
         Self::HyperImu,
         Self::SensorStreamer,
+        Self::NorthingSerial,
         Self::Events,
     ];
 
@@ -86,6 +90,7 @@ impl WireFormat {
             Self::RazorBinary => "razor-binary",
             Self::HyperImu => "hyperimu",
             Self::SensorStreamer => "sensorstreamer",
+            Self::NorthingSerial => "northing-serial",
             Self::Events => "events",
         }
     }
@@ -137,6 +142,7 @@ enum State {
     Linkoping(Box<Linkoping>),
     Phyphox(Box<Phyphox>),
     Razor(Box<Razor>),
+    NorthingSerial(Box<NorthingSerial>),
     HyperImu(Box<HyperImu>),
     SensorStreamer(Box<SensorStreamer>),
     Events,
@@ -208,6 +214,9 @@ impl WireDecoder {
             WireFormat::RazorBinary => razor(RazorOutput::BinarySensors),
             WireFormat::HyperImu => State::HyperImu(Box::default()),
             WireFormat::SensorStreamer => State::SensorStreamer(Box::default()),
+            WireFormat::NorthingSerial => {
+                State::NorthingSerial(Box::new(NorthingSerial::new(Axes::Phone)))
+            }
             WireFormat::Events => State::Events,
         };
         Self {
@@ -253,6 +262,7 @@ impl WireDecoder {
             State::SensorServer(decoder) => Ok(decoder.push(payload)),
             State::Linkoping(decoder) => Ok(decoder.push(payload)),
             State::Razor(decoder) => Ok(decoder.push(payload)),
+            State::NorthingSerial(decoder) => Ok(decoder.push(payload)),
             State::HyperImu(decoder) => Ok(decoder.push_datagram(payload)),
             State::SensorStreamer(decoder) => Ok(decoder.push(payload)),
             State::Events => Ok(Decoded {

@@ -27,6 +27,7 @@ pub mod hyperimu;
 mod json;
 mod lines;
 pub mod linkoping;
+pub mod northing_serial;
 pub mod phone_page;
 pub mod phyphox;
 mod preference;

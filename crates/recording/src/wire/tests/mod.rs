@@ -2,6 +2,7 @@
 
 mod hostile;
 mod line_formats;
+mod northing_serial;
 mod phone_page;
 mod phyphox;
 mod razor;

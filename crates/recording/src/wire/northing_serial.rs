@@ -1,0 +1,248 @@
+//! What a microcontroller with Northing's firmware sends: `$PNOR..` sentences of sensors, fixes and
+//! estimates, over a serial line.
+//!
+//! Read first: `docs/wire_formats.md`, section "Northing boards". The board's axes are forward, right,
+//! down, its world north, east, down; [`Axes`] says whether they stay so, as files have them, or become
+//! those of all wire formats.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::lines::Lines;
+use super::{Decoded, Tone};
+use crate::event::{Event, Sample, SensorKind};
+use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
+
+/// Version of the sentences that is understood.
+const VERSION: &str = "1";
+/// From the last stamp before a start of the board to the first after it, ns.
+const PAUSE_NS: i64 = 1_000_000_000;
+
+/// In which axes events are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Axes {
+    /// Right, forward, up; east, north, up: as a phone's.
+    #[default]
+    Phone,
+    /// Forward, right, down; north, east, down: as the board has them.
+    Board,
+}
+
+/// The decoder of one board.
+#[derive(Debug, Clone, Default)]
+pub struct NorthingSerial {
+    axes: Axes,
+    lines: Lines,
+    /// The board's last stamp (ms, wrapping), and what it is here, ns.
+    last: Option<(u32, i64)>,
+    /// The board has started again: its stamps begin anew.
+    restarted: bool,
+}
+
+impl NorthingSerial {
+    /// A decoder that gives events in these axes.
+    #[must_use]
+    pub fn new(axes: Axes) -> Self {
+        Self {
+            axes,
+            ..Self::default()
+        }
+    }
+
+    /// Decodes the next bytes of the serial line, cut anywhere.
+    pub fn push(&mut self, bytes: &[u8]) -> Decoded {
+        let mut out = Decoded::default();
+        let mut lines = std::mem::take(&mut self.lines);
+        let too_long = lines.push(bytes, |line| self.line(line, &mut out));
+        self.lines = lines;
+        if too_long > 0 {
+            let text = "A line that does not end was left out: is the line's speed 230400 baud?";
+            out.note_many(Tone::Bad, text, too_long);
+        }
+        out
+    }
+
+    fn line(&mut self, line: &[u8], out: &mut Decoded) {
+        let Some((kind, fields)) = sentence(line) else {
+            let text =
+                "A line is no sound sentence of Northing's firmware ($PNOR..*hh); it was left out.";
+            out.note(Tone::Bad, text);
+            return;
+        };
+        let fields = Fields(fields.split(',').collect());
+        let used = match kind {
+            b'B' => self.start(&fields, out),
+            b'I' => self.frame(&fields, out),
+            b'G' => self.fix(&fields, out),
+            b'E' => self.estimate(&fields, out),
+            // The origin of the estimates, and counts, which the next status repeats.
+            b'O' | b'S' => Some(()),
+            _ => None,
+        };
+        if used.is_none() {
+            let text = "A sentence of Northing's firmware lacks a number; it was left out.";
+            out.note(Tone::Bad, text);
+        }
+    }
+
+    fn start(&mut self, fields: &Fields<'_>, out: &mut Decoded) -> Option<()> {
+        let (version, build, cause) = (fields.text(0)?, fields.text(1)?, fields.text(2)?);
+        self.restarted = self.last.is_some();
+        out.note(
+            Tone::Info,
+            format!("The board has started: {}.", crate::error::shown(build)),
+        );
+        if cause == "watchdog" {
+            let text = "The board's watchdog had to reset it: its program hung.";
+            out.note(Tone::Warning, text);
+        }
+        if version != VERSION {
+            let text = format!("The board's sentences are of another version than {VERSION}.");
+            out.note(Tone::Warning, text);
+        }
+        Some(())
+    }
+
+    fn frame(&mut self, fields: &Fields<'_>, out: &mut Decoded) -> Option<()> {
+        let time_ns = self.time_ns(fields)?;
+        // The interval stands between stamp and force.
+        let units = [
+            (2, SensorKind::Accelerometer, 1e-4),
+            (5, SensorKind::Gyroscope, 1e-5),
+            (8, SensorKind::Magnetometer, 1e-2),
+        ];
+        for (first, kind, unit) in units {
+            if let Some(v) = fields.vector(first, unit)? {
+                out.vector(time_ns, kind, self.body(v));
+            }
+        }
+        Some(())
+    }
+
+    fn fix(&mut self, fields: &Fields<'_>, out: &mut Decoded) -> Option<()> {
+        let time_ns = self.time_ns(fields)?;
+        let position = GnssPosition {
+            latitude_rad: (fields.number(2)? * 1e-7).to_radians(),
+            longitude_rad: (fields.number(3)? * 1e-7).to_radians(),
+            height_m: Some(fields.number(4)? * 1e-3),
+            std_m: None,
+            hdop: Some(fields.number(6)? * 1e-2),
+            satellites: fields.text(5)?.parse().ok(),
+            quality: GnssQuality::Autonomous,
+        };
+        if position.is_usable() {
+            let sample = Sample::GnssPosition(position);
+            out.events.push(Event { time_ns, sample });
+        }
+        if let (Some(speed), Some(course)) = (fields.number(7), fields.number(8)) {
+            let velocity = GnssVelocity::from_course(speed * 1e-3, (course * 1e-2).to_radians());
+            let sample = Sample::GnssVelocity(velocity);
+            out.events.push(Event { time_ns, sample });
+        }
+        Some(())
+    }
+
+    fn estimate(&mut self, fields: &Fields<'_>, out: &mut Decoded) -> Option<()> {
+        let time_ns = self.time_ns(fields)?;
+        if let Some(angles) = fields.vector(1, 1e-3)? {
+            let [roll, pitch, yaw] = <[f64; 3]>::from(angles).map(f64::to_radians);
+            let ned_from_frd = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            out.attitude(time_ns, self.attitude(ned_from_frd));
+        }
+        // Aided or dead reckoning; later the board itself does not believe its position.
+        let believed = matches!(fields.text(7)?, "1" | "2");
+        for (first, kind) in [(8, SensorKind::Position), (11, SensorKind::Velocity)] {
+            if let Some(v) = fields.vector(first, 1e-3)?.filter(|_| believed) {
+                out.vector(time_ns, kind, self.world(v));
+            }
+        }
+        Some(())
+    }
+
+    /// The stamp of a sentence. The board counts milliseconds in 32 bits, from zero at each start.
+    fn time_ns(&mut self, fields: &Fields<'_>) -> Option<i64> {
+        let ms: u32 = fields.text(0)?.parse().ok()?;
+        let time_ns = match self.last {
+            None => i64::from(ms) * 1_000_000,
+            Some((_, last_ns)) if self.restarted => last_ns.saturating_add(PAUSE_NS),
+            Some((last_ms, last_ns)) => {
+                let passed = ms.wrapping_sub(last_ms) as i32;
+                last_ns.saturating_add(i64::from(passed) * 1_000_000)
+            }
+        };
+        self.restarted = false;
+        self.last = Some((ms, time_ns));
+        Some(time_ns)
+    }
+
+    fn body(&self, v: Vector3<f64>) -> Vector3<f64> {
+        match self.axes {
+            Axes::Phone => Vector3::new(v.y, v.x, -v.z),
+            Axes::Board => v,
+        }
+    }
+
+    /// The same exchange of axes, on the other side.
+    fn world(&self, v: Vector3<f64>) -> Vector3<f64> {
+        self.body(v)
+    }
+
+    fn attitude(&self, ned_from_frd: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        // Swapping the first two axes and turning the third over is half a turn about (1, 1, 0).
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let swap = UnitQuaternion::new_unchecked(Quaternion::new(0.0, half, half, 0.0));
+        match self.axes {
+            Axes::Phone => swap * ned_from_frd * swap,
+            Axes::Board => ned_from_frd,
+        }
+    }
+}
+
+/// Whether a text begins as such a board's output does.
+pub(crate) fn recognises(text: &str) -> bool {
+    text.lines()
+        .take(20)
+        .any(|line| sentence(line.as_bytes()).is_some())
+}
+
+/// The letter behind `$PNOR` and the fields, when the checksum is right.
+fn sentence(line: &[u8]) -> Option<(u8, &str)> {
+    let text = std::str::from_utf8(line.trim_ascii()).ok()?;
+    let (body, sum) = text.strip_prefix('$')?.split_once('*')?;
+    let stated = u8::from_str_radix(sum, 16)
+        .ok()
+        .filter(|_| sum.len() == 2)?;
+    let computed = body.bytes().fold(0, |sum, byte| sum ^ byte);
+    let (address, fields) = body.split_once(',')?;
+    let kind = address.strip_prefix("PNOR")?.as_bytes();
+    match kind {
+        [kind] if stated == computed => Some((*kind, fields)),
+        _ => None,
+    }
+}
+
+/// What stands between the commas.
+struct Fields<'a>(Vec<&'a str>);
+
+impl<'a> Fields<'a> {
+    fn text(&self, place: usize) -> Option<&'a str> {
+        self.0.get(place).copied()
+    }
+
+    fn number(&self, place: usize) -> Option<f64> {
+        let value: i32 = self.text(place)?.parse().ok()?;
+        Some(f64::from(value))
+    }
+
+    /// Three numbers times `unit`; `Some(None)` when they are empty.
+    fn vector(&self, first: usize, unit: f64) -> Option<Option<Vector3<f64>>> {
+        if self.text(first)?.is_empty() {
+            return Some(None);
+        }
+        let v = Vector3::new(
+            self.number(first)?,
+            self.number(first + 1)?,
+            self.number(first + 2)?,
+        );
+        Some(Some(v * unit))
+    }
+}

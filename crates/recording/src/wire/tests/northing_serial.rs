@@ -1,0 +1,156 @@
+//! Sentences of a board: what they become, damaged ones, and a board that starts again.
+
+use nalgebra::Vector3;
+
+use crate::event::{Event, Sample, SensorKind};
+use crate::wire::northing_serial::{Axes, NorthingSerial};
+use crate::wire::{Decoded, Tone};
+
+fn sentence(body: &str) -> String {
+    let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+    format!("${body}*{sum:02X}\r\n")
+}
+
+fn decoded(axes: Axes, bodies: &[&str]) -> Decoded {
+    let text: String = bodies.iter().map(|body| sentence(body)).collect();
+    NorthingSerial::new(axes).push(text.as_bytes())
+}
+
+fn vector(decoded: &Decoded, kind: SensorKind) -> Vector3<f64> {
+    let found = decoded
+        .events
+        .iter()
+        .find(|event| event.sample.kind() == kind);
+    match found.unwrap().sample {
+        Sample::SpecificForce(v)
+        | Sample::AngularRate(v)
+        | Sample::MagneticField(v)
+        | Sample::Position(v)
+        | Sample::Velocity(v) => v,
+        other => panic!("{other:?}"),
+    }
+}
+
+const FRAME: &str = "PNORI,4000,20,-7949,-5957,-98293,41,-1122,837,1908,-832,4511";
+const ESTIMATE: &str = "PNORE,4000,3789,-4761,35808,1388,1388,1383,1,-6407,-1106,2146,-974,-839,-267,1868,1868,3488,A31D33A6";
+const FIX: &str = "PNORG,4000,43204000,531173000,231434000,176500,9,92,1286,8440";
+
+#[test]
+fn a_step_of_the_board_is_read_in_its_own_axes() {
+    let out = decoded(Axes::Board, &[FRAME, FIX, ESTIMATE]);
+    assert!(out.notices.is_empty(), "{:?}", out.notices);
+    assert!(
+        out.events
+            .iter()
+            .all(|event| event.time_ns == 4_000_000_000)
+    );
+    let force = vector(&out, SensorKind::Accelerometer);
+    approx::assert_relative_eq!(
+        force,
+        Vector3::new(-0.7949, -0.5957, -9.8293),
+        epsilon = 1e-12
+    );
+    let rate = vector(&out, SensorKind::Gyroscope);
+    approx::assert_relative_eq!(rate, Vector3::new(41e-5, -1122e-5, 837e-5), epsilon = 1e-12);
+    let field = vector(&out, SensorKind::Magnetometer);
+    approx::assert_relative_eq!(field, Vector3::new(19.08, -8.32, 45.11), epsilon = 1e-12);
+    let position = vector(&out, SensorKind::Position);
+    approx::assert_relative_eq!(
+        position,
+        Vector3::new(-6.407, -1.106, 2.146),
+        epsilon = 1e-12
+    );
+    let attitude = out.events.iter().find_map(|event| match event.sample {
+        Sample::DeviceOrientation(q) => Some(q),
+        _ => None,
+    });
+    let (roll, pitch, yaw) = attitude.unwrap().euler_angles();
+    for (angle, degrees) in [(roll, 3.789_f64), (pitch, -4.761), (yaw, 35.808)] {
+        approx::assert_relative_eq!(angle, degrees.to_radians(), epsilon = 1e-12);
+    }
+    let fix = out.events.iter().find_map(|event| match event.sample {
+        Sample::GnssPosition(fix) => Some(fix),
+        _ => None,
+    });
+    let fix = fix.unwrap();
+    approx::assert_relative_eq!(fix.latitude_rad.to_degrees(), 53.1173, epsilon = 1e-12);
+    approx::assert_relative_eq!(fix.height_m.unwrap(), 176.5);
+    assert_eq!(fix.satellites, Some(9));
+    let speed = out.events.iter().find_map(|event| match event.sample {
+        Sample::GnssVelocity(v) => Some(v.north_m_s.hypot(v.east_m_s)),
+        _ => None,
+    });
+    approx::assert_relative_eq!(speed.unwrap(), 1.286, epsilon = 1e-12);
+}
+
+#[test]
+fn in_a_phones_axes_up_is_up_and_east_is_first() {
+    let out = decoded(Axes::Phone, &[FRAME, ESTIMATE]);
+    let force = vector(&out, SensorKind::Accelerometer);
+    approx::assert_relative_eq!(
+        force,
+        Vector3::new(-0.5957, -0.7949, 9.8293),
+        epsilon = 1e-12
+    );
+    let position = vector(&out, SensorKind::Position);
+    approx::assert_relative_eq!(
+        position,
+        Vector3::new(-1.106, -6.407, -2.146),
+        epsilon = 1e-12
+    );
+    let attitude = out.events.iter().find_map(|event| match event.sample {
+        Sample::DeviceOrientation(q) => Some(q),
+        _ => None,
+    });
+    // Where the board says that gravity is, the force at rest points up.
+    let up = attitude.unwrap() * force.normalize();
+    assert!(up.z > 0.99, "{up}");
+}
+
+#[test]
+fn what_is_unknown_is_left_out_and_what_is_damaged_is_said() {
+    let out = decoded(
+        Axes::Board,
+        &[
+            "PNORI,20,,,,,1,2,3,,,",
+            "PNORE,20,0,0,0,9,9,9,0,,,,,,,,,,00000000",
+            "PNORE,40,0,0,0,9,9,9,3,1,2,3,4,5,6,7,8,9,00000000",
+        ],
+    );
+    let kinds: Vec<_> = out.events.iter().map(|event| event.sample.kind()).collect();
+    let orientation = SensorKind::DeviceOrientation;
+    assert_eq!(kinds, [SensorKind::Gyroscope, orientation, orientation]);
+    let whole = sentence(FRAME);
+    for place in 1..whole.len() - 2 {
+        let mut bytes = whole.clone().into_bytes();
+        bytes[place] ^= 1;
+        let out = NorthingSerial::new(Axes::Board).push(&bytes);
+        assert!(out.events.is_empty(), "{place}");
+        assert_eq!(out.notices[0].tone, Tone::Bad);
+    }
+    let out = decoded(
+        Axes::Board,
+        &["PNORI,20", "PNORX,1", "PNORI,x,20,1,1,1,1,1,1,1,1,1"],
+    );
+    assert!(out.events.is_empty());
+    assert_eq!(out.notices[0].count, 3);
+}
+
+#[test]
+fn time_goes_on_when_the_board_starts_again_and_when_its_counter_rolls_over() {
+    let mut decoder = NorthingSerial::new(Axes::Board);
+    let mut time = |body: &str| -> (Option<i64>, usize) {
+        let out = decoder.push(sentence(body).as_bytes());
+        let first: Option<&Event> = out.events.first();
+        (first.map(|event| event.time_ns), out.notices.len())
+    };
+    let before = u32::MAX - 9;
+    let frame = |ms: u32| format!("PNORI,{ms},20,,,,1,2,3,,,");
+    let first = i64::from(before) * 1_000_000;
+    assert_eq!(time("PNORB,1,axis-filters,power"), (None, 1));
+    assert_eq!(time(&frame(before)), (Some(first), 0));
+    assert_eq!(time(&frame(10)), (Some(first + 20_000_000), 0));
+    assert_eq!(time("PNORB,1,axis-filters,watchdog"), (None, 2));
+    assert_eq!(time(&frame(0)), (Some(first + 1_020_000_000), 0));
+    assert_eq!(time(&frame(20)), (Some(first + 1_040_000_000), 0));
+}
