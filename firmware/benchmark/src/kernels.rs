@@ -3,7 +3,9 @@
 use core::hint::black_box;
 
 use cortex_m_semihosting::hprintln;
-use northing_core::nalgebra::{ComplexField, Vector3};
+use northing_core::attitude::bounded_velocity::{BoundedVelocity, BoundedVelocityConfig};
+use northing_core::attitude::{AttitudeEstimator, InitialState, References};
+use northing_core::nalgebra::{ComplexField, Matrix3, UnitQuaternion, Vector3};
 use northing_firmware::navigator::{AxisNavigator, ErrorStateNavigator, Position};
 use northing_firmware::{Inertial, Navigator};
 
@@ -16,6 +18,7 @@ const FIX_EVERY: u32 = 50;
 pub(crate) fn all(counter: &Counter) {
     navigator::<AxisNavigator>("axis-filters", counter);
     navigator::<ErrorStateNavigator>("error-state", counter);
+    bounded_velocity(counter);
 }
 
 /// A build's step, with a fix each second.
@@ -35,6 +38,45 @@ fn navigator<N: Navigator>(name: &str, counter: &Counter) {
     }
     black_box(filter.fingerprint());
     say(name, worst, sum / STEPS);
+}
+
+/// The bounded-velocity filter with its default states, one sample of each sensor a step.
+fn bounded_velocity(counter: &Counter) {
+    let Ok(mut filter) = BoundedVelocity::<f32>::new(BoundedVelocityConfig::default()) else {
+        hprintln!("bounded-velocity does not start");
+        return;
+    };
+    let up = Vector3::new(0.0, 0.0, 9.806_65);
+    filter.initialize(&InitialState {
+        attitude: UnitQuaternion::identity(),
+        attitude_covariance: Matrix3::from_diagonal_element(0.01),
+        gyroscope_bias: Vector3::zeros(),
+        gyroscope_bias_std: 0.02,
+        north_known: true,
+        references: References {
+            specific_force: up,
+            magnetic_field: Some(Vector3::new(0.0, 20.0, -45.0)),
+        },
+    });
+    let mut worst = 0;
+    let mut sum = 0;
+    for step in 1..=STEPS {
+        // Level axes are east, north, up there.
+        let inertial = black_box(inertial(step));
+        let upright = |v: Vector3<f32>| Vector3::new(v.y, v.x, -v.z);
+        let rate = upright(inertial.angular_rate);
+        let force = upright(inertial.specific_force.unwrap_or_default());
+        let field = upright(inertial.magnetic_field.unwrap_or_default());
+        let count = counter.instructions(|| {
+            let _ = filter.propagate(&rate, inertial.dt_s());
+            let _ = filter.update_accelerometer(&force);
+            let _ = filter.update_magnetometer(&field);
+        });
+        worst = worst.max(count);
+        sum += count / 16;
+    }
+    black_box(filter.attitude());
+    say("bounded-velocity", worst, sum / (STEPS / 16));
 }
 
 fn say(name: &str, worst: u32, mean: u32) {
