@@ -63,12 +63,13 @@ impl<T: Scalar> Projected<T> {
             if *state < SIDE {
                 // The upper triangle alone is kept up between the rows of a measurement.
                 for (i, sum) in error.iter_mut().enumerate() {
-                    *sum += *h * p[(i.min(*state), i.max(*state))];
+                    let element = p.get((i.min(*state), i.max(*state)));
+                    *sum += *h * element.copied().unwrap_or_else(T::zero);
                 }
                 for j in (0..SIDE_STATES).filter(|j| side.is_used(*j)) {
-                    beside[j] += *h * side.cross[(*state, j)];
+                    beside[j] += *h * side.cross.get((*state, j)).copied().unwrap_or_else(T::zero);
                 }
-            } else if side.is_used(state - SIDE) {
+            } else if side.is_used(state - SIDE) && state - SIDE < SIDE_STATES {
                 error.axpy(*h, &side.cross.column(state - SIDE), T::one());
                 beside.axpy(*h, &side.covariance.column(state - SIDE), T::one());
             }
