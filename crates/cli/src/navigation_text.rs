@@ -76,7 +76,12 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
 
 fn position(summary: &NavigationSummary) -> String {
     let Some(score) = &summary.position else {
-        return "not scored: every fix was used and there is no reference".to_owned();
+        let reason = if summary.outages.is_empty() && summary.fixes_used == summary.fixes {
+            "every fix was used and there is no reference"
+        } else {
+            "nothing to score at outside outages, or before scores count"
+        };
+        return format!("not scored: {reason}");
     };
     let vertical = score
         .vertical_rmse_m

@@ -416,7 +416,7 @@ fn the_page_adds_and_removes_inputs_and_is_told_in_words() {
     };
     let hello = wait(None, &|m| m["type"] == "hello");
     let kinds = hello["input_kinds"].as_array().unwrap();
-    assert_eq!(kinds.len(), 6);
+    assert_eq!(kinds.len(), 7);
     assert!(
         kinds
             .iter()

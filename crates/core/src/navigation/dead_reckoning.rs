@@ -27,6 +27,7 @@
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector3, Vector4};
 
 use super::{Validity, ValidityLimits};
+use crate::kalman::covariance::cap_variance;
 use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::scalar_update::update_one_state;
 use crate::kalman::{Innovation, Outcome, SkipReason};
@@ -245,8 +246,10 @@ impl<T: Scalar> DeadReckoning<T> {
             p.set_column(axis, &columns);
         }
         for axis in 0..2 {
-            p[(axis, axis)] = (p[(axis, axis)] + white).min(square(lit(FARTHEST)));
-            p[(axis + 2, axis + 2)] = (p[(axis + 2, axis + 2)] + walk).min(lit(1e4));
+            p[(axis, axis)] += white;
+            p[(axis + 2, axis + 2)] += walk;
+            cap_variance(p, axis, square(lit(FARTHEST)));
+            cap_variance(p, axis + 2, lit(FASTEST * FASTEST));
         }
         self.state.since_fix_s = Some((since + dt).min(lit(1e6)));
         Ok(())

@@ -491,7 +491,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         if duration > lit(LONGEST_GAP_S) {
             self.restart();
         } else if self.aligning.is_some() {
+            // North is another arbitrary one: what was seen against the old one is over.
             self.aligning = Some(Alignment::default());
+            self.seen = Seen::default();
         } else if duration > T::zero() {
             self.hold_velocity(duration);
         }

@@ -190,6 +190,9 @@ pub(crate) trait Navigator {
         told: &mut Vec<Told>,
     );
 
+    /// Lets the time go on, where nothing else does that.
+    fn advance_to(&mut self, _time_ns: i64) {}
+
     /// Takes an aid; what it told goes to `told`.
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>);
 

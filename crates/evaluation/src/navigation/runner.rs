@@ -2,7 +2,7 @@
 //!
 //! The first usable fix is the origin of a local frame, north, east, down; everything inside is metres
 //! from there. Fixes can be thinned and kept back, and what is kept back is scored at. Memory does not grow
-//! with the recording.
+//! with the recording, unless the estimates look back.
 
 use std::collections::BTreeMap;
 
@@ -154,6 +154,8 @@ struct Session<'a> {
     fix_index: u64,
     /// Whether the receiver's present epoch is kept back.
     withheld: bool,
+    /// Whether nobody should use it.
+    unusable: bool,
     last_fix: Option<LastFix>,
     counts: Counts,
     told: Vec<Told>,
@@ -204,6 +206,7 @@ impl<'a> Session<'a> {
             has_reference: false,
             fix_index: 0,
             withheld: false,
+            unusable: false,
             last_fix: None,
             counts: Counts::default(),
             told: Vec::new(),
@@ -218,6 +221,8 @@ impl<'a> Session<'a> {
         let time_ns = event.time_ns;
         self.counts.first_ns.get_or_insert(time_ns);
         self.counts.last_ns = time_ns;
+        self.navigator.advance_to(time_ns);
+        self.book_validity(time_ns);
         let same_instant = self.inertial.waiting.is_some_and(|(at, _)| at == time_ns);
         if !(same_instant && event.sample.kind() == SensorKind::Accelerometer) {
             self.flush_inertial();
@@ -236,7 +241,8 @@ impl<'a> Session<'a> {
             Sample::GnssVelocity(velocity) => self.gnss_velocity(time_ns, &velocity),
             Sample::ReferencePosition(place) => self.reference_position(time_ns, &place),
             Sample::ReferenceVelocity(velocity) => {
-                self.score(Scored::Velocity(time_ns, velocity, true));
+                let vertical = velocity.z.is_finite();
+                self.score(Scored::Velocity(time_ns, velocity, vertical));
                 self.score(Scored::Course(time_ns, velocity, self.turn_rate));
             }
             Sample::Reference(reference) => self.reference_attitude(time_ns, &reference),
@@ -314,14 +320,16 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Shows an estimate where one is due, and counts what it is worth.
-    fn observe(&mut self, time_ns: i64) {
-        let validity = self.navigator.validity();
-        let last = self.counts.last_validity_ns.replace(time_ns);
-        if let Some(last) = last {
+    /// Counts what the position was worth since the event before.
+    fn book_validity(&mut self, time_ns: i64) {
+        if let Some(last) = self.counts.last_validity_ns.replace(time_ns) {
             let seconds = seconds_between(last, time_ns);
-            self.counts.validity.add(validity, seconds);
+            self.counts.validity.add(self.navigator.validity(), seconds);
         }
+    }
+
+    /// Shows an estimate where one is due.
+    fn observe(&mut self, time_ns: i64) {
         let interval = self.observer.interval_ns();
         let due = self
             .observed_ns
@@ -339,16 +347,18 @@ impl<'a> Session<'a> {
         self.counts.fixes += 1;
         if let Some(reason) = unusable(fix) {
             *self.counts.unusable.entry(reason).or_default() += 1;
-            self.withheld = true;
+            self.unusable = true;
             return;
         }
+        self.unusable = false;
         let ned = self.place(fix);
         self.scorer.fix_came(time_ns);
         let thinned = !self
             .fix_index
             .is_multiple_of(u64::from(self.options.gnss_every));
         self.fix_index += 1;
-        self.withheld = thinned || self.scorer.in_outage(time_ns);
+        let left_out = self.options.without.contains(&AidKind::GnssPosition);
+        self.withheld = thinned || left_out || self.scorer.in_outage(time_ns);
         self.observer.fix(time_ns, &ned, !self.withheld);
         let std = position_std(fix);
         let vertical = fix.height_m.is_some();
@@ -406,7 +416,8 @@ impl<'a> Session<'a> {
     }
 
     fn gnss_velocity(&mut self, time_ns: i64, velocity: &GnssVelocity) {
-        if self.frame.is_none() || !velocity.is_finite() {
+        // What comes with a fix that nobody should use is no measurement either.
+        if self.frame.is_none() || self.unusable || !velocity.is_finite() {
             return;
         }
         let vertical = velocity.down_m_s.is_some();

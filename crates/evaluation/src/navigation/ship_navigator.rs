@@ -7,8 +7,13 @@ use northing_core::navigation::{DeadReckoning, DeadReckoningConfig, Validity};
 
 use super::navigator::{Aid, NavigationEstimate, Navigator, Told};
 
-/// Longest step of the filter, s.
+/// Longest step of the filter, s ...
 const STEP_S: f64 = 1.0;
+/// ... and that of gaps longer than ten minutes.
+const COARSE_STEP_S: f64 = 10.0;
+const FINE_S: f64 = 600.0;
+/// After ten days nothing becomes less certain, s.
+const LONGEST_GAP_S: f64 = 864_000.0;
 /// Variance of what is not estimated: the height, m^2.
 const HEIGHT_VARIANCE: f64 = 1e4;
 
@@ -32,18 +37,6 @@ impl ShipNavigator {
             log: None,
             height: 0.0,
         })
-    }
-
-    /// Lets the time go on to `time_ns`.
-    fn advance_to(&mut self, time_ns: i64) {
-        let last = self.time_ns.unwrap_or(time_ns);
-        let mut left = time_ns.saturating_sub(last) as f64 * 1e-9;
-        while left > 0.0 {
-            // Steps of this length are never refused.
-            let _ = self.filter.propagate(left.min(STEP_S));
-            left -= STEP_S;
-        }
-        self.time_ns = Some(last.max(time_ns));
     }
 
     /// The velocity through the water where compass and log have both spoken.
@@ -92,6 +85,18 @@ fn taken(result: Result<(), SkipReason>) -> Innovation<f64> {
 }
 
 impl Navigator for ShipNavigator {
+    fn advance_to(&mut self, time_ns: i64) {
+        let last = self.time_ns.unwrap_or(time_ns);
+        let mut left = (time_ns.saturating_sub(last) as f64 * 1e-9).min(LONGEST_GAP_S);
+        while left > 0.0 {
+            let step = if left > FINE_S { COARSE_STEP_S } else { STEP_S };
+            // Steps of this length are never refused.
+            let _ = self.filter.propagate(left.min(step));
+            left -= step;
+        }
+        self.time_ns = Some(last.max(time_ns));
+    }
+
     fn inertial(&mut self, _: i64, _: &Vector3<f64>, _: &Vector3<f64>, _: &mut Vec<Told>) {}
 
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {

@@ -45,6 +45,8 @@ pub(super) struct Part {
     pub(super) satellites: Option<u8>,
     /// The height is not observed.
     pub(super) is_flat: bool,
+    /// Whether a system of satellites observes the height, too.
+    pub(super) is_solid: bool,
     /// Speed over ground, m/s.
     pub(super) speed_m_s: Option<f64>,
     /// Course over ground, rad.
@@ -119,8 +121,9 @@ fn standard(body: &str) -> Result<Content, ()> {
             ..Part::default()
         },
         ParseResult::GSA(gsa) => Part {
-            quality: (gsa.mode2 == GsaMode2::NoFix).then_some(GnssQuality::Invalid),
+            // One comes for each system of satellites, "no fix" for those not in use: GGA and RMC judge the fix.
             is_flat: gsa.mode2 == GsaMode2::Fix2D,
+            is_solid: gsa.mode2 == GsaMode2::Fix3D,
             hdop: finite(gsa.hdop),
             ..Part::default()
         },

@@ -41,6 +41,7 @@ impl Epoch {
         merged.hdop = merged.hdop.or(part.hdop);
         merged.satellites = merged.satellites.or(part.satellites);
         merged.is_flat |= part.is_flat;
+        merged.is_solid |= part.is_solid;
         merged.speed_m_s = merged.speed_m_s.or(part.speed_m_s);
         merged.course_rad = merged.course_rad.or(part.course_rad);
         merged.quality = match (merged.quality, part.quality) {
@@ -56,7 +57,10 @@ impl Epoch {
         Some(GnssPosition {
             latitude_rad,
             longitude_rad,
-            height_m: self.merged.height_m.filter(|_| !self.merged.is_flat),
+            height_m: self
+                .merged
+                .height_m
+                .filter(|_| self.merged.is_solid || !self.merged.is_flat),
             std_m: None,
             hdop: self.merged.hdop,
             satellites: self.merged.satellites,

@@ -104,6 +104,15 @@ fn an_invalid_fix_is_counted_and_never_seen() {
     // Two-dimensional: the height is not observed.
     let flat = log(&[GGA, "GPGSA,A,2,04,05,,09,,,,,,,,,2.5,1.3,2.1"]);
     assert_eq!(fixes(&read(&flat).0)[0].1.height_m, None);
+    // One system of satellites in three dimensions, another not in use.
+    let systems = [
+        GGA,
+        "GPGSA,A,3,04,05,,09,,,,,,,,,2.5,1.3,2.1",
+        "BDGSA,A,1,,,,,,,,,,,,,,,",
+    ];
+    let (events, issues) = read(&log(&systems));
+    assert!(issues.invalid_fixes.is_empty());
+    assert!(fixes(&events)[0].1.height_m.is_some());
 }
 
 #[test]

@@ -128,6 +128,29 @@ fn what_is_no_number_or_no_velocity_stays_out_and_the_position_says_when_it_is_w
 }
 
 #[test]
+fn after_days_without_a_fix_the_next_one_is_believed() {
+    for has_log in [false, true] {
+        let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
+        if has_log {
+            filter.water_velocity(&Vector2::zeros()).unwrap();
+        }
+        filter.update_position(&Vector2::zeros(), STD);
+        for _ in 0..3 * 8640 {
+            filter.propagate(10.0).unwrap();
+        }
+        let p = filter.state().covariance;
+        assert!(p.symmetric_eigenvalues().min() > 0.0, "{p}");
+        let found = Vector2::new(5000.0, -3000.0);
+        for _ in 0..60 {
+            filter.propagate(1.0).unwrap();
+            filter.update_position(&found, STD);
+        }
+        assert!((filter.position() - found).norm() < STD, "{has_log}");
+        assert!(filter.velocity().norm() < 1.0);
+    }
+}
+
+#[test]
 fn single_precision_follows_double() {
     let double = after(300, true);
     let mut single = DeadReckoning::<f32>::new(DeadReckoningConfig::default()).unwrap();
