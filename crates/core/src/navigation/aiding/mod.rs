@@ -1,6 +1,6 @@
 //! What aids the inertial navigation, one file each: what was measured, and the rows that it makes.
 //!
-//! Each file has a function from the state at the instant of validity ([`Instant`]) to a
+//! Each file has a function from the state at the instant of validity ([`Instant`](super::history::Instant)) to a
 //! [`Measurement`](super::error_state::Measurement), free of side effects, so that its Jacobian can be held
 //! against dual numbers. [`ErrorStateFilter::fuse_sparse`](super::ErrorStateFilter::fuse_sparse) does the rest.
 //!
