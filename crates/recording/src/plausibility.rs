@@ -1,5 +1,5 @@
 //! Detects units that cannot be: degrees for radians, g for m/s^2, gauss or tesla for microtesla; and
-//! places that cannot be ([`position`]).
+//! places that cannot be (`plausibility/position.rs`).
 //!
 //! Streaming, constant memory. The accelerometer and the magnetometers are judged by the median
 //! norm of their first two seconds. The gyroscope is judged by what the accelerometer sees of the

@@ -79,10 +79,10 @@ pub(crate) struct LiveArgs {
     #[arg(long, requires = "replay")]
     exit: bool,
     /// Take samples from this input, too (repeatable): sensorserver=HOST:PORT, phyphox=HOST:PORT,
-    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE[@BAUD], northing=DEVICE[@BAUD]
+    /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE, northing=DEVICE (or DEVICE@BAUD)
     #[arg(long = "input", value_name = "KIND=ADDRESS")]
     inputs: Vec<InputSpec>,
-    /// A board with Northing's firmware on this serial line (as --input northing=DEVICE[@BAUD])
+    /// A board with Northing's firmware on this serial line (as --input northing=DEVICE)
     #[arg(long, value_name = "DEVICE")]
     serial: Option<String>,
     /// What people call this lab; the pages show it

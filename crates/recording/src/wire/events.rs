@@ -1,6 +1,6 @@
 //! Our own events as bytes, exact to the bit: what virtual phones and replays deliver.
 //!
-//! A payload is the byte 1 (the version) and then, for each event: the sensor's place in [`CODES`]
+//! A payload is the byte 1 (the version) and then, for each event: the sensor's place in `CODES`
 //! (1 byte), a flag (1 byte; of a reference whether it is scored), the stamp
 //! (`i64`, ns), and the numbers of the sample (`f64`): three of a vector, four of a quaternion in the
 //! order w, x, y, z with the sign it has inside, two of a compass heading, one of a pressure, and so on (NaN
