@@ -29,7 +29,7 @@ use crate::progress::Progress;
 
 /// Options about navigation.
 #[derive(Debug, Clone, Default, Args)]
-#[command(next_help_heading = "Navigation (error-state, axis-filters, dead-reckoning)")]
+#[command(next_help_heading = "Navigation (error-state, axis-filters, dead-reckoning, device)")]
 pub(crate) struct NavigationArgs {
     /// Use one of N fixes; the others are kept back and scored at
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -43,6 +43,9 @@ pub(crate) struct NavigationArgs {
     /// Scores count from so many seconds after the first fix [default: 60]
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     score_from: Option<f64>,
+    /// Draw one picture (SVG): orientation and position with what was measured, a few seconds of both, and the track
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
 }
 
 impl NavigationArgs {
@@ -53,6 +56,7 @@ impl NavigationArgs {
             ("--outage", !self.outage.is_empty()),
             ("--without", !self.without.is_empty()),
             ("--score-from", self.score_from.is_some()),
+            ("--picture", self.picture.is_some()),
         ];
         given.into_iter().find(|(_, given)| *given).map(|(n, _)| n)
     }
@@ -67,19 +71,21 @@ impl NavigationArgs {
 }
 
 /// Runs.
-pub(crate) fn execute(kind: NavigationKind, args: &RunArgs) -> Result<()> {
+pub(crate) fn execute(
+    kind: NavigationKind,
+    args: &RunArgs,
+    opened: Option<Result<Recording>>,
+) -> Result<()> {
     check_outputs(args)?;
-    let mut recording = args.input.open_in(&args.recording, &args.data)?;
+    let mut recording = args.opened(opened)?;
     let mut options = args
         .estimation
         .navigation_options(kind, recording.metadata())?;
     args.navigation.apply(&mut options);
     let file = args.out.as_deref();
     let mut watchers = Watchers {
-        trace: args
-            .report
-            .as_ref()
-            .map(|_| NavigationTrace::new(TRACE_CAPACITY)),
+        trace: (args.report.is_some() || args.navigation.picture.is_some())
+            .then(|| NavigationTrace::new(TRACE_CAPACITY)),
         file: file
             .map(|path| NavigationFile::create(path, args.force))
             .transpose()?,
@@ -100,17 +106,23 @@ pub(crate) fn execute(kind: NavigationKind, args: &RunArgs) -> Result<()> {
 
 /// Refuses outputs that cannot be written, before any work is done for them.
 fn check_outputs(args: &RunArgs) -> Result<()> {
-    if let Some(report) = &args.report {
-        if args.out.as_ref().is_some_and(|out| same_file(out, report)) {
+    let outputs = [
+        ("--report", &args.report),
+        ("--picture", &args.navigation.picture),
+        ("--out", &args.out),
+    ];
+    let mut named: Vec<(&str, &Path)> = Vec::new();
+    for (option, path) in outputs {
+        let Some(path) = path else { continue };
+        if let Some((other, _)) = named.iter().find(|(_, other)| same_file(other, path)) {
             bail!(
-                "--report and --out name the same file, {}; name two",
-                report.display()
+                "{other} and {option} name the same file, {}; name two",
+                path.display()
             );
         }
-        check_free(report, args.force)?;
-    }
-    for output in args.report.iter().chain(&args.out) {
-        check_not_input(output, &args.recording)?;
+        check_not_input(path, &args.recording)?;
+        check_free(path, args.force)?;
+        named.push((option, path));
     }
     Ok(())
 }
@@ -143,7 +155,7 @@ fn write_outputs(
     watchers: Watchers,
 ) -> Result<Vec<String>> {
     let mut written = Vec::new();
-    if let (Some(path), Some(trace)) = (&args.report, &watchers.trace) {
+    if let Some(trace) = &watchers.trace {
         let page = NavigationReport {
             name: name.to_owned(),
             summary,
@@ -151,8 +163,17 @@ fn write_outputs(
             settings: navigation_settings(&options.parameters, options.estimator),
             command: Some(command_line()),
         };
-        write_whole(path, page.render().as_bytes(), args.force)?;
-        written.push(format!("Report: {} (open it in a browser)", path.display()));
+        if let Some(path) = &args.report {
+            write_whole(path, page.render().as_bytes(), args.force)?;
+            written.push(format!("Report: {} (open it in a browser)", path.display()));
+        }
+        if let Some(path) = &args.navigation.picture {
+            let Some(picture) = page.picture() else {
+                bail!("{name}: there was not one estimate, so there is nothing to draw");
+            };
+            write_whole(path, picture.as_bytes(), args.force)?;
+            written.push(format!("Picture: {}", path.display()));
+        }
     }
     if let (Some(path), Some(file)) = (&args.out, watchers.file) {
         file.finish(name).with_context(|| shown_path(path))?;
@@ -211,6 +232,14 @@ impl NavigationObserver for Watchers {
 
     fn inertial(&mut self, time_ns: i64, rate: &Vector3<f64>, force: &Vector3<f64>) {
         self.each(|watcher| watcher.inertial(time_ns, rate, force));
+    }
+
+    fn magnetic_field(&mut self, time_ns: i64, field: &Vector3<f64>) {
+        self.each(|watcher| watcher.magnetic_field(time_ns, field));
+    }
+
+    fn device(&mut self, estimate: &NavigationEstimate) {
+        self.each(|watcher| watcher.device(estimate));
     }
 
     fn origin(&mut self, frame: &LocalFrame) {

@@ -5,8 +5,10 @@ use std::str::FromStr;
 
 use northing_evaluation::estimators::EstimatorKind;
 use northing_evaluation::navigation::NavigationKind;
+use northing_recording::SensorKind;
 
-/// An estimator by name, whatever it estimates.
+/// An estimator by name, whatever it estimates. `device` is read as one of the attitude; of a recording whose
+/// device tells its position, too, [`Self::of_recording`] makes the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RunEstimator {
     /// Which way does it point?
@@ -25,12 +27,29 @@ impl FromStr for RunEstimator {
         text.parse().map(Self::Navigation).map_err(|_| {
             let attitude = EstimatorKind::ALL.map(EstimatorKind::name);
             let navigation = NavigationKind::ALL.map(NavigationKind::name);
+            let navigation = navigation.iter().filter(|name| !attitude.contains(name));
+            let names: Vec<&str> = attitude.iter().chain(navigation).copied().collect();
             format!(
-                "unknown estimator `{text}`; expected one of: {}, {}",
-                attitude.join(", "),
-                navigation.join(", ")
+                "unknown estimator `{text}`; expected one of: {}",
+                names.join(", ")
             )
         })
+    }
+}
+
+impl RunEstimator {
+    /// Whether what was asked for, if anything, means another estimator where the device tells its position.
+    pub(crate) const fn depends_on_recording(asked: Option<Self>) -> bool {
+        matches!(asked, None | Some(Self::Attitude(EstimatorKind::Device)))
+    }
+
+    /// What runs over a recording with these sensors: asked for the device's own estimates, or for nothing, all
+    /// of what the device itself estimated is taken.
+    pub(crate) fn of_recording(asked: Option<Self>, sensors: &[SensorKind]) -> Option<Self> {
+        if Self::depends_on_recording(asked) && sensors.contains(&SensorKind::DeviceNavigation) {
+            return Some(Self::Navigation(NavigationKind::Device));
+        }
+        asked
     }
 }
 
@@ -48,11 +67,30 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_device_that_tells_its_position_is_asked_for_that_too() {
+        let device = Some(RunEstimator::Attitude(EstimatorKind::Device));
+        let mekf = Some(RunEstimator::Attitude(EstimatorKind::Mekf));
+        let whole = Some(RunEstimator::Navigation(NavigationKind::Device));
+        let board = [SensorKind::Gyroscope, SensorKind::DeviceNavigation];
+        let phone = [SensorKind::Gyroscope, SensorKind::DeviceOrientation];
+        for (asked, sensors, expected) in [
+            (None, board, whole),
+            (device, board, whole),
+            (mekf, board, mekf),
+            (None, phone, None),
+            (device, phone, device),
+        ] {
+            assert_eq!(RunEstimator::of_recording(asked, &sensors), expected);
+        }
+    }
+
+    #[test]
     fn both_kinds_are_named_and_an_unknown_one_is_told_all_of_them() {
         for name in ["mekf", "error-state", "axis-filters", "dead-reckoning"] {
             assert_eq!(name.parse::<RunEstimator>().unwrap().to_string(), name);
         }
         let message = "ins".parse::<RunEstimator>().unwrap_err();
         assert!(message.contains("usque") && message.contains("error-state"));
+        assert_eq!(message.matches("device").count(), 1, "{message}");
     }
 }

@@ -70,7 +70,7 @@ pub enum EvaluationError {
     NoDeviceOrientation,
     /// Smoothing was asked of an estimator that has no smoother.
     #[error(
-        "there is no smoother for `{estimator}`; smoothing works with the estimators mekf and bounded-velocity"
+        "there is no smoother for `{estimator}`; smoothing works with the estimators mekf, bounded-velocity and error-state"
     )]
     NoSmoother {
         /// The estimator.
@@ -157,6 +157,26 @@ pub enum EvaluationError {
          dead-reckoning"
     )]
     NoInertialSamples {
+        /// The estimator.
+        estimator: &'static str,
+    },
+    /// Measurements were to be kept from a filter that had run already.
+    #[error(
+        "`device` is what the device reported while it ran with all that it measured: nothing can be kept from it now; \
+         leave --gnss-every, --outage and --without out, or choose --estimator error-state or axis-filters"
+    )]
+    DeviceHadEverything,
+    /// The device's own position was to be evaluated, and the recording has none.
+    #[error(
+        "the recording has no position that the device itself estimated; boards with our firmware print one \
+         (docs/wire_formats.md); otherwise choose --estimator error-state or axis-filters"
+    )]
+    NoDeviceNavigation,
+    /// Noise parameters were to be fitted for an estimator that has none.
+    #[error(
+        "`{estimator}` has no parameters to fit; choose --estimator error-state, axis-filters or dead-reckoning"
+    )]
+    NothingToFit {
         /// The estimator.
         estimator: &'static str,
     },

@@ -32,7 +32,7 @@ pub(crate) const REFERENCE: [&str; 4] = ["ref_qw", "ref_qx", "ref_qy", "ref_qz"]
 pub(crate) const SCORED: &str = "scored";
 /// The columns of the other kinds, in the order of their [`numbers`]. The last ones of a kind may be
 /// missing where its samples need not have them.
-pub(crate) const ROWS: [(SensorKind, &[&str]); 8] = [
+pub(crate) const ROWS: [(SensorKind, &[&str]); 9] = [
     (SensorKind::Pressure, &["pressure_pa"]),
     (
         SensorKind::CompassHeading,
@@ -71,6 +71,22 @@ pub(crate) const ROWS: [(SensorKind, &[&str]); 8] = [
     (
         SensorKind::TrueHeading,
         &["true_heading_rad", "true_heading_std_rad"],
+    ),
+    (
+        SensorKind::DeviceNavigation,
+        &[
+            "device_latitude_rad",
+            "device_longitude_rad",
+            "device_height_m",
+            "device_std_n_m",
+            "device_std_e_m",
+            "device_std_d_m",
+            "device_vel_n_m_s",
+            "device_vel_e_m_s",
+            "device_vel_d_m_s",
+            "device_heading_std_rad",
+            "device_validity",
+        ],
     ),
     (
         SensorKind::ReferencePosition,

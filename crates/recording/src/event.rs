@@ -5,6 +5,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use crate::device_navigation::DeviceNavigation;
 use crate::gnss::{GnssPosition, GnssVelocity};
 
 /// One measurement of one sensor.
@@ -54,6 +55,8 @@ pub enum Sample {
     WaterVelocity(WaterVelocity),
     /// Heading from true north (a gyrocompass, two antennas).
     TrueHeading(TrueHeading),
+    /// Where the device itself says that it is. Never fed to a filter.
+    DeviceNavigation(DeviceNavigation),
     /// A position to score against. Never fed to a filter.
     ReferencePosition(GnssPosition),
     /// A velocity to score against, north-east-down, m/s; down is NaN where it is not known. Never
@@ -138,6 +141,8 @@ pub enum SensorKind {
     WaterVelocity,
     /// [`Sample::TrueHeading`]
     TrueHeading,
+    /// [`Sample::DeviceNavigation`]
+    DeviceNavigation,
     /// [`Sample::ReferencePosition`]
     ReferencePosition,
     /// [`Sample::ReferenceVelocity`]
@@ -147,7 +152,7 @@ pub enum SensorKind {
 impl SensorKind {
     /// Every kind, in the order in which events of one instant are delivered: sensors first, the
     /// reference last, so that an estimate is scored after it has seen everything of that instant.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Gyroscope,
         Self::Accelerometer,
         Self::Magnetometer,
@@ -163,6 +168,7 @@ impl SensorKind {
         Self::ForwardSpeed,
         Self::WaterVelocity,
         Self::TrueHeading,
+        Self::DeviceNavigation,
         Self::ReferencePosition,
         Self::ReferenceVelocity,
         Self::Reference,
@@ -188,6 +194,7 @@ impl SensorKind {
             Self::ForwardSpeed => "forward-speed",
             Self::WaterVelocity => "water-velocity",
             Self::TrueHeading => "true-heading",
+            Self::DeviceNavigation => "device-navigation",
             Self::ReferencePosition => "reference-position",
             Self::ReferenceVelocity => "reference-velocity",
         }
@@ -223,9 +230,10 @@ impl SensorKind {
             Self::ForwardSpeed => 12,
             Self::WaterVelocity => 13,
             Self::TrueHeading => 14,
-            Self::ReferencePosition => 15,
-            Self::ReferenceVelocity => 16,
-            Self::Reference => 17,
+            Self::DeviceNavigation => 15,
+            Self::ReferencePosition => 16,
+            Self::ReferenceVelocity => 17,
+            Self::Reference => 18,
         }
     }
 }
@@ -249,6 +257,7 @@ impl Sample {
             Self::CompassHeading(c) => c.heading_rad.is_finite() && c.std_rad.is_finite(),
             Self::GnssPosition(fix) | Self::ReferencePosition(fix) => fix.is_finite(),
             Self::GnssVelocity(velocity) => velocity.is_finite(),
+            Self::DeviceNavigation(estimate) => estimate.row().iter().all(|x| x.is_finite()),
             Self::TrueHeading(h) => {
                 h.heading_rad.is_finite() && h.std_rad.is_none_or(f64::is_finite)
             }
@@ -293,6 +302,7 @@ impl Sample {
             Self::ForwardSpeed(_) => SensorKind::ForwardSpeed,
             Self::WaterVelocity(_) => SensorKind::WaterVelocity,
             Self::TrueHeading(_) => SensorKind::TrueHeading,
+            Self::DeviceNavigation(_) => SensorKind::DeviceNavigation,
             Self::ReferencePosition(_) => SensorKind::ReferencePosition,
             Self::ReferenceVelocity(_) => SensorKind::ReferenceVelocity,
         }

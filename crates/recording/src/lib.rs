@@ -13,6 +13,7 @@ pub mod atomic_file;
 mod csv;
 mod csv_writer;
 mod delimited;
+pub mod device_navigation;
 pub mod error;
 pub mod event;
 pub mod gnss;
@@ -49,6 +50,7 @@ mod writer;
 
 pub use atomic_file::AtomicFile;
 pub use csv_writer::CsvWriter;
+pub use device_navigation::DeviceNavigation;
 pub use error::RecordingError;
 pub use event::{CompassHeading, Event, Reference, Sample, SensorKind, TrueHeading, WaterVelocity};
 pub use gnss::{GnssPosition, GnssQuality, GnssVelocity};

@@ -15,15 +15,14 @@ use crate::wire::northing_serial::{Axes, NorthingSerial};
 pub(crate) use crate::wire::northing_serial::recognises;
 
 /// What a board may send.
-const SENSORS: [SensorKind; 8] = [
+const SENSORS: [SensorKind; 7] = [
     SensorKind::Gyroscope,
     SensorKind::Accelerometer,
     SensorKind::Magnetometer,
     SensorKind::DeviceOrientation,
-    SensorKind::Position,
-    SensorKind::Velocity,
     SensorKind::GnssPosition,
     SensorKind::GnssVelocity,
+    SensorKind::DeviceNavigation,
 ];
 
 /// Bytes read at once: few, so that a live line is not waited for.

@@ -4,6 +4,7 @@
 
 use nalgebra::Vector3;
 
+use crate::device_navigation::DeviceNavigation;
 use crate::event::{
     CompassHeading, Reference, Sample, Sample as S, SensorKind, TrueHeading, WaterVelocity,
     quaternion_from_file,
@@ -11,7 +12,7 @@ use crate::event::{
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 
 /// The most numbers that a sample has.
-pub(crate) const MOST: usize = 9;
+pub(crate) const MOST: usize = DeviceNavigation::NUMBERS;
 
 /// How many numbers the samples of a kind have, and how many of them must be there.
 pub(crate) const fn widths(kind: SensorKind) -> (usize, usize) {
@@ -22,6 +23,7 @@ pub(crate) const fn widths(kind: SensorKind) -> (usize, usize) {
         SensorKind::DeviceOrientation | SensorKind::Reference => (4, 4),
         SensorKind::GnssPosition | SensorKind::ReferencePosition => (9, 2),
         SensorKind::GnssVelocity => (6, 2),
+        SensorKind::DeviceNavigation => (DeviceNavigation::NUMBERS, DeviceNavigation::NUMBERS),
         _ => (3, 3),
     }
 }
@@ -48,6 +50,7 @@ pub(crate) fn numbers(sample: &Sample) -> ([f64; MOST], usize) {
         S::WaterVelocity(w) => put(&[w.forward_m_s, or_nan(w.starboard_m_s)]),
         S::GnssPosition(fix) | S::ReferencePosition(fix) => put(&of_position(fix)),
         S::GnssVelocity(velocity) => put(&of_velocity(velocity)),
+        S::DeviceNavigation(estimate) => put(&estimate.row()),
     }
     (row, widths(sample.kind()).0)
 }
@@ -80,6 +83,9 @@ pub(crate) fn sample(kind: SensorKind, row: &[f64], scored: bool) -> Option<Samp
         }),
         (SensorKind::GnssPosition, row) => S::GnssPosition(position(row)?),
         (SensorKind::ReferencePosition, row) => S::ReferencePosition(position(row)?),
+        (SensorKind::DeviceNavigation, row) => {
+            S::DeviceNavigation(DeviceNavigation::from_row(row.try_into().ok()?))
+        }
         (SensorKind::GnssVelocity, [north, east, down, std @ ..]) => {
             S::GnssVelocity(GnssVelocity {
                 north_m_s: *north,

@@ -7,9 +7,11 @@ mod support;
 use std::path::Path;
 
 use nalgebra::{UnitQuaternion, Vector3};
+use northing_core::navigation::Validity;
 use northing_recording::{
-    CompassHeading, Event, GnssPosition, GnssQuality, GnssVelocity, Metadata, OpenOptions,
-    Reference, Sample, SensorKind, TrueHeading, WaterVelocity, WorldFrame, create, open,
+    CompassHeading, DeviceNavigation, Event, GnssPosition, GnssQuality, GnssVelocity, Metadata,
+    OpenOptions, Reference, Sample, SensorKind, TrueHeading, WaterVelocity, WorldFrame, create,
+    open,
 };
 #[cfg(feature = "parquet")]
 use support::error_of;
@@ -52,7 +54,7 @@ fn all_sensors() -> Vec<Event> {
 }
 
 /// Navigation sensors, with and without the numbers that may be absent.
-fn navigation(i: i64) -> [Sample; 7] {
+fn navigation(i: i64) -> [Sample; 8] {
     let t = i as f64 * 0.005;
     let whole = i % 20 == 0;
     let fix = GnssPosition {
@@ -84,6 +86,19 @@ fn navigation(i: i64) -> [Sample; 7] {
         Sample::TrueHeading(TrueHeading {
             heading_rad: 6.0 - t / 100.0,
             std_rad: whole.then_some(0.01),
+        }),
+        Sample::DeviceNavigation(DeviceNavigation {
+            latitude_rad: 0.7 + t * 1e-7,
+            longitude_rad: -1.8,
+            height_m: 1600.0 - t,
+            std_m: [1.0, 2.0, 3.0 + t],
+            velocity_m_s: [t.sin(), 0.2, -0.1],
+            heading_std_rad: 0.05,
+            validity: if whole {
+                Validity::Aided
+            } else {
+                Validity::DeadReckoning
+            },
         }),
         Sample::ReferencePosition(GnssPosition {
             height_m: Some(1600.0 + t),

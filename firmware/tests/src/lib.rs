@@ -6,13 +6,17 @@
 //! | `emulator.rs` | the emulated board: its serial lines, its clock, its watchdog |
 //! | `host.rs` | the same board, on the host |
 //! | `output.rs` | the sentences, read back |
+//! | `errors.rs` | how far printed estimates are from the truth |
+//! | `capture.rs` | an output and its truth as a recording for `northing run` |
 //! | `images.rs` | where images are, and how large |
 //!
 //! The tests need the images that `scripts/build-firmware` builds, and `qemu-system-arm`:
 //! `./scripts/test firmware` sees to both.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)]
 
+pub mod capture;
 pub mod emulator;
+pub mod errors;
 pub mod host;
 pub mod images;
 pub mod output;

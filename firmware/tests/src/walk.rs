@@ -21,6 +21,10 @@ const RAMP_S: f64 = 5.0;
 /// Half axes of the figure, m, and how long once round takes, s.
 const SIZE_M: [f64; 2] = [60.0, 20.0];
 const ROUND_S: f64 = 200.0;
+/// How long the walk takes until it is back where it began, s.
+pub const ONCE_ROUND_S: f64 = REST_S + RAMP_S / 2.0 + ROUND_S;
+/// The seed of the walk whose figures are shown.
+pub const SEED: u64 = 7;
 /// Where the walk begins: degrees, and metres above the ellipsoid.
 pub const ORIGIN: [f64; 3] = [53.117_3, 23.143_4, 176.5];
 /// Separation of the geoid, m.
@@ -177,17 +181,26 @@ pub fn fix_sentences(second: u32, position: &Vector3<f64>, velocity: &Vector3<f6
         second / 60 % 60,
         second % 60
     );
-    let [latitude, longitude, height] = ORIGIN;
-    let [north, east] = metres_per_radian();
-    let latitude = latitude + (position.x / north).to_degrees();
-    let longitude = longitude + (position.y / east).to_degrees();
+    let [latitude, longitude, height] = degrees(position);
     let place = format!("{},N,0{},E", minutes(latitude), minutes(longitude));
-    let altitude = height - position.z - GEOID_M;
+    let altitude = height - GEOID_M;
     let gga = format!("GPGGA,{time},{place},1,09,0.92,{altitude:.1},M,{GEOID_M:.1},M,,");
     let knots = velocity.xy().norm() * 3600.0 / 1852.0;
     let course = velocity.y.atan2(velocity.x).to_degrees().rem_euclid(360.0);
     let rmc = format!("GPRMC,{time},A,{place},{knots:.2},{course:.2},230394,,,A");
     sentence(&gga) + &sentence(&rmc)
+}
+
+/// Latitude and longitude (deg) and height (m) of a position, north, east, down from where the walk begins.
+#[must_use]
+pub fn degrees(position: &Vector3<f64>) -> [f64; 3] {
+    let [latitude, longitude, height] = ORIGIN;
+    let [north, east] = metres_per_radian();
+    [
+        latitude + (position.x / north).to_degrees(),
+        longitude + (position.y / east).to_degrees(),
+        height - position.z,
+    ]
 }
 
 /// Metres a radian of latitude and of longitude: over small distances the radii at the origin do.

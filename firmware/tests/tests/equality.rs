@@ -8,10 +8,11 @@ use northing_firmware::navigator::{AxisNavigator, ErrorStateNavigator};
 use northing_firmware::{Navigator, ResetCause};
 use northing_firmware_tests::Board;
 use northing_firmware_tests::emulator::Emulator;
+use northing_firmware_tests::errors::{Errors, errors};
 use northing_firmware_tests::host::Host;
 use northing_firmware_tests::images::Chip;
 use northing_firmware_tests::output::{Sentence, of_kind, sentences};
-use northing_firmware_tests::walk::{Truth, Walk, place};
+use northing_firmware_tests::walk::{SEED, Walk};
 
 /// Frames that the second chip gets.
 const PREFIX: usize = 500;
@@ -44,45 +45,9 @@ fn chips_and_host_agree<N: Navigator>(image: &'static str, walk: &Walk) -> Vec<S
     said
 }
 
-/// Root mean square of horizontal position (m), tilt and heading (rad) over the estimates after the
-/// first 20 seconds.
-fn errors(said: &[Sentence], truth: &[Truth]) -> [f64; 3] {
-    let origin = of_kind(said, 'O').next().unwrap();
-    let [origin_north, origin_east] = place(origin.number(0), origin.number(1));
-    let mut sums = [0.0; 3];
-    let mut count = 0.0;
-    for estimate in of_kind(said, 'E') {
-        let ms: usize = estimate.number(0);
-        if ms < 20_000 {
-            continue;
-        }
-        // The first frame begins the time.
-        let truth = &truth[ms / 20];
-        let [roll, pitch, yaw] = estimate.vector(1, 1e-3).map(f64::to_radians);
-        let [true_roll, true_pitch, true_yaw] = <[f64; 3]>::from(truth.attitude.euler_angles());
-        let wrapped = (yaw - true_yaw).sin().asin();
-        let [north, east, _] = estimate.vector(8, 1e-3);
-        let off = [
-            origin_north + north - truth.position.x,
-            origin_east + east - truth.position.y,
-        ];
-        let squares = [
-            off[0] * off[0] + off[1] * off[1],
-            (roll - true_roll).powi(2) + (pitch - true_pitch).powi(2),
-            wrapped * wrapped,
-        ];
-        for (sum, square) in sums.iter_mut().zip(squares) {
-            *sum += square;
-        }
-        count += 1.0;
-    }
-    assert!(count > 100.0);
-    sums.map(|sum: f64| (sum / count).sqrt())
-}
-
 #[test]
 fn axis_filters_on_a_chip_are_those_of_the_host_and_near_the_truth() {
-    let walk = Walk::new(7, 50.0);
+    let walk = Walk::new(SEED, 50.0);
     let said = chips_and_host_agree::<AxisNavigator>("emulated-axis-filters", &walk);
     assert_eq!(of_kind(&said, 'I').count(), walk.ticks.len());
     // A second at rest, then an estimate each frame.
@@ -94,7 +59,11 @@ fn axis_filters_on_a_chip_are_those_of_the_host_and_near_the_truth() {
         .count();
     // The one that came in that second is used as it ends.
     assert_eq!(of_kind(&said, 'G').count(), fixes);
-    let [position_m, tilt, heading] = errors(&said, &walk.truth);
+    let Errors {
+        position_m,
+        tilt,
+        heading,
+    } = errors(&said, &walk.truth);
     // The fixes themselves are off by 3.5 m.
     assert!(position_m < 4.5, "{position_m}");
     assert!(tilt < 0.05 && heading < 0.1, "{tilt} {heading}");
@@ -102,10 +71,14 @@ fn axis_filters_on_a_chip_are_those_of_the_host_and_near_the_truth() {
 
 #[test]
 fn the_error_state_filter_on_a_chip_is_that_of_the_host_and_nearer_the_truth() {
-    let walk = Walk::new(7, 50.0);
+    let walk = Walk::new(SEED, 50.0);
     let said = chips_and_host_agree::<ErrorStateNavigator>("emulated-error-state", &walk);
     assert_eq!(of_kind(&said, 'E').count(), walk.ticks.len() - 50);
-    let [position_m, tilt, heading] = errors(&said, &walk.truth);
+    let Errors {
+        position_m,
+        tilt,
+        heading,
+    } = errors(&said, &walk.truth);
     println!("position {position_m:.2} m, tilt {tilt:.4} rad, heading {heading:.4} rad");
     assert!(position_m < 2.0, "{position_m}");
     assert!(tilt < 0.02 && heading < 0.08, "{tilt} {heading}");

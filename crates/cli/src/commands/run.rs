@@ -9,6 +9,7 @@ use northing_evaluation::observer::{
     EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver,
 };
 use northing_evaluation::setup::RunSetup;
+use northing_recording::Recording;
 use northing_recording::atomic_file::write_whole;
 
 use crate::estimate_file::EstimateFile;
@@ -43,7 +44,8 @@ const SET_ELSEWHERE: [&str; 9] = [
                   against a reference if the recording has one, whether the stated uncertainty and the noise \
                   of each sensor are honest, and the final test of a device that is put back where it began. \
                   With a navigation estimator (error-state, axis-filters, dead-reckoning) it says where the device \
-                  was, scored at fixes that are kept back.",
+                  was, scored at fixes that are kept back. Of a board with our firmware it shows what the board itself \
+                  estimated (device), unless another estimator is named.",
     after_help = "\
 Examples:
   northing run walk.zip --report walk.html
@@ -52,13 +54,15 @@ Examples:
   northing run walk.parquet --smooth --out smoothed.tum
   northing run walk.zip --magnetometer calibrated=magnetometer.toml --calibration rest.toml
   northing run drive.toml --estimator error-state --gnss-every 4 --outage 120:30 --report drive.html
+  northing run board.txt --report board.html                    # what our firmware printed
   northing demo --record-only - | northing run - --json"
 )]
 pub(crate) struct RunArgs {
     /// The recording: file, Sensor Logger folder, or - for standard input
     #[arg(value_name = "RECORDING")]
     pub(crate) recording: PathBuf,
-    /// Estimator; `northing estimators` lists them; without it bounded-velocity, with the lab profile mekf
+    /// Estimator; `northing estimators` lists them; without it bounded-velocity, with the lab profile mekf, of a
+    /// board with our firmware device
     #[arg(long, value_name = "NAME", conflicts_with = "setup")]
     estimator: Option<RunEstimator>,
     /// Run as a report of the lab says: estimator, parameters, calibrations and all; nothing else may be set
@@ -86,10 +90,32 @@ pub(crate) struct RunArgs {
     pub(crate) input: InputArgs,
 }
 
+impl RunArgs {
+    /// The recording, already open where the estimator depends on what it holds.
+    fn open_first(&self) -> Option<Result<Recording>> {
+        let depends = RunEstimator::depends_on_recording(self.estimator) && self.setup.is_none();
+        depends.then(|| self.opened(None))
+    }
+
+    /// The recording that is open already, otherwise opened now.
+    ///
+    /// # Errors
+    /// It cannot be opened.
+    pub(crate) fn opened(&self, already: Option<Result<Recording>>) -> Result<Recording> {
+        already.unwrap_or_else(|| self.input.open_in(&self.recording, &self.data))
+    }
+}
+
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
-    let estimator = match args.estimator {
-        Some(RunEstimator::Navigation(kind)) => return navigation_run::execute(kind, args),
+    let opened = args.open_first();
+    let estimator = match &opened {
+        // What is wrong with the recording is told after what is wrong with the options.
+        Some(Ok(recording)) => RunEstimator::of_recording(args.estimator, recording.sensors()),
+        _ => args.estimator,
+    };
+    let estimator = match estimator {
+        Some(RunEstimator::Navigation(kind)) => return navigation_run::execute(kind, args, opened),
         Some(RunEstimator::Attitude(kind)) => Some(kind),
         None => None,
     };
@@ -123,7 +149,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         .as_ref()
         .map(|out| EstimateFile::create(out, options.estimator, args.force))
         .transpose()?;
-    let mut recording = args.input.open_in(&args.recording, &args.data)?;
+    let mut recording = args.opened(opened)?;
     let metadata = recording.metadata().clone();
     calibrations
         .apply(&metadata, &mut options)

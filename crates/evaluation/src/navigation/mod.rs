@@ -14,6 +14,7 @@
 //! | `tune.rs` | noise parameters by innovation likelihood, with a part held back |
 
 mod axis_navigator;
+mod device_navigator;
 mod hindsight;
 mod ins_navigator;
 pub mod navigator;

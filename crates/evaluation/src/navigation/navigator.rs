@@ -190,6 +190,9 @@ pub(crate) trait Navigator {
         told: &mut Vec<Told>,
     );
 
+    /// Takes what the device itself said; estimators that measure do not look at it.
+    fn device(&mut self, _estimate: &NavigationEstimate) {}
+
     /// Lets the time go on, where nothing else does that.
     fn advance_to(&mut self, _time_ns: i64) {}
 

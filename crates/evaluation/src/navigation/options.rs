@@ -20,6 +20,8 @@ pub enum NavigationKind {
     AxisFilters,
     /// A ship's log and compass, no inertial sensors.
     DeadReckoning,
+    /// What the device itself said.
+    Device,
 }
 
 /// What people want to know before they choose.
@@ -35,7 +37,12 @@ pub struct NavigationInfo {
 
 impl NavigationKind {
     /// Every one, the recommended first.
-    pub const ALL: [Self; 3] = [Self::ErrorState, Self::AxisFilters, Self::DeadReckoning];
+    pub const ALL: [Self; 4] = [
+        Self::ErrorState,
+        Self::AxisFilters,
+        Self::DeadReckoning,
+        Self::Device,
+    ];
 
     /// What there is to know about it.
     #[must_use]
@@ -55,6 +62,11 @@ impl NavigationKind {
                 name: "dead-reckoning",
                 summary: "a ship's compass, log and fixes, the current estimated; no inertial sensors",
                 paper: "docs/derivations/dead_reckoning.md",
+            },
+            Self::Device => NavigationInfo {
+                name: "device",
+                summary: "the position and orientation that the device itself reported, such as a board with our firmware",
+                paper: "firmware/README.md",
             },
         }
     }
@@ -196,6 +208,10 @@ impl NavigationOptions {
                 estimator: self.estimator.name(),
             });
         }
+        let kept_back = self.gnss_every > 1 || !self.outages.is_empty() || !self.without.is_empty();
+        if self.estimator == NavigationKind::Device && kept_back {
+            return Err(EvaluationError::DeviceHadEverything);
+        }
         self.parameters.check(self.estimator)
     }
 }
@@ -211,6 +227,32 @@ mod tests {
         for bad in ["75", "75:", ":30", "75:0", "-1:30", "a:b", "75:nan"] {
             let message = bad.parse::<Outage>().unwrap_err();
             assert!(message.contains("expected START:DURATION"), "{message}");
+        }
+    }
+
+    #[test]
+    fn nothing_can_be_kept_from_a_device_afterwards() {
+        let device = NavigationOptions {
+            estimator: NavigationKind::Device,
+            ..NavigationOptions::default()
+        };
+        assert!(device.check().is_ok());
+        for bad in [
+            NavigationOptions {
+                gnss_every: 2,
+                ..device.clone()
+            },
+            NavigationOptions {
+                outages: vec!["10:5".parse().unwrap()],
+                ..device.clone()
+            },
+            NavigationOptions {
+                without: vec![AidKind::Magnetometer],
+                ..device
+            },
+        ] {
+            let message = bad.check().unwrap_err().to_string();
+            assert!(message.contains("while it ran"), "{message}");
         }
     }
 

@@ -43,6 +43,7 @@ impl NavigationParameters {
             NavigationKind::ErrorState => &["error_state"],
             NavigationKind::AxisFilters => &["attitude_axes", "position_axes"],
             NavigationKind::DeadReckoning => &["dead_reckoning"],
+            NavigationKind::Device => &[],
         }
     }
 
@@ -111,6 +112,7 @@ impl NavigationParameters {
                 .senseless()
                 .or_else(|| self.position_axes.senseless()),
             NavigationKind::DeadReckoning => self.dead_reckoning.senseless(),
+            NavigationKind::Device => None,
         };
         let Some(name) = name else { return Ok(()) };
         let value = self.settings(kind).into_iter().find(|s| s.name == name);

@@ -12,10 +12,12 @@ use northing_core::geometry::frames::{flu_from_frd, flu_from_phone, ned_from_enu
 use northing_core::geometry::rotation::from_matrix;
 use northing_core::kalman::Innovation;
 use northing_recording::{
-    Event, GnssPosition, GnssQuality, GnssVelocity, Reference, Sample, SensorKind, WorldFrame,
+    DeviceNavigation, Event, GnssPosition, GnssQuality, GnssVelocity, Reference, Sample,
+    SensorKind, WorldFrame,
 };
 
 use super::axis_navigator::AxisNavigator;
+use super::device_navigator::DeviceNavigator;
 use super::hindsight::{self, Scored};
 use super::ins_navigator::InsNavigator;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
@@ -78,8 +80,14 @@ pub trait NavigationObserver {
     /// What an aid told.
     fn innovation(&mut self, _time_ns: i64, _aid: AidKind, _innovation: &Innovation<f64>) {}
 
-    /// The angles that the sensors give without any filter: specific force and magnetic field, body axes.
+    /// Inertial samples: angular rate and specific force, body axes.
     fn inertial(&mut self, _time_ns: i64, _rate: &Vector3<f64>, _force: &Vector3<f64>) {}
+
+    /// A sample of the magnetic field, body axes.
+    fn magnetic_field(&mut self, _time_ns: i64, _field: &Vector3<f64>) {}
+
+    /// What the device itself said, whatever the estimator.
+    fn device(&mut self, _estimate: &NavigationEstimate) {}
 
     /// The origin of the local frame is known.
     fn origin(&mut self, _frame: &LocalFrame) {}
@@ -132,6 +140,7 @@ fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, Evaluati
         NavigationKind::DeadReckoning => {
             ShipNavigator::new(p.dead_reckoning).map(|n| Box::new(n) as Box<dyn Navigator>)
         }
+        NavigationKind::Device => Ok(Box::new(DeviceNavigator::default())),
     };
     made.map_err(|name| EvaluationError::BadValue {
         name: name.to_owned(),
@@ -160,6 +169,9 @@ struct Session<'a> {
     counts: Counts,
     told: Vec<Told>,
     has_field: bool,
+    /// The orientation that the device reported last, `ned_from_body`.
+    device_attitude: Option<(i64, UnitQuaternion<f64>)>,
+    device_estimates: u64,
     /// How fast the body turns, rad/s.
     turn_rate: f64,
     /// What is to be scored, kept until the estimates have looked back.
@@ -211,6 +223,8 @@ impl<'a> Session<'a> {
             counts: Counts::default(),
             told: Vec::new(),
             has_field: false,
+            device_attitude: None,
+            device_estimates: 0,
             turn_rate: 0.0,
             kept: Vec::new(),
             observed_ns: None,
@@ -246,8 +260,12 @@ impl<'a> Session<'a> {
                 self.score(Scored::Course(time_ns, velocity, self.turn_rate));
             }
             Sample::Reference(reference) => self.reference_attitude(time_ns, &reference),
+            Sample::DeviceOrientation(attitude) if event.sample.is_finite() => {
+                self.device_attitude = Some((time_ns, self.ned_from_frd(&attitude)));
+            }
+            Sample::DeviceNavigation(said) => self.device(time_ns, &said),
             other => {
-                if let Some(aid) = self.other_aid(&other) {
+                if let Some(aid) = self.other_aid(time_ns, &other) {
                     self.aid(time_ns, &aid);
                 }
             }
@@ -262,14 +280,14 @@ impl<'a> Session<'a> {
         }
     }
 
-    fn other_aid(&mut self, sample: &Sample) -> Option<Aid> {
+    fn other_aid(&mut self, time_ns: i64, sample: &Sample) -> Option<Aid> {
         match sample {
             Sample::MagneticField(field) => {
                 self.has_field = true;
-                Some(Aid::MagneticField(self.body(field)))
+                Some(self.field(time_ns, field))
             }
             Sample::MagneticFieldUncalibrated(field) if !self.has_field => {
-                Some(Aid::MagneticField(self.body(field)))
+                Some(self.field(time_ns, field))
             }
             Sample::TrueHeading(heading) => Some(Aid::Heading {
                 heading: heading.heading_rad,
@@ -283,6 +301,38 @@ impl<'a> Session<'a> {
             ))),
             _ => None,
         }
+    }
+
+    fn field(&mut self, time_ns: i64, field: &Vector3<f64>) -> Aid {
+        let field = self.body(field);
+        self.observer.magnetic_field(time_ns, &field);
+        Aid::MagneticField(field)
+    }
+
+    /// What the device itself said, in the frame of the first fix.
+    fn device(&mut self, time_ns: i64, said: &DeviceNavigation) {
+        let Some(frame) = self.frame.filter(|_| said.is_usable()) else {
+            return;
+        };
+        let attitude = self.device_attitude.filter(|(at, _)| *at == time_ns);
+        let variances = Vector3::from(said.std_m.map(|std| std * std));
+        let estimate = NavigationEstimate {
+            time_ns,
+            ned_from_body: attitude.map(|(_, attitude)| attitude),
+            heading_std: Some(said.heading_std_rad),
+            position: frame.ned(&Geodetic {
+                latitude_rad: said.latitude_rad,
+                longitude_rad: said.longitude_rad,
+                height_m: said.height_m,
+            }),
+            position_covariance: Matrix3::from_diagonal(&variances),
+            velocity: Vector3::from(said.velocity_m_s),
+            validity: said.validity,
+        };
+        self.device_estimates += 1;
+        self.navigator.device(&estimate);
+        self.observer.device(&estimate);
+        self.observe(time_ns);
     }
 
     /// Gives the estimator the rate that waits, with the newest force.
@@ -338,6 +388,10 @@ impl<'a> Session<'a> {
             return;
         }
         if let Some(estimate) = self.navigator.estimate() {
+            // The device says each of its estimates once; between them there is nothing new.
+            if self.options.estimator == NavigationKind::Device && estimate.time_ns != time_ns {
+                return;
+            }
             self.observed_ns = Some(time_ns);
             self.observer.estimate(&estimate);
         }
@@ -542,7 +596,12 @@ impl<'a> Session<'a> {
                 fixes: counts.fixes,
             });
         };
-        if counts.inertial == 0 && self.options.estimator != NavigationKind::DeadReckoning {
+        let kind = self.options.estimator;
+        if kind == NavigationKind::Device {
+            if self.device_estimates == 0 {
+                return Err(EvaluationError::NoDeviceNavigation);
+            }
+        } else if counts.inertial == 0 && kind != NavigationKind::DeadReckoning {
             return Err(EvaluationError::NoInertialSamples {
                 estimator: self.options.estimator.name(),
             });

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use northing_core::attitude::axis_filters::{AxisAngles, tilt_of};
+use northing_core::attitude::axis_filters::{AxisAngles, tilt_compensated_heading, tilt_of};
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::geometry::rotation::to_yaw_pitch_roll;
 use northing_core::kalman::{Innovation, Outcome};
@@ -74,10 +74,20 @@ pub struct NavigationTrace {
     first_estimate_s: Option<f64>,
     /// Estimates over time.
     pub points: Thinned<NavigationPoint>,
-    /// Roll and pitch that the accelerometer gives without a filter, deg, over time.
+    /// What the device itself said over time.
+    pub device: Thinned<NavigationPoint>,
+    /// Time, roll and pitch that the accelerometer gives without a filter, s and deg.
     pub raw_tilt: Thinned<[f64; 3]>,
+    /// Time and heading that the magnetometer gives with them, s and deg from magnetic north.
+    pub raw_heading: Thinned<[f64; 2]>,
+    /// Roll and pitch of the last accelerometer sample, rad.
+    last_tilt: Option<(f64, f64)>,
     /// Every estimate of a few seconds.
     pub close_look: Vec<NavigationPoint>,
+    /// [`Self::raw_tilt`] in those seconds, every sample.
+    pub close_tilt: Vec<[f64; 3]>,
+    /// [`Self::raw_heading`] in those seconds.
+    pub close_heading: Vec<[f64; 2]>,
     /// Fixes.
     pub fixes: Thinned<FixPoint>,
     /// The reference, if there is one.
@@ -99,8 +109,13 @@ impl NavigationTrace {
             first_ns: None,
             first_estimate_s: None,
             points: Thinned::new(capacity),
+            device: Thinned::new(capacity),
             raw_tilt: Thinned::new(capacity),
+            raw_heading: Thinned::new(capacity),
+            last_tilt: None,
             close_look: Vec::new(),
+            close_tilt: Vec::new(),
+            close_heading: Vec::new(),
             fixes: Thinned::new(capacity),
             reference: Thinned::new(capacity),
             scored: Thinned::new(capacity),
@@ -113,6 +128,28 @@ impl NavigationTrace {
     fn time_s(&mut self, time_ns: i64) -> f64 {
         let first = *self.first_ns.get_or_insert(time_ns);
         time_ns.saturating_sub(first) as f64 * 1e-9
+    }
+
+    fn point(&mut self, estimate: &NavigationEstimate) -> NavigationPoint {
+        let c = &estimate.position_covariance;
+        let angles = estimate
+            .ned_from_body
+            .map(|attitude| to_yaw_pitch_roll(&attitude).map(f64::to_degrees));
+        NavigationPoint {
+            time_s: self.time_s(estimate.time_ns),
+            position_m: estimate.position.into(),
+            covariance_m2: [c.m11, c.m22, c.m33, c.m12],
+            velocity_m_s: estimate.velocity.into(),
+            angles_deg: angles,
+            heading_std_deg: estimate.heading_std.map(f64::to_degrees),
+            validity: estimate.validity,
+        }
+    }
+
+    /// Whether a time is in the close look, which has begun.
+    fn is_close(&self, time_s: f64) -> bool {
+        let first = self.close_look.first();
+        first.is_some_and(|first| time_s <= first.time_s + CLOSE_LOOK_S)
     }
 
     /// Whether an estimate belongs to the close look: from the first moment at which the vehicle moves
@@ -134,21 +171,8 @@ impl NavigationObserver for NavigationTrace {
     }
 
     fn estimate(&mut self, estimate: &NavigationEstimate) {
-        let time_s = self.time_s(estimate.time_ns);
-        self.first_estimate_s.get_or_insert(time_s);
-        let c = &estimate.position_covariance;
-        let angles = estimate
-            .ned_from_body
-            .map(|attitude| to_yaw_pitch_roll(&attitude).map(f64::to_degrees));
-        let point = NavigationPoint {
-            time_s,
-            position_m: estimate.position.into(),
-            covariance_m2: [c.m11, c.m22, c.m33, c.m12],
-            velocity_m_s: estimate.velocity.into(),
-            angles_deg: angles,
-            heading_std_deg: estimate.heading_std.map(f64::to_degrees),
-            validity: estimate.validity,
-        };
+        let point = self.point(estimate);
+        self.first_estimate_s.get_or_insert(point.time_s);
         if self.looks_closely(&point) {
             self.close_look.push(point);
         }
@@ -158,9 +182,31 @@ impl NavigationObserver for NavigationTrace {
     fn inertial(&mut self, time_ns: i64, _rate: &Vector3<f64>, force: &Vector3<f64>) {
         let time_s = self.time_s(time_ns);
         let (roll, pitch) = tilt_of(force, AxisAngles::Exact);
+        self.last_tilt = roll.map(|roll| (roll, pitch));
         let degrees = |angle: f64| angle.to_degrees();
-        self.raw_tilt
-            .push(|| [time_s, roll.map_or(f64::NAN, degrees), degrees(pitch)]);
+        let tilt = [time_s, roll.map_or(f64::NAN, degrees), degrees(pitch)];
+        if self.is_close(time_s) {
+            self.close_tilt.push(tilt);
+        }
+        self.raw_tilt.push(|| tilt);
+    }
+
+    fn magnetic_field(&mut self, time_ns: i64, field: &Vector3<f64>) {
+        let time_s = self.time_s(time_ns);
+        let tilt = self.last_tilt;
+        let heading = tilt.and_then(|(roll, pitch)| tilt_compensated_heading(field, roll, pitch));
+        if let Some(heading) = heading {
+            let heading = [time_s, heading.to_degrees()];
+            if self.is_close(time_s) {
+                self.close_heading.push(heading);
+            }
+            self.raw_heading.push(|| heading);
+        }
+    }
+
+    fn device(&mut self, estimate: &NavigationEstimate) {
+        let point = self.point(estimate);
+        self.device.push(|| point);
     }
 
     fn fix(&mut self, time_ns: i64, ned: &Vector3<f64>, used: bool) {

@@ -145,6 +145,11 @@ pub fn tune(
 /// The parameters to fit.
 fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>, EvaluationError> {
     let known = options.parameters.settings(options.estimator);
+    if known.is_empty() {
+        return Err(EvaluationError::NothingToFit {
+            estimator: options.estimator.name(),
+        });
+    }
     let is_noise = |name: &str| NOISES.iter().any(|end| name.ends_with(end));
     let noises: Vec<String> = known
         .iter()

@@ -10,6 +10,8 @@ const HEIGHT: f64 = 760.0;
 const TOP: f64 = 36.0;
 const LEFT: f64 = 64.0;
 const FOOT: f64 = 46.0;
+/// Height of the whole picture.
+pub(super) const TALL: f64 = HEIGHT + TOP;
 /// Points drawn at most of one path.
 const PATH: usize = 800;
 
@@ -68,7 +70,7 @@ impl Scale {
 
 /// A map with its legend and grid, and a window open to draw in; [`close`] ends it.
 pub(super) fn open(scale: &Scale, label: &str, keys: &[Key]) -> Svg {
-    let mut svg = Svg::picture(WIDTH, HEIGHT + TOP, label);
+    let mut svg = Svg::picture(WIDTH, TALL, label);
     legend(&mut svg, keys, [LEFT, 0.0], WIDTH);
     svg.rectangle([LEFT, TOP], [WIDTH - LEFT, HEIGHT - FOOT], 6.0, "frame");
     grid(&mut svg, scale);

@@ -17,6 +17,7 @@
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
 //! | `tracking.rs`, `tracking_map.rs` | sections of [`TrackingReport`], the map of tracks |
 //! | `navigation.rs`, `navigation_plots.rs` | the page of a navigation run: track, outages, the paper's figures |
+//! | `navigation_picture.rs` | those figures as one picture |
 //! | `map.rs` | a map with its scale and grid |
 //! | `style.rs` | colours of both themes, layout, print |
 //!
@@ -38,6 +39,7 @@ mod map;
 #[cfg(test)]
 mod markup_checks;
 mod navigation;
+mod navigation_picture;
 mod navigation_plots;
 mod observers;
 mod plot;

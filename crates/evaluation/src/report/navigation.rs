@@ -6,9 +6,9 @@ use super::comparison::{self, Cell, Column, Table};
 use super::html::{self, Frame, Page};
 use super::navigation_plots as plots;
 use super::{Fact, PROGRAM, Setting, Tone, Verdict};
-use crate::navigation::NavigationSummary;
 use crate::navigation::score::{OutageScore, PositionScore};
 use crate::navigation::trace::NavigationTrace;
+use crate::navigation::{NavigationKind, NavigationSummary};
 
 /// How the page is read.
 const READING: &str = "Positions are metres from the first fix. An ellipse, or a band of 95 %, holds the truth 95 times \
@@ -42,12 +42,16 @@ impl NavigationReport<'_> {
         page.section("outages", "Outages", &self.outages());
         page.section("orientation", "Orientation", &self.orientation());
         page.section("aids", "What each aid told", &self.aids());
-        page.section("settings", "Settings", &html::settings(&self.settings));
+        if !self.settings.is_empty() {
+            page.section("settings", "Settings", &html::settings(&self.settings));
+        }
         page.section("recording", "Recording", &self.recording());
         let summary = self.summary;
         let lead = format!(
             "{} \u{00b7} {} \u{00b7} {:.0} s",
-            summary.recording, summary.estimator, summary.duration_s
+            summary.recording,
+            estimator_words(summary.estimator),
+            summary.duration_s
         );
         page.finish(&Frame {
             kicker: "Northing \u{00b7} navigation",
@@ -63,7 +67,7 @@ impl NavigationReport<'_> {
     }
 
     fn track(&self) -> String {
-        plots::track(self.trace).map_or_else(String::new, |map| {
+        plots::track(self.trace, self.summary.estimator).map_or_else(String::new, |map| {
             html::picture(
                 &map,
                 "Where it went, seen from above.",
@@ -75,7 +79,7 @@ impl NavigationReport<'_> {
 
     fn position(&self) -> String {
         let mut content = String::new();
-        if let Some(figure) = plots::position(self.trace) {
+        if let Some(figure) = plots::position(self.trace, self.summary.estimator) {
             content.push_str(&html::figure(
                 &figure,
                 "Position over time, and the fixes.",
@@ -83,7 +87,7 @@ impl NavigationReport<'_> {
                  better than the receiver: see the errors.",
             ));
         }
-        if let Some(figure) = plots::close_look(self.trace) {
+        if let Some(figure) = plots::close_look(self.trace, self.summary.estimator) {
             content.push_str(&html::figure(
                 &figure,
                 "The same over a few seconds.",
@@ -118,17 +122,30 @@ impl NavigationReport<'_> {
     }
 
     fn orientation(&self) -> String {
-        plots::orientation(self.trace).map_or_else(String::new, |figure| {
-            html::figure(
+        let kind = self.summary.estimator;
+        let Some(figure) = plots::orientation(self.trace, kind) else {
+            return String::new();
+        };
+        let mut content = html::figure(
+            &figure,
+            "Which way it pointed.",
+            "The dots are what accelerometer and magnetometer say without a filter: every acceleration of the vehicle \
+             tilts them, and that tilt turns their heading, which counts from magnetic north.",
+        );
+        if let Some(figure) = plots::close_orientation(self.trace, kind) {
+            content.push_str(&html::figure(
                 &figure,
-                "Which way it pointed.",
-                "The dots are what the accelerometer alone calls roll and pitch: every acceleration of the vehicle \
-                 tilts them.",
-            )
-        })
+                "The same over a few seconds.",
+                "The curve should be as quiet as the motion is, and follow it without delay.",
+            ));
+        }
+        content
     }
 
     fn aids(&self) -> String {
+        if self.summary.aids.is_empty() {
+            return String::new();
+        }
         let mut content = comparison::table(&aid_table(self.summary));
         for kind in self.trace.aids.keys() {
             if let Some(figure) = plots::innovations(self.trace, *kind) {
@@ -171,6 +188,14 @@ impl NavigationReport<'_> {
     }
 }
 
+/// The estimator as the page's lead calls it.
+pub(super) fn estimator_words(kind: NavigationKind) -> &'static str {
+    match kind {
+        NavigationKind::Device => "what the device itself reported",
+        _ => kind.name(),
+    }
+}
+
 /// The large numbers.
 fn facts(summary: &NavigationSummary) -> Vec<Fact> {
     let mut facts = Vec::new();
@@ -206,7 +231,7 @@ fn facts(summary: &NavigationSummary) -> Vec<Fact> {
 }
 
 /// Metres with as many digits as they deserve.
-fn metres(value: f64) -> String {
+pub(super) fn metres(value: f64) -> String {
     match value {
         v if v < 0.095 => format!("{v:.3}"),
         v if v < 9.95 => format!("{v:.2}"),
@@ -240,6 +265,10 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
     {
         let text =
             "Nothing to judge by yet: the recording ends before scores count; see --score-from.";
+        verdicts.push(Verdict::new(Tone::Warn, text));
+    } else if verdicts.is_empty() && summary.estimator == NavigationKind::Device {
+        let text = "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
+                    beside the recording (docs/formats.md).";
         verdicts.push(Verdict::new(Tone::Warn, text));
     } else if verdicts.is_empty() {
         verdicts.push(Verdict::new(

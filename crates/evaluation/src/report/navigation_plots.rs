@@ -1,14 +1,14 @@
 //! Plots of a navigation run: the track on a map, the paper's figures, errors, outages, innovations.
 
 use super::attitude_plots::{angle_axis, band_layer, error_limit, is_drawn, line};
-use super::axis::Axis;
+use super::axis::{Axis, quantile};
 use super::innovation_plots::Fate;
 use super::map::{self, Place, Scale};
 use super::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, WIDTH, key};
 use super::series::{self, BandPoint, Point};
-use crate::navigation::AidKind;
 use crate::navigation::score::{CHI_SQUARE_95, OutageScore};
 use crate::navigation::trace::{AidPoint, NavigationPoint, NavigationTrace};
+use crate::navigation::{AidKind, NavigationKind};
 use northing_core::navigation::Validity;
 
 /// Room at the right of figures without names there.
@@ -28,13 +28,37 @@ const USED: &str = "dots soft device";
 /// Class of fixes kept back, and of the reference.
 const KEPT_BACK: &str = "dots soft reference";
 
+/// Class of what the device itself said, beside an estimate.
+const DEVICE: &str = "line thin s2";
+
+/// What the curve of an estimator is called.
+fn curve_key(kind: NavigationKind) -> Key {
+    let name = match kind {
+        NavigationKind::Device => "the device\u{2019}s own estimate",
+        _ => "estimate",
+    };
+    key(Sign::Line, "line estimate", name)
+}
+
+/// What the device itself said, where that is not the estimate anyway.
+fn beside(trace: &NavigationTrace, kind: NavigationKind) -> &[NavigationPoint] {
+    match kind {
+        NavigationKind::Device => &[],
+        _ => trace.device.items(),
+    }
+}
+
+fn beside_key() -> Key {
+    key(Sign::Line, DEVICE, "the device\u{2019}s own")
+}
+
 fn place(position_m: [f64; 3]) -> Place {
     [position_m[0], position_m[1]]
 }
 
 /// Seen from above: fixes, reference and estimate with its 95 % ellipses; dead reckoning in the colour of what
 /// was refused. `None` without estimates.
-pub(super) fn track(trace: &NavigationTrace) -> Option<String> {
+pub(super) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<String> {
     let points = trace.points.items();
     let mut places: Vec<Place> = points.iter().map(|p| place(p.position_m)).collect();
     let fixes = |used: bool| -> Vec<Place> {
@@ -52,12 +76,18 @@ pub(super) fn track(trace: &NavigationTrace) -> Option<String> {
         return None;
     }
     places.extend(&used);
+    let rough = Scale::new(&places, ROOM_M)?;
+    places.extend(points.iter().filter_map(|p| corner_of(&rough, p)).flatten());
     let scale = Scale::new(&places, ROOM_M)?;
     let dead = |p: &NavigationPoint| p.validity != Validity::Aided;
     let mut keys = vec![
-        key(Sign::Line, "line estimate", "estimate"),
+        curve_key(kind),
         key(Sign::Dot, &format!("{USED} big"), "fixes used"),
     ];
+    let ellipses = ellipses(&scale, points);
+    if !ellipses.is_empty() {
+        keys.push(key(Sign::Line, "line thin soft estimate", "95 % ellipses"));
+    }
     if points.iter().any(dead) {
         keys.push(key(Sign::Line, "line gated", "dead reckoning"));
     }
@@ -67,6 +97,13 @@ pub(super) fn track(trace: &NavigationTrace) -> Option<String> {
             &format!("{KEPT_BACK} big"),
             "fixes kept back",
         ));
+    }
+    let device: Vec<Place> = beside(trace, kind)
+        .iter()
+        .map(|p| place(p.position_m))
+        .collect();
+    if !device.is_empty() {
+        keys.push(beside_key());
     }
     if !reference.is_empty() {
         keys.push(key(Sign::Line, "line thin dash reference", "reference"));
@@ -78,7 +115,8 @@ pub(super) fn track(trace: &NavigationTrace) -> Option<String> {
     };
     svg.dots(&dots(&withheld), KEPT_BACK);
     svg.dots(&dots(&used), USED);
-    svg.lines(&ellipses(&scale, points), "line thin soft estimate");
+    svg.lines(&ellipses, "line thin soft estimate");
+    svg.lines(&[scale.path(&device)], DEVICE);
     svg.lines(&[scale.path(&reference)], "line thin dash reference");
     let pieces = |dead_reckoning: bool| -> Vec<Vec<[f64; 2]>> {
         let mut pieces = vec![Vec::new()];
@@ -104,6 +142,15 @@ fn ellipses(scale: &Scale, points: &[NavigationPoint]) -> Vec<Vec<[f64; 2]>> {
     let step = points.len().div_ceil(ELLIPSES).max(1);
     let drawn = points.iter().step_by(step);
     drawn.filter_map(|point| ellipse(scale, point)).collect()
+}
+
+/// The corners of the box around an ellipse that is drawn.
+fn corner_of(scale: &Scale, point: &NavigationPoint) -> Option<[Place; 2]> {
+    let [north, east] = place(point.position_m);
+    let [nn, ee, ..] = point.covariance_m2;
+    let [a, b] = [nn, ee].map(|variance| (CHI_SQUARE_95 * variance.max(0.0)).sqrt());
+    let drawn = a.max(b) * scale.units_per_m <= LARGEST_ELLIPSE;
+    drawn.then_some([[north - a, east - b], [north + a, east + b]])
 }
 
 fn ellipse(scale: &Scale, point: &NavigationPoint) -> Option<Vec<[f64; 2]>> {
@@ -144,20 +191,53 @@ fn figure(label: &str, time: Axis, legend: Vec<Key>, panels: Vec<Panel>) -> Figu
     }
 }
 
-/// The paper's figure 3: roll, pitch and yaw of the filter over what the accelerometer gives alone.
-pub(super) fn orientation(trace: &NavigationTrace) -> Option<Figure> {
-    let points = trace.points.items();
-    let angle = |i: usize| -> Vec<Point> {
-        let value = move |p: &NavigationPoint| p.angles_deg.map_or(f64::NAN, |a| a[i]);
-        points.iter().map(|p| [p.time_s, value(p)]).collect()
+/// What accelerometer and magnetometer give without a filter over time: roll and pitch, and heading, deg.
+struct Alone<'a> {
+    tilt: &'a [[f64; 3]],
+    heading: &'a [[f64; 2]],
+}
+
+/// The paper's figure 3: roll, pitch and heading of the filter over what accelerometer and magnetometer give alone.
+pub(super) fn orientation(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
+    let alone = Alone {
+        tilt: trace.raw_tilt.items(),
+        heading: trace.raw_heading.items(),
     };
-    let raw = |i: usize| -> Vec<Point> {
-        let tilt = trace.raw_tilt.items().iter();
-        tilt.map(|t| [t[0], t[i]]).collect()
+    let device = beside(trace, kind);
+    orientation_of(trace.points.items(), &alone, device, kind, time_of(trace))
+}
+
+/// The same over the few seconds of the close look, every sample.
+pub(super) fn close_orientation(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
+    let points = &trace.close_look[..];
+    let (first, last) = points.first().zip(points.last())?;
+    let alone = Alone {
+        tilt: &trace.close_tilt,
+        heading: &trace.close_heading,
     };
-    if !is_drawn(&angle(0)) {
+    let within = first.time_s..=last.time_s;
+    let device = beside(trace, kind).iter();
+    let device: Vec<NavigationPoint> = device
+        .filter(|p| within.contains(&p.time_s))
+        .copied()
+        .collect();
+    let time = Axis::time(first.time_s, last.time_s, 8);
+    let mut figure = orientation_of(points, &alone, &device, kind, time)?;
+    figure.label.push_str(", a few seconds");
+    Some(figure)
+}
+
+fn orientation_of(
+    points: &[NavigationPoint],
+    alone: &Alone<'_>,
+    device: &[NavigationPoint],
+    kind: NavigationKind,
+    time: Axis,
+) -> Option<Figure> {
+    if !is_drawn(&angle(points, 0)) {
         return None;
     }
+    let tilt = |i: usize| -> Vec<Point> { alone.tilt.iter().map(|t| [t[0], t[i]]).collect() };
     let heading_band: Vec<BandPoint> = points
         .iter()
         .map(|p| match (p.angles_deg, p.heading_std_deg) {
@@ -165,58 +245,94 @@ pub(super) fn orientation(trace: &NavigationTrace) -> Option<Figure> {
             _ => [p.time_s, f64::NAN, f64::NAN],
         })
         .collect();
-    let panel = |name: &str, i: usize, raw: Vec<Point>, band: Vec<BandPoint>| {
-        let curve = angle(i);
-        let axis = angle_axis(&[&curve]);
-        let raw = Layer::Dots {
-            points: raw,
+    let panel = |name: &str, i: usize, alone: Vec<Point>, band: Vec<BandPoint>| {
+        let curve = angle(points, i);
+        let axis = angle_axis(&[&curve, &most(&alone)]);
+        let alone = Layer::Dots {
+            points: alone,
             class: "dots soft device".to_owned(),
         };
-        let layers = vec![raw, band_layer(band, true), line(curve, "estimate", true)];
+        let layers = vec![
+            band_layer(band, true),
+            alone,
+            line(curve, "estimate", true),
+            line(angle(device, i), "thin s2", true),
+        ];
         Panel::new(name, "deg", axis, layers)
     };
     let panels = vec![
-        panel("Roll", 2, raw(1), Vec::new()),
-        panel("Pitch", 1, raw(2), Vec::new()),
-        panel("Heading", 0, Vec::new(), heading_band),
+        panel("Roll", 2, tilt(1), Vec::new()),
+        panel("Pitch", 1, tilt(2), Vec::new()),
+        panel("Heading", 0, alone.heading.to_vec(), heading_band),
     ];
-    let legend = vec![
-        key(Sign::Line, "line estimate", "estimate"),
-        key(Sign::Dot, "dots big soft device", "accelerometer alone"),
-        key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3}"),
+    let sensors = match alone.heading {
+        [] => "accelerometer alone",
+        _ => "accelerometer and magnetometer alone",
+    };
+    let mut legend = vec![
+        curve_key(kind),
+        key(Sign::Dot, "dots big soft device", sensors),
+        key(
+            Sign::Band,
+            "band estimate-fill",
+            "\u{00b1}3\u{03c3} of the heading",
+        ),
     ];
+    if is_drawn(&angle(device, 0)) {
+        legend.push(beside_key());
+    }
     Some(figure(
         "Roll, pitch and heading over time",
-        time_of(trace),
+        time,
         legend,
         panels,
     ))
 }
 
+/// An angle of yaw, pitch, roll over time; what is missing lifts the pen.
+fn angle(points: &[NavigationPoint], i: usize) -> Vec<Point> {
+    let value = |p: &NavigationPoint| p.angles_deg.map_or(f64::NAN, |a| a[i]);
+    points.iter().map(|p| [p.time_s, value(p)]).collect()
+}
+
+/// Lowest and highest of a cloud without the one in a hundred on each side that lies far off.
+fn most(cloud: &[Point]) -> Vec<Point> {
+    let mut values: Vec<f64> = cloud.iter().map(|p| p[1]).collect();
+    values.retain(|v| v.is_finite());
+    values.sort_by(f64::total_cmp);
+    let ends = [0.01, 0.99].map(|share| [0.0, quantile(&values, share)]);
+    if values.is_empty() {
+        Vec::new()
+    } else {
+        ends.into()
+    }
+}
+
 /// The paper's figure 4: position north, east and up over the fixes.
-pub(super) fn position(trace: &NavigationTrace) -> Option<Figure> {
+pub(super) fn position(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
     let points = trace.points.items();
     if points.is_empty() {
         return None;
     }
-    let panels =
-        coordinates().map(|(name, axis, sign)| position_panel(trace, points, name, axis, sign));
+    let panels = coordinates().map(|coordinate| position_panel(trace, kind, points, coordinate));
     Some(figure(
         "Position north, east and up over time, with fixes",
         time_of(trace),
-        position_keys(trace),
+        position_keys(trace, kind),
         panels.into(),
     ))
 }
 
 /// Name, index and sign of what is drawn of north, east, down.
-fn coordinates() -> [(&'static str, usize, f64); 3] {
+type Coordinate = (&'static str, usize, f64);
+
+fn coordinates() -> [Coordinate; 3] {
     [("North", 0, 1.0), ("East", 1, 1.0), ("Up", 2, -1.0)]
 }
 
-fn position_keys(trace: &NavigationTrace) -> Vec<Key> {
+fn position_keys(trace: &NavigationTrace, kind: NavigationKind) -> Vec<Key> {
     let mut keys = vec![
-        key(Sign::Line, "line estimate", "estimate"),
+        curve_key(kind),
         key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3}"),
         key(Sign::Dot, &format!("{USED} big"), "fixes used"),
     ];
@@ -227,15 +343,17 @@ fn position_keys(trace: &NavigationTrace) -> Vec<Key> {
             "fixes kept back",
         ));
     }
+    if !beside(trace, kind).is_empty() {
+        keys.push(beside_key());
+    }
     keys
 }
 
 fn position_panel(
     trace: &NavigationTrace,
+    kind: NavigationKind,
     points: &[NavigationPoint],
-    name: &str,
-    i: usize,
-    sign: f64,
+    (name, i, sign): Coordinate,
 ) -> Panel {
     let curve: Vec<Point> = points
         .iter()
@@ -260,48 +378,80 @@ fn position_panel(
             .collect(),
         class: class.to_owned(),
     };
+    let device: Vec<Point> = beside(trace, kind)
+        .iter()
+        .filter(|p| (first..=last).contains(&p.time_s))
+        .map(|p| [p.time_s, sign * p.position_m[i]])
+        .collect();
+    let axis = extent(&curve, usual_half(&band));
     let layers = vec![
         band_layer(band, false),
         dots(false, KEPT_BACK),
         dots(true, USED),
-        line(curve.clone(), "estimate", false),
+        line(device, "thin s2", false),
+        line(curve, "estimate", false),
     ];
-    Panel::new(name, "m", extent(&curve), layers)
+    Panel::new(name, "m", axis, layers)
 }
 
-/// An axis around a curve.
-fn extent(curve: &[Point]) -> Axis {
+/// An axis around a curve and what lies within `room` of it.
+fn extent(curve: &[Point], room: f64) -> Axis {
     let values = || curve.iter().map(|p| p[1]).filter(|v| v.is_finite());
     let low = values().fold(f64::INFINITY, f64::min);
     let high = values().fold(f64::NEG_INFINITY, f64::max);
-    let room = (0.08 * (high - low)).max(0.5);
+    let room = (0.08 * (high - low)).max(0.5).max(room);
     Axis::linear(low - room, high + room, 5)
 }
 
+/// Half the width of a band, as it mostly is.
+fn usual_half(band: &[BandPoint]) -> f64 {
+    let mut halves: Vec<f64> = band.iter().map(|b| 0.5 * (b[2] - b[1])).collect();
+    halves.retain(|half| half.is_finite());
+    halves.sort_by(f64::total_cmp);
+    quantile(&halves, 0.5)
+}
+
 /// The paper's figure 5: a few seconds, every estimate, between the fixes of a slow receiver.
-pub(super) fn close_look(trace: &NavigationTrace) -> Option<Figure> {
+pub(super) fn close_look(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
     let points = &trace.close_look[..];
     let (first, last) = points.first().zip(points.last())?;
-    let panels = coordinates()
-        .map(|(name, axis, sign)| {
-            let mut panel = position_panel(trace, points, name, axis, sign);
-            // So few fixes shall be seen: on top, and large.
-            panel.layers.rotate_right(1);
-            for layer in &mut panel.layers {
-                if let Layer::Dots { class, .. } = layer {
-                    class.push_str(" big");
-                }
-            }
-            panel
-        })
-        .into_iter()
-        .take(2);
+    let panels = coordinates().into_iter().take(2);
+    let panels = panels.map(|coordinate| close_panel(trace, kind, points, coordinate));
+    let mut keys = position_keys(trace, kind);
+    keys.retain(|(sign, ..)| *sign != Sign::Band);
     Some(figure(
         "Position over a few seconds: every estimate, and the fixes between which it goes on",
         Axis::time(first.time_s, last.time_s, 8),
-        position_keys(trace),
+        keys,
         panels.collect(),
     ))
+}
+
+/// So few fixes shall be seen: on top, large, and all of them; the band would make the curve small.
+fn close_panel(
+    trace: &NavigationTrace,
+    kind: NavigationKind,
+    points: &[NavigationPoint],
+    coordinate: Coordinate,
+) -> Panel {
+    let mut panel = position_panel(trace, kind, points, coordinate);
+    panel
+        .layers
+        .retain(|layer| !matches!(layer, Layer::Band { .. }));
+    let mut seen = Vec::new();
+    for layer in &mut panel.layers {
+        match layer {
+            Layer::Dots { points, class } => {
+                class.push_str(" big");
+                seen.extend_from_slice(points);
+            }
+            Layer::Line { points, .. } => seen.extend_from_slice(points),
+            _ => {}
+        }
+    }
+    panel.layers.reverse();
+    panel.axis = extent(&seen, 0.0);
+    panel
 }
 
 /// Errors where they were scored, and what was predicted of them; `None` without scores.

@@ -31,7 +31,7 @@ pub(crate) const MOVING: &str = "moving";
 pub(crate) const START_NS: &str = "start_time_ns";
 
 /// The columns of each sensor, in [`SensorKind::ALL`] order.
-pub(crate) const SENSORS: [(SensorKind, &[&str]); 18] = [
+pub(crate) const SENSORS: [(SensorKind, &[&str]); 19] = [
     (SensorKind::Gyroscope, &["gx", "gy", "gz"]),
     (SensorKind::Accelerometer, &["ax", "ay", "az"]),
     (SensorKind::Magnetometer, &["mx", "my", "mz"]),
@@ -68,6 +68,22 @@ pub(crate) const SENSORS: [(SensorKind, &[&str]); 18] = [
     (
         SensorKind::TrueHeading,
         &["true_heading", "true_heading_std"],
+    ),
+    (
+        SensorKind::DeviceNavigation,
+        &[
+            "device_lat",
+            "device_lon",
+            "device_height",
+            "device_std_n",
+            "device_std_e",
+            "device_std_d",
+            "device_vn",
+            "device_ve",
+            "device_vd",
+            "device_heading_std",
+            "device_validity",
+        ],
     ),
     (
         SensorKind::ReferencePosition,

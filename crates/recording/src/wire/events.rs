@@ -38,14 +38,17 @@ const CODES: [SensorKind; SensorKind::ALL.len()] = [
     SensorKind::TrueHeading,
     SensorKind::ReferencePosition,
     SensorKind::ReferenceVelocity,
+    SensorKind::DeviceNavigation,
 ];
 
 /// The byte of a sensor.
 const fn code(kind: SensorKind) -> u8 {
     match kind {
         SensorKind::Reference => 10,
+        SensorKind::DeviceNavigation => 18,
         kind if kind.order() < 10 => kind.order() as u8,
-        kind => kind.order() as u8 + 1,
+        kind if kind.order() < SensorKind::DeviceNavigation.order() => kind.order() as u8 + 1,
+        kind => kind.order() as u8,
     }
 }
 
@@ -138,6 +141,7 @@ fn quaternion(rest: &mut &[u8]) -> Option<UnitQuaternion<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device_navigation::{DeviceNavigation, validity_of};
     use crate::event::{CompassHeading, TrueHeading, WaterVelocity};
     use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
     use nalgebra::Vector3;
@@ -175,6 +179,15 @@ mod tests {
                 down_m_s: Some(0.1),
                 std_m_s: Some([0.1; 3]),
                 ..velocity
+            }),
+            Sample::DeviceNavigation(DeviceNavigation {
+                latitude_rad: 0.7,
+                longitude_rad: -1.0 / 3.0,
+                height_m: -1.5,
+                std_m: [1.0 / 3.0, 2.0, 3.0],
+                velocity_m_s: [0.1, -0.2, 0.3],
+                heading_std_rad: 0.1,
+                validity: validity_of(2),
             }),
             Sample::ForwardSpeed(-0.5),
             Sample::WaterVelocity(WaterVelocity {

@@ -6,9 +6,12 @@
 //! those of all wire formats.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use northing_core::earth::wgs84::{Geodetic, LocalFrame};
+use northing_core::navigation::Validity;
 
 use super::lines::Lines;
 use super::{Decoded, Tone};
+use crate::device_navigation::{DeviceNavigation, validity_of};
 use crate::event::{Event, Sample, SensorKind};
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 
@@ -36,6 +39,8 @@ pub struct NorthingSerial {
     last: Option<(u32, i64)>,
     /// The board has started again: its stamps begin anew.
     restarted: bool,
+    /// The place from which the board's positions count, once it has told it.
+    origin: Option<LocalFrame>,
 }
 
 impl NorthingSerial {
@@ -74,8 +79,9 @@ impl NorthingSerial {
             b'I' => self.frame(&fields, out),
             b'G' => self.fix(&fields, out),
             b'E' => self.estimate(&fields, out),
-            // The origin of the estimates, and counts, which the next status repeats.
-            b'O' | b'S' => Some(()),
+            b'O' => self.origin(&fields),
+            // Counts, which the next status repeats.
+            b'S' => Some(()),
             _ => None,
         };
         if used.is_none() {
@@ -87,6 +93,7 @@ impl NorthingSerial {
     fn start(&mut self, fields: &Fields<'_>, out: &mut Decoded) -> Option<()> {
         let (version, build, cause) = (fields.text(0)?, fields.text(1)?, fields.text(2)?);
         self.restarted = self.last.is_some();
+        self.origin = None;
         out.note(
             Tone::Info,
             format!("The board has started: {}.", crate::error::shown(build)),
@@ -120,10 +127,11 @@ impl NorthingSerial {
 
     fn fix(&mut self, fields: &Fields<'_>, out: &mut Decoded) -> Option<()> {
         let time_ns = self.time_ns(fields)?;
+        let place = fields.place(2)?;
         let position = GnssPosition {
-            latitude_rad: (fields.number(2)? * 1e-7).to_radians(),
-            longitude_rad: (fields.number(3)? * 1e-7).to_radians(),
-            height_m: Some(fields.number(4)? * 1e-3),
+            latitude_rad: place.latitude_rad,
+            longitude_rad: place.longitude_rad,
+            height_m: Some(place.height_m),
             std_m: None,
             hdop: Some(fields.number(6)? * 1e-2),
             satellites: fields.text(5)?.parse().ok(),
@@ -148,13 +156,39 @@ impl NorthingSerial {
             let ned_from_frd = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
             out.attitude(time_ns, self.attitude(ned_from_frd));
         }
-        // Aided or dead reckoning; later the board itself does not believe its position.
-        let believed = matches!(fields.text(7)?, "1" | "2");
-        for (first, kind) in [(8, SensorKind::Position), (11, SensorKind::Velocity)] {
-            if let Some(v) = fields.vector(first, 1e-3)?.filter(|_| believed) {
-                out.vector(time_ns, kind, self.world(v));
-            }
+        let validity = validity_of(fields.text(7)?.parse().ok()?);
+        let motion = [8, 11, 14].map(|first| fields.vector(first, 1e-3));
+        let [Some(position), Some(velocity), Some(std)] = motion else {
+            return None;
+        };
+        let (Some(position), Some(velocity), Some(std)) = (position, velocity, std) else {
+            return Some(());
+        };
+        // A line that was joined late has not told the origin yet; within ten seconds it does.
+        let Some(origin) = self.origin.filter(|_| validity != Validity::Aligning) else {
+            return Some(());
+        };
+        let place = origin.geodetic(&position);
+        let estimate = DeviceNavigation {
+            latitude_rad: place.latitude_rad,
+            longitude_rad: place.longitude_rad,
+            height_m: place.height_m,
+            std_m: std.into(),
+            velocity_m_s: velocity.into(),
+            heading_std_rad: (fields.number(6)? * 1e-3).to_radians(),
+            validity,
+        };
+        if estimate.is_usable() {
+            let sample = Sample::DeviceNavigation(estimate);
+            out.events.push(Event { time_ns, sample });
         }
+        Some(())
+    }
+
+    fn origin(&mut self, fields: &Fields<'_>) -> Option<()> {
+        let place = fields.place(0)?;
+        let on_earth = place.latitude_rad.abs() <= std::f64::consts::FRAC_PI_2;
+        self.origin = on_earth.then(|| LocalFrame::new(place));
         Some(())
     }
 
@@ -179,11 +213,6 @@ impl NorthingSerial {
             Axes::Phone => Vector3::new(v.y, v.x, -v.z),
             Axes::Board => v,
         }
-    }
-
-    /// The same exchange of axes, on the other side.
-    fn world(&self, v: Vector3<f64>) -> Vector3<f64> {
-        self.body(v)
     }
 
     fn attitude(&self, ned_from_frd: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
@@ -231,6 +260,15 @@ impl<'a> Fields<'a> {
     fn number(&self, place: usize) -> Option<f64> {
         let value: i32 = self.text(place)?.parse().ok()?;
         Some(f64::from(value))
+    }
+
+    /// Latitude and longitude (1e-7 deg) and height (mm).
+    fn place(&self, first: usize) -> Option<Geodetic> {
+        Some(Geodetic {
+            latitude_rad: (self.number(first)? * 1e-7).to_radians(),
+            longitude_rad: (self.number(first + 1)? * 1e-7).to_radians(),
+            height_m: self.number(first + 2)? * 1e-3,
+        })
     }
 
     /// Three numbers times `unit`; `Some(None)` when they are empty.

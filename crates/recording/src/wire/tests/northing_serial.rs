@@ -1,7 +1,10 @@
 //! Sentences of a board: what they become, damaged ones, and a board that starts again.
 
 use nalgebra::Vector3;
+use northing_core::earth::wgs84::{Geodetic, LocalFrame};
+use northing_core::navigation::Validity;
 
+use crate::device_navigation::DeviceNavigation;
 use crate::event::{Event, Sample, SensorKind};
 use crate::wire::northing_serial::{Axes, NorthingSerial};
 use crate::wire::{Decoded, Tone};
@@ -22,22 +25,42 @@ fn vector(decoded: &Decoded, kind: SensorKind) -> Vector3<f64> {
         .iter()
         .find(|event| event.sample.kind() == kind);
     match found.unwrap().sample {
-        Sample::SpecificForce(v)
-        | Sample::AngularRate(v)
-        | Sample::MagneticField(v)
-        | Sample::Position(v)
-        | Sample::Velocity(v) => v,
+        Sample::SpecificForce(v) | Sample::AngularRate(v) | Sample::MagneticField(v) => v,
         other => panic!("{other:?}"),
     }
 }
 
+/// Where the board itself says that it is, if it does.
+fn navigation(decoded: &Decoded) -> Option<DeviceNavigation> {
+    decoded.events.iter().find_map(|event| match event.sample {
+        Sample::DeviceNavigation(estimate) => Some(estimate),
+        _ => None,
+    })
+}
+
+/// Metres from the origin of [`ORIGIN`].
+fn metres(estimate: &DeviceNavigation) -> Vector3<f64> {
+    let place = |latitude: f64, longitude: f64, height_m| Geodetic {
+        latitude_rad: latitude,
+        longitude_rad: longitude,
+        height_m,
+    };
+    let origin = place(53.1173_f64.to_radians(), 23.1434_f64.to_radians(), 176.5);
+    LocalFrame::new(origin).ned(&place(
+        estimate.latitude_rad,
+        estimate.longitude_rad,
+        estimate.height_m,
+    ))
+}
+
+const ORIGIN: &str = "PNORO,531173000,231434000,176500";
 const FRAME: &str = "PNORI,4000,20,-7949,-5957,-98293,41,-1122,837,1908,-832,4511";
 const ESTIMATE: &str = "PNORE,4000,3789,-4761,35808,1388,1388,1383,1,-6407,-1106,2146,-974,-839,-267,1868,1868,3488,A31D33A6";
 const FIX: &str = "PNORG,4000,43204000,531173000,231434000,176500,9,92,1286,8440";
 
 #[test]
 fn a_step_of_the_board_is_read_in_its_own_axes() {
-    let out = decoded(Axes::Board, &[FRAME, FIX, ESTIMATE]);
+    let out = decoded(Axes::Board, &[ORIGIN, FRAME, FIX, ESTIMATE]);
     assert!(out.notices.is_empty(), "{:?}", out.notices);
     assert!(
         out.events
@@ -54,10 +77,18 @@ fn a_step_of_the_board_is_read_in_its_own_axes() {
     approx::assert_relative_eq!(rate, Vector3::new(41e-5, -1122e-5, 837e-5), epsilon = 1e-12);
     let field = vector(&out, SensorKind::Magnetometer);
     approx::assert_relative_eq!(field, Vector3::new(19.08, -8.32, 45.11), epsilon = 1e-12);
-    let position = vector(&out, SensorKind::Position);
+    let estimate = navigation(&out).unwrap();
+    let position = Vector3::new(-6.407, -1.106, 2.146);
+    approx::assert_relative_eq!(metres(&estimate), position, epsilon = 1e-6);
+    assert_eq!(estimate.validity, Validity::Aided);
+    let numbers = [estimate.velocity_m_s, estimate.std_m].concat();
+    let expected = [-0.974, -0.839, -0.267, 1.868, 1.868, 3.488];
+    for (number, expected) in numbers.iter().zip(expected) {
+        approx::assert_relative_eq!(*number, expected, epsilon = 1e-12);
+    }
     approx::assert_relative_eq!(
-        position,
-        Vector3::new(-6.407, -1.106, 2.146),
+        estimate.heading_std_rad.to_degrees(),
+        1.383,
         epsilon = 1e-12
     );
     let attitude = out.events.iter().find_map(|event| match event.sample {
@@ -85,19 +116,15 @@ fn a_step_of_the_board_is_read_in_its_own_axes() {
 
 #[test]
 fn in_a_phones_axes_up_is_up_and_east_is_first() {
-    let out = decoded(Axes::Phone, &[FRAME, ESTIMATE]);
+    let out = decoded(Axes::Phone, &[ORIGIN, FRAME, ESTIMATE]);
     let force = vector(&out, SensorKind::Accelerometer);
     approx::assert_relative_eq!(
         force,
         Vector3::new(-0.5957, -0.7949, 9.8293),
         epsilon = 1e-12
     );
-    let position = vector(&out, SensorKind::Position);
-    approx::assert_relative_eq!(
-        position,
-        Vector3::new(-1.106, -6.407, -2.146),
-        epsilon = 1e-12
-    );
+    // A place on the Earth has no axes.
+    assert!(navigation(&out).is_some());
     let attitude = out.events.iter().find_map(|event| match event.sample {
         Sample::DeviceOrientation(q) => Some(q),
         _ => None,
@@ -114,12 +141,27 @@ fn what_is_unknown_is_left_out_and_what_is_damaged_is_said() {
         &[
             "PNORI,20,,,,,1,2,3,,,",
             "PNORE,20,0,0,0,9,9,9,0,,,,,,,,,,00000000",
-            "PNORE,40,0,0,0,9,9,9,3,1,2,3,4,5,6,7,8,9,00000000",
+            // Where the positions count from is not known yet.
+            "PNORE,40,0,0,0,9,9,9,1,1,2,3,4,5,6,7,8,9,00000000",
+            ORIGIN,
+            "PNORE,60,0,0,0,9,9,9,3,1,2,3,4,5,6,7,8,9,00000000",
+            "PNORB,1,axis-filters,power",
+            "PNORE,0,0,0,0,9,9,9,1,1,2,3,4,5,6,7,8,9,00000000",
         ],
     );
     let kinds: Vec<_> = out.events.iter().map(|event| event.sample.kind()).collect();
     let orientation = SensorKind::DeviceOrientation;
-    assert_eq!(kinds, [SensorKind::Gyroscope, orientation, orientation]);
+    let expected = [
+        SensorKind::Gyroscope,
+        orientation,
+        orientation,
+        orientation,
+        SensorKind::DeviceNavigation,
+        orientation,
+    ];
+    assert_eq!(kinds, expected);
+    // The board itself does not believe it any more, and says so.
+    assert_eq!(navigation(&out).unwrap().validity, Validity::Invalid);
     let whole = sentence(FRAME);
     for place in 1..whole.len() - 2 {
         let mut bytes = whole.clone().into_bytes();

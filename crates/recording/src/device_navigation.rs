@@ -1,0 +1,135 @@
+//! Where a device itself says that it is: the estimate of a navigation filter that ran on the device.
+
+use northing_core::navigation::Validity;
+
+/// The device's own position and velocity, and how sure it says that they are. Its orientation at the same
+/// instant is a sample of its own. Geodetic, WGS-84.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DeviceNavigation {
+    /// Geodetic latitude, north positive, rad.
+    pub latitude_rad: f64,
+    /// Longitude, east positive, rad.
+    pub longitude_rad: f64,
+    /// Height above the ellipsoid, m.
+    pub height_m: f64,
+    /// Standard deviations north, east and down as the device states them, m.
+    pub std_m: [f64; 3],
+    /// Velocity north, east and down, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Standard deviation of the heading as the device states it, rad.
+    pub heading_std_rad: f64,
+    /// What the device says that the position is worth.
+    pub validity: Validity,
+}
+
+impl DeviceNavigation {
+    /// How many numbers it is made of.
+    pub(crate) const NUMBERS: usize = 11;
+
+    /// As a row of numbers: in the order of the fields, the validity last (0 aligning, 1 aided, 2 dead
+    /// reckoning, 3 invalid).
+    pub(crate) fn row(&self) -> [f64; Self::NUMBERS] {
+        let [north, east, down] = self.std_m;
+        let [v_north, v_east, v_down] = self.velocity_m_s;
+        [
+            self.latitude_rad,
+            self.longitude_rad,
+            self.height_m,
+            north,
+            east,
+            down,
+            v_north,
+            v_east,
+            v_down,
+            self.heading_std_rad,
+            f64::from(validity_number(self.validity)),
+        ]
+    }
+
+    /// From such a row; a validity that is none of those is invalid.
+    pub(crate) fn from_row(row: [f64; Self::NUMBERS]) -> Self {
+        let [
+            latitude_rad,
+            longitude_rad,
+            height_m,
+            north,
+            east,
+            down,
+            v_north,
+            v_east,
+            v_down,
+            heading_std_rad,
+            validity,
+        ] = row;
+        Self {
+            latitude_rad,
+            longitude_rad,
+            height_m,
+            std_m: [north, east, down],
+            velocity_m_s: [v_north, v_east, v_down],
+            heading_std_rad,
+            // A float as an integer saturates, and what is no number is 0: no position yet.
+            validity: validity_of(validity as u8),
+        }
+    }
+
+    /// Whether every number is finite and the place is one on the Earth.
+    #[must_use]
+    pub fn is_usable(&self) -> bool {
+        use std::f64::consts::{FRAC_PI_2, TAU};
+        self.row().iter().all(|x| x.is_finite())
+            && self.latitude_rad.abs() <= FRAC_PI_2
+            && self.longitude_rad.abs() <= TAU
+    }
+}
+
+/// The number of a validity in files and sentences.
+const fn validity_number(validity: Validity) -> u8 {
+    match validity {
+        Validity::Aligning => 0,
+        Validity::Aided => 1,
+        Validity::DeadReckoning => 2,
+        Validity::Invalid => 3,
+    }
+}
+
+/// The validity of such a number.
+pub(crate) const fn validity_of(number: u8) -> Validity {
+    match number {
+        0 => Validity::Aligning,
+        1 => Validity::Aided,
+        2 => Validity::DeadReckoning,
+        _ => Validity::Invalid,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_comes_back_from_its_row_with_every_validity() {
+        for number in 0..4 {
+            let estimate = DeviceNavigation {
+                latitude_rad: 0.9,
+                longitude_rad: -0.4,
+                height_m: 176.5,
+                std_m: [1.0, 2.0, 3.0],
+                velocity_m_s: [0.1, -0.2, 0.3],
+                heading_std_rad: 0.05,
+                validity: validity_of(number),
+            };
+            assert_eq!(DeviceNavigation::from_row(estimate.row()), estimate);
+            assert!(estimate.is_usable());
+            let row = estimate.row();
+            assert_eq!(row[10] as u8, number);
+            for place in 0..row.len() {
+                let mut bad = row;
+                bad[place] = f64::NAN;
+                let usable = DeviceNavigation::from_row(bad).is_usable();
+                assert_eq!(usable, place == 10, "{place}");
+            }
+        }
+        assert_eq!(validity_of(9), Validity::Invalid);
+    }
+}
