@@ -1,7 +1,7 @@
-//! Addition, subtraction and multiplication in single precision for chips without a floating point
-//! unit, in half the instructions of the compiler's own.
+//! Sums, differences, products, quotients and comparisons in single precision for chips without a floating
+//! point unit, in half the instructions of the compiler's own.
 //!
-//! On a Cortex-M3 two thirds of a filter's instructions are these three. An image that names this crate
+//! On a Cortex-M3 two thirds of a filter's instructions are these. An image that names this crate
 //! (`use northing_firmware_soft_float as _;`) links them in place of the compiler's, whose symbols are
 //! weak. Results are those of IEEE 754, round to nearest, ties to even, to the bit: what is not between
 //! two normal numbers with a normal result, or zero, is left to the compiler's functions.
@@ -14,6 +14,9 @@ mod symbols;
 const SIGN: u32 = 0x8000_0000;
 const HIDDEN: u32 = 0x0080_0000;
 const MANTISSA: u32 = HIDDEN - 1;
+/// Infinity, and twice it: beyond, but for the sign, is no number.
+const INFINITY: u32 = 0x7f80_0000;
+const TWICE_INFINITY: u32 = INFINITY << 1;
 
 /// The product of two numbers by their bits; `None` where neither number nor result is ordinary.
 #[inline(always)]
@@ -26,34 +29,32 @@ pub fn multiplied(a: u32, b: u32) -> Option<u32> {
         let zero_times_finite = (a << 1 == 0 && eb < 255) || (b << 1 == 0 && ea < 255);
         return zero_times_finite.then_some(sign);
     }
-    // 24 bits by 24 bits, the first shifted to the top: the product's upper word has 23 or 24 of its bits.
-    let product = u64::from((a << 8) | SIGN) * u64::from((b & MANTISSA) | HIDDEN);
-    let (mut high, mut low) = ((product >> 32) as u32, product as u32);
-    let mut exponent = (ea + eb).wrapping_sub(127);
-    if high < HIDDEN {
-        high = (high << 1) | (low >> 31);
-        low <<= 1;
-        exponent = exponent.wrapping_sub(1);
+    // Hidden bits at 30 and 31: the upper word of the product begins at bit 29 or 30, and its last bit stands
+    // for the lower word.
+    let product =
+        u64::from((HIDDEN | (a & MANTISSA)) << 7) * u64::from((HIDDEN | (b & MANTISSA)) << 8);
+    let upper = (product >> 32) as u32 | u32::from(product as u32 != 0);
+    let exponent = (ea + eb).wrapping_sub(126);
+    if upper < 1 << 30 {
+        packed(sign, exponent.wrapping_sub(1), upper << 1)
+    } else {
+        packed(sign, exponent, upper)
     }
-    // `high` is the mantissa with its hidden bit, `low` what is cut off.
-    exponent = exponent.wrapping_add(1);
-    if exponent.wrapping_sub(1) >= 254 {
-        return None;
-    }
-    // The hidden bit carries into the exponent, and so does a rounding that overflows.
-    let cut = ((exponent - 1) << 23) + high;
-    let up = low > SIGN || (low == SIGN && high & 1 == 1);
-    Some(sign | (cut + u32::from(up)))
 }
 
-/// The sum of two numbers by their bits; `None` where neither number nor result is ordinary.
+/// The number with the larger magnitude first.
 #[inline(always)]
 #[must_use]
-pub fn added(a: u32, b: u32) -> Option<u32> {
-    // The larger first.
-    let (a, b) = if a << 1 < b << 1 { (b, a) } else { (a, b) };
+pub fn larger_first(a: u32, b: u32) -> [u32; 2] {
+    if a << 1 < b << 1 { [b, a] } else { [a, b] }
+}
+
+/// The sum of two numbers by their bits, the larger first; `None` where neither number nor result is ordinary.
+#[inline(always)]
+#[must_use]
+pub fn added([a, b]: [u32; 2]) -> Option<u32> {
     let [ea, eb] = [a, b].map(|x| (x >> 23) & 0xff);
-    if ea.wrapping_sub(1) >= 254 || eb == 0 {
+    if eb == 0 || ea == 255 {
         // To a normal number zero adds nothing; the rest is for the compiler's.
         return (b << 1 == 0 && ea.wrapping_sub(1) < 254).then_some(a);
     }
@@ -61,36 +62,112 @@ pub fn added(a: u32, b: u32) -> Option<u32> {
     if distance > 25 {
         return Some(a);
     }
-    // Seven bits below the mantissa: one to carry, six to round by; the last stands for all beyond.
-    let larger = ((a & MANTISSA) | HIDDEN) << 7;
-    let whole = ((b & MANTISSA) | HIDDEN) << 7;
+    // Hidden bits at 30: seven bits below the mantissa, one to carry, six to round by; the last stands for all
+    // beyond.
+    let larger = (HIDDEN | (a & MANTISSA)) << 7;
+    let whole = (HIDDEN | (b & MANTISSA)) << 7;
     let shifted = whole >> distance;
     let smaller = shifted | u32::from(shifted << distance != whole);
-    let (sum, exponent) = if (a ^ b) & SIGN == 0 {
+    let sign = a & SIGN;
+    if (a ^ b) < SIGN {
         let sum = larger + smaller;
-        if sum >= SIGN {
-            ((sum >> 1) | (sum & 1), ea + 1)
+        return if sum < SIGN {
+            packed(sign, ea, sum)
         } else {
-            (sum, ea)
-        }
-    } else {
-        let sum = larger - smaller;
-        if sum == 0 {
-            return Some(0);
-        }
-        let shift = sum.leading_zeros() - 1;
-        if shift >= ea {
-            return None;
-        }
-        (sum << shift, ea - shift)
-    };
-    if exponent >= 255 {
+            packed(sign, ea + 1, (sum >> 1) | (sum & 1))
+        };
+    }
+    let difference = larger - smaller;
+    if difference == 0 {
+        return Some(0);
+    }
+    let shift = difference.leading_zeros() - 1;
+    packed(sign, ea.wrapping_sub(shift), difference << (shift & 31))
+}
+
+/// The number with this sign and exponent whose mantissa begins at bit 30 and is still to be rounded; `None`
+/// where the exponent is not that of an ordinary number.
+#[inline(always)]
+fn packed(sign: u32, exponent: u32, mantissa: u32) -> Option<u32> {
+    if exponent.wrapping_sub(1) >= 254 {
         return None;
     }
-    let mantissa = sum >> 7;
-    let cut = sum & 0x7f;
-    let up = cut > 0x40 || (cut == 0x40 && mantissa & 1 == 1);
-    Some((a & SIGN) | (((exponent - 1) << 23) + mantissa + u32::from(up)))
+    // To the nearest, ties to even. The hidden bit carries into the exponent, and so does a rounding that
+    // overflows.
+    let rounded = (mantissa + 0x3f + ((mantissa >> 7) & 1)) >> 7;
+    Some(sign | (((exponent - 1) << 23) + rounded))
+}
+
+/// The quotient of two numbers by their bits; `None` where neither number nor result is ordinary.
+#[inline(always)]
+#[must_use]
+pub fn divided(a: u32, b: u32) -> Option<u32> {
+    let sign = (a ^ b) & SIGN;
+    let [ea, eb] = [a, b].map(|x| (x >> 23) & 0xff);
+    if ea.wrapping_sub(1) >= 254 || eb.wrapping_sub(1) >= 254 {
+        let is_zero_by_normal = a << 1 == 0 && eb.wrapping_sub(1) < 254;
+        return is_zero_by_normal.then_some(sign);
+    }
+    let [whole, divisor] = [a, b].map(|x| (x & MANTISSA) | HIDDEN);
+    // A quotient from 1 to 2: 24 bits, in three digits of eight, since the chip divides 32 bits by 32.
+    let is_less = u32::from(whole < divisor);
+    let exponent = (ea + 127).wrapping_sub(eb + is_less);
+    if exponent.wrapping_sub(1) >= 254 {
+        return None;
+    }
+    let first = whole << (7 + is_less);
+    let mut quotient = first / divisor;
+    let mut rest = first - quotient * divisor;
+    for _ in 0..2 {
+        rest <<= 8;
+        let digit = rest / divisor;
+        rest -= digit * divisor;
+        quotient = (quotient << 8) | digit;
+    }
+    // A quotient of two such numbers is never half way between two.
+    let up = u32::from(2 * rest > divisor);
+    Some(sign | (((exponent - 1) << 23) + quotient + up))
+}
+
+/// Whether the first number is less, by their bits; never where one is no number.
+#[inline(always)]
+#[must_use]
+pub fn is_less(a: u32, b: u32) -> bool {
+    if (a | b) < SIGN {
+        return a < b && b <= INFINITY;
+    }
+    !is_unordered(a, b) && in_order(a) < in_order(b)
+}
+
+/// Whether the first number is less or equal, by their bits; never where one is no number.
+#[inline(always)]
+#[must_use]
+pub fn is_at_most(a: u32, b: u32) -> bool {
+    if (a | b) < SIGN {
+        return a <= b && b <= INFINITY;
+    }
+    !is_unordered(a, b) && in_order(a) <= in_order(b)
+}
+
+/// Whether two numbers are equal, by their bits: zero has two signs.
+#[inline(always)]
+#[must_use]
+pub fn is_equal(a: u32, b: u32) -> bool {
+    (a == b && a << 1 <= TWICE_INFINITY) || (a | b) << 1 == 0
+}
+
+/// Whether one of the two is no number, by their bits.
+#[inline(always)]
+#[must_use]
+pub fn is_unordered(a: u32, b: u32) -> bool {
+    a << 1 > TWICE_INFINITY || b << 1 > TWICE_INFINITY
+}
+
+/// An integer for each number, in their order.
+#[inline(always)]
+fn in_order(x: u32) -> i32 {
+    let magnitude = (x & !SIGN) as i32;
+    if x < SIGN { magnitude } else { -magnitude }
 }
 
 #[cfg(test)]
@@ -123,14 +200,18 @@ mod tests {
         0x5f80_0000,
     ];
 
-    fn check(a: u32, b: u32) -> [bool; 2] {
+    fn check(a: u32, b: u32) -> [bool; 3] {
         let [x, y] = [a, b].map(f32::from_bits);
-        let ours = [multiplied(a, b), added(a, b)];
-        for ((ours, hosts), sign) in ours.into_iter().zip([x * y, x + y]).zip(['*', '+']) {
+        let ours = [multiplied(a, b), added(larger_first(a, b)), divided(a, b)];
+        let hosts = [x * y, x + y, x / y];
+        for ((ours, hosts), sign) in ours.into_iter().zip(hosts).zip(['*', '+', '/']) {
             if let Some(bits) = ours {
                 assert_eq!(bits, hosts.to_bits(), "{a:08x} {sign} {b:08x}");
             }
         }
+        let compared = [is_less(a, b), is_at_most(a, b), is_equal(a, b)];
+        assert_eq!(compared, [x < y, x <= y, x.eq(&y)], "{a:08x} {b:08x}");
+        assert_eq!(is_unordered(a, b), x.is_nan() || y.is_nan());
         ours.map(|bits| bits.is_some())
     }
 
@@ -150,7 +231,7 @@ mod tests {
             let mixed = (state ^ (state >> 31)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             (mixed >> 32) as u32
         };
-        let mut given = [0_u32; 2];
+        let mut given = [0_u32; 3];
         for _ in 0..20_000_000 {
             let (a, b, c) = (next(), next(), next());
             check(a, b);

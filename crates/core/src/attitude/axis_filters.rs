@@ -26,157 +26,30 @@
 //!
 //! Frames: navigation is north, east, down; the angles are yaw, pitch, roll of `ned_from_body`.
 //! What the paper prints otherwise is kept as an option: [`AxisNoise`], [`AxisAngles`],
-//! [`AxisFiltersConfig::euler_rates`]. Cost: about 110 multiplications and nine trigonometric
+//! [`AxisFiltersConfig::euler_rates`]. Cost: about 70 multiplications and nine trigonometric
 //! functions a step. Limits: near the poles (pitch of 90 degrees) roll and yaw are held.
+
+mod angles;
+mod config;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use crate::kalman::innovation::check_vector;
+use angles::Tilt;
+pub use angles::{tilt_compensated_heading, tilt_of};
+pub use config::{AxisAngles, AxisFiltersConfig, AxisNoise};
+
+use crate::geometry::trigonometry::sin_cos;
+pub use crate::geometry::trigonometry::wrap;
+use crate::kalman::innovation::{check_within, checked_norm_squared};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
 
 /// Standard gravity, m/s^2: what the accelerometer's gate compares with.
 const GRAVITY: f64 = 9.806_65;
-/// Below this force (m/s^2) across the pitch axis, a tenth of gravity, roll is not defined.
-const LEAST_ACROSS: f64 = 0.980_665;
-/// Below this cosine of the pitch roll and yaw are held: three degrees from the pole.
-const LEAST_COSINE: f64 = 0.052;
 /// Longest interval of a propagation, s.
 const LONGEST_STEP_S: f64 = 10.0;
 /// Largest variance of an angle, rad^2: beyond 1.8 rad nothing is known anyway.
 const LARGEST_VARIANCE: f64 = 3.24;
-
-/// Which noise stands where.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
-pub enum AxisNoise {
-    /// Rates are noisy with `s_w`, the bias walks with `s_b`, angles are off by `s_a` (A2).
-    #[default]
-    Physical,
-    /// The paper's eqs 18 and 19 to the letter: `Q = diag(T^2 s_a^2, s_a^2)`, `R = s_w^2`. The
-    /// names of the two deviations are exchanged; it follows the accelerometer within 0.06 s.
-    Printed,
-    /// The same with the names exchanged back: `Q = diag(T^2 s_w^2, s_w^2)`, `R = s_a^2`.
-    PrintedNamesSwapped,
-}
-
-/// How angles come out of the specific force.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
-pub enum AxisAngles {
-    /// All quadrants, and the pitch by the whole force across it (A4).
-    #[default]
-    Exact,
-    /// The paper's eqs 36 and 37: `roll = -atan(f_y/f_z)`, `pitch = atan(f_x/f_z)`. Both signs
-    /// contradict its own rotation matrix; the pitch lacks the cosine of the roll.
-    Printed,
-}
-
-/// Settings of the three filters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(
-        default,
-        deny_unknown_fields,
-        bound(
-            serialize = "T: serde::Serialize",
-            deserialize = "T: Scalar + serde::Deserialize<'de>"
-        )
-    )
-)]
-pub struct AxisFiltersConfig<T> {
-    /// Gyroscope noise of each sample, rad/s, default 0.2 deg/s. Raising it trusts the angles of
-    /// accelerometer and magnetometer more.
-    pub gyroscope_std: T,
-    /// Random walk of each bias, rad/s/sqrt(s), default 3e-5. Raising it follows the bias faster.
-    pub gyroscope_bias_random_walk: T,
-    /// Error of the angles that the sensors give, rad, default 10 deg: accelerations, not sensor
-    /// noise (walking 10, driving 30 deg). Raising it smooths longer.
-    pub angle_std: T,
-    /// Which of them stands where, default `physical`.
-    pub noise: AxisNoise,
-    /// How the angles come out of the specific force, default `exact`.
-    pub angles: AxisAngles,
-    /// Whether body rates are turned into rates of the angles (A3), default true; the paper takes
-    /// them as they are.
-    pub euler_rates: bool,
-    /// Raises `R` by `gain (|f| - g)^2`, s^4/m^2, default 4; 0 is the paper. Raising it trusts
-    /// accelerated samples less.
-    pub norm_gain: T,
-    /// Magnetic declination, rad, east positive, default 0: added to the magnetic heading.
-    pub declination: T,
-}
-
-impl<T: Scalar> Default for AxisFiltersConfig<T> {
-    fn default() -> Self {
-        Self {
-            gyroscope_std: lit(0.2_f64.to_radians()),
-            gyroscope_bias_random_walk: lit(3e-5),
-            angle_std: lit(10.0_f64.to_radians()),
-            noise: AxisNoise::Physical,
-            angles: AxisAngles::Exact,
-            euler_rates: true,
-            norm_gain: lit(4.0),
-            declination: T::zero(),
-        }
-    }
-}
-
-impl<T: Scalar> AxisFiltersConfig<T> {
-    /// The paper as it is printed, misprints included.
-    pub fn printed() -> Self {
-        Self {
-            noise: AxisNoise::Printed,
-            angles: AxisAngles::Printed,
-            euler_rates: false,
-            norm_gain: T::zero(),
-            ..Self::default()
-        }
-    }
-
-    /// Name of the first setting that makes no sense.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let positive = |x: T| x > T::zero() && x <= lit(1e3);
-        let not_negative = |x: T| x >= T::zero() && x <= lit(1e6);
-        if !positive(self.gyroscope_std) {
-            Some("gyroscope_std")
-        } else if !not_negative(self.gyroscope_bias_random_walk) {
-            Some("gyroscope_bias_random_walk")
-        } else if !positive(self.angle_std) {
-            Some("angle_std")
-        } else if !not_negative(self.norm_gain) {
-            Some("norm_gain")
-        } else if !(self.declination.is_finite() && self.declination.abs() < lit(6.3)) {
-            Some("declination")
-        } else {
-            None
-        }
-    }
-
-    /// `[Q11, Q22, R]` for a step of `dt` seconds.
-    fn noise(&self, dt: T) -> [T; 3] {
-        let square = |x: T| x * x;
-        let (rate, angle) = (square(self.gyroscope_std), square(self.angle_std));
-        match self.noise {
-            AxisNoise::Physical => {
-                let walk = square(self.gyroscope_bias_random_walk);
-                [dt * dt * rate, dt * walk, angle]
-            }
-            AxisNoise::Printed => [dt * dt * angle, angle, rate],
-            AxisNoise::PrintedNamesSwapped => [dt * dt * rate, rate, angle],
-        }
-    }
-}
 
 /// One axis: angle (rad), bias (rad/s), and their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -198,11 +71,12 @@ impl<T: Scalar> AngleFilter<T> {
         }
     }
 
+    /// (A1), as sums that share what they have in common.
     fn propagate(&mut self, rate: T, dt: T, [q_angle, q_bias]: [T; 2]) {
         self.angle = wrap(self.angle + (rate - self.bias) * dt);
         let [a, b, c] = self.covariance;
-        let angle = a + (c * dt - b * lit(2.0)) * dt + q_angle;
         let (cross, bias) = (b - c * dt, c + q_bias);
+        let angle = a - (b + cross) * dt + q_angle;
         let limit: T = lit(LARGEST_VARIANCE);
         // What nothing measures grows until single precision fails: kept, with its correlation.
         self.covariance = if angle > limit {
@@ -212,56 +86,31 @@ impl<T: Scalar> AngleFilter<T> {
         };
     }
 
-    /// Corrects with an angle of variance `r`; gives the innovation and its variance.
-    fn update(&mut self, measured: T, r: T) -> (T, T) {
+    /// Corrects with an angle of variance `r`.
+    fn update(&mut self, measured: T, r: T) -> Correction<T> {
         let [a, b, c] = self.covariance;
         let variance = a + r;
         let innovation = wrap(measured - self.angle);
-        let (gain_angle, gain_bias) = (a / variance, b / variance);
+        let inverse = T::one() / variance;
+        let (gain_angle, gain_bias) = (a * inverse, b * inverse);
         self.angle = wrap(self.angle + gain_angle * innovation);
         self.bias += gain_bias * innovation;
-        let rest = T::one() - gain_angle;
-        self.covariance = [rest * a, rest * b, c - gain_bias * b];
-        (innovation, variance)
-    }
-}
-
-/// An angle in `[-pi, pi)`.
-pub fn wrap<T: Scalar>(angle: T) -> T {
-    let turns = (angle / T::two_pi() + lit(0.5)).floor();
-    angle - turns * T::two_pi()
-}
-
-/// Yaw, pitch and roll (rad) by gravity alone, from the specific force in forward, right, down.
-/// `None` for the roll where the device stands on its nose or tail.
-pub fn tilt_of<T: Scalar>(specific_force: &Vector3<T>, angles: AxisAngles) -> (Option<T>, T) {
-    let f = specific_force;
-    match angles {
-        AxisAngles::Exact => {
-            let across = (f.y * f.y + f.z * f.z).sqrt();
-            let roll = (across >= lit(LEAST_ACROSS)).then(|| (-f.y).atan2(-f.z));
-            (roll, f.x.atan2(across))
-        }
-        AxisAngles::Printed => {
-            // The quotients of the paper; a z of zero is what it cannot take.
-            let usable = f.z.abs() >= lit(1e-6);
-            let z = if usable { f.z } else { lit(1e-6) };
-            (usable.then(|| -(f.y / z).atan()), (f.x / z).atan())
+        // (1 - a / (a + r)) of a and b, without the difference.
+        self.covariance = [r * gain_angle, r * gain_bias, c - gain_bias * b];
+        Correction {
+            innovation,
+            variance,
+            nis: innovation * innovation * inverse,
         }
     }
 }
 
-/// Magnetic heading (rad, clockwise from magnetic north) of a body at this roll and pitch, from its
-/// field in forward, right, down (A5). `None` for a field without horizontal part.
-pub fn tilt_compensated_heading<T: Scalar>(field: &Vector3<T>, roll: T, pitch: T) -> Option<T> {
-    let (sin_roll, cos_roll) = (roll.sin(), roll.cos());
-    let (sin_pitch, cos_pitch) = (pitch.sin(), pitch.cos());
-    let levelled = field.y * sin_roll + field.z * cos_roll;
-    let x = field.x * cos_pitch + levelled * sin_pitch;
-    let y = field.y * cos_roll - field.z * sin_roll;
-    let horizontal = x * x + y * y;
-    let defined = horizontal > field.norm_squared() * lit(1e-8);
-    defined.then(|| (-y).atan2(x))
+/// What an angle told its filter.
+#[derive(Debug, Clone, Copy)]
+struct Correction<T> {
+    innovation: T,
+    variance: T,
+    nis: T,
 }
 
 /// The three filters.
@@ -270,8 +119,11 @@ pub struct AxisFilters<T> {
     config: AxisFiltersConfig<T>,
     /// Roll, pitch, yaw.
     axes: [AngleFilter<T>; 3],
-    /// Interval of the last propagation, s: the printed noises depend on it.
+    /// Interval of the last propagation (s), and the noise that belongs to it.
     last_dt: T,
+    noise: [T; 3],
+    /// Of the roll and pitch as they are, once somebody has asked.
+    tilt: Option<Tilt<T>>,
 }
 
 impl<T: Scalar> AxisFilters<T> {
@@ -286,10 +138,13 @@ impl<T: Scalar> AxisFilters<T> {
         if !start.iter().all(|angle| angle.is_finite()) {
             return Err("start");
         }
+        let last_dt = lit(0.02);
         Ok(Self {
             config,
             axes: start.map(AngleFilter::starting_at),
-            last_dt: lit(0.02),
+            last_dt,
+            noise: config.noise(last_dt),
+            tilt: None,
         })
     }
 
@@ -304,12 +159,33 @@ impl<T: Scalar> AxisFilters<T> {
         UnitQuaternion::from_euler_angles(roll, pitch, yaw)
     }
 
+    /// A vector of the body (forward, right, down) in north, east, down: turned by [`Self::attitude`], with the
+    /// sines and cosines that the filters share.
+    pub fn turned_to_ned(&mut self, body: &Vector3<T>) -> Vector3<T> {
+        let level = self.tilt().levelled(body);
+        let [_, _, yaw] = &self.axes;
+        let (sin, cos) = sin_cos(yaw.angle);
+        Vector3::new(
+            level.x * cos - level.y * sin,
+            level.x * sin + level.y * cos,
+            level.z,
+        )
+    }
+
+    /// Sines and cosines of the roll and pitch as they are.
+    fn tilt(&mut self) -> Tilt<T> {
+        let [roll, pitch, _] = &self.axes;
+        *self
+            .tilt
+            .get_or_insert_with(|| Tilt::at(roll.angle, pitch.angle))
+    }
+
     /// Moves on by `dt` seconds with the angular rate (rad/s, forward, right, down).
     ///
     /// # Errors
     /// Why the sample is refused; the state is then untouched.
     pub fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Result<(), SkipReason> {
-        check_vector(angular_rate, T::zero(), lit(1e4))?;
+        check_within(angular_rate, lit(1e4))?;
         if !dt.is_finite() {
             return Err(SkipReason::NotFinite);
         }
@@ -319,34 +195,33 @@ impl<T: Scalar> AxisFilters<T> {
         if dt <= T::zero() {
             return Ok(());
         }
-        let [q_angle, q_bias, _] = self.config.noise(dt);
+        if dt != self.last_dt {
+            self.last_dt = dt;
+            self.noise = self.config.noise(dt);
+        }
+        let [q_angle, q_bias, _] = self.noise;
         let rates = self.rates(angular_rate);
         for (axis, rate) in self.axes.iter_mut().zip(rates) {
-            match rate {
-                Some(rate) => axis.propagate(rate, dt, [q_angle, q_bias]),
-                // Held: the bias is what its rate is taken for, so that nothing turns.
-                None => axis.propagate(axis.bias, dt, [q_angle, q_bias]),
-            }
+            // Held: the bias is what its rate is taken for, so that nothing turns.
+            axis.propagate(rate.unwrap_or(axis.bias), dt, [q_angle, q_bias]);
         }
-        self.last_dt = dt;
+        self.tilt = None;
         Ok(())
     }
 
     /// Rates of roll, pitch and yaw (A3), or the body's as they are; `None` at the poles.
-    fn rates(&self, body: &Vector3<T>) -> [Option<T>; 3] {
+    fn rates(&mut self, body: &Vector3<T>) -> [Option<T>; 3] {
         if !self.config.euler_rates {
             return [Some(body.x), Some(body.y), Some(body.z)];
         }
-        let [roll, pitch, _] = self.axes.map(|axis| axis.angle);
-        let (sin_roll, cos_roll) = (roll.sin(), roll.cos());
-        let (sin_pitch, cos_pitch) = (pitch.sin(), pitch.cos());
-        let pitch_rate = cos_roll * body.y - sin_roll * body.z;
-        if cos_pitch.abs() < lit(LEAST_COSINE) {
+        let tilt = self.tilt();
+        let pitch_rate = tilt.cos_roll * body.y - tilt.sin_roll * body.z;
+        if tilt.is_at_a_pole() {
             return [None, Some(pitch_rate), None];
         }
-        let turning = (sin_roll * body.y + cos_roll * body.z) / cos_pitch;
+        let turning = (tilt.sin_roll * body.y + tilt.cos_roll * body.z) / tilt.cos_pitch;
         [
-            Some(body.x + sin_pitch * turning),
+            Some(body.x + tilt.sin_pitch * turning),
             Some(pitch_rate),
             Some(turning),
         ]
@@ -356,13 +231,16 @@ impl<T: Scalar> AxisFilters<T> {
     /// the residuals of roll and pitch (rad), or of the pitch alone where the roll is not defined.
     pub fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
         let g: T = lit(GRAVITY);
-        if let Err(reason) = check_vector(specific_force, g * lit(0.1), g * lit(50.0)) {
-            return Innovation::skipped(reason);
-        }
-        let [_, _, r] = self.config.noise(self.last_dt);
-        let excess = specific_force.norm() - g;
-        let r = r * (T::one() + self.config.norm_gain * excess * excess);
+        let range = [lit(0.1 * GRAVITY), lit(50.0 * GRAVITY)];
+        let squared = match checked_norm_squared(specific_force, range) {
+            Ok(squared) => squared,
+            Err(reason) => return Innovation::skipped(reason),
+        };
+        let [_, _, r] = self.noise;
+        let excess = squared.sqrt() - g;
+        let r = r + r * self.config.norm_gain * (excess * excess);
         let (roll, pitch) = tilt_of(specific_force, self.config.angles);
+        self.tilt = None;
         let [roll_axis, pitch_axis, _] = &mut self.axes;
         let of_pitch = pitch_axis.update(pitch, r);
         match roll {
@@ -374,16 +252,16 @@ impl<T: Scalar> AxisFilters<T> {
     /// Corrects the yaw with a magnetic field (any unit, forward, right, down), levelled by the
     /// estimated roll and pitch. The record has its residual (rad).
     pub fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        if let Err(reason) = check_vector(magnetic_field, lit(1e-6), lit(1e6)) {
-            return Innovation::skipped(reason);
-        }
-        let [_, _, r] = self.config.noise(self.last_dt);
-        let [roll, pitch, yaw] = &mut self.axes;
-        if pitch.angle.cos().abs() < lit(LEAST_COSINE) {
+        let squared = match checked_norm_squared(magnetic_field, [lit(1e-6), lit(1e6)]) {
+            Ok(squared) => squared,
+            Err(reason) => return Innovation::skipped(reason),
+        };
+        let tilt = self.tilt();
+        if tilt.is_at_a_pole() {
             return Innovation::skipped(SkipReason::Unobservable);
         }
-        match tilt_compensated_heading(magnetic_field, roll.angle, pitch.angle) {
-            Some(heading) => record(&[yaw.update(heading + self.config.declination, r)]),
+        match tilt.heading(magnetic_field, squared) {
+            Some(heading) => self.correct_yaw(heading + self.config.declination),
             None => Innovation::skipped(SkipReason::Unobservable),
         }
     }
@@ -394,34 +272,38 @@ impl<T: Scalar> AxisFilters<T> {
         if !heading.is_finite() {
             return Innovation::skipped(SkipReason::NotFinite);
         }
-        let [_, _, r] = self.config.noise(self.last_dt);
-        let [_, pitch, yaw] = &mut self.axes;
-        if pitch.angle.cos().abs() < lit(LEAST_COSINE) {
+        if self.tilt().is_at_a_pole() {
             return Innovation::skipped(SkipReason::Unobservable);
         }
+        self.correct_yaw(heading)
+    }
+
+    fn correct_yaw(&mut self, heading: T) -> Innovation<T> {
+        let [_, _, r] = self.noise;
+        let [_, _, yaw] = &mut self.axes;
         record(&[yaw.update(heading, r)])
     }
 }
 
-/// The record of up to three independent scalar updates: innovation and variance of each.
-fn record<T: Scalar>(updates: &[(T, T)]) -> Innovation<T> {
-    let mut innovation = Innovation {
+/// The record of up to three independent scalar updates.
+fn record<T: Scalar>(updates: &[Correction<T>]) -> Innovation<T> {
+    let mut record = Innovation {
         residual: Vector3::zeros(),
         covariance: Matrix3::zeros(),
         nis: T::zero(),
         degrees_of_freedom: 0,
         outcome: Outcome::Fused,
     };
-    let slots = innovation.residual.iter_mut().enumerate();
-    for ((i, slot), (residual, variance)) in slots.zip(updates) {
-        *slot = *residual;
-        if let Some(diagonal) = innovation.covariance.get_mut((i, i)) {
-            *diagonal = *variance;
+    let slots = record.residual.iter_mut().enumerate();
+    for ((i, slot), update) in slots.zip(updates) {
+        *slot = update.innovation;
+        if let Some(diagonal) = record.covariance.get_mut((i, i)) {
+            *diagonal = update.variance;
         }
-        innovation.nis += *residual * *residual / *variance;
-        innovation.degrees_of_freedom += 1;
+        record.nis += update.nis;
+        record.degrees_of_freedom += 1;
     }
-    innovation
+    record
 }
 
 #[cfg(test)]

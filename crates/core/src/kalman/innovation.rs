@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 
 /// What one measurement of up to three components told the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,6 +122,15 @@ pub(crate) fn check_vector<T: Scalar>(
     shortest: T,
     longest: T,
 ) -> Result<(), SkipReason> {
+    checked_norm_squared(v, [shortest, longest]).map(|_| ())
+}
+
+/// The squared norm of a vector that [`check_vector`] would let pass.
+#[inline]
+pub(crate) fn checked_norm_squared<T: Scalar>(
+    v: &Vector3<T>,
+    [shortest, longest]: [T; 2],
+) -> Result<T, SkipReason> {
     let n2 = v.norm_squared();
     if !n2.is_finite() {
         Err(SkipReason::NotFinite)
@@ -130,6 +139,17 @@ pub(crate) fn check_vector<T: Scalar>(
     } else if n2 > longest * longest {
         Err(SkipReason::OutOfRange)
     } else {
-        Ok(())
+        Ok(n2)
     }
+}
+
+/// [`check_vector`] for vectors that may be zero: no multiplication where every component is small.
+#[inline]
+pub(crate) fn check_within<T: Scalar>(v: &Vector3<T>, longest: T) -> Result<(), SkipReason> {
+    // Three halves of it are within it; what is not a number is not.
+    let half = longest * lit(0.5);
+    if v.x.abs() <= half && v.y.abs() <= half && v.z.abs() <= half {
+        return Ok(());
+    }
+    check_vector(v, T::zero(), longest)
 }

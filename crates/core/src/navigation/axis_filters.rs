@@ -22,11 +22,18 @@
 //!
 //! Frames: north, east, down. The bias is in navigation axes, so it changes when the vehicle turns; its
 //! walk must be wide enough. `s_a` is the effective error of the acceleration, tilt leak included
-//! (0.17 m/s^2 a degree), not the sensor's noise. Cost: about 60 multiplications a step for all three.
+//! (0.17 m/s^2 a degree), not the sensor's noise. Cost: about 30 multiplications a step for all three, and as many
+//! for a fix: north and east have the same settings, so one covariance is that of both.
+
+mod config;
+mod covariance;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use crate::kalman::innovation::check_vector;
+pub use config::{PositionAxisConfig, PositionNoise};
+use covariance::{AxisCovariance, AxisProcess};
+
+use crate::kalman::innovation::check_within;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 pub use crate::navigation::validity::Validity;
 use crate::navigation::validity::ValidityLimits;
@@ -34,120 +41,8 @@ use crate::scalar::{Scalar, lit};
 
 /// Longest interval of a propagation, s.
 const LONGEST_STEP_S: f64 = 10.0;
-/// Largest variances: position m^2, velocity m^2/s^2, bias m^2/s^4. Beyond nothing is known.
-const LARGEST: [f64; 3] = [1e10, 1e6, 100.0];
 /// Outliers in a row after which the state is what is wrong.
 const OUTLIERS_BELIEVED: u8 = 5;
-/// Which noise stands where.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
-pub enum PositionNoise {
-    /// Acceleration is off by `s_a`, positions by `s_p`, the bias walks (A7).
-    #[default]
-    Physical,
-    /// The paper's eqs 29 and 30 to the letter: `Q` with `s_p^2`, `R = s_a` (not squared), and a bias
-    /// that does not walk.
-    Printed,
-    /// The same with the names exchanged back: `Q` with `s_a^2`, `R = s_p^2`, no walk.
-    PrintedNamesSwapped,
-}
-
-/// Settings of the three filters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(
-        default,
-        deny_unknown_fields,
-        bound(
-            serialize = "T: serde::Serialize",
-            deserialize = "T: Scalar + serde::Deserialize<'de>"
-        )
-    )
-)]
-pub struct PositionAxisConfig<T> {
-    /// Effective error of the acceleration, m/s^2, default 1.5 (walking; driving 3). Raising it
-    /// follows the fixes more.
-    pub acceleration_std: T,
-    /// Random walk of the bias, m/s^2/sqrt(s), default 1e-2. Raising it follows turns faster.
-    pub bias_random_walk: T,
-    /// Error of a fix per horizontal axis, m, default 2.55: 3 m of circular error probable.
-    pub position_std: T,
-    /// Error of a fix downwards, m, default 6.
-    pub vertical_position_std: T,
-    /// Which of them stands where, default `physical`.
-    pub noise: PositionNoise,
-    /// Normalised innovation squared of north and east above which a fix is left out, default 13.8 (99.9 % of two
-    /// degrees of freedom); 0, as in the paper, believes every fix. Raising it lets outliers in.
-    pub outlier_nis: T,
-}
-
-impl<T: Scalar> Default for PositionAxisConfig<T> {
-    fn default() -> Self {
-        Self {
-            acceleration_std: lit(1.5),
-            bias_random_walk: lit(1e-2),
-            position_std: lit(2.55),
-            vertical_position_std: lit(6.0),
-            noise: PositionNoise::Physical,
-            outlier_nis: lit(13.8),
-        }
-    }
-}
-
-impl<T: Scalar> PositionAxisConfig<T> {
-    /// Name of the first setting that makes no sense.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let positive = |x: T| x > lit(1e-6) && x <= lit(1e4);
-        if !positive(self.acceleration_std) {
-            Some("acceleration_std")
-        } else if !(self.bias_random_walk >= T::zero() && self.bias_random_walk <= lit(1e4)) {
-            Some("bias_random_walk")
-        } else if !positive(self.position_std) {
-            Some("position_std")
-        } else if !positive(self.vertical_position_std) {
-            Some("vertical_position_std")
-        } else if !(self.outlier_nis >= T::zero() && self.outlier_nis <= lit(1e6)) {
-            Some("outlier_nis")
-        } else {
-            None
-        }
-    }
-
-    /// Variance of the acceleration in `Q`, and what a step of `dt` seconds adds to the bias.
-    fn process(&self, axis: usize, dt: T) -> [T; 2] {
-        let square = |x: T| x * x;
-        match self.noise {
-            PositionNoise::Physical => {
-                let walk = square(self.bias_random_walk);
-                [square(self.acceleration_std), dt * walk]
-            }
-            PositionNoise::Printed => [square(self.position_std_of(axis)), T::zero()],
-            PositionNoise::PrintedNamesSwapped => [square(self.acceleration_std), T::zero()],
-        }
-    }
-
-    fn measurement(&self, axis: usize) -> T {
-        let std = self.position_std_of(axis);
-        match self.noise {
-            PositionNoise::Printed => self.acceleration_std,
-            _ => std * std,
-        }
-    }
-
-    fn position_std_of(&self, axis: usize) -> T {
-        if axis == 2 {
-            self.vertical_position_std
-        } else {
-            self.position_std
-        }
-    }
-}
 
 /// One axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -158,61 +53,48 @@ pub struct PositionAxis<T: Scalar> {
     pub covariance: Matrix3<T>,
 }
 
-impl<T: Scalar> PositionAxis<T> {
-    fn starting_at(position: T, variance: T) -> Self {
-        Self {
-            state: Vector3::new(position, T::zero(), T::zero()),
-            covariance: Matrix3::from_diagonal(&Vector3::new(variance, T::one(), lit(0.1))),
-        }
-    }
-
-    fn propagate(&mut self, acceleration: T, dt: T, [variance, walk]: [T; 2]) {
-        let half = dt * dt * lit(0.5);
-        let u = acceleration - self.state.z;
-        let moved = self.state.y * dt + u * half;
-        self.state.x += moved;
-        self.state.y += u * dt;
-        let zero = T::zero();
-        let one = T::one();
-        let a = Matrix3::new(one, dt, -half, zero, one, -dt, zero, zero, one);
-        // The acceleration's error, held over the step, enters as [T^2/2, T, 0].
-        let input = Vector3::new(half, dt, zero);
-        let mut p = a * self.covariance * a.transpose() + input * input.transpose() * variance;
-        p.m33 += walk;
-        self.covariance = capped(&p);
-    }
-
-    /// Innovation and its variance of a position of variance `r`.
-    fn innovation(&self, position: T, r: T) -> (T, T) {
-        (position - self.state.x, self.covariance.m11 + r)
-    }
-
-    fn update(&mut self, innovation: T, variance: T) {
-        let column = self.covariance.column(0).into_owned();
-        self.state += column * (innovation / variance);
-        let p = self.covariance - column * column.transpose() / variance;
-        self.covariance = (p + p.transpose()) * lit::<T>(0.5);
-    }
+/// The covariance of axes with equal settings, and its noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Uncertainty<T> {
+    covariance: AxisCovariance<T>,
+    /// What a step of the last length adds.
+    process: AxisProcess<T>,
+    /// Variance of the acceleration, and what a second adds to that of the bias.
+    process_noise: [T; 2],
+    /// Variance of a fix.
+    position_noise: T,
 }
 
-/// A symmetric covariance whose variances stay where numbers still mean something.
-fn capped<T: Scalar>(p: &Matrix3<T>) -> Matrix3<T> {
-    let limits = LARGEST.map(lit::<T>);
-    let mut scale = Vector3::repeat(T::one());
-    for ((s, variance), limit) in scale.iter_mut().zip(p.diagonal().iter()).zip(limits) {
-        if *variance > limit {
-            *s = (limit / *variance).sqrt();
+impl<T: Scalar> Uncertainty<T> {
+    fn of(config: &PositionAxisConfig<T>, position_std: T) -> Self {
+        let process_noise = config.process(position_std);
+        Self {
+            covariance: AxisCovariance::starting_at(T::one()),
+            process: AxisProcess::over(T::zero(), process_noise),
+            process_noise,
+            position_noise: config.measurement(position_std),
         }
     }
-    let scaled = p.component_mul(&(scale * scale.transpose()));
-    (scaled + scaled.transpose()) * lit::<T>(0.5)
+
+    /// Variance of an innovation.
+    fn of_innovation(&self) -> T {
+        self.covariance.ss + self.position_noise
+    }
 }
 
 /// The three filters: north, east, down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PositionAxisFilters<T: Scalar> {
     config: PositionAxisConfig<T>,
-    axes: [PositionAxis<T>; 3],
+    position: Vector3<T>,
+    velocity: Vector3<T>,
+    /// Of the navigation acceleration.
+    bias: Vector3<T>,
+    /// Of north and of east: equal settings and common fixes make their covariances equal.
+    horizontal: Uncertainty<T>,
+    vertical: Uncertainty<T>,
+    /// Interval of the last propagation, s.
+    last_dt: T,
     /// Seconds since the last fix that was used; `None` before the first.
     since_fix: Option<T>,
     /// Number of the last fix that was looked at.
@@ -231,7 +113,12 @@ impl<T: Scalar> PositionAxisFilters<T> {
         }
         Ok(Self {
             config,
-            axes: [PositionAxis::starting_at(T::zero(), T::one()); 3],
+            position: Vector3::zeros(),
+            velocity: Vector3::zeros(),
+            bias: Vector3::zeros(),
+            horizontal: Uncertainty::of(&config, config.position_std),
+            vertical: Uncertainty::of(&config, config.vertical_position_std),
+            last_dt: T::zero(),
             since_fix: None,
             last_fix: None,
             outliers: 0,
@@ -239,25 +126,33 @@ impl<T: Scalar> PositionAxisFilters<T> {
     }
 
     /// North, east and down, each with its covariance; meaningless while [`Validity::Aligning`].
-    pub fn axes(&self) -> &[PositionAxis<T>; 3] {
-        &self.axes
+    pub fn axes(&self) -> [PositionAxis<T>; 3] {
+        let (s, v, b) = (&self.position, &self.velocity, &self.bias);
+        let across = self.horizontal.covariance.matrix();
+        let axis = |s: T, v: T, b: T, covariance: Matrix3<T>| PositionAxis {
+            state: Vector3::new(s, v, b),
+            covariance,
+        };
+        [
+            axis(s.x, v.x, b.x, across),
+            axis(s.y, v.y, b.y, across),
+            axis(s.z, v.z, b.z, self.vertical.covariance.matrix()),
+        ]
     }
 
     /// Position, m.
     pub fn position(&self) -> Vector3<T> {
-        Vector3::from(self.axes.map(|axis| axis.state.x))
+        self.position
     }
 
     /// Velocity, m/s.
     pub fn velocity(&self) -> Vector3<T> {
-        Vector3::from(self.axes.map(|axis| axis.state.y))
+        self.velocity
     }
 
     /// What the position is worth.
     pub fn validity(&self) -> Validity {
-        let [north, east, _] = self.axes.map(|axis| axis.covariance.m11);
-        let variance = north.max(east);
-        ValidityLimits::default().judge(self.since_fix, variance)
+        ValidityLimits::default().judge(self.since_fix, self.horizontal.covariance.ss)
     }
 
     /// Moves on by `dt` seconds with the specific force (m/s^2, body axes forward, right, down) at the
@@ -273,9 +168,27 @@ impl<T: Scalar> PositionAxisFilters<T> {
         gravity: T,
         dt: T,
     ) -> Result<(), SkipReason> {
-        check_vector(specific_force, T::zero(), lit(1e4))?;
+        // What is not finite stays so when it is turned.
         let norm = ned_from_body.as_ref().norm_squared();
-        if !(dt.is_finite() && gravity.is_finite() && (norm - T::one()).abs() < lit(1e-3)) {
+        if (norm - T::one()).abs() < lit(1e-3) {
+            self.propagate_in_ned(&(ned_from_body * specific_force), gravity, dt)
+        } else {
+            Err(SkipReason::NotFinite)
+        }
+    }
+
+    /// [`Self::propagate`] with a specific force (m/s^2) that has been turned to north, east, down.
+    ///
+    /// # Errors
+    /// Why the sample is refused; the state is then untouched.
+    pub fn propagate_in_ned(
+        &mut self,
+        specific_force: &Vector3<T>,
+        gravity: T,
+        dt: T,
+    ) -> Result<(), SkipReason> {
+        check_within(specific_force, lit(1e4))?;
+        if !(dt.is_finite() && gravity.is_finite()) {
             return Err(SkipReason::NotFinite);
         }
         if dt > lit(LONGEST_STEP_S) {
@@ -284,20 +197,35 @@ impl<T: Scalar> PositionAxisFilters<T> {
         let Some(since) = self.since_fix.filter(|_| dt > T::zero()) else {
             return Ok(());
         };
-        let mut acceleration = ned_from_body * specific_force;
+        let mut acceleration = *specific_force;
         acceleration.z += gravity;
-        for (i, (axis, a)) in self.axes.iter_mut().zip(acceleration.iter()).enumerate() {
-            axis.propagate(*a, dt, self.config.process(i, dt));
-        }
+        self.move_on(&acceleration, dt);
         self.since_fix = Some((since + dt).min(lit(1e6)));
         Ok(())
+    }
+
+    /// (A6) and (A7).
+    fn move_on(&mut self, acceleration: &Vector3<T>, dt: T) {
+        let half = dt * lit(0.5);
+        let before = self.velocity;
+        self.velocity += (acceleration - self.bias) * dt;
+        // With the mean velocity, v T + u T^2/2.
+        self.position += (before + self.velocity) * half;
+        let is_other_step = dt != self.last_dt;
+        self.last_dt = dt;
+        for axes in [&mut self.horizontal, &mut self.vertical] {
+            if is_other_step {
+                axes.process = AxisProcess::over(dt, axes.process_noise);
+            }
+            axes.covariance.propagate(dt, &axes.process);
+        }
     }
 
     /// Corrects with a fix (m, north, east, down). `number` counts the fixes of the receiver: one that is
     /// not above the last is held, not new, and refused. The first one starts the filters; one that jumps
     /// too far is left out, five times in a row, and then the filters start again there.
     pub fn update_position(&mut self, number: u64, position: &Vector3<T>) -> Innovation<T> {
-        if let Err(reason) = check_vector(position, T::zero(), lit(1e8)) {
+        if let Err(reason) = check_within(position, lit(1e8)) {
             return Innovation::skipped(reason);
         }
         if self.last_fix.is_some_and(|last| number <= last) {
@@ -306,40 +234,53 @@ impl<T: Scalar> PositionAxisFilters<T> {
         self.last_fix = Some(number);
         if self.since_fix.is_none() {
             self.start(position);
-            return self.record(Vector3::zeros(), Outcome::Fused);
+            let nothing = [T::zero(); 2];
+            return self.record(Vector3::zeros(), nothing, Outcome::Fused);
         }
-        let mut residual = Vector3::zeros();
-        let mut variances = [T::one(); 3];
-        for (i, (axis, z)) in self.axes.iter().zip(position.iter()).enumerate() {
-            let (innovation, variance) = axis.innovation(*z, self.config.measurement(i));
-            if let (Some(r), Some(v)) = (residual.get_mut(i), variances.get_mut(i)) {
-                (*r, *v) = (innovation, variance);
-            }
-        }
-        let [north, east, _] = variances;
-        let jump = residual.x * residual.x / north + residual.y * residual.y / east;
+        let residual = position - self.position;
+        let [across, down] =
+            [&self.horizontal, &self.vertical].map(|axes| T::one() / axes.of_innovation());
+        let jump = (residual.x * residual.x + residual.y * residual.y) * across;
+        let nis = [jump, residual.z * residual.z * down];
         let limit = self.config.outlier_nis;
         if limit > T::zero() && jump > limit {
-            return self.outlier(position, residual);
+            return self.outlier(position, residual, nis);
         }
         self.outliers = 0;
-        let record = self.record(residual, Outcome::Fused);
-        let pairs = residual.iter().zip(variances);
-        for (axis, (innovation, variance)) in self.axes.iter_mut().zip(pairs) {
-            axis.update(*innovation, variance);
-        }
-        self.since_fix = Some(T::zero());
+        let record = self.record(residual, nis, Outcome::Fused);
+        self.correct(&residual, [across, down]);
         record
     }
 
-    fn outlier(&mut self, position: &Vector3<T>, residual: Vector3<T>) -> Innovation<T> {
+    /// Corrects with innovations; `inverses` of their variances, across and down.
+    fn correct(&mut self, residual: &Vector3<T>, [across, down]: [T; 2]) {
+        let horizontal = &mut self.horizontal;
+        let vertical = &mut self.vertical;
+        let across = horizontal
+            .covariance
+            .update(horizontal.position_noise, across);
+        let down = vertical.covariance.update(vertical.position_noise, down);
+        let (x, y, z) = (residual.x, residual.y, residual.z);
+        let by = |across: T, down: T| Vector3::new(across * x, across * y, down * z);
+        self.position += by(across.x, down.x);
+        self.velocity += by(across.y, down.y);
+        self.bias += by(across.z, down.z);
+        self.since_fix = Some(T::zero());
+    }
+
+    fn outlier(
+        &mut self,
+        position: &Vector3<T>,
+        residual: Vector3<T>,
+        nis: [T; 2],
+    ) -> Innovation<T> {
         let believed = self.outliers >= OUTLIERS_BELIEVED;
         let outcome = if believed {
             Outcome::Inflated
         } else {
             Outcome::Gated
         };
-        let record = self.record(residual, outcome);
+        let record = self.record(residual, nis, outcome);
         if believed {
             self.start(position);
         } else {
@@ -349,25 +290,29 @@ impl<T: Scalar> PositionAxisFilters<T> {
     }
 
     fn start(&mut self, position: &Vector3<T>) {
-        for (i, (axis, z)) in self.axes.iter_mut().zip(position.iter()).enumerate() {
-            *axis = PositionAxis::starting_at(*z, self.config.measurement(i));
+        self.position = *position;
+        self.velocity = Vector3::zeros();
+        self.bias = Vector3::zeros();
+        for axes in [&mut self.horizontal, &mut self.vertical] {
+            axes.covariance = AxisCovariance::starting_at(axes.position_noise);
         }
         self.since_fix = Some(T::zero());
         self.outliers = 0;
     }
 
-    fn record(&self, residual: Vector3<T>, outcome: Outcome) -> Innovation<T> {
-        let mut variances = Vector3::zeros();
-        for (i, (v, axis)) in variances.iter_mut().zip(&self.axes).enumerate() {
-            *v = axis.covariance.m11 + self.config.measurement(i);
-        }
+    /// The record of a fix; its normalised square is that across plus that down.
+    fn record(
+        &self,
+        residual: Vector3<T>,
+        [across, down]: [T; 2],
+        outcome: Outcome,
+    ) -> Innovation<T> {
+        let variance = self.horizontal.of_innovation();
+        let variances = Vector3::new(variance, variance, self.vertical.of_innovation());
         Innovation {
             residual,
             covariance: Matrix3::from_diagonal(&variances),
-            nis: residual
-                .component_mul(&residual)
-                .component_div(&variances)
-                .sum(),
+            nis: across + down,
             degrees_of_freedom: 3,
             outcome,
         }

@@ -44,13 +44,10 @@ impl Navigator for AxisNavigator {
         if let Some(field) = &inertial.magnetic_field {
             let _ = self.attitude.update_magnetometer(field);
         }
-        let ned_from_body = self.attitude.attitude();
-        let _ = self.position.propagate(
-            &ned_from_body,
-            &self.specific_force,
-            GRAVITY,
-            inertial.dt_s(),
-        );
+        let force_ned = self.attitude.turned_to_ned(&self.specific_force);
+        let _ = self
+            .position
+            .propagate_in_ned(&force_ned, GRAVITY, inertial.dt_s());
         if let Some(fix) = position {
             let _ = self
                 .position
