@@ -5,7 +5,8 @@
 //! frame, and the next step is as long as both. After more than a second without frames everything
 //! starts again at rest: an old state is not worth keeping, and never kept over a reset.
 
-use northing_core::nalgebra::{ComplexField, Vector3};
+use northing_core::geometry::trigonometry::sin_cos;
+use northing_core::nalgebra::Vector3;
 
 use crate::frame_clock::{FrameClock, INTERVAL_US, Passed};
 use crate::lines::Lines;
@@ -258,11 +259,9 @@ impl<N: Navigator> Application<N> {
             number: self.fixes,
             ned: plane.ned(fix),
             velocity: fix.speed_course.map(|(mm_s, course)| {
-                let (speed, course) = (mm_s as f32 * 1e-3, course as f32 * 1.745_329_3e-4);
-                [
-                    speed * ComplexField::cos(course),
-                    speed * ComplexField::sin(course),
-                ]
+                let speed = mm_s as f32 * 1e-3;
+                let (sin, cos) = sin_cos(course as f32 * 1.745_329_3e-4);
+                [speed * cos, speed * sin]
             }),
             hdop: f32::from(fix.hdop_hundredths) * 1e-2,
         }

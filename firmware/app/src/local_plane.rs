@@ -4,6 +4,7 @@
 //! curvature is kept: against the exact conversion the error is 5 mm at 1 km and half a metre at 10 km, the
 //! size of `f32` included, where the first order alone is off by 20 m.
 
+use northing_core::geometry::trigonometry::sin_cos;
 use northing_core::nalgebra::{ComplexField, Vector3};
 
 use crate::nmea::Fix;
@@ -32,7 +33,7 @@ impl LocalPlane {
     #[must_use]
     pub fn at(fix: &Fix) -> Self {
         let latitude = fix.latitude_e7 as f32 * UNIT_RAD;
-        let (sin, cos) = (ComplexField::sin(latitude), ComplexField::cos(latitude));
+        let (sin, cos) = sin_cos(latitude);
         let w2 = 1.0 - ECCENTRICITY_SQUARED * sin * sin;
         let normal = SEMI_MAJOR_M / ComplexField::sqrt(w2);
         let height_m = fix.height_mm as f32 * 1e-3;

@@ -236,9 +236,11 @@ impl<T: Scalar> AxisFilters<T> {
             Ok(squared) => squared,
             Err(reason) => return Innovation::skipped(reason),
         };
-        let [_, _, r] = self.noise;
-        let excess = squared.sqrt() - g;
-        let r = r + r * self.config.norm_gain * (excess * excess);
+        let [_, _, mut r] = self.noise;
+        if self.config.norm_gain > T::zero() {
+            let excess = squared.sqrt() - g;
+            r += r * self.config.norm_gain * (excess * excess);
+        }
         let (roll, pitch) = tilt_of(specific_force, self.config.angles);
         self.tilt = None;
         let [roll_axis, pitch_axis, _] = &mut self.axes;
