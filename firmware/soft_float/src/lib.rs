@@ -35,10 +35,13 @@ pub fn multiplied(a: u32, b: u32) -> Option<u32> {
         u64::from((HIDDEN | (a & MANTISSA)) << 7) * u64::from((HIDDEN | (b & MANTISSA)) << 8);
     let upper = (product >> 32) as u32 | u32::from(product as u32 != 0);
     let exponent = (ea + eb).wrapping_sub(126);
+    let with = |exponent: u32, mantissa: u32| {
+        (exponent.wrapping_sub(1) < 254).then(|| packed(sign, exponent, mantissa))
+    };
     if upper < 1 << 30 {
-        packed(sign, exponent.wrapping_sub(1), upper << 1)
+        with(exponent.wrapping_sub(1), upper << 1)
     } else {
-        packed(sign, exponent, upper)
+        with(exponent, upper)
     }
 }
 
@@ -46,7 +49,8 @@ pub fn multiplied(a: u32, b: u32) -> Option<u32> {
 #[inline(always)]
 #[must_use]
 pub fn larger_first(a: u32, b: u32) -> [u32; 2] {
-    if a << 1 < b << 1 { [b, a] } else { [a, b] }
+    let exchange = if a << 1 < b << 1 { a ^ b } else { 0 };
+    [a ^ exchange, b ^ exchange]
 }
 
 /// The sum of two numbers by their bits, the larger first; `None` where neither number nor result is ordinary.
@@ -54,9 +58,12 @@ pub fn larger_first(a: u32, b: u32) -> [u32; 2] {
 #[must_use]
 pub fn added([a, b]: [u32; 2]) -> Option<u32> {
     let [ea, eb] = [a, b].map(|x| (x >> 23) & 0xff);
-    if eb == 0 || ea == 255 {
+    if eb == 0 {
         // To a normal number zero adds nothing; the rest is for the compiler's.
         return (b << 1 == 0 && ea.wrapping_sub(1) < 254).then_some(a);
+    }
+    if ea == 255 {
+        return None;
     }
     let distance = ea - eb;
     if distance > 25 {
@@ -68,34 +75,29 @@ pub fn added([a, b]: [u32; 2]) -> Option<u32> {
     let whole = (HIDDEN | (b & MANTISSA)) << 7;
     let shifted = whole >> distance;
     let smaller = shifted | u32::from(shifted << distance != whole);
-    let sign = a & SIGN;
-    if (a ^ b) < SIGN {
+    if ((a ^ b) as i32) >= 0 {
         let sum = larger + smaller;
-        return if sum < SIGN {
-            packed(sign, ea, sum)
-        } else {
-            packed(sign, ea + 1, (sum >> 1) | (sum & 1))
-        };
+        if (sum as i32) >= 0 {
+            return Some(packed(a, ea, sum));
+        }
+        return (ea < 254).then(|| packed(a, ea + 1, (sum >> 1) | (sum & 1)));
     }
     let difference = larger - smaller;
     if difference == 0 {
         return Some(0);
     }
     let shift = difference.leading_zeros() - 1;
-    packed(sign, ea.wrapping_sub(shift), difference << (shift & 31))
+    (shift < ea).then(|| packed(a, ea - shift, difference << (shift & 31)))
 }
 
-/// The number with this sign and exponent whose mantissa begins at bit 30 and is still to be rounded; `None`
-/// where the exponent is not that of an ordinary number.
+/// The number with the sign of another and an exponent from 1 to 254, whose mantissa begins at bit 30 and is still to
+/// be rounded.
 #[inline(always)]
-fn packed(sign: u32, exponent: u32, mantissa: u32) -> Option<u32> {
-    if exponent.wrapping_sub(1) >= 254 {
-        return None;
-    }
+fn packed(sign: u32, exponent: u32, mantissa: u32) -> u32 {
     // To the nearest, ties to even. The hidden bit carries into the exponent, and so does a rounding that
     // overflows.
     let rounded = (mantissa + 0x3f + ((mantissa >> 7) & 1)) >> 7;
-    Some(sign | (((exponent - 1) << 23) + rounded))
+    (sign & SIGN) | (((exponent - 1) << 23) + rounded)
 }
 
 /// The quotient of two numbers by their bits; `None` where neither number nor result is ordinary.

@@ -186,16 +186,17 @@ impl<T: Scalar> AxisFilters<T> {
     /// Why the sample is refused; the state is then untouched.
     pub fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Result<(), SkipReason> {
         check_within(angular_rate, lit(1e4))?;
-        if !dt.is_finite() {
-            return Err(SkipReason::NotFinite);
-        }
-        if dt > lit(LONGEST_STEP_S) {
-            return Err(SkipReason::OutOfRange);
-        }
-        if dt <= T::zero() {
-            return Ok(());
-        }
+        // One that was good for the last step is good for this one.
         if dt != self.last_dt {
+            if !dt.is_finite() {
+                return Err(SkipReason::NotFinite);
+            }
+            if dt > lit(LONGEST_STEP_S) {
+                return Err(SkipReason::OutOfRange);
+            }
+            if dt <= T::zero() {
+                return Ok(());
+            }
             self.last_dt = dt;
             self.noise = self.config.noise(dt);
         }

@@ -59,13 +59,12 @@ pub fn atan2<T: Scalar>(y: T, x: T) -> T {
 /// An angle (rad) in `[-pi, pi)`.
 #[inline]
 pub fn wrap<T: Scalar>(angle: T) -> T {
-    let is_inside = |x: T| x >= -T::pi() && x < T::pi();
-    if is_inside(angle) {
+    if angle.abs() < T::pi() {
         return angle;
     }
     // Angles that have just left it come back by one turn.
     let back = angle - T::two_pi().copysign(angle);
-    if is_inside(back) {
+    if back.abs() < T::pi() {
         return back;
     }
     let turns = (angle / T::two_pi() + lit(0.5)).floor();

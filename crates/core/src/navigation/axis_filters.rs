@@ -41,6 +41,8 @@ use crate::scalar::{Scalar, lit};
 
 /// Longest interval of a propagation, s.
 const LONGEST_STEP_S: f64 = 10.0;
+/// The usual interval, s: a first one that is the same needs no new noise.
+const USUAL_STEP_S: f64 = 0.02;
 /// Outliers in a row after which the state is what is wrong.
 const OUTLIERS_BELIEVED: u8 = 5;
 
@@ -70,10 +72,14 @@ impl<T: Scalar> Uncertainty<T> {
         let process_noise = config.process(position_std);
         Self {
             covariance: AxisCovariance::starting_at(T::one()),
-            process: AxisProcess::over(T::zero(), process_noise),
+            process: AxisProcess::over(lit(USUAL_STEP_S), process_noise),
             process_noise,
             position_noise: config.measurement(position_std),
         }
+    }
+
+    fn step_by(&mut self, dt: T) {
+        self.process = AxisProcess::over(dt, self.process_noise);
     }
 
     /// Variance of an innovation.
@@ -118,7 +124,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
             bias: Vector3::zeros(),
             horizontal: Uncertainty::of(&config, config.position_std),
             vertical: Uncertainty::of(&config, config.vertical_position_std),
-            last_dt: T::zero(),
+            last_dt: lit(USUAL_STEP_S),
             since_fix: None,
             last_fix: None,
             outliers: 0,
@@ -188,13 +194,25 @@ impl<T: Scalar> PositionAxisFilters<T> {
         dt: T,
     ) -> Result<(), SkipReason> {
         check_within(specific_force, lit(1e4))?;
-        if !(dt.is_finite() && gravity.is_finite()) {
+        if !gravity.is_finite() {
             return Err(SkipReason::NotFinite);
         }
-        if dt > lit(LONGEST_STEP_S) {
-            return Err(SkipReason::OutOfRange);
+        // One that was good for the last step is good for this one.
+        if dt != self.last_dt {
+            if !dt.is_finite() {
+                return Err(SkipReason::NotFinite);
+            }
+            if dt > lit(LONGEST_STEP_S) {
+                return Err(SkipReason::OutOfRange);
+            }
+            if dt <= T::zero() {
+                return Ok(());
+            }
+            self.last_dt = dt;
+            self.horizontal.step_by(dt);
+            self.vertical.step_by(dt);
         }
-        let Some(since) = self.since_fix.filter(|_| dt > T::zero()) else {
+        let Some(since) = self.since_fix else {
             return Ok(());
         };
         let mut acceleration = *specific_force;
@@ -211,12 +229,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
         self.velocity += (acceleration - self.bias) * dt;
         // With the mean velocity, v T + u T^2/2.
         self.position += (before + self.velocity) * half;
-        let is_other_step = dt != self.last_dt;
-        self.last_dt = dt;
         for axes in [&mut self.horizontal, &mut self.vertical] {
-            if is_other_step {
-                axes.process = AxisProcess::over(dt, axes.process_noise);
-            }
             axes.covariance.propagate(dt, &axes.process);
         }
     }
@@ -234,33 +247,38 @@ impl<T: Scalar> PositionAxisFilters<T> {
         self.last_fix = Some(number);
         if self.since_fix.is_none() {
             self.start(position);
-            let nothing = [T::zero(); 2];
-            return self.record(Vector3::zeros(), nothing, Outcome::Fused);
+            return self.look_at(position).record(Outcome::Fused);
         }
-        let residual = position - self.position;
-        let [across, down] =
-            [&self.horizontal, &self.vertical].map(|axes| T::one() / axes.of_innovation());
-        let jump = (residual.x * residual.x + residual.y * residual.y) * across;
-        let nis = [jump, residual.z * residual.z * down];
+        let fix = self.look_at(position);
         let limit = self.config.outlier_nis;
-        if limit > T::zero() && jump > limit {
-            return self.outlier(position, residual, nis);
+        if limit > T::zero() && fix.jump > limit {
+            return self.outlier(position, &fix);
         }
         self.outliers = 0;
-        let record = self.record(residual, nis, Outcome::Fused);
-        self.correct(&residual, [across, down]);
-        record
+        self.correct(&fix);
+        fix.record(Outcome::Fused)
     }
 
-    /// Corrects with innovations; `inverses` of their variances, across and down.
-    fn correct(&mut self, residual: &Vector3<T>, [across, down]: [T; 2]) {
-        let horizontal = &mut self.horizontal;
-        let vertical = &mut self.vertical;
-        let across = horizontal
-            .covariance
-            .update(horizontal.position_noise, across);
+    fn look_at(&self, position: &Vector3<T>) -> FixInnovation<T> {
+        let residual = position - self.position;
+        let variances = [&self.horizontal, &self.vertical].map(Uncertainty::of_innovation);
+        let inverses = variances.map(|variance| T::one() / variance);
+        let [across, _] = inverses;
+        FixInnovation {
+            residual,
+            variances,
+            inverses,
+            jump: (residual.x * residual.x + residual.y * residual.y) * across,
+        }
+    }
+
+    fn correct(&mut self, fix: &FixInnovation<T>) {
+        let [across, down] = fix.inverses;
+        let (horizontal, vertical) = (&mut self.horizontal, &mut self.vertical);
+        let r = horizontal.position_noise;
+        let across = horizontal.covariance.update(r, across);
         let down = vertical.covariance.update(vertical.position_noise, down);
-        let (x, y, z) = (residual.x, residual.y, residual.z);
+        let (x, y, z) = (fix.residual.x, fix.residual.y, fix.residual.z);
         let by = |across: T, down: T| Vector3::new(across * x, across * y, down * z);
         self.position += by(across.x, down.x);
         self.velocity += by(across.y, down.y);
@@ -268,25 +286,14 @@ impl<T: Scalar> PositionAxisFilters<T> {
         self.since_fix = Some(T::zero());
     }
 
-    fn outlier(
-        &mut self,
-        position: &Vector3<T>,
-        residual: Vector3<T>,
-        nis: [T; 2],
-    ) -> Innovation<T> {
-        let believed = self.outliers >= OUTLIERS_BELIEVED;
-        let outcome = if believed {
-            Outcome::Inflated
-        } else {
-            Outcome::Gated
-        };
-        let record = self.record(residual, nis, outcome);
-        if believed {
+    fn outlier(&mut self, position: &Vector3<T>, fix: &FixInnovation<T>) -> Innovation<T> {
+        if self.outliers >= OUTLIERS_BELIEVED {
             self.start(position);
+            fix.record(Outcome::Inflated)
         } else {
             self.outliers += 1;
+            fix.record(Outcome::Gated)
         }
-        record
     }
 
     fn start(&mut self, position: &Vector3<T>) {
@@ -299,20 +306,27 @@ impl<T: Scalar> PositionAxisFilters<T> {
         self.since_fix = Some(T::zero());
         self.outliers = 0;
     }
+}
 
-    /// The record of a fix; its normalised square is that across plus that down.
-    fn record(
-        &self,
-        residual: Vector3<T>,
-        [across, down]: [T; 2],
-        outcome: Outcome,
-    ) -> Innovation<T> {
-        let variance = self.horizontal.of_innovation();
-        let variances = Vector3::new(variance, variance, self.vertical.of_innovation());
+/// What a fix says against the state.
+#[derive(Debug, Clone, Copy)]
+struct FixInnovation<T> {
+    residual: Vector3<T>,
+    /// Of a residual across and of one down, and one over each.
+    variances: [T; 2],
+    inverses: [T; 2],
+    /// Normalised squared residual of north and east.
+    jump: T,
+}
+
+impl<T: Scalar> FixInnovation<T> {
+    fn record(&self, outcome: Outcome) -> Innovation<T> {
+        let ([across, down], [_, inverse]) = (self.variances, self.inverses);
+        let z = self.residual.z;
         Innovation {
-            residual,
-            covariance: Matrix3::from_diagonal(&variances),
-            nis: across + down,
+            residual: self.residual,
+            covariance: Matrix3::from_diagonal(&Vector3::new(across, across, down)),
+            nis: self.jump + z * z * inverse,
             degrees_of_freedom: 3,
             outcome,
         }
