@@ -7,7 +7,7 @@
 //! | folder | what is in it |
 //! |---|---|
 //! | [`earth`] | WGS-84, local tangent frames, gravity, Earth rate |
-//! | [`geometry`] | rotations: exponential and logarithm on SO(3), Jacobians, conversions, frames |
+//! | [`geometry`] | rotations: exponential and logarithm on SO(3), Jacobians, conversions, frames; trigonometry |
 //! | [`kalman`] | the innovation record, NIS gates, in-place scalar updates, covariance hygiene |
 //! | [`attitude`] | gyroscope integration, MEKF, bounded velocity, USQUE, quaternion EKF, Wahba's problem, alignment |
 //! | [`navigation`] | the 15-state error-state filter: position, velocity and attitude from an IMU and aiding |
