@@ -72,14 +72,10 @@ impl<T: Scalar> Uncertainty<T> {
         let process_noise = config.process(position_std);
         Self {
             covariance: AxisCovariance::starting_at(T::one()),
-            process: AxisProcess::over(lit(USUAL_STEP_S), process_noise),
+            process: AxisProcess::of_ones_over(lit(USUAL_STEP_S)).scaled(process_noise),
             process_noise,
             position_noise: config.measurement(position_std),
         }
-    }
-
-    fn step_by(&mut self, dt: T) {
-        self.process = AxisProcess::over(dt, self.process_noise);
     }
 
     /// Variance of an innovation.
@@ -209,8 +205,10 @@ impl<T: Scalar> PositionAxisFilters<T> {
                 return Ok(());
             }
             self.last_dt = dt;
-            self.horizontal.step_by(dt);
-            self.vertical.step_by(dt);
+            let ones = AxisProcess::of_ones_over(dt);
+            for axes in [&mut self.horizontal, &mut self.vertical] {
+                axes.process = ones.scaled(axes.process_noise);
+            }
         }
         let Some(since) = self.since_fix else {
             return Ok(());

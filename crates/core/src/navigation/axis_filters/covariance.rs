@@ -29,14 +29,25 @@ pub(super) struct AxisProcess<T> {
 }
 
 impl<T: Scalar> AxisProcess<T> {
-    /// Of an acceleration with this variance, held over `dt` seconds, and a bias that walks.
-    pub(super) fn over(dt: T, [acceleration, walk]: [T; 2]) -> Self {
-        let half = dt * dt * lit(0.5);
+    /// Of an acceleration with a variance of one, held over `dt` seconds, and a bias that walks as much.
+    pub(super) fn of_ones_over(dt: T) -> Self {
+        let vv = dt * dt;
+        let half = vv * lit(0.5);
         Self {
-            ss: half * half * acceleration,
-            sv: half * dt * acceleration,
-            vv: dt * dt * acceleration,
-            bb: dt * walk,
+            ss: half * half,
+            sv: half * dt,
+            vv,
+            bb: dt,
+        }
+    }
+
+    /// The same for this variance of the acceleration, and this one that a second adds to the bias.
+    pub(super) fn scaled(&self, [acceleration, walk]: [T; 2]) -> Self {
+        Self {
+            ss: self.ss * acceleration,
+            sv: self.sv * acceleration,
+            vv: self.vv * acceleration,
+            bb: self.bb * walk,
         }
     }
 }
@@ -153,7 +164,7 @@ mod tests {
             let input = Vector3::new(half, dt, 0.0);
             let mut dense = a * p.matrix() * a.transpose() + input * input.transpose() * noise[0];
             dense.m33 += noise[1] * dt;
-            p.propagate(dt, &AxisProcess::over(dt, noise));
+            p.propagate(dt, &AxisProcess::of_ones_over(dt).scaled(noise));
             assert!((p.matrix() - dense).amax() < 1e-13, "{dense} {p:?}");
 
             let column = dense.column(0) / (dense.m11 + r);
