@@ -8,6 +8,7 @@ use northing_core::geometry::rotation;
 use northing_evaluation::navigation::{NavigationEstimate, NavigationObserver};
 use northing_evaluation::report::validity_word;
 use northing_recording::AtomicFile;
+use northing_recording::fixed::{push_fixed, push_seconds};
 use northing_recording::track::{TrackPoint, check_track_path, write_track};
 
 use crate::commands::convert::has_extension;
@@ -16,6 +17,9 @@ use crate::output::check_free;
 /// The columns of the CSV.
 const COLUMNS: &str = "t_s,latitude_deg,longitude_deg,height_m,north_m,east_m,down_m,north_std_m,east_std_m,down_std_m,\
      velocity_north_m_s,velocity_east_m_s,velocity_down_m_s,qw,qx,qy,qz,heading_deg,heading_std_deg,validity";
+
+/// Rows are written when there are so many bytes of them.
+const ROWS_BYTES: usize = 1 << 16;
 
 /// A track has a point so often, ns.
 const TRACK_INTERVAL_NS: i64 = 100_000_000;
@@ -28,8 +32,8 @@ pub(crate) struct NavigationFile {
 }
 
 enum Output {
-    /// Every number of every sample.
-    Csv(AtomicFile),
+    /// Every number of every sample; rows that wait to be written.
+    Csv(AtomicFile, Vec<u8>),
     /// A track for maps: written at the end.
     Track(PathBuf, bool, Vec<TrackPoint>),
 }
@@ -43,7 +47,7 @@ impl NavigationFile {
         let output = if has_extension(path, "csv") {
             let mut file = AtomicFile::create(path, force)?;
             file.print(format_args!("{COLUMNS}\n"))?;
-            Output::Csv(file)
+            Output::Csv(file, Vec::new())
         } else {
             check_track_path(path)
                 .context("estimates of a navigation run are a .csv or a track")?;
@@ -62,7 +66,14 @@ impl NavigationFile {
             return Ok(());
         };
         match &mut self.output {
-            Output::Csv(file) => write_row(file, frame, estimate),
+            Output::Csv(file, rows) => {
+                push_row(rows, frame, estimate);
+                if rows.len() >= ROWS_BYTES {
+                    file.bytes(rows)?;
+                    rows.clear();
+                }
+                Ok(())
+            }
             Output::Track(_, _, points) => {
                 points.push(track_point(frame, estimate));
                 Ok(())
@@ -79,7 +90,10 @@ impl NavigationFile {
             return Err(failure);
         }
         match self.output {
-            Output::Csv(file) => file.commit()?,
+            Output::Csv(mut file, rows) => {
+                file.bytes(&rows)?;
+                file.commit()?;
+            }
             Output::Track(path, force, points) => write_track(&path, name, &points, force)?,
         }
         Ok(())
@@ -99,45 +113,54 @@ fn track_point(frame: &LocalFrame, estimate: &NavigationEstimate) -> TrackPoint 
     }
 }
 
-fn write_row(
-    file: &mut AtomicFile,
-    frame: &LocalFrame,
-    estimate: &NavigationEstimate,
-) -> Result<()> {
+/// Appends the row of an estimate.
+fn push_row(row: &mut Vec<u8>, frame: &LocalFrame, estimate: &NavigationEstimate) {
     let place = frame.geodetic(&estimate.position);
-    let [latitude, longitude] = place.degrees();
-    let [north, east, down] = estimate.position.into();
     let variances = estimate.position_covariance.diagonal();
-    let [north_std, east_std, down_std] = variances.map(|v| v.max(0.0).sqrt()).into();
-    let [v_north, v_east, v_down] = estimate.velocity.into();
-    file.print(format_args!(
-        "{:.6},{latitude:.9},{longitude:.9},{:.4},{north:.4},{east:.4},{down:.4},{north_std:.4},{east_std:.4},\
-         {down_std:.4},{v_north:.4},{v_east:.4},{v_down:.4},",
-        estimate.time_ns as f64 * 1e-9,
-        place.height_m,
-    ))?;
+    push_seconds(row, estimate.time_ns);
+    for degrees in place.degrees() {
+        push_cell(row, degrees, 9);
+    }
+    push_cell(row, place.height_m, 4);
+    for value in &estimate.position {
+        push_cell(row, *value, 4);
+    }
+    for variance in &variances {
+        push_cell(row, variance.max(0.0).sqrt(), 4);
+    }
+    for value in &estimate.velocity {
+        push_cell(row, *value, 4);
+    }
     match estimate.ned_from_body {
         Some(attitude) => {
-            let [w, x, y, z] = rotation::to_wxyz(&attitude);
-            file.print(format_args!("{w:.7},{x:.7},{y:.7},{z:.7},"))?;
+            for number in rotation::to_wxyz(&attitude) {
+                push_cell(row, number, 7);
+            }
         }
-        None => file.print(format_args!(",,,,"))?,
+        None => row.extend_from_slice(b",,,,"),
     }
     for angle in [estimate.heading(), estimate.heading_std] {
         match angle {
-            Some(angle) => file.print(format_args!("{:.4},", angle.to_degrees()))?,
-            None => file.print(format_args!(","))?,
+            Some(angle) => push_cell(row, angle.to_degrees(), 4),
+            None => row.push(b','),
         }
     }
-    file.print(format_args!("{}\n", validity_word(estimate.validity)))?;
-    Ok(())
+    row.push(b',');
+    row.extend_from_slice(validity_word(estimate.validity).as_bytes());
+    row.push(b'\n');
+}
+
+/// A number after a comma.
+fn push_cell(row: &mut Vec<u8>, value: f64, digits: usize) {
+    row.push(b',');
+    push_fixed(row, value, digits);
 }
 
 impl NavigationObserver for NavigationFile {
     /// Each sample, or what a map can show.
     fn interval_ns(&self) -> i64 {
         match self.output {
-            Output::Csv(_) => 0,
+            Output::Csv(..) => 0,
             Output::Track(..) => TRACK_INTERVAL_NS,
         }
     }

@@ -78,6 +78,16 @@ impl AtomicFile {
             .map_err(|error| self.failed(error))
     }
 
+    /// Writes bytes, with this file's name in the error.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::print`].
+    pub fn bytes(&mut self, bytes: &[u8]) -> Result<()> {
+        self.output
+            .write_all(bytes)
+            .map_err(|error| self.failed(error))
+    }
+
     /// Finishes the file and gives it its name.
     ///
     /// # Errors
@@ -137,8 +147,7 @@ impl io::Seek for AtomicFile {
 /// As [`AtomicFile::create`] and [`AtomicFile::commit`].
 pub fn write_whole(path: &Path, contents: &[u8], force: bool) -> Result<()> {
     let mut file = AtomicFile::create(path, force)?;
-    file.write_all(contents)
-        .map_err(|error| file.failed(error))?;
+    file.bytes(contents)?;
     file.commit()
 }
 

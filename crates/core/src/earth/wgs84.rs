@@ -101,20 +101,22 @@ impl Geodetic {
         let level = libm::hypot(ecef.x, ecef.y);
         let minor = SEMI_MAJOR_AXIS_M * (1.0 - FLATTENING);
         let second = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED);
-        // Tangent of the parametric latitude, as sine and cosine so that the poles are nothing special.
-        let mut parametric = libm::atan2(ecef.z, (1.0 - FLATTENING) * level);
-        let mut latitude_rad = parametric;
-        for _ in 0..3 {
-            let (sin, cos) = libm::sincos(parametric);
-            latitude_rad = libm::atan2(
+        // Angles as sine and cosine, from roots: the poles are nothing special, and trigonometry costs six times as much.
+        let mut parametric = direction(ecef.z, (1.0 - FLATTENING) * level);
+        let normal = |[sin, cos]: [f64; 2]| {
+            direction(
                 ecef.z + second * minor * sin * sin * sin,
                 level - ECCENTRICITY_SQUARED * SEMI_MAJOR_AXIS_M * cos * cos * cos,
-            );
-            let (sin, cos) = libm::sincos(latitude_rad);
-            parametric = libm::atan2((1.0 - FLATTENING) * sin, cos);
+            )
+        };
+        for _ in 0..2 {
+            let [sin, cos] = normal(parametric);
+            parametric = direction((1.0 - FLATTENING) * sin, cos);
         }
-        let (sin, cos) = libm::sincos(latitude_rad);
-        let n = Radii::at(latitude_rad).prime_vertical_m;
+        let latitude = normal(parametric);
+        let [sin, cos] = latitude;
+        let latitude_rad = libm::atan2(sin, cos);
+        let n = SEMI_MAJOR_AXIS_M / libm::sqrt(1.0 - ECCENTRICITY_SQUARED * sin * sin);
         // Along the normal; unlike level / cos - N it holds at the poles.
         let height_m = level * cos + ecef.z * sin - n * (1.0 - ECCENTRICITY_SQUARED * sin * sin);
         Self {
@@ -189,6 +191,17 @@ impl LocalFrame {
     /// velocities that a receiver gives in the axes of where it is. 10 km away it turns by 0.09 degrees.
     pub fn from_axes_at(&self, place: &Geodetic) -> Matrix3<f64> {
         self.ned_from_ecef * place.ned_from_ecef().transpose()
+    }
+}
+
+/// Sine and cosine of `atan2(y, x)`; at the origin those of 0.
+fn direction(y: f64, x: f64) -> [f64; 2] {
+    let length = libm::sqrt(x * x + y * y);
+    if length > 0.0 {
+        let scale = 1.0 / length;
+        [y * scale, x * scale]
+    } else {
+        [0.0, 1.0]
     }
 }
 
