@@ -47,6 +47,7 @@
 //! Cost, limits: see [`ErrorStateFilter`]. Memory in single precision: 2.4 KB, and 28 bytes a sample of history.
 
 mod alignment;
+mod clock;
 mod config;
 mod counts;
 mod starting;
@@ -127,9 +128,13 @@ pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     /// Seconds since something measured the velocity.
     since_velocity: T,
     gates: [CountedGate; Aid::ALL.len()],
+    /// That of the angular rate at rest: its refusals are not those of the velocity.
+    standing_rate_gate: CountedGate,
     counts: [AidCounts<T>; Aid::ALL.len()],
     stamps: [Option<i64>; Aid::ALL.len()],
     imu_skipped: u32,
+    /// Stamps in a row that are of a time long past.
+    behind: u8,
     gaps: u32,
     restarts: u32,
 }
@@ -195,9 +200,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             since_constraint: T::zero(),
             since_velocity: T::zero(),
             gates: [CountedGate::default(); Aid::ALL.len()],
+            standing_rate_gate: CountedGate::default(),
             counts: [AidCounts::default(); Aid::ALL.len()],
             stamps: [None; Aid::ALL.len()],
             imu_skipped: 0,
+            behind: 0,
             gaps: 0,
             restarts: 0,
         })
@@ -262,7 +269,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.gaps
     }
 
-    /// How often it had to start again: after [`LONGEST_GAP_S`], or a covariance that was none.
+    /// How often it had to start again: after [`LONGEST_GAP_S`], a clock that went back, or a covariance that was none.
     pub fn restarts(&self) -> u32 {
         self.restarts
     }
@@ -298,8 +305,12 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         });
         if let Err(reason) = checked {
             self.imu_skipped = self.imu_skipped.saturating_add(1);
+            if let (SkipReason::NotNewer, Some((last, _, _))) = (reason, self.last_imu) {
+                self.note_stamp_behind(time_ns, last);
+            }
             return Err(reason);
         }
+        self.behind = 0;
         let last = self
             .last_imu
             .replace((time_ns, *angular_rate, *specific_force));
@@ -514,8 +525,12 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let now = self.now_ns.unwrap_or(time_ns);
         let duration: T = seconds(now, time_ns);
         if duration <= T::zero() && self.now_ns.is_some() {
+            if duration < T::zero() {
+                self.note_stamp_behind(time_ns, now);
+            }
             return;
         }
+        self.behind = 0;
         self.now_ns = Some(time_ns);
         if duration > lit(LONGEST_GAP_S) {
             self.restart();
@@ -529,6 +544,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
                 self.since_velocity += duration;
                 self.since_constraint += duration;
                 self.constrain();
+                self.damp(duration);
             }
         }
     }
@@ -545,6 +561,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.due_window = None;
         self.last_fix_ns = None;
         self.gates = [CountedGate::default(); Aid::ALL.len()];
+        self.standing_rate_gate = CountedGate::default();
     }
 
     /// The state when a measurement was valid whose stamp is `time_ns` and which is `latency` late.

@@ -498,6 +498,119 @@ fn gaps_are_bridged_and_a_long_one_starts_again() {
 }
 
 #[test]
+fn a_clock_that_goes_back_is_followed_and_stray_stamps_are_not() {
+    let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    let now = ins.time_ns().unwrap();
+    let (rate, force) = (motion.rate(), motion.force());
+    // Stragglers, and a few strays.
+    for back in [10, 20, 400, 30_000, 40_000, 50_000] {
+        let refused = ins.imu(now - back * 1_000_000, &rate, &force);
+        assert_eq!(refused, Err(SkipReason::NotNewer));
+    }
+    assert_eq!((ins.validity(), ins.restarts()), (Validity::Aided, 0));
+    ins.imu(now + 10_000_000, &rate, &force).unwrap();
+    // The unit restarts: its counter begins anew.
+    let refused = |ins: &mut GnssIns<f64, 64>| {
+        let samples = (1..=3000_i64).map(|k| ins.imu(k * 10_000_000, &Vector3::zeros(), &force));
+        samples.filter(Result::is_err).count()
+    };
+    assert_eq!(refused(&mut ins), 8);
+    assert_eq!((ins.validity(), ins.restarts()), (Validity::Aligning, 1));
+    assert_eq!(ins.time_ns(), Some(30_000_000_000));
+    let fix = GnssPosition {
+        ned: motion.position,
+        std: Vector3::repeat(0.05),
+        has_height: true,
+    };
+    let told = ins.gnss_position(30_000_000_000, &fix).horizontal.outcome;
+    assert_eq!(told, Outcome::Skipped(SkipReason::NotInitialized));
+}
+
+#[test]
+fn without_samples_an_unmeasured_velocity_is_damped_and_a_clock_that_goes_back_is_followed() {
+    let speed_after = |damping_speed_m_s: f64| {
+        let ship = GnssInsConfig {
+            imu_samples: ImuSamples::None,
+            gap_velocity_random_walk: 0.1,
+            damping_speed_m_s,
+            ..GnssInsConfig::<f64>::default()
+        };
+        let mut ins = GnssIns::<f64>::new(ship).unwrap();
+        for k in 1..=600_i64 {
+            let time_ns = k * 200_000_000;
+            ins.heading(time_ns, 0.0, 0.01);
+            if k % 5 == 0 && k <= 300 {
+                let ned = Vector3::new(k as f64, 0.0, 0.0);
+                let std = Vector3::repeat(0.5);
+                ins.gnss_position(
+                    time_ns,
+                    &GnssPosition {
+                        ned,
+                        std,
+                        has_height: true,
+                    },
+                );
+            }
+        }
+        (ins.state().unwrap().velocity.x, ins)
+    };
+    let (free, _) = speed_after(0.0);
+    let (damped, mut ins) = speed_after(1.0);
+    // 5 m/s were seen; a prior of 1 m/s takes some of them away in a minute without fixes.
+    assert!(
+        (free - 5.0).abs() < 0.1 && (0.5..4.5).contains(&damped),
+        "{free} {damped}"
+    );
+    assert_eq!((ins.validity(), ins.restarts()), (Validity::Invalid, 0));
+    for k in 1..=20_i64 {
+        ins.heading(k * 200_000_000, 0.0, 0.01);
+    }
+    assert_eq!((ins.validity(), ins.restarts()), (Validity::Aligning, 1));
+    assert_eq!(ins.time_ns(), Some(4_000_000_000));
+}
+
+#[test]
+fn a_rate_at_rest_that_is_refused_is_let_in_after_a_while() {
+    let standing = GnssInsConfig {
+        zero_velocity: true,
+        initial_heading: Some([0.0, 0.02]),
+        ..config()
+    };
+    let mut ins = GnssIns::<f64, 64>::new(standing).unwrap();
+    let force = Vector3::new(0.0, 0.0, -GRAVITY);
+    // The bias jumps by 2 degrees a second, about the axis that gravity says nothing of.
+    let jump = 0.035;
+    for k in 1..=12_000_i64 {
+        let time_ns = k * 10_000_000;
+        let rate = Vector3::z() * if k > 9000 { jump } else { 0.0 };
+        ins.imu(time_ns, &rate, &force).unwrap();
+        if k % 100 == 0 {
+            let std = Vector3::repeat(0.5);
+            let (ned, has_height) = (Vector3::zeros(), true);
+            ins.gnss_position(
+                time_ns,
+                &GnssPosition {
+                    ned,
+                    std,
+                    has_height,
+                },
+            );
+            let (std, has_vertical) = (Vector3::repeat(0.05), true);
+            ins.gnss_velocity(
+                time_ns,
+                &GnssVelocity {
+                    ned,
+                    std,
+                    has_vertical,
+                },
+            );
+        }
+    }
+    let bias = ins.state().unwrap().gyroscope_bias.z;
+    assert!((bias - jump).abs() < 0.2 * jump, "{bias}");
+}
+
+#[test]
 fn a_ship_without_an_inertial_unit_is_carried_by_gyrocompass_and_log() {
     let ship = GnssInsConfig {
         imu_samples: ImuSamples::None,

@@ -312,9 +312,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             if self.config.zero_velocity && self.still_windows > 1 {
                 self.stand(&window);
             }
-            if self.since_velocity > lit(DAMPED_AFTER_S) {
-                self.damp();
-            }
+            self.damp(lit(WINDOW_S));
         }
         if self.is_constraint_due() && self.aligning.is_none() {
             self.since_constraint = T::zero();
@@ -329,13 +327,14 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         }
     }
 
-    /// Pulls the velocity towards zero as weakly as its prior says, when nothing has measured it (E31).
-    fn damp(&mut self) {
+    /// Pulls the velocity towards zero as weakly as its prior says over `duration`, when nothing has measured it (E31).
+    pub(super) fn damp(&mut self, duration: T) {
         let std = self.config.damping_speed_m_s;
-        if std <= T::zero() || self.aligning.is_some() {
+        let measured = self.since_velocity <= lit(DAMPED_AFTER_S);
+        if measured || std <= T::zero() || duration <= T::zero() || self.aligning.is_some() {
             return;
         }
-        let visits = self.config.damping_time_s / lit(WINDOW_S);
+        let visits = self.config.damping_time_s / duration;
         let velocity = self.filter.state().velocity;
         let m = zero_velocity::damping(&velocity, std * std * visits);
         // It cannot be wrong by more than itself: no gate.
@@ -364,7 +363,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             let bias = self.filter.state().gyroscope_bias;
             let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
             let m = zero_velocity::rate(&window.mean_rate, &bias, window.rate_variance.max(least));
-            self.fuse(Aid::ZeroVelocity, &m);
+            let gate = &mut self.standing_rate_gate;
+            self.filter.fuse_sparse(&mut self.side, &m, gate, bound(3));
         }
     }
 
