@@ -2,6 +2,7 @@
 //!
 //! A [`Layout`] says which columns make which sensor; [`DelimitedSource`] walks the rows.
 
+mod blanks;
 mod navigation;
 
 use std::io::Read;
@@ -16,6 +17,7 @@ use crate::numbers;
 use crate::recording::EventSource;
 use crate::stamp;
 
+pub(crate) use blanks::Blanks;
 #[cfg(feature = "ulog")]
 pub(crate) use navigation::standard_pressure;
 pub(crate) use navigation::{EcefPart, EcefPose};

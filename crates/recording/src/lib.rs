@@ -21,6 +21,7 @@ pub mod gnss;
 mod hold;
 mod instant;
 pub mod issues;
+mod kf_gins;
 pub mod manifest;
 #[cfg(feature = "mcap")]
 pub mod mcap;
@@ -46,6 +47,7 @@ mod tum_writer;
 mod ubx;
 #[cfg(feature = "ulog")]
 mod ulog;
+mod vectornav;
 pub mod wire;
 mod writer;
 

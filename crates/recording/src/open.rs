@@ -8,12 +8,12 @@ use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
-use crate::{csv, manifest, nmea, northing_serial, sensor_logger, ubx};
+use crate::{csv, kf_gins, manifest, nmea, northing_serial, sensor_logger, ubx, vectornav};
 
 /// Bytes that are looked at to tell the format.
 const SAMPLE_BYTES: usize = 4096;
 
-/// Opens a recording: a file, or a Sensor Logger folder. The format is told by content, or by
+/// Opens a recording: a file, or a folder of Sensor Logger or with KF-GINS's tables. The format is told by content, or by
 /// `options.format`. Nothing but the head of the file is read yet.
 ///
 /// # Errors
@@ -49,6 +49,8 @@ pub fn read_from(
         (Format::Csv, _) => csv::open(input, name, metadata)?,
         (Format::Nmea, _) => nmea::open(input, name, metadata),
         (Format::Ubx, _) => ubx::open(input, name, metadata),
+        (Format::VectorNav, _) => vectornav::open(input, name, metadata),
+        (Format::KfGins, _) => kf_gins::open(input, name, metadata)?,
         (Format::Ulog, _) => open_ulog(input, name, metadata)?,
         (Format::NorthingSerial, _) => northing_serial::open(input, name, metadata),
         (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
@@ -88,6 +90,8 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
         Format::Csv => csv::open(Cursor::new(bytes), name, metadata)?,
         Format::Nmea => nmea::open(Cursor::new(bytes), name, metadata),
         Format::Ubx => ubx::open(Cursor::new(bytes), name, metadata),
+        Format::VectorNav => vectornav::open(Cursor::new(bytes), name, metadata),
+        Format::KfGins => kf_gins::open(Cursor::new(bytes), name, metadata)?,
         Format::Ulog => open_ulog(Cursor::new(bytes), name, metadata)?,
         Format::NorthingSerial => northing_serial::open(Cursor::new(bytes), name, metadata),
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
@@ -142,7 +146,10 @@ pub(crate) fn open_data_file(
     let failed = |error| RecordingError::io(file, "open it", error);
     let metadata = named(stem(path));
     if path.is_dir() {
-        return sensor_logger::open_folder(path, file, metadata);
+        return match kf_gins::open_folder(path, file, &metadata)? {
+            Some(opened) => Ok(opened),
+            None => sensor_logger::open_folder(path, file, metadata),
+        };
     }
     let mut input = File::open(path).map_err(failed)?;
     let format = match format {
@@ -163,6 +170,12 @@ pub(crate) fn open_data_file(
             file,
             metadata,
         )),
+        Format::VectorNav => Ok(vectornav::open(
+            File::open(path).map_err(failed)?,
+            file,
+            metadata,
+        )),
+        Format::KfGins => kf_gins::open(File::open(path).map_err(failed)?, file, metadata),
         Format::Ubx => Ok(ubx::open(File::open(path).map_err(failed)?, file, metadata)),
         Format::Ulog => open_ulog(File::open(path).map_err(failed)?, file, metadata),
         Format::NorthingSerial => Ok(northing_serial::open(
@@ -244,6 +257,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     if northing_serial::recognises(text) {
         return Ok(Format::NorthingSerial);
     }
+    if !has_time_column && vectornav::recognises(text) {
+        return Ok(Format::VectorNav);
+    }
     if !has_time_column && nmea::recognises(text) {
         return Ok(Format::Nmea);
     }
@@ -259,6 +275,19 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
         || (header.contains(',') && header.contains(|c: char| c.is_ascii_alphabetic()))
     {
         return Ok(Format::Csv);
+    }
+    if kf_gins::Table::of(text).is_some() {
+        return Ok(Format::KfGins);
+    }
+    if let Some(columns) = kf_gins::columns_of_numbers(text) {
+        return Err(RecordingError::Unsupported {
+            file: file.to_owned(),
+            problem: format!(
+                "{columns} columns of numbers without names, and not as KF-GINS has them; write a manifest beside it \
+                 (`FILE.EXT.toml`) with `header = false`, the `delimiter`, and the columns of time and sensors by their \
+                 number from 1, as docs/formats.md says"
+            ),
+        });
     }
     Err(not(
         "text without our column names and without a manifest beside it",

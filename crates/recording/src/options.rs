@@ -110,6 +110,10 @@ named_values! {
         Ulog = "ulog",
         /// What a board with our firmware sends.
         NorthingSerial = "northing-serial",
+        /// Text files of the program KF-GINS: inertial increments, positions, or a folder with both.
+        KfGins = "kf-gins",
+        /// Lines `$VNYMR` of VectorNav's sensors.
+        VectorNav = "vectornav",
         /// Any other delimited text file, described by a TOML manifest.
         Manifest = "manifest",
     }

@@ -23,6 +23,13 @@ fn count(events: &[Event], kind: SensorKind) -> usize {
     events.iter().filter(|e| e.sample.kind() == kind).count()
 }
 
+fn vector(event: &Event) -> nalgebra::Vector3<f64> {
+    match event.sample {
+        Sample::AngularRate(v) | Sample::SpecificForce(v) | Sample::MagneticField(v) => v,
+        other => panic!("{other:?}"),
+    }
+}
+
 fn first(events: &[Event], kind: SensorKind) -> Event {
     *events.iter().find(|e| e.sample.kind() == kind).unwrap()
 }
@@ -55,6 +62,15 @@ fn the_car_is_read() {
 
     // The same drive as increments: the same rates and forces, the first row apart.
     let increments = all(example("car_rtk_kf_gins.toml", &data));
+    // The folder holds them among other tables, which are left alone; it knows no time offset.
+    let folder = open(&data.join("nav/car_rtk"), &OpenOptions::default()).unwrap();
+    assert_eq!(folder.metadata().format, "kf-gins");
+    let folder = all(folder);
+    assert_eq!(folder.len(), increments.len());
+    let fix = first(&increments, SensorKind::GnssPosition);
+    assert_eq!(first(&folder, SensorKind::GnssPosition), fix);
+    let rate = first(&increments, Gyroscope);
+    assert_eq!(first(&folder, Gyroscope).sample, rate.sample);
     assert_eq!(count(&increments, Gyroscope), 39_665);
     let of = |events: &[Event], kind| -> Vec<Event> {
         events
@@ -305,4 +321,36 @@ fn logs_of_autopilots_are_read() {
     let alone = open(&path, &OpenOptions::default()).unwrap();
     assert_eq!(alone.metadata().format, "ulog");
     assert_eq!(alone.filter(Result::is_ok).count(), events.len());
+}
+
+#[test]
+fn a_table_that_quotes_the_sensor_s_own_lines_is_read_as_those() {
+    let Some(data) =
+        northing_recording::test_data::data_dir("a_table_that_quotes_the_sensor_s_own_lines")
+    else {
+        return;
+    };
+    let columns = all(example("vn100_circles_1hz.toml", &data));
+    let path = data.join("nav/vn100_circles_1hz/circle_data_0_imu.csv");
+    let mut recording = open(&path, &OpenOptions::default()).unwrap();
+    let lines: Vec<Event> = recording.by_ref().map(Result::unwrap).collect();
+    assert_eq!(recording.metadata().format, "vectornav");
+    assert!(recording.issues().rejected.is_empty());
+    for kind in [
+        SensorKind::Gyroscope,
+        SensorKind::Accelerometer,
+        SensorKind::Magnetometer,
+    ] {
+        let of = |events: &[Event]| -> Vec<Event> {
+            let found = events.iter().filter(|e| e.sample.kind() == kind);
+            found.copied().collect()
+        };
+        let (columns, lines) = (of(&columns), of(&lines));
+        assert_eq!((columns.len(), lines.len()), (2530, 2530));
+        for (a, b) in columns.iter().zip(&lines) {
+            assert_eq!(a.time_ns, b.time_ns);
+            let (a, b) = (vector(a), vector(b));
+            assert!((a - b).norm() < 1e-9, "{a} {b}");
+        }
+    }
 }

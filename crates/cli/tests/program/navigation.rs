@@ -161,6 +161,51 @@ fn estimates_and_a_report_are_written() {
 }
 
 #[test]
+fn a_folder_of_kf_gins_tables_is_run_as_it_is() {
+    let lab = with_car();
+    let numbers =
+        |line: &str| -> Vec<f64> { line.split(',').map(|x| x.parse().unwrap()).collect() };
+    let (mut imu, mut gnss) = (String::new(), String::new());
+    for row in lab.read("imu.csv").lines().skip(1).map(numbers) {
+        write!(imu, "{:.3}", 300_000.0 + row[0]).unwrap();
+        for value in &row[1..] {
+            write!(imu, " {:.9}", value * 0.02).unwrap();
+        }
+        imu.push('\n');
+    }
+    for row in lab.read("gnss.csv").lines().skip(1).map(numbers) {
+        let [t, latitude, longitude, height] = [300_000.0 + row[0], row[1], row[2], row[3]];
+        writeln!(
+            gnss,
+            "{t:.3} {latitude:.9} {longitude:.9} {height:.4} 1.0 1.0 1.0"
+        )
+        .unwrap();
+    }
+    std::fs::create_dir(lab.path("drive")).unwrap();
+    lab.write("drive/imu.txt", imu);
+    lab.write("drive/gnss.txt", gnss);
+    let run = [
+        "run",
+        "drive",
+        "--estimator",
+        "error-state",
+        "--gnss-every",
+        "2",
+        "--json",
+    ];
+    let json = lab.json(&run);
+    let position = &json["position"];
+    assert!(
+        position["horizontal_rmse_m"].as_f64().unwrap() < 3.0,
+        "{position}"
+    );
+    assert_eq!(json["inertial_samples"].as_u64(), Some(5999));
+    // The increments alone have no fix in them.
+    let message = lab.refuses(&["run", "drive/imu.txt", "--estimator", "error-state"]);
+    contains(&message, &["drive/imu.txt", "fix"]);
+}
+
+#[test]
 fn the_other_estimators_run_on_the_same_file_and_are_worse() {
     let lab = with_car();
     let error = |estimator: &str| {

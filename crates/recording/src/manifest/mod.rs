@@ -2,7 +2,6 @@
 //!
 //! Read first: `docs/formats.md`, which has examples. Opening the manifest opens the recording.
 
-mod blanks;
 mod combined;
 mod layout;
 mod navigation;

@@ -2,10 +2,9 @@
 
 use std::io::{BufRead, BufReader, Read};
 
-use super::blanks::Blanks;
 use super::layout::LayoutBuilder;
 use super::schema::Source;
-use crate::delimited::{DelimitedSource, csv_error};
+use crate::delimited::{Blanks, DelimitedSource, csv_error};
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::OpenOptions;

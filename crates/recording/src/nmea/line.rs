@@ -86,7 +86,7 @@ impl<'a> Sentence<'a> {
 }
 
 /// The time before a sentence: a date and time of day, seconds since 1970, or a tag block.
-fn arrival(before: &[u8]) -> Option<i64> {
+pub(crate) fn arrival(before: &[u8]) -> Option<i64> {
     let text = before.trim_ascii();
     if let Some(block) = text.strip_prefix(b"\\") {
         let fields = block.split(|byte| matches!(byte, b',' | b'*' | b'\\'));

@@ -26,7 +26,7 @@ use crate::issues::Issues;
 use crate::metadata::{Metadata, WorldFrame};
 use crate::recording::{EventSource, Opened};
 
-pub(crate) use line::recognises;
+pub(crate) use line::{arrival, recognises};
 
 /// What a log may have in it.
 const SENSORS: [SensorKind; 5] = [

@@ -3,7 +3,7 @@
 use std::io::{BufRead, Read};
 
 /// Turns runs of blanks and tabs into one blank, none at the start and end of lines.
-pub(super) struct Blanks<R> {
+pub(crate) struct Blanks<R> {
     input: R,
     /// A blank is owed before the next visible character of the line.
     owed: bool,
@@ -13,7 +13,7 @@ pub(super) struct Blanks<R> {
 }
 
 impl<R: BufRead> Blanks<R> {
-    pub(super) fn new(input: R) -> Self {
+    pub(crate) fn new(input: R) -> Self {
         Self {
             input,
             owed: false,
