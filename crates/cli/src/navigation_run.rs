@@ -8,11 +8,10 @@ use northing_core::earth::wgs84::LocalFrame;
 use northing_core::kalman::Innovation;
 use northing_core::nalgebra::Vector3;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::navigation::runner::ScoredPoint;
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{
     AidKind, NavigationEstimate, NavigationKind, NavigationObserver, NavigationOptions,
-    NavigationSummary, Outage, run_navigation,
+    NavigationSummary, Outage, ScoredPoint, run_navigation,
 };
 use northing_evaluation::report::{NavigationReport, navigation_settings};
 use northing_recording::Recording;
@@ -176,14 +175,11 @@ fn write_outputs(
         }
     }
     if let (Some(path), Some(file)) = (&args.out, watchers.file) {
-        file.finish(name).with_context(|| shown_path(path))?;
+        file.finish(name)
+            .with_context(|| path.display().to_string())?;
         written.push(format!("Estimates: {}", path.display()));
     }
     Ok(written)
-}
-
-fn shown_path(path: &Path) -> String {
-    PathBuf::from(path).display().to_string()
 }
 
 /// What watches a run: nothing, plots, a file.

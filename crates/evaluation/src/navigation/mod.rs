@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `options.rs`, `parameters.rs` | names of the estimators, thinning and outages; parameters by name |
 //! | `navigator.rs` | what every estimator does; the adapters of each are in `*_navigator.rs` |
-//! | `runner.rs` | from events to estimates |
+//! | `runner.rs`, `observer.rs` | from events to estimates; what watches |
 //! | `score.rs`, `summary.rs` | errors at withheld fixes, at a reference and in outages; the outcome |
 //! | `hindsight.rs` | scores of estimates that look back |
 //! | `trace.rs` | what plots need |
@@ -18,6 +18,7 @@ mod device_navigator;
 mod hindsight;
 mod ins_navigator;
 pub mod navigator;
+pub mod observer;
 pub mod options;
 pub mod parameters;
 pub mod runner;
@@ -28,7 +29,8 @@ pub mod trace;
 pub mod tune;
 
 pub use navigator::{Aid, AidKind, NavigationEstimate};
+pub use observer::{NavigationObserver, ScoredPoint};
 pub use options::{NavigationInfo, NavigationKind, NavigationOptions, Outage};
 pub use parameters::NavigationParameters;
-pub use runner::{NavigationObserver, run_navigation};
+pub use runner::run_navigation;
 pub use summary::NavigationSummary;

@@ -10,7 +10,7 @@ use northing_core::kalman::{Innovation, Outcome};
 use northing_core::navigation::Validity;
 
 use super::navigator::{AidKind, NavigationEstimate};
-use super::runner::{NavigationObserver, ScoredPoint};
+use super::observer::{NavigationObserver, ScoredPoint};
 use crate::trace::Thinned;
 
 /// Estimates are taken at 50 Hz.

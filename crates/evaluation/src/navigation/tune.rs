@@ -13,9 +13,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::navigator::AidKind;
+use super::observer::NavigationObserver;
 use super::options::{NavigationKind, NavigationOptions};
 use super::parameters::NavigationParameters;
-use super::runner::{NavigationObserver, run_navigation};
+use super::runner::run_navigation;
 use crate::error::EvaluationError;
 
 /// Ends of the names of parameters that are noises.

@@ -1,0 +1,156 @@
+//! A run's fixes: which are used, how wrong each may be, which are kept back.
+
+use nalgebra::Vector3;
+use northing_core::earth::wgs84::{Geodetic, LocalFrame};
+use northing_recording::{GnssPosition, GnssQuality, GnssVelocity};
+
+use super::Session;
+use crate::navigation::hindsight::Scored;
+use crate::navigation::navigator::{Aid, AidKind};
+use crate::navigation::score::{LastFix, seconds_between};
+
+/// Error of a range to a satellite, m: with a dilution of 1 half the fixes are within 3 m.
+const RANGE_ERROR_M: f64 = 3.6;
+/// The vertical dilution where only the horizontal one is known.
+const VERTICAL_DILUTION: f64 = 1.7;
+/// Above this dilution a fix is not worth using.
+const LARGEST_HDOP: f64 = 8.0;
+/// Fewer satellites give no position.
+const FEWEST_SATELLITES: u8 = 4;
+/// Standard deviations of a velocity where the receiver states none, m/s: across, down.
+const VELOCITY_STD: [f64; 2] = [0.15, 0.25];
+/// A velocity this much older than a fix does not belong to it, s.
+const SAME_FIX_S: f64 = 1.5;
+
+impl Session<'_> {
+    pub(super) fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition) {
+        self.counts.fixes += 1;
+        if let Some(reason) = unusable(fix) {
+            *self.counts.unusable.entry(reason).or_default() += 1;
+            self.unusable = true;
+            return;
+        }
+        self.unusable = false;
+        let ned = self.place(fix);
+        self.scorer.fix_came(time_ns);
+        let thinned = !self
+            .fix_index
+            .is_multiple_of(u64::from(self.options.gnss_every));
+        self.fix_index += 1;
+        let left_out = self.options.without.contains(&AidKind::GnssPosition);
+        self.withheld = thinned || left_out || self.scorer.in_outage(time_ns);
+        self.observer.fix(time_ns, &ned, !self.withheld);
+        let std = position_std(fix);
+        let vertical = fix.height_m.is_some();
+        if self.withheld {
+            if !self.has_reference {
+                self.score_position(time_ns, &ned, std.x.max(std.y), vertical);
+            }
+            return;
+        }
+        self.counts.used += 1;
+        self.score(Scored::FixUsed);
+        self.remember(time_ns, &ned);
+        let vertical = vertical && !self.options.without.contains(&AidKind::GnssHeight);
+        let stated = fix.std_m.is_some();
+        let aid = Aid::Position {
+            ned,
+            std,
+            vertical,
+            stated,
+        };
+        self.aid(time_ns, &aid);
+    }
+
+    /// Metres from the origin, which the first usable fix is.
+    fn place(&mut self, fix: &GnssPosition) -> Vector3<f64> {
+        let height = self.frame.as_ref().map_or(0.0, |f| f.origin().height_m);
+        let place = Geodetic {
+            latitude_rad: fix.latitude_rad,
+            longitude_rad: fix.longitude_rad,
+            height_m: fix.height_m.unwrap_or(height),
+        };
+        let frame = self.frame.get_or_insert_with(|| LocalFrame::new(place));
+        if self.fix_index == 0 {
+            self.observer.origin(frame);
+        }
+        frame.ned(&place)
+    }
+
+    /// Keeps a fix for the answers that need no filter; its velocity is the way from the one before until
+    /// the receiver tells it.
+    fn remember(&mut self, time_ns: i64, ned: &Vector3<f64>) {
+        let velocity = self.last_fix.map_or_else(Vector3::zeros, |last| {
+            let passed = seconds_between(last.time_ns, time_ns);
+            if passed > 0.0 {
+                (ned - last.ned) / passed
+            } else {
+                last.velocity
+            }
+        });
+        self.last_fix = Some(LastFix {
+            time_ns,
+            ned: *ned,
+            velocity,
+        });
+    }
+
+    pub(super) fn gnss_velocity(&mut self, time_ns: i64, velocity: &GnssVelocity) {
+        // What comes with a fix that nobody should use is no measurement either.
+        if self.frame.is_none() || self.unusable || !velocity.is_finite() {
+            return;
+        }
+        let vertical = velocity.down_m_s.is_some();
+        let ned = Vector3::new(
+            velocity.north_m_s,
+            velocity.east_m_s,
+            velocity.down_m_s.unwrap_or(0.0),
+        );
+        if !self.has_reference {
+            if self.withheld {
+                self.score(Scored::Velocity(time_ns, ned, vertical));
+            }
+            self.score(Scored::Course(time_ns, ned, self.turn_rate));
+        }
+        if self.withheld {
+            return;
+        }
+        if let Some(last) = &mut self.last_fix
+            && seconds_between(last.time_ns, time_ns).abs() < SAME_FIX_S
+        {
+            last.velocity = ned;
+        }
+        let [across, down] = VELOCITY_STD;
+        let std = velocity
+            .std_m_s
+            .map_or_else(|| Vector3::new(across, across, down), Vector3::from);
+        self.aid(time_ns, &Aid::Velocity { ned, std, vertical });
+    }
+}
+
+/// Why a fix is not to be used.
+fn unusable(fix: &GnssPosition) -> Option<&'static str> {
+    if matches!(fix.quality, GnssQuality::Invalid) {
+        Some("the receiver calls it invalid")
+    } else if matches!(fix.quality, GnssQuality::Estimated) {
+        Some("dead reckoning of the receiver")
+    } else if !fix.is_usable() {
+        Some("not a place on the Earth")
+    } else if fix.satellites.is_some_and(|n| n < FEWEST_SATELLITES) {
+        Some("fewer than 4 satellites")
+    } else if fix.hdop.is_some_and(|hdop| hdop > LARGEST_HDOP) {
+        Some("dilution of precision above 8")
+    } else {
+        None
+    }
+}
+
+/// Standard deviations of a fix, m, north, east, down: the receiver's, or from its dilution.
+fn position_std(fix: &GnssPosition) -> Vector3<f64> {
+    if let Some(std) = fix.std_m {
+        return Vector3::from(std);
+    }
+    let hdop = fix.hdop.unwrap_or(1.0).max(0.5);
+    let across = RANGE_ERROR_M * hdop * std::f64::consts::FRAC_1_SQRT_2;
+    Vector3::new(across, across, RANGE_ERROR_M * VERTICAL_DILUTION * hdop)
+}

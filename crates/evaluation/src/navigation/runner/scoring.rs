@@ -1,0 +1,112 @@
+//! A run's scores: at once with the estimate of now, or in hindsight.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use northing_core::earth::wgs84::Geodetic;
+use northing_core::geometry::frames::ned_from_enu;
+use northing_core::geometry::rotation::from_matrix;
+use northing_recording::{GnssPosition, Reference, WorldFrame};
+
+use super::Session;
+use crate::navigation::hindsight::{self, Scored};
+use crate::navigation::navigator::NavigationEstimate;
+use crate::navigation::observer::ScoredPoint;
+use crate::navigation::score::ScorePoint;
+
+impl Session<'_> {
+    pub(super) fn reference_position(&mut self, time_ns: i64, place: &GnssPosition) {
+        self.has_reference = true;
+        let Some(frame) = self.frame.filter(|_| place.is_usable()) else {
+            return;
+        };
+        let height = place.height_m.unwrap_or(frame.origin().height_m);
+        let ned = frame.ned(&Geodetic {
+            latitude_rad: place.latitude_rad,
+            longitude_rad: place.longitude_rad,
+            height_m: height,
+        });
+        self.observer.reference(time_ns, &ned);
+        let std = place.std_m.map_or(0.0, |[north, east, _]| north.max(east));
+        self.score_position(time_ns, &ned, std, place.height_m.is_some());
+    }
+
+    pub(super) fn score_position(
+        &mut self,
+        time_ns: i64,
+        ned: &Vector3<f64>,
+        std: f64,
+        vertical: bool,
+    ) {
+        self.counts.scored_at_reference = self.has_reference;
+        let latency_s = self.options.parameters.error_state.position_latency_s;
+        let latency_ns = (latency_s * 1e9) as i64;
+        let point = ScorePoint {
+            time_ns: time_ns.saturating_sub(latency_ns),
+            ned: *ned,
+            std,
+            vertical,
+            last_fix: self.last_fix,
+        };
+        self.score(Scored::Position(point));
+    }
+
+    /// Scores with the estimate of now, or keeps it for hindsight.
+    pub(super) fn score(&mut self, scored: Scored) {
+        if self.options.smooth {
+            self.kept.push(scored);
+        } else {
+            let estimate = self.navigator.estimate();
+            self.score_with(&scored, estimate.as_ref());
+        }
+    }
+
+    fn score_with(&mut self, scored: &Scored, estimate: Option<&NavigationEstimate>) {
+        let error = scored.score(&mut self.scorer, estimate);
+        if let (Some(error), Some(estimate), Scored::Position(point)) = (error, estimate, scored) {
+            let c = &estimate.position_covariance;
+            self.observer.scored(&ScoredPoint {
+                time_ns: point.time_ns,
+                error,
+                horizontal_std: (c.m11 + c.m22).max(0.0).sqrt(),
+                vertical_std: c.m33.max(0.0).sqrt(),
+                vertical: point.vertical,
+            });
+        }
+    }
+
+    /// Scores and shows what the estimates know once they have looked back.
+    pub(super) fn look_back(&mut self) {
+        let nodes = self.navigator.smoothed();
+        for scored in core::mem::take(&mut self.kept) {
+            let time_ns = scored.time_ns().unwrap_or_default();
+            self.score_with(&scored, hindsight::at(&nodes, time_ns).as_ref());
+        }
+        if self.observer.interval_ns() < i64::MAX {
+            for node in &nodes {
+                self.observer.estimate(node);
+            }
+        }
+    }
+
+    pub(super) fn reference_attitude(&mut self, time_ns: i64, reference: &Reference) {
+        if reference.scored && reference.attitude.coords.iter().all(|x| x.is_finite()) {
+            let ned_from_frd = self.ned_from_frd(&reference.attitude);
+            self.score(Scored::Attitude(time_ns, ned_from_frd));
+        }
+    }
+
+    /// An attitude of the recording as `ned_from_body` with a body of forward, right, down.
+    pub(super) fn ned_from_frd(
+        &self,
+        world_from_body: &UnitQuaternion<f64>,
+    ) -> UnitQuaternion<f64> {
+        match self.world {
+            WorldFrame::Ned => *world_from_body,
+            WorldFrame::Enu => {
+                // The axes of the body one by one: forward, right, down of a phone are its y, x, -z.
+                let axis = |v: Vector3<f64>| ned_from_enu(&(world_from_body * v));
+                let columns = [Vector3::y(), Vector3::x(), -Vector3::z()].map(axis);
+                from_matrix(&Matrix3::from_columns(&columns))
+            }
+        }
+    }
+}
