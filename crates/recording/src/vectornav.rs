@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn every_kind_of_damage_has_its_reason() {
         let good = made(NUMBERS);
-        let crc = format!("{}AB", good);
+        let crc = format!("{good}AB");
         for (text, expected) in [
             (good.replace("+090", "+091"), reason::CHECKSUM),
             (good[..good.len() - 1].to_owned(), reason::CUT_OFF),
