@@ -69,7 +69,9 @@ use self::stillness::{Quiet, StillnessWindow, Window};
 use super::bias_wander::{BiasAtRest, WanderSettings};
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
 use super::history::{ImuHistory, Instant};
-use super::side_states::{BAROMETER_OFFSET, GNSS_OFFSET, SIDE_STATES, SideStates, SideStep};
+use super::side_states::{
+    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, SIDE_STATES, SideStates, SideStep,
+};
 use super::validity::Validity;
 use super::{ErrorTransition, NavigationState, POSITION};
 use crate::kalman::innovation::check_vector;
@@ -117,6 +119,10 @@ pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     now_ns: Option<i64>,
     last_imu: Option<(i64, Vector3<T>, Vector3<T>)>,
     last_fix_ns: Option<i64>,
+    /// Stamp of the last magnetic field that was fused.
+    last_magnetic_ns: Option<i64>,
+    /// Magnetic declination where the settings have none.
+    declination: T,
     /// Variance that the receiver's slow error is held to have, m^2.
     slow_variance: Vector3<T>,
     /// Values at rest of the accelerometer's and the gyroscope's bias.
@@ -189,6 +195,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             now_ns: None,
             last_imu: None,
             last_fix_ns: None,
+            last_magnetic_ns: None,
+            declination: T::zero(),
             slow_variance: Vector3::zeros(),
             at_rest: [BiasAtRest::new(Vector3::zeros(), T::zero()); 2],
             last_step: CovarianceStep {
@@ -221,9 +229,18 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.aligning.is_none().then(|| self.filter.state())
     }
 
-    /// The states beside: the receiver's slow error, time offset, barometer's offset, mount angles.
+    /// The states beside: the receiver's slow error, time offset, barometer's offset, mount angles, the
+    /// magnetometer's iron.
     pub fn side_states(&self) -> &SideStates<T> {
         &self.side
+    }
+
+    /// Tells the magnetic declination (rad, east positive) of the place; one in the settings stands above it, and what is
+    /// not an angle changes nothing.
+    pub fn set_declination(&mut self, declination: T) {
+        if declination.abs() <= lit(4.0) {
+            self.declination = declination;
+        }
     }
 
     /// Time of the state, ns.
@@ -451,6 +468,12 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             let walk = self.config.barometer_offset_random_walk;
             step.added[BAROMETER_OFFSET] = walk * walk * duration;
         }
+        if self.side.is_used(MAGNETIC_OFFSET) {
+            let walk = self.config.magnetic_offset_random_walk_ut;
+            for i in 0..3 {
+                step.added[MAGNETIC_OFFSET + i] = walk * walk * duration;
+            }
+        }
         self.side.propagate(transition, &step);
         let kept = |std: T, time: T| {
             if std > T::zero() {
@@ -560,6 +583,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.history.clear();
         self.due_window = None;
         self.last_fix_ns = None;
+        self.last_magnetic_ns = None;
         self.gates = [CountedGate::default(); Aid::ALL.len()];
         self.standing_rate_gate = CountedGate::default();
     }

@@ -1,5 +1,5 @@
 //! States beside the 15 errors that only some measurements see: a receiver's slow position error and time
-//! offset, a barometer's offset, the angles at which a unit is mounted in its vehicle.
+//! offset, a barometer's offset, the angles at which a unit is mounted in its vehicle, the iron around a magnetometer.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, section 7 (E14, E15).
 //!
@@ -17,7 +17,7 @@ use crate::kalman::feedback::reset_rows;
 use crate::scalar::Scalar;
 
 /// Number of side states.
-pub const SIDE_STATES: usize = 7;
+pub const SIDE_STATES: usize = 10;
 /// First of the three slow errors of the receiver's positions (m, NED).
 pub const GNSS_OFFSET: usize = 0;
 /// How much later than its stamp says, less the latency of the settings, a fix is valid for (s): positive is late.
@@ -28,6 +28,8 @@ pub const BAROMETER_OFFSET: usize = 4;
 pub const MOUNT_PITCH: usize = 5;
 /// See [`MOUNT_PITCH`].
 pub const MOUNT_YAW: usize = 6;
+/// First of the three components of what the iron around a magnetometer adds to the field (microtesla, body axes).
+pub const MAGNETIC_OFFSET: usize = 7;
 
 /// Values and covariance of the side states.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -303,6 +303,9 @@ pub(super) fn error_state_config(sensors: &GroundSensors) -> GnssInsConfig<f64> 
         position_white_share: 1.0,
         position_slow_share: 0.0,
         magnetic_heading_std: HEADING_STD,
+        // Calibrated, and white.
+        magnetic_interval_s: 0.0,
+        magnetic_offset_std_ut: 0.0,
         damping_speed_m_s: 0.0,
         // The simulated ground is flat.
         earth_curvature: false,

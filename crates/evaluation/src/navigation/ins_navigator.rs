@@ -1,13 +1,16 @@
 //! The GNSS/INS of core behind the interface of all navigation estimators.
 
 use nalgebra::{Matrix3, Vector3};
+use northing_core::earth::wgs84::Geodetic;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
 use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
+use northing_core::navigation::side_states::MAGNETIC_OFFSET;
 use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Validity};
 
+use super::magnetic_model;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use crate::nis::UpdateCounts;
 use crate::rts_smoother::navigation::NavigationRecorder;
@@ -41,6 +44,20 @@ impl InsNavigator {
             ins: Box::new(GnssIns::new(config)?),
             arm: config.lever_arm_m.into(),
             rate: Vector3::zeros(),
+        })
+    }
+
+    /// The iron around the magnetometer in words, where it was found and is worth a calibration.
+    fn iron(&self) -> Option<String> {
+        let side = self.ins.side_states();
+        let [x, y] = [0, 1].map(|i| side.values[MAGNETIC_OFFSET + i]);
+        let variance = |i: usize| side.covariance[(MAGNETIC_OFFSET + i, MAGNETIC_OFFSET + i)];
+        let known = side.is_used(MAGNETIC_OFFSET) && variance(0).max(variance(1)) < 25.0;
+        (known && x.hypot(y) > 5.0).then(|| {
+            format!(
+                "The magnetometer carries iron: {x:.0} uT forward, {y:.0} uT to the right, found on the \
+                 way and taken out. A calibration of it in its place tells the heading from the start."
+            )
         })
     }
 
@@ -82,6 +99,12 @@ impl Navigator for InsNavigator {
         // What is refused is counted inside, and told at the end.
         if self.ins.imu(time_ns, rate, force).is_ok() {
             self.rate = *rate;
+        }
+    }
+
+    fn origin(&mut self, place: &Geodetic, time_ns: i64) {
+        if let Some(declination) = magnetic_model::declination(place, time_ns) {
+            self.ins.set_declination(declination);
         }
     }
 
@@ -181,7 +204,7 @@ impl Navigator for InsNavigator {
     }
 
     fn issues(&self) -> Vec<String> {
-        let mut issues = Vec::new();
+        let mut issues: Vec<String> = self.iron().into_iter().collect();
         let mut say = |count: u32, what: &str| {
             if count > 0 {
                 issues.push(format!("{count} {what}"));

@@ -17,6 +17,7 @@ mod axis_navigator;
 mod device_navigator;
 mod hindsight;
 mod ins_navigator;
+mod magnetic_model;
 pub mod navigator;
 pub mod observer;
 pub mod options;

@@ -4,6 +4,7 @@
 use std::str::FromStr;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+use northing_core::earth::wgs84::Geodetic;
 use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
 use serde::Serialize;
@@ -195,6 +196,9 @@ pub(crate) trait Navigator {
 
     /// Lets the time go on, where nothing else does that.
     fn advance_to(&mut self, _time_ns: i64) {}
+
+    /// Learns where the origin of the local frame is, with the stamp of the fix that made it.
+    fn origin(&mut self, _place: &Geodetic, _time_ns: i64) {}
 
     /// Takes an aid; what it told goes to `told`.
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>);

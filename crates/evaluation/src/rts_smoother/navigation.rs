@@ -297,6 +297,9 @@ mod tests {
             position_white_share: 1.0,
             position_slow_share: 0.0,
             magnetic_heading_std: 0.031,
+            // Calibrated, and white.
+            magnetic_interval_s: 0.0,
+            magnetic_offset_std_ut: 0.0,
             damping_speed_m_s: 0.0,
             earth_curvature: false,
             ..GnssInsConfig::default()

@@ -9,6 +9,7 @@
 //! | `gnss_position.rs` | position of an antenna off the unit |
 //! | `gnss_velocity.rs` | its velocity |
 //! | `heading.rs` | heading from a gyrocompass, a dual antenna or a magnetometer |
+//! | `magnetic_field.rs` | magnetic north, up to the iron that the body carries |
 //! | `barometer.rs` | height, up to a slow offset |
 //! | `zero_velocity.rs` | that the body stands |
 //! | `body_velocity.rs` | that a vehicle does not move sideways; its speed from wheels or a log |
@@ -18,6 +19,7 @@ pub mod body_velocity;
 pub mod gnss_position;
 pub mod gnss_velocity;
 pub mod heading;
+pub mod magnetic_field;
 pub mod zero_velocity;
 
 #[cfg(test)]

@@ -5,7 +5,8 @@ use crate::geometry::so3;
 use crate::navigation::error_state::{Measurement, SIDE};
 use crate::navigation::history::{ImuHistory, Instant};
 use crate::navigation::side_states::{
-    BAROMETER_OFFSET, GNSS_OFFSET, MOUNT_PITCH, MOUNT_YAW, SIDE_STATES, SideStates, TIME_OFFSET,
+    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, SIDE_STATES,
+    SideStates, TIME_OFFSET,
 };
 use crate::navigation::{ErrorTransition, NavigationState, STATES};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector1, Vector3};
@@ -15,7 +16,7 @@ const ALL: usize = STATES + SIDE_STATES;
 const DT: f64 = 0.01;
 const GRAVITY: f64 = 9.806_65;
 /// What states are uncertain by, in threes: attitude, velocity, position, biases, side states.
-const UNCERTAIN: [f64; 8] = [0.05, 0.5, 1.0, 0.1, 0.003, 1.0, 0.05, 0.1];
+const UNCERTAIN: [f64; 9] = [0.05, 0.5, 1.0, 0.1, 0.003, 1.0, 0.05, 5.0, 5.0];
 type Dual = DualSVec64<ALL>;
 type Errors = SVector<Dual, ALL>;
 
@@ -34,7 +35,7 @@ fn state() -> NavigationState<f64> {
 
 fn side() -> SideStates<f64> {
     let mut side = SideStates::default();
-    for (i, value) in [0.3, -0.2, 0.5, 0.02, 12.0, 0.1, -0.08]
+    for (i, value) in [0.3, -0.2, 0.5, 0.02, 12.0, 0.1, -0.08, 14.0, -21.0, 9.0]
         .into_iter()
         .enumerate()
     {
@@ -202,6 +203,40 @@ fn a_magnetic_heading_tells_tilt_by_the_tangent_of_the_dip() {
 }
 
 #[test]
+fn a_magnetic_field_tells_heading_tilt_and_iron() {
+    let (dip, declination) = (62_f64.to_radians(), -0.25_f64);
+    let level = Vector3::new(
+        dip.cos() * declination.cos(),
+        dip.cos() * declination.sin(),
+        dip.sin(),
+    );
+    let iron = side().values.fixed_rows::<3>(MAGNETIC_OFFSET).into_owned();
+    let body = state().ned_from_body.inverse() * (level * 48.0) + iron;
+    let then = instant(0.0);
+    let made = magnetic_field::measurement(&then, &side(), &body, declination, 0.1).unwrap();
+    let (sin, cos) = declination.sin_cos();
+    check(
+        &made,
+        |x| {
+            let b = Vector3::from_fn(|i, _| side_value(x, MAGNETIC_OFFSET + i));
+            let seen = true_instant(x, Dual::from(0.0)).ned_from_body * (real(&body) - b);
+            let east = seen.y * cos - seen.x * sin;
+            Vector1::new(east / (48.0 * dip.cos()))
+        },
+        0.0,
+    );
+    // What iron the body has, and how the residual falls with it.
+    let more = body + Vector3::new(2.0, 1.0, -1.0);
+    let off = magnetic_field::measurement(&then, &side(), &more, declination, 0.1).unwrap();
+    let [row] = &off.rows;
+    let known = row.elements().iter().filter(|(state, _)| *state >= SIDE);
+    let explained: f64 = known.zip([2.0, 1.0, -1.0]).map(|((_, h), b)| h * b).sum();
+    assert!((off.residual[0] - explained).abs() < 1e-9);
+    let [freed] = off.freed;
+    assert!((SIDE + MAGNETIC_OFFSET..SIDE + MAGNETIC_OFFSET + 3).contains(&freed));
+}
+
+#[test]
 fn a_barometer_sees_height_and_offset() {
     let made = barometer::measurement(&instant(0.0), &side(), 0.0, 1.0);
     check(
@@ -271,6 +306,10 @@ fn what_points_straight_up_has_no_heading() {
     let down = then.ned_from_body.inverse() * Vector3::z();
     assert!(heading::magnetic(&then, &down, 0.0, 1.0).is_err());
     assert!(heading::magnetic(&then, &(down * f64::NAN), 0.0, 1.0).is_err());
+    let clean = SideStates::default();
+    assert!(magnetic_field::measurement(&then, &clean, &down, 0.0, 1.0).is_err());
+    let broken = down * f64::INFINITY;
+    assert!(magnetic_field::measurement(&then, &clean, &broken, 0.0, 1.0).is_err());
 }
 
 #[test]

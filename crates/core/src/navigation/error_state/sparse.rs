@@ -45,7 +45,7 @@ pub struct Measurement<T: Scalar, const M: usize> {
     pub residual: SVector<T, M>,
     /// Variance of each component's noise, above zero.
     pub variance: SVector<T, M>,
-    /// The error state that is set free when the gate has refused too often, a component each.
+    /// The state, of the 15 errors or beside them, that is set free when the gate has refused too often, a component each.
     pub freed: [usize; M],
 }
 
@@ -117,7 +117,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         };
         let record = record(&measurement.residual, &expected, nis, outcome);
         if outcome == Outcome::Inflated {
-            self.set_free(measurement);
+            self.set_free(side, measurement);
         }
         if outcome.is_fused() {
             self.fuse_rows(side, measurement);
@@ -249,11 +249,27 @@ impl<T: Scalar> ErrorStateFilter<T> {
         }
     }
 
-    /// Adds the square of each residual to the variance of the state it sees (E17).
-    fn set_free<const M: usize>(&mut self, measurement: &Measurement<T, M>) {
-        for (state, residual) in measurement.freed.iter().zip(measurement.residual.iter()) {
-            if let Some(variance) = self.state.covariance.get_mut((*state, *state)) {
-                *variance += *residual * *residual;
+    /// Adds the square of each residual to the variance of the state it sees (E17), in that state's unit.
+    fn set_free<const M: usize>(
+        &mut self,
+        side: &mut SideStates<T>,
+        measurement: &Measurement<T, M>,
+    ) {
+        let freed = measurement.freed.iter().zip(&measurement.rows);
+        for ((state, row), residual) in freed.zip(measurement.residual.iter()) {
+            if *state < SIDE {
+                if let Some(variance) = self.state.covariance.get_mut((*state, *state)) {
+                    *variance += *residual * *residual;
+                }
+                continue;
+            }
+            let seen = row.elements().iter().find(|(seen, _)| seen == state);
+            let variance = side.covariance.get_mut((state - SIDE, state - SIDE));
+            if let (Some((_, h)), Some(variance)) = (seen, variance)
+                && h.abs() > T::zero()
+            {
+                let error = *residual / *h;
+                *variance += error * error;
             }
         }
     }

@@ -26,6 +26,8 @@ const LARGEST_TILT_CHANGE: f64 = 0.03;
 const PULLING_WINDOWS: u32 = 20;
 /// Share of a window in the average of the gyroscope bias at rest.
 const LEAST_SHARE: f64 = 0.05;
+/// Square of the horizontal share of a direction below which it has no heading.
+const LEAST_HORIZONTAL: f64 = 0.01;
 /// How far a gyroscope bias may be from its average at rest, rad/s.
 const BIAS_STD_AT_REST: f64 = 0.002;
 
@@ -47,6 +49,17 @@ pub(super) struct Alignment<T: Scalar> {
     force_time: T,
     /// Angle from arbitrary to true north, and its standard deviation.
     heading: Option<[T; 2]>,
+    magnetic: Option<MagneticNorth<T>>,
+}
+
+/// What a magnetometer tells of the heading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct MagneticNorth<T: Scalar> {
+    /// Angle from arbitrary to magnetic north, rad.
+    angle: T,
+    std: T,
+    /// What the iron around the magnetometer turns it by, rad for a microtesla of each body axis.
+    iron: Vector3<T>,
 }
 
 impl<T: Scalar> Default for Alignment<T> {
@@ -61,6 +74,7 @@ impl<T: Scalar> Default for Alignment<T> {
             force_sum: Vector3::zeros(),
             force_time: T::zero(),
             heading: None,
+            magnetic: None,
         }
     }
 }
@@ -71,6 +85,8 @@ pub(super) struct Aligned<T: Scalar> {
     pub(super) ned_from_body: UnitQuaternion<T>,
     pub(super) tilt_std: T,
     pub(super) heading_std: T,
+    /// What the heading is off by for a microtesla of iron in each body axis, where it is a magnetometer's.
+    pub(super) heading_from_iron: Option<Vector3<T>>,
     /// Whether the accelerometer at rest told the tilt: what its bias is, the tilt is off by.
     pub(super) level_by_force: bool,
     pub(super) gyroscope_bias: Vector3<T>,
@@ -135,16 +151,12 @@ impl<T: Scalar> Alignment<T> {
         self.level_from_body = rotation::renormalize(&(so3::exp(&turn) * self.level_from_body));
     }
 
-    /// Attitude in level axes of arbitrary heading, once levelled.
-    pub(super) fn level_from_body(&self) -> Option<UnitQuaternion<T>> {
-        self.tilt_std.map(|_| self.level_from_body)
-    }
-
     /// Heading of the forward axis against arbitrary north, once levelled.
     pub(super) fn arbitrary_heading(&self) -> Option<T> {
-        let forward = self.level_from_body()? * Vector3::x();
+        self.tilt_std?;
+        let forward = self.level_from_body * Vector3::x();
         let horizontal = forward.x * forward.x + forward.y * forward.y;
-        (horizontal > lit(0.01)).then(|| forward.y.atan2(forward.x))
+        (horizontal > lit(LEAST_HORIZONTAL)).then(|| forward.y.atan2(forward.x))
     }
 
     /// Takes the true heading (rad) of the forward axis now, unless a better one is known.
@@ -161,15 +173,52 @@ impl<T: Scalar> Alignment<T> {
         }
     }
 
-    /// What to start from, once level and heading are known.
-    pub(super) fn finish(&self) -> Option<Aligned<T>> {
-        let [angle, heading_std] = self.heading?;
+    /// Takes a magnetic field (body axes) whose heading is off by `std` (rad), and by more for its iron, of
+    /// `iron_std` in the field's unit: the last one counts.
+    pub(super) fn magnetic_field(&mut self, field: &Vector3<T>, std: T, iron_std: T) {
+        if self.tilt_std.is_none() {
+            return;
+        }
+        let field = self.level_from_body * field;
+        let horizontal = field.xy().norm_squared();
+        if horizontal <= field.norm_squared() * lit(LEAST_HORIZONTAL) {
+            return;
+        }
+        let across = Vector3::new(-field.y, field.x, T::zero()) / horizontal;
+        let iron = self.level_from_body.inverse() * across;
+        self.magnetic = Some(MagneticNorth {
+            angle: -field.y.atan2(field.x),
+            std: (std * std + iron_std * iron_std / horizontal).sqrt(),
+            iron,
+        });
+    }
+
+    /// Angle from arbitrary to true north, its standard deviation, and what iron turns it by: the better of magnetic and
+    /// other headings. A magnetic one of more than `trusted` (rad) has to wait: a course may come.
+    fn north(&self, declination: T, trusted: Option<T>) -> Option<([T; 2], Option<Vector3<T>>)> {
+        let other = self.heading.map(|heading| (heading, None));
+        let Some(magnetic) = self.magnetic else {
+            return other;
+        };
+        let better = other.is_none_or(|([_, std], _)| magnetic.std < std);
+        let waits = trusted.is_some_and(|trusted| magnetic.std > trusted);
+        if !better || waits {
+            return other;
+        }
+        let angle = wrapped(declination + magnetic.angle);
+        Some(([angle, magnetic.std], Some(magnetic.iron)))
+    }
+
+    /// What to start from, once level and heading are known; for the arguments see [`Self::north`].
+    pub(super) fn finish(&self, declination: T, trusted: Option<T>) -> Option<Aligned<T>> {
+        let ([angle, heading_std], heading_from_iron) = self.north(declination, trusted)?;
         let tilt_std = self.tilt_std?;
         let stood = self.still_windows > 0;
         Some(Aligned {
             ned_from_body: so3::exp(&(Vector3::z() * angle)) * self.level_from_body,
             tilt_std,
             heading_std,
+            heading_from_iron,
             level_by_force: stood,
             gyroscope_bias: self.bias,
             gyroscope_bias_std: stood.then(|| lit(BIAS_STD_AT_REST)),

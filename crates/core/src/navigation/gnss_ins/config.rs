@@ -97,8 +97,18 @@ pub struct GnssInsConfig<T: Scalar> {
     pub velocity_std_floor_m_s: T,
     /// Standard deviation of a magnetometer's heading, rad, default 0.09 (5 degrees).
     pub magnetic_heading_std: T,
-    /// Magnetic declination, rad, east positive, default 0.
-    pub declination: T,
+    /// Least time between two headings of the magnetometer, s, default 5: iron and bridges beside a road last longer than a
+    /// sample, and many samples of the same error must not count as many. 0: every sample counts.
+    pub magnetic_interval_s: T,
+    /// Standard deviation (microtesla, each body axis) of the hard iron around the magnetometer that its calibration
+    /// has left, default 10; a car can have 25, which is found. 0: there is none, and none is estimated, as for a calibrated
+    /// unit in its place. Raising it learns the iron faster, and tells less of the heading until then.
+    pub magnetic_offset_std_ut: T,
+    /// Random walk of it, microtesla/sqrt(s), default 0.02.
+    pub magnetic_offset_random_walk_ut: T,
+    /// Magnetic declination, rad, east positive. Default `None`: what [`super::GnssIns::set_declination`] is told, a magnetic
+    /// model's of the place, and zero until then.
+    pub declination: Option<T>,
     /// Standard deviation of a barometer's height from sample to sample, m, default 0.5.
     pub barometer_std_m: T,
     /// Random walk of its offset, m/sqrt(s), default 0.02.
@@ -161,7 +171,10 @@ impl<T: Scalar> Default for GnssInsConfig<T> {
             position_std_floor_m: lit(0.01),
             velocity_std_floor_m_s: lit(0.1),
             magnetic_heading_std: lit(0.09),
-            declination: T::zero(),
+            magnetic_interval_s: lit(5.0),
+            magnetic_offset_std_ut: lit(10.0),
+            magnetic_offset_random_walk_ut: lit(0.02),
+            declination: None,
             barometer_std_m: lit(0.5),
             barometer_offset_random_walk: lit(0.02),
             damping_speed_m_s: lit(15.0),
@@ -263,7 +276,19 @@ impl<T: Scalar> GnssInsConfig<T> {
                 "magnetic_heading_std",
                 above(self.magnetic_heading_std, 10.0),
             ),
-            ("declination", self.declination.abs() <= lit(4.0)),
+            ("magnetic_interval_s", within(self.magnetic_interval_s, 1e3)),
+            (
+                "magnetic_offset_std_ut",
+                within(self.magnetic_offset_std_ut, 1e3),
+            ),
+            (
+                "magnetic_offset_random_walk_ut",
+                within(self.magnetic_offset_random_walk_ut, 1e2),
+            ),
+            (
+                "declination",
+                self.declination.is_none_or(|angle| angle.abs() <= lit(4.0)),
+            ),
             ("barometer_std_m", above(self.barometer_std_m, 1e3)),
             (
                 "barometer_offset_random_walk",

@@ -2,12 +2,13 @@
 
 use nalgebra::{SMatrix, Vector3};
 
+use super::alignment::Aligned;
 use super::{Aid, GnssIns, seconds};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
 use crate::navigation::bias_wander::BiasAtRest;
 use crate::navigation::side_states::{
-    GNSS_OFFSET, MOUNT_PITCH, MOUNT_YAW, SideStates, TIME_OFFSET,
+    GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, SideStates, TIME_OFFSET,
 };
 use crate::navigation::{
     ACCELEROMETER_BIAS, ATTITUDE, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION,
@@ -29,6 +30,8 @@ const LONGEST_CHORD_S: f64 = 6.0;
 /// Speed (m/s) below which a receiver does not contradict a standstill, and that of a standstill.
 const STANDING_SPEED: f64 = 0.5;
 const STANDING_STD: f64 = 0.1;
+/// A magnetic heading that is worse than a course waits for one so long after the first fix, s.
+const COURSE_PATIENCE_S: f64 = 5.0;
 /// Standard deviation of a velocity of which nothing is known, m/s.
 const UNKNOWN_VELOCITY_STD: f64 = 10.0;
 
@@ -45,6 +48,8 @@ struct Stamped<T: Scalar> {
 /// The last fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen<T: Scalar> {
+    /// Stamp of the first position.
+    first_ns: Option<i64>,
     position: Option<Stamped<T>>,
     /// The position from which a chord is drawn: short ones say nothing, so it stays until one is long enough.
     anchor: Option<Stamped<T>>,
@@ -56,6 +61,7 @@ pub(super) struct Seen<T: Scalar> {
 impl<T: Scalar> Default for Seen<T> {
     fn default() -> Self {
         Self {
+            first_ns: None,
             position: None,
             anchor: None,
             velocity: None,
@@ -74,6 +80,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             std: fix.std,
             heading,
         };
+        self.seen.first_ns.get_or_insert(time_ns);
         self.seen.position = Some(fresh);
         let anchor = *self.seen.anchor.get_or_insert(fresh);
         let passed: T = seconds(anchor.time_ns, time_ns);
@@ -144,6 +151,15 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         }
     }
 
+    /// Sees a magnetic field during alignment: it tells the heading as well as its iron is known.
+    pub(super) fn see_magnetic_field(&mut self, field: &Vector3<T>) {
+        let std = self.config.magnetic_heading_std;
+        let iron_std = self.config.magnetic_offset_std_ut;
+        if let Some(alignment) = &mut self.aligning {
+            alignment.magnetic_field(field, std, iron_std);
+        }
+    }
+
     /// Starts when level, heading and position are known.
     pub(super) fn try_to_start(&mut self) {
         let (Some(alignment), Some(now)) = (&mut self.aligning, self.now_ns) else {
@@ -155,7 +171,12 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let fresh = |seen: Option<Stamped<T>>| {
             seen.filter(|seen| seconds::<T>(seen.time_ns, now) < lit(FRESH_S))
         };
-        let Some((aligned, position)) = alignment.finish().zip(fresh(self.seen.position)) else {
+        let first = self.seen.first_ns;
+        let waits = first.is_none_or(|first| seconds::<T>(first, now) < lit(COURSE_PATIENCE_S));
+        let trusted = waits.then_some(self.config.course_std);
+        let declination = self.config.declination.unwrap_or(self.declination);
+        let aligned = alignment.finish(declination, trusted);
+        let Some((aligned, position)) = aligned.zip(fresh(self.seen.position)) else {
             return;
         };
         let standing = Stamped {
@@ -203,7 +224,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             ),
             (GYROSCOPE_BIAS, Vector3::repeat(gyroscope_std)),
         ];
-        self.start_from(state, &groups, &position.std, aligned.level_by_force);
+        self.start_from(state, &groups, &position.std, &aligned);
     }
 
     fn start_from(
@@ -211,14 +232,14 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         mut state: NavigationState<T>,
         groups: &[(usize, Vector3<T>); 5],
         position_std: &Vector3<T>,
-        level_by_force: bool,
+        aligned: &Aligned<T>,
     ) {
         for (first, std) in groups {
             for i in 0..3 {
                 state.covariance[(first + i, first + i)] = std[i] * std[i];
             }
         }
-        if level_by_force {
+        if aligned.level_by_force {
             self.tie_tilt_to_bias(&mut state);
         }
         if !self.filter.restore(state) {
@@ -238,6 +259,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         }
         let time_variance = square(self.config.time_offset_std_s);
         self.side.start(TIME_OFFSET, T::zero(), time_variance);
+        let iron_variance = square(self.config.magnetic_offset_std_ut);
+        for i in 0..3 {
+            self.side
+                .start(MAGNETIC_OFFSET + i, T::zero(), iron_variance);
+        }
         if self.config.non_holonomic || self.counts[Aid::Speed as usize].skipped > 0 {
             let variance = square(self.config.mount_std);
             self.side.start(MOUNT_PITCH, T::zero(), variance);

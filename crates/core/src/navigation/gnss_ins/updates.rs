@@ -10,10 +10,10 @@ use crate::kalman::{CountedGate, Innovation, SkipReason};
 use crate::navigation::VELOCITY;
 use crate::navigation::aiding::gnss_position::{self, GnssPosition};
 use crate::navigation::aiding::gnss_velocity::{self, GnssVelocity};
-use crate::navigation::aiding::{barometer, body_velocity, heading, zero_velocity};
+use crate::navigation::aiding::{barometer, body_velocity, heading, magnetic_field, zero_velocity};
 use crate::navigation::error_state::Measurement;
 use crate::navigation::side_states::{
-    BAROMETER_OFFSET, GNSS_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
+    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
 };
 use crate::scalar::{Scalar, lit};
 
@@ -222,28 +222,44 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         innovation
     }
 
-    /// Takes a calibrated magnetic field (microtesla, body axes): its heading alone is used.
+    /// Takes a magnetic field (microtesla, body axes): its heading alone is used, and at most one an interval. What
+    /// iron the body carries is learnt from the others.
     pub fn magnetometer(&mut self, time_ns: i64, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        let std = self.config.magnetic_heading_std;
-        let declination = self.config.declination;
         let checked = check_vector(magnetic_field, lit(1e-6), lit(1e6))
             .and_then(|()| self.accept(Aid::Magnetometer, time_ns));
-        if let (Ok(()), Some(alignment)) = (checked, &mut self.aligning)
-            && let Some(level) = alignment.level_from_body()
-        {
-            let field = level * magnetic_field;
-            alignment.offset(declination - field.y.atan2(field.x), std);
+        if checked.is_ok() {
+            self.see_magnetic_field(magnetic_field);
         }
-        let innovation = match checked.and_then(|()| self.make_ready()) {
-            Ok(()) => {
-                let then = self.instant(time_ns, T::zero());
-                let made = heading::magnetic(&then, magnetic_field, declination, std * std);
-                self.fuse_or_skip(Aid::Magnetometer, made)
-            }
+        let due = self.magnetic_is_due(time_ns);
+        let ready = checked.and(if due { Ok(()) } else { Err(SkipReason::NotDue) });
+        let innovation = match ready.and_then(|()| self.make_ready()) {
+            Ok(()) => self.fuse_magnetic_field(time_ns, magnetic_field),
             Err(reason) => Innovation::skipped(reason),
         };
         self.counts[Aid::Magnetometer as usize].count(&innovation);
         innovation
+    }
+
+    fn magnetic_is_due(&self, time_ns: i64) -> bool {
+        let interval = self.config.magnetic_interval_s;
+        // Half a millisecond early is in time: stamps jitter.
+        let due = |last: i64| seconds::<T>(last, time_ns).abs() + lit(5e-4) >= interval;
+        self.last_magnetic_ns.is_none_or(due)
+    }
+
+    fn fuse_magnetic_field(&mut self, time_ns: i64, field: &Vector3<T>) -> Innovation<T> {
+        let then = self.instant(time_ns, T::zero());
+        let declination = self.config.declination.unwrap_or(self.declination);
+        let std = self.config.magnetic_heading_std;
+        let made = if self.side.is_used(MAGNETIC_OFFSET) {
+            magnetic_field::measurement(&then, &self.side, field, declination, std)
+        } else {
+            heading::magnetic(&then, field, declination, std * std)
+        };
+        if made.is_ok() {
+            self.last_magnetic_ns = Some(time_ns);
+        }
+        self.fuse_or_skip(Aid::Magnetometer, made)
     }
 
     /// Takes a barometric height (m, up, of any zero; [`barometer::pressure_height`] of a pressure).

@@ -31,7 +31,7 @@ impl Session<'_> {
             return;
         }
         self.unusable = false;
-        let ned = self.place(fix);
+        let ned = self.place(time_ns, fix);
         self.scorer.fix_came(time_ns);
         let thinned = !self
             .fix_index
@@ -63,7 +63,7 @@ impl Session<'_> {
     }
 
     /// Metres from the origin, which the first usable fix is.
-    fn place(&mut self, fix: &GnssPosition) -> Vector3<f64> {
+    fn place(&mut self, time_ns: i64, fix: &GnssPosition) -> Vector3<f64> {
         let height = self.frame.as_ref().map_or(0.0, |f| f.origin().height_m);
         let place = Geodetic {
             latitude_rad: fix.latitude_rad,
@@ -73,6 +73,7 @@ impl Session<'_> {
         let frame = self.frame.get_or_insert_with(|| LocalFrame::new(place));
         if self.fix_index == 0 {
             self.observer.origin(frame);
+            self.navigator.origin(&place, time_ns);
         }
         frame.ned(&place)
     }

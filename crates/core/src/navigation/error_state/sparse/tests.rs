@@ -1,4 +1,4 @@
-//! Sparse scalar updates against the dense joint update in Joseph form, over all 22 states.
+//! Sparse scalar updates against the dense joint update in Joseph form, over all 25 states.
 
 use super::*;
 use crate::kalman::covariance::cholesky;
@@ -7,19 +7,20 @@ use crate::navigation::{ErrorStateConfig, ErrorTransition, NavigationState};
 use approx::assert_relative_eq;
 
 const ALL: usize = STATES + SIDE_STATES;
-type M22 = SMatrix<f64, ALL, ALL>;
-type V22 = SVector<f64, ALL>;
+type Joint = SMatrix<f64, ALL, ALL>;
+type JointVector = SVector<f64, ALL>;
 
 fn spread(i: usize, j: usize) -> f64 {
     ((i * 7 + j * 3) as f64).sin()
 }
 
 /// A filter and side states whose joint covariance is a full random one.
-fn start() -> (ErrorStateFilter<f64>, SideStates<f64>, M22) {
-    let a = M22::from_fn(spread);
-    let scale = V22::from_fn(|i, _| [0.02, 0.3, 1.5, 0.05, 0.003, 1.0, 0.03, 0.1][i / 3]);
-    let d = M22::from_diagonal(&scale);
-    let joint = d * (a * a.transpose() * 0.05 + M22::identity()) * d;
+fn start() -> (ErrorStateFilter<f64>, SideStates<f64>, Joint) {
+    let a = Joint::from_fn(spread);
+    let scale =
+        JointVector::from_fn(|i, _| [0.02, 0.3, 1.5, 0.05, 0.003, 1.0, 0.03, 2.0, 2.0][i / 3]);
+    let d = Joint::from_diagonal(&scale);
+    let joint = d * (a * a.transpose() * 0.05 + Joint::identity()) * d;
     let state = NavigationState {
         ned_from_body: rotation::from_yaw_pitch_roll([0.7, 0.1, -0.2]),
         velocity: Vector3::new(8.0, 5.0, 0.1),
@@ -43,8 +44,8 @@ fn start() -> (ErrorStateFilter<f64>, SideStates<f64>, M22) {
     (filter, side, joint)
 }
 
-fn joint_of(filter: &ErrorStateFilter<f64>, side: &SideStates<f64>) -> M22 {
-    let mut joint = M22::zeros();
+fn joint_of(filter: &ErrorStateFilter<f64>, side: &SideStates<f64>) -> Joint {
+    let mut joint = Joint::zeros();
     joint
         .fixed_view_mut::<STATES, STATES>(0, 0)
         .copy_from(&filter.state().covariance);
@@ -93,9 +94,9 @@ fn sequential_scalars_equal_the_dense_joseph_form() {
     let r = Matrix3::from_diagonal(&m.variance);
     let s = h * joint * h.transpose() + r;
     let k = joint * h.transpose() * s.try_inverse().unwrap();
-    let d: V22 = k * m.residual;
-    let left = M22::identity() - k * h;
-    let mut g = M22::identity();
+    let d: JointVector = k * m.residual;
+    let left = Joint::identity() - k * h;
+    let mut g = Joint::identity();
     let angle: Vector3<f64> = d.fixed_rows::<3>(0).into_owned();
     let reset = Matrix3::identity() + so3::skew(&angle) * 0.5;
     g.fixed_view_mut::<3, 3>(0, 0).copy_from(&reset);
@@ -107,7 +108,7 @@ fn sequential_scalars_equal_the_dense_joseph_form() {
     assert_relative_eq!(innovation.covariance, s, epsilon = 1e-10);
     let nis = (m.residual.transpose() * s.try_inverse().unwrap() * m.residual)[0];
     assert_relative_eq!(innovation.nis, nis, epsilon = 1e-10);
-    let weights = M22::from_diagonal(&joint.diagonal().map(|v| 1.0 / v.sqrt()));
+    let weights = Joint::from_diagonal(&joint.diagonal().map(|v| 1.0 / v.sqrt()));
     let now = joint_of(&filter, &side);
     assert_relative_eq!(
         weights * now * weights,
@@ -143,7 +144,7 @@ fn side_states_propagate_as_the_joint_covariance_does() {
     };
     let values = side.values;
     side.propagate(&transition, &step);
-    let mut phi = M22::identity();
+    let mut phi = Joint::identity();
     phi.fixed_view_mut::<STATES, STATES>(0, 0)
         .copy_from(&transition.to_matrix());
     for i in 0..SIDE_STATES {
@@ -230,6 +231,7 @@ fn variances_stay_within_numbers_and_correlations_with_them() {
     for i in 0..STATES {
         assert!(p[(i, i)] <= LARGEST_VARIANCES[i / 3] * (1.0 + 1e-12));
     }
-    let weights = M22::from_diagonal(&joint_of(&filter, &side).diagonal().map(|v| 1.0 / v.sqrt()));
+    let weights =
+        Joint::from_diagonal(&joint_of(&filter, &side).diagonal().map(|v| 1.0 / v.sqrt()));
     assert!(cholesky(&(weights * joint_of(&filter, &side) * weights)).is_some());
 }
