@@ -25,7 +25,7 @@ export interface Hello {
   fingerprint: string;
   /** What this program can do beyond the path itself; older ones say nothing. */
   features?: string[];
-  input_kinds?: { kind: string; hint: string; example?: string }[];
+  input_kinds?: { kind: string; title?: string; hint: string; example?: string }[];
   inputs?: Input[];
 }
 

@@ -203,7 +203,7 @@ async fn socket(State(api): State<LabApi>, upgrade: WebSocketUpgrade) -> Respons
 /// What every page is told first, and again when the addresses have changed.
 pub(crate) fn hello(facts: &Facts) -> Value {
     let input_kinds = InputKind::ALL
-        .map(|kind| json!({"kind": kind, "hint": kind.hint(), "example": kind.example()}));
+        .map(|kind| json!({"kind": kind, "title": kind.title(), "hint": kind.hint(), "example": kind.example()}));
     let phone_urls = facts.reach.phone_urls();
     let host = phone_urls.first().and_then(|url| url.split('/').nth(2));
     // Another address is another picture.

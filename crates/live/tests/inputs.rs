@@ -394,6 +394,44 @@ fn a_board_on_a_serial_line_is_read_and_told_to_send() {
     );
 }
 
+/// A sentence of our firmware.
+#[cfg(all(feature = "serial", target_os = "linux"))]
+fn sentence(body: &str) -> Vec<u8> {
+    let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+    format!("${body}*{sum:02X}\r\n").into_bytes()
+}
+
+#[cfg(all(feature = "serial", target_os = "linux"))]
+#[test]
+fn a_board_with_our_firmware_is_read_with_its_own_estimate_and_has_a_name() {
+    use serialport::{SerialPort, TTYPort};
+    let (mut board, line) = TTYPort::pair().unwrap();
+    let path = line.name().unwrap();
+    let lab = TestLab::start();
+    add(&lab, &format!("northing={path}"));
+    wait_text(&lab, "nothing comes");
+    let mut say = |body: &str| board.write_all(&sentence(body)).unwrap();
+    say("PNORB,1,axis-filters,power");
+    for frame in 0..100 {
+        let ms = frame * 20;
+        say(&format!("PNORI,{ms},20,0,0,-98100,0,0,0,1900,0,4600"));
+        say(&format!(
+            "PNORE,{ms},1000,-2000,3000,900,900,1500,0,,,,,,,,,,00000000"
+        ));
+        thread::sleep(Duration::from_millis(12));
+    }
+    let device = format!("northing-{path}@230400");
+    wait_received(&lab, &device, 400);
+    wait_text(&lab, "gyroscope samples a second");
+    let device = lab.device(&device);
+    assert_eq!(device["name"], format!("Northing board {path}"));
+    let health = device["health"].to_string();
+    assert!(
+        health.contains("The board has started: axis-filters."),
+        "{health}"
+    );
+}
+
 #[test]
 fn the_page_adds_and_removes_inputs_and_is_told_in_words() {
     let lab = TestLab::start();
@@ -416,6 +454,11 @@ fn the_page_adds_and_removes_inputs_and_is_told_in_words() {
     };
     let hello = wait(None, &|m| m["type"] == "hello");
     let kinds = hello["input_kinds"].as_array().unwrap();
+    let titles: Vec<_> = kinds
+        .iter()
+        .filter_map(|kind| kind["title"].as_str())
+        .collect();
+    assert!(titles.contains(&"Northing board") && titles.contains(&"Razor board"));
     assert_eq!(kinds.len(), 7);
     assert!(
         kinds

@@ -21,7 +21,7 @@ export function Inputs() {
       <summary>Apps with a server, boards on a line</summary>
       <div class="stack">
         <label class="field">Kind
-          <select value={chosen.kind} onChange={(e) => setKind(e.currentTarget.value)}>{kinds.map((k) => <option key={k.kind}>{k.kind}</option>)}</select>
+          <select value={chosen.kind} onChange={(e) => setKind(e.currentTarget.value)}>{kinds.map((k) => <option key={k.kind} value={k.kind}>{k.title ?? k.kind}</option>)}</select>
         </label>
         <label class="field">Address <DraftInput value={address} change={setAddress} placeholder={chosen.example ?? ""} /></label>
         <p class="small">{chosen.hint}</p>
@@ -29,7 +29,7 @@ export function Inputs() {
         <ul class="stack">
           {state.inputs.map((input) => (
             <li key={input.id} class={`input ${TONES[input.state] ?? "idle"}`} data-input={input.id}>
-              <b>{input.kind}</b> <code>{input.address}</code>
+              <b>{kinds.find((k) => k.kind === input.kind)?.title ?? input.kind}</b> <code>{input.address}</code>
               <span aria-live="polite">{input.text}</span>
               <button type="button" class="link" onClick={() => send({ type: "input", action: "remove", id: input.id })}>Remove</button>
             </li>

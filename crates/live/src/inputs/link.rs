@@ -59,7 +59,8 @@ impl Link {
         Feed {
             inputs: self.inputs.clone(),
             device_id: format!("{}-{of}", kind.name()),
-            name: format!("{} {of}", kind.name()),
+            // Of a serial line the speed says nothing to a reader.
+            name: format!("{} {}", kind.title(), of.split('@').next().unwrap_or(of)),
             source: kind.name(),
             format: kind.format(),
             window: Instant::now(),

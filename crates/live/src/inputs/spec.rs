@@ -113,6 +113,20 @@ impl InputKind {
         }
     }
 
+    /// What people call it, in a few words.
+    #[must_use]
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::SensorServer => "SensorServer",
+            Self::Linkoping => "Sensor Fusion app",
+            Self::Phyphox => "phyphox",
+            Self::Razor => "Razor board",
+            Self::Northing => "Northing board",
+            Self::HyperImu => "HyperIMU",
+            Self::SensorStreamer => "SensorStreamer",
+        }
+    }
+
     /// What it is and what to do on the device, in words.
     #[must_use]
     pub const fn hint(self) -> &'static str {

@@ -131,9 +131,14 @@ impl<R: Read> Screen<R> {
     }
 }
 
-/// Whether a field is a number or a short array of numbers.
+/// Whether a field is a number or a short array of numbers, with a name and nothing else: what else a parser
+/// finds there (numbers that are too large for it, say) it need not survive.
 fn is_flat(field: &str) -> bool {
-    let kind = field.split(' ').next().unwrap_or_default();
+    let Some((kind, name)) = field.split_once(' ') else {
+        return false;
+    };
+    let is_name = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
     let (base, length) = match kind.strip_suffix(']').and_then(|k| k.split_once('[')) {
         Some((base, length)) => (base, length.parse().unwrap_or(usize::MAX)),
         None => (kind, 1),
@@ -153,7 +158,7 @@ fn is_flat(field: &str) -> bool {
             | "bool"
             | "char"
     );
-    is_number && length <= LONGEST_ARRAY
+    is_name && is_number && length <= LONGEST_ARRAY
 }
 
 /// Reads until the buffer is full or the input ends; how much was read.

@@ -130,6 +130,11 @@ fn definitions_that_would_eat_memory_or_turn_in_circles_do_not_pass() {
         "sensor_combined:uint64_t timestamp;float[3] gyro_rad;float[99999999999999] x;",
         "sensor_combined:uint64_t timestamp;sensor_combined self;",
         "sensor_combined:uint64_t timestamp;float[-1] x;",
+        // Numbers outside of brackets; the parser gives up at the first that is too large for it.
+        "sensor_combined:uint64_t timestamp99999999999999999999999 9;float[3] gyro_rad;",
+        "sensor_combined:uint64_t timestamp 99999999999999999999999;float[3] gyro_rad;",
+        "sensor_combined:uint64_t 99999999999999999999999;float[3] gyro_rad;",
+        "sensor_combined:uint64_t ?99999999999999999999999;float[3] gyro_rad;",
     ] {
         let mut log = begin(format);
         log.extend(message(b'I', b"\x1echar[9999999999999999999] sys_name x"));
