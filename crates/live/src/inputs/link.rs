@@ -59,8 +59,7 @@ impl Link {
         Feed {
             inputs: self.inputs.clone(),
             device_id: format!("{}-{of}", kind.name()),
-            // Of a serial line the speed says nothing to a reader.
-            name: format!("{} {}", kind.title(), of.split('@').next().unwrap_or(of)),
+            name: format!("{} {}", kind.title(), short(of)),
             source: kind.name(),
             format: kind.format(),
             window: Instant::now(),
@@ -70,6 +69,12 @@ impl Link {
             told: None,
         }
     }
+}
+
+/// What tells a device from others in few letters: of a serial line neither folder nor speed.
+fn short(of: &str) -> &str {
+    let line = of.split('@').next().unwrap_or(of);
+    line.rsplit('/').next().unwrap_or(line)
 }
 
 /// Delivers the payloads of one device.
