@@ -26,8 +26,9 @@
 //!
 //! Frames: navigation is north, east, down; the angles are yaw, pitch, roll of `ned_from_body`.
 //! What the paper prints otherwise is kept as an option: [`AxisNoise`], [`AxisAngles`],
-//! [`AxisFiltersConfig::euler_rates`]. Cost: about 70 multiplications and nine trigonometric
-//! functions a step. Limits: near the poles (pitch of 90 degrees) roll and yaw are held.
+//! [`AxisFiltersConfig::euler_rates`]. Cost: about 80 multiplications and nine trigonometric
+//! functions a step: sines and cosines are shared. Limits: near the poles (pitch of 90 degrees) roll
+//! and yaw are held.
 
 mod angles;
 mod config;
@@ -100,7 +101,7 @@ impl<T: Scalar> AngleFilter<T> {
         Correction {
             innovation,
             variance,
-            nis: innovation * innovation * inverse,
+            inverse,
         }
     }
 }
@@ -109,8 +110,16 @@ impl<T: Scalar> AngleFilter<T> {
 #[derive(Debug, Clone, Copy)]
 struct Correction<T> {
     innovation: T,
+    /// Of the innovation, and one over it.
     variance: T,
-    nis: T,
+    inverse: T,
+}
+
+impl<T: Scalar> Correction<T> {
+    #[inline(always)]
+    fn nis(&self) -> T {
+        self.innovation * self.innovation * self.inverse
+    }
 }
 
 /// The three filters.
@@ -247,8 +256,8 @@ impl<T: Scalar> AxisFilters<T> {
         let [roll_axis, pitch_axis, _] = &mut self.axes;
         let of_pitch = pitch_axis.update(pitch, r);
         match roll {
-            Some(roll) => record(&[roll_axis.update(roll, r), of_pitch]),
-            None => record(&[of_pitch]),
+            Some(roll) => record(&roll_axis.update(roll, r), Some(&of_pitch)),
+            None => record(&of_pitch, None),
         }
     }
 
@@ -284,29 +293,25 @@ impl<T: Scalar> AxisFilters<T> {
     fn correct_yaw(&mut self, heading: T) -> Innovation<T> {
         let [_, _, r] = self.noise;
         let [_, _, yaw] = &mut self.axes;
-        record(&[yaw.update(heading, r)])
+        record(&yaw.update(heading, r), None)
     }
 }
 
-/// The record of up to three independent scalar updates.
-fn record<T: Scalar>(updates: &[Correction<T>]) -> Innovation<T> {
-    let mut record = Innovation {
-        residual: Vector3::zeros(),
-        covariance: Matrix3::zeros(),
-        nis: T::zero(),
-        degrees_of_freedom: 0,
+/// The record of one or two independent scalar updates. In line, so that a chip that does not look at it does not
+/// make it.
+#[inline(always)]
+fn record<T: Scalar>(first: &Correction<T>, second: Option<&Correction<T>>) -> Innovation<T> {
+    let zero = T::zero();
+    let (residual, variance, nis) = second.map_or((zero, zero, zero), |update| {
+        (update.innovation, update.variance, update.nis())
+    });
+    Innovation {
+        residual: Vector3::new(first.innovation, residual, zero),
+        covariance: Matrix3::from_diagonal(&Vector3::new(first.variance, variance, zero)),
+        nis: first.nis() + nis,
+        degrees_of_freedom: 1 + u8::from(second.is_some()),
         outcome: Outcome::Fused,
-    };
-    let slots = record.residual.iter_mut().enumerate();
-    for ((i, slot), update) in slots.zip(updates) {
-        *slot = update.innovation;
-        if let Some(diagonal) = record.covariance.get_mut((i, i)) {
-            *diagonal = update.variance;
-        }
-        record.nis += update.nis;
-        record.degrees_of_freedom += 1;
     }
-    record
 }
 
 #[cfg(test)]

@@ -153,3 +153,21 @@ pub(crate) fn check_within<T: Scalar>(v: &Vector3<T>, longest: T) -> Result<(), 
     }
     check_vector(v, T::zero(), longest)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The short way says what the long one says, on both sides of each limit.
+    #[test]
+    fn vectors_within_a_length_are_those_that_are_not_longer() {
+        for x in [0.0, 4.99, 5.0, 5.01, 9.9, 10.1, f64::NAN, f64::INFINITY] {
+            for y in [0.0, -5.0, -8.0] {
+                for z in [0.0, 5.0, f64::NEG_INFINITY] {
+                    let v = Vector3::new(x, y, z);
+                    assert_eq!(check_within(&v, 10.0), check_vector(&v, 0.0, 10.0), "{v}");
+                }
+            }
+        }
+    }
+}

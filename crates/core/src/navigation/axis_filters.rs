@@ -318,6 +318,8 @@ struct FixInnovation<T> {
 }
 
 impl<T: Scalar> FixInnovation<T> {
+    /// In line, so that a chip that does not look at it does not make it.
+    #[inline(always)]
     fn record(&self, outcome: Outcome) -> Innovation<T> {
         let ([across, down], [_, inverse]) = (self.variances, self.inverses);
         let z = self.residual.z;
