@@ -248,6 +248,16 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.now_ns
     }
 
+    /// Angular rate of the last sample as it was measured, rad/s, body axes.
+    pub fn angular_rate(&self) -> Option<&Vector3<T>> {
+        self.last_imu.as_ref().map(|(_, rate, _)| rate)
+    }
+
+    /// Stamp of the last position that was fused, ns.
+    pub fn last_fix_ns(&self) -> Option<i64> {
+        self.last_fix_ns
+    }
+
     /// What the position is worth.
     pub fn validity(&self) -> Validity {
         let Some((state, now)) = self.state().zip(self.now_ns) else {

@@ -163,22 +163,26 @@ impl Navigator for InsNavigator {
         let Some(recorder) = &mut self.recorder else {
             return Vec::new();
         };
+        let limits = self.ins.config().validity;
+        let arm = self.arm;
         let nodes = recorder.smooth(&mut self.ins).into_iter();
-        let told = nodes.map(|node| NavigationEstimate {
-            time_ns: node.time_ns,
-            ned_from_body: Some(node.ned_from_body),
-            heading_std: Some(
-                node.covariance[(ATTITUDE + 2, ATTITUDE + 2)]
-                    .max(0.0)
-                    .sqrt(),
-            ),
-            position: node.position + node.ned_from_body * self.arm,
-            position_covariance: node
-                .covariance
-                .fixed_view::<3, 3>(POSITION, POSITION)
-                .into_owned(),
-            velocity: node.velocity,
-            validity: Validity::Aided,
+        let told = nodes.map(|node| {
+            let attitude = node.ned_from_body;
+            let p = &node.covariance;
+            let position_covariance: Matrix3<f64> =
+                p.fixed_view::<3, 3>(POSITION, POSITION).into_owned();
+            let variance = position_covariance.m11.max(position_covariance.m22);
+            let heading_variance = p[(ATTITUDE + 2, ATTITUDE + 2)];
+            NavigationEstimate {
+                time_ns: node.time_ns,
+                ned_from_body: Some(attitude),
+                heading_std: Some(heading_variance.max(0.0).sqrt()),
+                position: node.position + attitude * arm,
+                position_covariance,
+                velocity: node.velocity + attitude * node.angular_rate.cross(&arm),
+                // Hindsight knows the fix after as well as the one before.
+                validity: limits.judge(node.since_fix_s, variance),
+            }
         });
         told.collect()
     }
@@ -223,5 +227,64 @@ impl Navigator for InsNavigator {
             "restarts: after a gap of more than 10 s the filter aligns anew.",
         );
         issues
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A turntable that turns after 5 s, with the antenna 2 m ahead of its axis, and no fixes from 20 s to 30 s.
+    #[test]
+    fn hindsight_is_of_the_antenna_and_knows_how_far_the_next_fix_is() {
+        let arm = Vector3::new(2.0, 0.0, 0.0);
+        let config = GnssInsConfig {
+            lever_arm_m: arm.into(),
+            initial_heading: Some([0.0, 0.02]),
+            ..GnssInsConfig::default()
+        };
+        let mut navigator = InsNavigator::new(config, true).unwrap();
+        let mut told = Vec::new();
+        let (spin, force) = (0.5, Vector3::new(0.0, 0.0, -9.806_65));
+        let velocity = |t: f64| {
+            let turned = spin * (t - 5.0).max(0.0);
+            let speed = if t > 5.0 { 2.0 * spin } else { 0.0 };
+            Vector3::new(-turned.sin(), turned.cos(), 0.0) * speed
+        };
+        for k in 1..=4000_i64 {
+            let (t, time_ns) = (k as f64 * 0.01, k * 10_000_000);
+            let rate = Vector3::z() * if t > 5.0 { spin } else { 0.0 };
+            navigator.inertial(time_ns, &rate, &force, &mut told);
+            if k % 100 == 0 && !(20.0..30.0).contains(&t) {
+                let turned = spin * (t - 5.0).max(0.0);
+                let aid = Aid::Position {
+                    ned: Vector3::new(turned.cos(), turned.sin(), 0.0) * 2.0,
+                    std: Vector3::repeat(0.05),
+                    vertical: true,
+                    stated: true,
+                };
+                navigator.aid(time_ns, &aid, &mut told);
+            }
+        }
+        let now = navigator.estimate().unwrap();
+        let smoothed = navigator.smoothed();
+        let last = smoothed.last().unwrap();
+        assert_eq!((last.velocity, last.validity), (now.velocity, now.validity));
+        let at = |t: f64| {
+            let near = |e: &&NavigationEstimate| (e.time_ns as f64 * 1e-9 - t).abs() < 0.051;
+            smoothed.iter().find(near).unwrap()
+        };
+        for (t, validity) in [
+            (15.0, Validity::Aided),
+            (20.5, Validity::Aided),
+            (24.5, Validity::DeadReckoning),
+            (29.0, Validity::Aided),
+            (35.0, Validity::Aided),
+        ] {
+            let node = at(t);
+            assert_eq!(node.validity, validity, "{t}");
+            let off = (node.velocity - velocity(node.time_ns as f64 * 1e-9)).norm();
+            assert!(off < 0.15, "{off} at {t}");
+        }
     }
 }

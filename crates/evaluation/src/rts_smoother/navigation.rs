@@ -43,6 +43,9 @@ struct Snapshot {
     time_ns: i64,
     state: NavigationState<f64>,
     side: SideStates<f64>,
+    /// Angular rate as measured, rad/s.
+    rate: Vector3<f64>,
+    last_fix_ns: Option<i64>,
 }
 
 /// One step of the covariance.
@@ -66,8 +69,12 @@ pub struct SmoothedNavigation {
     pub velocity: Vector3<f64>,
     /// Attitude.
     pub ned_from_body: UnitQuaternion<f64>,
+    /// Angular rate less the bias, rad/s, body axes.
+    pub angular_rate: Vector3<f64>,
     /// Covariance of the 15 errors.
     pub covariance: SMatrix<f64, STATES, STATES>,
+    /// Time to the nearest fix that was fused, before or after, s; `None` without any.
+    pub since_fix_s: Option<f64>,
 }
 
 /// Keeps what a GNSS/INS does, to look back.
@@ -149,16 +156,23 @@ impl NavigationRecorder {
         };
         let mut next = (end, joint(&end));
         let mut chain = self.chain;
-        smoothed.push(in_words(&next));
+        // The first fix after the instant at hand: what later instants call their last one.
+        let mut later_fix_ns = None;
+        smoothed.push(in_words(&next, later_fix_ns));
         for step in self.steps.iter().rev() {
             if step.chain != chain {
                 // What comes after is no continuation: the filter's own end of this chain stands.
                 chain = step.chain;
+                later_fix_ns = None;
                 next = (step.predicted, joint(&step.predicted));
-                smoothed.push(in_words(&next));
+                smoothed.push(in_words(&next, later_fix_ns));
             }
+            let last = next.0.last_fix_ns;
+            later_fix_ns = last
+                .filter(|fix| *fix > step.filtered.time_ns)
+                .or(later_fix_ns);
             next = step.back(&next);
-            smoothed.push(in_words(&next));
+            smoothed.push(in_words(&next, later_fix_ns));
         }
         smoothed.reverse();
         smoothed
@@ -204,6 +218,8 @@ fn snapshot<const H: usize>(ins: &GnssIns<f64, H>) -> Option<Snapshot> {
         time_ns: ins.time_ns()?,
         state: *ins.state()?,
         side: *ins.side_states(),
+        rate: ins.angular_rate().copied().unwrap_or_default(),
+        last_fix_ns: ins.last_fix_ns(),
     })
 }
 
@@ -258,12 +274,19 @@ fn corrected(snapshot: &Snapshot, x: &SVector<f64, ALL>) -> Snapshot {
     corrected
 }
 
-fn in_words((snapshot, covariance): &(Snapshot, Joint)) -> SmoothedNavigation {
+fn in_words(
+    (snapshot, covariance): &(Snapshot, Joint),
+    later_fix_ns: Option<i64>,
+) -> SmoothedNavigation {
+    let fixes = snapshot.last_fix_ns.into_iter().chain(later_fix_ns);
+    let nearest_ns = fixes.map(|fix| snapshot.time_ns.abs_diff(fix)).min();
     SmoothedNavigation {
         time_ns: snapshot.time_ns,
         position: snapshot.state.position,
         velocity: snapshot.state.velocity,
         ned_from_body: snapshot.state.ned_from_body,
+        angular_rate: snapshot.rate - snapshot.state.gyroscope_bias,
+        since_fix_s: nearest_ns.map(|ns| ns as f64 * 1e-9),
         covariance: covariance.fixed_view::<STATES, STATES>(0, 0).into_owned(),
     }
 }

@@ -42,15 +42,17 @@ impl Session<'_> {
         self.observer.fix(time_ns, &ned, !self.withheld);
         let std = position_std(fix);
         let vertical = fix.height_m.is_some();
+        let latencies = &self.options.parameters.error_state;
+        let valid_ns = before(time_ns, latencies.position_latency_s);
         if self.withheld {
             if !self.has_reference {
-                self.score_position(time_ns, &ned, std.x.max(std.y), vertical);
+                self.score_position(valid_ns, &ned, std.x.max(std.y), vertical);
             }
             return;
         }
         self.counts.used += 1;
         self.score(Scored::FixUsed);
-        self.remember(time_ns, &ned);
+        self.remember(valid_ns, &ned);
         let vertical = vertical && !self.options.without.contains(&AidKind::GnssHeight);
         let stated = fix.std_m.is_some();
         let aid = Aid::Position {
@@ -108,10 +110,12 @@ impl Session<'_> {
             velocity.down_m_s.unwrap_or(0.0),
         );
         if !self.has_reference {
+            let latencies = &self.options.parameters.error_state;
+            let valid_ns = before(time_ns, latencies.velocity_latency_s);
             if self.withheld {
-                self.score(Scored::Velocity(time_ns, ned, vertical));
+                self.score(Scored::Velocity(valid_ns, ned, vertical));
             }
-            self.score(Scored::Course(time_ns, ned, self.turn_rate));
+            self.score(Scored::Course(valid_ns, ned, self.turn_rate));
         }
         if self.withheld {
             return;
@@ -127,6 +131,11 @@ impl Session<'_> {
             .map_or_else(|| Vector3::new(across, across, down), Vector3::from);
         self.aid(time_ns, &Aid::Velocity { ned, std, vertical });
     }
+}
+
+/// When a number was true that has a stamp and is late by `latency_s`.
+fn before(time_ns: i64, latency_s: f64) -> i64 {
+    time_ns.saturating_sub((latency_s * 1e9) as i64)
 }
 
 /// Why a fix is not to be used.

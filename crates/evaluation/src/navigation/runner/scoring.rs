@@ -29,6 +29,7 @@ impl Session<'_> {
         self.score_position(time_ns, &ned, std, place.height_m.is_some());
     }
 
+    /// Scores at a place where the antenna was at `time_ns`.
     pub(super) fn score_position(
         &mut self,
         time_ns: i64,
@@ -37,10 +38,8 @@ impl Session<'_> {
         vertical: bool,
     ) {
         self.counts.scored_at_reference = self.has_reference;
-        let latency_s = self.options.parameters.error_state.position_latency_s;
-        let latency_ns = (latency_s * 1e9) as i64;
         let point = ScorePoint {
-            time_ns: time_ns.saturating_sub(latency_ns),
+            time_ns,
             ned: *ned,
             std,
             vertical,
