@@ -108,6 +108,40 @@ pub fn from_matrix<T: Scalar>(m: &Matrix3<T>) -> UnitQuaternion<T> {
     UnitQuaternion::new_normalize(Quaternion::new(w, v[0], v[1], v[2]))
 }
 
+/// The rotation matrix of a quaternion whose norm is one.
+#[inline]
+pub fn to_matrix<T: Scalar>(q: &UnitQuaternion<T>) -> Matrix3<T> {
+    let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+    let one = T::one();
+    let (x2, y2, z2) = (x + x, y + y, z + z);
+    let (xx, yy, zz) = (x * x2, y * y2, z * z2);
+    let (xy, xz, yz) = (x * y2, x * z2, y * z2);
+    let (wx, wy, wz) = (w * x2, w * y2, w * z2);
+    Matrix3::new(
+        one - (yy + zz),
+        xy - wz,
+        xz + wy,
+        xy + wz,
+        one - (xx + zz),
+        yz - wx,
+        xz - wy,
+        yz + wx,
+        one - (xx + yy),
+    )
+}
+
+/// Where the body's first axis points: `ref_from_body` of a norm of one times (1, 0, 0).
+#[inline]
+pub fn forward<T: Scalar>(q: &UnitQuaternion<T>) -> Vector3<T> {
+    let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+    let (y2, z2) = (y + y, z + z);
+    Vector3::new(
+        T::one() - (y * y2 + z * z2),
+        x * y2 + w * z2,
+        x * z2 - w * y2,
+    )
+}
+
 /// Removes the rounding that products of quaternions gather: one Newton step towards unit norm,
 /// exact to rounding for a quaternion whose norm is within 1e-4 of one.
 #[inline]

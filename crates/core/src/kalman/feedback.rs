@@ -10,6 +10,7 @@
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector3};
 
+use super::shear::mirror;
 use crate::scalar::{Scalar, lit};
 
 /// Most scalar corrections in one update: a position and an attitude.
@@ -130,6 +131,43 @@ pub fn reset_rows<T: Scalar, const N: usize, const C: usize>(
         column[1] = y + (half.z * x - half.x * z);
         column[2] = z + (half.x * y - half.y * x);
     }
+}
+
+/// `P <- G P G^T` with the `G` of [`reset_rows`]; a symmetric matrix stays symmetric to the bit.
+#[inline]
+pub fn reset_covariance<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>, d: &Vector3<T>) {
+    const { assert!(N >= 3) };
+    let half = d * lit::<T>(0.5);
+    let [first, second, third, ..] = p.data.0.as_mut_slice() else {
+        return;
+    };
+    let turn = |x: &mut T, y: &mut T, z: &mut T| {
+        let (a, b, c) = (*x, *y, *z);
+        *x += half.y * c - half.z * b;
+        *y += half.z * a - half.x * c;
+        *z += half.x * b - half.y * a;
+    };
+    for ((x, y), z) in first
+        .iter_mut()
+        .zip(second.iter_mut())
+        .zip(third.iter_mut())
+    {
+        turn(x, y, z);
+    }
+    // So far the block of the three has been turned from the right only.
+    for column in [&mut *first, &mut *second, &mut *third] {
+        if let [x, y, z, ..] = column.as_mut_slice() {
+            turn(x, y, z);
+        }
+    }
+    if let ([_, xy, xz, ..], [yx, _, yz, ..], [zx, zy, ..]) = (
+        first.as_slice(),
+        second.as_mut_slice(),
+        third.as_mut_slice(),
+    ) {
+        (*yx, *zx, *zy) = (*xy, *xz, *yz);
+    }
+    mirror(&mut p.data.0, 0);
 }
 
 /// What an observer outside has learnt about a filter's error: a joint estimator's correction.

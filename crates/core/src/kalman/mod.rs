@@ -6,6 +6,7 @@ pub mod feedback;
 pub mod gate;
 pub mod innovation;
 pub mod scalar_update;
+pub(crate) mod shear;
 pub mod sparse_update;
 
 pub use feedback::{ErrorFeedback, ErrorPropagation, OutsideCorrection, ScalarCorrection};

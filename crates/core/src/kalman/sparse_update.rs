@@ -35,10 +35,13 @@ impl<T: Scalar, const E: usize> SparseRow<T, E> {
         Self::default().with(state, T::one())
     }
 
-    /// With one more element; beyond `E` there is none.
+    /// With one more element; beyond `E` there is none, and a zero is none.
     #[inline]
     #[must_use]
     pub fn with(mut self, state: usize, h: T) -> Self {
+        if h.is_zero() {
+            return self;
+        }
         if let Some(place) = self.elements.get_mut(self.len) {
             *place = (state, h);
             self.len += 1;

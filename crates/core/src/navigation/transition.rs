@@ -17,11 +17,15 @@
 //!
 //! Cost: mapping one column is 60 multiplications where the dense product has 225.
 
+mod propagation;
+
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+pub(super) use propagation::ProcessNoise;
+
 use super::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION, STATES, VELOCITY};
-use crate::geometry::so3::skew;
 use crate::kalman::ErrorPropagation;
+use crate::kalman::shear::{Takes, Triple, cross, plus, times};
 use crate::scalar::{Scalar, lit};
 
 /// How the errors of `[attitude, velocity, position, accelerometer bias, gyroscope bias]` carry on
@@ -29,6 +33,8 @@ use crate::scalar::{Scalar, lit};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorTransition<T: Scalar> {
     duration: T,
+    /// Whether it is that of one sample, whose position is the trapezoid of the velocity.
+    is_one_sample: bool,
     /// `a`: velocity from attitude is `[a]x`.
     velocity_from_attitude: Vector3<T>,
     /// `e`: position from attitude is `[e]x`.
@@ -43,24 +49,12 @@ pub struct ErrorTransition<T: Scalar> {
     position_from_gyroscope_bias: Matrix3<T>,
 }
 
-/// White noises that drive the errors, as variances for each second.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ProcessNoise<T> {
-    /// Gyroscope, rad^2/s.
-    pub(super) gyroscope: T,
-    /// Accelerometer, (m/s)^2/s.
-    pub(super) accelerometer: T,
-    /// Walk of the gyroscope bias, (rad/s)^2/s.
-    pub(super) gyroscope_bias: T,
-    /// Walk of the accelerometer bias, (m/s^2)^2/s.
-    pub(super) accelerometer_bias: T,
-}
-
 impl<T: Scalar> Default for ErrorTransition<T> {
     /// No time has passed.
     fn default() -> Self {
         Self {
             duration: T::zero(),
+            is_one_sample: false,
             velocity_from_attitude: Vector3::zeros(),
             position_from_attitude: Vector3::zeros(),
             integrated_axes: Matrix3::zeros(),
@@ -79,47 +73,6 @@ fn cross_columns<T: Scalar>(v: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
         v.cross(&m.column(1)),
         v.cross(&m.column(2)),
     ])
-}
-
-/// `m [v]x^T`: the cross product of `v` with each row.
-#[inline]
-fn cross_rows<T: Scalar>(v: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
-    cross_columns(v, &m.transpose()).transpose()
-}
-
-/// The block that begins at a row and a column. Without a panic where the optimiser does not see that
-/// it lies within.
-#[inline]
-fn block<T: Scalar>(p: &SMatrix<T, STATES, STATES>, row: usize, column: usize) -> Matrix3<T> {
-    Matrix3::from_fn(|i, j| {
-        let element = p.get((row + i, column + j));
-        element.copied().unwrap_or_else(T::zero)
-    })
-}
-
-/// Puts a block in its place.
-#[inline]
-fn set_block<T: Scalar>(
-    p: &mut SMatrix<T, STATES, STATES>,
-    row: usize,
-    column: usize,
-    block: &Matrix3<T>,
-) {
-    for ((i, j), value) in (0..9).map(|k| (k % 3, k / 3)).zip(block.iter()) {
-        if let Some(element) = p.get_mut((row + i, column + j)) {
-            *element = *value;
-        }
-    }
-}
-
-/// The lower half mirrored into the upper.
-#[inline]
-fn mirror_lower<T: Scalar>(p: &mut SMatrix<T, STATES, STATES>) {
-    for j in 1..STATES {
-        for i in 0..j {
-            p[(i, j)] = p[(j, i)];
-        }
-    }
 }
 
 impl<T: Scalar> ErrorTransition<T> {
@@ -142,20 +95,45 @@ impl<T: Scalar> ErrorTransition<T> {
     /// is constant over a sample.
     #[inline]
     pub(super) fn accumulate(&mut self, ned_from_body: &Matrix3<T>, force_ned: &Vector3<T>, dt: T) {
+        if self.duration <= T::zero() {
+            *self = Self::of_sample(ned_from_body, force_ned, dt);
+            return;
+        }
         let half = dt * lit::<T>(0.5);
-        let axes_middle = self.integrated_axes - ned_from_body * half;
+        let (half_axes, gained) = (ned_from_body * half, force_ned * dt);
+        let axes_middle = self.integrated_axes - half_axes;
+        self.is_one_sample = false;
 
         let before = self.velocity_from_attitude;
-        self.velocity_from_attitude -= force_ned * dt;
+        self.velocity_from_attitude -= gained;
         self.position_from_attitude += (before + self.velocity_from_attitude) * half;
 
         let before = self.velocity_from_gyroscope_bias;
-        self.velocity_from_gyroscope_bias -= cross_columns(force_ned, &axes_middle) * dt;
+        self.velocity_from_gyroscope_bias -= cross_columns(&gained, &axes_middle);
         self.position_from_gyroscope_bias += (before + self.velocity_from_gyroscope_bias) * half;
 
         self.position_from_accelerometer_bias += axes_middle * dt;
-        self.integrated_axes -= ned_from_body * dt;
+        self.integrated_axes = axes_middle - half_axes;
         self.duration += dt;
+    }
+
+    /// That of one sample: what (E6) makes of the identity.
+    fn of_sample(ned_from_body: &Matrix3<T>, force_ned: &Vector3<T>, dt: T) -> Self {
+        let half = dt * lit::<T>(0.5);
+        let velocity_from_attitude = force_ned * -dt;
+        let axes_middle = ned_from_body * -half;
+        let position_from_accelerometer_bias = axes_middle * dt;
+        let velocity_from_gyroscope_bias = cross_columns(&velocity_from_attitude, &axes_middle);
+        Self {
+            duration: dt,
+            is_one_sample: true,
+            velocity_from_attitude,
+            position_from_attitude: velocity_from_attitude * half,
+            integrated_axes: ned_from_body * -dt,
+            velocity_from_gyroscope_bias,
+            position_from_accelerometer_bias,
+            position_from_gyroscope_bias: velocity_from_gyroscope_bias * half,
+        }
     }
 
     /// This transition followed by `next`: the product `next * self`, which has the same shape
@@ -164,6 +142,7 @@ impl<T: Scalar> ErrorTransition<T> {
     pub fn then(&self, next: &Self) -> Self {
         Self {
             duration: self.duration + next.duration,
+            is_one_sample: false,
             velocity_from_attitude: self.velocity_from_attitude + next.velocity_from_attitude,
             position_from_attitude: self.position_from_attitude
                 + next.position_from_attitude
@@ -188,147 +167,69 @@ impl<T: Scalar> ErrorTransition<T> {
         self.map_rows(&mut phi);
         phi
     }
+}
 
-    /// `P <- Phi P Phi^T + Q`, in place (E8, E9).
-    #[inline]
-    pub(super) fn propagate_covariance(
-        &self,
-        p: &mut SMatrix<T, STATES, STATES>,
-        noise: &ProcessNoise<T>,
-    ) {
-        self.map_rows(p);
-        self.map_lower_columns(p);
-        self.add_noise(p, noise);
-        mirror_lower(p);
-    }
+/// What the attitude error takes up.
+pub(super) struct ToAttitude<'a, T: Scalar> {
+    /// `B`.
+    pub(super) axes: &'a Matrix3<T>,
+}
 
-    /// `M <- M Phi^T`, of which only the blocks on and below the diagonal are made: the product is
-    /// symmetric. The columns of the biases stay as they are.
-    fn map_lower_columns(&self, p: &mut SMatrix<T, STATES, STATES>) {
-        let b = self.integrated_axes.transpose();
-        let d = self.velocity_from_gyroscope_bias.transpose();
-        let e = self.position_from_gyroscope_bias.transpose();
-        let f = self.position_from_accelerometer_bias.transpose();
-        // Position first, attitude last: each needs the others as they were.
-        let row = POSITION;
-        let [attitude, velocity, force_bias, rate_bias] =
-            [ATTITUDE, VELOCITY, ACCELEROMETER_BIAS, GYROSCOPE_BIAS]
-                .map(|column| block(p, row, column));
-        let position = block(p, row, POSITION)
-            + cross_rows(&self.position_from_attitude, &attitude)
-            + velocity * self.duration
-            + force_bias * f
-            + rate_bias * e;
-        set_block(p, row, POSITION, &position);
-        for row in [POSITION, VELOCITY] {
-            let [attitude, force_bias, rate_bias] =
-                [ATTITUDE, ACCELEROMETER_BIAS, GYROSCOPE_BIAS].map(|column| block(p, row, column));
-            let velocity = block(p, row, VELOCITY)
-                + cross_rows(&self.velocity_from_attitude, &attitude)
-                + force_bias * b
-                + rate_bias * d;
-            set_block(p, row, VELOCITY, &velocity);
-        }
-        for row in [POSITION, VELOCITY, ATTITUDE] {
-            let attitude = block(p, row, ATTITUDE) + block(p, row, GYROSCOPE_BIAS) * b;
-            set_block(p, row, ATTITUDE, &attitude);
-        }
-        // Below the mapped rows those of the biases, whose mirror images are above.
-        for row in [ACCELEROMETER_BIAS, GYROSCOPE_BIAS] {
-            for column in [ATTITUDE, VELOCITY, POSITION] {
-                let mirrored = block(p, column, row).transpose();
-                set_block(p, row, column, &mirrored);
-            }
-        }
-    }
-
-    /// Adds `Q` for white noise and a specific force that is constant over the interval (E9). The
-    /// walks of the biases enter their own variance only; over one aiding interval their effect on
-    /// velocity and attitude is beyond the digits that matter.
-    fn add_noise(&self, p: &mut SMatrix<T, STATES, STATES>, noise: &ProcessNoise<T>) {
-        let t = self.duration;
-        if t <= T::zero() {
-            return;
-        }
-        // A t = [-a]x with the mean specific force in A = [f]x.
-        let at = skew(&(-self.velocity_from_attitude));
-        let aat = at * at.transpose();
-        let (g, a) = (noise.gyroscope, noise.accelerometer);
-        let eye = Matrix3::<T>::identity();
-        let velocity_attitude = at * (-g * t * lit(0.5));
-        let position_attitude = at * (-g * t * t * lit(1.0 / 6.0));
-        let velocity = eye * (a * t) + aat * (g * t * lit(1.0 / 3.0));
-        let position_velocity = eye * (a * t * t * lit(0.5)) + aat * (g * t * t * lit(0.125));
-        let position = eye * (a * t * t * t * lit(1.0 / 3.0)) + aat * (g * t * t * t * lit(0.05));
-        add_block(p, ATTITUDE, ATTITUDE, &(eye * (g * t)));
-        add_pair(p, VELOCITY, ATTITUDE, &velocity_attitude);
-        add_pair(p, POSITION, ATTITUDE, &position_attitude);
-        add_block(p, VELOCITY, VELOCITY, &velocity);
-        add_pair(p, POSITION, VELOCITY, &position_velocity);
-        add_block(p, POSITION, POSITION, &position);
-        let bias = |variance| eye * (variance * t);
-        add_block(
-            p,
-            ACCELEROMETER_BIAS,
-            ACCELEROMETER_BIAS,
-            &bias(noise.accelerometer_bias),
-        );
-        add_block(
-            p,
-            GYROSCOPE_BIAS,
-            GYROSCOPE_BIAS,
-            &bias(noise.gyroscope_bias),
-        );
+impl<T: Scalar> Takes<T> for ToAttitude<'_, T> {
+    #[inline(always)]
+    fn takes<const L: usize>(&self, part: impl Fn(usize) -> Triple<T, L>) -> Triple<T, L> {
+        times(self.axes, part(GYROSCOPE_BIAS))
     }
 }
 
-#[inline]
-fn add_block<T: Scalar>(
-    p: &mut SMatrix<T, STATES, STATES>,
-    row: usize,
-    column: usize,
-    block: &Matrix3<T>,
-) {
-    for j in 0..3 {
-        for i in 0..3 {
-            p[(row + i, column + j)] += block[(i, j)];
-        }
+/// What the velocity error takes up.
+struct ToVelocity<'a, T: Scalar>(&'a ErrorTransition<T>);
+
+impl<T: Scalar> Takes<T> for ToVelocity<'_, T> {
+    #[inline(always)]
+    fn takes<const L: usize>(&self, part: impl Fn(usize) -> Triple<T, L>) -> Triple<T, L> {
+        let turned = cross(&self.0.velocity_from_attitude, part(ATTITUDE));
+        let forced = times(&self.0.integrated_axes, part(ACCELEROMETER_BIAS));
+        let rate = &self.0.velocity_from_gyroscope_bias;
+        plus(plus(turned, forced), times(rate, part(GYROSCOPE_BIAS)))
     }
 }
 
-/// A block and its mirror image.
-#[inline]
-fn add_pair<T: Scalar>(
-    p: &mut SMatrix<T, STATES, STATES>,
-    row: usize,
-    column: usize,
-    block: &Matrix3<T>,
-) {
-    add_block(p, row, column, block);
-    add_block(p, column, row, &block.transpose());
+/// What the position error takes up.
+struct ToPosition<'a, T: Scalar>(&'a ErrorTransition<T>);
+
+impl<T: Scalar> Takes<T> for ToPosition<'_, T> {
+    #[inline(always)]
+    fn takes<const L: usize>(&self, part: impl Fn(usize) -> Triple<T, L>) -> Triple<T, L> {
+        let turned = cross(&self.0.position_from_attitude, part(ATTITUDE));
+        let moved = part(VELOCITY).map(|rows| rows.map(|v| v * self.0.duration));
+        let force = &self.0.position_from_accelerometer_bias;
+        let rate = &self.0.position_from_gyroscope_bias;
+        let moved = plus(turned, moved);
+        let forced = plus(moved, times(force, part(ACCELEROMETER_BIAS)));
+        plus(forced, times(rate, part(GYROSCOPE_BIAS)))
+    }
+}
+
+/// Adds to three elements of a column what their states take up.
+#[inline(always)]
+fn add<T: Scalar>(column: &mut [T; STATES], first: usize, x: &impl Takes<T>) {
+    let [[x], [y], [z]] =
+        x.takes(|state| [[column[state]], [column[state + 1]], [column[state + 2]]]);
+    column[first] += x;
+    column[first + 1] += y;
+    column[first + 2] += z;
 }
 
 impl<T: Scalar> ErrorPropagation<T, STATES> for ErrorTransition<T> {
     #[inline]
     fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, STATES, C>) {
-        for mut column in rows.column_iter_mut() {
-            let part =
-                |first: usize| Vector3::new(column[first], column[first + 1], column[first + 2]);
-            let (attitude, velocity) = (part(ATTITUDE), part(VELOCITY));
-            let (force_bias, rate_bias) = (part(ACCELEROMETER_BIAS), part(GYROSCOPE_BIAS));
-            let to_attitude = self.integrated_axes * rate_bias;
-            let to_velocity = self.velocity_from_attitude.cross(&attitude)
-                + self.integrated_axes * force_bias
-                + self.velocity_from_gyroscope_bias * rate_bias;
-            let to_position = self.position_from_attitude.cross(&attitude)
-                + velocity * self.duration
-                + self.position_from_accelerometer_bias * force_bias
-                + self.position_from_gyroscope_bias * rate_bias;
-            for i in 0..3 {
-                column[ATTITUDE + i] += to_attitude[i];
-                column[VELOCITY + i] += to_velocity[i];
-                column[POSITION + i] += to_position[i];
-            }
+        let axes = &self.integrated_axes;
+        for column in &mut rows.data.0 {
+            // Each needs the others as they were.
+            add(column, POSITION, &ToPosition(self));
+            add(column, VELOCITY, &ToVelocity(self));
+            add(column, ATTITUDE, &ToAttitude { axes });
         }
     }
 }

@@ -5,7 +5,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::with_turned;
-use crate::geometry::so3::skew;
+use crate::geometry::rotation;
 use crate::navigation::error_state::{Measurement, Row, SIDE};
 use crate::navigation::history::Instant;
 use crate::navigation::side_states::TIME_OFFSET;
@@ -31,20 +31,23 @@ pub fn measurement<T: Scalar, const M: usize>(
     variance: &Vector3<T>,
     components: [usize; M],
 ) -> Measurement<T, M> {
-    let axes = then.ned_from_body.to_rotation_matrix().into_inner();
-    let swing = axes * then.angular_rate.cross(lever_arm);
+    let axes = rotation::to_matrix(&then.ned_from_body);
+    let swinging = then.angular_rate.cross(lever_arm);
+    let swing = axes * swinging;
     let predicted = then.velocity + swing;
-    let centripetal = axes * then.angular_rate.cross(&then.angular_rate.cross(lever_arm));
+    let centripetal = axes * then.angular_rate.cross(&swinging);
     let acceleration = then.acceleration + centripetal;
     let turned = swing - then.force_integral;
-    let by_force_bias = axes * then.age_s;
-    let by_rate_bias = axes * skew(lever_arm);
     let row = |i: usize| {
         let mut row = Row::of_state(VELOCITY + i).with(SIDE + TIME_OFFSET, -acceleration[i]);
+        // Of C t, and of C [l]x.
+        let axis = axes.row(i).transpose();
+        let by_force_bias = axis * then.age_s;
+        let by_rate_bias = axis.cross(lever_arm);
         for j in 0..3 {
             row = row
-                .with(ACCELEROMETER_BIAS + j, by_force_bias[(i, j)])
-                .with(GYROSCOPE_BIAS + j, by_rate_bias[(i, j)]);
+                .with(ACCELEROMETER_BIAS + j, by_force_bias[j])
+                .with(GYROSCOPE_BIAS + j, by_rate_bias[j]);
         }
         with_turned(row, &turned, i)
     };

@@ -8,6 +8,7 @@
 
 use nalgebra::{Vector1, Vector3};
 
+use crate::geometry::rotation;
 use crate::kalman::SkipReason;
 use crate::navigation::ATTITUDE;
 use crate::navigation::error_state::{Measurement, Row};
@@ -31,14 +32,15 @@ pub fn measurement<T: Scalar>(
     heading: T,
     variance: T,
 ) -> Result<Measurement<T, 1>, SkipReason> {
-    let forward = then.ned_from_body * Vector3::x();
+    let forward = rotation::forward(&then.ned_from_body);
     let horizontal = forward.x * forward.x + forward.y * forward.y;
     if horizontal < lit(LEAST_HORIZONTAL) {
         return Err(SkipReason::Unobservable);
     }
+    let tangent = -forward.z / horizontal;
     let row = Row::of_state(ATTITUDE + 2)
-        .with(ATTITUDE, -forward.z * forward.x / horizontal)
-        .with(ATTITUDE + 1, -forward.z * forward.y / horizontal);
+        .with(ATTITUDE, tangent * forward.x)
+        .with(ATTITUDE + 1, tangent * forward.y);
     let residual = wrapped(heading - forward.y.atan2(forward.x));
     Ok(one(row, residual, variance))
 }

@@ -7,15 +7,21 @@
 //! gate has refused too often, the states that the measurement sees directly are set free first (E17): the
 //! filter was wrong, not the sensor.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+mod expected;
+mod shrink;
+
+use nalgebra::{Matrix3, SVector, Vector3};
+
+use self::expected::{Expected, Projected, Used};
+use self::shrink::{column_of_lower, mirror_lower, scaled, shrink, shrink_side};
 
 use super::ErrorStateFilter;
 use crate::geometry::{rotation, so3};
-use crate::kalman::covariance::{cap_variance, mirror_upper, normalized_square};
+use crate::kalman::covariance::cap_variance;
 use crate::kalman::sparse_update::SparseRow;
 use crate::kalman::{CountedGate, GateDecision, Innovation, Outcome, SkipReason};
 use crate::navigation::bias_wander::{BiasAtRest, WanderSettings};
-use crate::navigation::side_states::{SIDE_STATES, SideStates};
+use crate::navigation::side_states::SideStates;
 use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, STATES};
 use crate::scalar::{Scalar, lit};
 
@@ -25,9 +31,6 @@ pub const ROW_ELEMENTS: usize = 12;
 pub const SIDE: usize = STATES;
 /// How many measurements in a row a gate refuses before it believes them.
 pub const REJECTIONS_BELIEVED: u8 = 5;
-
-/// Least variance of a side state in use.
-const LEAST_SIDE_VARIANCE: f64 = 1e-14;
 
 /// Largest variances of attitude (rad^2), velocity, position, accelerometer and gyroscope bias: beyond them
 /// nothing is known.
@@ -49,52 +52,6 @@ pub struct Measurement<T: Scalar, const M: usize> {
     pub freed: [usize; M],
 }
 
-/// `P H^T` for one row.
-struct Projected<T: Scalar> {
-    error: SVector<T, STATES>,
-    side: SVector<T, SIDE_STATES>,
-}
-
-impl<T: Scalar> Projected<T> {
-    fn of(row: &Row<T>, p: &SMatrix<T, STATES, STATES>, side: &SideStates<T>) -> Self {
-        let mut error = SVector::<T, STATES>::zeros();
-        let mut beside = SVector::<T, SIDE_STATES>::zeros();
-        for (state, h) in row.elements() {
-            if *state < SIDE {
-                // The upper triangle alone is kept up between the rows of a measurement.
-                for (i, sum) in error.iter_mut().enumerate() {
-                    let element = p.get((i.min(*state), i.max(*state)));
-                    *sum += *h * element.copied().unwrap_or_else(T::zero);
-                }
-                for j in (0..SIDE_STATES).filter(|j| side.is_used(*j)) {
-                    beside[j] += *h * side.cross.get((*state, j)).copied().unwrap_or_else(T::zero);
-                }
-            } else if side.is_used(state - SIDE) && state - SIDE < SIDE_STATES {
-                error.axpy(*h, &side.cross.column(state - SIDE), T::one());
-                beside.axpy(*h, &side.covariance.column(state - SIDE), T::one());
-            }
-        }
-        Self {
-            error,
-            side: beside,
-        }
-    }
-
-    /// `H (P H^T)`, or `H x` for a correction.
-    fn dot(&self, row: &Row<T>) -> T {
-        let mut sum = T::zero();
-        for (state, h) in row.elements() {
-            let value = if *state < SIDE {
-                self.error.get(*state)
-            } else {
-                self.side.get(state - SIDE)
-            };
-            sum += *h * value.copied().unwrap_or_else(T::zero);
-        }
-        sum
-    }
-}
-
 impl<T: Scalar> ErrorStateFilter<T> {
     /// Fuses a measurement whose NIS is below `threshold` (zero: no gate). The covariance must have
     /// [caught up](Self::catch_up).
@@ -106,100 +63,71 @@ impl<T: Scalar> ErrorStateFilter<T> {
         threshold: T,
     ) -> Innovation<T> {
         const { assert!(M <= 3) };
-        let Some((expected, nis)) = self.expect(side, measurement) else {
+        let used = Used::of_states(side);
+        let Some(mut expected) = Expected::of(&self.state.covariance, side, used, measurement)
+        else {
             self.count_skipped();
             return Innovation::skipped(SkipReason::Numerical);
         };
-        let outcome = match gate.decide(nis, threshold, REJECTIONS_BELIEVED) {
+        let outcome = match gate.decide(expected.nis, threshold, REJECTIONS_BELIEVED) {
             GateDecision::Accept => Outcome::Fused,
             GateDecision::Inflate(_) => Outcome::Inflated,
             GateDecision::Reject => Outcome::Gated,
         };
-        let record = record(&measurement.residual, &expected, nis, outcome);
-        if outcome == Outcome::Inflated {
+        let record = record(&measurement.residual, &expected, outcome);
+        if outcome == Outcome::Fused {
+            self.fuse_expected(side, used, measurement, &mut expected);
+        } else if outcome == Outcome::Inflated {
             self.set_free(side, measurement);
-        }
-        if outcome.is_fused() {
-            self.fuse_rows(side, measurement);
+            let expected = Expected::of(&self.state.covariance, side, used, measurement);
+            if let Some(mut expected) = expected {
+                self.fuse_expected(side, used, measurement, &mut expected);
+            }
         }
         record
     }
 
-    /// `S = H P H^T + R` and the NIS (E15).
-    fn expect<const M: usize>(
-        &self,
-        side: &SideStates<T>,
+    /// Scalar updates, one row after the other (E16), and the correction into the state.
+    fn fuse_expected<const M: usize>(
+        &mut self,
+        side: &mut SideStates<T>,
+        used: Used,
         measurement: &Measurement<T, M>,
-    ) -> Option<(SMatrix<T, M, M>, T)> {
-        let mut s = SMatrix::<T, M, M>::from_diagonal(&measurement.variance);
-        for (j, row) in measurement.rows.iter().enumerate() {
-            let projected = Projected::of(row, &self.state.covariance, side);
-            for (i, row) in measurement.rows.iter().enumerate().take(j + 1) {
-                let value = projected.dot(row);
-                for at in [(i, j), (j, i)].into_iter().take(1 + usize::from(i != j)) {
-                    if let Some(element) = s.get_mut(at) {
-                        *element += value;
+        expected: &mut Expected<T, M>,
+    ) {
+        let p = &mut self.state.covariance;
+        let mut correction = Projected::zeros();
+        for (i, row) in measurement.rows.iter().enumerate() {
+            let Some((before, [known, ..])) = expected.rows.split_at_mut_checked(i) else {
+                return;
+            };
+            let ph = &mut known.projected;
+            match row.elements() {
+                // A column of the covariance, which has taken in the rows before.
+                [(state, h)] if *state < STATES && i > 0 && !used.any => {
+                    ph.error = scaled(&column_of_lower(p, *state), *h);
+                }
+                // What the rows before have told is known.
+                _ => {
+                    for (before, l) in before.iter().zip(&known.factor) {
+                        ph.add_scaled(&before.projected, -*l, used);
                     }
                 }
             }
-        }
-        let positive = measurement.variance.iter().all(|r| *r > T::zero());
-        let nis = normalized_square(&measurement.residual, &s).filter(|_| positive)?;
-        Some((s, nis))
-    }
-
-    /// Scalar updates, one row after the other (E16), and the correction into the state.
-    fn fuse_rows<const M: usize>(
-        &mut self,
-        side: &mut SideStates<T>,
-        measurement: &Measurement<T, M>,
-    ) {
-        let mut correction = Projected {
-            error: SVector::zeros(),
-            side: SVector::zeros(),
-        };
-        for (i, row) in measurement.rows.iter().enumerate() {
-            let ph = Projected::of(row, &self.state.covariance, side);
-            let s = ph.dot(row) + measurement.variance[i];
-            let nu = measurement.residual[i] - correction.dot(row);
-            if !(s > T::zero() && s.is_finite() && nu.is_finite()) {
-                continue;
-            }
-            let inverse = T::one() / s;
-            correction.error.axpy(nu * inverse, &ph.error, T::one());
-            correction.side.axpy(nu * inverse, &ph.side, T::one());
-            self.shrink(side, &ph, inverse);
-        }
-        mirror_upper(&mut self.state.covariance);
-        side.values += correction.side;
-        let angle = self.inject(&correction.error);
-        side.reset(&angle);
-    }
-
-    /// `P -= (P H^T)(P H^T)^T / S`, over the joint covariance; of the filter's the upper triangle.
-    fn shrink(&mut self, side: &mut SideStates<T>, ph: &Projected<T>, inverse: T) {
-        let p = &mut self.state.covariance;
-        let columns = p.as_mut_slice().chunks_exact_mut(STATES);
-        for (j, (column, b)) in columns.zip(&ph.error).enumerate() {
-            let k = *b * inverse;
-            for (value, a) in column.iter_mut().zip(&ph.error).take(j + 1) {
-                *value -= *a * k;
+            let gain = ph.times(known.weight, used);
+            correction.add_scaled(&gain, known.residual, used);
+            shrink(p, ph, &gain);
+            if used.any {
+                shrink_side(side, used, ph, &gain);
             }
         }
-        for j in 0..SIDE_STATES {
-            if !side.is_used(j) {
-                continue;
-            }
-            let k = ph.side[j] * inverse;
-            side.cross.column_mut(j).axpy(-k, &ph.error, T::one());
-            for i in 0..=j {
-                let value = side.covariance[(i, j)] - ph.side[i] * k;
-                side.covariance[(i, j)] = value;
-                side.covariance[(j, i)] = value;
-            }
-            // A side state does not go out of use by being known well.
-            let variance = &mut side.covariance[(j, j)];
-            *variance = variance.max(lit(LEAST_SIDE_VARIANCE));
+        mirror_lower(p);
+        if used.any {
+            side.values += SVector::from(correction.side);
+        }
+        let angle = self.inject(&SVector::from(correction.error));
+        if used.any {
+            side.reset(&angle);
         }
     }
 
@@ -277,8 +205,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
 
 fn record<T: Scalar, const M: usize>(
     residual: &SVector<T, M>,
-    expected: &SMatrix<T, M, M>,
-    nis: T,
+    expected: &Expected<T, M>,
     outcome: Outcome,
 ) -> Innovation<T> {
     let mut all = Vector3::zeros();
@@ -286,13 +213,13 @@ fn record<T: Scalar, const M: usize>(
     for j in 0..M.min(3) {
         all[j] = residual[j];
         for i in 0..M.min(3) {
-            covariance[(i, j)] = expected[(i, j)];
+            covariance[(i, j)] = expected.covariance[(i, j)];
         }
     }
     Innovation {
         residual: all,
         covariance,
-        nis,
+        nis: expected.nis,
         degrees_of_freedom: M as u8,
         outcome,
     }

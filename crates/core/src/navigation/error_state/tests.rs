@@ -2,7 +2,7 @@ use super::*;
 use crate::kalman::Outcome;
 use crate::kalman::covariance::cholesky;
 use approx::assert_relative_eq;
-use nalgebra::{Matrix6, SVector, UnitQuaternion};
+use nalgebra::{Matrix3, Matrix6, SVector, UnitQuaternion};
 use num_dual::{DualSVec64, jacobian};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::StandardNormal;

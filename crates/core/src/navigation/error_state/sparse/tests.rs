@@ -2,9 +2,11 @@
 
 use super::*;
 use crate::kalman::covariance::cholesky;
+use crate::navigation::side_states::SIDE_STATES;
 use crate::navigation::side_states::SideStep;
 use crate::navigation::{ErrorStateConfig, ErrorTransition, NavigationState};
 use approx::assert_relative_eq;
+use nalgebra::SMatrix;
 
 const ALL: usize = STATES + SIDE_STATES;
 type Joint = SMatrix<f64, ALL, ALL>;
