@@ -55,6 +55,8 @@ pub struct Measurement<T: Scalar, const M: usize> {
 impl<T: Scalar> ErrorStateFilter<T> {
     /// Fuses a measurement whose NIS is below `threshold` (zero: no gate). The covariance must have
     /// [caught up](Self::catch_up).
+    // Not inlined: on a chip its memory is then free again for what follows.
+    #[inline(never)]
     pub fn fuse_sparse<const M: usize>(
         &mut self,
         side: &mut SideStates<T>,
@@ -78,13 +80,25 @@ impl<T: Scalar> ErrorStateFilter<T> {
         if outcome == Outcome::Fused {
             self.fuse_expected(side, used, measurement, &mut expected);
         } else if outcome == Outcome::Inflated {
-            self.set_free(side, measurement);
-            let expected = Expected::of(&self.state.covariance, side, used, measurement);
-            if let Some(mut expected) = expected {
-                self.fuse_expected(side, used, measurement, &mut expected);
-            }
+            self.believe(side, used, measurement);
         }
         record
+    }
+
+    /// Fuses a measurement that the gate would still refuse, with the states that it sees set free (E17).
+    // Not inlined, for the same reason.
+    #[inline(never)]
+    fn believe<const M: usize>(
+        &mut self,
+        side: &mut SideStates<T>,
+        used: Used,
+        measurement: &Measurement<T, M>,
+    ) {
+        self.set_free(side, measurement);
+        let expected = Expected::of(&self.state.covariance, side, used, measurement);
+        if let Some(mut expected) = expected {
+            self.fuse_expected(side, used, measurement, &mut expected);
+        }
     }
 
     /// Scalar updates, one row after the other (E16), and the correction into the state.

@@ -67,7 +67,8 @@ impl<T: Scalar> ErrorTransition<T> {
 
     /// `Phi P Phi^T` by one shear for position, velocity and attitude each, in this order: each needs the others as
     /// they were.
-    #[inline]
+    // Not inlined: on a chip its memory is then free again for what follows.
+    #[inline(never)]
     fn shear_samples(&self, p: &mut Columns<T>) {
         let axes = &self.integrated_axes;
         let sources = [ATTITUDE, VELOCITY, ACCELEROMETER_BIAS, GYROSCOPE_BIAS];
@@ -79,6 +80,7 @@ impl<T: Scalar> ErrorTransition<T> {
 
     /// The same over one sample, for a third less: the velocity changes with the attitude of mid-sample, and the
     /// position with the mean of the velocities before and after, so that `B` and `a` say it all.
+    #[inline(never)]
     fn shear_one_sample(&self, p: &mut Columns<T>) {
         let half_way = HalfWay(self.duration * lit(0.5));
         let axes = &(self.integrated_axes * lit::<T>(0.5));
@@ -102,7 +104,7 @@ impl<T: Scalar> ErrorTransition<T> {
     /// Adds `Q` for white noise and a specific force that is constant over the interval (E9). The
     /// walks of the biases enter their own variance only; over one aiding interval their effect on
     /// velocity and attitude is beyond the digits that matter.
-    #[inline]
+    #[inline(never)]
     fn add_noise(&self, c: &mut Columns<T>, noise: &ProcessNoise<T>) {
         let t = self.duration;
         if t <= T::zero() {
