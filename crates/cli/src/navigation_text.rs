@@ -86,10 +86,14 @@ fn position(summary: &NavigationSummary) -> String {
     let vertical = score
         .vertical_rmse_m
         .map_or_else(String::new, |v| format!(", {v:.3} m vertically"));
+    let against = match summary.scored_against {
+        Some("reference") => "the reference",
+        other => other.unwrap_or("withheld fixes"),
+    };
     let mut text = format!(
         "{:.3} m RMS horizontally{vertical}, against {} at {} points; {:.1} % inside the 95 % ellipse.",
         score.horizontal_rmse_m,
-        summary.scored_against.unwrap_or("withheld fixes"),
+        against,
         score.scored_fixes,
         100.0 * score.inside_95
     );
@@ -114,10 +118,21 @@ fn of_outage(outage: &OutageScore) -> String {
                 _ => "outside",
             };
             format!(
-                "{span} {error:.1} m off at the end, {std:.1} m predicted; {inside} the 95 % ellipse"
+                "{span} {} off at the end, {} predicted; {inside} the 95 % ellipse",
+                metres(error),
+                metres(std)
             )
         }
         _ => format!("{span} nothing to score at"),
+    }
+}
+
+/// Metres to a tenth, or to a millimetre where a tenth says nothing.
+fn metres(value: f64) -> String {
+    if value < 1.0 {
+        format!("{value:.3} m")
+    } else {
+        format!("{value:.1} m")
     }
 }
 
