@@ -50,6 +50,8 @@ mod alignment;
 mod clock;
 mod config;
 mod counts;
+mod inertial;
+mod propagation;
 mod starting;
 mod stillness;
 mod updates;
@@ -66,26 +68,19 @@ pub use updates::{ErrorShares, GnssPositionUpdate};
 use self::alignment::Alignment;
 use self::starting::Seen;
 use self::stillness::{Quiet, StillnessWindow, Window};
-use super::bias_wander::{BiasAtRest, WanderSettings};
+use super::bias_wander::BiasAtRest;
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
-use super::history::{ImuHistory, Instant};
-use super::side_states::{
-    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, SIDE_STATES, SideStates, SideStep,
-};
+use super::history::ImuHistory;
+use super::side_states::{SIDE_STATES, SideStates};
 use super::validity::Validity;
 use super::{ErrorTransition, NavigationState, POSITION};
-use crate::kalman::innovation::check_vector;
-use crate::kalman::{CountedGate, SkipReason};
+use crate::kalman::CountedGate;
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval between inertial samples that counts as continuous, s.
 pub const GAP_LIMIT_S: f64 = 0.5;
 /// A longer gap (s) is the end: it aligns again.
 pub const LONGEST_GAP_S: f64 = 10.0;
-/// The covariance follows the state at least so often, s.
-const COVARIANCE_INTERVAL_S: f64 = 0.1;
-/// Earth's mean radius, m: how gravity turns and falls with position.
-const EARTH_RADIUS_M: f64 = 6.371e6;
 
 /// How the errors went on over one step of the covariance: the 15 by the transition, then the biases and the side
 /// states shrunk.
@@ -304,306 +299,6 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Whether the unit was found at rest in the last half second.
     pub fn is_still(&self) -> bool {
         self.still_windows > 0
-    }
-
-    /// Takes an angular rate (rad/s) and specific force (m/s^2) of one stamp, body axes.
-    ///
-    /// # Errors
-    /// Why the sample was refused; it is counted and changes nothing.
-    pub fn imu(
-        &mut self,
-        time_ns: i64,
-        angular_rate: &Vector3<T>,
-        specific_force: &Vector3<T>,
-    ) -> Result<(), SkipReason> {
-        let newer = self.last_imu.is_none_or(|(last, _, _)| time_ns > last);
-        let checked = check_vector(angular_rate, T::zero(), lit(100.0))
-            .and_then(|()| check_vector(specific_force, T::zero(), lit(1e3)))
-            .and(if newer {
-                Ok(())
-            } else {
-                Err(SkipReason::NotNewer)
-            });
-        let used = self.config.imu_samples != ImuSamples::None;
-        let checked = checked.and(if used {
-            Ok(())
-        } else {
-            Err(SkipReason::NotUsed)
-        });
-        if let Err(reason) = checked {
-            self.imu_skipped = self.imu_skipped.saturating_add(1);
-            if let (SkipReason::NotNewer, Some((last, _, _))) = (reason, self.last_imu) {
-                self.note_stamp_behind(time_ns, last);
-            }
-            return Err(reason);
-        }
-        self.behind = 0;
-        let last = self
-            .last_imu
-            .replace((time_ns, *angular_rate, *specific_force));
-        let now = self.now_ns.replace(time_ns);
-        let Some((last_ns, last_rate, last_force)) = last else {
-            return Ok(());
-        };
-        let dt: T = seconds(last_ns, time_ns);
-        if dt > lit(GAP_LIMIT_S) {
-            self.bridge(seconds(now.unwrap_or(last_ns), time_ns));
-            return Ok(());
-        }
-        self.settle();
-        let half = lit::<T>(0.5);
-        let (rate, force) = match self.config.imu_samples {
-            ImuSamples::Instants => (
-                (angular_rate + last_rate) * half,
-                (specific_force + last_force) * half,
-            ),
-            ImuSamples::Means | ImuSamples::None => (*angular_rate, *specific_force),
-        };
-        self.step(&rate, &force, dt);
-        Ok(())
-    }
-
-    /// Moves on by `dt` with a rate and force that held over it.
-    fn step(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
-        let window = self.window.add(rate, force, self.config.gravity, dt);
-        if let Some(alignment) = &mut self.aligning {
-            alignment.propagate(rate, force, dt);
-            if let Some(window) = &window {
-                alignment.window(window);
-                let is_still = alignment.is_still;
-                self.see_window(window, is_still);
-            }
-            self.try_to_start();
-            return;
-        }
-        if let Some(window) = &window {
-            let stands = self.stands_until_ns >= self.now_ns && window.may_be_still;
-            self.see_window(window, stands);
-        }
-        let (rate, force) = self.on_the_earth(rate, force);
-        // Cannot be refused: checked above, and the interval is positive and short.
-        if self.filter.propagate(&rate, &force, dt).is_ok() {
-            self.history.push(&rate, &force, dt);
-        }
-        self.since_velocity += dt;
-        self.since_constraint += dt;
-        self.due_window = window.or(self.due_window);
-    }
-
-    /// Counts windows at rest, and learns from those in which it is `known` to stand.
-    fn see_window(&mut self, window: &Window<T>, known: bool) {
-        if known {
-            self.quiet.learn(window);
-        }
-        let still = known || self.quiet.agrees(window);
-        self.still_windows = if still {
-            self.still_windows.saturating_add(1)
-        } else {
-            0
-        };
-    }
-
-    /// Takes out of a sample what the filter's plane does not know: Earth rate, Coriolis force, and gravity that
-    /// turns and falls with the distance from the origin (E27).
-    fn on_the_earth(&self, rate: &Vector3<T>, force: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
-        let state = self.filter.state();
-        let per_metre = if self.config.earth_curvature {
-            self.config.gravity / lit(EARTH_RADIUS_M)
-        } else {
-            T::zero()
-        };
-        let p = &state.position;
-        let mut extra = Vector3::new(-p.x, -p.y, p.z + p.z) * per_metre;
-        let earth = Vector3::from(self.config.earth_rate_rad_s);
-        let turns = earth.norm_squared() > T::zero();
-        if turns {
-            extra -= earth.cross(&state.velocity) * lit::<T>(2.0);
-        }
-        let body_from_ned = state.ned_from_body.inverse();
-        let rate = if turns {
-            rate - body_from_ned * earth
-        } else {
-            *rate
-        };
-        (rate, force + body_from_ned * extra)
-    }
-
-    /// Whether [`Self::settle`] has something to do: the covariance is 0.1 s behind, or a window or interval is over in
-    /// which the filter constrains itself.
-    pub fn is_due(&self) -> bool {
-        let behind = self.pending_s() >= lit(COVARIANCE_INTERVAL_S);
-        self.aligning.is_none() && (behind || self.due_window.is_some() || self.is_constraint_due())
-    }
-
-    /// Brings the covariance up to the state if it is due, and applies what the filter knows without being told. The
-    /// next sample or measurement does it anyway; a smoother does it itself, to see what happens between.
-    pub fn settle(&mut self) {
-        if self.is_due() {
-            self.catch_up();
-            self.constrain();
-        }
-    }
-
-    /// Seconds that the state is ahead of its covariance.
-    pub fn pending_s(&self) -> T {
-        self.filter.state().pending.duration_s()
-    }
-
-    /// The last step of the covariance: how the errors went on over it.
-    pub fn last_step(&self) -> &CovarianceStep<T> {
-        &self.last_step
-    }
-
-    /// Brings the covariance up to the state.
-    pub fn catch_up(&mut self) {
-        if self.pending_s() > T::zero() {
-            let transition = self.filter.catch_up();
-            self.follow(&transition);
-        }
-    }
-
-    /// Brings what is beside the filter along.
-    fn follow(&mut self, transition: &ErrorTransition<T>) {
-        let duration = transition.duration_s();
-        let mut step = SideStep {
-            decay: [T::one(); SIDE_STATES],
-            added: [T::zero(); SIDE_STATES],
-        };
-        let kept = (-duration / self.config.position_slow_time_s).exp();
-        for i in 0..3 {
-            step.decay[GNSS_OFFSET + i] = kept;
-            step.added[GNSS_OFFSET + i] = self.slow_variance[i] * (T::one() - kept * kept);
-        }
-        if self.side.is_used(BAROMETER_OFFSET) {
-            let walk = self.config.barometer_offset_random_walk;
-            step.added[BAROMETER_OFFSET] = walk * walk * duration;
-        }
-        if self.side.is_used(MAGNETIC_OFFSET) {
-            let walk = self.config.magnetic_offset_random_walk_ut;
-            for i in 0..3 {
-                step.added[MAGNETIC_OFFSET + i] = walk * walk * duration;
-            }
-        }
-        self.side.propagate(transition, &step);
-        let kept = |std: T, time: T| {
-            if std > T::zero() {
-                (-duration / time).exp()
-            } else {
-                T::one()
-            }
-        };
-        let c = &self.config;
-        self.last_step = CovarianceStep {
-            transition: *transition,
-            bias_kept: [
-                kept(c.accelerometer_wander_std, c.accelerometer_wander_time_s),
-                kept(c.gyroscope_wander_std, c.gyroscope_wander_time_s),
-            ],
-            side_kept: step.decay,
-        };
-        self.relax_biases(duration);
-        self.filter.limit_covariance(&mut self.side);
-        if !(self.filter.state().is_usable() && self.side.is_usable()) {
-            self.restart();
-        }
-    }
-
-    fn relax_biases(&mut self, duration: T) {
-        let c = &self.config;
-        let settings = [
-            WanderSettings {
-                std: c.accelerometer_wander_std,
-                time_s: c.accelerometer_wander_time_s,
-                walk: c.accelerometer_bias_random_walk,
-            },
-            WanderSettings {
-                std: c.gyroscope_wander_std,
-                time_s: c.gyroscope_wander_time_s,
-                walk: c.gyroscope_bias_random_walk,
-            },
-        ];
-        self.filter
-            .relax_biases(&mut self.at_rest, &settings, duration, &mut self.side);
-    }
-
-    /// Goes on over a time without inertial samples: the velocity is held and everything grows uncertain.
-    fn bridge(&mut self, duration: T) {
-        self.gaps = self.gaps.saturating_add(1);
-        self.history.clear();
-        self.window = StillnessWindow::default();
-        self.still_windows = 0;
-        if duration > lit(LONGEST_GAP_S) {
-            self.restart();
-        } else if self.aligning.is_some() {
-            // North is another arbitrary one: what was seen against the old one is over.
-            self.aligning = Some(Alignment::default());
-            self.seen = Seen::default();
-        } else if duration > T::zero() {
-            self.hold_velocity(duration);
-        }
-    }
-
-    fn hold_velocity(&mut self, duration: T) {
-        self.catch_up();
-        let walks = [
-            self.config.gap_attitude_random_walk,
-            self.config.gap_velocity_random_walk,
-        ];
-        let transition = self.filter.hold_velocity(duration, walks);
-        self.follow(&transition);
-    }
-
-    /// Moves the time on where there is no inertial unit.
-    fn go_on_without_samples(&mut self, time_ns: i64) {
-        let now = self.now_ns.unwrap_or(time_ns);
-        let duration: T = seconds(now, time_ns);
-        if duration <= T::zero() && self.now_ns.is_some() {
-            if duration < T::zero() {
-                self.note_stamp_behind(time_ns, now);
-            }
-            return;
-        }
-        self.behind = 0;
-        self.now_ns = Some(time_ns);
-        if duration > lit(LONGEST_GAP_S) {
-            self.restart();
-        }
-        match &mut self.aligning {
-            Some(alignment) => alignment.assume_level(),
-            None => {
-                self.hold_velocity(duration);
-                let tilt = lit(alignment::TILT_STD_ASSUMED);
-                self.filter.hold_level(&mut self.side, tilt);
-                self.since_velocity += duration;
-                self.since_constraint += duration;
-                self.constrain();
-                self.damp(duration);
-            }
-        }
-    }
-
-    /// Forgets the state and aligns again.
-    fn restart(&mut self) {
-        self.restarts = self
-            .restarts
-            .saturating_add(u32::from(self.aligning.is_none()));
-        self.aligning = Some(Alignment::default());
-        self.seen = Seen::default();
-        self.side = SideStates::default();
-        self.history.clear();
-        self.due_window = None;
-        self.last_fix_ns = None;
-        self.last_magnetic_ns = None;
-        self.gates = [CountedGate::default(); Aid::ALL.len()];
-        self.standing_rate_gate = CountedGate::default();
-    }
-
-    /// The state when a measurement was valid whose stamp is `time_ns` and which is `latency` late.
-    fn instant(&self, time_ns: i64, latency: T) -> Instant<T> {
-        let now = self.now_ns.unwrap_or(time_ns);
-        let age = seconds::<T>(time_ns, now) + latency;
-        self.history
-            .at(self.filter.state(), self.config.gravity, age)
     }
 }
 

@@ -1,0 +1,136 @@
+//! Inertial samples of a GNSS/INS: checks, gaps, the Earth, and whether the unit stands.
+
+use nalgebra::Vector3;
+
+use super::stillness::Window;
+use super::{GAP_LIMIT_S, GnssIns, ImuSamples, seconds};
+use crate::kalman::SkipReason;
+use crate::kalman::innovation::check_vector;
+use crate::scalar::{Scalar, lit};
+
+/// Earth's mean radius, m: how gravity turns and falls with position.
+const EARTH_RADIUS_M: f64 = 6.371e6;
+
+impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+    /// Takes an angular rate (rad/s) and specific force (m/s^2) of one stamp, body axes.
+    ///
+    /// # Errors
+    /// Why the sample was refused; it is counted and changes nothing.
+    pub fn imu(
+        &mut self,
+        time_ns: i64,
+        angular_rate: &Vector3<T>,
+        specific_force: &Vector3<T>,
+    ) -> Result<(), SkipReason> {
+        let newer = self.last_imu.is_none_or(|(last, _, _)| time_ns > last);
+        let checked = check_vector(angular_rate, T::zero(), lit(100.0))
+            .and_then(|()| check_vector(specific_force, T::zero(), lit(1e3)))
+            .and(if newer {
+                Ok(())
+            } else {
+                Err(SkipReason::NotNewer)
+            });
+        let used = self.config.imu_samples != ImuSamples::None;
+        let checked = checked.and(if used {
+            Ok(())
+        } else {
+            Err(SkipReason::NotUsed)
+        });
+        if let Err(reason) = checked {
+            self.imu_skipped = self.imu_skipped.saturating_add(1);
+            if let (SkipReason::NotNewer, Some((last, _, _))) = (reason, self.last_imu) {
+                self.note_stamp_behind(time_ns, last);
+            }
+            return Err(reason);
+        }
+        self.behind = 0;
+        let last = self
+            .last_imu
+            .replace((time_ns, *angular_rate, *specific_force));
+        let now = self.now_ns.replace(time_ns);
+        let Some((last_ns, last_rate, last_force)) = last else {
+            return Ok(());
+        };
+        let dt: T = seconds(last_ns, time_ns);
+        if dt > lit(GAP_LIMIT_S) {
+            self.bridge(seconds(now.unwrap_or(last_ns), time_ns));
+            return Ok(());
+        }
+        self.settle();
+        let half = lit::<T>(0.5);
+        let (rate, force) = match self.config.imu_samples {
+            ImuSamples::Instants => (
+                (angular_rate + last_rate) * half,
+                (specific_force + last_force) * half,
+            ),
+            ImuSamples::Means | ImuSamples::None => (*angular_rate, *specific_force),
+        };
+        self.step(&rate, &force, dt);
+        Ok(())
+    }
+
+    /// Moves on by `dt` with a rate and force that held over it.
+    fn step(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
+        let window = self.window.add(rate, force, self.config.gravity, dt);
+        if let Some(alignment) = &mut self.aligning {
+            alignment.propagate(rate, force, dt);
+            if let Some(window) = &window {
+                alignment.window(window);
+                let is_still = alignment.is_still;
+                self.see_window(window, is_still);
+            }
+            self.try_to_start();
+            return;
+        }
+        if let Some(window) = &window {
+            let stands = self.stands_until_ns >= self.now_ns && window.may_be_still;
+            self.see_window(window, stands);
+        }
+        let (rate, force) = self.on_the_earth(rate, force);
+        // Cannot be refused: checked above, and the interval is positive and short.
+        if self.filter.propagate(&rate, &force, dt).is_ok() {
+            self.history.push(&rate, &force, dt);
+        }
+        self.since_velocity += dt;
+        self.since_constraint += dt;
+        self.due_window = window.or(self.due_window);
+    }
+
+    /// Counts windows at rest, and learns from those in which it is `known` to stand.
+    fn see_window(&mut self, window: &Window<T>, known: bool) {
+        if known {
+            self.quiet.learn(window);
+        }
+        let still = known || self.quiet.agrees(window);
+        self.still_windows = if still {
+            self.still_windows.saturating_add(1)
+        } else {
+            0
+        };
+    }
+
+    /// Takes out of a sample what the filter's plane does not know: Earth rate, Coriolis force, and gravity that
+    /// turns and falls with the distance from the origin (E27).
+    fn on_the_earth(&self, rate: &Vector3<T>, force: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+        let state = self.filter.state();
+        let per_metre = if self.config.earth_curvature {
+            self.config.gravity / lit(EARTH_RADIUS_M)
+        } else {
+            T::zero()
+        };
+        let p = &state.position;
+        let mut extra = Vector3::new(-p.x, -p.y, p.z + p.z) * per_metre;
+        let earth = Vector3::from(self.config.earth_rate_rad_s);
+        let turns = earth.norm_squared() > T::zero();
+        if turns {
+            extra -= earth.cross(&state.velocity) * lit::<T>(2.0);
+        }
+        let body_from_ned = state.ned_from_body.inverse();
+        let rate = if turns {
+            rate - body_from_ned * earth
+        } else {
+            *rate
+        };
+        (rate, force + body_from_ned * extra)
+    }
+}

@@ -1,0 +1,197 @@
+//! The covariance of a GNSS/INS brought up to its state: side states, biases that relax, gaps, and the restart.
+
+use super::alignment::{self, Alignment};
+use super::starting::Seen;
+use super::stillness::StillnessWindow;
+use super::{Aid, CovarianceStep, GnssIns, LONGEST_GAP_S, seconds};
+use crate::kalman::CountedGate;
+use crate::navigation::ErrorTransition;
+use crate::navigation::bias_wander::WanderSettings;
+use crate::navigation::history::Instant;
+use crate::navigation::side_states::{
+    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, SIDE_STATES, SideStates, SideStep,
+};
+use crate::scalar::{Scalar, lit};
+
+/// The covariance follows the state at least so often, s.
+const COVARIANCE_INTERVAL_S: f64 = 0.1;
+
+impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+    /// Whether [`Self::settle`] has something to do: the covariance is 0.1 s behind, or a window or interval is over in
+    /// which the filter constrains itself.
+    pub fn is_due(&self) -> bool {
+        let behind = self.pending_s() >= lit(COVARIANCE_INTERVAL_S);
+        self.aligning.is_none() && (behind || self.due_window.is_some() || self.is_constraint_due())
+    }
+
+    /// Brings the covariance up to the state if it is due, and applies what the filter knows without being told. The
+    /// next sample or measurement does it anyway; a smoother does it itself, to see what happens between.
+    pub fn settle(&mut self) {
+        if self.is_due() {
+            self.catch_up();
+            self.constrain();
+        }
+    }
+
+    /// Seconds that the state is ahead of its covariance.
+    pub fn pending_s(&self) -> T {
+        self.filter.state().pending.duration_s()
+    }
+
+    /// The last step of the covariance: how the errors went on over it.
+    pub fn last_step(&self) -> &CovarianceStep<T> {
+        &self.last_step
+    }
+
+    /// Brings the covariance up to the state.
+    pub fn catch_up(&mut self) {
+        if self.pending_s() > T::zero() {
+            let transition = self.filter.catch_up();
+            self.follow(&transition);
+        }
+    }
+
+    /// Brings what is beside the filter along.
+    fn follow(&mut self, transition: &ErrorTransition<T>) {
+        let duration = transition.duration_s();
+        let mut step = SideStep {
+            decay: [T::one(); SIDE_STATES],
+            added: [T::zero(); SIDE_STATES],
+        };
+        let kept = (-duration / self.config.position_slow_time_s).exp();
+        for i in 0..3 {
+            step.decay[GNSS_OFFSET + i] = kept;
+            step.added[GNSS_OFFSET + i] = self.slow_variance[i] * (T::one() - kept * kept);
+        }
+        if self.side.is_used(BAROMETER_OFFSET) {
+            let walk = self.config.barometer_offset_random_walk;
+            step.added[BAROMETER_OFFSET] = walk * walk * duration;
+        }
+        if self.side.is_used(MAGNETIC_OFFSET) {
+            let walk = self.config.magnetic_offset_random_walk_ut;
+            for i in 0..3 {
+                step.added[MAGNETIC_OFFSET + i] = walk * walk * duration;
+            }
+        }
+        self.side.propagate(transition, &step);
+        let kept = |std: T, time: T| {
+            if std > T::zero() {
+                (-duration / time).exp()
+            } else {
+                T::one()
+            }
+        };
+        let c = &self.config;
+        self.last_step = CovarianceStep {
+            transition: *transition,
+            bias_kept: [
+                kept(c.accelerometer_wander_std, c.accelerometer_wander_time_s),
+                kept(c.gyroscope_wander_std, c.gyroscope_wander_time_s),
+            ],
+            side_kept: step.decay,
+        };
+        self.relax_biases(duration);
+        self.filter.limit_covariance(&mut self.side);
+        if !(self.filter.state().is_usable() && self.side.is_usable()) {
+            self.restart();
+        }
+    }
+
+    fn relax_biases(&mut self, duration: T) {
+        let c = &self.config;
+        let settings = [
+            WanderSettings {
+                std: c.accelerometer_wander_std,
+                time_s: c.accelerometer_wander_time_s,
+                walk: c.accelerometer_bias_random_walk,
+            },
+            WanderSettings {
+                std: c.gyroscope_wander_std,
+                time_s: c.gyroscope_wander_time_s,
+                walk: c.gyroscope_bias_random_walk,
+            },
+        ];
+        self.filter
+            .relax_biases(&mut self.at_rest, &settings, duration, &mut self.side);
+    }
+
+    /// Goes on over a time without inertial samples: the velocity is held and everything grows uncertain.
+    pub(super) fn bridge(&mut self, duration: T) {
+        self.gaps = self.gaps.saturating_add(1);
+        self.history.clear();
+        self.window = StillnessWindow::default();
+        self.still_windows = 0;
+        if duration > lit(LONGEST_GAP_S) {
+            self.restart();
+        } else if self.aligning.is_some() {
+            // North is another arbitrary one: what was seen against the old one is over.
+            self.aligning = Some(Alignment::default());
+            self.seen = Seen::default();
+        } else if duration > T::zero() {
+            self.hold_velocity(duration);
+        }
+    }
+
+    pub(super) fn hold_velocity(&mut self, duration: T) {
+        self.catch_up();
+        let walks = [
+            self.config.gap_attitude_random_walk,
+            self.config.gap_velocity_random_walk,
+        ];
+        let transition = self.filter.hold_velocity(duration, walks);
+        self.follow(&transition);
+    }
+
+    /// Moves the time on where there is no inertial unit.
+    pub(super) fn go_on_without_samples(&mut self, time_ns: i64) {
+        let now = self.now_ns.unwrap_or(time_ns);
+        let duration: T = seconds(now, time_ns);
+        if duration <= T::zero() && self.now_ns.is_some() {
+            if duration < T::zero() {
+                self.note_stamp_behind(time_ns, now);
+            }
+            return;
+        }
+        self.behind = 0;
+        self.now_ns = Some(time_ns);
+        if duration > lit(LONGEST_GAP_S) {
+            self.restart();
+        }
+        match &mut self.aligning {
+            Some(alignment) => alignment.assume_level(),
+            None => {
+                self.hold_velocity(duration);
+                let tilt = lit(alignment::TILT_STD_ASSUMED);
+                self.filter.hold_level(&mut self.side, tilt);
+                self.since_velocity += duration;
+                self.since_constraint += duration;
+                self.constrain();
+                self.damp(duration);
+            }
+        }
+    }
+
+    /// Forgets the state and aligns again.
+    pub(super) fn restart(&mut self) {
+        self.restarts = self
+            .restarts
+            .saturating_add(u32::from(self.aligning.is_none()));
+        self.aligning = Some(Alignment::default());
+        self.seen = Seen::default();
+        self.side = SideStates::default();
+        self.history.clear();
+        self.due_window = None;
+        self.last_fix_ns = None;
+        self.last_magnetic_ns = None;
+        self.gates = [CountedGate::default(); Aid::ALL.len()];
+        self.standing_rate_gate = CountedGate::default();
+    }
+
+    /// The state when a measurement was valid whose stamp is `time_ns` and which is `latency` late.
+    pub(super) fn instant(&self, time_ns: i64, latency: T) -> Instant<T> {
+        let now = self.now_ns.unwrap_or(time_ns);
+        let age = seconds::<T>(time_ns, now) + latency;
+        self.history
+            .at(self.filter.state(), self.config.gravity, age)
+    }
+}

@@ -1,0 +1,91 @@
+//! A magnetometer with iron around it: how it starts, and what it learns.
+
+use super::*;
+use crate::navigation::side_states::MAGNETIC_OFFSET;
+
+#[test]
+fn iron_around_the_magnetometer_is_learnt_and_does_not_turn_the_heading() {
+    let iron = Vector3::new(18.0, -14.0, 10.0);
+    let seen = Drive {
+        seconds: 120,
+        iron: Some(iron),
+        ..Drive::default()
+    };
+    let heading_error = |config| {
+        let (ins, motion) = drive(config, &seen, |_, _, _| ());
+        let [yaw, _, _] = rotation::to_yaw_pitch_roll(&ins.state().unwrap().ned_from_body);
+        (ins, (yaw - motion.heading).sin().abs())
+    };
+    let told = GnssInsConfig {
+        declination: Some(DECLINATION),
+        ..config()
+    };
+    let (ins, learnt) = heading_error(told);
+    let found = ins.side_states().values.fixed_rows::<3>(MAGNETIC_OFFSET);
+    assert!(learnt < 0.03, "{learnt}");
+    assert!((found.xy() - iron.xy()).norm() < 4.0, "{found}");
+    assert!(ins.counts(Aid::Magnetometer).fused > 15);
+    let skipped = ins.counts(Aid::Magnetometer).skipped;
+    assert!(skipped > 1000, "one in five seconds counts: {skipped}");
+    // Taken for the Earth's, ten times a second: what this is for.
+    let believed = GnssInsConfig {
+        magnetic_offset_std_ut: 0.0,
+        magnetic_interval_s: 0.0,
+        ..told
+    };
+    let (_, turned) = heading_error(believed);
+    assert!(turned > 5.0 * learnt && turned > 0.2, "{turned}");
+}
+
+#[test]
+fn a_magnetic_start_knows_its_iron_and_the_declination_that_it_is_told() {
+    let still = Drive {
+        seconds: 4,
+        iron: Some(Vector3::zeros()),
+        ..Drive::default()
+    };
+    let calibrated = GnssInsConfig {
+        magnetic_offset_std_ut: 1.0,
+        ..config()
+    };
+    let yaw = |config, declination: f64| {
+        let mut told = [0.0; 2];
+        drive(config, &still, |_, ins, _| {
+            ins.set_declination(declination);
+            if let Some(state) = ins.state() {
+                let [yaw, _, _] = rotation::to_yaw_pitch_roll(&state.ned_from_body);
+                told = [yaw, state.covariance[(2, 2)].sqrt()];
+            }
+        });
+        told
+    };
+    let [right, std] = yaw(calibrated, DECLINATION);
+    assert!((right - 1.0).abs() < 0.01 && std < 0.12, "{right} {std}");
+    let [magnetic, _] = yaw(calibrated, f64::NAN);
+    assert!((magnetic - (1.0 - DECLINATION)).abs() < 0.01, "{magnetic}");
+    // What may carry iron waits for a course, and not for ever.
+    let [_, std] = yaw(config(), DECLINATION);
+    assert!(std <= 0.0, "{std}");
+    let heading_std = standing_start(config());
+    assert!((0.2..0.6).contains(&heading_std), "{heading_std}");
+}
+
+/// Stands for eight seconds with a magnetometer and a receiver: the standard deviation of the heading then.
+fn standing_start(config: GnssInsConfig<f64>) -> f64 {
+    let mut ins = GnssIns::<f64, 64>::new(config).unwrap();
+    let standing = GnssPosition {
+        ned: Vector3::zeros(),
+        std: Vector3::repeat(1.0),
+        has_height: true,
+    };
+    for k in 1..=800_i64 {
+        let time_ns = k * 10_000_000;
+        let force = Vector3::new(0.0, 0.0, -GRAVITY);
+        ins.imu(time_ns, &Vector3::zeros(), &force).unwrap();
+        ins.magnetometer(time_ns, &magnetic_field());
+        if k % 100 == 0 {
+            ins.gnss_position(time_ns, &standing);
+        }
+    }
+    ins.state().unwrap().covariance[(2, 2)].sqrt()
+}
