@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use northing_evaluation::navigation::tune::{TuneOptions, TuneOutcome, tune};
+use northing_evaluation::navigation::tune::{TuneOptions, TuneOutcome, TunedParameter, tune};
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
 use northing_recording::Event;
 use northing_recording::atomic_file::write_whole;
@@ -153,8 +153,10 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
     };
     text.push_str(&paragraph(
         &format!(
-            "Log-likelihood gained an innovation: {:.3} where it was fitted, {:.3} on the part held back. {verdict}",
-            gained[0], gained[1]
+            "Log-likelihood gained an innovation: {:.3} where it was fitted, {:.3} on the part held back. {verdict}{}",
+            gained[0],
+            gained[1],
+            ran_off(outcome)
         ),
         "  ",
     ));
@@ -181,4 +183,25 @@ fn to_toml(outcome: &TuneOutcome, name: &str) -> String {
         text.push_str(&format!("{} = {:e}\n", p.name, p.after));
     }
     text
+}
+
+/// What to do about parameters that the recording does not see.
+fn ran_off(outcome: &TuneOutcome) -> String {
+    let (off, others): (Vec<_>, Vec<_>) = outcome.parameters.iter().partition(|p| p.ran_off);
+    let names = |parameters: Vec<&TunedParameter>| {
+        let names: Vec<&str> = parameters.iter().map(|p| p.name.as_str()).collect();
+        names.join(",")
+    };
+    if off.is_empty() {
+        return String::new();
+    }
+    let remedy = if others.is_empty() {
+        String::new()
+    } else {
+        format!(" Fit the others alone: --parameters {}.", names(others))
+    };
+    format!(
+        " Moved by more than a thousandfold: {}. The recording says nothing about that.{remedy}",
+        names(off)
+    )
 }

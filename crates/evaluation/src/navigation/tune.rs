@@ -25,6 +25,8 @@ const NOISES: [&str; 4] = ["_noise_density", "_random_walk", "_std", "_std_ut"];
 const OUTLIER_NIS: f64 = 30.0;
 /// First factor of a step, and the one below which the search ends.
 const STEPS: [f64; 2] = [4.0, 1.15];
+/// A parameter that moves by more than this factor is not seen by the recording.
+const FURTHEST: f64 = 1e3;
 /// A held-back part that is less likely by so much an innovation speaks of over-fitting.
 const NOISE_OF_LIKELIHOOD: f64 = 0.005;
 
@@ -67,6 +69,21 @@ pub struct TunedParameter {
     pub before: f64,
     /// What fits best.
     pub after: f64,
+    /// Whether that is more than a thousandfold away: the recording then says nothing about it.
+    pub ran_off: bool,
+}
+
+impl TunedParameter {
+    fn new(name: &str, before: f64, after: f64) -> Self {
+        let moved = (after / before).abs();
+        Self {
+            name: name.to_owned(),
+            before,
+            after,
+            // Also what began at zero, or ended there.
+            ran_off: !(1.0 / FURTHEST..=FURTHEST).contains(&moved),
+        }
+    }
 }
 
 /// The outcome of a fit.
@@ -130,11 +147,7 @@ pub fn tune(
     Ok(TuneOutcome {
         estimator: options.estimator,
         parameters: parameters
-            .map(|((name, before), after)| TunedParameter {
-                name: name.clone(),
-                before,
-                after: *after,
-            })
+            .map(|((name, before), after)| TunedParameter::new(name, before, *after))
             .collect(),
         before,
         after: search.best,
@@ -370,6 +383,13 @@ mod tests {
         assert!(outcome.after.fitted < outcome.before.fitted - 0.1);
         assert!(outcome.after.held_back < outcome.before.held_back - 0.1);
         assert!(!outcome.over_fits && outcome.runs > 4);
+    }
+
+    #[test]
+    fn what_moves_a_thousandfold_ran_off() {
+        let ran_off = |before, after| TunedParameter::new("noise", before, after).ran_off;
+        assert!(!ran_off(0.1, 0.1) && !ran_off(0.1, 99.0) && !ran_off(0.1, 2e-4));
+        assert!(ran_off(0.1, 101.0) && ran_off(3e-5, 5e-10) && ran_off(0.1, 0.0));
     }
 
     #[test]

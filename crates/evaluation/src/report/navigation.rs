@@ -370,7 +370,7 @@ fn outage_table(outages: &[OutageScore]) -> Table {
     let number = |value: Option<f64>| {
         value.map_or(Cell::Missing, |v| Cell::Number {
             value: v,
-            decimals: 1,
+            decimals: if v.abs() < 1.0 { 3 } else { 1 },
         })
     };
     let row = |o: &OutageScore| {
