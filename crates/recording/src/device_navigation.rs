@@ -68,8 +68,9 @@ impl DeviceNavigation {
             std_m: [north, east, down],
             velocity_m_s: [v_north, v_east, v_down],
             heading_std_rad,
-            // A float as an integer saturates, and what is no number is 0: no position yet.
-            validity: validity_of(validity as u8),
+            validity: (0..=2)
+                .find(|number| (f64::from(*number) - validity).abs() < 1e-6)
+                .map_or(Validity::Invalid, validity_of),
         }
     }
 

@@ -44,7 +44,7 @@
 //! - Before the start it aligns; in an outage its variance grows, and [`GnssIns::validity`] says when to stop
 //!   believing it. A covariance that is no longer one starts it again.
 //!
-//! Cost, limits: see [`ErrorStateFilter`]. Memory in single precision: 2.4 KB, and 28 bytes a sample of history.
+//! Cost, limits: see [`ErrorStateFilter`]. Memory in single precision: 3.7 KB, and 28 bytes a sample of history.
 
 mod alignment;
 mod clock;
@@ -231,7 +231,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     }
 
     /// Tells the magnetic declination (rad, east positive) of the place; one in the settings stands above it, and what is
-    /// not an angle changes nothing.
+    /// not an angle changes nothing. To be told before the start: a heading that began from a magnetometer stays where it is.
     pub fn set_declination(&mut self, declination: T) {
         if declination.abs() <= lit(4.0) {
             self.declination = declination;

@@ -30,6 +30,8 @@ const SPEED_STD: f64 = 0.2;
 pub(crate) struct InsNavigator {
     ins: Box<GnssIns<f64, HISTORY>>,
     arm: Vector3<f64>,
+    /// Whether a compass is of no use here.
+    is_near_pole: bool,
     /// Angular rate of the last sample: the antenna moves with it.
     rate: Vector3<f64>,
     /// What it has done, to look back.
@@ -43,6 +45,7 @@ impl InsNavigator {
             recorder: remembers.then(NavigationRecorder::default),
             ins: Box::new(GnssIns::new(config)?),
             arm: config.lever_arm_m.into(),
+            is_near_pole: false,
             rate: Vector3::zeros(),
         })
     }
@@ -70,6 +73,9 @@ impl InsNavigator {
                     has_vertical: vertical,
                 };
                 self.ins.gnss_velocity(time_ns, &fix)
+            }
+            Aid::MagneticField(_) if self.is_near_pole => {
+                Innovation::skipped(SkipReason::Unobservable)
             }
             Aid::MagneticField(field) => self.ins.magnetometer(time_ns, &field),
             Aid::Heading { heading, std } => self.ins.heading(time_ns, heading, std),
@@ -103,8 +109,9 @@ impl Navigator for InsNavigator {
     }
 
     fn origin(&mut self, place: &Geodetic, time_ns: i64) {
-        if let Some(declination) = magnetic_model::declination(place, time_ns) {
-            self.ins.set_declination(declination);
+        match magnetic_model::declination(place, time_ns) {
+            Some(declination) => self.ins.set_declination(declination),
+            None => self.is_near_pole = self.ins.config().declination.is_none(),
         }
     }
 
@@ -209,6 +216,13 @@ impl Navigator for InsNavigator {
 
     fn issues(&self) -> Vec<String> {
         let mut issues: Vec<String> = self.iron().into_iter().collect();
+        if self.is_near_pole {
+            issues.push(
+                "So near a magnetic pole a compass tells nothing: a magnetometer is left out, unless --set \
+                 declination=RADIANS says where its north is."
+                    .to_owned(),
+            );
+        }
         let mut say = |count: u32, what: &str| {
             if count > 0 {
                 issues.push(format!("{count} {what}"));
@@ -224,7 +238,7 @@ impl Navigator for InsNavigator {
         );
         say(
             self.ins.restarts(),
-            "restarts: after a gap of more than 10 s the filter aligns anew.",
+            "restarts: after a gap of more than 10 s, or a clock that went back, the filter aligns anew.",
         );
         issues
     }

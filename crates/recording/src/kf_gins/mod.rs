@@ -85,7 +85,9 @@ impl Table {
         head: &[u8],
         input: impl Read + Send + 'static,
     ) -> Box<dyn EventSource> {
-        let has_commas = head.contains(&b',');
+        let rows = head.split(|byte| *byte == b'\n');
+        let mut rows = rows.filter(|row| !row.trim_ascii_start().starts_with(b"#"));
+        let has_commas = rows.any(|row| row.contains(&b','));
         let input: Box<dyn Read + Send> = if has_commas {
             Box::new(input)
         } else {

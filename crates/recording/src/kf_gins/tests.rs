@@ -52,6 +52,7 @@ fn increments_become_rates_and_forces_and_the_first_row_none() {
             .replace("  ", ", ")
             .replace(['\t', ' '], ",")
             .replace(",,", ","),
+        format!("# time, dthx, dthy, dthz\n{}", increments()),
     ] {
         let recording = read_bytes(text.into_bytes(), "made.txt", &OpenOptions::default()).unwrap();
         assert_eq!(recording.metadata().format, "kf-gins");

@@ -20,8 +20,7 @@ use crate::scalar::{Scalar, lit};
 
 /// Horizontal share of the field below which there is no magnetic north: 84 degrees of dip.
 const LEAST_HORIZONTAL: f64 = 0.1;
-/// Share of the whole field that the horizontal one is taken to have at least: while the offset is not known the levelled
-/// field may point anywhere.
+/// Share of the whole field that the horizontal one is taken to have at least, while its offset is not known better.
 const HORIZONTAL_FLOOR: f64 = 0.25;
 
 /// Row of a magnetic field (microtesla, body axes) less its offset, whose horizontal part points to magnetic north,
@@ -48,8 +47,25 @@ pub fn measurement<T: Scalar>(
         return Err(SkipReason::Unobservable);
     }
     let (sin, cos) = (declination.sin(), declination.cos());
-    let north = (m.x * cos + m.y * sin).max(total * lit(HORIZONTAL_FLOOR));
+    let measured = m.x * cos + m.y * sin;
     let east = m.y * cos - m.x * sin;
+    let iron = (0..3).fold(T::zero(), |largest, i| {
+        let state = MAGNETIC_OFFSET + i;
+        side.covariance[(state, state)].max(largest)
+    });
+    let iron = iron.max(T::zero()).sqrt();
+    // While the iron is not known the levelled field may point anywhere; known, it is what it is.
+    let floor = iron
+        .min(total * lit(HORIZONTAL_FLOOR))
+        .max(total * lit(LEAST_HORIZONTAL));
+    let north = measured.max(floor);
+    // Iron does not turn a field about: then it is the heading that looks the other way.
+    let is_behind = measured < -(iron + iron);
+    let residual = if is_behind {
+        -east.atan2(measured)
+    } else {
+        -east / north
+    };
     // Along where north is, not where this sample says: the noise that is in the residual must not be in the row.
     let tangent = m.z / north;
     let mut row = Row::of_state(ATTITUDE + 2)
@@ -61,9 +77,13 @@ pub fn measurement<T: Scalar>(
     }
     Ok(Measurement {
         rows: [row],
-        residual: Vector1::new(-east / north),
+        residual: Vector1::new(residual),
         variance: Vector1::new(std * std),
         // What persists against the gate is more iron, and not another heading.
-        freed: [SIDE + MAGNETIC_OFFSET + seen.transpose().iamax()],
+        freed: [if is_behind {
+            ATTITUDE + 2
+        } else {
+            SIDE + MAGNETIC_OFFSET + seen.transpose().iamax()
+        }],
     })
 }

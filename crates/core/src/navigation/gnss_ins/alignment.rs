@@ -58,7 +58,7 @@ struct MagneticNorth<T: Scalar> {
     /// Angle from arbitrary to magnetic north, rad.
     angle: T,
     std: T,
-    /// What the iron around the magnetometer turns it by, rad for a microtesla of each body axis.
+    /// What has to be added to it for the iron around the magnetometer, rad for a microtesla of each body axis.
     iron: Vector3<T>,
 }
 

@@ -98,7 +98,8 @@ pub struct GnssInsConfig<T: Scalar> {
     /// Standard deviation of a magnetometer's heading, rad, default 0.09 (5 degrees).
     pub magnetic_heading_std: T,
     /// Least time between two headings of the magnetometer, s, default 5: iron and bridges beside a road last longer than a
-    /// sample, and many samples of the same error must not count as many. 0: every sample counts.
+    /// sample, and many samples of the same error must not count as many. 0, and without inertial unit:
+    /// every sample counts.
     pub magnetic_interval_s: T,
     /// Standard deviation (microtesla, each body axis) of the hard iron around the magnetometer that its calibration
     /// has left, default 10; a car can have 25, which is found. 0: there is none, and none is estimated, as for a calibrated

@@ -263,6 +263,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         for i in 0..3 {
             self.side
                 .start(MAGNETIC_OFFSET + i, T::zero(), iron_variance);
+            if let Some(turned_by) = aligned.heading_from_iron {
+                self.side.cross[(ATTITUDE + 2, MAGNETIC_OFFSET + i)] = turned_by[i] * iron_variance;
+            }
         }
         if self.config.non_holonomic || self.counts[Aid::Speed as usize].skipped > 0 {
             let variance = square(self.config.mount_std);

@@ -780,3 +780,12 @@ fn the_covariance_is_one_after_a_day_in_single_precision() {
         );
     }
 }
+
+#[test]
+fn a_chip_holds_it_in_what_is_said() {
+    let bytes = size_of::<GnssIns<f32, 0>>();
+    assert!(
+        (3500..3750).contains(&bytes),
+        "{bytes} bytes without history"
+    );
+}

@@ -222,8 +222,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         innovation
     }
 
-    /// Takes a magnetic field (microtesla, body axes): its heading alone is used, and at most one an interval. What
-    /// iron the body carries is learnt from the others.
+    /// Takes a magnetic field (microtesla, body axes): its heading alone is used, and at most one an interval.
+    /// What iron the body carries is learnt on the way.
     pub fn magnetometer(&mut self, time_ns: i64, magnetic_field: &Vector3<T>) -> Innovation<T> {
         let checked = check_vector(magnetic_field, lit(1e-6), lit(1e6))
             .and_then(|()| self.accept(Aid::Magnetometer, time_ns));
@@ -241,6 +241,10 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     }
 
     fn magnetic_is_due(&self, time_ns: i64) -> bool {
+        // What carries the heading from one to the next is the gyroscope.
+        if self.config.imu_samples == ImuSamples::None {
+            return true;
+        }
         let interval = self.config.magnetic_interval_s;
         // Half a millisecond early is in time: stamps jitter.
         let due = |last: i64| seconds::<T>(last, time_ns).abs() + lit(5e-4) >= interval;
