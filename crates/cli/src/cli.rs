@@ -37,7 +37,7 @@ pub(crate) enum Command {
     Live(live::LiveArgs),
     /// A virtual phone with known truth, the lab's steps on it, and a report: start here
     Demo(demo::DemoArgs),
-    /// Estimate the attitude of one recording and say how good it is
+    /// Estimate attitude or position over one recording and say how good it is
     Run(Box<run::RunArgs>),
     /// Several recordings and estimators in one table
     Compare(Box<compare::CompareArgs>),
