@@ -7,10 +7,11 @@
 //! three of the [`SideStates`], learnt as the body turns while satellites tell the heading.
 //!
 //! The residual is the component of the levelled field across magnetic north, not its angle: it is linear in the offset
-//! however large that is.
+//! however large that is. Only where the field points backwards by more than the iron can explain is it the angle.
 
-use nalgebra::{Matrix3, Vector1, Vector3};
+use nalgebra::{Vector1, Vector3};
 
+use crate::geometry::rotation;
 use crate::kalman::SkipReason;
 use crate::navigation::ATTITUDE;
 use crate::navigation::error_state::{Measurement, Row, SIDE};
@@ -35,7 +36,7 @@ pub fn measurement<T: Scalar>(
     declination: T,
     std: T,
 ) -> Result<Measurement<T, 1>, SkipReason> {
-    let axes: Matrix3<T> = then.ned_from_body.to_rotation_matrix().into_inner();
+    let axes = rotation::to_matrix(&then.ned_from_body);
     let offset = side.values.fixed_rows::<3>(MAGNETIC_OFFSET);
     let m = axes * (field - offset);
     let total = m.norm();
@@ -53,18 +54,18 @@ pub fn measurement<T: Scalar>(
         let state = MAGNETIC_OFFSET + i;
         side.covariance[(state, state)].max(largest)
     });
-    let iron = iron.max(T::zero()).sqrt();
+    let iron = iron.sqrt();
     // While the iron is not known the levelled field may point anywhere; known, it is what it is.
     let floor = iron
         .min(total * lit(HORIZONTAL_FLOOR))
         .max(total * lit(LEAST_HORIZONTAL));
-    let north = measured.max(floor);
-    // Iron does not turn a field about: then it is the heading that looks the other way.
+    // Iron does not turn a field about: then it is the heading that looks the other way, and the whole angle counts.
     let is_behind = measured < -(iron + iron);
-    let residual = if is_behind {
-        -east.atan2(measured)
+    let (north, residual) = if is_behind {
+        (horizontal, -east.atan2(measured))
     } else {
-        -east / north
+        let north = measured.max(floor);
+        (north, -east / north)
     };
     // Along where north is, not where this sample says: the noise that is in the residual must not be in the row.
     let tangent = m.z / north;
@@ -79,7 +80,7 @@ pub fn measurement<T: Scalar>(
         rows: [row],
         residual: Vector1::new(residual),
         variance: Vector1::new(std * std),
-        // What persists against the gate is more iron, and not another heading.
+        // What persists against the gate is more iron and not another heading, unless that looks backwards.
         freed: [if is_behind {
             ATTITUDE + 2
         } else {
