@@ -1,21 +1,17 @@
-//! Monte Carlo experiments on trackers: many runs of a scenario, on all processors.
+//! Many targets: run the tracker over a recording, score it against true positions.
 //!
-//! | I look for | file |
+//! | file | what is in it |
 //! |---|---|
-//! | the trackers by name, and any of them behind one type | [`trackers`] |
-//! | one run: navigation and trackers on the same measurements | [`experiment`] |
-//! | sums that do not depend on the order of adding | [`exact_sum`] |
-//! | what is summed over runs, and its split into parts | [`sums`] |
-//! | many runs, and merging what others ran | [`campaign`] |
-//! | RMSE, NEES and bands from the sums: what `montecarlo --json` prints | [`outcome`] |
+//! | [`matching`] | which track is which target: optimal assignment; GOSPA |
+//! | [`run`](mod@run) | the tracker over a recording, with own-ship uncertainty stated or injected |
+//! | [`score`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
+//! | [`injection`] | a heading error drawn for each run: which tracker knows what it does not know |
 
-pub mod campaign;
-pub mod exact_sum;
-pub mod experiment;
-pub mod outcome;
-pub mod sums;
-pub mod trackers;
+pub mod injection;
+pub mod matching;
+pub mod run;
+pub mod score;
 
-pub use campaign::{Campaign, CampaignError, Part, Shard};
-pub use outcome::CampaignOutcome;
-pub use trackers::TrackerKind;
+pub use injection::{InjectedTracker, InjectionOptions, InjectionSummary, inject_heading};
+pub use run::{OwnShipStd, TrackEpoch, TrackOptions, TrackedTarget, TrackerKind, run};
+pub use score::{TargetSummary, TrackSummary};

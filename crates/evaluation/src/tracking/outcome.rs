@@ -1,267 +1,264 @@
-//! What a campaign says: RMSE, NEES and its bands, from the sums. `montecarlo --json` prints this.
+//! How well targets were tracked: per target and over all.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use northing_core::tracking::multi_target::TrackerCounts;
+use northing_recording::tracking::TrackingIssues;
 use serde::Serialize;
-use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 
-use super::campaign::Part;
-use super::sums::{
-    HEADING_FACTOR, NEES, NavigationStep, POSE_ERROR, POSE_NEES, POSE_VARIANCE, POSITION,
-    TrackerStep, VELOCITY,
-};
+use super::matching::{Gospa, Place, assign, distance};
+use super::run::TrackedTarget;
 
-/// End of the transient, s.
-const TRANSIENT_UNTIL_S: f64 = 60.0;
-/// From when on the navigation counts as settled, s.
-const SETTLED_FROM_S: f64 = 30.0;
+/// Farther than this a track is no track of the target, m.
+pub const MATCH_M: f64 = 40.0;
+/// Nearer than this a target counts as covered, m.
+pub const COVERED_M: f64 = 20.0;
+/// Coverage below which a target counts as lost.
+pub const LOST_BELOW: f64 = 0.5;
+/// 95 % quantile of chi-square with two degrees of freedom.
+const ELLIPSE_95: f64 = 5.991_464_547_107_979;
 
-/// The outcome of a campaign.
+/// How well one target was tracked.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CampaignOutcome {
-    /// The scenario, or its variant.
-    pub scenario: String,
-    /// Runs that went in.
-    pub runs: u64,
-    /// The seed.
-    pub seed: u64,
-    /// Time it took, s; of parts, the sum.
+pub struct TargetSummary {
+    /// Number of the target.
+    pub target: u32,
+    /// Instants with a true position.
+    pub epochs: usize,
+    /// Instants with a track within 40 m.
+    pub matched: usize,
+    /// Root mean square distance while matched, m.
+    pub rmse_m: Option<f64>,
+    /// Median distance while matched, m.
+    pub median_error_m: Option<f64>,
+    /// Share of the instants with a track within 20 m.
+    pub coverage: f64,
+    /// Whether the coverage is below one half.
+    pub lost: bool,
+    /// How often the target's track became another one.
+    pub switches: usize,
+    /// Share of the matched instants at which the truth lies in the track's 95 % ellipse.
+    pub inside_95: Option<f64>,
+}
+
+/// How well a recording was tracked.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrackSummary {
+    /// Name of the recording.
+    pub recording: String,
+    /// Name of the tracker.
+    pub tracker: &'static str,
+    /// Sensors used.
+    pub sensors: Vec<String>,
+    /// Seconds from the first to the last event.
+    pub duration_s: f64,
+    /// Seconds of computing.
     pub elapsed_s: f64,
-    /// The 95 % band of the mean NEES, four degrees of freedom.
-    pub nees_band: [f64; 2],
-    /// The same for two degrees of freedom, as in the paper's plots.
-    pub nees_band_2dof: [f64; 2],
-    /// Each tracker by name.
-    pub trackers: BTreeMap<String, TrackerOutcome>,
-    /// The navigation they listened to.
-    pub navigation: NavigationOutcome,
+    /// One for each target with true positions.
+    pub targets: Vec<TargetSummary>,
+    /// Tracks that were ever confirmed.
+    pub confirmed_tracks: usize,
+    /// Confirmed tracks that never followed a target (of all confirmed tracks when there is truth).
+    pub false_tracks: usize,
+    /// Sum over the instants of confirmed tracks without a target.
+    pub false_track_epochs: usize,
+    /// Mean GOSPA, p = 2, cut-off 40 m.
+    pub gospa_m: Option<f64>,
+    /// What the tracker did and refused.
+    pub counts: Counts,
+    /// What the reader left out.
+    pub left_out: TrackingIssues,
 }
 
-/// Errors over some stretch of time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Errors {
-    /// Root mean square position error, m.
-    pub position_rmse_m: f64,
-    /// Root mean square velocity error, m/s.
-    pub velocity_rmse_mps: f64,
+/// The tracker's counters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Scans used.
+    pub scans: u64,
+    /// Scans refused because of their time.
+    pub scans_refused_time: u64,
+    /// Scans refused because of the own ship's pose or its covariance.
+    pub scans_refused_pose: u64,
+    /// Scans refused because the own ship's pose had jumped.
+    pub scans_refused_jump: u64,
+    /// Detections that were not finite, or had a range that is not positive.
+    pub detections_invalid: u64,
+    /// Updates skipped at the own ship's position, where a bearing is undefined.
+    pub bearing_undefined: u64,
+    /// Updates skipped because an innovation covariance was not positive.
+    pub numerical: u64,
+    /// Detections and tracks for which there was no room.
+    pub beyond_capacity: u64,
+    /// Tracks started.
+    pub initiated: u64,
+    /// Tracks removed as duplicates.
+    pub merged: u64,
+    /// Clusters too large for exact association.
+    pub approximate_clusters: u64,
 }
 
-/// One tracker.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TrackerOutcome {
-    /// Root mean square position error over all scored steps, m.
-    pub position_rmse_m: f64,
-    /// Root mean square velocity error over all scored steps, m/s.
-    pub velocity_rmse_mps: f64,
-    /// The same up to 60 s.
-    pub transient: Errors,
-    /// The same after 60 s.
-    pub steady: Errors,
-    /// Mean NEES; four is honest.
-    pub nees_mean: f64,
-    /// Largest mean NEES of a step.
-    pub nees_max: f64,
-    /// Share of steps whose mean NEES is inside the band.
-    pub nees_inside_band: f64,
-    /// Share of steps whose mean NEES is above the band: too sure of itself.
-    pub nees_above_band: f64,
-    /// Share of steps inside the band of two degrees of freedom.
-    pub nees_inside_band_2dof: f64,
-    /// Detections that were skipped.
-    pub skipped_updates: u64,
-    /// Step by step.
-    pub series: Series,
-}
-
-/// Root mean square errors and mean NEES of each scored step.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Series {
-    /// Time, s.
-    pub time_s: Vec<f64>,
-    /// Position, m.
-    pub position_rmse_m: Vec<f64>,
-    /// Velocity, m/s.
-    pub velocity_rmse_mps: Vec<f64>,
-    /// NEES.
-    pub nees: Vec<f64>,
-}
-
-/// The navigation, once settled (from 30 s on; NEES from the first step).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct NavigationOutcome {
-    /// What it says of its heading, deg.
-    pub heading_std_deg: f64,
-    /// What its heading error was, deg.
-    pub heading_rmse_deg: f64,
-    /// What it says of its position north, m.
-    pub position_std_m: f64,
-    /// Mean NEES of the pose, three degrees of freedom.
-    pub pose_nees_mean: f64,
-    /// What its closed loop leaves of a heading error from one scan to the next.
-    pub heading_closed_loop_factor: f64,
-}
-
-/// The 95 % band of the mean of `runs` chi-square variables of `dof` degrees of freedom.
-#[must_use]
-pub fn nees_band(runs: u64, dof: u32) -> [f64; 2] {
-    let total = runs as f64 * f64::from(dof);
-    let bound =
-        |p: f64| ChiSquared::new(total).map_or(f64::NAN, |sum| sum.inverse_cdf(p)) / runs as f64;
-    [bound(0.025), bound(0.975)]
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn share(values: &[f64], inside: impl Fn(f64) -> bool) -> f64 {
-    values.iter().filter(|value| inside(**value)).count() as f64 / values.len() as f64
-}
-
-impl CampaignOutcome {
-    /// Works it out.
-    #[must_use]
-    pub fn of(part: &Part) -> Self {
-        let scenario = &part.key.scenario;
-        let runs = part.sums.runs;
-        let bands = [nees_band(runs, 4), nees_band(runs, 2)];
-        let scan_s = 1.0 / scenario.radar.rate_hz;
-        let first = scenario.track_init.first_scored_step as usize;
-        let trackers = part.sums.kinds.iter().zip(&part.sums.trackers);
-        let trackers = trackers
-            .zip(&part.sums.skipped)
-            .map(|((kind, steps), skipped)| {
-                let series = Series::of(steps, first, scan_s, runs);
-                let outcome = TrackerOutcome::of(series, *skipped, bands);
-                (kind.name().to_owned(), outcome)
-            });
+impl From<&TrackerCounts> for Counts {
+    fn from(c: &TrackerCounts) -> Self {
         Self {
-            scenario: scenario.meta.name.clone(),
-            runs,
-            seed: part.key.seed,
-            elapsed_s: part.elapsed_s,
-            nees_band: bands[0],
-            nees_band_2dof: bands[1],
-            trackers: trackers.collect(),
-            navigation: NavigationOutcome::of(&part.sums.navigation, scan_s, runs),
+            scans: c.scans,
+            scans_refused_time: c.time_not_finite + c.time_goes_back + c.time_in_future,
+            scans_refused_pose: c.pose_invalid,
+            scans_refused_jump: c.pose_jumps,
+            detections_invalid: c.detections_invalid,
+            bearing_undefined: c.bearing_undefined,
+            numerical: c.numerical,
+            beyond_capacity: c.detections_beyond_capacity + c.tracks_beyond_capacity,
+            initiated: c.initiated,
+            merged: c.merged,
+            approximate_clusters: c.approximate_clusters,
         }
     }
 }
 
-impl Series {
-    fn of(steps: &[TrackerStep], first: usize, scan_s: f64, runs: u64) -> Self {
-        let mut series = Self::default();
-        for (step, sums) in steps.iter().enumerate().skip(first) {
-            series.time_s.push(step as f64 * scan_s);
-            series
-                .position_rmse_m
-                .push(sums[POSITION].mean(runs).sqrt());
-            series
-                .velocity_rmse_mps
-                .push(sums[VELOCITY].mean(runs).sqrt());
-            series.nees.push(sums[NEES].mean(runs));
-        }
-        series
+/// What is gathered about one target.
+#[derive(Debug, Clone, Default)]
+struct TargetTally {
+    epochs: usize,
+    errors: Vec<f64>,
+    covered: usize,
+    inside: usize,
+    switches: usize,
+    last: Option<u32>,
+}
+
+/// What is gathered over the instants of a run.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Score {
+    targets: BTreeMap<u32, TargetTally>,
+    confirmed: BTreeSet<u32>,
+    matched: BTreeSet<u32>,
+    false_epochs: usize,
+    gospa_sum: f64,
+    gospa_count: usize,
+}
+
+impl Score {
+    /// Takes note of tracks where no truth is known.
+    pub(super) fn seen(&mut self, tracks: &[TrackedTarget]) {
+        self.confirmed.extend(tracks.iter().map(|track| track.id));
     }
 
-    /// Root of the mean squares of the steps for which `wanted` holds.
-    pub fn errors(&self, wanted: impl Fn(f64) -> bool) -> Errors {
-        let rms = |values: &[f64]| {
-            let chosen = self.time_s.iter().zip(values).filter(|(t, _)| wanted(**t));
-            let squares: Vec<f64> = chosen.map(|(_, value)| value * value).collect();
-            mean(&squares).sqrt()
-        };
-        Errors {
-            position_rmse_m: rms(&self.position_rmse_m),
-            velocity_rmse_mps: rms(&self.velocity_rmse_mps),
+    /// Scores one instant.
+    pub(super) fn epoch(&mut self, truth: &[(u32, Place)], tracks: &[TrackedTarget]) {
+        self.seen(tracks);
+        let targets: Vec<Place> = truth.iter().map(|(_, place)| *place).collect();
+        let places: Vec<Place> = tracks.iter().map(|track| track.place).collect();
+        let assignment = assign(&targets, &places, MATCH_M);
+        self.gospa_sum += Gospa::new(&targets, &places, &assignment, MATCH_M).distance_m();
+        self.gospa_count += 1;
+        self.false_epochs += tracks.len() - assignment.iter().flatten().count();
+        for ((number, place), chosen) in truth.iter().zip(&assignment) {
+            let tally = self.targets.entry(*number).or_default();
+            tally.epochs += 1;
+            let Some(track) = chosen.map(|index| &tracks[index]) else {
+                continue;
+            };
+            self.matched.insert(track.id);
+            tally.take(*place, track);
         }
+    }
+
+    /// The targets' summaries, with the totals left for the caller to name.
+    pub(super) fn targets(&self) -> Vec<TargetSummary> {
+        let each = self.targets.iter();
+        each.map(|(number, tally)| tally.summary(*number)).collect()
+    }
+
+    pub(super) fn confirmed_tracks(&self) -> usize {
+        self.confirmed.len()
+    }
+
+    pub(super) fn false_tracks(&self) -> usize {
+        if self.targets.is_empty() {
+            return 0;
+        }
+        self.confirmed.difference(&self.matched).count()
+    }
+
+    pub(super) fn false_track_epochs(&self) -> usize {
+        self.false_epochs
+    }
+
+    pub(super) fn gospa_m(&self) -> Option<f64> {
+        (self.gospa_count > 0).then(|| self.gospa_sum / self.gospa_count as f64)
     }
 }
 
-/// Position error beyond which no radar sees a target where the tracker looks for it, m.
-const LOST_M: f64 = 10_000.0;
-
-impl TrackerOutcome {
-    /// Whether it has lost the target for good: farther off than a radar looks, or with a matrix that
-    /// is no covariance any more (a mean NEES that is negative or not finite).
-    #[must_use]
-    pub fn has_lost_the_target(&self) -> bool {
-        let sound = self.nees_mean >= 0.0 && self.nees_mean.is_finite();
-        !(sound && self.position_rmse_m < LOST_M)
+impl TargetTally {
+    fn take(&mut self, place: Place, track: &TrackedTarget) {
+        let error = distance(place, track.place);
+        self.errors.push(error);
+        self.covered += usize::from(error < COVERED_M);
+        self.inside += usize::from(track.normalised_square(place) <= ELLIPSE_95);
+        self.switches += usize::from(self.last.is_some_and(|last| last != track.id));
+        self.last = Some(track.id);
     }
 
-    fn of(series: Series, skipped_updates: u64, [band, band_2dof]: [[f64; 2]; 2]) -> Self {
-        let all = series.errors(|_| true);
-        let nees = &series.nees;
-        let within = |[low, high]: [f64; 2]| move |value: f64| (low..=high).contains(&value);
-        Self {
-            position_rmse_m: all.position_rmse_m,
-            velocity_rmse_mps: all.velocity_rmse_mps,
-            transient: series.errors(|t| t <= TRANSIENT_UNTIL_S),
-            steady: series.errors(|t| t > TRANSIENT_UNTIL_S),
-            nees_mean: mean(nees),
-            nees_max: nees.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            nees_inside_band: share(nees, within(band)),
-            nees_above_band: share(nees, |value| value > band[1]),
-            nees_inside_band_2dof: share(nees, within(band_2dof)),
-            skipped_updates,
-            series,
-        }
-    }
-}
-
-impl NavigationOutcome {
-    fn of(steps: &[NavigationStep], scan_s: f64, runs: u64) -> Self {
-        let scored = || steps.iter().enumerate().skip(1);
-        let settled = |index: usize| {
-            let late = scored().filter(|(step, _)| *step as f64 * scan_s >= SETTLED_FROM_S);
-            let values: Vec<f64> = late.map(|(_, sums)| sums[index].mean(runs)).collect();
-            mean(&values)
-        };
-        let nees: Vec<f64> = scored()
-            .map(|(_, sums)| sums[POSE_NEES].mean(runs))
-            .collect();
-        Self {
-            heading_std_deg: settled(POSE_VARIANCE + 2).sqrt().to_degrees(),
-            heading_rmse_deg: settled(POSE_ERROR + 2).sqrt().to_degrees(),
-            position_std_m: settled(POSE_VARIANCE).sqrt(),
-            pose_nees_mean: mean(&nees),
-            heading_closed_loop_factor: settled(HEADING_FACTOR),
+    fn summary(&self, target: u32) -> TargetSummary {
+        let matched = self.errors.len();
+        let mut sorted = self.errors.clone();
+        sorted.sort_by(f64::total_cmp);
+        let mean = |sum: f64| (matched > 0).then(|| sum / matched as f64);
+        let coverage = self.covered as f64 / self.epochs.max(1) as f64;
+        TargetSummary {
+            target,
+            epochs: self.epochs,
+            matched,
+            rmse_m: mean(self.errors.iter().map(|e| e * e).sum()).map(f64::sqrt),
+            median_error_m: sorted.get(matched / 2).copied(),
+            coverage,
+            lost: coverage < LOST_BELOW,
+            switches: self.switches,
+            inside_95: mean(self.inside as f64),
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Series, TrackerOutcome, nees_band};
+    use super::*;
+    use approx::assert_relative_eq;
 
-    #[test]
-    fn a_tracker_is_lost_when_it_is_far_off_or_its_covariance_is_none() {
-        let lost = |error_m: f64, nees: f64| {
-            let series = Series {
-                time_s: vec![30.0, 90.0],
-                position_rmse_m: vec![error_m; 2],
-                velocity_rmse_mps: vec![1.0; 2],
-                nees: vec![nees; 2],
-            };
-            TrackerOutcome::of(series, 0, [[3.0, 5.0]; 2]).has_lost_the_target()
-        };
-        assert!(!lost(20.0, 4.0) && !lost(300.0, 80.0));
-        assert!(lost(2e4, 4.0) && lost(20.0, -1.0) && lost(f64::INFINITY, f64::INFINITY));
+    fn track(id: u32, north: f64) -> TrackedTarget {
+        TrackedTarget {
+            id,
+            place: [north, 0.0],
+            velocity: [0.0, 0.0],
+            covariance: [4.0, 0.0, 4.0],
+        }
     }
 
     #[test]
-    fn the_bands_are_those_of_the_tables() {
-        let close =
-            |[a, b]: [f64; 2], [c, d]: [f64; 2]| (a - c).abs() < 1e-3 && (b - d).abs() < 1e-3;
-        assert!(close(nees_band(100, 4), [3.465, 4.573]));
-        assert!(close(nees_band(100, 2), [1.627, 2.411]));
-        assert!(close(nees_band(800, 4), [3.806, 4.198]));
-        let [low, high] = nees_band(100_000, 4);
-        // 4 +- 1.96 sqrt(8 / n)
-        assert!(
-            (low - 3.98247).abs() < 1e-3 && (high - 4.01753).abs() < 1e-3,
-            "{low} {high}"
-        );
+    fn a_target_that_is_covered_lost_and_taken_over() {
+        let mut score = Score::default();
+        let truth = [(7, [0.0, 0.0])];
+        score.epoch(&truth, &[track(1, 3.0), track(9, 500.0)]);
+        score.epoch(&truth, &[track(1, 4.0)]);
+        score.epoch(&truth, &[track(2, 25.0)]);
+        score.epoch(&truth, &[]);
+        let target = &score.targets()[0];
+        assert_eq!((target.target, target.epochs, target.matched), (7, 4, 3));
+        assert_eq!((target.switches, target.lost), (1, false));
+        assert_relative_eq!(target.coverage, 0.5);
+        let rmse = f64::sqrt((9.0 + 16.0 + 625.0) / 3.0);
+        assert_relative_eq!(target.rmse_m.unwrap(), rmse, epsilon = 1e-12);
+        assert_relative_eq!(target.median_error_m.unwrap(), 4.0);
+        // 3^2/4 and 4^2/4 are inside 5.99, 25^2/4 is not
+        assert_relative_eq!(target.inside_95.unwrap(), 2.0 / 3.0);
+        assert_eq!((score.confirmed_tracks(), score.false_tracks()), (3, 1));
+        assert_eq!(score.false_track_epochs(), 1);
+    }
+
+    #[test]
+    fn without_truth_there_are_no_false_tracks_and_no_errors() {
+        let mut score = Score::default();
+        score.seen(&[track(1, 3.0)]);
+        assert!(score.targets().is_empty() && score.gospa_m().is_none());
+        assert_eq!((score.confirmed_tracks(), score.false_tracks()), (1, 0));
     }
 }

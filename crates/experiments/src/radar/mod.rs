@@ -1,0 +1,21 @@
+//! Monte Carlo experiments on trackers: many runs of a scenario, on all processors.
+//!
+//! | I look for | file |
+//! |---|---|
+//! | the trackers by name, and any of them behind one type | [`trackers`] |
+//! | one run: navigation and trackers on the same measurements | [`experiment`] |
+//! | sums that do not depend on the order of adding | [`exact_sum`] |
+//! | what is summed over runs, and its split into parts | [`sums`] |
+//! | many runs, and merging what others ran | [`campaign`] |
+//! | RMSE, NEES and bands from the sums: what `montecarlo --json` prints | [`outcome`] |
+
+pub mod campaign;
+pub mod exact_sum;
+pub mod experiment;
+pub mod outcome;
+pub mod sums;
+pub mod trackers;
+
+pub use campaign::{Campaign, CampaignError, Part, Shard};
+pub use outcome::CampaignOutcome;
+pub use trackers::TrackerKind;
