@@ -1,43 +1,21 @@
-//! `northing`: the program. Each command is one file in `commands`; what they share is beside it.
+//! `northing`: the program.
+//!
+//! | folder | what is in it |
+//! |---|---|
+//! | `commands` | each command, one file |
+//! | `arguments` | arguments that commands share, and what they mean |
+//! | `text` | outcomes as text for people |
+//! | `files` | what the program reads and writes beside recordings |
 
-mod calibration_file;
-#[cfg(feature = "parquet")]
-mod campaign_part;
-#[cfg(feature = "parquet")]
-mod campaign_report;
+mod arguments;
 mod cli;
 mod commands;
-mod comparison;
-mod comparison_report;
-mod estimate_file;
-mod estimation;
 mod failure;
-mod field_file;
-mod input;
+mod files;
 mod interrupt;
-mod laboratory;
-mod navigation_file;
-mod navigation_run;
-mod navigation_text;
-mod output;
-#[cfg(feature = "parquet")]
-mod parquet_table;
-mod peers_file;
+mod invocation;
 mod progress;
-mod quantity;
-mod recordings;
-mod rest_span;
-mod run_estimator;
-mod run_report;
-mod scenario_input;
-mod settings;
-mod sheet;
-mod span;
-mod summary_text;
-mod table;
-mod toml_file;
-mod track_report;
-mod virtual_recording;
+mod text;
 
 use std::process::ExitCode;
 
@@ -57,7 +35,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "live")]
         None => commands::live::execute(&commands::live::LiveArgs::alone()),
         #[cfg(not(feature = "live"))]
-        None => output::print(cli::INTRODUCTION),
+        None => files::output::print(cli::INTRODUCTION),
         #[cfg(feature = "live")]
         Some(Command::Live(args)) => commands::live::execute(&args),
         Some(Command::Demo(args)) => commands::demo::execute(&args),

@@ -84,9 +84,9 @@ pub enum EvaluationError {
         /// Why it was refused.
         reason: String,
     },
-    /// A record at rest gives no Allan deviation.
-    #[error("Allan deviation: {0}")]
-    Allan(#[from] crate::allan::AllanError),
+    /// A span of a recording gives no calibration at rest.
+    #[error("{0}")]
+    RestCalibration(String),
     /// The samples do not give a magnetometer calibration.
     #[error("magnetometer calibration: {0}")]
     FieldCalibration(String),

@@ -6,8 +6,9 @@
 use std::path::{Path, PathBuf};
 
 use northing_core::calibration::{RestCalibrator, RestLimits};
-use northing_evaluation::allan::{AllanConfig, AllanReport, analyze_recording};
-use northing_evaluation::error::EvaluationError;
+use northing_evaluation::calibration::allan::{
+    AllanConfig, AllanError, AllanReport, RestSamples, analyze,
+};
 use northing_recording::test_data::data_dir;
 use northing_recording::{OpenOptions, Recording, Sample, open};
 
@@ -20,12 +21,20 @@ fn opened(path: &Path) -> Recording {
     open(path, &OpenOptions::default()).expect("a recording")
 }
 
-fn report(path: &Path) -> Result<AllanReport, EvaluationError> {
+fn report(path: &Path) -> Result<AllanReport, AllanError> {
     let config = AllanConfig {
         minimum_duration_s: 5.0,
         ..AllanConfig::default()
     };
-    analyze_recording(&mut opened(path), &config)
+    analyzed(path, &config)
+}
+
+fn analyzed(path: &Path, config: &AllanConfig) -> Result<AllanReport, AllanError> {
+    let mut samples = RestSamples::new(config.sensor);
+    for event in opened(path) {
+        samples.add_event(&event.expect("an event"));
+    }
+    analyze(&samples, config)
 }
 
 /// The density that the scatter of single samples gives, as a calibration at rest has it.
@@ -90,7 +99,7 @@ fn seconds_are_too_short_by_default() {
     let Some(path) = path("seconds_are_too_short_by_default", "Nexus5_d1") else {
         return;
     };
-    let error = analyze_recording(&mut opened(&path), &AllanConfig::default()).unwrap_err();
+    let error = analyzed(&path, &AllanConfig::default()).unwrap_err();
     let text = error.to_string();
     assert!(
         text.starts_with("Allan deviation: too short: 21."),

@@ -10,9 +10,9 @@ use northing_core::attitude::alignment::level_covariance;
 use northing_core::attitude::bounded_velocity::steps::StepObserver;
 use northing_core::attitude::bounded_velocity::{BoundedVelocity, BoundedVelocityConfig};
 use northing_core::attitude::{AttitudeEstimator, InitialState, References, wahba};
-use northing_evaluation::metrics::ErrorStatistics;
-use northing_evaluation::rts_smoother::Smoother;
-use northing_evaluation::rts_smoother::bounded_velocity::Steps;
+use northing_evaluation::attitude::rts_smoother::Smoother;
+use northing_evaluation::attitude::rts_smoother::bounded_velocity::Steps;
+use northing_evaluation::statistics::metrics::ErrorStatistics;
 use northing_recording::test_data::data_dir;
 use uniform::{Field, Uniform};
 

@@ -1,8 +1,9 @@
 //! The bounded-velocity filter on what devices deliver when something is wrong with them.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use northing_evaluation::options::{MagnetometerSource, RunOptions};
-use northing_evaluation::summary::RunSummary;
+use northing_evaluation::attitude::options::RunOptions;
+use northing_evaluation::attitude::outcome::RunSummary;
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::{EstimatorKind, Profile, run};
 use northing_recording::{Event, RecordingError, Reference, Sample};
 use northing_simulation::virtual_phone::Motion;

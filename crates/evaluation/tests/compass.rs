@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use northing_evaluation::options::{CompassUse, RunOptions};
-use northing_evaluation::summary::RunSummary;
+use northing_evaluation::attitude::options::{CompassUse, RunOptions};
+use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::{EstimatorKind, Profile, run};
 use northing_recording::{Event, RecordingError, SensorKind};
 use northing_simulation::sensors::Sampling;

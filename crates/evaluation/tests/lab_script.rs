@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use northing_evaluation::final_test::FinalVerdict;
+use northing_evaluation::attitude::final_test::FinalVerdict;
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary, run};
 use northing_recording::RecordingError;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};

@@ -5,7 +5,7 @@
 use std::convert::Infallible;
 
 use nalgebra::Vector3;
-use northing_evaluation::observer::{EstimateRecord, PositionRecord};
+use northing_evaluation::attitude::observer::{EstimateRecord, PositionRecord};
 use northing_evaluation::{EstimatorKind, Profile, RunObserver, RunOptions, RunSummary, run};
 use northing_recording::{Event, Reference, Sample};
 use northing_simulation::random::stream;

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use northing_evaluation::multi_target::{
+use northing_evaluation::tracking::{
     InjectionOptions, TrackOptions, TrackSummary, TrackerKind, inject_heading, run,
 };
 use northing_recording::test_data::data_dir;

@@ -1,10 +1,10 @@
 //! Prints the simulated part of `docs/results/navigation.md`.
 //!
-//! `cargo run --release -p northing-evaluation --example ground_results`
+//! `cargo run --release -p northing-experiments --example ground_results`
 
 #![allow(clippy::print_stdout)]
 
-use northing_evaluation::ground::{Experiment, markdown};
+use northing_experiments::ground::{Experiment, markdown};
 use northing_simulation::ground::Ground;
 
 fn main() {

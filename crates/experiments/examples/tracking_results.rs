@@ -1,6 +1,6 @@
 //! Prints `docs/results/tracking.md`: the claims of Wilthil & Brekke (2016), each with what we measure.
 //!
-//! `cargo run --release -p northing-evaluation --example tracking_results > docs/results/tracking.md`
+//! `cargo run --release -p northing-experiments --example tracking_results > docs/results/tracking.md`
 
 #![allow(clippy::print_stdout)] // the page is its output
 
@@ -10,8 +10,8 @@ mod tracking_expected;
 use std::error::Error;
 use std::time::Instant;
 
-use northing_evaluation::tracking::outcome::{TrackerOutcome, nees_band};
-use northing_evaluation::tracking::{Campaign, CampaignOutcome, Part, Shard, TrackerKind as K};
+use northing_experiments::radar::outcome::{TrackerOutcome, nees_band};
+use northing_experiments::radar::{Campaign, CampaignOutcome, Part, Shard, TrackerKind as K};
 use northing_simulation::scenario::ScenarioFile;
 
 const SCENARIO: &str = include_str!("../../../scenarios/tracking/wilthil_brekke.toml");
@@ -333,7 +333,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let paper = Experiments::run("paper")?;
     let halved = Experiments::run("paper_halved")?;
     println!("# Tracking with an uncertain own position: results\n");
-    println!("Made by `cargo run --release -p northing-evaluation --example tracking_results`, on");
+    println!("Made by `cargo run --release -p northing-experiments --example tracking_results`, on");
     println!(
         "[`scenarios/tracking/wilthil_brekke.toml`](../../scenarios/tracking/wilthil_brekke.toml). Experiments of 100 runs;"
     );

@@ -3,7 +3,7 @@
 // 3.14 m is a published error.
 #![allow(clippy::unwrap_used, clippy::approx_constant)]
 
-use northing_evaluation::ground::{Experiment, Scheme, TrackingScore};
+use northing_experiments::ground::{Experiment, Scheme, TrackingScore};
 use northing_simulation::ground::{Ground, ReceiverError};
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 

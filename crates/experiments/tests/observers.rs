@@ -9,13 +9,13 @@
 use northing_core::attitude::AttitudeEstimator as _;
 use northing_core::attitude::complementary::ComplementaryForm;
 use northing_core::attitude::ekf_reconstruction::EkfReconstruction;
-use northing_evaluation::observers::experiment::{
+use northing_experiments::observers::experiment::{
     SCENARIO, SCENARIO_NAME, default_gains, read_all,
 };
-use northing_evaluation::observers::interval::interval;
-use northing_evaluation::observers::schemes::{self, Estimate};
-use northing_evaluation::observers::tuning::{Aggregate, Grid, Scheme, candidates, scores};
-use northing_evaluation::observers::{Experiment, Form, Gains, ObserverData, Score};
+use northing_experiments::observers::interval::interval;
+use northing_experiments::observers::schemes::{self, Estimate};
+use northing_experiments::observers::tuning::{Aggregate, Grid, Scheme, candidates, scores};
+use northing_experiments::observers::{Experiment, Form, Gains, ObserverData, Score};
 use northing_recording::OpenOptions;
 use northing_recording::test_data::data_dir;
 use northing_simulation::scenario::{FlightScenario, FlightScenarioFile};

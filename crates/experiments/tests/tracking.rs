@@ -7,9 +7,9 @@ mod tracking_expected;
 
 use std::collections::BTreeMap;
 
-use northing_evaluation::tracking::campaign::merge;
-use northing_evaluation::tracking::outcome::nees_band;
-use northing_evaluation::tracking::{
+use northing_experiments::radar::campaign::merge;
+use northing_experiments::radar::outcome::nees_band;
+use northing_experiments::radar::{
     Campaign, CampaignError, CampaignOutcome, Part, Shard, TrackerKind,
 };
 use northing_simulation::scenario::{Scenario, ScenarioFile};

@@ -1,6 +1,6 @@
 //! The Allan deviation of an experiment at rest: curve, words, and what it would put into Q.
 
-use northing_evaluation::allan::{AllanConfig, RestSamples, analyze};
+use northing_evaluation::calibration::allan::{AllanConfig, RestSamples, analyze};
 use northing_recording::SensorKind;
 use serde_json::{Map, Value, json};
 

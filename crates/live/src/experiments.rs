@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
-use northing_evaluation::calibration::calibrated_config;
-use northing_evaluation::parameters::Parameters;
-use northing_evaluation::trace::Trace;
+use northing_evaluation::attitude::calibrated_start::calibrated_config;
+use northing_evaluation::attitude::parameters::Parameters;
+use northing_evaluation::attitude::trace::Trace;
 use northing_evaluation::{
     EstimatorKind, EvaluationError, RunObserver, RunOptions, RunSummary, TraceObserver, run,
 };

@@ -10,9 +10,9 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
-use northing_evaluation::field_calibration::FieldCalibration;
-use northing_evaluation::options::MagnetometerSource;
-use northing_evaluation::parameters::parameters;
+use northing_evaluation::attitude::parameters::parameters;
+use northing_evaluation::calibration::magnetometer::FieldCalibration;
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use serde::Deserialize;
 use serde_json::{Value, json};
 

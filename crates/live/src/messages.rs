@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use northing_evaluation::options::{CompassUse, SensorSelection};
+use northing_evaluation::attitude::options::{CompassUse, SensorSelection};
 use northing_evaluation::{EstimatorKind, Profile};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
 use serde::{Deserialize, Serialize};

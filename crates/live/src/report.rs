@@ -1,9 +1,9 @@
 //! The lab report of an experiment: what every page about a run says, and what the lab knows.
 
-use northing_evaluation::report::{Fact, RunReport};
-use northing_evaluation::setup::RunSetup;
-use northing_evaluation::summary::RunSummary;
-use northing_evaluation::trace::Trace;
+use northing_evaluation::attitude::outcome::RunSummary;
+use northing_evaluation::attitude::setup::RunSetup;
+use northing_evaluation::attitude::trace::Trace;
+use northing_report::{Fact, RunReport};
 
 use crate::experiments::{Finished, run_options};
 

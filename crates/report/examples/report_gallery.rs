@@ -1,16 +1,16 @@
 //! Writes a run report, a comparison report and the README picture from made-up traces, to look at.
 //!
-//! `cargo run -p northing-evaluation --example report_gallery -- FOLDER` writes `run.html`,
+//! `cargo run -p northing-report --example report_gallery -- FOLDER` writes `run.html`,
 //! `comparison.html` and `hero.svg` into the folder. Nothing in them was measured.
 
 use std::path::Path;
 
 use northing_core::kalman::Outcome;
-use northing_evaluation::report::{
+use northing_evaluation::attitude::trace::{InnovationPoint, Trace, TracePoint};
+use northing_report::{
     Best, Cell, Column, ComparedRun, ComparisonReport, Distribution, Fact, FinalTest, HeroPicture,
     RunReport, SensorUpdates, Setting, Table, Tone, Verdict, hero_svg,
 };
-use northing_evaluation::trace::{InnovationPoint, Trace, TracePoint};
 
 /// A stream of numbers that look like Gaussian noise: sums of a linear congruential generator.
 struct Noise(u64);

@@ -2,11 +2,11 @@
 
 use northing_core::kalman::{Outcome, SkipReason};
 
-use super::markup_checks::{
+use super::*;
+use crate::page::markup_checks::{
     assert_numbers_are_finite, assert_self_contained, assert_well_formed, attributes,
 };
-use super::*;
-use crate::trace::{InnovationPoint, PositionPoint, TracePoint};
+use northing_evaluation::attitude::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
 
 /// A trace with everything in it: wrapping heading, a gap in the reference, gated updates.
 fn full_trace(samples: u64, capacity: usize) -> Trace {

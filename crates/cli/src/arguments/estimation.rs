@@ -6,23 +6,28 @@ use anyhow::{Result, bail};
 use clap::Args;
 use northing_core::calibration::RestCalibration;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::calibration::calibrated_config;
-use northing_evaluation::calibration_set::{CalibrationSet, Calibrations};
-use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::field_calibration::FieldCalibration;
+use northing_evaluation::attitude::calibrated_start::calibrated_config;
+use northing_evaluation::attitude::calibrations::Calibrations;
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::observer::RunObserver;
+use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
+use northing_evaluation::attitude::outcome::RunSummary;
+use northing_evaluation::attitude::parameters::Parameters;
+use northing_evaluation::attitude::runner::run;
+use northing_evaluation::calibration::magnetometer::FieldCalibration;
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::set::CalibrationSet;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
-use northing_evaluation::observer::RunObserver;
-use northing_evaluation::options::{MagnetometerSource, RunOptions, SensorSelection};
-use northing_evaluation::parameters::Parameters;
-use northing_evaluation::runner::run;
-use northing_evaluation::summary::RunSummary;
 use northing_recording::{Metadata, Recording};
 
-use crate::calibration_file;
-use crate::field_file;
-use crate::input::{InputArgs, MagnetometerChoice, magnetometer_choice, positive_seconds, shown};
+use crate::arguments::input::{
+    InputArgs, MagnetometerChoice, magnetometer_choice, positive_seconds,
+};
+use crate::arguments::settings::SettingArgs;
+use crate::files::magnetometer_calibration;
+use crate::files::rest_calibration;
+use crate::files::shown;
 use crate::interrupt::interruptible;
-use crate::settings::SettingArgs;
 
 /// Options about the estimation.
 #[derive(Debug, Clone, Args)]
@@ -92,10 +97,10 @@ impl EstimationArgs {
         }
         match self.calibration.as_deref() {
             Some(folder) if folder.is_dir() => {
-                asked.calibrations.rest = Some(calibration_file::read_folder(folder)?);
+                asked.calibrations.rest = Some(rest_calibration::read_folder(folder)?);
             }
             Some(path) => {
-                asked.run.calibration = Some(calibration_file::read(path)?);
+                asked.run.calibration = Some(rest_calibration::read(path)?);
                 asked.run.calibration_names[0] = Some(shown(path));
             }
             None => {}
@@ -173,14 +178,14 @@ impl EstimationArgs {
         }
         asked.run.choose_magnetometer = false;
         if path.is_dir() {
-            let set = field_file::read_folder(path)?;
+            let set = magnetometer_calibration::read_folder(path)?;
             if let Some(MagnetometerChoice::Stream(used)) = self.magnetometer {
                 check_streams(&set, used)?;
             }
             asked.calibrations.field = Some(set);
             return Ok(());
         }
-        let field = field_file::read(path)?;
+        let field = magnetometer_calibration::read(path)?;
         let sensors = &mut asked.run.sensors;
         let is_named = matches!(self.magnetometer, Some(MagnetometerChoice::Stream(_)));
         if !is_named && sensors.magnetometer_source == MagnetometerSource::Device {

@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
-use northing_evaluation::options::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_recording::{
     FieldUnit, ForceUnit, Format, OpenOptions, RateUnit, Recording, open, read_from,
 };
 
-/// What stands for standard input in place of a file.
-pub(crate) const STDIN: &str = "-";
+use crate::files::STDIN;
 
 /// Options about the recording itself.
 #[derive(Debug, Clone, Args)]
@@ -138,15 +137,6 @@ pub(crate) fn magnetometer_source(text: &str) -> Result<MagnetometerSource, Stri
         "device" => Ok(MagnetometerSource::Device),
         "uncalibrated" => Ok(MagnetometerSource::Uncalibrated),
         _ => Err("expected device or uncalibrated".to_owned()),
-    }
-}
-
-/// A file name for messages.
-pub(crate) fn shown(path: &Path) -> String {
-    if path == Path::new(STDIN) {
-        "standard input".to_owned()
-    } else {
-        path.display().to_string()
     }
 }
 

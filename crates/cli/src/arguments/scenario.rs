@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
-use northing_evaluation::tracking::TrackerKind;
+use northing_experiments::radar::TrackerKind;
 use northing_simulation::scenario::{Scenario, ScenarioFile};
 
 /// Which scenario, and what of it.

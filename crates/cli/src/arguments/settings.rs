@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
-use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::options::RunOptions;
+use northing_evaluation::attitude::parameters::{Profile, parameters_of};
 use northing_evaluation::navigation::{NavigationKind, NavigationParameters};
-use northing_evaluation::options::RunOptions;
-use northing_evaluation::parameters::{Profile, parameters_of};
 use toml::de::{DeTable, DeValue};
 
 /// Options that set parameters.

@@ -4,7 +4,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use northing_recording::{Event, RecordingError};
 
-use crate::input::seconds;
+use crate::arguments::input::seconds;
 
 /// Options that choose a span.
 #[derive(Debug, Clone, Copy, Default, Args)]

@@ -8,7 +8,8 @@ use northing_recording::{CsvWriter, EventWriter, SensorKind, create};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 
-use crate::input::{STDIN as STDOUT, positive_seconds};
+use crate::arguments::input::positive_seconds;
+use crate::files::STDIN as STDOUT;
 use crate::interrupt::interruptible;
 use crate::progress::Progress;
 

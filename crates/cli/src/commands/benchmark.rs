@@ -4,17 +4,21 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
-use northing_evaluation::compare::{CompareOptions, Score, TableRow, scores, statistics};
-use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::attitude::compare::{CompareOptions, Score, TableRow, scores, statistics};
+use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
-use crate::comparison::{self, Outcome, Run, describe, distinct, notes, streams};
-use crate::estimation::{Asked, EstimationArgs};
-use crate::input::InputArgs;
-use crate::output::{check_free, print, print_json};
-use crate::recordings::Recordings;
-use crate::{comparison_report, peers_file, recordings};
+use crate::arguments::estimation::{Asked, EstimationArgs};
+use crate::arguments::input::InputArgs;
+use crate::arguments::recordings;
+use crate::arguments::recordings::Recordings;
+use crate::commands::comparison::{self, Outcome, describe, notes, streams};
+use crate::files::baseline_errors;
+use crate::files::output::{check_free, print, print_json};
+use crate::invocation::command_line;
+use northing_evaluation::attitude::compare::distinct;
+use northing_report::compared_runs::{self, Run};
 
 /// Arguments of `benchmark`.
 #[derive(Debug, Args)]
@@ -110,7 +114,13 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
     let Outcome { runs, failure } = comparison::run(&found, &options, false)?;
     let scores = together(&runs, peers);
     if let Some(path) = &args.report {
-        let html = comparison_report::render("Attitude benchmark", &runs, &scores, &options.run);
+        let html = compared_runs::render(
+            "Attitude benchmark",
+            &runs,
+            &scores,
+            &options.run,
+            command_line(),
+        );
         write_whole(path, html.as_bytes(), args.force)?;
     }
     show(args, &found, &scores, &streams(&runs))?;
@@ -123,7 +133,7 @@ fn peers(args: &AttitudeArgs, found: &Recordings) -> Result<Vec<Score>> {
     if let (false, Some(broken)) = (args.peers.is_empty(), found.broken.first()) {
         bail!("{broken}; a comparison with others' errors needs every recording");
     }
-    peers_file::read_all(&args.peers, &found.paths)
+    baseline_errors::read_all(&args.peers, &found.paths)
 }
 
 /// Our scores and then the peers', without those of recordings on which we failed.

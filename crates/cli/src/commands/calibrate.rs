@@ -10,8 +10,8 @@ use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use northing_recording::atomic_file::write_whole;
 
-use crate::input::STDIN as STDOUT;
-use crate::output::{check_free, check_not_input, same_file};
+use crate::files::STDIN as STDOUT;
+use crate::files::output::{check_free, check_not_input, same_file};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, Args)]

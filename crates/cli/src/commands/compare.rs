@@ -4,18 +4,21 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::compare::{CompareOptions, scores};
-use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::summary::RunSummary;
+use northing_evaluation::attitude::compare::{CompareOptions, scores};
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::outcome::RunSummary;
 use northing_recording::atomic_file::write_whole;
 
-use crate::comparison::{self, Outcome, Run, describe, notes, streams};
-use crate::estimation::{Asked, EstimationArgs};
-use crate::input::{InputArgs, STDIN};
-use crate::output::{check_free, print, print_json};
-use crate::recordings::{self, Recordings};
-use crate::table::Table;
-use crate::{comparison_report, summary_text};
+use crate::arguments::estimation::{Asked, EstimationArgs};
+use crate::arguments::input::InputArgs;
+use crate::arguments::recordings::{self, Recordings};
+use crate::commands::comparison::{self, Outcome, describe, notes, streams};
+use crate::files::STDIN;
+use crate::files::output::{check_free, print, print_json};
+use crate::invocation::command_line;
+use crate::text::attitude as text;
+use crate::text::table::Table;
+use northing_report::compared_runs::{self, Run};
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -83,7 +86,13 @@ fn print_all(
 ) -> Result<()> {
     let scores = scores(runs);
     if let Some(path) = &args.report {
-        let html = comparison_report::render(comparison_report::TITLE, runs, &scores, &options.run);
+        let html = compared_runs::render(
+            compared_runs::TITLE,
+            runs,
+            &scores,
+            &options.run,
+            command_line(),
+        );
         write_whole(path, html.as_bytes(), args.force)?;
     }
     if args.json {
@@ -157,9 +166,7 @@ fn cells(summary: &RunSummary) -> Vec<String> {
     let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
     let error = summary.error_deg;
     let test = summary.final_test.as_ref();
-    let verdict = test
-        .and_then(|test| test.verdict)
-        .map(summary_text::verdict_word);
+    let verdict = test.and_then(|test| test.verdict).map(text::verdict_word);
     vec![
         summary.estimator.to_string(),
         number(error.map(|e| e.total_rmse)),

@@ -6,44 +6,24 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
 use northing_evaluation::EvaluationError;
-use northing_evaluation::compare::{
-    CompareOptions, Compared, Score, compare_observed, statistics, table,
+use northing_evaluation::attitude::compare::{
+    CompareOptions, Score, compare_observed, distinct, statistics, table, totals,
 };
-use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
-use northing_evaluation::options::MagnetometerSource;
+use northing_evaluation::attitude::observer::TraceObserver;
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_recording::Metadata;
+use northing_report::compared_runs::Run;
 
-use crate::input::shown;
+use crate::arguments::recordings::Recordings;
+use crate::files::shown;
 use crate::interrupt;
 use crate::progress::Progress;
-use crate::recordings::Recordings;
-use crate::table::Table;
+use crate::text::table::Table;
 
 /// With more recordings than this only means and medians are printed.
 const MOST_LISTED: usize = 12;
 /// Points of each series in a report of several runs.
 const TRACE_CAPACITY: usize = 3000;
-
-/// A run with what its plots need, where they are wanted.
-pub(crate) type Run = Compared<PerhapsTrace>;
-
-/// Keeps what plots need, where plots are wanted.
-#[derive(Debug)]
-pub(crate) struct PerhapsTrace(pub(crate) Option<TraceObserver>);
-
-impl RunObserver for PerhapsTrace {
-    fn estimate(&mut self, record: &EstimateRecord) {
-        if let Some(trace) = &mut self.0 {
-            trace.estimate(record);
-        }
-    }
-
-    fn innovation(&mut self, record: &InnovationRecord) {
-        if let Some(trace) = &mut self.0 {
-            trace.innovation(record);
-        }
-    }
-}
 
 /// The runs that were made, and why others were not.
 pub(crate) struct Outcome {
@@ -81,7 +61,7 @@ fn run_all(paths: &[PathBuf], options: &CompareOptions, traced: bool) -> Vec<Run
         }
     };
     let observe = |metadata: &Metadata| {
-        PerhapsTrace(traced.then(|| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame)))
+        traced.then(|| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame))
     };
     let mut runs = compare_observed(paths, options, &finished, &observe);
     for run in &mut runs {
@@ -175,31 +155,6 @@ pub(crate) fn streams(runs: &[Run]) -> String {
          the others the device's; --magnetometer gives all the same.\n",
         own.join(", ")
     )
-}
-
-/// The different values of a text of the scores, in the order in which they come.
-pub(crate) fn distinct(scores: &[Score], of: impl Fn(&Score) -> &String) -> Vec<&String> {
-    let mut texts = Vec::new();
-    for text in scores.iter().map(of) {
-        if !texts.contains(&text) {
-            texts.push(text);
-        }
-    }
-    texts
-}
-
-/// The total errors of one recording, deg, in the order of the estimators.
-pub(crate) fn totals(
-    scores: &[Score],
-    recording: &str,
-    estimators: &[&String],
-) -> Vec<Option<f64>> {
-    let of = |estimator: &&String| {
-        let mut own = scores.iter().filter(|s| s.recording == recording);
-        let score = own.find(|score| score.estimator == **estimator)?;
-        score.error_deg.map(|error| error.total)
-    };
-    estimators.iter().map(of).collect()
 }
 
 /// One line a recording, one column an estimator.

@@ -8,9 +8,11 @@ use northing_core::nalgebra::Vector3;
 use northing_recording::{Issues, Recording, Sample, TrackPoint, TumWriter, create, write_track};
 use serde::Serialize;
 
-use crate::input::{DataArgs, InputArgs, shown};
+use crate::arguments::input::{DataArgs, InputArgs};
+use crate::files::has_extension;
+use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::files::shown;
 use crate::interrupt::interruptible;
-use crate::output::{check_free, check_not_input, print, print_json};
 use crate::progress::Progress;
 
 /// Arguments of `convert`.
@@ -201,10 +203,4 @@ fn write_trajectory(recording: &mut Recording, output: &Path, args: &ConvertArgs
     }
     writer.finish()?;
     Ok(samples)
-}
-
-/// Whether a path ends in `.extension`, in any case.
-pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }

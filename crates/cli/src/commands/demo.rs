@@ -1,14 +1,16 @@
 //! `northing demo`: a virtual phone goes through the laboratory of the paper, and the truth is known.
 
+mod laboratory;
+
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_recording::atomic_file::write_whole;
 
-use crate::laboratory::{Folder, Lab};
-use crate::output::{check_free, print_json};
-use crate::virtual_recording::{self, PhoneArgs};
+use crate::arguments::virtual_recording::{self, PhoneArgs};
+use crate::files::output::{check_free, print_json};
+use laboratory::{Folder, Lab};
 
 /// Arguments of `demo`.
 #[derive(Debug, Args)]

@@ -2,13 +2,15 @@
 
 use anyhow::Result;
 use clap::Args;
-use northing_evaluation::estimators::{EstimatorInfo, EstimatorKind};
-use northing_evaluation::parameters::{ParameterInfo, Profile, parameters, parameters_of};
+use northing_evaluation::attitude::kinds::{EstimatorInfo, EstimatorKind};
+use northing_evaluation::attitude::parameters::{
+    ParameterInfo, Profile, parameters, parameters_of,
+};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::output::{print, print_json};
-use crate::table::Table;
+use crate::files::output::{print, print_json};
+use crate::text::table::Table;
 
 /// Arguments of `estimators`.
 #[derive(Debug, Args)]

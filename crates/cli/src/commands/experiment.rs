@@ -5,20 +5,20 @@ use std::sync::Mutex;
 
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
-use northing_evaluation::observers::experiment::{
+use northing_experiments::observers::experiment::{
     SCENARIO, SCENARIO_NAME, check_recordings, read_all,
 };
-use northing_evaluation::observers::{Comparison, Condition, Experiment, ExperimentOutcome};
-use northing_evaluation::report;
+use northing_experiments::observers::{Comparison, Condition, Experiment, ExperimentOutcome};
 use northing_recording::OpenOptions;
 use northing_recording::atomic_file::write_whole;
 use northing_simulation::scenario::FlightScenarioFile;
 
-use crate::cli::command_line;
-use crate::output::{check_free, print, print_json};
+use crate::arguments::recordings;
+use crate::files::output::{check_free, print, print_json};
+use crate::interrupt;
+use crate::invocation::command_line;
 use crate::progress::Progress;
-use crate::table::Table;
-use crate::{interrupt, recordings};
+use crate::text::table::Table;
 
 /// Arguments of `experiment`.
 #[derive(Debug, Args)]
@@ -153,7 +153,7 @@ fn name_of(folder: &std::path::Path) -> String {
 
 fn conclude(args: &ObserversArgs, outcome: &ExperimentOutcome) -> Result<()> {
     if let Some(path) = &args.report {
-        let html = report::observers_html(outcome, Some(&command_line()));
+        let html = northing_report::observers_html(outcome, Some(&command_line()));
         write_whole(path, html.as_bytes(), args.force)?;
     }
     if args.json {
@@ -183,7 +183,7 @@ fn text(outcome: &ExperimentOutcome) -> String {
             costs.push_str(&format!("; {name} {}", times(ns)));
         }
     }
-    let sentences = report::observers_verdicts(outcome);
+    let sentences = northing_report::observers_verdicts(outcome);
     let sentences: Vec<String> = sentences
         .into_iter()
         .map(|v| format!("- {}", v.text))

@@ -15,8 +15,8 @@ use northing_live::tls::CertificateFiles;
 use northing_live::{lab::Lab, qr};
 use serde_json::{Value, json};
 
+use crate::files::output::print;
 use crate::interrupt;
-use crate::output::print;
 
 /// Who reads the events so slowly is not waited for at the end.
 const LAST_WORDS: Duration = Duration::from_secs(2);
@@ -222,7 +222,7 @@ async fn run(args: &LiveArgs) -> Result<()> {
     let _ = tokio::time::timeout(LAST_WORDS, telling).await;
     match outcome? {
         Some(summary) if args.json => print(&format!("{}\n", serde_json::to_string(&summary)?)),
-        Some(summary) => print(&crate::summary_text::describe(&summary)),
+        Some(summary) => print(&crate::text::attitude::describe(&summary)),
         None => Ok(()),
     }
 }

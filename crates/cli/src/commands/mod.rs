@@ -3,6 +3,7 @@
 pub(crate) mod benchmark;
 pub(crate) mod calibrate;
 pub(crate) mod compare;
+mod comparison;
 pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod estimators;

@@ -6,15 +6,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, Subcommand};
-use northing_evaluation::tracking::campaign::merge;
-use northing_evaluation::tracking::{Campaign, CampaignOutcome, Part, Shard};
+use northing_experiments::radar::campaign::merge;
+use northing_experiments::radar::{Campaign, CampaignOutcome, Part, Shard};
 use northing_recording::atomic_file::write_whole;
 
-use crate::output::{check_free, print, print_json};
+use crate::arguments::scenario::{self, ScenarioArgs};
+use crate::files::campaign_part;
+use crate::files::output::{check_free, print, print_json};
+use crate::interrupt;
 use crate::progress::Progress;
-use crate::scenario_input::{self, ScenarioArgs};
-use crate::table::Table;
-use crate::{campaign_part, campaign_report, interrupt};
+use crate::text::table::Table;
+use northing_report::campaign_outcome;
 
 /// Arguments of `montecarlo`.
 #[derive(Debug, Args)]
@@ -102,7 +104,7 @@ pub(crate) fn execute(args: &MonteCarloArgs) -> Result<()> {
 }
 
 fn execute_campaign(args: &MonteCarloArgs, wanted: &ScenarioArgs) -> Result<()> {
-    let scenario = scenario_input::read(&wanted.scenario, wanted.variant.as_deref())?;
+    let scenario = scenario::read(&wanted.scenario, wanted.variant.as_deref())?;
     let runs = args
         .runs
         .unwrap_or_else(|| u64::from(scenario.meta.monte_carlo_runs));
@@ -164,7 +166,7 @@ fn execute_merge(args: &MergeArgs) -> Result<()> {
 fn conclude(part: &Part, out: Option<&Path>, shown: &ShownArgs) -> Result<()> {
     let outcome = CampaignOutcome::of(part);
     if let Some(path) = &shown.report {
-        let html = campaign_report::render(part, &outcome);
+        let html = campaign_outcome::render(part, &outcome);
         write_whole(path, html.as_bytes(), shown.force)?;
     }
     if let Some(path) = out {

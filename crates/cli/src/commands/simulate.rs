@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 use nalgebra::Vector4;
-use northing_evaluation::tracking::experiment::{NavigationRecord, RunWatcher, TrackRecord, run};
-use northing_evaluation::tracking::{Campaign, TrackerKind};
+use northing_experiments::radar::experiment::{NavigationRecord, RunWatcher, TrackRecord, run};
+use northing_experiments::radar::{Campaign, TrackerKind};
 use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
-use crate::output::{check_free, print, print_json};
-use crate::scenario_input::{self, ScenarioArgs};
-use crate::table::Table;
+use crate::arguments::scenario::{self, ScenarioArgs};
+use crate::files::output::{check_free, print, print_json};
+use crate::text::table::Table;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -156,7 +156,7 @@ impl RunWatcher for Recorder {
 /// Simulates.
 pub(crate) fn execute(args: &SimulateArgs) -> Result<()> {
     let wanted = &args.scenario;
-    let scenario = scenario_input::read(&wanted.scenario, wanted.variant.as_deref())?;
+    let scenario = scenario::read(&wanted.scenario, wanted.variant.as_deref())?;
     let seed = wanted.seed.unwrap_or(scenario.meta.seed);
     let campaign = Campaign::new(&scenario, &wanted.trackers, seed, 1)?;
     if let Some(path) = &args.out {

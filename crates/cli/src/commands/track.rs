@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::multi_target::{
+use northing_evaluation::tracking::{
     InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
     TrackerKind, inject_heading, run,
 };
@@ -12,10 +12,11 @@ use northing_recording::atomic_file::write_whole;
 use northing_recording::tracking::{self, TrackingRecording};
 use serde::Serialize;
 
-use crate::output::{check_free, check_not_input, print, print_json};
-use crate::quantity;
-use crate::table::Table;
-use crate::track_report;
+use crate::arguments::quantity;
+use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::invocation::command_line;
+use crate::text::table::Table;
+use northing_report::followed_targets;
 
 /// Most runs of one command: more would take days.
 const MOST_RUNS: u32 = 100_000;
@@ -127,7 +128,7 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         }));
     }
     if let (Some(path), [summary]) = (&args.report, &summaries[..]) {
-        let html = track_report::render(summary, &epochs);
+        let html = followed_targets::render(summary, &epochs, command_line());
         write_whole(path, html.as_bytes(), args.force)?;
     }
     match &summaries[..] {
@@ -212,7 +213,7 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
             summary.confirmed_tracks,
             summary.tracker,
         ));
-        for issue in track_report::left_out(summary) {
+        for issue in followed_targets::left_out(summary) {
             text.push_str(&format!("  {issue}\n"));
         }
     }

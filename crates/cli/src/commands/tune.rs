@@ -11,14 +11,15 @@ use northing_recording::Event;
 use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
-use crate::cli::called;
-use crate::input::{DataArgs, InputArgs, shown};
+use crate::arguments::input::{DataArgs, InputArgs};
+use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::files::shown;
+use crate::files::toml_file::in_comment;
 use crate::interrupt::{happened, interruptible};
-use crate::output::{check_free, check_not_input, print, print_json};
+use crate::invocation::called;
 use crate::progress::Progress;
-use crate::sheet::paragraph;
-use crate::table::Table;
-use crate::toml_file::in_comment;
+use crate::text::sheet::paragraph;
+use crate::text::table::Table;
 
 /// Arguments of `tune`.
 #[derive(Debug, Args)]

@@ -4,10 +4,10 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
-use northing_evaluation::compare::{ErrorsDeg, Score, folder_of};
-use northing_evaluation::estimators::EstimatorKind;
+use northing_evaluation::attitude::compare::{ErrorsDeg, Score, folder_of};
+use northing_evaluation::attitude::kinds::EstimatorKind;
 
-use crate::input::shown;
+use crate::files::shown;
 
 /// The columns, in any order among any others.
 const COLUMNS: [&str; 5] = [

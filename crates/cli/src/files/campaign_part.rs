@@ -11,10 +11,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
-use northing_evaluation::tracking::campaign::{CampaignKey, Part};
-use northing_evaluation::tracking::exact_sum::ExactSum;
-use northing_evaluation::tracking::sums::CampaignSums;
-use northing_evaluation::tracking::{Campaign, TrackerKind};
+use northing_experiments::radar::campaign::{CampaignKey, Part};
+use northing_experiments::radar::exact_sum::ExactSum;
+use northing_experiments::radar::sums::CampaignSums;
+use northing_experiments::radar::{Campaign, TrackerKind};
 use northing_recording::AtomicFile;
 use parquet::column::reader::ColumnReader;
 use parquet::data_type::Int64Type;

@@ -8,13 +8,13 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use northing_core::geometry::rotation;
 use northing_core::nalgebra::{Matrix3, Vector3};
-use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::observer::{EstimateRecord, RunObserver};
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::observer::{EstimateRecord, RunObserver};
 use northing_recording::{AtomicFile, TumWriter};
 
-use crate::commands::convert::has_extension;
+use crate::files::has_extension;
 #[cfg(feature = "parquet")]
-use crate::parquet_table::ParquetTable;
+use crate::files::parquet_table::ParquetTable;
 
 /// The numbers of a row after the time: attitude (body to world), its standard deviation in body
 /// axes, the same attitude as angles, gyroscope bias and its standard deviation in body axes.
@@ -277,7 +277,7 @@ mod tests {
 
     #[test]
     fn every_column_is_documented() {
-        let formats = include_str!("../../../docs/formats.md");
+        let formats = include_str!("../../../../docs/formats.md");
         for column in COLUMNS.iter().chain(&PLACE_COLUMNS) {
             assert!(formats.contains(&format!("`{column}`")), "{column}");
         }

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
-use northing_evaluation::calibration_set::CalibrationSet;
-use northing_evaluation::field_calibration::{FieldCalibration, FieldReport};
+use northing_evaluation::calibration::magnetometer::{FieldCalibration, FieldReport};
+use northing_evaluation::calibration::set::CalibrationSet;
 
-use crate::toml_file::{self, in_comment};
+use crate::files::toml_file::{self, in_comment};
 
 /// The command that writes it.
 const COMMAND: &str = "northing calibrate magnetometer";
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
     use northing_core::calibration::MagnetometerLimits;
     use northing_core::nalgebra::Vector3;
-    use northing_evaluation::field_calibration::FieldSamples;
+    use northing_evaluation::calibration::magnetometer::FieldSamples;
     use northing_recording::{Event, Sample};
 
     fn report() -> FieldReport {
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn every_key_is_documented() {
-        let formats = include_str!("../../../docs/formats.md");
+        let formats = include_str!("../../../../docs/formats.md");
         let values = toml::Table::try_from(report().field).unwrap();
         let calibration = values["calibration"].as_table().unwrap();
         assert!(calibration.len() > 10);

@@ -6,13 +6,13 @@ use anyhow::{Context, Result};
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::geometry::rotation;
 use northing_evaluation::navigation::{NavigationEstimate, NavigationObserver};
-use northing_evaluation::report::validity_word;
 use northing_recording::AtomicFile;
 use northing_recording::fixed::{push_fixed, push_seconds};
 use northing_recording::track::{TrackPoint, check_track_path, write_track};
+use northing_report::validity_word;
 
-use crate::commands::convert::has_extension;
-use crate::output::check_free;
+use crate::files::has_extension;
+use crate::files::output::check_free;
 
 /// The columns of the CSV.
 const COLUMNS: &str = "t_s,latitude_deg,longitude_deg,height_m,north_m,east_m,down_m,north_std_m,east_std_m,down_std_m,\

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
 use northing_core::calibration::RestCalibration;
-use northing_evaluation::calibration_set::CalibrationSet;
+use northing_evaluation::calibration::set::CalibrationSet;
 
-use crate::rest_span::Calibrated;
-use crate::toml_file::{self, in_comment};
+use crate::files::toml_file::{self, in_comment};
+use northing_evaluation::calibration::rest::Calibrated;
 
 /// The command that writes it.
 const COMMAND: &str = "northing calibrate rest";
@@ -88,8 +88,8 @@ fn check(calibration: &RestCalibration<f64>) -> Result<(), &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rest_span::{Span, calibrate};
-    use northing_evaluation::options::MagnetometerSource;
+    use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+    use northing_evaluation::calibration::rest::{Span, calibrate};
     use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 
     fn calibrated() -> Calibrated {
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn every_key_is_documented() {
-        let formats = include_str!("../../../docs/formats.md");
+        let formats = include_str!("../../../../docs/formats.md");
         let values = toml::Table::try_from(calibrated().calibration).unwrap();
         assert!(values.len() > 10);
         for key in values.keys() {

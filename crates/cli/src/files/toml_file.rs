@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
-use northing_evaluation::calibration_set::CalibrationSet;
+use northing_evaluation::calibration::set::CalibrationSet;
 use serde::de::DeserializeOwned;
 
 /// Reads such a file; `command` is what writes it.

@@ -3,14 +3,14 @@
 use std::fmt::Write as _;
 
 use northing_core::kalman::SkipReason;
-use northing_evaluation::consistency::nees_in_words;
-use northing_evaluation::final_test::FinalVerdict;
-use northing_evaluation::nis::UpdateCounts;
-use northing_evaluation::options::MagnetometerSource;
-use northing_evaluation::summary::{PositionSummary, RunSummary};
+use northing_evaluation::attitude::final_test::FinalVerdict;
+use northing_evaluation::attitude::outcome::{PositionSummary, RunSummary};
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::statistics::consistency::nees_in_words;
+use northing_evaluation::statistics::nis::UpdateCounts;
 use northing_recording::SensorKind;
 
-use crate::sheet::Sheet;
+use crate::text::sheet::Sheet;
 
 /// The sheet of a run.
 pub(crate) fn describe(summary: &RunSummary) -> String {

@@ -2,10 +2,10 @@
 
 use northing_evaluation::navigation::NavigationSummary;
 use northing_evaluation::navigation::score::OutageScore;
-use northing_evaluation::nis::UpdateCounts;
-use northing_evaluation::report::navigation_verdicts;
+use northing_evaluation::statistics::nis::UpdateCounts;
+use northing_report::navigation_verdicts;
 
-use crate::sheet::Sheet;
+use crate::text::sheet::Sheet;
 
 /// The sheet of a run.
 pub(crate) fn describe(summary: &NavigationSummary) -> String {

@@ -10,10 +10,11 @@ use northing_core::attitude::wahba::{self, MAXIMUM_STD, Observation};
 use northing_core::attitude::{AttitudeConfig, InitialState, References};
 use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits, Sensor};
 
+use crate::attitude::instants::Instant;
+use crate::attitude::options::{RunOptions, SensorSelection};
+use crate::attitude::parameters::{Parameters, Profile};
+use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
-use crate::instants::Instant;
-use crate::options::{MagnetometerSource, RunOptions, SensorSelection};
-use crate::parameters::{Parameters, Profile};
 
 /// The parameters with the noise that the calibration measured, except those the user set.
 ///
@@ -297,7 +298,7 @@ fn since(last: &mut Option<i64>, now: i64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimators::EstimatorKind;
+    use crate::attitude::kinds::EstimatorKind;
     use approx::assert_relative_eq;
     use nalgebra::Vector3;
     use northing_core::geometry::{rotation, so3};

@@ -7,13 +7,13 @@ use northing_recording::{Metadata, OpenOptions};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::calibration_set::Calibrations;
+use crate::attitude::calibrations::Calibrations;
+use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::observer::RunObserver;
+use crate::attitude::options::RunOptions;
+use crate::attitude::outcome::RunSummary;
+use crate::attitude::runner;
 use crate::error::EvaluationError;
-use crate::estimators::EstimatorKind;
-use crate::observer::RunObserver;
-use crate::options::RunOptions;
-use crate::runner;
-use crate::summary::RunSummary;
 
 /// What is compared, and how.
 #[derive(Debug, Clone)]
@@ -312,6 +312,29 @@ fn cell(value: Option<MeanMedian>) -> String {
         || "-".to_owned(),
         |v| format!("{:.2} / {:.2}", v.mean, v.median),
     )
+}
+
+/// The different values of a text of the scores, in the order in which they come.
+#[must_use]
+pub fn distinct(scores: &[Score], of: impl Fn(&Score) -> &String) -> Vec<&String> {
+    let mut texts = Vec::new();
+    for text in scores.iter().map(of) {
+        if !texts.contains(&text) {
+            texts.push(text);
+        }
+    }
+    texts
+}
+
+/// The total errors of one recording, deg, in the order of the estimators.
+#[must_use]
+pub fn totals(scores: &[Score], recording: &str, estimators: &[&String]) -> Vec<Option<f64>> {
+    let of = |estimator: &&String| {
+        let mut own = scores.iter().filter(|s| s.recording == recording);
+        let score = own.find(|score| score.estimator == **estimator)?;
+        score.error_deg.map(|error| error.total)
+    };
+    estimators.iter().map(of).collect()
 }
 
 #[cfg(test)]

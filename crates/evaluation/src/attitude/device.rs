@@ -8,12 +8,12 @@ use std::collections::VecDeque;
 
 use nalgebra::UnitQuaternion;
 
+use crate::attitude::instants::Instant;
+use crate::attitude::observer::{EstimateRecord, RunObserver};
+use crate::attitude::options::RunOptions;
+use crate::attitude::outcome::RunSummary;
+use crate::attitude::tally::Tally;
 use crate::error::EvaluationError;
-use crate::instants::Instant;
-use crate::observer::{EstimateRecord, RunObserver};
-use crate::options::RunOptions;
-use crate::summary::RunSummary;
-use crate::tally::Tally;
 
 /// Longest pause between reports that is interpolated across, ns.
 const LONGEST_PAUSE_NS: i64 = 1_000_000_000;

@@ -15,11 +15,12 @@ use std::collections::VecDeque;
 use nalgebra::Vector3;
 use northing_core::calibration::RestCalibration;
 
-use crate::calibration::is_of_this_place;
+use crate::attitude::calibrated_start::is_of_this_place;
+use crate::attitude::instants::Instant;
+use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::options::RunOptions;
+use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
-use crate::estimators::EstimatorKind;
-use crate::instants::Instant;
-use crate::options::{MagnetometerSource, RunOptions};
 
 /// The parameter that follows from the stream unless somebody sets it.
 const PRIOR: &str = "bounded_initial_hard_iron_std_ut";

@@ -16,8 +16,8 @@ use northing_core::attitude::{AttitudeEstimator, CompassHeading, InitialState, P
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
+use crate::attitude::parameters::Parameters;
 use crate::error::EvaluationError;
-use crate::parameters::Parameters;
 
 /// An estimator that can be asked for by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]

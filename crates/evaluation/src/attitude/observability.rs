@@ -1,6 +1,7 @@
 //! What a choice of sensors cannot tell, in words.
 
-use crate::options::{MagnetometerSource, SensorSelection};
+use crate::attitude::options::SensorSelection;
+use crate::calibration::magnetometer::MagnetometerSource;
 
 /// Which sensors gave samples that were usable, among those chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -6,9 +6,9 @@ use northing_core::geometry::rotation;
 use northing_core::kalman::{Innovation, Outcome};
 use northing_recording::{Reference, SensorKind, WorldFrame};
 
-use crate::metrics::AttitudeError;
-use crate::options::tangent_frame;
-use crate::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
+use crate::attitude::options::tangent_frame;
+use crate::attitude::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
+use crate::statistics::metrics::AttitudeError;
 
 /// The estimate at the instant of a gyroscope sample, after everything measured at that instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,6 +81,27 @@ pub trait RunObserver {
 
 /// Watches nothing.
 impl RunObserver for () {}
+
+/// Watches where there is somebody to watch.
+impl<O: RunObserver> RunObserver for Option<O> {
+    fn estimate(&mut self, record: &EstimateRecord) {
+        if let Some(observer) = self {
+            observer.estimate(record);
+        }
+    }
+
+    fn innovation(&mut self, record: &InnovationRecord) {
+        if let Some(observer) = self {
+            observer.innovation(record);
+        }
+    }
+
+    fn position(&mut self, record: &PositionRecord) {
+        if let Some(observer) = self {
+            observer.position(record);
+        }
+    }
+}
 
 /// Tells two observers.
 impl<A: RunObserver, B: RunObserver> RunObserver for (A, B) {
@@ -306,7 +327,7 @@ mod tests {
     #[test]
     fn skipped_samples_have_no_place_in_a_plot_of_innovations() {
         let mut observer = TraceObserver::new(10, WorldFrame::Enu);
-        let fused = crate::nis::tests::innovation(Vector3::x(), Outcome::Fused);
+        let fused = crate::statistics::nis::tests::innovation(Vector3::x(), Outcome::Fused);
         for innovation in [fused, Innovation::skipped(SkipReason::NotFinite)] {
             observer.innovation(&InnovationRecord {
                 time_ns: 0,

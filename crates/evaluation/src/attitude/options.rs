@@ -10,10 +10,10 @@ use northing_core::geometry::frames::TangentFrame;
 use northing_recording::{Event, WorldFrame};
 use serde::{Deserialize, Serialize};
 
+use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::parameters::{self, Parameters, Profile};
+use crate::calibration::magnetometer::{FieldCalibration, MagnetometerSource};
 use crate::error::EvaluationError;
-use crate::estimators::EstimatorKind;
-use crate::field_calibration::FieldCalibration;
-use crate::parameters::{self, Parameters, Profile};
 
 /// Everything a run is asked for. [`RunOptions::default`] is `bounded-velocity` with the hand-held profile and
 /// all sensors.
@@ -164,28 +164,6 @@ pub(crate) const fn tangent_frame(frame: WorldFrame) -> TangentFrame {
     match frame {
         WorldFrame::Enu => TangentFrame::Enu,
         WorldFrame::Ned => TangentFrame::Ned,
-    }
-}
-
-/// Which magnetometer stream is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MagnetometerSource {
-    /// As the device calibrated it.
-    #[default]
-    Device,
-    /// Without the device's calibration: hard iron of the device included.
-    Uncalibrated,
-}
-
-impl MagnetometerSource {
-    /// Its name in files and on the command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Device => "device",
-            Self::Uncalibrated => "uncalibrated",
-        }
     }
 }
 

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use northing_recording::SensorKind;
 use serde::Serialize;
 
-use crate::consistency::SensorVerdict;
-use crate::estimators::EstimatorKind;
-use crate::final_test::FinalSummary;
-use crate::metrics::ErrorSummary;
-use crate::nis::{NisSummary, UpdateCounts};
-use crate::options::MagnetometerSource;
-use crate::parameters::Profile;
+use crate::attitude::final_test::FinalSummary;
+use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::parameters::Profile;
+use crate::calibration::magnetometer::MagnetometerSource;
+use crate::statistics::consistency::SensorVerdict;
+use crate::statistics::metrics::ErrorSummary;
+use crate::statistics::nis::{NisSummary, UpdateCounts};
 
 /// The outcome of one estimator on one recording. What does not apply is `None`, `null` in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -11,8 +11,8 @@ use northing_core::attitude::bounded_velocity::BoundedVelocityConfig;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::attitude::kinds::EstimatorKind;
 use crate::error::EvaluationError;
-use crate::estimators::EstimatorKind;
 pub(crate) use bounded_velocity::BOUNDED;
 pub use set::{CascadeRotation, CascadeSettings, Parameters};
 

@@ -2,9 +2,7 @@
 //!
 //! | idea | file |
 //! |---|---|
-//! | one step back, whatever the states | `rts_smoother/backward.rs` |
 //! | the smoother of the bounded-velocity filter | `rts_smoother/bounded_velocity.rs` |
-//! | the smoother of the GNSS/INS | `rts_smoother/navigation.rs` |
 //!
 //! Read first: Rauch, Tung & Striebel (1965); `docs/derivations/mekf.md`, section on the smoother.
 //! A [`Recorder`] runs a [`Mekf`] and keeps what each propagation did; [`Smoother::smooth`] then
@@ -30,9 +28,7 @@
 //!
 //! A new start of the filter ends the chain: nothing is carried back across it.
 
-mod backward;
 pub mod bounded_velocity;
-pub mod navigation;
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use northing_core::attitude::config::ConfigError;
@@ -43,7 +39,7 @@ use northing_core::attitude::{
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::Innovation;
 
-use backward::Link;
+use crate::statistics::rts_step::Link;
 
 /// A filter that remembers what it did, and can look back.
 pub trait Smoother: AttitudeEstimator<f64> {

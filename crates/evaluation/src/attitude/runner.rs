@@ -12,19 +12,19 @@ use northing_core::attitude::{AttitudeEstimator, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_recording::{Event, Recording, SensorKind};
 
-use crate::calibration::{self, CalibrationPhase};
-use crate::device;
+use crate::attitude::calibrated_start::{self, CalibrationPhase};
+use crate::attitude::device;
+use crate::attitude::first_look::FirstLook;
+use crate::attitude::instants::{Instant, Instants};
+use crate::attitude::kinds::{AnyEstimator, EstimatorKind};
+use crate::attitude::observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver};
+use crate::attitude::options::RunOptions;
+use crate::attitude::outcome::RunSummary;
+use crate::attitude::parameters::{CascadeRotation, Parameters};
+use crate::attitude::rts_smoother::bounded_velocity::Steps;
+use crate::attitude::rts_smoother::{Recorder, Smoother};
+use crate::attitude::tally::Tally;
 use crate::error::EvaluationError;
-use crate::estimators::{AnyEstimator, EstimatorKind};
-use crate::first_look::FirstLook;
-use crate::instants::{Instant, Instants};
-use crate::observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver};
-use crate::options::RunOptions;
-use crate::parameters::{CascadeRotation, Parameters};
-use crate::rts_smoother::bounded_velocity::Steps;
-use crate::rts_smoother::{Recorder, Smoother};
-use crate::summary::RunSummary;
-use crate::tally::Tally;
 use position_observer::PositionObserver;
 
 /// Runs the estimator of `options` over `events`, which must be in time order.
@@ -243,7 +243,7 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
     ) -> Result<Option<EstimateRecord>, EvaluationError> {
         let sensors = &self.options.sensors;
         let force = instant.specific_force.filter(|_| sensors.accelerometer);
-        let field = calibration::chosen_field(instant, sensors);
+        let field = calibrated_start::chosen_field(instant, sensors);
         self.has_magnetometer |=
             instant.magnetic_field.is_some() || instant.magnetic_field_uncalibrated.is_some();
         let compass = instant
@@ -346,8 +346,8 @@ fn running<E: AttitudeEstimator<f64>>(
     calibration: &RestCalibration<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let config = calibration::calibrated_config(options, calibration);
-    let driver = calibration::calibrated_driver(options, calibration);
+    let config = calibrated_start::calibrated_config(options, calibration);
+    let driver = calibrated_start::calibrated_driver(options, calibration);
     begun(options, &config, driver, make)
 }
 
@@ -357,12 +357,16 @@ fn started<E: AttitudeEstimator<f64>>(
     calibration: &RestCalibration<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let config = calibration::calibrated_config(options, calibration);
-    let settings = calibration::calibrated_driver(options, calibration);
+    let config = calibrated_start::calibrated_config(options, calibration);
+    let settings = calibrated_start::calibrated_driver(options, calibration);
     let alignment = config.alignment(options.estimator);
     let mut driver = AttitudeDriver::new(make(&config)?, alignment, settings);
     let noise = &config.attitude;
-    driver.start_from(&calibration::state_at_rest(calibration, noise, &settings));
+    driver.start_from(&calibrated_start::state_at_rest(
+        calibration,
+        noise,
+        &settings,
+    ));
     Ok(Phase::Running(Box::new(driver)))
 }
 

@@ -9,15 +9,11 @@ use northing_core::attitude::{InitialState, References};
 use northing_core::calibration::RestCalibration;
 use serde::{Deserialize, Serialize};
 
+use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::options::{RunOptions, SensorSelection};
+use crate::attitude::parameters::{Parameters, Profile};
+use crate::calibration::magnetometer::FieldCalibration;
 use crate::error::EvaluationError;
-use crate::estimators::EstimatorKind;
-use crate::field_calibration::FieldCalibration;
-use crate::options::{RunOptions, SensorSelection};
-use crate::parameters::{Parameters, Profile};
-
-/// What stands before and after the text in a report; no other element of it has this name.
-pub(crate) const OPENS: &str = "<pre id=\"setup\">";
-const CLOSES: &str = "</pre>";
 
 /// The options of a run as plain data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -115,7 +111,7 @@ impl RunSetup {
     #[must_use]
     pub fn of(options: &RunOptions) -> Self {
         Self {
-            program: crate::report::PROGRAM.to_owned(),
+            program: crate::PROGRAM.to_owned(),
             estimator: options.estimator,
             profile: options.profile,
             config: options.config,
@@ -172,44 +168,18 @@ impl RunSetup {
         serde_json::to_string_pretty(self).unwrap_or_default()
     }
 
-    /// From a report that carries it, or from the text alone.
+    /// From its text, as [`Self::to_text`] wrote it.
     ///
     /// # Errors
     /// What is wrong with it, in words.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let text = match text.split_once(OPENS) {
-            Some((_, rest)) => {
-                let inside = rest.split_once(CLOSES).ok_or("the report is cut off")?.0;
-                unescaped(inside)
-            }
-            None if text.trim_start().starts_with('{') => text.to_owned(),
-            None => {
-                return Err("it carries no setup; expected a report of the lab".to_owned());
-            }
-        };
-        serde_json::from_str(&text).map_err(|error| format!("its setup: {error}"))
+        serde_json::from_str(text).map_err(|error| format!("its setup: {error}"))
     }
-}
-
-/// Takes back what a page does to text.
-fn unescaped(text: &str) -> String {
-    let pairs = [
-        ("&lt;", "<"),
-        ("&gt;", ">"),
-        ("&quot;", "\""),
-        ("&#39;", "'"),
-        ("&amp;", "&"),
-    ];
-    pairs
-        .into_iter()
-        .fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::RunReport;
-    use crate::trace::Trace;
 
     fn options() -> RunOptions {
         let mut options = RunOptions::new(EstimatorKind::Usque, Profile::Lab);
@@ -232,15 +202,10 @@ mod tests {
     }
 
     #[test]
-    fn a_report_carries_it_to_the_last_digit() {
+    fn its_text_keeps_it_to_the_last_digit() {
         let setup = RunSetup::of(&options());
-        let trace = Trace::new(10);
-        let mut report = RunReport::new("Lab <1>", &trace);
-        report.setup = Some(setup.to_text());
-        report.command = Some("northing run".to_owned());
-        let read = RunSetup::parse(&report.render()).unwrap();
+        let read = RunSetup::parse(&setup.to_text()).unwrap();
         assert_eq!(read, setup);
-        assert_eq!(RunSetup::parse(&setup.to_text()).unwrap(), setup);
         let (made, expected) = (read.options().unwrap(), options());
         assert_eq!(made.config, expected.config);
         assert_eq!(made.explicit_settings, expected.explicit_settings);
@@ -255,8 +220,7 @@ mod tests {
     #[test]
     fn what_is_no_setup_is_named() {
         let message = |text: &str| RunSetup::parse(text).unwrap_err();
-        assert!(message("<html></html>").contains("carries no setup"));
-        assert!(message("<pre id=\"setup\">{").contains("cut off"));
+        assert!(message("<html></html>").contains("its setup"));
         assert!(message("{}").contains("missing field `program`"));
         let mut setup = RunSetup::of(&options());
         setup.skip_s = -1.0;

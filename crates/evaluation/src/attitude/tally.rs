@@ -7,17 +7,18 @@ use northing_core::attitude::Propagation;
 use northing_core::kalman::Innovation;
 use northing_recording::SensorKind;
 
-use crate::consistency::{self, SensorVerdict};
-use crate::estimators::EstimatorKind;
-use crate::field_watch::FieldWatch;
-use crate::final_test::FinalTest;
-use crate::instants::Instant;
-use crate::metrics::ErrorStatistics;
-use crate::nis::{NisStatistics, NisSummary, UpdateCounts};
-use crate::observability::{self, Present};
-use crate::observer::EstimateRecord;
-use crate::options::{MagnetometerSource, RunOptions};
-use crate::summary::{Gaps, NisOf, PerSensor, RunSummary};
+use crate::attitude::field_watch::FieldWatch;
+use crate::attitude::final_test::FinalTest;
+use crate::attitude::instants::Instant;
+use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::observability::{self, Present};
+use crate::attitude::observer::EstimateRecord;
+use crate::attitude::options::RunOptions;
+use crate::attitude::outcome::{Gaps, NisOf, PerSensor, RunSummary};
+use crate::calibration::magnetometer::MagnetometerSource;
+use crate::statistics::consistency::{self, SensorVerdict};
+use crate::statistics::metrics::ErrorStatistics;
+use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
 
 /// Fewer zeros than this may be chance.
 const FEWEST_ZEROS: u64 = 100;

@@ -1,10 +1,11 @@
 //! Calibration from a span of a recording, or from the rest at its beginning.
 
-use anyhow::{Result, anyhow, bail};
 use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits};
 use northing_core::nalgebra::Vector3;
-use northing_evaluation::options::MagnetometerSource;
 use northing_recording::{Event, RecordingError, Sample};
+
+use super::magnetometer::MagnetometerSource;
+use crate::error::EvaluationError;
 
 /// Length of the pieces in which stillness is judged, s.
 const PIECE_S: f64 = 0.5;
@@ -18,20 +19,20 @@ const STILL_FORCE: f64 = 0.2;
 /// The samples to calibrate from, in seconds since the first sample. Without an end it is the
 /// recording's, without both ends the rest at its beginning.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Span {
+pub struct Span {
     /// Start, s.
-    pub(crate) from_s: Option<f64>,
+    pub from_s: Option<f64>,
     /// End, s.
-    pub(crate) to_s: Option<f64>,
+    pub to_s: Option<f64>,
 }
 
 /// A calibration and the samples it is from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Calibrated {
+pub struct Calibrated {
     /// What was found.
-    pub(crate) calibration: RestCalibration<f64>,
+    pub calibration: RestCalibration<f64>,
     /// Start and end, s since the recording's first sample.
-    pub(crate) span_s: [f64; 2],
+    pub span_s: [f64; 2],
 }
 
 /// Calibrates from a span of a recording; `magnetometer` says which of its magnetometers
@@ -39,11 +40,11 @@ pub(crate) struct Calibrated {
 ///
 /// # Errors
 /// The recording cannot be read, or the device did not rest; with the reason.
-pub(crate) fn calibrate(
+pub fn calibrate(
     events: impl Iterator<Item = Result<Event, RecordingError>>,
     span: Span,
     magnetometer: Option<MagnetometerSource>,
-) -> Result<Calibrated> {
+) -> Result<Calibrated, EvaluationError> {
     match (span.from_s, span.to_s) {
         (None, None) => rest_at_the_beginning(events, magnetometer),
         (from_s, to_s) => exact_span(
@@ -58,11 +59,11 @@ fn exact_span(
     events: impl Iterator<Item = Result<Event, RecordingError>>,
     [from_s, to_s]: [f64; 2],
     magnetometer: Option<MagnetometerSource>,
-) -> Result<Calibrated> {
+) -> Result<Calibrated, EvaluationError> {
     let mut feed = Feed::new(magnetometer);
     let mut last_s = 0.0;
     for event in events {
-        let event = event?;
+        let event = event.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
         last_s = feed.seconds(&event);
         if last_s > to_s {
             break;
@@ -72,9 +73,11 @@ fn exact_span(
         }
     }
     if last_s < from_s {
-        bail!("the recording is {last_s:.1} s long; --from {from_s} lies behind its end");
+        return Err(EvaluationError::RestCalibration(format!(
+            "the recording is {last_s:.1} s long; --from {from_s} lies behind its end"
+        )));
     }
-    let calibration = feed.calibrator.finish(&RestLimits::default())?;
+    let calibration = finished(&feed.calibrator)?;
     Ok(Calibrated {
         calibration,
         span_s: [from_s, to_s.min(last_s)],
@@ -86,7 +89,7 @@ fn exact_span(
 fn rest_at_the_beginning(
     events: impl Iterator<Item = Result<Event, RecordingError>>,
     magnetometer: Option<MagnetometerSource>,
-) -> Result<Calibrated> {
+) -> Result<Calibrated, EvaluationError> {
     let limits = RestLimits::default();
     let mut feed = Feed::new(magnetometer);
     let mut piece = Piece::default();
@@ -96,7 +99,7 @@ fn rest_at_the_beginning(
     let mut moved_at_s = None;
     let mut last_s = 0.0;
     for event in events {
-        let event = event?;
+        let event = event.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
         let now_s = feed.seconds(&event);
         if now_s >= still[1].1 + PIECE_S {
             let pattern = *first.get_or_insert(piece);
@@ -113,7 +116,7 @@ fn rest_at_the_beginning(
     }
     let Some(moved_at_s) = moved_at_s else {
         // It rests to the end.
-        let calibration = feed.calibrator.finish(&limits)?;
+        let calibration = finished(&feed.calibrator)?;
         return Ok(Calibrated {
             calibration,
             span_s: [0.0, last_s],
@@ -121,18 +124,23 @@ fn rest_at_the_beginning(
     };
     let [(calibrator, end_s), _] = still;
     if end_s < SHORTEST_REST_S {
-        bail!(
+        return Err(EvaluationError::RestCalibration(format!(
             "the device moves {moved_at_s:.1} s after the recording begins; a calibration needs \
              {SHORTEST_REST_S:.0} s of rest: name a span with --from and --to, or record again"
-        );
+        )));
     }
-    let calibration = calibrator
-        .finish(&limits)
-        .map_err(|reason| anyhow!("{reason}"))?;
+    let calibration = finished(&calibrator)?;
     Ok(Calibrated {
         calibration,
         span_s: [0.0, end_s],
     })
+}
+
+/// What a calibrator makes of its samples.
+fn finished(calibrator: &RestCalibrator<f64>) -> Result<RestCalibration<f64>, EvaluationError> {
+    calibrator
+        .finish(&RestLimits::default())
+        .map_err(|reason| EvaluationError::RestCalibration(reason.to_string()))
 }
 
 /// Gives samples to a calibrator with the times between them.

@@ -3,12 +3,9 @@
 //! Hard iron changes with what lies in a pocket, a gyroscope's bias with the temperature: whoever records on many days
 //! calibrates on each. A set holds one calibration a device and day by name, and a recording says its own two.
 
-use northing_core::calibration::RestCalibration;
 use northing_recording::Metadata;
 
 use crate::error::EvaluationError;
-use crate::field_calibration::FieldCalibration;
-use crate::options::RunOptions;
 
 /// Keys under which a recording names its device beside `device`, and its day.
 const DEVICE_KEYS: [&str; 1] = ["phone"];
@@ -21,42 +18,6 @@ pub struct CalibrationSet<C> {
     pub place: String,
     /// Each with its name, such as `magnetometer_iPhone5_d3`.
     pub named: Vec<(String, C)>,
-}
-
-/// The sets that recordings take their calibrations from.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Calibrations {
-    /// Of the magnetometer.
-    pub field: Option<CalibrationSet<FieldCalibration>>,
-    /// At rest.
-    pub rest: Option<CalibrationSet<RestCalibration<f64>>>,
-}
-
-impl Calibrations {
-    /// Gives a recording's options the calibrations that belong to it. That of the magnetometer also
-    /// says which stream is used.
-    ///
-    /// # Errors
-    /// [`EvaluationError::NoCalibration`] where a set has none for it.
-    pub fn apply(
-        &self,
-        metadata: &Metadata,
-        options: &mut RunOptions,
-    ) -> Result<(), EvaluationError> {
-        if let Some(set) = &self.field {
-            let (name, field) = set.of(metadata)?;
-            options.calibration_names[1] = Some(name.clone());
-            options.sensors.magnetometer_source = field.magnetometer;
-            options.choose_magnetometer = false;
-            options.field_calibration = Some(*field);
-        }
-        if let Some(set) = &self.rest {
-            let (name, calibration) = set.of(metadata)?;
-            options.calibration_names[0] = Some(name.clone());
-            options.calibration = Some(*calibration);
-        }
-        Ok(())
-    }
 }
 
 impl<C> CalibrationSet<C> {

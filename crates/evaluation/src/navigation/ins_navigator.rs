@@ -12,8 +12,8 @@ use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Vali
 
 use super::magnetic_model;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
-use crate::nis::UpdateCounts;
-use crate::rts_smoother::navigation::NavigationRecorder;
+use crate::navigation::rts_smoother::NavigationRecorder;
+use crate::statistics::nis::UpdateCounts;
 
 /// Inertial samples kept to look back by: 0.6 s at 200 Hz.
 const HISTORY: usize = 128;

@@ -5,33 +5,37 @@
 //!
 //! | file | what is in it |
 //! |---|---|
-//! | `options.rs`, `parameters.rs` | names of the estimators, thinning and outages; parameters by name |
+//! | `kinds.rs`, `parameters.rs` | the estimators by name; their parameters by name |
+//! | `options.rs` | what a run can be asked for: thinned fixes, outages, aids left out |
 //! | `navigator.rs` | what every estimator does; the adapters of each are in `*_navigator.rs` |
 //! | `runner.rs`, `observer.rs` | from events to estimates; what watches |
-//! | `score.rs`, `summary.rs` | errors at withheld fixes, at a reference and in outages; the outcome |
-//! | `hindsight.rs` | scores of estimates that look back |
+//! | `score.rs`, `outcome.rs` | errors at held-out fixes, at a reference and in outages; the outcome |
+//! | `rts_smoother.rs`, `hindsight.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
 //! | `trace.rs` | what plots need |
-//! | `tune.rs` | noise parameters by innovation likelihood, with a part held back |
+//! | `tune.rs` | noise parameters by innovation likelihood, with a part held out |
 
 mod axis_navigator;
 mod device_navigator;
 mod hindsight;
 mod ins_navigator;
+pub mod kinds;
 mod magnetic_model;
 pub mod navigator;
 pub mod observer;
 pub mod options;
+pub mod outcome;
 pub mod parameters;
+pub mod rts_smoother;
 pub mod runner;
 pub mod score;
 mod ship_navigator;
-pub mod summary;
 pub mod trace;
 pub mod tune;
 
+pub use kinds::{NavigationInfo, NavigationKind};
 pub use navigator::{Aid, AidKind, NavigationEstimate};
 pub use observer::{NavigationObserver, ScoredPoint};
-pub use options::{NavigationInfo, NavigationKind, NavigationOptions, Outage};
+pub use options::{NavigationOptions, Outage};
+pub use outcome::NavigationSummary;
 pub use parameters::NavigationParameters;
 pub use runner::run_navigation;
-pub use summary::NavigationSummary;

@@ -9,7 +9,7 @@ use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
 use serde::Serialize;
 
-use crate::nis::UpdateCounts;
+use crate::statistics::nis::UpdateCounts;
 
 /// A measurement that aids.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,10 +6,10 @@ use northing_core::earth::wgs84::Geodetic;
 use northing_core::navigation::Validity;
 use serde::Serialize;
 
+use super::kinds::NavigationKind;
 use super::navigator::AidKind;
-use super::options::NavigationKind;
 use super::score::{HeadingScore, OutageScore, PositionScore};
-use crate::nis::{NisSummary, UpdateCounts};
+use crate::statistics::nis::{NisSummary, UpdateCounts};
 
 /// What became of one aid.
 #[derive(Debug, Clone, PartialEq, Serialize)]

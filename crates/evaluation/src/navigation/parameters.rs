@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::options::NavigationKind;
+use super::kinds::NavigationKind;
 use crate::error::EvaluationError;
 
 /// Everything that can be set.

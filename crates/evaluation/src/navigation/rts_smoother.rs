@@ -9,7 +9,7 @@
 //! ```
 //! use northing_core::navigation::gnss_ins::{GnssIns, GnssInsConfig};
 //! use northing_core::nalgebra::Vector3;
-//! use northing_evaluation::rts_smoother::navigation::NavigationRecorder;
+//! use northing_evaluation::navigation::rts_smoother::NavigationRecorder;
 //!
 //! let mut ins = GnssIns::<f64>::new(GnssInsConfig::default()).unwrap();
 //! let mut recorder = NavigationRecorder::default();
@@ -31,7 +31,7 @@ use northing_core::navigation::gnss_ins::{CovarianceStep, GnssIns};
 use northing_core::navigation::side_states::SIDE_STATES;
 use northing_core::navigation::{NavigationState, STATES, SideStates};
 
-use super::backward::Link;
+use crate::statistics::rts_step::Link;
 
 /// The 15 errors and the side states.
 const ALL: usize = STATES + SIDE_STATES;

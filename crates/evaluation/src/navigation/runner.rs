@@ -4,7 +4,7 @@
 //! from there. Fixes can be thinned and kept back, and what is kept back is scored at. Memory does not grow
 //! with the recording, unless the estimates look back.
 
-mod outcome;
+mod finish;
 mod receiver;
 mod scoring;
 
@@ -19,14 +19,15 @@ use super::axis_navigator::AxisNavigator;
 use super::device_navigator::DeviceNavigator;
 use super::hindsight::Scored;
 use super::ins_navigator::InsNavigator;
+use super::kinds::NavigationKind;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use super::observer::NavigationObserver;
-use super::options::{NavigationKind, NavigationOptions};
+use super::options::NavigationOptions;
+use super::outcome::{NavigationSummary, ValidityTimes};
 use super::score::{LastFix, Scorer, seconds_between};
 use super::ship_navigator::ShipNavigator;
-use super::summary::{NavigationSummary, ValidityTimes};
 use crate::error::EvaluationError;
-use crate::nis::{NisStatistics, UpdateCounts};
+use crate::statistics::nis::{NisStatistics, UpdateCounts};
 
 /// Standard deviation of a heading where the sensor states none, rad.
 const HEADING_STD: f64 = 0.01;

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::navigator::NavigationEstimate;
 use super::options::Outage;
-use crate::metrics::AttitudeError;
+use crate::statistics::metrics::AttitudeError;
 
 /// 95 % of two degrees of freedom.
 pub const CHI_SQUARE_95: f64 = 5.991_464_547;

@@ -11,7 +11,7 @@ use northing_core::navigation::Validity;
 
 use super::navigator::{AidKind, NavigationEstimate};
 use super::observer::{NavigationObserver, ScoredPoint};
-use crate::trace::Thinned;
+use crate::statistics::thinned::Thinned;
 
 /// Estimates are taken at 50 Hz.
 const INTERVAL_NS: i64 = 20_000_000;

@@ -12,9 +12,10 @@ use northing_recording::{Event, WorldFrame};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::kinds::NavigationKind;
 use super::navigator::AidKind;
 use super::observer::NavigationObserver;
-use super::options::{NavigationKind, NavigationOptions};
+use super::options::NavigationOptions;
 use super::parameters::NavigationParameters;
 use super::runner::run_navigation;
 use crate::error::EvaluationError;

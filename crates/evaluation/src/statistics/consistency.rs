@@ -10,7 +10,7 @@ use northing_recording::SensorKind;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 
-use crate::nis::{NisSummary, UpdateCounts, chi_square_quantile};
+use crate::statistics::nis::{NisSummary, UpdateCounts, chi_square_quantile};
 
 /// What the NIS of a sensor says about its stated noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -232,7 +232,7 @@ fn rounded(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nis::tests::{innovation, of_noise};
+    use crate::statistics::nis::tests::{innovation, of_noise};
     use northing_core::kalman::Outcome;
     use northing_simulation::random::{normal_vector, stream};
 
@@ -310,7 +310,7 @@ mod tests {
     #[test]
     fn disturbed_samples_do_not_blame_r() {
         let mut noise = stream(5, "nis");
-        let mut statistics = crate::nis::NisStatistics::default();
+        let mut statistics = crate::statistics::nis::NisStatistics::default();
         let mut counts = UpdateCounts::default();
         for k in 0..5000 {
             let (std, outcome) = if k % 10 == 0 {

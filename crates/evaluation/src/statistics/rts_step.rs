@@ -8,13 +8,13 @@ const RIDGE: f64 = 1e-10;
 
 /// The covariances on both sides of one step, and how the error moves along it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Link<'a, const N: usize> {
+pub(crate) struct Link<'a, const N: usize> {
     /// `P^+` before the step.
-    pub(super) filtered: &'a SMatrix<f64, N, N>,
+    pub(crate) filtered: &'a SMatrix<f64, N, N>,
     /// `Phi`.
-    pub(super) transition: &'a SMatrix<f64, N, N>,
+    pub(crate) transition: &'a SMatrix<f64, N, N>,
     /// `P^-` after it.
-    pub(super) predicted: &'a SMatrix<f64, N, N>,
+    pub(crate) predicted: &'a SMatrix<f64, N, N>,
 }
 
 impl<const N: usize> Link<'_, N> {
@@ -22,7 +22,7 @@ impl<const N: usize> Link<'_, N> {
     /// smoothed state after it differs from the prediction, and its covariance. States that are
     /// not in use have a variance of zero and stay as they are. `None` where the prediction has no
     /// inverse.
-    pub(super) fn back(
+    pub(crate) fn back(
         &self,
         difference: &SVector<f64, N>,
         next: &SMatrix<f64, N, N>,

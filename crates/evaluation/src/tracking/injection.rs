@@ -13,8 +13,10 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::run::{OwnShipStd, TrackOptions, TrackerKind, run};
-use super::score::TrackSummary;
+use super::kinds::TrackerKind;
+use super::options::{OwnShipStd, TrackOptions};
+use super::outcome::TrackSummary;
+use super::runner::run;
 
 /// How to inject.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,17 +1,23 @@
-//! Many targets: run the tracker over a recording, score it against true positions.
+//! Where are the others: the multi-target tracker over recordings, scored against true positions.
 //!
 //! | file | what is in it |
 //! |---|---|
+//! | [`kinds`] | the trackers by name |
+//! | [`options`] | what a run can be asked for |
+//! | [`runner`] | the tracker over a recording, with own-ship uncertainty stated or injected |
 //! | [`matching`] | which track is which target: optimal assignment; GOSPA |
-//! | [`run`](mod@run) | the tracker over a recording, with own-ship uncertainty stated or injected |
-//! | [`score`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
+//! | [`outcome`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
 //! | [`injection`] | a heading error drawn for each run: which tracker knows what it does not know |
 
 pub mod injection;
+pub mod kinds;
 pub mod matching;
-pub mod run;
-pub mod score;
+pub mod options;
+pub mod outcome;
+pub mod runner;
 
 pub use injection::{InjectedTracker, InjectionOptions, InjectionSummary, inject_heading};
-pub use run::{OwnShipStd, TrackEpoch, TrackOptions, TrackedTarget, TrackerKind, run};
-pub use score::{TargetSummary, TrackSummary};
+pub use kinds::TrackerKind;
+pub use options::{OwnShipStd, TrackOptions};
+pub use outcome::{TargetSummary, TrackSummary};
+pub use runner::{TrackEpoch, TrackedTarget, run};

@@ -7,7 +7,7 @@ use northing_recording::tracking::TrackingIssues;
 use serde::Serialize;
 
 use super::matching::{Gospa, Place, assign, distance};
-use super::run::TrackedTarget;
+use super::runner::TrackedTarget;
 
 /// Farther than this a track is no track of the target, m.
 pub const MATCH_M: f64 = 40.0;

@@ -12,8 +12,10 @@ use northing_recording::tracking::{
     Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
 };
 
+use super::kinds::TrackerKind;
 use super::matching::Place;
-use super::score::{Counts, Score, TrackSummary};
+use super::options::TrackOptions;
+use super::outcome::{Counts, Score, TrackSummary};
 
 /// Motion models of the tracker.
 const MODELS: usize = 3;
@@ -23,67 +25,6 @@ const TRACKS: usize = 112;
 const DETECTIONS: usize = 96;
 
 type Tracker = MultiTargetTracker<f64, MODELS, TRACKS, DETECTIONS>;
-
-/// What a tracker does about the uncertainty of its own ship.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TrackerKind {
-    /// Nothing: the pose is taken for the truth.
-    Uncompensated,
-    /// It is added to the noise of every detection, as if it were new each time.
-    Converted,
-    /// It is carried along with its correlation to each target.
-    #[default]
-    Schmidt,
-}
-
-impl TrackerKind {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Uncompensated, Self::Converted, Self::Schmidt];
-
-    /// The name for people and files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Uncompensated => "uncompensated",
-            Self::Converted => "converted",
-            Self::Schmidt => "schmidt",
-        }
-    }
-}
-
-impl std::str::FromStr for TrackerKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let known = Self::ALL.into_iter().find(|kind| kind.name() == text);
-        known.ok_or_else(|| {
-            format!("`{text}` is no tracker; there are uncompensated, converted, schmidt")
-        })
-    }
-}
-
-/// Standard deviations of the own ship's pose.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct OwnShipStd {
-    /// Position on each axis, m.
-    pub position_m: f64,
-    /// Heading, rad.
-    pub heading_rad: f64,
-}
-
-/// How to run.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct TrackOptions {
-    /// What to do about the own ship's uncertainty.
-    pub tracker: TrackerKind,
-    /// Standard deviations of the own ship's pose, instead of those of the recording (and zero when
-    /// that has none).
-    pub own_ship_std: Option<OwnShipStd>,
-    /// Names of the sensors to use, instead of those that the recording marks.
-    pub sensors: Option<Vec<String>>,
-    /// Added to the own ship's heading, rad: an error that is known exactly.
-    pub heading_error_rad: f64,
-}
 
 /// A confirmed track at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::data::ObserverData;
 use super::schemes::{Form, Gains, settings};
-use crate::error::EvaluationError;
+use northing_evaluation::EvaluationError;
 
 /// Rounds of all kernels; the least time of each counts.
 const ROUNDS: usize = 9;

@@ -8,7 +8,7 @@ use northing_simulation::scenario::FlightRun;
 use northing_simulation::scenario::flight_schema::{FlightScenario, Metric};
 use northing_simulation::world::{STANDARD_GRAVITY_M_S2, specific_force_at_rest};
 
-use crate::error::EvaluationError;
+use northing_evaluation::EvaluationError;
 
 /// Samples of a recording that are averaged into one, as a chip of a third of the rate would see them.
 pub const DECIMATION: usize = 3;

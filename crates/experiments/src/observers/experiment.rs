@@ -12,7 +12,7 @@ use super::data::ObserverData;
 use super::interval::{Gain, error_ci95};
 use super::schemes::{self, Form, Gains, Score};
 use super::tuning::{Aggregate, Grid, Scheme, best, scores};
-use crate::error::EvaluationError;
+use northing_evaluation::EvaluationError;
 
 /// The conditions that are flown unless others are given.
 pub const SCENARIO: &str = include_str!("../../../../scenarios/observers/cascade.toml");

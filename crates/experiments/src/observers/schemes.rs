@@ -12,8 +12,8 @@ use northing_simulation::world::specific_force_at_rest;
 use serde::Serialize;
 
 use super::data::{ObserverData, PositionData};
-use crate::error::EvaluationError;
-use crate::metrics::AttitudeError;
+use northing_evaluation::EvaluationError;
+use northing_evaluation::statistics::metrics::AttitudeError;
 
 /// An error below this counts as settled, deg.
 pub const SETTLED_DEG: f64 = 3.0;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::data::ObserverData;
 use super::schemes::{self, Form, Gains, Score};
-use crate::error::EvaluationError;
+use northing_evaluation::EvaluationError;
 
 /// The values of each gain that are tried, all combinations of those that a scheme has.
 #[derive(Debug, Clone, PartialEq)]

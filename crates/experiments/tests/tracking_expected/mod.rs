@@ -3,8 +3,8 @@
 
 #![allow(clippy::unwrap_used)]
 
-use northing_evaluation::tracking::outcome::{Errors, TrackerOutcome};
-use northing_evaluation::tracking::{CampaignOutcome, TrackerKind};
+use northing_experiments::radar::outcome::{Errors, TrackerOutcome};
+use northing_experiments::radar::{CampaignOutcome, TrackerKind};
 
 const EXPECTED: &str = include_str!("../../../../scenarios/tracking/wilthil_brekke_expected.csv");
 

@@ -1,8 +1,8 @@
 //! What the bounded-velocity filter knows beside the attitude: hard iron, quality of the field, rest.
 
 use northing_core::attitude::bounded_velocity::BoundedVelocityState;
-use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::first_look::LEFT_BY_A_CALIBRATION_UT;
+use northing_evaluation::attitude::first_look::LEFT_BY_A_CALIBRATION_UT;
+use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_recording::SensorKind;
 use serde::Serialize;
 

@@ -3,10 +3,10 @@
 use northing_core::calibration::{RestCalibration, Sensor};
 use northing_core::nalgebra::Vector3;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::calibration::CalibrationPhase;
-use northing_evaluation::instants::Instant;
-use northing_evaluation::options::SensorSelection;
-use northing_evaluation::trace::Thinned;
+use northing_evaluation::attitude::calibrated_start::CalibrationPhase;
+use northing_evaluation::attitude::instants::Instant;
+use northing_evaluation::attitude::options::SensorSelection;
+use northing_evaluation::statistics::thinned::Thinned;
 use northing_recording::{Event, Sample, SensorKind};
 use serde_json::{Map, Value, json};
 

@@ -1,8 +1,8 @@
 //! The consistency lamp: whether the last seconds of innovations fit the stated noise, in words.
 
 use northing_core::kalman::Innovation;
-use northing_evaluation::consistency::{NoiseVerdict, judge};
-use northing_evaluation::nis::{NisStatistics, UpdateCounts};
+use northing_evaluation::statistics::consistency::{NoiseVerdict, judge};
+use northing_evaluation::statistics::nis::{NisStatistics, UpdateCounts};
 use northing_recording::SensorKind;
 use serde::Serialize;
 

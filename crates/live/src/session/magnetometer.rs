@@ -6,7 +6,7 @@ use northing_core::calibration::magnetometer::{
     MagnetometerCalibration, MagnetometerCalibrator, MagnetometerLimits, MagnetometerModel,
     calibrate, coverage,
 };
-use northing_evaluation::trace::Thinned;
+use northing_evaluation::statistics::thinned::Thinned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 

@@ -22,10 +22,12 @@ use northing_core::attitude::driver::DriverConfig;
 use northing_core::calibration::RestCalibration;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::frames::TangentFrame;
-use northing_evaluation::calibration::{calibrated_config, calibrated_driver, state_at_rest};
-use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::options::{RunOptions, SensorSelection};
-use northing_evaluation::parameters::Parameters;
+use northing_evaluation::attitude::calibrated_start::{
+    calibrated_config, calibrated_driver, state_at_rest,
+};
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
+use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::{EvaluationError, Profile};
 use northing_recording::{Event, Sample, SensorKind, WorldFrame};
 use serde_json::{Map, Value};

@@ -6,8 +6,8 @@ use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
 use northing_core::attitude::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use northing_core::kalman::Innovation;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::estimators::{AnyEstimator, EstimatorKind};
-use northing_evaluation::parameters::Parameters;
+use northing_evaluation::attitude::kinds::{AnyEstimator, EstimatorKind};
+use northing_evaluation::attitude::parameters::Parameters;
 
 /// An estimator that remembers its start, to be rebuilt with other parameters.
 #[derive(Debug, Clone)]

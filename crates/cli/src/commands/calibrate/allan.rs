@@ -5,22 +5,22 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use northing_core::attitude::AttitudeConfig;
-use northing_evaluation::EvaluationError;
-use northing_evaluation::allan::{AllanConfig, AllanReport, analyze_events};
-use northing_evaluation::report::{Source, allan_html};
+use northing_evaluation::calibration::allan::{AllanConfig, AllanReport, RestSamples, analyze};
 use northing_recording::SensorKind;
 use northing_recording::atomic_file::write_whole;
+use northing_report::{Source, allan_html};
 use serde::Serialize;
 
 use super::OutputArgs;
-use crate::cli::{called, command_line};
-use crate::input::{InputArgs, shown};
+use crate::arguments::input::InputArgs;
+use crate::arguments::span::SpanArgs;
+use crate::files::output::{print, print_json};
+use crate::files::shown;
+use crate::files::toml_file::in_comment;
 use crate::interrupt::interruptible;
-use crate::output::{print, print_json};
+use crate::invocation::{called, command_line};
 use crate::progress::Progress;
-use crate::sheet::Sheet;
-use crate::span::SpanArgs;
-use crate::toml_file::in_comment;
+use crate::text::sheet::Sheet;
 
 /// Arguments of `calibrate allan`.
 #[derive(Debug, Args)]
@@ -80,7 +80,7 @@ pub(super) fn execute(args: &AllanArgs) -> Result<()> {
         );
     }
     let name = shown(&args.recording);
-    let report = analyze(args, &name)?;
+    let report = analyzed(args, &name)?;
     // What a filter starts from does not matter here: only what is said about it.
     let filled = report.fill(&mut AttitudeConfig::default());
     let settings = Settings::of(&report);
@@ -127,7 +127,7 @@ pub(super) fn execute(args: &AllanArgs) -> Result<()> {
     print(&format!("{}\n", all.trim_end()))
 }
 
-fn analyze(args: &AllanArgs, name: &str) -> Result<AllanReport> {
+fn analyzed(args: &AllanArgs, name: &str) -> Result<AllanReport> {
     let mut recording = args.input.open(&args.recording)?;
     let config = AllanConfig {
         sensor: args.sensor,
@@ -135,13 +135,12 @@ fn analyze(args: &AllanArgs, name: &str) -> Result<AllanReport> {
     };
     let mut progress = Progress::of_stream("reading");
     let events = args.span.of(interruptible(recording.by_ref()));
-    let analysed = analyze_events(events.inspect(|_| progress.event()), &config);
-    let mut report = match analysed {
-        Ok(report) => report,
-        // Its message begins with the file already.
-        Err(error @ EvaluationError::Recording(_)) => return Err(error.into()),
-        Err(error) => return Err(error).with_context(|| name.to_owned()),
-    };
+    let mut samples = RestSamples::new(args.sensor);
+    for event in events.inspect(|_| progress.event()) {
+        samples.add_event(&event?);
+    }
+    let report = analyze(&samples, &config).context("Allan deviation");
+    let mut report = report.with_context(|| name.to_owned())?;
     report.sentences.extend(recording.issues().sentences());
     Ok(report)
 }

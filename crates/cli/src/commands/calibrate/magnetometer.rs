@@ -5,21 +5,22 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use clap::Args;
 use northing_core::calibration::{MagnetometerCalibration, MagnetometerLimits};
-use northing_evaluation::field_calibration::{FieldReport, FieldSamples};
-use northing_evaluation::options::MagnetometerSource;
-use northing_evaluation::report::{Source, field_html};
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::{FieldReport, FieldSamples};
 use northing_recording::atomic_file::write_whole;
+use northing_report::{Source, magnetometer_html};
 use serde::Serialize;
 
 use super::OutputArgs;
-use crate::cli::{called, command_line};
-use crate::field_file;
-use crate::input::{InputArgs, magnetometer_source, shown};
+use crate::arguments::input::{InputArgs, magnetometer_source};
+use crate::arguments::span::SpanArgs;
+use crate::files::magnetometer_calibration;
+use crate::files::output::{print, print_json};
+use crate::files::shown;
 use crate::interrupt::interruptible;
-use crate::output::{print, print_json};
+use crate::invocation::{called, command_line};
 use crate::progress::Progress;
-use crate::sheet::Sheet;
-use crate::span::SpanArgs;
+use crate::text::sheet::Sheet;
 
 /// Arguments of `calibrate magnetometer`.
 #[derive(Debug, Args)]
@@ -68,7 +69,7 @@ pub(super) fn execute(args: &MagnetometerArgs) -> Result<()> {
     args.output.check(&args.recording, args.report.as_deref())?;
     let name = shown(&args.recording);
     let (report, issues) = calibrate(args, &name)?;
-    let toml = field_file::to_toml(&report, &name)?;
+    let toml = magnetometer_calibration::to_toml(&report, &name)?;
     args.output.write_toml(&toml)?;
     if let Some(path) = &args.report {
         let command = command_line();
@@ -78,7 +79,7 @@ pub(super) fn execute(args: &MagnetometerArgs) -> Result<()> {
         };
         write_whole(
             path,
-            field_html(&report, &source).as_bytes(),
+            magnetometer_html(&report, &source).as_bytes(),
             args.output.force,
         )?;
     }

@@ -7,19 +7,21 @@ use anyhow::{Context, Result};
 use clap::Args;
 use northing_core::calibration::RestCalibration;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::field_calibration::FieldCalibration;
-use northing_evaluation::options::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::FieldCalibration;
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use serde::Serialize;
 
 use super::OutputArgs;
-use crate::cli::called;
-use crate::input::{InputArgs, magnetometer_source, shown};
+use crate::arguments::input::{InputArgs, magnetometer_source};
+use crate::arguments::span::SpanArgs;
+use crate::files::output::{print, print_json};
+use crate::files::shown;
+use crate::files::{magnetometer_calibration, rest_calibration};
 use crate::interrupt::interruptible;
-use crate::output::{print, print_json};
+use crate::invocation::called;
 use crate::progress::Progress;
-use crate::rest_span::{self, Calibrated, Span};
-use crate::span::SpanArgs;
-use crate::{calibration_file, field_file};
+use crate::text::rest_calibration::values;
+use northing_evaluation::calibration::rest::{self, Calibrated, Span};
 
 /// Arguments of `calibrate rest`.
 #[derive(Debug, Args)]
@@ -75,7 +77,7 @@ pub(super) fn execute(args: &RestArgs) -> Result<()> {
     args.output.check(&args.recording, None)?;
     let calibrated = calibrate(args)?;
     let recording = shown(&args.recording);
-    let toml = calibration_file::to_toml(&calibrated, &recording)?;
+    let toml = rest_calibration::to_toml(&calibrated, &recording)?;
     args.output.write_toml(&toml)?;
     if args.output.prints_toml() {
         return print(&toml);
@@ -102,7 +104,7 @@ pub(super) fn execute(args: &RestArgs) -> Result<()> {
 
 fn calibrate(args: &RestArgs) -> Result<Calibrated> {
     let path = args.magnetometer_calibration.as_deref();
-    let field = path.map(field_file::read).transpose()?;
+    let field = path.map(magnetometer_calibration::read).transpose()?;
     let source = stream(args.magnetometer, field.as_ref())?;
     let mut recording = args.input.open(&args.recording)?;
     let span = Span {
@@ -115,7 +117,7 @@ fn calibrate(args: &RestArgs) -> Result<Calibrated> {
         let apply = |event| field.map_or(event, |field| field.apply(event));
         event.map(apply)
     });
-    rest_span::calibrate(events, span, source)
+    rest::calibrate(events, span, source)
         .with_context(|| format!("{}: no calibration", shown(&args.recording)))
 }
 
@@ -171,61 +173,4 @@ fn describe(recording: &str, calibrated: &Calibrated) -> String {
         "{recording}: at rest from {from_s:.1} s to {to_s:.1} s\n{}",
         values(&calibrated.calibration, "  ")
     )
-}
-
-/// Bias, noise and references, a line each, after `indent`.
-pub(crate) fn values(c: &RestCalibration<f64>, indent: &str) -> String {
-    let mut lines = Vec::new();
-    let degrees = c.gyroscope_bias_rad_s.map(f64::to_degrees);
-    let known = c.gyroscope_bias_std().to_degrees();
-    let density = c.gyroscope_noise_density();
-    let density = density
-        .map(|d| format!(", {d:.2e} rad/s/sqrt(Hz)"))
-        .unwrap_or_default();
-    let std = rms(&c.gyroscope_std_rad_s);
-    lines.push(format!("gyroscope      {} samples", c.gyroscope_samples));
-    lines.push(format!(
-        "  bias         {} deg/s, each known to {known:.4}",
-        vector(&degrees, 3)
-    ));
-    lines.push(format!("  noise        {std:.5} rad/s a sample{density}"));
-    match (c.gravity(), c.accelerometer_std()) {
-        (Some(gravity), Some(std)) => {
-            lines.push(format!(
-                "accelerometer  {} samples",
-                c.accelerometer_samples
-            ));
-            lines.push(format!("  gravity      {gravity:.3} m/s^2"));
-            lines.push(format!("  noise        {std:.4} m/s^2 a sample"));
-        }
-        _ => lines.push("accelerometer  none: the tilt has no reference".to_owned()),
-    }
-    match (c.magnetic_field_ut(), c.magnetometer_std_ut()) {
-        (Some(field), Some(std)) => {
-            let dip = c
-                .dip()
-                .map(|dip| format!(", {:.1} deg below the horizon", dip.to_degrees()));
-            let dip = dip.unwrap_or_default();
-            lines.push(format!("magnetometer   {} samples", c.magnetometer_samples));
-            lines.push(format!(
-                "  field        {:.2} microtesla{dip}",
-                field.norm()
-            ));
-            lines.push(format!("  noise        {std:.3} microtesla a sample"));
-        }
-        _ => lines.push("magnetometer   none: the heading has no reference".to_owned()),
-    }
-    lines
-        .iter()
-        .map(|line| format!("{indent}{line}\n"))
-        .collect()
-}
-
-fn vector(v: &[f64; 3], decimals: usize) -> String {
-    let [x, y, z] = v;
-    format!("{x:+.decimals$} {y:+.decimals$} {z:+.decimals$}")
-}
-
-fn rms([x, y, z]: &[f64; 3]) -> f64 {
-    ((x * x + y * y + z * z) / 3.0).sqrt()
 }

@@ -9,30 +9,31 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use northing_core::calibration::RestCalibration;
 use northing_core::nalgebra::Vector3;
-use northing_evaluation::consistency::nees_in_words;
-use northing_evaluation::estimators::EstimatorKind;
-use northing_evaluation::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
-use northing_evaluation::options::{MagnetometerSource, RunOptions};
-use northing_evaluation::parameters::Profile;
-use northing_evaluation::report::{HeroPicture, hero_svg};
-use northing_evaluation::summary::RunSummary;
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::observer::{RunObserver, TraceObserver};
+use northing_evaluation::attitude::options::RunOptions;
+use northing_evaluation::attitude::outcome::RunSummary;
+use northing_evaluation::attitude::parameters::Profile;
+use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::statistics::consistency::nees_in_words;
 use northing_recording::atomic_file::write_whole;
 use northing_recording::{OpenOptions, Recording, open};
+use northing_report::{HeroPicture, hero_svg};
 use northing_simulation::VirtualPhone;
 use northing_simulation::virtual_phone::Motion;
 
-use crate::calibration_file;
-use crate::cli::called;
-use crate::commands::calibrate::rest::values;
-use crate::commands::run::TRACE_CAPACITY;
-use crate::estimate_file::EstimateFile;
-use crate::estimation::{parameters_used, run_over};
-use crate::output::{check_free, print};
+use crate::arguments::estimation::{parameters_used, run_over};
+use crate::arguments::virtual_recording;
+use crate::files::estimate_file::EstimateFile;
+use crate::files::output::{check_free, print};
+use crate::files::rest_calibration;
+use crate::invocation::{called, command_line};
 use crate::progress::Progress;
-use crate::rest_span::{self, Calibrated, Span};
-use crate::sheet::paragraph;
-use crate::table::Table;
-use crate::{run_report, virtual_recording};
+use crate::text::rest_calibration::values;
+use crate::text::sheet::paragraph;
+use crate::text::table::Table;
+use northing_evaluation::calibration::rest::{self, Calibrated, Span};
+use northing_report::{TRACE_CAPACITY, run_page};
 
 /// What the demonstration compares: the filter, integration alone, and the phone itself.
 const COMPARED: [EstimatorKind; 3] = [
@@ -180,9 +181,9 @@ impl<'a> Lab<'a> {
             to_s: Some(self.phone.config().rest_before_s),
         };
         let calibrated =
-            rest_span::calibrate(recording.by_ref(), span, Some(MagnetometerSource::Device))?;
+            rest::calibrate(recording.by_ref(), span, Some(MagnetometerSource::Device))?;
         let name = self.folder.recording.display().to_string();
-        let text = calibration_file::to_toml(&calibrated, &name)?;
+        let text = rest_calibration::to_toml(&calibrated, &name)?;
         write_whole(&self.folder.calibration, text.as_bytes(), self.folder.force)?;
         let error = bias_error_deg_s(self.phone, &calibrated.calibration);
         let known = error
@@ -221,18 +222,15 @@ impl<'a> Lab<'a> {
     ) -> Result<()> {
         let mut recording = self.folder.open()?;
         let metadata = recording.metadata().clone();
-        let mut watchers = Watchers {
-            trace: TraceObserver::new(TRACE_CAPACITY, metadata.world_frame),
-            file: EstimateFile::create(
-                &self.folder.estimates,
-                options.estimator,
-                self.folder.force,
-            )?,
-        };
+        let trace = TraceObserver::new(TRACE_CAPACITY, metadata.world_frame);
+        let (estimates, force) = (&self.folder.estimates, self.folder.force);
+        let file = EstimateFile::create(estimates, options.estimator, force)?;
+        let mut watchers = (trace, file);
         let summary = self.run(&mut recording, options, &mut watchers)?;
-        watchers.file.finish()?;
+        let (trace, file) = watchers;
+        file.finish()?;
         let config = parameters_used(options, Some(calibration));
-        let html = run_report::render(&summary, &config, &metadata, watchers.trace.trace());
+        let html = run_page::render(&summary, &config, &metadata, trace.trace(), command_line());
         write_whole(&self.folder.report, html.as_bytes(), self.folder.force)?;
         let mut text = String::from("4. Experiment: mekf from the calibrated start\n");
         if let Some(error) = &summary.error_deg {
@@ -254,7 +252,7 @@ impl<'a> Lab<'a> {
         }
         self.say(&text)?;
         self.runs.push(summary);
-        self.traces.push(watchers.trace);
+        self.traces.push(trace);
         Ok(())
     }
 
@@ -378,20 +376,4 @@ fn bias_error_deg_s(phone: &VirtualPhone, calibration: &RestCalibration<f64>) ->
             .norm()
             .to_degrees(),
     )
-}
-
-struct Watchers {
-    trace: TraceObserver,
-    file: EstimateFile,
-}
-
-impl RunObserver for Watchers {
-    fn estimate(&mut self, record: &EstimateRecord) {
-        self.trace.estimate(record);
-        self.file.estimate(record);
-    }
-
-    fn innovation(&mut self, record: &InnovationRecord) {
-        self.trace.innovation(record);
-    }
 }

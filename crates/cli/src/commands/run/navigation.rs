@@ -1,9 +1,8 @@
 //! `northing run` with a navigation estimator: where was it, and how wrong is that?
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::kalman::Innovation;
 use northing_core::nalgebra::Vector3;
@@ -11,63 +10,20 @@ use northing_evaluation::EvaluationError;
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{
     AidKind, NavigationEstimate, NavigationKind, NavigationObserver, NavigationOptions,
-    NavigationSummary, Outage, ScoredPoint, run_navigation,
+    NavigationSummary, ScoredPoint, run_navigation,
 };
-use northing_evaluation::report::{NavigationReport, navigation_settings};
 use northing_recording::Recording;
 use northing_recording::atomic_file::write_whole;
+use northing_report::{NavigationReport, TRACE_CAPACITY, navigation_settings};
 
-use crate::cli::command_line;
-use crate::commands::run::{RunArgs, TRACE_CAPACITY};
-use crate::input::{seconds, shown};
+use super::arguments::RunArgs;
+use crate::files::navigation_file::NavigationFile;
+use crate::files::output::{check_free, check_not_input, print, print_json, same_file};
+use crate::files::shown;
 use crate::interrupt::interruptible;
-use crate::navigation_file::NavigationFile;
-use crate::navigation_text;
-use crate::output::{check_free, check_not_input, print, print_json, same_file};
+use crate::invocation::command_line;
 use crate::progress::Progress;
-
-/// Options about navigation.
-#[derive(Debug, Clone, Default, Args)]
-#[command(next_help_heading = "Navigation (error-state, axis-filters, dead-reckoning, device)")]
-pub(crate) struct NavigationArgs {
-    /// Use one of N fixes; the others are kept back and scored at
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    gnss_every: Option<u32>,
-    /// Keep all fixes back for a while, both in seconds, the start after the first fix; may be repeated
-    #[arg(long, value_name = "START:DURATION")]
-    outage: Vec<Outage>,
-    /// Leave aids out, e.g. magnetometer,barometer
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    without: Vec<AidKind>,
-    /// Scores count from so many seconds after the first fix [default: 60]
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
-    score_from: Option<f64>,
-    /// Draw one picture (SVG): orientation and position with what was measured, a few seconds of both, and the track
-    #[arg(long, value_name = "FILE")]
-    picture: Option<PathBuf>,
-}
-
-impl NavigationArgs {
-    /// The first option given, for an estimator that has no use for it.
-    pub(crate) fn first_given(&self) -> Option<&'static str> {
-        let given = [
-            ("--gnss-every", self.gnss_every.is_some()),
-            ("--outage", !self.outage.is_empty()),
-            ("--without", !self.without.is_empty()),
-            ("--score-from", self.score_from.is_some()),
-            ("--picture", self.picture.is_some()),
-        ];
-        given.into_iter().find(|(_, given)| *given).map(|(n, _)| n)
-    }
-
-    fn apply(&self, options: &mut NavigationOptions) {
-        let defaults = NavigationOptions::default();
-        options.gnss_every = self.gnss_every.unwrap_or(defaults.gnss_every);
-        options.outages.clone_from(&self.outage);
-        options.without.clone_from(&self.without);
-        options.score_from_s = self.score_from.unwrap_or(defaults.score_from_s);
-    }
-}
+use crate::text::navigation as text;
 
 /// Runs.
 pub(crate) fn execute(
@@ -96,7 +52,7 @@ pub(crate) fn execute(
     if args.json {
         return print_json(&summary);
     }
-    let mut text = navigation_text::describe(&summary);
+    let mut text = text::describe(&summary);
     if !written.is_empty() {
         text.push_str(&format!("\n{}\n", written.join("\n")));
     }

@@ -1,12 +1,13 @@
 //! Comparisons of made-up recordings and, where they are there, of real ones.
 
 use super::*;
-use crate::calibration::CalibrationPhase;
-use crate::calibration_set::CalibrationSet;
-use crate::field_calibration::FieldSamples;
-use crate::instants::Instants;
-use crate::options::{MagnetometerSource, SensorSelection};
-use crate::parameters::Profile;
+use crate::attitude::calibrated_start::CalibrationPhase;
+use crate::attitude::instants::Instants;
+use crate::attitude::options::SensorSelection;
+use crate::attitude::parameters::Profile;
+use crate::calibration::magnetometer::FieldSamples;
+use crate::calibration::magnetometer::MagnetometerSource;
+use crate::calibration::set::CalibrationSet;
 use northing_core::calibration::MagnetometerLimits;
 use northing_recording::test_data::data_dir;
 use std::sync::atomic::{AtomicUsize, Ordering};

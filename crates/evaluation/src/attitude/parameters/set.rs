@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::bounded_velocity::{self, BOUNDED};
-use crate::estimators::EstimatorKind;
+use crate::attitude::kinds::EstimatorKind;
 
 /// Every parameter of every estimator. As text it is one flat list of names, those of
 /// [`AttitudeConfig`], of [`BoundedVelocityConfig`] after `bounded_`, and of [`CascadeSettings`]; what is left out has its default, and unknown

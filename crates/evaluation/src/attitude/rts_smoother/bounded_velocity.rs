@@ -20,8 +20,8 @@ use northing_core::attitude::bounded_velocity::{
 };
 use northing_core::geometry::{rotation, so3};
 
-use super::backward::Link;
 use super::{Estimate, Smoother};
+use crate::statistics::rts_step::Link;
 
 /// What is known in hindsight about the time from one node to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]

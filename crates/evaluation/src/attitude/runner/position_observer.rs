@@ -12,11 +12,11 @@ use northing_core::attitude::driver::AttitudeDriver;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::cascade::{Cascade, CascadeConfig, CascadeState};
 
+use crate::attitude::instants::Instant;
+use crate::attitude::options::{RunOptions, tangent_frame};
+use crate::attitude::outcome::{PositionRms, PositionSummary, RunSummary};
 use crate::error::EvaluationError;
-use crate::instants::Instant;
-use crate::nis::UpdateCounts;
-use crate::options::{RunOptions, tangent_frame};
-use crate::summary::{PositionRms, PositionSummary, RunSummary};
+use crate::statistics::nis::UpdateCounts;
 
 /// Specific forces shorter than this are of an accelerometer that is off, m/s^2.
 const SILENCE_M_S2: f64 = 1e-3;

@@ -1,7 +1,7 @@
 //! Runs on the virtual phone and on events made by hand.
 
 use super::*;
-use crate::parameters::Profile;
+use crate::attitude::parameters::Profile;
 use nalgebra::Vector3;
 use northing_recording::{RecordingError, Reference, Sample};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
@@ -56,7 +56,7 @@ fn the_lab_on_the_virtual_phone_ranks_the_estimators() {
 #[test]
 fn counts_add_up_to_the_samples() {
     let summary = summary_of(&lab(EstimatorKind::Mekf));
-    let counts = |c: &crate::nis::UpdateCounts| c.fused + c.gated + c.skipped;
+    let counts = |c: &crate::statistics::nis::UpdateCounts| c.fused + c.gated + c.skipped;
     let of = |kind| summary.samples_per_sensor[&kind];
     assert_eq!(
         counts(&summary.updates.gyroscope),

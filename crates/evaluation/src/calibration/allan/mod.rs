@@ -17,7 +17,7 @@
 
 use nalgebra::Vector3;
 use northing_core::attitude::AttitudeConfig;
-use northing_recording::{Event, Recording, SensorKind};
+use northing_recording::SensorKind;
 use serde::Serialize;
 
 mod config;
@@ -34,8 +34,6 @@ pub use error::AllanError;
 use fit::Measured;
 pub use fit::{Coefficient, NoiseCoefficients};
 pub use samples::RestSamples;
-
-use crate::error::EvaluationError;
 
 /// A deviation is trusted while its upper bound is at most this many times the value.
 const TRUSTED_RATIO: f64 = 1.5;
@@ -157,35 +155,6 @@ pub fn analyze(samples: &RestSamples, config: &AllanConfig) -> Result<AllanRepor
         sentences: Vec::new(),
     };
     report.sentences = words::sentences(&report, &regular);
-    Ok(report)
-}
-
-/// Gathers the samples of `config.sensor` from events and analyses them.
-///
-/// # Errors
-/// The events end in an error, or as [`analyze`].
-pub fn analyze_events<I, X>(events: I, config: &AllanConfig) -> Result<AllanReport, EvaluationError>
-where
-    I: IntoIterator<Item = Result<Event, X>>,
-    X: std::error::Error + Send + Sync + 'static,
-{
-    let mut samples = RestSamples::new(config.sensor);
-    for event in events {
-        samples.add_event(&event.map_err(|error| EvaluationError::Recording(Box::new(error)))?);
-    }
-    Ok(analyze(&samples, config)?)
-}
-
-/// As [`analyze_events`], with what was odd about the recording in the sentences.
-///
-/// # Errors
-/// As [`analyze_events`].
-pub fn analyze_recording(
-    recording: &mut Recording,
-    config: &AllanConfig,
-) -> Result<AllanReport, EvaluationError> {
-    let mut report = analyze_events(&mut *recording, config)?;
-    report.sentences.extend(recording.issues().sentences());
     Ok(report)
 }
 

@@ -2,10 +2,10 @@
 
 use super::Session;
 use crate::error::EvaluationError;
-use crate::navigation::options::NavigationKind;
+use crate::navigation::kinds::NavigationKind;
+use crate::navigation::outcome::{AidSummary, NavigationSummary, Origin};
 use crate::navigation::score::seconds_between;
-use crate::navigation::summary::{AidSummary, NavigationSummary, Origin};
-use crate::nis::{NisStatistics, UpdateCounts};
+use crate::statistics::nis::{NisStatistics, UpdateCounts};
 
 impl Session<'_> {
     pub(super) fn finish(self, name: &str) -> Result<NavigationSummary, EvaluationError> {

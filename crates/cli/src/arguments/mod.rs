@@ -1,0 +1,12 @@
+//! Arguments that commands share, and what they mean.
+
+pub(crate) mod estimation;
+pub(crate) mod estimator;
+pub(crate) mod input;
+pub(crate) mod navigation;
+pub(crate) mod quantity;
+pub(crate) mod recordings;
+pub(crate) mod scenario;
+pub(crate) mod settings;
+pub(crate) mod span;
+pub(crate) mod virtual_recording;

@@ -1,0 +1,37 @@
+//! Which way does it point: attitude estimators over recordings, and how good they are.
+//!
+//! | I look for | file |
+//! |---|---|
+//! | the estimators by name, and any of them behind one type | [`kinds`] |
+//! | parameters: units, defaults, profiles, `NAME=VALUE` | [`parameters`] |
+//! | what a run can be asked for | [`options`] |
+//! | running over a stream of events | [`runner`] |
+//! | watching a run: estimates, innovations, traces for plots | [`observer`], [`trace`] |
+//! | the outcome: what `run --json` prints | [`outcome`] |
+//! | the paper's final test | [`final_test`] |
+//! | what the sensors used cannot tell | [`observability`] |
+//! | a calibration at rest in a run: noise, bias and start | [`calibrated_start`] |
+//! | calibrations of many devices and days | [`calibrations`] |
+//! | everything a run depends on, to be run again | [`setup`] |
+//! | the smoothers | [`rts_smoother`] |
+//! | many recordings, several estimators, one table | [`compare`] |
+
+pub mod calibrated_start;
+pub mod calibrations;
+pub mod compare;
+mod device;
+mod field_watch;
+pub mod final_test;
+pub mod first_look;
+pub mod instants;
+pub mod kinds;
+pub mod observability;
+pub mod observer;
+pub mod options;
+pub mod outcome;
+pub mod parameters;
+pub mod rts_smoother;
+pub mod runner;
+pub mod setup;
+mod tally;
+pub mod trace;

@@ -1,0 +1,15 @@
+//! Statistics of errors and innovations: what every kind of estimator is judged by.
+//!
+//! | I look for | file |
+//! |---|---|
+//! | error metrics and NEES of an attitude | [`metrics`] |
+//! | NIS, counts of updates, quantiles of chi-square | [`nis`] |
+//! | "your accelerometer R is about 9 times too small" | [`consistency`] |
+//! | one step back of RTS smoothing, whatever the states | `rts_step.rs` |
+//! | a series of bounded length for plots | [`thinned`] |
+
+pub mod consistency;
+pub mod metrics;
+pub mod nis;
+pub(crate) mod rts_step;
+pub mod thinned;

@@ -1,0 +1,11 @@
+//! Papers made again: the only crate, tests aside, where simulated worlds meet estimators.
+//!
+//! | folder | paper | what is in it |
+//! |---|---|---|
+//! | [`radar`] | Wilthil & Brekke (2018) | Monte-Carlo campaigns of trackers on a ship whose own pose is uncertain |
+//! | [`observers`] | Iporre & Améstegui | attitude observers in cascade with position, against a quaternion EKF |
+//! | [`ground`] | Romaniuk & Gosiewski (2014) | GNSS/INS on simulated walks and drives |
+
+pub mod ground;
+pub mod observers;
+pub mod radar;

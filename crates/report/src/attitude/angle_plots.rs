@@ -1,0 +1,156 @@
+//! Plots of estimates over time: angles, errors against the reference, gyroscope bias.
+
+use crate::drawing::axis::Axis;
+use crate::drawing::curves::{
+    angle_axis, band, band_layer, curve, error_limit, is_drawn, line, time_axis,
+};
+use crate::drawing::plot::{Figure, Key, LINE_POINTS, Panel, Sign, TIME, key};
+use crate::drawing::series::{BandPoint, Point};
+use northing_evaluation::attitude::trace::{Trace, TracePoint};
+
+/// Room at the right of figures without names there.
+const RIGHT: f64 = 14.0;
+
+/// Heading, pitch and roll with their bands, the reference and the device's own; `None` without
+/// estimates.
+pub(crate) fn angles(trace: &Trace) -> Option<Figure> {
+    let points = trace.points.items();
+    if !is_drawn(&curve(points, |p| Some(p.angles_deg[0]))) {
+        return None;
+    }
+    let panels = ["Heading", "Pitch", "Roll"];
+    let panels = panels.into_iter().enumerate();
+    Some(Figure {
+        label: "Estimated heading, pitch and roll over time".to_owned(),
+        time: time_axis(&[trace]),
+        legend: angle_keys(points),
+        panels: panels
+            .map(|(i, name)| angle_panel(points, i, name))
+            .collect(),
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    })
+}
+
+fn angle_keys(points: &[TracePoint]) -> Vec<Key> {
+    let mut keys = vec![key(Sign::Line, "line estimate", "estimate")];
+    if points.iter().any(|p| p.angles_std_deg.is_some()) {
+        keys.push(key(
+            Sign::Band,
+            "band estimate-fill",
+            "\u{00b1}3\u{03c3} of the estimate",
+        ));
+    }
+    if points.iter().any(|p| p.reference_deg.is_some()) {
+        keys.push(key(Sign::Line, "line dash reference", "reference"));
+    }
+    if points.iter().any(|p| p.device_deg.is_some()) {
+        keys.push(key(
+            Sign::Line,
+            "line ghost device",
+            "the device\u{2019}s own",
+        ));
+    }
+    keys
+}
+
+/// One angle: band, the device's own, the estimate, and the dashed reference on top.
+fn angle_panel(points: &[TracePoint], i: usize, name: &str) -> Panel {
+    let estimate = curve(points, |p| Some(p.angles_deg[i]));
+    let reference = curve(points, |p| p.reference_deg.map(|a| a[i]));
+    let device = curve(points, |p| p.device_deg.map(|a| a[i]));
+    let axis = angle_axis(&[&estimate, &reference, &device]);
+    let bounds = band(points, |p| {
+        p.angles_std_deg.map(|s| (p.angles_deg[i], s[i]))
+    });
+    let layers = vec![
+        band_layer(bounds, true),
+        line(device, "ghost device", true),
+        line(estimate, "estimate", true),
+        line(reference, "thin dash reference", true),
+    ];
+    Panel::new(name, "deg", axis, layers)
+}
+
+/// Total, heading and inclination error, with what the filter predicted; `None` without reference.
+pub(crate) fn errors(trace: &Trace) -> Option<Figure> {
+    let points = trace.points.items();
+    let error = |i: usize| curve(points, move |p| p.error_deg.map(|e| e[i]));
+    if !is_drawn(&error(0)) {
+        return None;
+    }
+    let total = band(points, |p| p.error_std_deg.map(|s| (0.0, s[0])));
+    let heading = band(points, |p| p.error_std_deg.map(|s| (0.0, s[1])));
+    let mut legend = vec![key(Sign::Line, "line estimate", "error")];
+    if points.iter().any(|p| p.error_std_deg.is_some()) {
+        legend.push(key(Sign::Band, "band estimate-fill", "predicted 3\u{03c3}"));
+    }
+    Some(Figure {
+        label: "Error of the estimate against the reference over time".to_owned(),
+        time: time_axis(&[trace]),
+        legend,
+        panels: vec![
+            error_panel("Total error", error(0), total, false),
+            error_panel("Heading error", error(1), heading, true),
+            error_panel("Inclination error", error(2), Vec::new(), false),
+        ],
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    })
+}
+
+fn error_panel(name: &str, error: Vec<Point>, bounds: Vec<BandPoint>, signed: bool) -> Panel {
+    let (limit, note) = error_limit(&error, &bounds, "deg");
+    let axis = Axis::linear(if signed { -limit } else { 0.0 }, limit, 5);
+    let layers = vec![
+        band_layer(bounds, false),
+        line(error, "estimate thin", signed),
+    ];
+    let mut panel = Panel::new(name, "deg", axis, layers);
+    panel.note = note;
+    panel
+}
+
+/// Gyroscope bias of each axis with its band; `None` for estimators without bias.
+pub(crate) fn bias(trace: &Trace) -> Option<Figure> {
+    let points = trace.points.items();
+    let value = |i: usize| curve(points, move |p| p.bias_deg_s.map(|b| b[i]));
+    if !is_drawn(&value(0)) {
+        return None;
+    }
+    let panels = ["x", "y", "z"].into_iter().enumerate().map(|(i, name)| {
+        let std = |p: &TracePoint| Some((p.bias_deg_s?[i], p.bias_std_deg_s?[i]));
+        bias_panel(&format!("Bias {name}"), value(i), band(points, std))
+    });
+    let mut legend = vec![key(Sign::Line, "line estimate", "gyroscope bias")];
+    if points.iter().any(|p| p.bias_std_deg_s.is_some()) {
+        legend.push(key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3}"));
+    }
+    Some(Figure {
+        label: "Estimated gyroscope bias over time".to_owned(),
+        time: time_axis(&[trace]),
+        legend,
+        panels: panels.collect(),
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    })
+}
+
+/// The axis holds the curve and the bounds of the later nine tenths: the wide start may leave it.
+fn bias_panel(name: &str, value: Vec<Point>, bounds: Vec<BandPoint>) -> Panel {
+    let later = &bounds[bounds.len() / 10..];
+    let ends = later.iter().flat_map(|b| [b[1], b[2]]);
+    let shown = value.iter().map(|p| p[1]).chain(ends);
+    let shown: Vec<f64> = shown.filter(|v| v.is_finite()).collect();
+    let low = shown.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = shown.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let margin = (0.06 * (high - low)).max(1e-6);
+    let layers = vec![band_layer(bounds, false), line(value, "estimate", false)];
+    let axis = Axis::linear(low - margin, high + margin, 5);
+    let mut panel = Panel::new(name, "deg/s", axis, layers);
+    panel.height = 120.0;
+    panel
+}

@@ -1,0 +1,257 @@
+//! Plots of a comparison: errors and headings over time in one picture, and dots by recording.
+
+use crate::attitude::comparison::{ComparedRun, Distribution};
+use crate::drawing::axis::{self, Axis};
+use crate::drawing::curves::{angle_axis, curve, is_drawn, line, short, time_axis};
+use crate::drawing::plot::{Figure, LINE_POINTS, Panel, Sign, TIME, WIDTH, key};
+use crate::drawing::series::{self, Point};
+use crate::drawing::style::SERIES;
+use crate::drawing::svg::Svg;
+use northing_evaluation::attitude::trace::{Trace, TracePoint};
+
+/// Room at the right for names of lines.
+const RIGHT: f64 = 150.0;
+/// Windows over which errors are averaged.
+const WINDOWS: usize = 100;
+/// Axes that reach less far than this factor have ticks between powers of ten.
+const FINE_TICKS: f64 = 500.0;
+/// Smallest error shown, deg.
+const LEAST_ERROR_DEG: f64 = 0.02;
+
+/// Class of the n-th line: a colour, dashed once the colours are used up.
+fn class(i: usize) -> String {
+    let dash = if i < SERIES { "" } else { " dash" };
+    format!("s{}{dash}", i % SERIES)
+}
+
+fn time_of(runs: &[ComparedRun<'_>]) -> Axis {
+    time_axis(&runs.iter().map(|r| r.trace).collect::<Vec<&Trace>>())
+}
+
+/// Total, heading and inclination error of each run; `None` without reference.
+pub(crate) fn errors(runs: &[ComparedRun<'_>]) -> Option<Figure> {
+    let panels: Vec<Panel> = ["Total error", "Heading error", "Inclination error"]
+        .into_iter()
+        .enumerate()
+        .filter_map(|(component, name)| error_panel(runs, component, name))
+        .collect();
+    (!panels.is_empty()).then(|| Figure {
+        label: "Errors of each estimator over time".to_owned(),
+        time: time_of(runs),
+        legend: Vec::new(),
+        panels,
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    })
+}
+
+fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option<Panel> {
+    let curves: Vec<Vec<Point>> = runs
+        .iter()
+        .map(|r| {
+            let error = |p: &TracePoint| p.error_deg.map(|e| e[component]);
+            series::windowed_rms(&curve(r.trace.points.items(), error), WINDOWS)
+        })
+        .collect();
+    let mut sorted: Vec<f64> = curves.iter().flatten().map(|p| p[1]).collect();
+    sorted.retain(|v| v.is_finite());
+    sorted.sort_by(f64::total_cmp);
+    let high = *sorted.last()?;
+    let low = (axis::quantile(&sorted, 0.02) * 0.7).max(LEAST_ERROR_DEG);
+    let mut axis = Axis::logarithmic(low, (high * 1.3).max(low * 10.0));
+    if high < FINE_TICKS * low {
+        axis = axis.with_fine_ticks();
+    }
+    let mut tags = Vec::new();
+    let mut layers = Vec::new();
+    for (i, (run, curve)) in runs.iter().zip(curves).enumerate() {
+        if let Some(last) = curve.last() {
+            tags.push((
+                last[1],
+                format!("s{}-fill", i % SERIES),
+                run.name.to_owned(),
+            ));
+        }
+        layers.push(line(curve, &class(i), false));
+    }
+    let mut panel = Panel::new(name, "deg, logarithmic", axis, layers);
+    panel.height = 200.0;
+    panel.tags = tags;
+    Some(panel)
+}
+
+/// Heading of each run over the reference; `None` without estimates.
+pub(crate) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
+    let curves: Vec<Vec<Point>> = runs
+        .iter()
+        .map(|r| curve(r.trace.points.items(), |p| Some(p.angles_deg[0])))
+        .collect();
+    let reference = runs
+        .iter()
+        .map(|r| curve(r.trace.points.items(), |p| p.reference_deg.map(|a| a[0])));
+    let reference = reference.into_iter().find(|c| is_drawn(c));
+    if !curves.iter().any(|c| is_drawn(c)) {
+        return None;
+    }
+    let mut shown: Vec<&[Point]> = curves.iter().map(Vec::as_slice).collect();
+    shown.extend(reference.as_deref());
+    let axis = angle_axis(&shown);
+    let mut legend = Vec::new();
+    let mut layers = Vec::new();
+    for (i, (run, curve)) in runs.iter().zip(curves).enumerate() {
+        legend.push(key(
+            Sign::Line,
+            &format!("line bold {}", class(i)),
+            run.name,
+        ));
+        layers.push(line(curve, &class(i), true));
+    }
+    if let Some(reference) = reference {
+        legend.push(key(Sign::Line, "line dash reference", "reference"));
+        layers.push(line(reference, "thin dash reference", true));
+    }
+    let mut panel = Panel::new("Heading", "deg", axis, layers);
+    panel.height = 260.0;
+    Some(Figure {
+        label: "Heading of each estimator over time".to_owned(),
+        time: time_of(runs),
+        legend,
+        panels: vec![panel],
+        right: 14.0,
+        line_points: LINE_POINTS,
+        across: TIME,
+    })
+}
+
+/// Rows of dots, one row an estimator.
+struct Dots<'a> {
+    /// Name, index of the colour, sorted errors in deg.
+    rows: Vec<(&'a str, usize, Vec<f64>)>,
+    axis: Axis,
+}
+
+/// Room at the left for names of estimators.
+const NAMES: f64 = 176.0;
+/// Height of a row of dots.
+const ROW: f64 = 46.0;
+/// Width of the dots' plot.
+const DOTS_WIDTH: f64 = WIDTH - NAMES - 130.0;
+
+/// One row of dots for each estimator, with a bar at the median; `None` without errors. Estimators
+/// that are also among the runs have the colour they have there.
+pub(crate) fn distribution(all: &[Distribution], runs: &[ComparedRun<'_>]) -> Option<String> {
+    let mut names: Vec<&str> = runs.iter().map(|r| r.name).collect();
+    let mut rows = Vec::new();
+    for one in all {
+        let colour = names.iter().position(|n| *n == one.name);
+        let colour = colour.unwrap_or_else(|| {
+            names.push(&one.name);
+            names.len() - 1
+        });
+        let mut errors = one.errors_deg.clone();
+        errors.retain(|e| e.is_finite() && *e >= 0.0);
+        errors.sort_by(f64::total_cmp);
+        if !errors.is_empty() {
+            rows.push((one.name.as_str(), colour, errors));
+        }
+    }
+    let ends = || rows.iter().flat_map(|(_, _, e)| [e[0], e[e.len() - 1]]);
+    let low = ends().min_by(f64::total_cmp)?.max(LEAST_ERROR_DEG);
+    let high = ends().max_by(f64::total_cmp)?;
+    let axis = Axis::logarithmic(0.8 * low, 1.25 * high);
+    let fine = high < FINE_TICKS * low;
+    let axis = if fine { axis.with_fine_ticks() } else { axis };
+    Some(Dots { rows, axis }.render())
+}
+
+impl Dots<'_> {
+    fn x(&self, value: f64) -> f64 {
+        self.axis.position(value).clamp(0.0, 1.0) * DOTS_WIDTH
+    }
+
+    fn render(&self) -> String {
+        let height = ROW * self.rows.len() as f64;
+        let label = "Errors of each estimator, by recording";
+        let mut svg = Svg::picture(WIDTH, height + 60.0, label);
+        svg.open_window(NAMES, 6.0, DOTS_WIDTH, height);
+        svg.rectangle([0.0, 0.0], [DOTS_WIDTH, height], 0.0, "frame");
+        let ticks = self.axis.ticks();
+        let columns = ticks.iter().map(|(v, _)| self.x(*v));
+        let columns: Vec<_> = columns.map(|x| vec![[x, 0.0], [x, height]]).collect();
+        svg.lines(&columns, "grid");
+        for (i, (_, colour, errors)) in self.rows.iter().enumerate() {
+            self.row(&mut svg, (i as f64 + 0.5) * ROW, *colour, errors);
+        }
+        svg.close();
+        for (i, (name, colour, errors)) in self.rows.iter().enumerate() {
+            let y = 6.0 + (i as f64 + 0.5) * ROW + 5.0;
+            let class = format!("tag end s{}-fill", colour % SERIES);
+            svg.text([NAMES - 12.0, y], &class, name);
+            let median = format!("median {}", short(median(errors)));
+            svg.text([NAMES + DOTS_WIDTH + 10.0, y], "note", &median);
+        }
+        for (value, text) in &ticks {
+            let x = NAMES + self.x(*value);
+            svg.text([x, height + 26.0], "tick mid", text);
+        }
+        let middle = [NAMES + DOTS_WIDTH / 2.0, height + 50.0];
+        svg.text(middle, "unit mid", "error, deg (logarithmic)");
+        svg.close();
+        svg.finish()
+    }
+
+    fn row(&self, svg: &mut Svg, y: f64, colour: usize, errors: &[f64]) {
+        // Neighbours take turns above and below, so that they can be counted.
+        let lift = |k: usize| [0.0, -8.0, 8.0, -4.0, 4.0][k % 5];
+        let dots = errors.iter().enumerate();
+        let dots: Vec<Point> = dots.map(|(k, e)| [self.x(*e), y + lift(k)]).collect();
+        svg.dots(&dots, &format!("dots big soft s{}", colour % SERIES));
+        let x = self.x(median(errors));
+        svg.lines(&[vec![[x, y - 16.0], [x, y + 16.0]]], "line bold mean");
+    }
+}
+
+/// Median of sorted values, which are not empty.
+fn median(sorted: &[f64]) -> f64 {
+    let half = sorted.len() / 2;
+    if sorted.len().is_multiple_of(2) {
+        0.5 * (sorted[half - 1] + sorted[half])
+    } else {
+        sorted[half]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str, errors_deg: &[f64]) -> Distribution {
+        Distribution {
+            name: name.to_owned(),
+            errors_deg: errors_deg.to_vec(),
+        }
+    }
+
+    #[test]
+    fn estimator_keeps_its_colour_from_plot_to_plot() {
+        let trace = Trace::new(10);
+        let runs = ["mekf", "device"].map(|name| ComparedRun {
+            name,
+            trace: &trace,
+        });
+        let all = [of("device", &[1.0, 2.0]), of("usque", &[3.0])];
+        let svg = distribution(&all, &runs).unwrap_or_default();
+        assert!(
+            svg.contains("s1-fill\" x=\"164\" y=\"34\">device<"),
+            "{svg}"
+        );
+        assert!(svg.contains("s2-fill\" x=\"164\" y=\"80\">usque<"), "{svg}");
+        assert!(svg.contains("median 1.50") && svg.contains("median 3.00"));
+    }
+
+    #[test]
+    fn there_are_no_dots_without_errors() {
+        assert_eq!(distribution(&[of("device", &[f64::NAN])], &[]), None);
+    }
+}

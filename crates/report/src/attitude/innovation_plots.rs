@@ -1,0 +1,260 @@
+//! Plots of what each measurement told the filter: innovations, their NIS, and what the gate did.
+
+use northing_core::kalman::gate::CHI_SQUARE;
+use northing_recording::SensorKind;
+
+use crate::drawing::axis::{self, Axis};
+use crate::drawing::curves::{error_limit, time_axis};
+use crate::drawing::fate::Fate;
+use crate::drawing::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, key};
+use crate::drawing::series::{self, Point};
+use northing_evaluation::attitude::trace::{InnovationPoint, Trace};
+
+/// Room at the right for the names of bounds.
+const RIGHT: f64 = 80.0;
+/// Time windows over which a mean NIS or a share of rejections is taken.
+const WINDOWS: usize = 120;
+/// Lowest NIS shown: smaller ones say nothing more.
+const LEAST_NIS: f64 = 0.01;
+
+/// Innovations of one sensor that were looked at, all of the same number of components.
+pub(crate) struct Updates<'a> {
+    pub(crate) sensor: SensorKind,
+    pub(crate) components: u8,
+    pub(crate) points: Vec<&'a InnovationPoint>,
+    /// Whether the trace kept only some of them.
+    pub(crate) thinned: bool,
+}
+
+impl Updates<'_> {
+    /// Name for headings: the sensor, and that it is a heading if only that was measured.
+    pub(crate) fn name(&self) -> String {
+        let mut name = self.sensor.name().to_owned();
+        if let Some(first) = name.get_mut(..1) {
+            first.make_ascii_uppercase();
+        }
+        if self.components == 1 {
+            name.push_str(" (heading only)");
+        }
+        name
+    }
+
+    fn points_of(&self, fate: Fate) -> impl Iterator<Item = &InnovationPoint> {
+        let of = move |p: &&InnovationPoint| Fate::of(p.outcome) == Some(fate);
+        self.points.iter().copied().filter(of)
+    }
+
+    fn has(&self, fate: Fate) -> bool {
+        self.points_of(fate).next().is_some()
+    }
+
+    /// Unit of the residual as drawn, and the factor from the trace's unit.
+    fn unit(&self) -> (&'static str, f64) {
+        match (self.components, self.sensor) {
+            (1, _) => ("deg", 180.0 / std::f64::consts::PI),
+            (_, SensorKind::Accelerometer) => ("m/s\u{00b2}", 1.0),
+            (_, SensorKind::Magnetometer | SensorKind::MagnetometerUncalibrated) => {
+                ("\u{00b5}T", 1.0)
+            }
+            _ => ("", 1.0),
+        }
+    }
+
+    fn dots(&self, value: impl Fn(&InnovationPoint) -> f64) -> Vec<Layer> {
+        let of = |fate: Fate| Layer::Dots {
+            points: self.points_of(fate).map(|p| [p.time_s, value(p)]).collect(),
+            class: format!("dots {}", fate.class()),
+        };
+        Fate::ALL.map(of).into()
+    }
+
+    fn keys(&self) -> Vec<Key> {
+        let shown = Fate::ALL.into_iter().filter(|f| self.has(*f));
+        let mut keys: Vec<Key> = shown
+            .map(|f| key(Sign::Dot, &format!("dots big {}", f.class()), f.name()))
+            .collect();
+        keys.push(key(
+            Sign::Band,
+            "band estimate-fill",
+            "\u{00b1}3\u{03c3} expected",
+        ));
+        keys.push(key(Sign::Line, "line bold mean", "mean NIS of a window"));
+        keys
+    }
+}
+
+/// The updates of a trace, sensor by sensor; those with nothing to draw are left out.
+pub(crate) fn updates(trace: &Trace) -> Vec<Updates<'_>> {
+    let mut found = Vec::new();
+    for (sensor, series) in &trace.innovations {
+        for components in [3_u8, 2, 1] {
+            let drawable = |p: &&InnovationPoint| {
+                p.degrees_of_freedom == components
+                    && Fate::of(p.outcome).is_some()
+                    && p.time_s.is_finite()
+            };
+            let points: Vec<_> = series.items().iter().filter(drawable).collect();
+            if !points.is_empty() {
+                found.push(Updates {
+                    sensor: *sensor,
+                    components,
+                    thinned: series.pushed() > series.items().len() as u64 || points.len() > DOTS,
+                    points,
+                });
+            }
+        }
+    }
+    found
+}
+
+/// Residual of each component between its bounds, and the NIS below.
+pub(crate) fn innovations(trace: &Trace, updates: &Updates<'_>) -> Figure {
+    let names: &[&str] = match updates.components {
+        1 => &["Heading innovation"],
+        _ => &["Innovation x", "Innovation y", "Innovation z"],
+    };
+    let components = usize::from(updates.components).min(names.len());
+    let names = names[..components].iter().enumerate();
+    let mut panels: Vec<Panel> = names.map(|(i, n)| residual_panel(updates, i, n)).collect();
+    panels.push(nis_panel(updates));
+    Figure {
+        label: format!(
+            "Innovations and NIS of the {} over time",
+            updates.sensor.name()
+        ),
+        time: time_axis(&[trace]),
+        legend: updates.keys(),
+        panels,
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    }
+}
+
+fn residual_panel(updates: &Updates<'_>, i: usize, name: &str) -> Panel {
+    let (unit, factor) = updates.unit();
+    let residual = |p: &InnovationPoint| p.residual[i] * factor;
+    let bounds: Vec<_> = updates
+        .points
+        .iter()
+        .map(|p| {
+            let half = 3.0 * p.std[i] * factor;
+            [p.time_s, -half, half]
+        })
+        .collect();
+    let all: Vec<Point> = updates
+        .points
+        .iter()
+        .map(|p| [p.time_s, residual(p)])
+        .collect();
+    let (limit, note) = error_limit(&all, &bounds, unit);
+    let mut layers = vec![Layer::Band {
+        points: bounds,
+        class: "band estimate-fill".to_owned(),
+        angle: false,
+    }];
+    layers.extend(updates.dots(residual));
+    let mut panel = Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers);
+    panel.height = 118.0;
+    panel.note = note;
+    panel
+}
+
+/// NIS on a logarithmic axis between its chi-square bounds, with its mean over windows.
+fn nis_panel(updates: &Updates<'_>) -> Panel {
+    let nis = |p: &InnovationPoint| p.nis.max(LEAST_NIS);
+    let mut sorted: Vec<f64> = updates.points.iter().map(|p| p.nis).collect();
+    sorted.retain(|v| v.is_finite());
+    sorted.sort_by(f64::total_cmp);
+    let high = (axis::quantile(&sorted, 0.9995) * 1.6).clamp(100.0, 1e6);
+    let mut layers = updates.dots(nis);
+    for (value, label) in bounds(updates.components) {
+        layers.push(Layer::Rule {
+            value,
+            label: label.to_owned(),
+            class: "rule",
+        });
+    }
+    let roots: Vec<Point> = updates
+        .points
+        .iter()
+        .map(|p| [p.time_s, p.nis.max(0.0).sqrt()])
+        .collect();
+    let mean = series::windowed_rms(&roots, WINDOWS / 2);
+    layers.push(Layer::Line {
+        points: mean.iter().map(|p| [p[0], p[1] * p[1]]).collect(),
+        class: "line bold mean".to_owned(),
+        angle: false,
+    });
+    let axis = Axis::logarithmic(LEAST_NIS, high);
+    let mut panel = Panel::new("NIS", "no unit, logarithmic", axis, layers);
+    panel.height = 190.0;
+    panel
+}
+
+/// Expected mean, 95 % and 99 % bound of a NIS.
+fn bounds(components: u8) -> Vec<(f64, &'static str)> {
+    let mut bounds = vec![(f64::from(components), "expected")];
+    if let Some((_, [p95, p99, _])) = CHI_SQUARE.iter().find(|(n, _)| *n == components) {
+        bounds.extend([(*p95, "95 %"), (*p99, "99 %")]);
+    }
+    bounds
+}
+
+/// Share of measurements refused or inflated, sensor by sensor; `None` without measurements.
+pub(crate) fn gates(trace: &Trace, all: &[Updates<'_>]) -> Option<Figure> {
+    if all.is_empty() {
+        return None;
+    }
+    let mut legend = vec![key(Sign::Bar, "gated-fill", Fate::Gated.name())];
+    if all.iter().any(|u| u.has(Fate::Inflated)) {
+        legend.push(key(Sign::Bar, "inflated-fill", Fate::Inflated.name()));
+    }
+    Some(Figure {
+        label: "Share of measurements refused by the gates over time".to_owned(),
+        time: time_axis(&[trace]),
+        legend,
+        panels: all.iter().map(gate_panel).collect(),
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    })
+}
+
+fn gate_panel(updates: &Updates<'_>) -> Panel {
+    let share = |p: &InnovationPoint, fates: &[Fate]| {
+        let one_of = Fate::of(p.outcome).is_some_and(|f| fates.contains(&f));
+        [p.time_s, f64::from(u8::from(one_of))]
+    };
+    // The mean square of zeros and ones is the share of ones.
+    let bars = |fates: &[Fate], class: &str| {
+        let ones: Vec<Point> = updates.points.iter().map(|p| share(p, fates)).collect();
+        let windows = series::windowed_rms(&ones, WINDOWS);
+        let half = 0.5 * (ones[ones.len() - 1][0] - ones[0][0]).max(0.0) / WINDOWS as f64;
+        let bar = |p: &Point| [p[0] - half, p[0] + half, 100.0 * p[1] * p[1]];
+        Layer::Bars {
+            bars: windows.iter().filter(|p| p[1] > 0.0).map(bar).collect(),
+            class: class.to_owned(),
+        }
+    };
+    let layers = vec![
+        bars(&[Fate::Gated, Fate::Inflated], "bar inflated-fill"),
+        bars(&[Fate::Gated], "bar gated-fill"),
+    ];
+    let name = updates.name();
+    let mut panel = Panel::new(&name, "% refused", Axis::linear(0.0, 100.0, 2), layers);
+    panel.height = 74.0;
+    panel
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_those_of_the_chi_square_distribution() {
+        let of = |n| bounds(n).iter().map(|b| b.0).collect::<Vec<_>>();
+        assert_eq!(of(3), [3.0, 7.814_728, 11.344_867]);
+        assert_eq!(of(1), [1.0, 3.841_459, 6.634_897]);
+    }
+}

@@ -1,0 +1,110 @@
+//! Plots of a position observer: the track on a map, and what each position told.
+
+use crate::drawing::axis::Axis;
+use crate::drawing::curves::{error_limit, time_axis};
+use crate::drawing::fate::Fate;
+use crate::drawing::map::{self, Place, Scale};
+use crate::drawing::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, key};
+use crate::drawing::series::{self, Point};
+use northing_evaluation::attitude::trace::{PositionPoint, Trace};
+
+/// Room at the right of figures without names there.
+const RIGHT: f64 = 14.0;
+/// Room around a track, m.
+const ROOM_M: f64 = 1.0;
+/// Class of measured positions on the map.
+const MEASURED: &str = "dots soft device";
+
+fn place(east_north_up: [f64; 3]) -> Place {
+    [east_north_up[1], east_north_up[0]]
+}
+
+fn of(trace: &Trace, fate: Fate) -> impl Iterator<Item = &PositionPoint> {
+    let points = trace.positions.items().iter();
+    points.filter(move |p| Fate::of(p.outcome) == Some(fate))
+}
+
+/// Seen from above: the estimated track, and the measured positions as dots; `None` without any.
+pub(crate) fn track(trace: &Trace) -> Option<String> {
+    let estimates = trace.points.items().iter().filter_map(|p| p.position_m);
+    let estimates: Vec<Place> = estimates.map(place).collect();
+    let measured =
+        |fate: Fate| -> Vec<Place> { of(trace, fate).map(|p| place(p.measured_m)).collect() };
+    let used: Vec<Place> = [measured(Fate::Fused), measured(Fate::Inflated)].concat();
+    let refused = measured(Fate::Gated);
+    if estimates.is_empty() || used.is_empty() {
+        return None;
+    }
+    let scale = Scale::new(&[estimates.as_slice(), &used].concat(), ROOM_M)?;
+    let mut keys = vec![
+        key(Sign::Line, "line estimate", "estimate"),
+        key(Sign::Dot, "dots big soft device", "measured positions used"),
+    ];
+    if !refused.is_empty() {
+        keys.push(key(Sign::Dot, "dots big gated", "refused as outliers"));
+    }
+    let mut svg = map::open(
+        &scale,
+        "Map of the track and of the measured positions",
+        &keys,
+    );
+    let dots = |places: &[Place]| -> Vec<[f64; 2]> {
+        let picked = series::pick(places, DOTS);
+        picked.iter().map(|place| scale.at(*place)).collect()
+    };
+    svg.dots(&dots(&used), MEASURED);
+    svg.dots(&dots(&refused), "dots gated");
+    svg.lines(&[scale.path(&estimates)], "line estimate");
+    Some(map::close(svg))
+}
+
+/// Measured minus estimated over time, axis by axis; `None` without positions.
+pub(crate) fn innovations(trace: &Trace) -> Option<Figure> {
+    if trace.positions.items().is_empty() {
+        return None;
+    }
+    let panels = ["East", "North", "Up"].into_iter().enumerate();
+    Some(Figure {
+        label: "Measured minus estimated position over time".to_owned(),
+        time: time_axis(&[trace]),
+        legend: keys(trace),
+        panels: panels.map(|(i, name)| panel(trace, i, name)).collect(),
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    })
+}
+
+fn keys(trace: &Trace) -> Vec<Key> {
+    let shown = Fate::ALL
+        .into_iter()
+        .filter(|f| of(trace, *f).next().is_some());
+    shown
+        .map(|fate| {
+            let name = match fate {
+                Fate::Fused => "used",
+                Fate::Inflated => "believed after several outliers",
+                Fate::Gated => "refused as an outlier",
+            };
+            key(Sign::Dot, &format!("dots big {}", fate.class()), name)
+        })
+        .collect()
+}
+
+fn panel(trace: &Trace, i: usize, name: &str) -> Panel {
+    let residuals = |fate: Fate| -> Vec<Point> {
+        of(trace, fate)
+            .map(|p| [p.time_s, p.residual_m[i]])
+            .collect()
+    };
+    let all: Vec<Point> = Fate::ALL.into_iter().flat_map(residuals).collect();
+    let (limit, note) = error_limit(&all, &[], "m");
+    let layers = Fate::ALL.map(|fate| Layer::Dots {
+        points: residuals(fate),
+        class: format!("dots {}", fate.class()),
+    });
+    let mut panel = Panel::new(name, "m", Axis::linear(-limit, limit, 5), layers.into());
+    panel.height = 118.0;
+    panel.note = note;
+    panel
+}

@@ -1,0 +1,264 @@
+//! Colours and style sheets of reports: one visual language for page, plots and README picture.
+//!
+//! Plots never name a colour. They name a [`Role`] through a CSS class; the page defines the roles
+//! twice (light and dark), a picture that stands alone gets the light ones. The hues are those of
+//! Okabe and Ito, which people with any of the common colour deficiencies can tell apart; where
+//! one colour must be told from another, shape or dash says it too.
+
+use std::fmt::Write as _;
+
+/// What a colour stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Role {
+    Paper,
+    Panel,
+    Ink,
+    Muted,
+    Grid,
+    Estimate,
+    Reference,
+    Device,
+    Gated,
+    Inflated,
+    Good,
+    Series(usize),
+}
+
+/// Number of colours for the lines of a comparison; further lines repeat them dashed.
+pub(crate) const SERIES: usize = 6;
+
+const NAMED: [Role; 11] = [
+    Role::Paper,
+    Role::Panel,
+    Role::Ink,
+    Role::Muted,
+    Role::Grid,
+    Role::Estimate,
+    Role::Reference,
+    Role::Device,
+    Role::Gated,
+    Role::Inflated,
+    Role::Good,
+];
+
+fn roles() -> impl Iterator<Item = Role> {
+    NAMED.into_iter().chain((0..SERIES).map(Role::Series))
+}
+
+impl Role {
+    /// The name in CSS, without dashes in front.
+    fn name(self) -> String {
+        match self {
+            Self::Paper => "paper".to_owned(),
+            Self::Panel => "panel".to_owned(),
+            Self::Ink => "ink".to_owned(),
+            Self::Muted => "muted".to_owned(),
+            Self::Grid => "grid".to_owned(),
+            Self::Estimate => "estimate".to_owned(),
+            Self::Reference => "reference".to_owned(),
+            Self::Device => "device".to_owned(),
+            Self::Gated => "gated".to_owned(),
+            Self::Inflated => "inflated".to_owned(),
+            Self::Good => "good".to_owned(),
+            Self::Series(i) => format!("s{}", i % SERIES),
+        }
+    }
+
+    /// Colour on light and on dark paper.
+    const fn colours(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Paper => ("#f6f7f9", "#0f1419"),
+            Self::Panel => ("#ffffff", "#171d24"),
+            Self::Ink => ("#15202b", "#eef2f5"),
+            Self::Muted => ("#55626f", "#a3b0bc"),
+            Self::Grid => ("#dfe4e9", "#2b343d"),
+            Self::Estimate => ("#0072b2", "#56b4e9"),
+            Self::Reference => ("#15202b", "#eef2f5"),
+            Self::Device => ("#b8578c", "#e59cc3"),
+            Self::Gated => ("#d55e00", "#ff8a3d"),
+            Self::Inflated => ("#b27b00", "#f0c544"),
+            Self::Good => ("#007a59", "#2fc79b"),
+            Self::Series(i) => match i % SERIES {
+                0 => ("#0072b2", "#56b4e9"),
+                1 => ("#d55e00", "#ff8a3d"),
+                2 => ("#009e73", "#2fc79b"),
+                3 => ("#b8578c", "#e59cc3"),
+                4 => ("#b27b00", "#f0c544"),
+                _ => ("#3c4a57", "#c3ced8"),
+            },
+        }
+    }
+}
+
+/// The rules that colour a plot, with `paint` naming the colour of a role.
+fn plot_rules(paint: impl Fn(Role) -> String) -> String {
+    let mut css = String::from(PLOT_SHAPES);
+    let role = |css: &mut String, selector: &str, property: &str, role: Role| {
+        // Writing to a String cannot fail.
+        let _ = writeln!(css, "{selector}{{{property}:{}}}", paint(role));
+    };
+    role(&mut css, ".frame", "fill", Role::Panel);
+    role(&mut css, ".grid", "stroke", Role::Grid);
+    role(&mut css, ".tick,.unit,.note", "fill", Role::Muted);
+    role(&mut css, ".name,.key,.tag", "fill", Role::Ink);
+    role(&mut css, ".zero,.rule", "stroke", Role::Muted);
+    role(&mut css, ".mean", "stroke", Role::Ink);
+    for (class, of) in [
+        ("estimate", Role::Estimate),
+        ("reference", Role::Reference),
+        ("device", Role::Device),
+        ("gated", Role::Gated),
+        ("inflated", Role::Inflated),
+    ] {
+        role(&mut css, &format!(".{class}"), "stroke", of);
+        role(&mut css, &format!(".{class}-fill"), "fill", of);
+    }
+    for i in 0..SERIES {
+        role(&mut css, &format!(".s{i}"), "stroke", Role::Series(i));
+        role(&mut css, &format!(".s{i}-fill"), "fill", Role::Series(i));
+    }
+    css
+}
+
+/// Widths, dashes and type of plots; colours come from [`plot_rules`].
+const PLOT_SHAPES: &str = "\
+.plot text{font-family:system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif}
+.tick{font-size:13.5px;font-variant-numeric:tabular-nums}
+.unit{font-size:14px;font-weight:400}
+.name{font-size:15.5px;font-weight:650}
+.key{font-size:14.5px}
+.tag{font-size:14px;font-weight:650}
+.note{font-size:13.5px}
+.end{text-anchor:end}
+.mid{text-anchor:middle}
+.line,.dots,.grid,.zero,.rule{fill:none}
+.line{stroke-width:2;stroke-linejoin:round;stroke-linecap:round}
+.thin{stroke-width:1.3}
+.bold{stroke-width:2.8}
+.ghost{opacity:.75;stroke-width:1.6}
+.dash{stroke-dasharray:7 5;stroke-linecap:butt}
+.dots{stroke-width:3.2;stroke-linecap:round}
+.big{stroke-width:6}
+.soft{opacity:.68}
+.grid{stroke-width:1}
+.zero{stroke-width:1;opacity:.6}
+.rule{stroke-width:1.4;stroke-dasharray:3 4}
+.band{opacity:.2;stroke:none}
+.bar{stroke:none}
+";
+
+/// Style of a picture that stands alone: the light colours, written out.
+pub(crate) fn standalone_css() -> String {
+    plot_rules(|role| role.colours().0.to_owned())
+}
+
+/// The style sheet of the page.
+pub(crate) fn page_css() -> String {
+    let variables = |dark: bool| {
+        let mut css = String::new();
+        for role in roles() {
+            let (on_light, on_dark) = role.colours();
+            let colour = if dark { on_dark } else { on_light };
+            let _ = write!(css, "--{}:{colour};", role.name());
+        }
+        css
+    };
+    let (light, dark) = (variables(false), variables(true));
+    let plots = plot_rules(|role| format!("var(--{})", role.name()));
+    format!(
+        ":root{{color-scheme:light dark;{light}}}\n\
+         @media (prefers-color-scheme:dark){{:root{{{dark}}}}}\n\
+         {PAGE_RULES}{plots}\
+         @media print{{:root{{color-scheme:light;{light}}}{PRINT_RULES}}}\n"
+    )
+}
+
+/// Layout and type of the page.
+const PAGE_RULES: &str = "\
+*{box-sizing:border-box}
+html{-webkit-text-size-adjust:100%;scroll-behavior:smooth}
+body{margin:0;background:var(--paper);color:var(--ink);font:17px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif;font-variant-numeric:tabular-nums}
+main,header,footer{max-width:1180px;margin:0 auto;padding:0 clamp(16px,3vw,40px)}
+header{padding-top:clamp(24px,4vw,52px)}
+.kicker{margin:0 0 6px;color:var(--muted);font-size:15px;font-weight:600;letter-spacing:.06em;text-transform:uppercase}
+h1{margin:0;font-size:clamp(30px,4vw,46px);line-height:1.12;letter-spacing:-.02em;overflow-wrap:anywhere}
+h2{margin:60px 0 14px;font-size:27px;line-height:1.2;letter-spacing:-.012em}
+h3{margin:30px 0 8px;font-size:20px}
+p{margin:0 0 14px}
+.lead{margin:10px 0 0;color:var(--muted);font-size:19px;overflow-wrap:anywhere}
+nav{margin:22px 0 0;padding:12px 0;border-top:1px solid var(--grid);border-bottom:1px solid var(--grid)}
+nav ul{display:flex;flex-wrap:wrap;gap:4px 24px;margin:0;padding:0;list-style:none}
+a{color:var(--estimate);text-decoration-thickness:1px;text-underline-offset:3px}
+nav a{text-decoration:none;font-weight:550}
+nav a:hover{text-decoration:underline}
+.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(178px,1fr));gap:14px;margin:22px 0 0}
+.facts div{background:var(--panel);border:1px solid var(--grid);border-radius:12px;padding:14px 18px 13px}
+.facts dt{color:var(--muted);font-size:15px;line-height:1.3}
+.facts dd{margin:5px 0 0;font-size:26px;font-weight:650;line-height:1.2;letter-spacing:-.012em;overflow-wrap:anywhere}
+.verdicts{margin:18px 0 0;padding:0;list-style:none;display:grid;gap:10px}
+.verdicts li,.verdict{display:flex;gap:14px;align-items:baseline;background:var(--panel);border:1px solid var(--grid);border-left:6px solid var(--tone);border-radius:10px;padding:11px 18px}
+.verdicts b,.verdict b{flex:none;min-width:5.2em;color:var(--tone);font-weight:700}
+.good{--tone:var(--good)}.warn{--tone:var(--inflated)}.bad{--tone:var(--gated)}
+figure{margin:0 0 30px;background:var(--panel);border:1px solid var(--grid);border-radius:14px;padding:20px 18px 16px}
+figure .plot{display:block;width:100%;height:auto}
+figcaption{max-width:62em;margin:10px 6px 4px;color:var(--muted);font-size:16.5px}
+figcaption b{color:var(--ink)}
+.wide{overflow-x:auto;background:var(--panel);border:1px solid var(--grid);border-radius:14px;margin:0 0 22px}
+.verdicts+.wide{margin-top:14px}
+table{width:100%;border-collapse:collapse;font-size:16.5px}
+caption{padding:14px 18px 2px;text-align:left;color:var(--muted)}
+th,td{padding:9px 18px;text-align:left;vertical-align:baseline;border-bottom:1px solid var(--grid)}
+tbody tr:last-child>*{border-bottom:0}
+thead th{color:var(--muted);font-size:15px;font-weight:600;white-space:nowrap}
+tbody th{font-weight:600}
+.num{text-align:right;white-space:nowrap}
+.best{font-weight:750;color:var(--good)}
+.best::before{content:'\\25B8\\2009'}
+.none{color:var(--muted)}
+code{font:.93em/1.4 ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans Mono',monospace;overflow-wrap:anywhere}
+pre{margin:10px 0;padding:12px 16px;overflow-x:auto;background:var(--panel);border:1px solid var(--grid);border-radius:10px;font:.85em/1.4 ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans Mono',monospace}
+summary{cursor:pointer}
+.small{color:var(--muted);font-size:15.5px}
+.issues{margin:0 0 22px;padding-left:1.2em}
+footer{margin-top:64px;padding-top:18px;padding-bottom:44px;color:var(--muted);font-size:15px}
+footer p{margin:0 0 5px;overflow-wrap:anywhere}
+@media (min-width:1700px){body{font-size:20px}main,header,footer{max-width:1500px}table,figcaption{font-size:19px}}
+";
+
+/// What differs on paper.
+const PRINT_RULES: &str = "\
+@page{margin:14mm}
+body{font-size:10.5pt;background:#fff}
+nav{display:none}
+main,header,footer{max-width:none;padding-left:0;padding-right:0}
+h2{margin-top:22pt}
+h2,h3{break-after:avoid}
+.wide{overflow:visible}
+th,td{padding:4pt 7pt}
+thead th{white-space:normal;font-size:9pt}
+footer{margin-top:24pt;padding-bottom:0;font-size:9pt}
+figure,.facts div,.verdicts li,tr{break-inside:avoid}
+figure,.wide,.facts div,.verdicts li{border-color:#ccc}
+table,figcaption{font-size:9.5pt}
+.facts dd{font-size:14pt}
+";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn page_defines_every_colour_for_light_and_dark_and_reaches_outside_for_nothing() {
+        let css = page_css();
+        for role in roles() {
+            let definition = format!("--{}:#", role.name());
+            assert_eq!(css.matches(&definition).count(), 3, "{definition}");
+        }
+        assert!(!css.contains("url(") && !css.contains("@import") && !css.contains('<'));
+    }
+
+    #[test]
+    fn picture_that_stands_alone_needs_no_variables() {
+        assert!(!standalone_css().contains("var("));
+    }
+}

@@ -1,0 +1,155 @@
+//! The HTML report of a campaign.
+
+use crate::experiments::campaign::{CampaignReport, TrackerCurves};
+use crate::page::facts::{Fact, Tone, Verdict};
+use crate::page::table::{Best, Cell, Column, Table};
+use nalgebra::Vector4;
+use northing_experiments::radar::experiment::{NavigationRecord, RunWatcher, TrackRecord, run};
+use northing_experiments::radar::outcome::TrackerOutcome;
+use northing_experiments::radar::{CampaignOutcome, Part};
+use northing_simulation::scenario::TrackingWorld;
+
+/// The paths of one run.
+#[derive(Default)]
+struct Paths {
+    own: Vec<[f64; 2]>,
+    target: Vec<[f64; 2]>,
+    tracks: Vec<Vec<[f64; 2]>>,
+}
+
+impl RunWatcher for Paths {
+    fn scan(&mut self, _step: usize, navigation: &NavigationRecord, target: &Vector4<f64>) {
+        self.own
+            .push([navigation.true_pose.y, navigation.true_pose.x]);
+        self.target.push([target[2], target[0]]);
+    }
+
+    fn tracker(&mut self, _: usize, index: usize, record: &TrackRecord<'_>, _: &Vector4<f64>) {
+        if let (Some(track), Some(estimate)) = (self.tracks.get_mut(index), record.estimate) {
+            track.push([estimate.state[2], estimate.state[0]]);
+        }
+    }
+}
+
+/// The page.
+#[must_use]
+pub fn render(part: &Part, outcome: &CampaignOutcome) -> String {
+    let kinds = &part.sums.kinds;
+    let world = TrackingWorld::new(&part.key.scenario);
+    let mut paths = Paths {
+        tracks: vec![Vec::new(); kinds.len()],
+        ..Paths::default()
+    };
+    run(&world, kinds, part.key.seed, 0, &mut paths);
+    let trackers = kinds
+        .iter()
+        .zip(paths.tracks)
+        .filter_map(|(kind, track_m)| {
+            let tracker = outcome.trackers.get(kind.name())?;
+            if tracker.has_lost_the_target() {
+                return None;
+            }
+            let timed = |values: &[f64]| {
+                let pairs = tracker.series.time_s.iter().zip(values);
+                pairs.map(|(t, value)| [*t, *value]).collect()
+            };
+            Some(TrackerCurves {
+                name: kind.name().to_owned(),
+                position_rmse_m: timed(&tracker.series.position_rmse_m),
+                velocity_rmse_mps: timed(&tracker.series.velocity_rmse_mps),
+                nees: timed(&tracker.series.nees),
+                track_m,
+            })
+        });
+    CampaignReport {
+        title: format!("{}: {} runs", outcome.scenario, outcome.runs),
+        lead: "A target tracked by radar from a ship whose own position and heading are uncertain."
+            .to_owned(),
+        program: concat!("northing ", env!("CARGO_PKG_VERSION")).to_owned(),
+        summary: vec![
+            Fact::new("runs", outcome.runs.to_string()),
+            Fact::new("seed", outcome.seed.to_string()),
+            Fact::new(
+                "heading error",
+                format!("{:.2}\u{b0}", outcome.navigation.heading_rmse_deg),
+            ),
+        ],
+        verdicts: outcome
+            .trackers
+            .iter()
+            .map(|(name, t)| verdict(name, t))
+            .collect(),
+        tables: vec![table(outcome)],
+        own_ship_m: paths.own,
+        target_m: paths.target,
+        nees_bands: bands(part, outcome),
+        lost: outcome
+            .trackers
+            .iter()
+            .filter(|(_, tracker)| tracker.has_lost_the_target())
+            .map(|(name, _)| name.clone())
+            .collect(),
+        trackers: trackers.collect(),
+    }
+    .render()
+}
+
+/// The band of four degrees of freedom; that of the paper's plots where the scenario asks for it.
+fn bands(part: &Part, outcome: &CampaignOutcome) -> Vec<(String, [f64; 2])> {
+    let mut bands = vec![("four degrees of freedom".to_owned(), outcome.nees_band)];
+    if part.key.scenario.nees.interval_paper.is_some() {
+        let name = "two, as in the paper's plots".to_owned();
+        bands.push((name, outcome.nees_band_2dof));
+    }
+    bands
+}
+
+fn verdict(name: &str, tracker: &TrackerOutcome) -> Verdict {
+    if tracker.has_lost_the_target() {
+        return Verdict::new(Tone::Bad, format!("{name} loses the target."));
+    }
+    let nees = tracker.nees_mean;
+    let inside = 100.0 * tracker.nees_inside_band;
+    if tracker.nees_inside_band >= 0.8 {
+        let text =
+            format!("{name} is honest: its NEES is inside the band at {inside:.0} % of the scans.");
+        Verdict::new(Tone::Good, text)
+    } else if nees < 4.0 {
+        let text = format!("{name} is too modest: NEES {nees:.2} where 4 is honest.");
+        Verdict::new(Tone::Warn, text)
+    } else {
+        let text = format!("{name} is too sure of itself: NEES {nees:.2} where 4 is honest.");
+        Verdict::new(Tone::Bad, text)
+    }
+}
+
+fn table(outcome: &CampaignOutcome) -> Table {
+    let lowest = Some(Best::Lowest);
+    let rows = outcome.trackers.iter().map(|(name, tracker)| {
+        let kept = !tracker.has_lost_the_target();
+        let number = |value: f64, decimals| Cell::number(kept.then_some(value), decimals);
+        vec![
+            Cell::text(name.clone()),
+            number(tracker.position_rmse_m, 2),
+            number(tracker.velocity_rmse_mps, 3),
+            number(tracker.steady.position_rmse_m, 2),
+            number(tracker.steady.velocity_rmse_mps, 3),
+            number(tracker.nees_mean, 2),
+            number(100.0 * tracker.nees_inside_band, 0),
+        ]
+    });
+    Table {
+        title: "All trackers".to_owned(),
+        caption: "Root mean square errors over runs and scans, and after 60 s. Without numbers: the target was lost.".to_owned(),
+        columns: vec![
+            Column::new("tracker", "", None),
+            Column::new("position", "m", lowest),
+            Column::new("velocity", "m/s", lowest),
+            Column::new("after 60 s", "m", lowest),
+            Column::new("after 60 s", "m/s", lowest),
+            Column::new("NEES", "", Some(Best::Nearest(4.0))),
+            Column::new("in band", "%", None),
+        ],
+        rows: rows.collect(),
+    }
+}

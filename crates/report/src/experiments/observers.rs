@@ -1,0 +1,421 @@
+//! The report of the experiment on observers in cascade: errors, gains and costs of each condition.
+
+use crate::drawing::axis::Axis;
+use crate::drawing::plot::{Key, Sign, WIDTH, key, legend};
+use crate::drawing::svg::Svg;
+use crate::page::facts::{Fact, Tone, Verdict};
+use crate::page::html::{Frame, Page};
+use crate::page::table::{self, Best, Cell, Column, Table};
+use northing_evaluation::PROGRAM;
+use northing_experiments::observers::experiment::{Comparison, Condition, ExperimentOutcome};
+
+/// Room at the left for names of conditions.
+const NAMES: f64 = 390.0;
+/// Room at the right for numbers.
+const NUMBERS: f64 = 120.0;
+/// Height of a row.
+const ROW: f64 = 40.0;
+/// Width of the plot itself.
+const INNER: f64 = WIDTH - NAMES - NUMBERS;
+/// Smallest error shown, deg.
+const LEAST_DEG: f64 = 0.05;
+/// Gains below are drawn at the left edge, percent.
+const LEAST_GAIN: f64 = -200.0;
+
+/// What the words of the page mean.
+const READING: &str = "Original: explicit complementary filter. Modified: passive filter behind a quaternion EKF. \
+     EKF: that filter alone. Errors are root mean square over flights, or the mean over recordings, with 95 % \
+     intervals from drawing the flights anew; gains compare modified with original.";
+
+/// The report as one HTML page that needs nothing else.
+#[must_use]
+pub fn render(outcome: &ExperimentOutcome, command: Option<&str>) -> String {
+    let mut page = Page::default();
+    let conditions = &outcome.conditions;
+    page.section("gain", "What the modification gains", &gains(conditions));
+    page.section("errors", "How wrong each is", &errors(conditions));
+    let tables = [
+        comparison_table(
+            "Tuned, as the literature prints them",
+            "Gains chosen on one half of the flights or recordings, errors of the other half.",
+            conditions,
+            |c| &c.tuned,
+        ),
+        comparison_table(
+            "At the literature's gains",
+            "Attitude gain 1, bias gain 0.3.",
+            conditions,
+            |c| &c.default,
+        ),
+        comparison_table(
+            "Tuned, in Northing's forms",
+            "Each sample is compared with the estimate of its own instant, and the EKF's covariance is projected as its \
+             quaternion is normalised.",
+            conditions,
+            |c| &c.northing,
+        ),
+        cost_table(outcome),
+        settings_table(conditions),
+    ];
+    let tables: String = tables.iter().map(table::table).collect();
+    page.section("numbers", "Numbers", &tables);
+    let lead = format!(
+        "{} conditions, {} flights scored in each simulated one, seed {}",
+        conditions.len(),
+        outcome.flights,
+        outcome.seed
+    );
+    page.finish(&Frame {
+        kicker: "Northing \u{00b7} experiment",
+        title: "Observers in cascade: is the modification worth it?",
+        lead: &lead,
+        summary: &facts(outcome),
+        verdicts: &verdicts(outcome),
+        recording: "",
+        program: PROGRAM,
+        command,
+        reading: READING,
+    })
+}
+
+/// Conditions by the interval of the gain: better, worse, undecided.
+#[must_use]
+fn count_by_gain(conditions: &[Condition]) -> [usize; 3] {
+    let better = conditions.iter().filter(|c| c.tuned.gain_ci95[0] > 0.0);
+    let worse = conditions.iter().filter(|c| c.tuned.gain_ci95[1] < 0.0);
+    let (better, worse) = (better.count(), worse.count());
+    [better, worse, conditions.len() - better - worse]
+}
+
+/// What the experiment answers, sentence by sentence.
+#[must_use]
+pub fn verdicts(outcome: &ExperimentOutcome) -> Vec<Verdict> {
+    let conditions = &outcome.conditions;
+    let [better, worse, undecided] = count_by_gain(conditions);
+    let range = |of: fn(&Condition) -> f64| {
+        let values = conditions.iter().map(of);
+        let low = values.clone().fold(f64::INFINITY, f64::min);
+        (low, values.fold(f64::NEG_INFINITY, f64::max))
+    };
+    let (low, high) = range(|c| c.tuned.gain_percent);
+    let cost = &outcome.cost_ns;
+    let ekf_as_good = conditions
+        .iter()
+        .filter(|c| c.tuned.ekf_deg <= 1.05 * c.tuned.modified_deg);
+    let say = |tone, text: String| Verdict { tone, text };
+    let answer = if low >= 40.0 {
+        "Yes"
+    } else if high < 40.0 {
+        "No"
+    } else {
+        "Not in general"
+    };
+    let times = cost.modified / cost.original;
+    let cheap = times <= 1.21;
+    vec![
+        say(
+            if worse == 0 { Tone::Good } else { Tone::Warn },
+            format!(
+                "Is it 40 % better? {answer}: the gain goes from {low:.0} to {high:.0} %. Conditions in which the modification \
+                 is better: {better}; worse: {worse}; in which the interval holds zero: {undecided}."
+            ),
+        ),
+        say(
+            if cheap { Tone::Good } else { Tone::Warn },
+            format!(
+                "For 21 % more time? {}: a step costs {times:.1} times the original's ({:.0} against {:.0} ns).",
+                if cheap { "Yes" } else { "No" },
+                cost.modified,
+                cost.original
+            ),
+        ),
+        say(
+            Tone::Good,
+            format!(
+                "The EKF alone is as good as the modified scheme, within 5 %, or better in {} of {} conditions.",
+                ekf_as_good.count(),
+                conditions.len()
+            ),
+        ),
+    ]
+}
+
+fn facts(outcome: &ExperimentOutcome) -> Vec<Fact> {
+    let mut gains: Vec<f64> = outcome
+        .conditions
+        .iter()
+        .map(|c| c.tuned.gain_percent)
+        .collect();
+    gains.sort_by(f64::total_cmp);
+    let fact = |label: &str, value: String| Fact {
+        label: label.to_owned(),
+        value,
+    };
+    let median = gains.get(gains.len() / 2).copied().unwrap_or(f64::NAN);
+    vec![
+        fact("median gain", format!("{median:.0} %")),
+        fact(
+            "cost of a step",
+            format!(
+                "{:.1} times",
+                outcome.cost_ns.modified / outcome.cost_ns.original
+            ),
+        ),
+        fact("conditions", outcome.conditions.len().to_string()),
+    ]
+}
+
+/// A row of an interval plot: value, interval, class of the colour.
+type Mark = (f64, [f64; 2], &'static str);
+
+/// Intervals in rows, one row a condition, names at the left and a note at the right.
+struct Rows<'a> {
+    label: &'a str,
+    unit: &'a str,
+    axis: Axis,
+    /// Vertical lines at values.
+    rules: &'a [f64],
+    rows: Vec<(&'a str, Vec<Mark>, String)>,
+    legend: Vec<Key>,
+}
+
+impl Rows<'_> {
+    fn x(&self, value: f64) -> f64 {
+        self.axis.position(value).clamp(0.0, 1.0) * INNER
+    }
+
+    fn render(&self) -> String {
+        let height = ROW * self.rows.len() as f64;
+        let mut keys = Svg::default();
+        let top = 6.0 + legend(&mut keys, &self.legend, [NAMES, 0.0], WIDTH - 8.0);
+        let mut svg = Svg::picture(WIDTH, top + height + 54.0, self.label);
+        svg.raw(&keys.finish());
+        svg.open_window(NAMES, top, INNER, height);
+        svg.rectangle([0.0, 0.0], [INNER, height], 0.0, "frame");
+        let ticks = self.axis.ticks();
+        let columns = ticks.iter().map(|(v, _)| self.x(*v));
+        let columns: Vec<_> = columns.map(|x| vec![[x, 0.0], [x, height]]).collect();
+        svg.lines(&columns, "grid");
+        for rule in self.rules {
+            let x = self.x(*rule);
+            svg.lines(&[vec![[x, 0.0], [x, height]]], "line dash reference");
+        }
+        for (i, (_, marks, _)) in self.rows.iter().enumerate() {
+            let step = ROW / (marks.len() as f64 + 1.0);
+            for (k, (value, [low, high], class)) in marks.iter().enumerate() {
+                let y = i as f64 * ROW + (k as f64 + 1.0) * step;
+                svg.lines(
+                    &[vec![[self.x(*low), y], [self.x(*high), y]]],
+                    &format!("line bold {class}"),
+                );
+                svg.dots(&[[self.x(*value), y]], &format!("dots big {class}"));
+            }
+        }
+        svg.close();
+        for (i, (name, _, note)) in self.rows.iter().enumerate() {
+            let y = top + (i as f64 + 0.5) * ROW + 5.0;
+            svg.text([NAMES - 12.0, y], "tick end", name);
+            svg.text([NAMES + INNER + 10.0, y], "note", note);
+        }
+        for (value, text) in &ticks {
+            svg.text(
+                [NAMES + self.x(*value), top + height + 20.0],
+                "tick mid",
+                text,
+            );
+        }
+        svg.text(
+            [NAMES + INNER / 2.0, top + height + 44.0],
+            "unit mid",
+            self.unit,
+        );
+        svg.close();
+        svg.finish()
+    }
+}
+
+fn gains(conditions: &[Condition]) -> String {
+    if conditions.is_empty() {
+        return String::new();
+    }
+    let bounds = |c: &Condition| c.tuned.gain_ci95.map(|b| b.max(LEAST_GAIN));
+    let low = conditions
+        .iter()
+        .map(|c| bounds(c)[0])
+        .fold(-20.0, f64::min);
+    let rows = conditions.iter().map(|c| {
+        let gain = c.tuned.gain_percent.max(LEAST_GAIN);
+        (
+            c.title.as_str(),
+            vec![(gain, bounds(c), "s0")],
+            format!("{:+.0} %", c.tuned.gain_percent),
+        )
+    });
+    let svg = Rows {
+        label: "Gain of the modified scheme over the original in each condition",
+        unit: "smaller error of the modified scheme, % (both tuned)",
+        axis: Axis::linear(low, 100.0, 7),
+        rules: &[0.0, 40.0],
+        rows: rows.collect(),
+        legend: Vec::new(),
+    };
+    caption(
+        &svg.render(),
+        "One row for each condition.",
+        "Dashed: no gain, and the 40 % that were claimed. A bar that reaches over zero says that other flights might decide otherwise; right of it the modified \
+         scheme is better, left of it worse.",
+    )
+}
+
+fn errors(conditions: &[Condition]) -> String {
+    let all = || {
+        let marks = |c: &Condition| [c.tuned.original_deg, c.tuned.modified_deg, c.tuned.ekf_deg];
+        conditions.iter().flat_map(marks).filter(|e| e.is_finite())
+    };
+    let Some(high) = all().max_by(f64::total_cmp) else {
+        return String::new();
+    };
+    let low = all().fold(high, f64::min).max(LEAST_DEG);
+    let rows = conditions.iter().map(|c| {
+        let t = &c.tuned;
+        let marks = vec![
+            (t.original_deg, t.original_ci95, "s0"),
+            (t.modified_deg, t.modified_ci95, "s1"),
+            (t.ekf_deg, t.ekf_ci95, "s2"),
+        ];
+        let note = format!(
+            "{:.1} {:.1} {:.1}",
+            t.original_deg, t.modified_deg, t.ekf_deg
+        );
+        (c.title.as_str(), marks, note)
+    });
+    let svg = Rows {
+        label: "Errors of original, modified and EKF in each condition",
+        unit: "error, deg (logarithmic)",
+        axis: Axis::logarithmic(0.7 * low, 1.4 * high).with_fine_ticks(),
+        rules: &[],
+        rows: rows.collect(),
+        legend: vec![
+            key(Sign::Line, "line bold s0", "original"),
+            key(Sign::Line, "line bold s1", "modified"),
+            key(Sign::Line, "line bold s2", "EKF alone"),
+        ],
+    };
+    caption(
+        &svg.render(),
+        "Error of the three schemes, each tuned.",
+        "Where only the accelerometer is used it is the inclination that counts: without a magnetometer nobody knows the \
+         heading.",
+    )
+}
+
+fn caption(svg: &str, what: &str, look: &str) -> String {
+    format!("<figure>\n{svg}<figcaption><b>{what}</b> {look}</figcaption>\n</figure>\n")
+}
+
+fn comparison_table(
+    title: &str,
+    text: &str,
+    conditions: &[Condition],
+    of: impl Fn(&Condition) -> &Comparison,
+) -> Table {
+    let best = Some(Best::LowestOfRow);
+    let rows = conditions.iter().map(|condition| {
+        let c = of(condition);
+        let [low, high] = c.gain_ci95;
+        vec![
+            Cell::text(&condition.title),
+            Cell::number(Some(c.original_deg), 2),
+            Cell::number(Some(c.modified_deg), 2),
+            Cell::number(Some(c.ekf_deg), 2),
+            Cell::number(Some(c.gain_percent), 0),
+            Cell::text(format!("{low:.0} to {high:.0}")),
+            Cell::number(c.position_gain_percent, 0),
+            Cell::number(c.velocity_gain_percent, 0),
+        ]
+    });
+    Table {
+        title: title.to_owned(),
+        caption: text.to_owned(),
+        columns: vec![
+            Column::new("condition", "", None),
+            Column::new("original", "deg", best),
+            Column::new("modified", "deg", best),
+            Column::new("EKF", "deg", best),
+            Column::new("gain", "%", None),
+            Column::new("95 %", "%", None),
+            Column::new("in position", "%", None),
+            Column::new("in velocity", "%", None),
+        ],
+        rows: rows.collect(),
+    }
+}
+
+fn cost_table(outcome: &ExperimentOutcome) -> Table {
+    let cost = &outcome.cost_ns;
+    let row = |name: &str, ns: Option<f64>| {
+        vec![
+            Cell::text(name),
+            Cell::number(ns, 0),
+            Cell::number(ns.map(|ns| ns / cost.original), 1),
+        ]
+    };
+    Table {
+        title: "Cost of a step".to_owned(),
+        caption: format!(
+            "One gyroscope sample with the other sensors of {}, on this machine; only ratios travel.",
+            outcome.cost_of
+        ),
+        columns: vec![
+            Column::new("scheme", "", None),
+            Column::new("time", "ns", None),
+            Column::new("times the original", "", None),
+        ],
+        rows: vec![
+            row("original", Some(cost.original)),
+            row("modified", Some(cost.modified)),
+            row("EKF alone", Some(cost.ekf)),
+            row("original with position observer (cascade)", cost.cascade),
+            row(
+                "modified with position observer (cascade-ekf)",
+                cost.cascade_ekf,
+            ),
+        ],
+    }
+}
+
+fn settings_table(conditions: &[Condition]) -> Table {
+    let gains = |g: &northing_experiments::observers::Gains| {
+        format!("{} / {}", g.attitude_gain, g.bias_gain)
+    };
+    let rows = conditions.iter().map(|c| {
+        let ekf = |g: &northing_experiments::observers::Gains| {
+            format!("{:.2} / {}", g.linear_acceleration_std, g.field_std)
+        };
+        vec![
+            Cell::text(&c.title),
+            Cell::text(gains(&c.gains.original)),
+            Cell::text(gains(&c.gains.modified)),
+            Cell::text(ekf(&c.gains.modified)),
+            Cell::text(ekf(&c.gains.ekf)),
+            Cell::number(Some(c.original_weighted_deg), 2),
+            Cell::text(c.original_weighted_gains.accelerometer_weight.to_string()),
+        ]
+    });
+    Table {
+        title: "What tuning chose".to_owned(),
+        caption: "Attitude gain (1/s) / bias gain (1/s^2); for the EKF the acceleration it expects (m/s^2) / the error of the \
+                  field (uT). Re-weighted: the original with the weight of its accelerometer tuned too."
+            .to_owned(),
+        columns: vec![
+            Column::new("condition", "", None),
+            Column::new("original", "", None),
+            Column::new("modified", "", None),
+            Column::new("its EKF", "", None),
+            Column::new("EKF alone", "", None),
+            Column::new("re-weighted original", "deg", None),
+            Column::new("with weight", "", None),
+        ],
+        rows: rows.collect(),
+    }
+}

@@ -1,0 +1,480 @@
+//! The report of a navigation run: where it went, how wrong, how sure, and what each aid told.
+
+use northing_core::navigation::Validity;
+
+use crate::navigation::plots;
+use crate::page::facts::{Fact, Setting, Tone, Verdict};
+use crate::page::html::{self, Frame, Page};
+use crate::page::table;
+use crate::page::table::{Cell, Column, Table};
+use northing_evaluation::PROGRAM;
+use northing_evaluation::navigation::score::{OutageScore, PositionScore};
+use northing_evaluation::navigation::trace::NavigationTrace;
+use northing_evaluation::navigation::{NavigationKind, NavigationSummary};
+
+/// How the page is read.
+const READING: &str = "Positions are metres from the first fix. An ellipse, or a band of 95 %, holds the truth 95 times \
+                       of 100 when the stated uncertainty is honest. \u{03c3} is a standard deviation.";
+/// Shares inside the 95 % bound that are honest.
+const HONEST: std::ops::RangeInclusive<f64> = 0.88..=0.99;
+
+/// What the report of a navigation run shows.
+#[derive(Debug, Clone)]
+pub struct NavigationReport<'a> {
+    /// Name of the recording, for the heading.
+    pub name: String,
+    /// The outcome.
+    pub summary: &'a NavigationSummary,
+    /// What the plots show.
+    pub trace: &'a NavigationTrace,
+    /// Parameters of the estimator.
+    pub settings: Vec<Setting>,
+    /// The command that makes it again.
+    pub command: Option<String>,
+}
+
+impl NavigationReport<'_> {
+    /// The report as one HTML page that needs nothing else.
+    #[must_use]
+    pub fn render(&self) -> String {
+        let mut page = Page::default();
+        page.section("track", "Track", &self.track());
+        page.section("position", "Position", &self.position());
+        page.section("errors", "Errors", &self.errors());
+        page.section("outages", "Outages", &self.outages());
+        page.section("orientation", "Orientation", &self.orientation());
+        page.section("aids", "What each aid told", &self.aids());
+        if !self.settings.is_empty() {
+            page.section("settings", "Settings", &html::settings(&self.settings));
+        }
+        page.section("recording", "Recording", &self.recording());
+        let summary = self.summary;
+        let lead = format!(
+            "{} \u{00b7} {} \u{00b7} {:.0} s",
+            summary.recording,
+            estimator_words(summary.estimator),
+            summary.duration_s
+        );
+        page.finish(&Frame {
+            kicker: "Northing \u{00b7} navigation",
+            title: &format!("Where was {}?", self.name),
+            lead: &lead,
+            summary: &facts(summary),
+            verdicts: &navigation_verdicts(summary),
+            recording: &summary.recording,
+            program: PROGRAM,
+            command: self.command.as_deref(),
+            reading: READING,
+        })
+    }
+
+    fn track(&self) -> String {
+        plots::track(self.trace, self.summary.estimator).map_or_else(String::new, |map| {
+            html::picture(
+                &map,
+                "Where it went, seen from above.",
+                "Ellipses hold the true position 95 times of 100. Look whether the line runs through the fixes, how it \
+                 takes curves between them, and where dead reckoning leaves the road.",
+            )
+        })
+    }
+
+    fn position(&self) -> String {
+        let mut content = String::new();
+        if let Some(figure) = plots::position(self.trace, self.summary.estimator) {
+            content.push_str(&html::figure(
+                &figure,
+                "Position over time, and the fixes.",
+                "Where line and dots cannot be told apart, the filter follows the receiver; that alone does not make it \
+                 better than the receiver: see the errors.",
+            ));
+        }
+        if let Some(figure) = plots::close_look(self.trace, self.summary.estimator) {
+            content.push_str(&html::figure(
+                &figure,
+                "The same over a few seconds.",
+                "Between two fixes the inertial samples carry the position on. A step at each fix means that they carry \
+                 it wrongly.",
+            ));
+        }
+        content
+    }
+
+    fn errors(&self) -> String {
+        plots::errors(self.trace).map_or_else(String::new, |figure| {
+            html::figure(
+                &figure,
+                "How wrong the position was where it could be judged.",
+                "Dots should fill the band and seldom leave it. What stands out far are the outages.",
+            )
+        })
+    }
+
+    fn outages(&self) -> String {
+        let outages = &self.summary.outages;
+        let Some(figure) = plots::outages(self.trace, outages) else {
+            return String::new();
+        };
+        let plot = html::figure(
+            &figure,
+            "Without fixes: the error grows, and so does what the filter predicts.",
+            "A curve above the band means a filter that is surer than it should be.",
+        );
+        format!("{}{plot}", table::table(&outage_table(outages)))
+    }
+
+    fn orientation(&self) -> String {
+        let kind = self.summary.estimator;
+        let Some(figure) = plots::orientation(self.trace, kind) else {
+            return String::new();
+        };
+        let mut content = html::figure(
+            &figure,
+            "Which way it pointed.",
+            "The dots are what accelerometer and magnetometer say without a filter: every acceleration of the vehicle \
+             tilts them, and that tilt turns their heading, which counts from magnetic north.",
+        );
+        if let Some(figure) = plots::close_orientation(self.trace, kind) {
+            content.push_str(&html::figure(
+                &figure,
+                "The same over a few seconds.",
+                "The curve should be as quiet as the motion is, and follow it without delay.",
+            ));
+        }
+        content
+    }
+
+    fn aids(&self) -> String {
+        if self.summary.aids.is_empty() {
+            return String::new();
+        }
+        let mut content = table::table(&aid_table(self.summary));
+        for kind in self.trace.aids.keys() {
+            if let Some(figure) = plots::innovations(self.trace, *kind) {
+                content.push_str(&html::figure(
+                    &figure,
+                    &format!("Measured minus predicted: {}.", kind.name()),
+                    "Without pattern and mostly inside the band: the stated noise is right.",
+                ));
+            }
+        }
+        content
+    }
+
+    fn recording(&self) -> String {
+        let summary = self.summary;
+        let mut rows = vec![
+            Fact::new("inertial samples", summary.inertial_samples.to_string()),
+            Fact::new(
+                "fixes used",
+                format!("{} of {}", summary.fixes_used, summary.fixes),
+            ),
+        ];
+        rows.extend(summary.origin.map(|origin| {
+            Fact::new(
+                "first fix",
+                format!(
+                    "{:.6}\u{00b0}, {:.6}\u{00b0}, {:.1} m",
+                    origin.latitude_deg, origin.longitude_deg, origin.height_m
+                ),
+            )
+        }));
+        for (reason, count) in &summary.fixes_unusable {
+            rows.push(Fact::new(format!("not used: {reason}"), count.to_string()));
+        }
+        format!(
+            "{}{}",
+            html::fact_table(&rows),
+            html::sentences(&summary.issues)
+        )
+    }
+}
+
+/// The estimator as the page's lead calls it.
+pub(crate) fn estimator_words(kind: NavigationKind) -> &'static str {
+    match kind {
+        NavigationKind::Device => "what the device itself reported",
+        _ => kind.name(),
+    }
+}
+
+/// The large numbers.
+fn facts(summary: &NavigationSummary) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    if let Some(position) = &summary.position {
+        let metres = |value: f64| format!("{} m", metres(value));
+        facts.push(Fact::new(
+            "horizontal error, RMS",
+            metres(position.horizontal_rmse_m),
+        ));
+        let vertical = position.vertical_rmse_m.map(metres);
+        facts.extend(vertical.map(|v| Fact::new("vertical error, RMS", v)));
+        facts.push(Fact::new(
+            "inside the 95 % ellipse",
+            format!("{:.0} %", 100.0 * position.inside_95),
+        ));
+    }
+    let velocity = summary.velocity_rmse_mps;
+    facts.extend(velocity.map(|v| Fact::new("velocity error, RMS", format!("{v:.2} m/s"))));
+    if let Some(heading) = &summary.heading {
+        let against = if heading.against_course {
+            "heading against course, RMS"
+        } else {
+            "heading error, RMS"
+        };
+        facts.push(Fact::new(
+            against,
+            format!("{:.1}\u{00b0}", heading.rmse_deg),
+        ));
+    }
+    let aided = summary.validity.aided_s;
+    facts.push(Fact::new("time with fixes", format!("{aided:.0} s")));
+    facts
+}
+
+/// Metres with as many digits as they deserve.
+pub(crate) fn metres(value: f64) -> String {
+    match value {
+        v if v < 0.095 => format!("{v:.3}"),
+        v if v < 9.95 => format!("{v:.2}"),
+        v => format!("{v:.0}"),
+    }
+}
+
+/// What the numbers mean, in words.
+#[must_use]
+pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
+    if let Some(position) = &summary.position {
+        verdicts.push(better_than_nothing(position));
+        verdicts.push(honesty(position));
+    }
+    verdicts.extend(outage_honesty(&summary.outages));
+    if summary.validity.invalid_s > 0.0 {
+        verdicts.push(Verdict::new(
+            Tone::Warn,
+            format!(
+                "For {:.0} s the position was not worth to be called one: no fix for too long, or too uncertain.",
+                summary.validity.invalid_s
+            ),
+        ));
+    }
+    if verdicts.is_empty()
+        && summary
+            .issues
+            .iter()
+            .any(|issue| issue.contains("--score-from"))
+    {
+        let text =
+            "Nothing to judge by yet: the recording ends before scores count; see --score-from.";
+        verdicts.push(Verdict::new(Tone::Warn, text));
+    } else if verdicts.is_empty() && summary.estimator == NavigationKind::Device {
+        let text = "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
+                    beside the recording (docs/formats.md).";
+        verdicts.push(Verdict::new(Tone::Warn, text));
+    } else if verdicts.is_empty() {
+        verdicts.push(Verdict::new(
+            Tone::Warn,
+            "Nothing to judge by: every fix was used and there is no reference. Keep some back with --gnss-every 2 or \
+             --outage 120:30.",
+        ));
+    }
+    verdicts
+}
+
+fn better_than_nothing(position: &PositionScore) -> Verdict {
+    let own = position.horizontal_rmse_m;
+    let rivals = [
+        ("holding the last fix", position.hold_rmse_m),
+        (
+            "the last fix moved on with its velocity",
+            position.extrapolation_rmse_m,
+        ),
+    ];
+    let known = rivals.into_iter().filter_map(|(name, v)| Some((name, v?)));
+    let best = known.min_by(|a, b| a.1.total_cmp(&b.1));
+    match best {
+        Some((name, value)) if value < own => Verdict::new(
+            Tone::Bad,
+            format!(
+                "Worse than no filter: {} m horizontally against {} m of {name}.",
+                metres(own),
+                metres(value)
+            ),
+        ),
+        Some((name, value)) => Verdict::new(
+            Tone::Good,
+            format!(
+                "{} m horizontally where {name}, the better of the two answers without a filter, has {} m.",
+                metres(own),
+                metres(value)
+            ),
+        ),
+        None => Verdict::new(Tone::Good, format!("{} m horizontally.", metres(own))),
+    }
+}
+
+fn honesty(position: &PositionScore) -> Verdict {
+    let share = position.inside_95;
+    let percent = 100.0 * share;
+    if HONEST.contains(&share) {
+        let text = format!(
+            "The stated uncertainty is honest: {percent:.0} % of {} points inside the 95 % ellipse.",
+            position.scored_fixes
+        );
+        Verdict::new(Tone::Good, text)
+    } else if share < *HONEST.start() {
+        let text = format!(
+            "Too sure of itself: only {percent:.0} % of the points inside the 95 % ellipse."
+        );
+        Verdict::new(Tone::Bad, text)
+    } else {
+        let text = format!("Too modest: {percent:.1} % of the points inside the 95 % ellipse.");
+        Verdict::new(Tone::Warn, text)
+    }
+}
+
+fn outage_honesty(outages: &[OutageScore]) -> Option<Verdict> {
+    let judged = outages.iter().filter_map(|o| o.inside_95);
+    let (inside, all) = judged.fold((0, 0), |(inside, all), ok| {
+        (inside + u32::from(ok), all + 1)
+    });
+    let mut errors: Vec<f64> = outages
+        .iter()
+        .filter_map(|o| o.horizontal_error_m)
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    let middle = errors.get(errors.len() / 2).copied()?;
+    let low = errors.get((errors.len() - 1) / 2).copied()?;
+    // Of a dozen, one or two outside are chance.
+    let tone = if 10 * inside >= 8 * all {
+        Tone::Good
+    } else {
+        Tone::Bad
+    };
+    Some(Verdict::new(
+        tone,
+        format!(
+            "Outages: {inside} of {all} ended inside the 95 % ellipse that was predicted, with a median error of {} m.",
+            metres(0.5 * (low + middle))
+        ),
+    ))
+}
+
+fn column(title: &str) -> Column {
+    Column {
+        name: title.to_owned(),
+        ..Column::default()
+    }
+}
+
+fn outage_table(outages: &[OutageScore]) -> Table {
+    let number = |value: Option<f64>| {
+        value.map_or(Cell::Missing, |v| Cell::Number {
+            value: v,
+            decimals: if v.abs() < 1.0 { 3 } else { 1 },
+        })
+    };
+    let row = |o: &OutageScore| {
+        vec![
+            Cell::Text(format!(
+                "{:.0} s to {:.0} s",
+                o.start_s,
+                o.start_s + o.duration_s
+            )),
+            number(o.horizontal_error_m),
+            number(o.predicted_std_m),
+            Cell::Text(match o.inside_95 {
+                Some(true) => "yes".to_owned(),
+                Some(false) => "no".to_owned(),
+                None => "\u{2013}".to_owned(),
+            }),
+            number(o.hold_error_m),
+            number(o.extrapolation_error_m),
+        ]
+    };
+    Table {
+        title: "Outages".to_owned(),
+        caption: "Horizontal error at the last point inside, m; beside it what needs no filter."
+            .to_owned(),
+        columns: [
+            "after the first fix",
+            "error",
+            "predicted \u{03c3}",
+            "inside 95 %",
+            "last fix held",
+            "moved on",
+        ]
+        .map(column)
+        .into(),
+        rows: outages.iter().map(row).collect(),
+    }
+}
+
+fn aid_table(summary: &NavigationSummary) -> Table {
+    let rows = summary.aids.iter().map(|(kind, aid)| {
+        let counts = &aid.updates;
+        let count = |n: u64| Cell::Text(n.to_string());
+        let nis = aid.nis.as_ref();
+        vec![
+            Cell::Text(kind.name().to_owned()),
+            count(counts.fused),
+            count(counts.gated),
+            count(counts.skipped),
+            nis.map_or(Cell::Missing, |n| Cell::Number {
+                value: n.mean,
+                decimals: 2,
+            }),
+            nis.map_or(Cell::Missing, |n| {
+                Cell::Text(n.degrees_of_freedom.to_string())
+            }),
+        ]
+    });
+    Table {
+        title: "Aids".to_owned(),
+        caption: "The mean NIS of an honest filter is the number of components measured."
+            .to_owned(),
+        columns: [
+            "aid",
+            "used",
+            "refused",
+            "not looked at",
+            "mean NIS",
+            "components",
+        ]
+        .map(column)
+        .into(),
+        rows: rows.collect(),
+    }
+}
+
+/// What a position is worth, in a word.
+#[must_use]
+pub fn validity_word(validity: Validity) -> &'static str {
+    match validity {
+        Validity::Aligning => "aligning",
+        Validity::Aided => "aided",
+        Validity::DeadReckoning => "dead-reckoning",
+        Validity::Invalid => "invalid",
+    }
+}
+
+/// Parameters as rows of the page.
+#[must_use]
+pub fn navigation_settings(
+    parameters: &northing_evaluation::navigation::NavigationParameters,
+    kind: northing_evaluation::navigation::NavigationKind,
+) -> Vec<Setting> {
+    let settings = parameters.settings(kind).into_iter();
+    settings
+        .map(|setting| Setting {
+            value: setting
+                .value
+                .as_str()
+                .map_or_else(|| setting.value.to_string(), str::to_owned),
+            name: setting.name,
+            unit: String::new(),
+            meaning: setting.group.to_owned(),
+        })
+        .collect()
+}

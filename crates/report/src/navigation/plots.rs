@@ -1,0 +1,625 @@
+//! Plots of a navigation run: the track on a map, the paper's figures, errors, outages, innovations.
+
+use crate::drawing::axis::{Axis, quantile};
+use crate::drawing::curves::{angle_axis, band_layer, error_limit, is_drawn, line};
+use crate::drawing::fate::Fate;
+use crate::drawing::map::{self, Place, Scale};
+use crate::drawing::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, WIDTH, key};
+use crate::drawing::series::{self, BandPoint, Point};
+use northing_core::navigation::Validity;
+use northing_evaluation::navigation::score::{CHI_SQUARE_95, OutageScore};
+use northing_evaluation::navigation::trace::{AidPoint, NavigationPoint, NavigationTrace};
+use northing_evaluation::navigation::{AidKind, NavigationKind};
+
+/// Room at the right of figures without names there.
+const RIGHT: f64 = 14.0;
+/// Room around a track, m.
+const ROOM_M: f64 = 2.0;
+/// Ellipses drawn along a track.
+const ELLIPSES: usize = 40;
+/// Corners of an ellipse.
+const CORNERS: usize = 36;
+/// The larger half axis of an ellipse worth drawing, in units of the picture.
+const LARGEST_ELLIPSE: f64 = 0.12 * WIDTH;
+/// Half width of bands, standard deviations.
+const SIGMAS: f64 = 3.0;
+/// Class of fixes that the estimator got.
+const USED: &str = "dots soft device";
+/// Class of fixes kept back, and of the reference.
+const KEPT_BACK: &str = "dots soft reference";
+
+/// Class of what the device itself said, beside an estimate.
+const DEVICE: &str = "line thin s2";
+
+/// What the curve of an estimator is called.
+fn curve_key(kind: NavigationKind) -> Key {
+    let name = match kind {
+        NavigationKind::Device => "the device\u{2019}s own estimate",
+        _ => "estimate",
+    };
+    key(Sign::Line, "line estimate", name)
+}
+
+/// What the device itself said, where that is not the estimate anyway.
+fn beside(trace: &NavigationTrace, kind: NavigationKind) -> &[NavigationPoint] {
+    match kind {
+        NavigationKind::Device => &[],
+        _ => trace.device.items(),
+    }
+}
+
+fn beside_key() -> Key {
+    key(Sign::Line, DEVICE, "the device\u{2019}s own")
+}
+
+fn place(position_m: [f64; 3]) -> Place {
+    [position_m[0], position_m[1]]
+}
+
+/// Seen from above: fixes, reference and estimate with its 95 % ellipses; dead reckoning in the colour of what
+/// was refused. `None` without estimates.
+pub(crate) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<String> {
+    let points = trace.points.items();
+    let mut places: Vec<Place> = points.iter().map(|p| place(p.position_m)).collect();
+    let fixes = |used: bool| -> Vec<Place> {
+        let of = trace.fixes.items().iter().filter(move |f| f.used == used);
+        of.map(|f| place(f.position_m)).collect()
+    };
+    let (used, withheld) = (fixes(true), fixes(false));
+    let reference: Vec<Place> = trace
+        .reference
+        .items()
+        .iter()
+        .map(|f| place(f.position_m))
+        .collect();
+    if places.is_empty() {
+        return None;
+    }
+    places.extend(&used);
+    let rough = Scale::new(&places, ROOM_M)?;
+    places.extend(points.iter().filter_map(|p| corner_of(&rough, p)).flatten());
+    let scale = Scale::new(&places, ROOM_M)?;
+    let dead = |p: &NavigationPoint| p.validity != Validity::Aided;
+    let mut keys = vec![
+        curve_key(kind),
+        key(Sign::Dot, &format!("{USED} big"), "fixes used"),
+    ];
+    let ellipses = ellipses(&scale, points);
+    if !ellipses.is_empty() {
+        keys.push(key(Sign::Line, "line thin soft estimate", "95 % ellipses"));
+    }
+    if points.iter().any(dead) {
+        keys.push(key(Sign::Line, "line gated", "dead reckoning"));
+    }
+    if !withheld.is_empty() {
+        keys.push(key(
+            Sign::Dot,
+            &format!("{KEPT_BACK} big"),
+            "fixes kept back",
+        ));
+    }
+    let device: Vec<Place> = beside(trace, kind)
+        .iter()
+        .map(|p| place(p.position_m))
+        .collect();
+    if !device.is_empty() {
+        keys.push(beside_key());
+    }
+    if !reference.is_empty() {
+        keys.push(key(Sign::Line, "line thin dash reference", "reference"));
+    }
+    let mut svg = map::open(&scale, "Map of the track with its fixes", &keys);
+    let dots = |places: &[Place]| -> Vec<[f64; 2]> {
+        let picked = series::pick(places, DOTS);
+        picked.iter().map(|place| scale.at(*place)).collect()
+    };
+    svg.dots(&dots(&withheld), KEPT_BACK);
+    svg.dots(&dots(&used), USED);
+    svg.lines(&ellipses, "line thin soft estimate");
+    svg.lines(&[scale.path(&device)], DEVICE);
+    svg.lines(&[scale.path(&reference)], "line thin dash reference");
+    let pieces = |dead_reckoning: bool| -> Vec<Vec<[f64; 2]>> {
+        let mut pieces = vec![Vec::new()];
+        for p in points {
+            if dead(p) == dead_reckoning {
+                if let Some(piece) = pieces.last_mut() {
+                    piece.push(place(p.position_m));
+                }
+            } else if pieces.last().is_some_and(|piece| !piece.is_empty()) {
+                pieces.push(Vec::new());
+            }
+        }
+        pieces.retain(|piece| piece.len() > 1);
+        pieces.iter().map(|piece| scale.path(piece)).collect()
+    };
+    svg.lines(&pieces(false), "line estimate");
+    svg.lines(&pieces(true), "line gated");
+    Some(map::close(svg))
+}
+
+/// 95 % ellipses along the track.
+fn ellipses(scale: &Scale, points: &[NavigationPoint]) -> Vec<Vec<[f64; 2]>> {
+    let step = points.len().div_ceil(ELLIPSES).max(1);
+    let drawn = points.iter().step_by(step);
+    drawn.filter_map(|point| ellipse(scale, point)).collect()
+}
+
+/// The corners of the box around an ellipse that is drawn.
+fn corner_of(scale: &Scale, point: &NavigationPoint) -> Option<[Place; 2]> {
+    let [north, east] = place(point.position_m);
+    let [nn, ee, ..] = point.covariance_m2;
+    let [a, b] = [nn, ee].map(|variance| (CHI_SQUARE_95 * variance.max(0.0)).sqrt());
+    let drawn = a.max(b) * scale.units_per_m <= LARGEST_ELLIPSE;
+    drawn.then_some([[north - a, east - b], [north + a, east + b]])
+}
+
+fn ellipse(scale: &Scale, point: &NavigationPoint) -> Option<Vec<[f64; 2]>> {
+    let [nn, ee, _, ne] = point.covariance_m2;
+    let root = nn.max(0.0).sqrt();
+    let along = if root > 0.0 { ne / root } else { 0.0 };
+    let across = (ee - along * along).max(0.0).sqrt();
+    let size = CHI_SQUARE_95.sqrt();
+    if size * root.max(ee.max(0.0).sqrt()) * scale.units_per_m > LARGEST_ELLIPSE {
+        return None;
+    }
+    let corner = |k: usize| {
+        let (s, c) = (std::f64::consts::TAU * k as f64 / CORNERS as f64).sin_cos();
+        scale.at([
+            point.position_m[0] + size * root * c,
+            point.position_m[1] + size * (along * c + across * s),
+        ])
+    };
+    Some((0..=CORNERS).map(corner).collect())
+}
+
+fn time_of(trace: &NavigationTrace) -> Axis {
+    let points = trace.points.items();
+    let range = points.first().zip(points.last());
+    let (low, high) = range.map_or((0.0, 1.0), |(a, b)| (a.time_s, b.time_s));
+    Axis::time(low, high, 10)
+}
+
+fn figure(label: &str, time: Axis, legend: Vec<Key>, panels: Vec<Panel>) -> Figure {
+    Figure {
+        label: label.to_owned(),
+        time,
+        legend,
+        panels,
+        right: RIGHT,
+        line_points: LINE_POINTS,
+        across: TIME,
+    }
+}
+
+/// What accelerometer and magnetometer give without a filter over time: roll and pitch, and heading, deg.
+struct Alone<'a> {
+    tilt: &'a [[f64; 3]],
+    heading: &'a [[f64; 2]],
+}
+
+/// The paper's figure 3: roll, pitch and heading of the filter over what accelerometer and magnetometer give alone.
+pub(crate) fn orientation(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
+    let alone = Alone {
+        tilt: trace.raw_tilt.items(),
+        heading: trace.raw_heading.items(),
+    };
+    let device = beside(trace, kind);
+    orientation_of(trace.points.items(), &alone, device, kind, time_of(trace))
+}
+
+/// The same over the few seconds of the close look, every sample.
+pub(crate) fn close_orientation(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
+    let points = &trace.close_look[..];
+    let (first, last) = points.first().zip(points.last())?;
+    let alone = Alone {
+        tilt: &trace.close_tilt,
+        heading: &trace.close_heading,
+    };
+    let within = first.time_s..=last.time_s;
+    let device = beside(trace, kind).iter();
+    let device: Vec<NavigationPoint> = device
+        .filter(|p| within.contains(&p.time_s))
+        .copied()
+        .collect();
+    let time = Axis::time(first.time_s, last.time_s, 8);
+    let mut figure = orientation_of(points, &alone, &device, kind, time)?;
+    figure.label.push_str(", a few seconds");
+    Some(figure)
+}
+
+fn orientation_of(
+    points: &[NavigationPoint],
+    alone: &Alone<'_>,
+    device: &[NavigationPoint],
+    kind: NavigationKind,
+    time: Axis,
+) -> Option<Figure> {
+    if !is_drawn(&angle(points, 0)) {
+        return None;
+    }
+    let tilt = |i: usize| -> Vec<Point> { alone.tilt.iter().map(|t| [t[0], t[i]]).collect() };
+    let heading_band: Vec<BandPoint> = points
+        .iter()
+        .map(|p| match (p.angles_deg, p.heading_std_deg) {
+            (Some([yaw, ..]), Some(std)) => [p.time_s, yaw - SIGMAS * std, yaw + SIGMAS * std],
+            _ => [p.time_s, f64::NAN, f64::NAN],
+        })
+        .collect();
+    let panel = |name: &str, i: usize, alone: Vec<Point>, band: Vec<BandPoint>| {
+        let curve = angle(points, i);
+        let axis = angle_axis(&[&curve, &most(&alone)]);
+        let alone = Layer::Dots {
+            points: alone,
+            class: "dots soft device".to_owned(),
+        };
+        let layers = vec![
+            band_layer(band, true),
+            alone,
+            line(curve, "estimate", true),
+            line(angle(device, i), "thin s2", true),
+        ];
+        Panel::new(name, "deg", axis, layers)
+    };
+    let panels = vec![
+        panel("Roll", 2, tilt(1), Vec::new()),
+        panel("Pitch", 1, tilt(2), Vec::new()),
+        panel("Heading", 0, alone.heading.to_vec(), heading_band),
+    ];
+    let sensors = match alone.heading {
+        [] => "accelerometer alone",
+        _ => "accelerometer and magnetometer alone",
+    };
+    let mut legend = vec![
+        curve_key(kind),
+        key(Sign::Dot, "dots big soft device", sensors),
+        key(
+            Sign::Band,
+            "band estimate-fill",
+            "\u{00b1}3\u{03c3} of the heading",
+        ),
+    ];
+    if is_drawn(&angle(device, 0)) {
+        legend.push(beside_key());
+    }
+    Some(figure(
+        "Roll, pitch and heading over time",
+        time,
+        legend,
+        panels,
+    ))
+}
+
+/// An angle of yaw, pitch, roll over time; what is missing lifts the pen.
+fn angle(points: &[NavigationPoint], i: usize) -> Vec<Point> {
+    let value = |p: &NavigationPoint| p.angles_deg.map_or(f64::NAN, |a| a[i]);
+    points.iter().map(|p| [p.time_s, value(p)]).collect()
+}
+
+/// Lowest and highest of a cloud without the one in a hundred on each side that lies far off.
+fn most(cloud: &[Point]) -> Vec<Point> {
+    let mut values: Vec<f64> = cloud.iter().map(|p| p[1]).collect();
+    values.retain(|v| v.is_finite());
+    values.sort_by(f64::total_cmp);
+    let ends = [0.01, 0.99].map(|share| [0.0, quantile(&values, share)]);
+    if values.is_empty() {
+        Vec::new()
+    } else {
+        ends.into()
+    }
+}
+
+/// The paper's figure 4: position north, east and up over the fixes.
+pub(crate) fn position(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
+    let points = trace.points.items();
+    if points.is_empty() {
+        return None;
+    }
+    let panels = coordinates().map(|coordinate| position_panel(trace, kind, points, coordinate));
+    Some(figure(
+        "Position north, east and up over time, with fixes",
+        time_of(trace),
+        position_keys(trace, kind),
+        panels.into(),
+    ))
+}
+
+/// Name, index and sign of what is drawn of north, east, down.
+type Coordinate = (&'static str, usize, f64);
+
+fn coordinates() -> [Coordinate; 3] {
+    [("North", 0, 1.0), ("East", 1, 1.0), ("Up", 2, -1.0)]
+}
+
+fn position_keys(trace: &NavigationTrace, kind: NavigationKind) -> Vec<Key> {
+    let mut keys = vec![
+        curve_key(kind),
+        key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3}"),
+        key(Sign::Dot, &format!("{USED} big"), "fixes used"),
+    ];
+    if trace.fixes.items().iter().any(|fix| !fix.used) {
+        keys.push(key(
+            Sign::Dot,
+            &format!("{KEPT_BACK} big"),
+            "fixes kept back",
+        ));
+    }
+    if !beside(trace, kind).is_empty() {
+        keys.push(beside_key());
+    }
+    keys
+}
+
+fn position_panel(
+    trace: &NavigationTrace,
+    kind: NavigationKind,
+    points: &[NavigationPoint],
+    (name, i, sign): Coordinate,
+) -> Panel {
+    let curve: Vec<Point> = points
+        .iter()
+        .map(|p| [p.time_s, sign * p.position_m[i]])
+        .collect();
+    let band: Vec<BandPoint> = points
+        .iter()
+        .map(|p| {
+            let half = SIGMAS * p.covariance_m2[i].max(0.0).sqrt();
+            let centre = sign * p.position_m[i];
+            [p.time_s, centre - half, centre + half]
+        })
+        .collect();
+    let (first, last) = (points[0].time_s, points[points.len() - 1].time_s);
+    let dots = |used: bool, class: &str| Layer::Dots {
+        points: trace
+            .fixes
+            .items()
+            .iter()
+            .filter(|f| f.used == used && (first..=last).contains(&f.time_s))
+            .map(|f| [f.time_s, sign * f.position_m[i]])
+            .collect(),
+        class: class.to_owned(),
+    };
+    let device: Vec<Point> = beside(trace, kind)
+        .iter()
+        .filter(|p| (first..=last).contains(&p.time_s))
+        .map(|p| [p.time_s, sign * p.position_m[i]])
+        .collect();
+    let axis = extent(&curve, usual_half(&band));
+    let layers = vec![
+        band_layer(band, false),
+        dots(false, KEPT_BACK),
+        dots(true, USED),
+        line(device, "thin s2", false),
+        line(curve, "estimate", false),
+    ];
+    Panel::new(name, "m", axis, layers)
+}
+
+/// An axis around a curve and what lies within `room` of it.
+fn extent(curve: &[Point], room: f64) -> Axis {
+    let values = || curve.iter().map(|p| p[1]).filter(|v| v.is_finite());
+    let low = values().fold(f64::INFINITY, f64::min);
+    let high = values().fold(f64::NEG_INFINITY, f64::max);
+    let room = (0.08 * (high - low)).max(0.5).max(room);
+    Axis::linear(low - room, high + room, 5)
+}
+
+/// Half the width of a band, as it mostly is.
+fn usual_half(band: &[BandPoint]) -> f64 {
+    let mut halves: Vec<f64> = band.iter().map(|b| 0.5 * (b[2] - b[1])).collect();
+    halves.retain(|half| half.is_finite());
+    halves.sort_by(f64::total_cmp);
+    quantile(&halves, 0.5)
+}
+
+/// The paper's figure 5: a few seconds, every estimate, between the fixes of a slow receiver.
+pub(crate) fn close_look(trace: &NavigationTrace, kind: NavigationKind) -> Option<Figure> {
+    let points = &trace.close_look[..];
+    let (first, last) = points.first().zip(points.last())?;
+    let panels = coordinates().into_iter().take(2);
+    let panels = panels.map(|coordinate| close_panel(trace, kind, points, coordinate));
+    let mut keys = position_keys(trace, kind);
+    keys.retain(|(sign, ..)| *sign != Sign::Band);
+    Some(figure(
+        "Position over a few seconds: every estimate, and the fixes between which it goes on",
+        Axis::time(first.time_s, last.time_s, 8),
+        keys,
+        panels.collect(),
+    ))
+}
+
+/// So few fixes shall be seen: on top, large, and all of them; the band would make the curve small.
+fn close_panel(
+    trace: &NavigationTrace,
+    kind: NavigationKind,
+    points: &[NavigationPoint],
+    coordinate: Coordinate,
+) -> Panel {
+    let mut panel = position_panel(trace, kind, points, coordinate);
+    panel
+        .layers
+        .retain(|layer| !matches!(layer, Layer::Band { .. }));
+    let mut seen = Vec::new();
+    for layer in &mut panel.layers {
+        match layer {
+            Layer::Dots { points, class } => {
+                class.push_str(" big");
+                seen.extend_from_slice(points);
+            }
+            Layer::Line { points, .. } => seen.extend_from_slice(points),
+            _ => {}
+        }
+    }
+    panel.layers.reverse();
+    panel.axis = extent(&seen, 0.0);
+    panel
+}
+
+/// Errors where they were scored, and what was predicted of them; `None` without scores.
+pub(crate) fn errors(trace: &NavigationTrace) -> Option<Figure> {
+    let scored = trace.scored.items();
+    if scored.is_empty() {
+        return None;
+    }
+    let error: Vec<Point> = scored
+        .iter()
+        .map(|(t, p)| [*t, p.error.xy().norm()])
+        .collect();
+    let half = CHI_SQUARE_95.sqrt() * std::f64::consts::FRAC_1_SQRT_2;
+    let bound: Vec<BandPoint> = scored
+        .iter()
+        .map(|(t, p)| [*t, 0.0, half * p.horizontal_std])
+        .collect();
+    let (limit, note) = error_limit(&error, &[], "m");
+    let mut horizontal = Panel::new(
+        "Horizontal error",
+        "m",
+        Axis::linear(0.0, limit, 5),
+        vec![band_layer(bound, false), dots_of(error)],
+    );
+    (horizontal.note, horizontal.height) = (note, 220.0);
+    let mut panels = vec![horizontal];
+    let vertical: Vec<Point> = scored
+        .iter()
+        .filter(|(_, p)| p.vertical)
+        .map(|(t, p)| [*t, -p.error.z])
+        .collect();
+    if is_drawn(&vertical) {
+        let bound = scored.iter().map(|(t, p)| {
+            let half = 1.96 * p.vertical_std;
+            [*t, -half, half]
+        });
+        let (limit, note) = error_limit(&vertical, &[], "m");
+        let layers = vec![band_layer(bound.collect(), false), dots_of(vertical)];
+        let mut panel = Panel::new("Error upwards", "m", Axis::linear(-limit, limit, 5), layers);
+        panel.note = note;
+        panels.push(panel);
+    }
+    let legend = vec![
+        key(Sign::Dot, "dots big estimate", "error"),
+        key(Sign::Band, "band estimate-fill", "predicted, 95 %"),
+    ];
+    Some(figure(
+        "Position error over time",
+        time_of(trace),
+        legend,
+        panels,
+    ))
+}
+
+fn dots_of(points: Vec<Point>) -> Layer {
+    Layer::Dots {
+        points,
+        class: "dots estimate".to_owned(),
+    }
+}
+
+/// Each outage from its start: error, and what was predicted of it; `None` without outages.
+pub(crate) fn outages(trace: &NavigationTrace, outages: &[OutageScore]) -> Option<Figure> {
+    let first_fix_s = trace.fixes.items().first()?.time_s;
+    let mut panels = Vec::new();
+    for outage in outages.iter().filter(|o| o.horizontal_error_m.is_some()) {
+        let start = first_fix_s + outage.start_s;
+        let inside = trace.scored.items().iter();
+        let inside: Vec<_> = inside
+            .filter(|(t, _)| (start..start + outage.duration_s).contains(t))
+            .collect();
+        let error: Vec<Point> = inside
+            .iter()
+            .map(|(t, p)| [t - start, p.error.xy().norm()])
+            .collect();
+        let half = CHI_SQUARE_95.sqrt() * std::f64::consts::FRAC_1_SQRT_2;
+        let bound: Vec<BandPoint> = inside
+            .iter()
+            .map(|(t, p)| [t - start, 0.0, half * p.horizontal_std])
+            .collect();
+        let highest = error.iter().map(|p| p[1]);
+        let highest = highest
+            .chain(bound.iter().map(|b| b[2]))
+            .fold(0.1, f64::max);
+        let layers = vec![band_layer(bound, false), dots_of(error)];
+        let name = format!("{:.0} s after the first fix", outage.start_s);
+        let mut panel = Panel::new(&name, "m", Axis::linear(0.0, 1.05 * highest, 4), layers);
+        panel.height = 96.0;
+        panels.push(panel);
+    }
+    let longest = outages.iter().map(|o| o.duration_s).fold(1.0, f64::max);
+    let legend = vec![
+        key(Sign::Dot, "dots big estimate", "horizontal error"),
+        key(Sign::Band, "band estimate-fill", "predicted, 95 %"),
+    ];
+    let time = Axis::time(0.0, longest, 8);
+    let label = "Horizontal error in each outage, over the time since its start";
+    (!panels.is_empty()).then(|| figure(label, time, legend, panels))
+}
+
+/// Unit of an aid's residual as drawn, and the factor from what the trace has.
+const fn unit(aid: AidKind) -> (&'static str, f64) {
+    match aid {
+        AidKind::GnssPosition | AidKind::GnssHeight | AidKind::Barometer => ("m", 1.0),
+        AidKind::GnssVelocity
+        | AidKind::ForwardSpeed
+        | AidKind::WaterVelocity
+        | AidKind::ZeroVelocity
+        | AidKind::NonHolonomic => ("m/s", 1.0),
+        AidKind::Magnetometer | AidKind::Heading | AidKind::Accelerometer => {
+            ("deg", 180.0 / std::f64::consts::PI)
+        }
+    }
+}
+
+/// Innovations of one aid, component by component, with what was expected of them.
+pub(crate) fn innovations(trace: &NavigationTrace, aid: AidKind) -> Option<Figure> {
+    let points = trace.aids.get(&aid)?.items();
+    let components = points.iter().map(|p| p.degrees_of_freedom).max()?;
+    let names: &[&str] = match (aid, components) {
+        (AidKind::Accelerometer, _) => &["Roll", "Pitch"],
+        (AidKind::GnssHeight, _) => &["Down"],
+        (_, 1) => &["Residual"],
+        _ => &["North", "East", "Down"],
+    };
+    let panels = names.iter().take(usize::from(components)).enumerate();
+    let panels = panels.map(|(i, name)| innovation_panel(points, aid, i, name));
+    let mut legend: Vec<Key> = Fate::ALL
+        .into_iter()
+        .filter(|fate| points.iter().any(|p| Fate::of(p.outcome) == Some(*fate)))
+        .map(|fate| {
+            key(
+                Sign::Dot,
+                &format!("dots big {}", fate.class()),
+                fate.name(),
+            )
+        })
+        .collect();
+    legend.push(key(
+        Sign::Band,
+        "band estimate-fill",
+        "\u{00b1}3\u{03c3} expected",
+    ));
+    let label = format!("Innovations of {} over time", aid.name());
+    Some(figure(&label, time_of(trace), legend, panels.collect()))
+}
+
+fn innovation_panel(points: &[AidPoint], aid: AidKind, i: usize, name: &str) -> Panel {
+    let (unit, factor) = unit(aid);
+    let residuals = |fate: Fate| -> Vec<Point> {
+        let of = points.iter().filter(|p| Fate::of(p.outcome) == Some(fate));
+        of.map(|p| [p.time_s, factor * p.residual[i]]).collect()
+    };
+    let bound: Vec<BandPoint> = points
+        .iter()
+        .map(|p| {
+            let half = SIGMAS * factor * p.std[i];
+            [p.time_s, -half, half]
+        })
+        .collect();
+    let all: Vec<Point> = Fate::ALL.into_iter().flat_map(residuals).collect();
+    let (limit, note) = error_limit(&all, &bound, unit);
+    let mut layers = vec![band_layer(bound, false)];
+    layers.extend(Fate::ALL.map(|fate| Layer::Dots {
+        points: residuals(fate),
+        class: format!("dots {}", fate.class()),
+    }));
+    let mut panel = Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers);
+    (panel.note, panel.height) = (note, 110.0);
+    panel
+}

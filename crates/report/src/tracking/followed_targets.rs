@@ -1,0 +1,178 @@
+//! A tracking run as the data of its HTML report, and what was refused, in words.
+
+use crate::page::facts::{Fact, Tone, Verdict};
+use crate::page::table::{Cell, Column, Table};
+use crate::tracking::page::TrackingReport;
+use northing_evaluation::tracking::outcome::Counts;
+use northing_evaluation::tracking::{TrackEpoch, TrackSummary};
+use northing_recording::tracking::TrackingIssues;
+
+/// Coverage from which a target counts as well followed.
+const WELL_COVERED: f64 = 0.75;
+
+/// The page of a run; `command` makes it again.
+#[must_use]
+pub fn render(summary: &TrackSummary, epochs: &[TrackEpoch], command: String) -> String {
+    TrackingReport {
+        recording: summary.recording.clone(),
+        command: Some(command),
+        summary: facts(summary),
+        verdicts: verdicts(summary),
+        tables: targets(summary),
+        epochs,
+        issues: left_out(summary),
+    }
+    .render()
+}
+
+fn facts(summary: &TrackSummary) -> Vec<Fact> {
+    let fact = |label: &str, value: String| Fact {
+        label: label.to_owned(),
+        value,
+    };
+    let mut facts = vec![
+        fact("tracker", summary.tracker.to_owned()),
+        fact(
+            &format!("scans in {:.0} s", summary.duration_s),
+            summary.counts.scans.to_string(),
+        ),
+        fact("tracks confirmed", summary.confirmed_tracks.to_string()),
+    ];
+    if !summary.targets.is_empty() {
+        facts.push(fact("on no target", summary.false_tracks.to_string()));
+    }
+    if let Some(gospa) = summary.gospa_m {
+        facts.push(fact("GOSPA, mean", format!("{gospa:.1} m")));
+    }
+    facts
+}
+
+fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
+    let each = summary.targets.iter().map(|target| {
+        let share = 100.0 * target.coverage;
+        let (tone, words) = if target.lost {
+            (Tone::Bad, "is lost")
+        } else if target.switches > 0 {
+            (Tone::Warn, "is followed with interruptions")
+        } else if target.coverage < WELL_COVERED {
+            (Tone::Warn, "is followed at a distance or for a part of the time")
+        } else {
+            (Tone::Good, "is followed")
+        };
+        Verdict {
+            tone,
+            text: format!(
+                "Target {} {words}: a track within 20 m for {share:.0} % of the time, changes of track: {}.",
+                target.target, target.switches
+            ),
+        }
+    });
+    each.collect()
+}
+
+fn targets(summary: &TrackSummary) -> Vec<Table> {
+    if summary.targets.is_empty() {
+        return Vec::new();
+    }
+    let column = |name: &str, unit: &str| Column::new(name, unit, None);
+    let rows = summary.targets.iter().map(|t| {
+        vec![
+            Cell::text(format!("target {}", t.target)),
+            Cell::number(t.rmse_m, 1),
+            Cell::number(t.median_error_m, 1),
+            Cell::number(Some(t.coverage), 2),
+            Cell::text(t.switches.to_string()),
+            Cell::number(t.inside_95, 2),
+        ]
+    });
+    vec![Table {
+        caption: "Errors while a track is within 40 m; coverage is the share of the time with a track within \
+                  20 m; the last column is the share of true positions inside their track's 95 % ellipse."
+            .to_owned(),
+        columns: vec![
+            column("target", ""),
+            column("RMSE", "m"),
+            column("median", "m"),
+            column("coverage", ""),
+            column("switches", ""),
+            column("in the 95 % ellipse", ""),
+        ],
+        rows: rows.collect(),
+        ..Table::default()
+    }]
+}
+
+/// What the tracker refused or skipped and the reader left out, one sentence each.
+#[must_use]
+pub fn left_out(summary: &TrackSummary) -> Vec<String> {
+    [refusals(&summary.counts), omissions(&summary.left_out)].concat()
+}
+
+fn refusals(counts: &Counts) -> Vec<String> {
+    let sentences = [
+        (
+            counts.scans_refused_time,
+            "scans refused: time not finite, going back or far ahead",
+        ),
+        (
+            counts.scans_refused_pose,
+            "scans refused: own ship's pose not finite, or its covariance not positive",
+        ),
+        (
+            counts.scans_refused_jump,
+            "scans refused: own ship's pose jumped",
+        ),
+        (
+            counts.detections_invalid,
+            "detections skipped: not finite, or a range that is not positive",
+        ),
+        (
+            counts.bearing_undefined,
+            "updates skipped: target at the own ship's position, bearing undefined",
+        ),
+        (
+            counts.numerical,
+            "updates skipped: innovation covariance not positive",
+        ),
+        (
+            counts.beyond_capacity,
+            "detections or tracks left out for want of room",
+        ),
+        (
+            counts.approximate_clusters,
+            "times that targets were too close together for exact association: belief propagation instead",
+        ),
+    ];
+    said(&sentences)
+}
+
+fn omissions(issues: &TrackingIssues) -> Vec<String> {
+    said(&[
+        (
+            issues.rows_without_scan,
+            "rows of detections or truth whose scan is not in the table of scans",
+        ),
+        (
+            issues.scans_of_unknown_sensors,
+            "scans of sensors that the manifest does not describe",
+        ),
+        (
+            issues.out_of_time_order,
+            "scans or reports out of time order, put in their place",
+        ),
+        (
+            issues.reports_without_position,
+            "AIS reports without a position",
+        ),
+        (
+            issues.sentences_unusable,
+            "NMEA lines that are no sentence, fail their checksum, or have no time",
+        ),
+    ])
+}
+
+fn said(sentences: &[(u64, &str)]) -> Vec<String> {
+    let some = sentences.iter().filter(|(count, _)| *count > 0);
+    some.map(|(count, what)| format!("{count} {what}"))
+        .collect()
+}

@@ -1,0 +1,5 @@
+//! The page of a tracking run.
+
+pub mod followed_targets;
+mod map;
+pub(crate) mod page;
