@@ -12,6 +12,7 @@
 //! | [`attitude`] | gyroscope integration, MEKF, bounded velocity, USQUE, quaternion EKF, Wahba's problem, alignment |
 //! | [`navigation`] | the 15-state error-state filter: position, velocity and attitude from an IMU and aiding |
 //! | [`calibration`] | what a sensor at rest tells: bias, noise, references, and when to refuse |
+//! | [`parameters`] | configurations as tables: every parameter with unit, permitted range, defaults and meaning |
 //! | [`tracking`] | others: one target or many in clutter, from a platform whose own pose is uncertain |
 //!
 //! # Conventions
@@ -38,8 +39,10 @@ pub mod earth;
 pub mod geometry;
 pub mod kalman;
 pub mod navigation;
+pub mod parameters;
 mod scalar;
 pub mod tracking;
 
 pub use nalgebra;
+pub use parameters::ConfigError;
 pub use scalar::Scalar;

@@ -176,7 +176,7 @@ fn smallest_eigenvalue(p: &M19) -> f64 {
 fn run(coupling: Coupling, seed: u64) -> (f64, f64) {
     let mut world = World::new(seed);
     let (track, cross) = world.start_track();
-    let mut tracker = SchmidtKalman::new(tracker_config(), coupling, track, cross);
+    let mut tracker = SchmidtKalman::new(tracker_config(), coupling, track, cross).unwrap();
     let mut smallest = f64::INFINITY;
     let mut nees = 0.0;
     for scan in 0..60 {
@@ -229,8 +229,8 @@ fn the_joint_covariance_stays_positive_with_the_closed_loop_and_not_without() {
 fn one_update_equals_the_dense_schmidt_update() {
     let mut world = World::new(11);
     let (track, cross) = world.start_track();
-    let mut tracker = SchmidtKalman::new(tracker_config(), Coupling::Exact, track, cross);
-    let mut joint_ekf = JointEkf::new(tracker_config(), track, cross);
+    let mut tracker = SchmidtKalman::new(tracker_config(), Coupling::Exact, track, cross).unwrap();
+    let mut joint_ekf = JointEkf::new(tracker_config(), track, cross).unwrap();
     let covariance = world.navigation.state().covariance;
     let rows = world.navigation.pose_from_error();
     let own = OwnShip {
@@ -289,7 +289,7 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
     let (track, cross) = world.start_track();
     let mut config = tracker_config();
     config.gate_nis = 20.0;
-    let mut tracker = SchmidtKalman::new(config, Coupling::Exact, track, cross);
+    let mut tracker = SchmidtKalman::new(config, Coupling::Exact, track, cross).unwrap();
     let before = tracker;
     let covariance = world.navigation.state().covariance;
     let rows = world.navigation.pose_from_error();
@@ -367,14 +367,16 @@ fn the_black_box_equals_the_exact_tracker_when_its_times_are_right() {
         position_s: 0.5,
         heading_s: 4.0,
     };
-    let mut black = BlackBoxSchmidt::new(tracker_config(), lifetimes, track, cross, &covariance);
+    let mut black =
+        BlackBoxSchmidt::new(tracker_config(), lifetimes, track, cross, &covariance).unwrap();
     let keep = Vector3::new(-2.0_f64, -2.0, -0.25).map(f64::exp);
     let mut exact = SchmidtKalman::new(
         tracker_config(),
         Coupling::Exact,
         track,
         nalgebra::Matrix3::from_diagonal(&keep) * cross,
-    );
+    )
+    .unwrap();
     black.predict(1.0).unwrap();
     exact.predict(1.0).unwrap();
     black.update(&detection, &own.pose, &covariance);

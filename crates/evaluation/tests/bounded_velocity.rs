@@ -82,7 +82,7 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         rest_rate_noise_density: 0.1_f64.to_radians(),
         initial_tilt_std: 8_f64.to_radians(),
         initial_heading_std: 20_f64.to_radians(),
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     }
 }
 
@@ -321,7 +321,7 @@ fn an_attached_magnet_is_learnt() {
         let u = Uniform::read(&data.join(format!("attitude/broad/{trial}.parquet")));
         let config = BoundedVelocityConfig {
             initial_hard_iron_std_ut: 2.0,
-            ..BoundedVelocityConfig::default()
+            ..BoundedVelocityConfig::lab()
         };
         let (total, _) = score(&u, &u.field, config);
         println!("{trial}: {total:.3} deg");

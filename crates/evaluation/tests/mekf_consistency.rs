@@ -54,7 +54,7 @@ fn honest(trial: &AttitudeTrialConfig) -> AttitudeConfig<f64> {
         magnetometer_std_ut: trial.magnetometer_noise_std_ut,
         accelerometer_gate_nis: 0.0,
         magnetometer_gate_nis: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     }
 }
 

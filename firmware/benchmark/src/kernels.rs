@@ -42,7 +42,7 @@ fn navigator<N: Navigator>(name: &str, counter: &Counter) {
 
 /// The bounded-velocity filter with its default states, one sample of each sensor a step.
 fn bounded_velocity(counter: &Counter) {
-    let Ok(mut filter) = BoundedVelocity::<f32>::new(BoundedVelocityConfig::default()) else {
+    let Ok(mut filter) = BoundedVelocity::<f32>::new(BoundedVelocityConfig::lab()) else {
         hprintln!("bounded-velocity does not start");
         return;
     };

@@ -212,7 +212,7 @@ mod tests {
         let expected = AttitudeConfig {
             accelerometer_std: 0.3,
             magnetometer_use: MagnetometerUse::Heading,
-            ..AttitudeConfig::default()
+            ..AttitudeConfig::lab()
         };
         assert_eq!(settings.config.attitude, expected);
         let explicit: Vec<_> = settings.explicit_settings.into_iter().collect();

@@ -203,7 +203,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn config() -> AttitudeConfig<f64> {
-        AttitudeConfig::default()
+        AttitudeConfig::lab()
     }
 
     /// GIVEN a device that turns while it is aligned WHEN samples are exact THEN so is the start.

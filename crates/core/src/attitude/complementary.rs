@@ -35,12 +35,13 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
+use super::config::{AttitudeConfig, MagnetometerUse};
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, wahba};
 use crate::geometry::{rotation, so3};
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
 /// A correction never stands for more than this, s: after a gap a sample is one sample.
@@ -169,7 +170,7 @@ impl<T: Scalar> Complementary<T> {
     /// [`AttitudeEstimator::initialize`].
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(form: ComplementaryForm, config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let tolerance = config.complementary_field_tolerance;

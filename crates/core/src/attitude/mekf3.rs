@@ -18,13 +18,14 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::config::{AttitudeConfig, ConfigError};
+use super::config::AttitudeConfig;
 use super::measurement::{Measurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
+use crate::parameters::ConfigError;
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers.
@@ -51,7 +52,7 @@ impl<T: Scalar> Mekf3<T> {
     /// A filter at the identity attitude without references.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let variance = config.maximum_attitude_std * config.maximum_attitude_std;
@@ -239,7 +240,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn filter() -> Mekf3<f64> {
-        let mut filter = Mekf3::new(AttitudeConfig::default()).unwrap();
+        let mut filter = Mekf3::new(AttitudeConfig::lab()).unwrap();
         filter.initialize(&InitialState {
             attitude: UnitQuaternion::identity(),
             attitude_covariance: Matrix3::identity() * 0.01,
@@ -285,7 +286,7 @@ mod tests {
         let growth = |process_noise| {
             let config = AttitudeConfig {
                 process_noise,
-                ..AttitudeConfig::default()
+                ..AttitudeConfig::lab()
             };
             let mut filter = Mekf3::<f64>::new(config).unwrap();
             filter.state.covariance = Matrix3::identity() * 1e-6;

@@ -37,6 +37,7 @@ use crate::kalman::innovation::check_within;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 pub use crate::navigation::validity::Validity;
 use crate::navigation::validity::ValidityLimits;
+use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval of a propagation, s.
@@ -108,11 +109,9 @@ impl<T: Scalar> PositionAxisFilters<T> {
     /// Filters that wait for their first fix.
     ///
     /// # Errors
-    /// The name of the first setting that makes no sense.
-    pub fn new(config: PositionAxisConfig<T>) -> Result<Self, &'static str> {
-        if let Some(name) = config.senseless() {
-            return Err(name);
-        }
+    /// The first parameter outside its permitted range.
+    pub fn new(config: PositionAxisConfig<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
         Ok(Self {
             config,
             position: Vector3::zeros(),

@@ -48,6 +48,7 @@ use crate::kalman::feedback::reset_covariance;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::shear::times;
 use crate::kalman::{OutsideCorrection, SkipReason};
+use crate::parameters::{ConfigError, Range, parameters};
 use crate::scalar::{Scalar, lit};
 
 /// Largest angular rate (rad/s) and specific force (m/s^2) that a sensor can have measured.
@@ -56,70 +57,27 @@ const LARGEST_FORCE: f64 = 1e4;
 /// Longest inertial interval, s.
 const LONGEST_STEP_S: f64 = 10.0;
 
-/// Settings of the filter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(deny_unknown_fields)
-)]
-pub struct ErrorStateConfig<T> {
-    /// White noise of the accelerometer as a density, (m/s^2)/sqrt(Hz); default 0.01. Raising it
-    /// makes the filter follow aiding more quickly.
-    pub accelerometer_noise_density: T,
-    /// White noise of the gyroscope as a density, (rad/s)/sqrt(Hz); default 0.001. Raising it makes
-    /// the filter follow the compass more quickly.
-    pub gyroscope_noise_density: T,
-    /// Random walk of the accelerometer bias, (m/s^2)/sqrt(s); default 0. Raising it lets the bias
-    /// move.
-    pub accelerometer_bias_random_walk: T,
-    /// Random walk of the gyroscope bias, (rad/s)/sqrt(s); default 0. Raising it lets the bias move.
-    pub gyroscope_bias_random_walk: T,
-    /// Gravity, m/s^2; default 9.80665.
-    pub gravity: T,
-    /// Whether the attitude covariance is re-centred at the corrected attitude (E12); default true.
-    /// Its effect is a fraction of a per cent.
-    pub reset_jacobian: bool,
-}
+parameters! {
+    /// Parameters of the filter.
+    pub struct ErrorStateConfig;
 
-impl<T: Scalar> Default for ErrorStateConfig<T> {
-    fn default() -> Self {
-        Self {
-            accelerometer_noise_density: lit(0.01),
-            gyroscope_noise_density: lit(0.001),
-            accelerometer_bias_random_walk: T::zero(),
-            gyroscope_bias_random_walk: T::zero(),
-            gravity: lit(9.806_65),
-            reset_jacobian: true,
-        }
-    }
-}
-
-impl<T: Scalar> ErrorStateConfig<T> {
-    /// Name of the first setting that makes no sense: noises must be finite and not negative,
-    /// gravity finite.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let noises = [
-            (
-                "accelerometer_noise_density",
-                self.accelerometer_noise_density,
-            ),
-            ("gyroscope_noise_density", self.gyroscope_noise_density),
-            (
-                "accelerometer_bias_random_walk",
-                self.accelerometer_bias_random_walk,
-            ),
-            (
-                "gyroscope_bias_random_walk",
-                self.gyroscope_bias_random_walk,
-            ),
-            ("gravity", self.gravity),
-        ];
-        let bad = noises
-            .iter()
-            .find(|(_, value)| !(value.is_finite() && *value >= T::zero()));
-        bad.map(|(name, _)| *name)
-    }
+    accelerometer_noise_density: T, "(m/s^2)/sqrt(Hz)", NotNegative, [0.01],
+        "white noise of the accelerometer",
+        "Raising it makes the filter follow aiding more quickly.";
+    gyroscope_noise_density: T, "(rad/s)/sqrt(Hz)", NotNegative, [0.001],
+        "white noise of the gyroscope",
+        "Raising it makes the filter follow the compass more quickly.";
+    accelerometer_bias_random_walk: T, "(m/s^2)/sqrt(s)", NotNegative, [0.0],
+        "random walk of the accelerometer bias",
+        "Raising it lets the bias move.";
+    gyroscope_bias_random_walk: T, "(rad/s)/sqrt(s)", NotNegative, [0.0],
+        "random walk of the gyroscope bias",
+        "Raising it lets the bias move.";
+    gravity: T, "m/s^2", NotNegative, [9.806_65],
+        "gravity";
+    reset_jacobian: bool, "-", Flag, [true],
+        "whether the attitude covariance is re-centred at the corrected attitude (E12)",
+        "Its effect is a fraction of a per cent.";
 }
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
@@ -178,20 +136,23 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// A filter that continues from `state`.
     ///
     /// # Errors
-    /// The name of a setting that makes no sense, or `"state"` when the state is not
+    /// The first parameter outside its range, or `"state"` when the state is not
     /// [usable](NavigationState::is_usable).
     pub fn new(
         config: ErrorStateConfig<T>,
         state: NavigationState<T>,
-    ) -> Result<Self, &'static str> {
-        match config.senseless() {
-            Some(name) => Err(name),
-            None if !state.is_usable() => Err("state"),
-            None => Ok(Self {
-                config,
-                state: state.with_symmetric_covariance(),
-            }),
+    ) -> Result<Self, ConfigError> {
+        config.validate()?;
+        if !state.is_usable() {
+            return Err(ConfigError {
+                field: "state",
+                range: Range::Described("finite, with no negative variance"),
+            });
         }
+        Ok(Self {
+            config,
+            state: state.with_symmetric_covariance(),
+        })
     }
 
     /// The settings.

@@ -4,7 +4,7 @@
 //! *Read first:* `docs/derivations/error_state.md`; Groves (2013), chapters 14 to 16.
 //!
 //! Use it wherever there is an inertial unit and a receiver: a car, a boat, a drone, on a host or on a chip. The
-//! filter is [`ErrorStateFilter`] with [`SideStates`]; this adds time, alignment, gates, outages. Use
+//! filter is [`ErrorStateFilter`] with [`AugmentedStates`]; this adds time, alignment, gates, outages. Use
 //! [`super::axis_filters`] where 15 states do not fit.
 //!
 //! ```
@@ -68,13 +68,14 @@ pub use updates::{ErrorShares, GnssPositionUpdate};
 use self::alignment::Alignment;
 use self::starting::Seen;
 use self::stillness::{Quiet, StillnessWindow, Window};
-use super::bias_wander::BiasAtRest;
+use super::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
+use super::gauss_markov_bias::BiasAtRest;
 use super::history::ImuHistory;
-use super::side_states::{SIDE_STATES, SideStates};
 use super::validity::Validity;
 use super::{ErrorTransition, NavigationState, POSITION};
 use crate::kalman::CountedGate;
+use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval between inertial samples that counts as continuous, s.
@@ -90,8 +91,8 @@ pub struct CovarianceStep<T: Scalar> {
     pub transition: ErrorTransition<T>,
     /// What is left of the accelerometer's and of the gyroscope's bias error.
     pub bias_kept: [T; 2],
-    /// What is left of the side states.
-    pub side_kept: [T; SIDE_STATES],
+    /// What is left of the augmented states.
+    pub side_kept: [T; AUGMENTED_STATES],
 }
 
 /// The GNSS/INS; `HISTORY` samples are kept to look back by.
@@ -99,7 +100,7 @@ pub struct CovarianceStep<T: Scalar> {
 pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     config: GnssInsConfig<T>,
     filter: ErrorStateFilter<T>,
-    side: SideStates<T>,
+    side: AugmentedStates<T>,
     history: ImuHistory<T, HISTORY>,
     /// What the alignment has, while it aligns.
     aligning: Option<Alignment<T>>,
@@ -144,21 +145,19 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// One that waits for its first samples.
     ///
     /// # Errors
-    /// The name of the first setting that makes no sense.
-    pub fn new(config: GnssInsConfig<T>) -> Result<Self, &'static str> {
-        if let Some(name) = config.senseless() {
-            return Err(name);
-        }
+    /// The first parameter outside its permitted range.
+    pub fn new(config: GnssInsConfig<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
         let settings = ErrorStateConfig {
             accelerometer_noise_density: config.accelerometer_noise_density,
             gyroscope_noise_density: config.gyroscope_noise_density,
-            // What wanders is moved by `bias_wander` instead.
-            accelerometer_bias_random_walk: if config.accelerometer_wander_std > T::zero() {
+            // A Gauss-Markov bias is moved by `gauss_markov_bias` instead.
+            accelerometer_bias_random_walk: if config.accelerometer_gauss_markov_std > T::zero() {
                 T::zero()
             } else {
                 config.accelerometer_bias_random_walk
             },
-            gyroscope_bias_random_walk: if config.gyroscope_wander_std > T::zero() {
+            gyroscope_bias_random_walk: if config.gyroscope_gauss_markov_std > T::zero() {
                 T::zero()
             } else {
                 config.gyroscope_bias_random_walk
@@ -179,7 +178,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         Ok(Self {
             config,
             filter: ErrorStateFilter::new(settings, nowhere)?,
-            side: SideStates::default(),
+            side: AugmentedStates::default(),
             history: ImuHistory::default(),
             aligning: Some(Alignment::default()),
             seen: Seen::default(),
@@ -197,7 +196,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             last_step: CovarianceStep {
                 transition: ErrorTransition::default(),
                 bias_kept: [T::one(); 2],
-                side_kept: [T::one(); SIDE_STATES],
+                side_kept: [T::one(); AUGMENTED_STATES],
             },
             due_window: None,
             since_constraint: T::zero(),
@@ -226,7 +225,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// The states beside: the receiver's slow error, time offset, barometer's offset, mount angles, the
     /// magnetometer's iron.
-    pub fn side_states(&self) -> &SideStates<T> {
+    pub fn augmented_states(&self) -> &AugmentedStates<T> {
         &self.side
     }
 

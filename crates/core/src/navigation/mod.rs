@@ -14,22 +14,22 @@
 //! sensors this is meant for within some tens of kilometres.
 
 pub mod aiding;
+pub mod augmented_states;
 pub mod axis_filters;
-mod bias_wander;
 pub mod cascade;
 pub mod dead_reckoning;
 pub mod error_state;
+mod gauss_markov_bias;
 pub mod gnss_ins;
 pub mod history;
-pub mod side_states;
 pub mod transition;
 pub mod validity;
 
+pub use augmented_states::AugmentedStates;
 pub use cascade::{Cascade, CascadeConfig, CascadeState};
 pub use dead_reckoning::{DeadReckoning, DeadReckoningConfig, DeadReckoningState};
 pub use error_state::{ErrorStateConfig, ErrorStateFilter, GnssCompassFix, NavigationState};
 pub use gnss_ins::{GnssIns, GnssInsConfig};
-pub use side_states::SideStates;
 pub use transition::ErrorTransition;
 pub use validity::{Validity, ValidityLimits};
 

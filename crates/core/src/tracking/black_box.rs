@@ -13,6 +13,7 @@ use super::{
     Coupling, OwnShip, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig, check_step,
 };
 use crate::kalman::{ErrorPropagation, Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::scalar::Scalar;
 
 /// The tracker.
@@ -38,19 +39,23 @@ impl<T: Scalar> ErrorPropagation<T, 3> for Remains<T> {
 impl<T: Scalar> BlackBoxSchmidt<T> {
     /// Starts from a track and its covariance with the pose error (rows `[north, east, heading]`),
     /// at a moment when the pose has this covariance.
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
     pub fn new(
         config: TrackerConfig<T>,
         memory: PoseMemory<T>,
         track: TrackEstimate<T>,
         cross: SMatrix<T, 3, 4>,
         pose_covariance: &Matrix3<T>,
-    ) -> Self {
-        Self {
-            inner: SchmidtKalman::new(config, Coupling::Exact, track, cross),
+    ) -> Result<Self, ConfigError> {
+        memory.validate()?;
+        Ok(Self {
+            inner: SchmidtKalman::new(config, Coupling::Exact, track, cross)?,
             memory,
             before: *pose_covariance,
             since_update: T::zero(),
-        }
+        })
     }
 
     /// The target.

@@ -10,6 +10,7 @@ use super::{Coupling, OwnShip, RadarDetection, SchmidtKalman, TrackEstimate, Tra
 use crate::kalman::{
     ErrorFeedback, ErrorPropagation, Innovation, OutsideCorrection, SkipReason, feedback,
 };
+use crate::parameters::ConfigError;
 use crate::scalar::Scalar;
 
 /// The tracker.
@@ -20,10 +21,16 @@ pub struct JointEkf<T: Scalar, const N: usize> {
 
 impl<T: Scalar, const N: usize> JointEkf<T, N> {
     /// As [`SchmidtKalman::new`].
-    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>, cross: SMatrix<T, N, 4>) -> Self {
-        Self {
-            inner: SchmidtKalman::new(config, Coupling::FeedForward, track, cross),
-        }
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(
+        config: TrackerConfig<T>,
+        track: TrackEstimate<T>,
+        cross: SMatrix<T, N, 4>,
+    ) -> Result<Self, ConfigError> {
+        let inner = SchmidtKalman::new(config, Coupling::FeedForward, track, cross)?;
+        Ok(Self { inner })
     }
 
     /// The target.

@@ -27,6 +27,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::association::jipda::{Association, associate};
 use super::detection::Detection;
 use super::own_ship::OwnShip;
+use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
 /// One scan: everything one sensor reports at one instant.
@@ -59,8 +60,12 @@ pub struct MultiTargetTracker<T, const M: usize, const N: usize, const D: usize>
 
 impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTracker<T, M, N, D> {
     /// A tracker without tracks.
-    pub fn new(config: TrackerConfig<T, M>) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(config: TrackerConfig<T, M>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self {
             config,
             tracks: [None; N],
             last: None,
@@ -69,7 +74,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             counts: TrackerCounts::default(),
             weights: [Association::missed(T::one()); N],
             marginals: [Association::missed(T::one()); N],
-        }
+        })
     }
 
     /// Every track, tentative ones too.

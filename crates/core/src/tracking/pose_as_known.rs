@@ -7,6 +7,7 @@ use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::scalar::Scalar;
 use nalgebra::Vector3;
 
@@ -19,8 +20,12 @@ pub struct PoseAsKnown<T: Scalar> {
 
 impl<T: Scalar> PoseAsKnown<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.
-    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Self {
-        Self { config, track }
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config, track })
     }
 
     /// The target.

@@ -36,6 +36,7 @@ use super::update::{Measured, symmetric2};
 use super::{OwnShip, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
 use crate::kalman::{ErrorFeedback, ErrorPropagation, Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::scalar::Scalar;
 
 /// What the cross-covariance follows between scans.
@@ -74,18 +75,22 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Starts from a track and its covariance with the navigation error (one row for each of the
     /// navigation's states), such as [`super::initiation::one_point`] gives; zero for a track that
     /// knows nothing of the navigation.
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
     pub fn new(
         config: TrackerConfig<T>,
         coupling: Coupling,
         track: TrackEstimate<T>,
         cross: SMatrix<T, N, 4>,
-    ) -> Self {
-        Self {
+    ) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self {
             config,
             coupling,
             track,
             cross,
-        }
+        })
     }
 
     /// The target.

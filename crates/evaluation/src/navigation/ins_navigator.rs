@@ -7,7 +7,7 @@ use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
 use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
-use northing_core::navigation::side_states::MAGNETIC_OFFSET;
+use northing_core::navigation::augmented_states::MAGNETIC_OFFSET;
 use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Validity};
 
 use super::magnetic_model;
@@ -52,7 +52,7 @@ impl InsNavigator {
 
     /// The iron around the magnetometer in words, where it was found and is worth a calibration.
     fn iron(&self) -> Option<String> {
-        let side = self.ins.side_states();
+        let side = self.ins.augmented_states();
         let [x, y] = [0, 1].map(|i| side.values[MAGNETIC_OFFSET + i]);
         let variance = |i: usize| side.covariance[(MAGNETIC_OFFSET + i, MAGNETIC_OFFSET + i)];
         let known = side.is_used(MAGNETIC_OFFSET) && variance(0).max(variance(1)) < 25.0;

@@ -28,13 +28,13 @@ use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::ErrorPropagation as _;
 use northing_core::navigation::gnss_ins::{CovarianceStep, GnssIns};
-use northing_core::navigation::side_states::SIDE_STATES;
-use northing_core::navigation::{NavigationState, STATES, SideStates};
+use northing_core::navigation::augmented_states::AUGMENTED_STATES;
+use northing_core::navigation::{NavigationState, STATES, AugmentedStates};
 
 use crate::statistics::rts_step::Link;
 
-/// The 15 errors and the side states.
-const ALL: usize = STATES + SIDE_STATES;
+/// The 15 errors and the augmented states.
+const ALL: usize = STATES + AUGMENTED_STATES;
 type Joint = SMatrix<f64, ALL, ALL>;
 
 /// State and covariance at an instant.
@@ -42,7 +42,7 @@ type Joint = SMatrix<f64, ALL, ALL>;
 struct Snapshot {
     time_ns: i64,
     state: NavigationState<f64>,
-    side: SideStates<f64>,
+    side: AugmentedStates<f64>,
     /// Angular rate as measured, rad/s.
     rate: Vector3<f64>,
     last_fix_ns: Option<i64>,
@@ -217,7 +217,7 @@ fn snapshot<const H: usize>(ins: &GnssIns<f64, H>) -> Option<Snapshot> {
     Some(Snapshot {
         time_ns: ins.time_ns()?,
         state: *ins.state()?,
-        side: *ins.side_states(),
+        side: *ins.augmented_states(),
         rate: ins.angular_rate().copied().unwrap_or_default(),
         last_fix_ns: ins.last_fix_ns(),
     })
@@ -230,13 +230,13 @@ fn joint(snapshot: &Snapshot) -> Joint {
         .fixed_view_mut::<STATES, STATES>(0, 0)
         .copy_from(&snapshot.state.covariance);
     joint
-        .fixed_view_mut::<STATES, SIDE_STATES>(0, STATES)
+        .fixed_view_mut::<STATES, AUGMENTED_STATES>(0, STATES)
         .copy_from(&side.cross);
     joint
-        .fixed_view_mut::<SIDE_STATES, STATES>(STATES, 0)
+        .fixed_view_mut::<AUGMENTED_STATES, STATES>(STATES, 0)
         .copy_from(&side.cross.transpose());
     joint
-        .fixed_view_mut::<SIDE_STATES, SIDE_STATES>(STATES, STATES)
+        .fixed_view_mut::<AUGMENTED_STATES, AUGMENTED_STATES>(STATES, STATES)
         .copy_from(&side.covariance);
     joint
 }
@@ -256,7 +256,7 @@ fn difference(to: &Snapshot, from: &Snapshot) -> SVector<f64, ALL> {
     for (i, part) in parts.iter().enumerate() {
         d.fixed_rows_mut::<3>(3 * i).copy_from(part);
     }
-    d.fixed_rows_mut::<SIDE_STATES>(STATES)
+    d.fixed_rows_mut::<AUGMENTED_STATES>(STATES)
         .copy_from(&(to.side.values - from.side.values));
     d
 }
@@ -270,7 +270,7 @@ fn corrected(snapshot: &Snapshot, x: &SVector<f64, ALL>) -> Snapshot {
     state.position += part(6);
     state.accelerometer_bias += part(9);
     state.gyroscope_bias += part(12);
-    corrected.side.values += x.fixed_rows::<SIDE_STATES>(STATES);
+    corrected.side.values += x.fixed_rows::<AUGMENTED_STATES>(STATES);
     corrected
 }
 
@@ -315,10 +315,10 @@ mod tests {
             imu_samples: ImuSamples::Means,
             accelerometer_noise_density: sensors.accelerometer_std * root,
             gyroscope_noise_density: sensors.gyroscope_std * root,
-            accelerometer_wander_std: 0.0,
-            gyroscope_wander_std: 0.0,
-            position_white_share: 1.0,
-            position_slow_share: 0.0,
+            accelerometer_gauss_markov_std: 0.0,
+            gyroscope_gauss_markov_std: 0.0,
+            position_uncorrelated_fraction: 1.0,
+            position_correlated_fraction: 0.0,
             magnetic_heading_std: 0.031,
             // Calibrated, and white.
             magnetic_interval_s: 0.0,

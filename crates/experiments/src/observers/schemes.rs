@@ -114,7 +114,7 @@ pub fn settings(data: &ObserverData, gains: &Gains, form: Form) -> AttitudeConfi
         complementary_magnetometer_weight: 1.0,
         complementary_field_tolerance: UNBOUNDED,
         complementary_bias_limit: UNBOUNDED,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     }
 }
 

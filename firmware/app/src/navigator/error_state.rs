@@ -16,7 +16,7 @@ use northing_core::navigation::history::Instant;
 use northing_core::navigation::validity::ValidityLimits;
 use northing_core::navigation::{
     ATTITUDE, ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState, POSITION,
-    STATES, SideStates, VELOCITY,
+    STATES, AugmentedStates, VELOCITY,
 };
 
 use super::{Attitude, Estimate, Inertial, Motion, Navigator, Position, angles_at_rest, std_of};
@@ -49,7 +49,7 @@ const START_STD: [f32; STATES] = [
 pub struct ErrorStateNavigator {
     filter: ErrorStateFilter<f32>,
     /// None is in use.
-    side: SideStates<f32>,
+    side: AugmentedStates<f32>,
     /// Of heading, velocity, position.
     gates: [CountedGate; 3],
     waiting: Waiting,
@@ -99,7 +99,7 @@ impl Navigator for ErrorStateNavigator {
         };
         Some(Self {
             filter: ErrorStateFilter::new(config, state).ok()?,
-            side: SideStates::default(),
+            side: AugmentedStates::default(),
             gates: [CountedGate::default(); 3],
             waiting: Waiting::Nothing,
             velocity: None,

@@ -41,7 +41,7 @@ mod tests {
 
     #[test]
     fn strength_and_dip_count_and_the_heading_does_not() {
-        let config = BoundedVelocityConfig::<f64>::default();
+        let config = BoundedVelocityConfig::<f64>::lab();
         let expected = Vector2::new(30.0, 40.0);
         let factor = |level| variance_factor(&config, &level, &expected);
         for heading in [0.0_f64, 1.0, -2.5] {

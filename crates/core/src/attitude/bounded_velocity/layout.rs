@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn blocks_follow_each_other_without_holes() {
-        let mut config = BoundedVelocityConfig::<f64>::default();
+        let mut config = BoundedVelocityConfig::<f64>::lab();
         let of = |config: &BoundedVelocityConfig<f64>, has| {
             let layout = Layout::new(config, has);
             (layout.field(), layout.hard_iron(), layout.len())

@@ -12,7 +12,7 @@ const MS: i64 = 1_000_000;
 type MekfDriver = AttitudeDriver<f64, Mekf<f64>>;
 
 fn mekf() -> MekfDriver {
-    let settings = AttitudeConfig::default();
+    let settings = AttitudeConfig::lab();
     AttitudeDriver::new(
         Mekf::new(settings).unwrap(),
         settings,
@@ -93,7 +93,7 @@ fn an_interval_turns_with_the_mean_of_its_two_rates_whatever_comes_between() {
     let turned = |between: &[i64]| {
         let mut driver = AttitudeDriver::new(
             Integration::default(),
-            AttitudeConfig::default(),
+            AttitudeConfig::lab(),
             DriverConfig::default(),
         );
         driver.start_from(&start);
@@ -212,13 +212,10 @@ fn a_gap_is_held_with_a_constant_bias_too() {
             magnetic_field: None,
         },
     };
-    let settings = AttitudeConfig::default();
+    let settings = AttitudeConfig::lab();
     fn held<E: AttitudeEstimator<f64>>(estimator: E, start: &InitialState<f64>) -> f64 {
-        let mut driver = AttitudeDriver::new(
-            estimator,
-            AttitudeConfig::default(),
-            DriverConfig::default(),
-        );
+        let mut driver =
+            AttitudeDriver::new(estimator, AttitudeConfig::lab(), DriverConfig::default());
         driver.start_from(start);
         driver.gyroscope(0, &start.gyroscope_bias);
         driver.gyroscope(60_000 * MS, &start.gyroscope_bias);

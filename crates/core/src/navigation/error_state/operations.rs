@@ -4,7 +4,7 @@
 
 use super::*;
 use crate::kalman::{CountedGate, Outcome};
-use crate::navigation::SideStates;
+use crate::navigation::AugmentedStates;
 use crate::navigation::aiding::{gnss_position, gnss_velocity, heading};
 use crate::navigation::history::{self, ImuHistory};
 use counting_scalar::{Counting, Operations, counted};
@@ -51,7 +51,7 @@ fn fuse<const M: usize>(
     filter: &mut ErrorStateFilter<Counting>,
     measurement: &Measurement<Counting, M>,
 ) {
-    let (mut side, mut gate) = (SideStates::default(), CountedGate::default());
+    let (mut side, mut gate) = (AugmentedStates::default(), CountedGate::default());
     let innovation = filter.fuse_sparse(&mut side, measurement, &mut gate, lit(16.3));
     assert_eq!(innovation.outcome, Outcome::Fused);
 }
@@ -148,7 +148,7 @@ fn a_step_takes_no_more_operations_than_the_table_says() {
     let (arm, one) = (vector(0.5, 0.2, -1.0), Vector3::repeat(lit(1.0)));
     let mut copy = filter;
     let ((), position) = counted(|| {
-        let side = SideStates::default();
+        let side = AugmentedStates::default();
         let ned = then.position + arm;
         fuse(
             &mut copy,

@@ -1,8 +1,8 @@
-//! Fusing measurements of few states: gate, scalar updates in place, and the side states with them.
+//! Fusing measurements of few states: gate, scalar updates in place, and the augmented states with them.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, section 7 (E15-E17).
 //!
-//! A row has elements for the 15 errors (0 to 14) and for the [`SideStates`] (from [`SIDE`] on). The gate looks
+//! A row has elements for the 15 errors (0 to 14) and for the [`AugmentedStates`] (from [`SIDE`] on). The gate looks
 //! at all rows at once; then they are fused one after the other, which equals the joint update exactly. When the
 //! gate has refused too often, the states that the measurement sees directly are set free first (E17): the
 //! filter was wrong, not the sensor.
@@ -20,8 +20,8 @@ use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::cap_variance;
 use crate::kalman::sparse_update::SparseRow;
 use crate::kalman::{CountedGate, GateDecision, Innovation, Outcome, SkipReason};
-use crate::navigation::bias_wander::{BiasAtRest, WanderSettings};
-use crate::navigation::side_states::SideStates;
+use crate::navigation::augmented_states::AugmentedStates;
+use crate::navigation::gauss_markov_bias::{BiasAtRest, GaussMarkovBias};
 use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, STATES};
 use crate::scalar::{Scalar, lit};
 
@@ -36,7 +36,7 @@ pub const REJECTIONS_BELIEVED: u8 = 5;
 /// nothing is known.
 const LARGEST_VARIANCES: [f64; 5] = [10.0, 1e5, 1e8, 1e2, 1.0];
 
-/// A row over the 15 errors and the side states.
+/// A row over the 15 errors and the augmented states.
 pub type Row<T> = SparseRow<T, ROW_ELEMENTS>;
 
 /// A measurement of up to three components, ready to be fused.
@@ -59,7 +59,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     #[inline(never)]
     pub fn fuse_sparse<const M: usize>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         measurement: &Measurement<T, M>,
         gate: &mut CountedGate,
         threshold: T,
@@ -90,7 +90,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     #[inline(never)]
     fn believe<const M: usize>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         used: Used,
         measurement: &Measurement<T, M>,
     ) {
@@ -104,7 +104,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// Scalar updates, one row after the other (E16), and the correction into the state.
     fn fuse_expected<const M: usize>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         used: Used,
         measurement: &Measurement<T, M>,
         expected: &mut Expected<T, M>,
@@ -147,7 +147,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
 
     /// Keeps variances where numbers still mean something, by shrinking rows and columns alike: the matrix stays a
     /// covariance through any outage, in single precision too.
-    pub(in crate::navigation) fn limit_covariance(&mut self, side: &mut SideStates<T>) {
+    pub(in crate::navigation) fn limit_covariance(&mut self, side: &mut AugmentedStates<T>) {
         for state in 0..STATES {
             let variance = self.state.covariance[(state, state)];
             let limit = lit(LARGEST_VARIANCES[state / 3]);
@@ -160,7 +160,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     }
 
     /// Takes the body to be level within `std` (rad): its tilt is then correlated with nothing.
-    pub(in crate::navigation) fn hold_level(&mut self, side: &mut SideStates<T>, std: T) {
+    pub(in crate::navigation) fn hold_level(&mut self, side: &mut AugmentedStates<T>, std: T) {
         let state = &mut self.state;
         let [yaw, _, _] = rotation::to_yaw_pitch_roll(&state.ned_from_body);
         state.ned_from_body = so3::exp(&(Vector3::z() * yaw));
@@ -176,9 +176,9 @@ impl<T: Scalar> ErrorStateFilter<T> {
     pub(in crate::navigation) fn relax_biases(
         &mut self,
         at_rest: &mut [BiasAtRest<T>; 2],
-        settings: &[WanderSettings<T>; 2],
+        settings: &[GaussMarkovBias<T>; 2],
         dt: T,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
     ) {
         let state = &mut self.state;
         let biases = [
@@ -194,7 +194,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// Adds the square of each residual to the variance of the state it sees (E17), in that state's unit.
     fn set_free<const M: usize>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         measurement: &Measurement<T, M>,
     ) {
         let freed = measurement.freed.iter().zip(&measurement.rows);

@@ -1,4 +1,4 @@
-//! The covariance of a GNSS/INS brought up to its state: side states, biases that relax, gaps, and the restart.
+//! The covariance of a GNSS/INS brought up to its state: augmented states, biases that relax, gaps, and the restart.
 
 use super::alignment::{self, Alignment};
 use super::starting::Seen;
@@ -6,11 +6,12 @@ use super::stillness::StillnessWindow;
 use super::{Aid, CovarianceStep, GnssIns, LONGEST_GAP_S, seconds};
 use crate::kalman::CountedGate;
 use crate::navigation::ErrorTransition;
-use crate::navigation::bias_wander::WanderSettings;
-use crate::navigation::history::Instant;
-use crate::navigation::side_states::{
-    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, SIDE_STATES, SideStates, SideStep,
+use crate::navigation::augmented_states::{
+    AUGMENTED_STATES, AugmentedStates, AugmentedStep, BAROMETER_OFFSET, GNSS_OFFSET,
+    MAGNETIC_OFFSET,
 };
+use crate::navigation::gauss_markov_bias::GaussMarkovBias;
+use crate::navigation::history::Instant;
 use crate::scalar::{Scalar, lit};
 
 /// The covariance follows the state at least so often, s.
@@ -54,11 +55,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Brings what is beside the filter along.
     fn follow(&mut self, transition: &ErrorTransition<T>) {
         let duration = transition.duration_s();
-        let mut step = SideStep {
-            decay: [T::one(); SIDE_STATES],
-            added: [T::zero(); SIDE_STATES],
+        let mut step = AugmentedStep {
+            decay: [T::one(); AUGMENTED_STATES],
+            added: [T::zero(); AUGMENTED_STATES],
         };
-        let kept = (-duration / self.config.position_slow_time_s).exp();
+        let kept = (-duration / self.config.position_correlation_time_s).exp();
         for i in 0..3 {
             step.decay[GNSS_OFFSET + i] = kept;
             step.added[GNSS_OFFSET + i] = self.slow_variance[i] * (T::one() - kept * kept);
@@ -85,8 +86,14 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.last_step = CovarianceStep {
             transition: *transition,
             bias_kept: [
-                kept(c.accelerometer_wander_std, c.accelerometer_wander_time_s),
-                kept(c.gyroscope_wander_std, c.gyroscope_wander_time_s),
+                kept(
+                    c.accelerometer_gauss_markov_std,
+                    c.accelerometer_gauss_markov_time_s,
+                ),
+                kept(
+                    c.gyroscope_gauss_markov_std,
+                    c.gyroscope_gauss_markov_time_s,
+                ),
             ],
             side_kept: step.decay,
         };
@@ -100,14 +107,14 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     fn relax_biases(&mut self, duration: T) {
         let c = &self.config;
         let settings = [
-            WanderSettings {
-                std: c.accelerometer_wander_std,
-                time_s: c.accelerometer_wander_time_s,
+            GaussMarkovBias {
+                std: c.accelerometer_gauss_markov_std,
+                time_s: c.accelerometer_gauss_markov_time_s,
                 walk: c.accelerometer_bias_random_walk,
             },
-            WanderSettings {
-                std: c.gyroscope_wander_std,
-                time_s: c.gyroscope_wander_time_s,
+            GaussMarkovBias {
+                std: c.gyroscope_gauss_markov_std,
+                time_s: c.gyroscope_gauss_markov_time_s,
                 walk: c.gyroscope_bias_random_walk,
             },
         ];
@@ -178,7 +185,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             .saturating_add(u32::from(self.aligning.is_none()));
         self.aligning = Some(Alignment::default());
         self.seen = Seen::default();
-        self.side = SideStates::default();
+        self.side = AugmentedStates::default();
         self.history.clear();
         self.due_window = None;
         self.last_fix_ns = None;

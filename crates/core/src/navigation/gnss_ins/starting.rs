@@ -6,10 +6,10 @@ use super::alignment::Aligned;
 use super::{Aid, GnssIns, seconds};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
-use crate::navigation::bias_wander::BiasAtRest;
-use crate::navigation::side_states::{
-    GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, SideStates, TIME_OFFSET,
+use crate::navigation::augmented_states::{
+    AugmentedStates, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
 };
+use crate::navigation::gauss_markov_bias::BiasAtRest;
 use crate::navigation::{
     ACCELEROMETER_BIAS, ATTITUDE, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION,
     VELOCITY,
@@ -245,9 +245,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         if !self.filter.restore(state) {
             return;
         }
-        self.side = SideStates::default();
+        self.side = AugmentedStates::default();
         let square = |x: T| x * x;
-        let slow = self.config.position_slow_share;
+        let slow = self.config.position_correlated_fraction;
         for i in 0..3 {
             let variance = square(slow * position_std[i]);
             self.slow_variance[i] = variance;

@@ -11,10 +11,10 @@ use crate::navigation::VELOCITY;
 use crate::navigation::aiding::gnss_position::{self, GnssPosition};
 use crate::navigation::aiding::gnss_velocity::{self, GnssVelocity};
 use crate::navigation::aiding::{barometer, body_velocity, heading, magnetic_field, zero_velocity};
-use crate::navigation::error_state::Measurement;
-use crate::navigation::side_states::{
+use crate::navigation::augmented_states::{
     BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
 };
+use crate::navigation::error_state::Measurement;
 use crate::scalar::{Scalar, lit};
 
 /// Positions further than this from the origin (m) are no fixes of this frame.
@@ -69,8 +69,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Takes a position.
     pub fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
         let shares = ErrorShares {
-            white: self.config.position_white_share,
-            slow: self.config.position_slow_share,
+            white: self.config.position_uncorrelated_fraction,
+            slow: self.config.position_correlated_fraction,
         };
         self.gnss_position_with(time_ns, fix, shares)
     }

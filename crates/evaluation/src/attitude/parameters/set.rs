@@ -53,7 +53,7 @@ pub struct CascadeSettings {
 impl Default for CascadeSettings {
     /// Positions good to a decimetre ten times a second, as a laboratory has them.
     fn default() -> Self {
-        let core = CascadeConfig::<f64>::default();
+        let core = CascadeConfig::<f64>::lab();
         Self {
             pole: core.pole,
             position_std_m: core.position_std,
@@ -79,7 +79,7 @@ impl CascadeSettings {
         CascadeConfig {
             pole: self.pole,
             position_std: self.position_std_m,
-            ..CascadeConfig::default()
+            ..CascadeConfig::lab()
         }
     }
 }

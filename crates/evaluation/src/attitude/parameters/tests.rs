@@ -16,7 +16,7 @@ fn table_and_configuration_name_the_same_parameters() {
 fn parameters_carry_the_defaults_of_each_profile() {
     let all = parameters();
     let std = all.iter().find(|p| p.name == "accelerometer_std").unwrap();
-    let expected = [AttitudeConfig::hand_held(), AttitudeConfig::default()];
+    let expected = [AttitudeConfig::hand_held(), AttitudeConfig::lab()];
     for ((_, value), config) in std.defaults.iter().zip(expected) {
         assert_eq!(value.as_f64(), Some(config.accelerometer_std));
     }
@@ -70,7 +70,7 @@ fn settings_change_what_they_name_and_nothing_else() {
         accelerometer_std: 0.3,
         gate_timeout_s: 5.0,
         magnetometer_use: northing_core::attitude::MagnetometerUse::Heading,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let cascade = CascadeSettings {
         pole: 0.5,
@@ -79,7 +79,7 @@ fn settings_change_what_they_name_and_nothing_else() {
     };
     let bounded_velocity = BoundedVelocityConfig {
         scale_states: ScaleStates::Diagonal,
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     };
     let expected = Parameters {
         attitude,

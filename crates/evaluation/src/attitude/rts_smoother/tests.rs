@@ -56,7 +56,7 @@ fn smoothing_lowers_the_error_by_a_third_and_stays_consistent() {
     let filter_config = AttitudeConfig {
         accelerometer_gate_nis: 0.0,
         magnetometer_gate_nis: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let (mut filtered, mut smoothed, mut count) = ([0.0; 3], [0.0; 3], 0.0);
     for seed in 0..50 {
@@ -99,7 +99,7 @@ fn every_node_is_at_most_as_uncertain_as_the_filter_was() {
         ..AttitudeTrialConfig::default()
     };
     let trial = AttitudeTrial::simulate(1, &config);
-    let mut recorder = Recorder::new(AttitudeConfig::default()).unwrap();
+    let mut recorder = Recorder::new(AttitudeConfig::lab()).unwrap();
     recorder.initialize(&start(&trial, 1));
     let hindsight = run(&trial, &mut recorder);
     assert_eq!(hindsight.len(), recorder.node() + 1);
@@ -121,7 +121,7 @@ fn nothing_is_carried_back_across_a_new_start() {
         ..AttitudeTrialConfig::default()
     };
     let trial = AttitudeTrial::simulate(2, &config);
-    let mut recorder = Recorder::new(AttitudeConfig::default()).unwrap();
+    let mut recorder = Recorder::new(AttitudeConfig::lab()).unwrap();
     recorder.initialize(&start(&trial, 2));
     let alone = run(&trial, &mut recorder);
     let border = recorder.node();
@@ -137,7 +137,7 @@ fn a_gap_is_a_node_of_its_own() {
         ..AttitudeTrialConfig::default()
     };
     let trial = AttitudeTrial::simulate(4, &config);
-    let mut recorder = Recorder::new(AttitudeConfig::default()).unwrap();
+    let mut recorder = Recorder::new(AttitudeConfig::lab()).unwrap();
     recorder.initialize(&start(&trial, 4));
     run(&trial, &mut recorder);
     let before = recorder.node();

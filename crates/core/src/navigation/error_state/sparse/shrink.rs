@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 
 use super::expected::{Projected, Used};
 use crate::navigation::STATES;
-use crate::navigation::side_states::SideStates;
+use crate::navigation::augmented_states::AugmentedStates;
 use crate::scalar::{Scalar, lit};
 
 /// Least variance of a side state in use.
@@ -64,9 +64,9 @@ pub(super) fn column_of_lower<T: Scalar>(
     column
 }
 
-/// The same for the side states in use: their covariance with the errors, and their own.
+/// The same for the augmented states in use: their covariance with the errors, and their own.
 pub(super) fn shrink_side<T: Scalar>(
-    side: &mut SideStates<T>,
+    side: &mut AugmentedStates<T>,
     used: Used,
     ph: &Projected<T>,
     gain: &Projected<T>,

@@ -1,7 +1,7 @@
 //! A magnetometer with iron around it: how it starts, and what it learns.
 
 use super::*;
-use crate::navigation::side_states::MAGNETIC_OFFSET;
+use crate::navigation::augmented_states::MAGNETIC_OFFSET;
 
 #[test]
 fn iron_around_the_magnetometer_is_learnt_and_does_not_turn_the_heading() {
@@ -21,7 +21,10 @@ fn iron_around_the_magnetometer_is_learnt_and_does_not_turn_the_heading() {
         ..config()
     };
     let (ins, learnt) = heading_error(told);
-    let found = ins.side_states().values.fixed_rows::<3>(MAGNETIC_OFFSET);
+    let found = ins
+        .augmented_states()
+        .values
+        .fixed_rows::<3>(MAGNETIC_OFFSET);
     assert!(learnt < 0.03, "{learnt}");
     assert!((found.xy() - iron.xy()).norm() < 4.0, "{found}");
     assert!(ins.counts(Aid::Magnetometer).fused > 15);

@@ -16,7 +16,7 @@ fn config() -> BoundedVelocityConfig<f64> {
         initial_hard_iron_std_ut: 2.0,
         initial_gyroscope_bias_std: 0.02,
         prediction_s: 0.0,
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     }
 }
 
