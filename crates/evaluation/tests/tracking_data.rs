@@ -34,7 +34,7 @@ fn autoferry(data: &Path) -> Vec<TrackingRecording> {
 }
 
 fn tracked(recording: &TrackingRecording) -> TrackSummary {
-    run(recording, &TrackOptions::default(), |_| {})
+    run(recording, &TrackOptions::default(), |_| {}).unwrap()
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest() {
         track: TrackOptions::default(),
     };
     let recordings = autoferry(&data);
-    let summary = inject_heading(&recordings, &options);
+    let summary = inject_heading(&recordings, &options).unwrap();
     let off = |kind: TrackerKind| {
         let tracker = &summary.trackers[kind.name()];
         (tracker.inside_95.unwrap() - 0.95).abs()
@@ -113,7 +113,7 @@ fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest() {
         summary.trackers
     );
     assert_eq!(
-        inject_heading(&recordings, &options),
+        inject_heading(&recordings, &options).unwrap(),
         summary,
         "the same seed"
     );

@@ -222,7 +222,7 @@ pub(crate) fn hello(facts: &Facts) -> Value {
                 .map(|(profile, value)| (profile.name(), value))
                 .collect();
             json!({
-                "name": parameter.name, "unit": parameter.unit,
+                "name": parameter.name, "unit": parameter.unit, "range": parameter.range,
                 "meaning": parameter.meaning, "default": defaults,
             })
         })

@@ -49,7 +49,7 @@ fn checked(field: FieldCalibration, file: &str) -> Result<FieldCalibration> {
     field
         .calibration
         .validate()
-        .map_err(|name| anyhow!("{file}: `{name}` makes no sense; calibrate again"))?;
+        .map_err(|error| anyhow!("{file}: {error}; calibrate again"))?;
     Ok(field)
 }
 

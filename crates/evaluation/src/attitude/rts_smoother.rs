@@ -31,7 +31,7 @@
 pub mod bounded_velocity;
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
-use northing_core::attitude::config::ConfigError;
+use northing_core::ConfigError;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::{
     AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
@@ -128,7 +128,7 @@ impl Recorder {
     /// A filter with these settings and nothing to remember yet.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<f64>) -> Result<Self, ConfigError> {
         Ok(Self {
             mekf: Mekf::new(config)?,

@@ -140,7 +140,7 @@ fn run_filter(
     };
     let mut session = Session::new(options, &make)?;
     if kind.uses_positions() {
-        let rotation = match options.config.cascade.rotation {
+        let rotation = match options.config.rotation {
             CascadeRotation::Estimated => AnyEstimator::attitude,
             CascadeRotation::Reconstructed => AnyEstimator::reconstructed,
         };

@@ -1,13 +1,14 @@
 //! The GNSS/INS of core behind the interface of all navigation estimators.
 
 use nalgebra::{Matrix3, Vector3};
+use northing_core::ConfigError;
 use northing_core::earth::wgs84::Geodetic;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
-use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
 use northing_core::navigation::augmented_states::MAGNETIC_OFFSET;
+use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
 use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Validity};
 
 use super::magnetic_model;
@@ -40,7 +41,7 @@ pub(crate) struct InsNavigator {
 
 impl InsNavigator {
     /// `remembers`: for [`Navigator::smoothed`].
-    pub(crate) fn new(config: GnssInsConfig<f64>, remembers: bool) -> Result<Self, &'static str> {
+    pub(crate) fn new(config: GnssInsConfig<f64>, remembers: bool) -> Result<Self, ConfigError> {
         Ok(Self {
             recorder: remembers.then(NavigationRecorder::default),
             ins: Box::new(GnssIns::new(config)?),

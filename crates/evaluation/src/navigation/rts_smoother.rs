@@ -27,9 +27,9 @@
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::ErrorPropagation as _;
-use northing_core::navigation::gnss_ins::{CovarianceStep, GnssIns};
 use northing_core::navigation::augmented_states::AUGMENTED_STATES;
-use northing_core::navigation::{NavigationState, STATES, AugmentedStates};
+use northing_core::navigation::gnss_ins::{CovarianceStep, GnssIns};
+use northing_core::navigation::{AugmentedStates, NavigationState, STATES};
 
 use crate::statistics::rts_step::Link;
 

@@ -64,20 +64,13 @@ where
 
 fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, EvaluationError> {
     let p = &options.parameters;
-    let made: Result<Box<dyn Navigator>, &'static str> = match options.estimator {
-        NavigationKind::ErrorState => InsNavigator::new(p.error_state, options.smooth)
-            .map(|n| Box::new(n) as Box<dyn Navigator>),
-        NavigationKind::AxisFilters => AxisNavigator::new(p.attitude_axes, p.position_axes)
-            .map(|n| Box::new(n) as Box<dyn Navigator>),
-        NavigationKind::DeadReckoning => {
-            ShipNavigator::new(p.dead_reckoning).map(|n| Box::new(n) as Box<dyn Navigator>)
+    Ok(match options.estimator {
+        NavigationKind::ErrorState => Box::new(InsNavigator::new(p.error_state, options.smooth)?),
+        NavigationKind::AxisFilters => {
+            Box::new(AxisNavigator::new(p.attitude_axes, p.position_axes)?)
         }
-        NavigationKind::Device => Ok(Box::new(DeviceNavigator::default())),
-    };
-    made.map_err(|name| EvaluationError::BadValue {
-        name: name.to_owned(),
-        value: String::new(),
-        problem: "it makes no sense".to_owned(),
+        NavigationKind::DeadReckoning => Box::new(ShipNavigator::new(p.dead_reckoning)?),
+        NavigationKind::Device => Box::new(DeviceNavigator::default()),
     })
 }
 

@@ -19,6 +19,7 @@ use super::options::NavigationOptions;
 use super::parameters::NavigationParameters;
 use super::runner::run_navigation;
 use crate::error::EvaluationError;
+use crate::by_name;
 
 /// Ends of the names of parameters that are noises.
 const NOISES: [&str; 4] = ["_noise_density", "_random_walk", "_std", "_std_ut"];
@@ -168,23 +169,23 @@ fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>
     let is_noise = |name: &str| NOISES.iter().any(|end| name.ends_with(end));
     let noises: Vec<String> = known
         .iter()
-        .filter(|setting| is_noise(&setting.name))
-        .filter(|setting| setting.value.as_f64().is_some_and(|value| value > 0.0))
-        .map(|setting| setting.name.clone())
+        .filter(|setting| is_noise(setting.parameter.name))
+        .filter(|setting| setting.number().is_some_and(|value| value > 0.0))
+        .map(|setting| setting.parameter.name.to_owned())
         .collect();
     if asked.parameters.is_empty() {
         return Ok(noises);
     }
     for name in &asked.parameters {
-        let setting = known.iter().find(|setting| setting.name == *name);
-        let setting = setting.ok_or_else(|| EvaluationError::UnknownParameter {
-            name: name.clone(),
-            valid: noises.join(", "),
-        })?;
-        if setting.value.as_f64().is_none_or(|value| value <= 0.0) {
+        let names = known.iter().map(|setting| {
+            let old = setting.parameter.formerly.map(str::to_owned);
+            (setting.parameter.name.to_owned(), old)
+        });
+        let setting = &known[by_name::find(name, names)?];
+        if setting.number().is_none_or(|value| value <= 0.0) {
             return Err(EvaluationError::BadValue {
                 name: name.clone(),
-                value: setting.value.to_string(),
+                value: setting.json().to_string(),
                 problem: "only numbers above 0 can be fitted; set one to start from".to_owned(),
             });
         }
@@ -194,9 +195,11 @@ fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>
 
 fn value_of(parameters: &NavigationParameters, kind: NavigationKind, name: &str) -> f64 {
     let settings = parameters.settings(kind);
-    let setting = settings.iter().find(|setting| setting.name == name);
+    let setting = settings
+        .iter()
+        .find(|setting| setting.parameter.name == name);
     setting
-        .and_then(|setting| setting.value.as_f64())
+        .and_then(|setting| setting.number())
         .unwrap_or(f64::NAN)
 }
 

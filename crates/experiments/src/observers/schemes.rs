@@ -271,16 +271,11 @@ pub fn position_errors(
 ) -> Result<[f64; 2], EvaluationError> {
     let config = CascadeConfig {
         pole: position.pole,
-        position_std: NO_OUTLIERS_M,
+        position_std_m: NO_OUTLIERS_M,
         rotation_rate_term,
         bias_limit: UNBOUNDED,
     };
-    let bad = |name: &str| EvaluationError::BadValue {
-        name: name.to_owned(),
-        value: position.pole.to_string(),
-        problem: "expected a pole between 0.001 and 100 1/s".to_owned(),
-    };
-    let mut observer = Cascade::new(config, specific_force_at_rest()).map_err(bad)?;
+    let mut observer = Cascade::new(config, specific_force_at_rest())?;
     observer.update_position(&position.start, 0.0, &data.start, &Vector3::zeros());
     let mut fixes = position.measured.iter().peekable();
     let mut squares = [0.0_f64; 2];

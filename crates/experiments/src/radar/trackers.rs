@@ -1,6 +1,7 @@
 //! The trackers by name, and any of them behind one type.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
+use northing_core::ConfigError;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::error_state::GnssCompassUpdate;
 use northing_core::navigation::{ErrorStateFilter, ErrorTransition, STATES};
@@ -189,13 +190,14 @@ impl AnyTracker {
     ) -> Result<Self, SkipReason> {
         let (track, cross) = start.track(kind, config, scan)?;
         let schmidt = |coupling, cross| {
-            Self::Schmidt(Box::new(SchmidtKalman::new(config, coupling, track, cross)))
+            let tracker = SchmidtKalman::new(config, coupling, track, cross)?;
+            Ok(Self::Schmidt(Box::new(tracker)))
         };
         let converted =
-            |conversion| Self::Converted(ConvertedMeasurement::new(config, conversion, track));
-        Ok(match kind {
+            |conversion| ConvertedMeasurement::new(config, conversion, track).map(Self::Converted);
+        let made: Result<Self, ConfigError> = match kind {
             TrackerKind::TruePose | TrackerKind::Uncompensated => {
-                Self::Known(PoseAsKnown::new(config, track))
+                PoseAsKnown::new(config, track).map(Self::Known)
             }
             TrackerKind::TruePoseConverted
             | TrackerKind::UncompensatedConverted
@@ -205,15 +207,20 @@ impl AnyTracker {
             TrackerKind::SchmidtLiteral => schmidt(Coupling::OpenLoop, cross),
             TrackerKind::Schmidt => schmidt(Coupling::Exact, cross),
             TrackerKind::SchmidtFeedForward => schmidt(Coupling::FeedForward, cross),
-            TrackerKind::SchmidtBlackBox => Self::BlackBox(Box::new(BlackBoxSchmidt::new(
+            TrackerKind::SchmidtBlackBox => BlackBoxSchmidt::new(
                 config,
                 lifetimes,
                 track,
                 scan.pose_from_error * cross,
                 &scan.pose_covariance,
-            ))),
-            TrackerKind::Joint => Self::Joint(Box::new(JointEkf::new(config, track, cross))),
-        })
+            )
+            .map(|tracker| Self::BlackBox(Box::new(tracker))),
+            TrackerKind::Joint => {
+                JointEkf::new(config, track, cross).map(|tracker| Self::Joint(Box::new(tracker)))
+            }
+        };
+        // A campaign's configuration is checked before it starts.
+        made.map_err(|_| SkipReason::OutOfRange)
     }
 
     pub(super) fn track(&self) -> &TrackEstimate<f64> {

@@ -173,7 +173,7 @@ pub fn settings(estimator: EstimatorKind, config: &Parameters) -> Vec<Setting> {
                 .as_str()
                 .map_or_else(|| value.to_string(), str::to_owned),
             name: parameter.name,
-            unit: parameter.unit.to_owned(),
+            unit: parameter.unit,
             meaning: parameter.meaning.to_owned(),
         }
     };

@@ -468,13 +468,13 @@ pub fn navigation_settings(
     let settings = parameters.settings(kind).into_iter();
     settings
         .map(|setting| Setting {
-            value: setting
-                .value
-                .as_str()
-                .map_or_else(|| setting.value.to_string(), str::to_owned),
-            name: setting.name,
-            unit: String::new(),
-            meaning: setting.group.to_owned(),
+            value: match setting.json() {
+                serde_json::Value::String(word) => word,
+                other => other.to_string(),
+            },
+            name: setting.parameter.name.to_owned(),
+            unit: setting.parameter.unit.to_owned(),
+            meaning: setting.parameter.meaning.to_owned(),
         })
         .collect()
 }

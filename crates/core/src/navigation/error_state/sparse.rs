@@ -27,7 +27,7 @@ use crate::scalar::{Scalar, lit};
 
 /// Most elements of a row: velocity, attitude, gyroscope bias, two mount angles, and one to spare.
 pub const ROW_ELEMENTS: usize = 12;
-/// Index of the first side state in a row.
+/// Index of the first augmented state in a row.
 pub const SIDE: usize = STATES;
 /// How many measurements in a row a gate refuses before it believes them.
 pub const REJECTIONS_BELIEVED: u8 = 5;

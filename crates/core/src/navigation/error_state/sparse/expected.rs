@@ -102,7 +102,7 @@ impl Used {
             .filter(move |(j, _)| self.each.get(*j).is_some_and(|used| *used))
     }
 
-    /// Covariance of the errors and of the augmented states with the side state at place `state` of a row.
+    /// Covariance of the errors and of the augmented states with the augmented state at place `state` of a row.
     fn columns<T: Scalar>(
         self,
         side: &AugmentedStates<T>,

@@ -10,7 +10,7 @@ use crate::navigation::STATES;
 use crate::navigation::augmented_states::AugmentedStates;
 use crate::scalar::{Scalar, lit};
 
-/// Least variance of a side state in use.
+/// Least variance of an augmented state in use.
 const LEAST_SIDE_VARIANCE: f64 = 1e-14;
 
 /// `P -= K (P H^T)^T` in the lower triangle.
@@ -91,7 +91,7 @@ pub(super) fn shrink_side<T: Scalar>(
                 *image = value;
             }
         }
-        // A side state does not go out of use by being known well.
+        // An augmented state does not go out of use by being known well.
         if let Some(variance) = side.covariance.get_mut((j, j)) {
             *variance = variance.max(lit(LEAST_SIDE_VARIANCE));
         }
