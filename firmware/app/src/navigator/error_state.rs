@@ -15,8 +15,8 @@ use northing_core::navigation::error_state::{Measurement, Row};
 use northing_core::navigation::history::Instant;
 use northing_core::navigation::validity::ValidityLimits;
 use northing_core::navigation::{
-    ATTITUDE, ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState, POSITION,
-    STATES, AugmentedStates, VELOCITY,
+    ATTITUDE, AugmentedStates, ErrorStateConfig, ErrorStateFilter, ErrorTransition,
+    NavigationState, POSITION, STATES, VELOCITY,
 };
 
 use super::{Attitude, Estimate, Inertial, Motion, Navigator, Position, angles_at_rest, std_of};

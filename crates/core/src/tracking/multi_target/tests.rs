@@ -397,3 +397,30 @@ fn single_precision_follows_double_precision() {
     );
     assert!((x[0] - f64::from(y[0])).abs() < 0.05 && (x[2] - f64::from(y[2])).abs() < 0.05);
 }
+
+#[test]
+fn a_configuration_outside_its_range_is_refused_by_name() {
+    let refused = |change: fn(&mut TrackerConfig<f64, 3>)| {
+        let mut config = TrackerConfig::default();
+        change(&mut config);
+        Tracker::new(config).err().map(|error| error.field)
+    };
+    assert_eq!(refused(|_| {}), None);
+    assert_eq!(refused(|c| c.gate_sigmas = 0.0), Some("gate_sigmas"));
+    assert_eq!(
+        refused(|c| c.confirm_existence = 1.1),
+        Some("confirm_existence")
+    );
+    assert_eq!(
+        refused(|c| c.models.dwell_s[1] = f64::NAN),
+        Some("models.dwell_s")
+    );
+    assert_eq!(
+        refused(|c| c.pose_limits.turn_rad_s = -1.0),
+        Some("pose_limits.turn_rad_s")
+    );
+    assert_eq!(
+        refused(|c| c.pose_memory.position_s = f64::INFINITY),
+        Some("pose_memory.position_s")
+    );
+}
