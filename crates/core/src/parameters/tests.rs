@@ -12,6 +12,7 @@ use crate::calibration::rest::RestLimits;
 use crate::navigation::axis_filters::PositionAxisConfig;
 use crate::navigation::cascade::CascadeConfig;
 use crate::navigation::{DeadReckoningConfig, ErrorStateConfig, GnssInsConfig, ValidityLimits};
+use crate::tracking::own_ship::{PoseLimits, PoseMemory};
 
 /// Calls a generic function for the tables of a precision.
 macro_rules! every_table {

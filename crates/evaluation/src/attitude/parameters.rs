@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::attitude::kinds::EstimatorKind;
-use crate::error::EvaluationError;
 use crate::by_name;
+use crate::error::EvaluationError;
 pub use set::{CascadeRotation, Parameters};
 
 /// A named set of parameters.

@@ -7,8 +7,8 @@ use northing_core::parameters::{ConfigError, Parameter, Table, Value};
 use serde::{Deserialize, Serialize};
 
 use super::kinds::NavigationKind;
-use crate::error::EvaluationError;
 use crate::by_name;
+use crate::error::EvaluationError;
 
 /// Everything that can be set.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -18,8 +18,8 @@ use super::observer::NavigationObserver;
 use super::options::NavigationOptions;
 use super::parameters::NavigationParameters;
 use super::runner::run_navigation;
-use crate::error::EvaluationError;
 use crate::by_name;
+use crate::error::EvaluationError;
 
 /// Ends of the names of parameters that are noises.
 const NOISES: [&str; 4] = ["_noise_density", "_random_walk", "_std", "_std_ut"];
