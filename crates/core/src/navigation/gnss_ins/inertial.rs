@@ -111,7 +111,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// Takes out of a sample what the filter's plane does not know: Earth rate, Coriolis force, and gravity that
     /// turns and falls with the distance from the origin (E27).
-    fn on_the_earth(&self, rate: &Vector3<T>, force: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+    pub(super) fn on_the_earth(
+        &self,
+        rate: &Vector3<T>,
+        force: &Vector3<T>,
+    ) -> (Vector3<T>, Vector3<T>) {
         let state = self.filter.state();
         let per_metre = if self.config.earth_curvature {
             self.config.gravity / lit(EARTH_RADIUS_M)
