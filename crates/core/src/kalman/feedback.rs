@@ -211,6 +211,15 @@ impl<T: Scalar, const N: usize> ErrorFeedback<T, N> {
         self.reset = angle;
     }
 
+    /// Gives it all to a listener.
+    #[inline]
+    pub fn tell(&self, listener: &mut impl ErrorListener<T, N>) {
+        for correction in self.corrections() {
+            listener.corrected(correction);
+        }
+        listener.recentred(&self.reset);
+    }
+
     /// `rows <- G (I - K H) rows`, in place.
     #[inline]
     pub fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>) {

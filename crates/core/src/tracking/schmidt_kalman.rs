@@ -106,10 +106,6 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         &self.cross
     }
 
-    pub(super) fn cross_mut(&mut self) -> &mut SMatrix<T, N, 4> {
-        &mut self.cross
-    }
-
     /// The navigation filter has propagated its covariance (S5).
     #[inline]
     pub fn navigation_propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
@@ -120,10 +116,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// target by `K_t nu`, `K_t = X H^T S^-1` (S12).
     #[inline]
     pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
-        for correction in feedback.corrections() {
-            self.corrected(correction);
-        }
-        self.recentred(feedback.reset_angle());
+        feedback.tell(self);
     }
 
     /// Moves the target on by `dt` seconds: `X <- F X` (S8).
