@@ -90,7 +90,7 @@ fn update() -> [f64; 2] {
     let (mut filter, mut side) = (start, AugmentedStates::default());
     let mut gate = CountedGate::default();
     let scalars = || {
-        black_box(filter.fuse_sparse(&mut side, black_box(&measurement), &mut gate, 16.3));
+        black_box(filter.fuse_sparse(&mut side, black_box(&measurement), &mut gate, 16.3, &mut ()));
     };
     let mut h = SMatrix::<f64, 3, 15>::zeros();
     h.fixed_view_mut::<3, 3>(0, 6).fill_with_identity();

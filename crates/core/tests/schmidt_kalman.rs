@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use approx::assert_relative_eq;
-use nalgebra::{Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
 use northing_core::kalman::{Outcome, SkipReason};
 use northing_core::navigation::{
     ErrorStateConfig, ErrorStateFilter, ErrorTransition, GnssCompassFix, NavigationState,
@@ -224,23 +224,71 @@ fn the_joint_covariance_stays_positive_with_the_closed_loop_and_not_without() {
     );
 }
 
-/// The update is the dense one of 19 states whose navigation gain is zero.
+/// A joint covariance of target (first) and navigation in which everything is correlated with everything.
+fn full_joint(navigation: &M15) -> M19 {
+    let std = SVector::<f64, 19>::from_fn(|i, _| match i {
+        0 | 2 => 40.0,
+        1 | 3 => 4.0,
+        _ => navigation[(i - 4, i - 4)].sqrt(),
+    });
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let a = M19::from_fn(|_, _| rng.sample(StandardNormal));
+    let scale = M19::from_diagonal(&std);
+    scale * (a * a.transpose() / 19.0 + M19::identity() * 0.2) * scale
+}
+
+/// The joint covariance in units of its standard deviations in `scale`.
+fn scaled(p: &M19, scale: &M19) -> M19 {
+    let scale = M19::from_diagonal(&scale.diagonal().map(|v| 1.0 / v.sqrt()));
+    scale * p * scale
+}
+
+/// Prediction and update are those of the dense filter of 19 states, the navigation's gain being zero in the update of
+/// the Schmidt-Kalman filter. Target and navigation are correlated in every element, so that no term is zero by itself.
 #[test]
-fn one_update_equals_the_dense_schmidt_update() {
+fn prediction_and_update_equal_the_dense_schmidt_filter() {
     let mut world = World::new(11);
-    let (track, cross) = world.start_track();
+    let start = full_joint(&world.navigation.state().covariance);
+    let covariance: M15 = start.fixed_view::<15, 15>(4, 4).into_owned();
+    world.navigation.restore(NavigationState {
+        covariance,
+        ..*world.navigation.state()
+    });
+    let track = TrackEstimate {
+        state: world.target + Vector4::new(30.0, -2.0, 20.0, 3.0),
+        covariance: start.fixed_view::<4, 4>(0, 0).into_owned(),
+    };
+    let cross = start.fixed_view::<15, 4>(4, 0).into_owned();
     let mut tracker = SchmidtKalman::new(tracker_config(), Coupling::Exact, track, cross).unwrap();
     let mut joint_ekf = JointEkf::new(tracker_config(), track, cross).unwrap();
-    let covariance = world.navigation.state().covariance;
+    assert_relative_eq!(joint(&tracker, &covariance), start, epsilon = 1e-12);
+
+    let dt = 2.0;
+    tracker.predict(dt).unwrap();
+    joint_ekf.predict(dt).unwrap();
+    let mut f = M19::identity();
+    (f[(0, 1)], f[(2, 3)]) = (dt, dt);
+    let mut by_acceleration = SMatrix::<f64, 19, 2>::zeros();
+    for axis in [0, 1] {
+        by_acceleration[(2 * axis, axis)] = 0.5 * dt * dt;
+        by_acceleration[(2 * axis + 1, axis)] = dt;
+    }
+    let p = f * start * f.transpose()
+        + by_acceleration * by_acceleration.transpose() * 0.05_f64.powi(2);
+    assert_relative_eq!(
+        scaled(&joint(&tracker, &covariance), &p),
+        scaled(&p, &p),
+        epsilon = 1e-12
+    );
+
     let rows = world.navigation.pose_from_error();
     let own = OwnShip {
-        pose: world.navigation.pose() + Vector3::new(0.0, 0.0, 0.01),
+        pose: world.navigation.pose(),
         covariance: &covariance,
         pose_from_error: &rows,
     };
     let detection = world.detection();
-    let p = joint(&tracker, &covariance);
-    let predicted = PredictedDetection::new(&track.state, &own.pose).unwrap();
+    let predicted = PredictedDetection::new(&tracker.track().state, &own.pose).unwrap();
     let mut h = SMatrix::<f64, 2, 19>::zeros();
     h.fixed_view_mut::<2, 4>(0, 0)
         .copy_from(&predicted.by_target);
@@ -250,6 +298,7 @@ fn one_update_equals_the_dense_schmidt_update() {
     let s = h * p * h.transpose() + r;
     let full = p * h.transpose() * s.try_inverse().unwrap();
     let residual = predicted.residual(&detection);
+    let before = tracker.track().state;
     for schmidt in [true, false] {
         let mut k = full;
         if schmidt {
@@ -261,8 +310,12 @@ fn one_update_equals_the_dense_schmidt_update() {
         if schmidt {
             let innovation = tracker.update(&detection, &own);
             assert_eq!(innovation.outcome, Outcome::Fused);
-            assert_relative_eq!(joint(&tracker, &covariance), expected, epsilon = 1e-7);
-            let x = track.state + moved.fixed_rows::<4>(0);
+            assert_relative_eq!(
+                scaled(&joint(&tracker, &covariance), &p),
+                scaled(&expected, &p),
+                epsilon = 1e-10
+            );
+            let x = before + moved.fixed_rows::<4>(0);
             assert_relative_eq!(tracker.track().state, x, epsilon = 1e-9);
         } else {
             let (_, outside) = joint_ekf.update(&detection, &own);
@@ -273,12 +326,17 @@ fn one_update_equals_the_dense_schmidt_update() {
                 epsilon = 1e-9
             );
             let mut navigation = world.navigation;
-            navigation.correct_from_outside(&outside);
-            // The reset turns the attitude block by a fraction of a degree.
+            let angle = navigation.correct_from_outside(&outside);
+            let mut reset = M15::identity();
+            let turn = Matrix3::identity() + angle.cross_matrix() * 0.5;
+            reset.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+            let block = reset * expected.fixed_view::<15, 15>(4, 4) * reset.transpose();
             let scale = M15::from_diagonal(&covariance.diagonal().map(|v| 1.0 / v.sqrt()));
-            let after = scale * navigation.state().covariance * scale;
-            let block = scale * expected.fixed_view::<15, 15>(4, 4) * scale;
-            assert!((after - block).norm() < 0.02, "{}", (after - block).norm());
+            assert_relative_eq!(
+                scale * navigation.state().covariance * scale,
+                scale * block * scale,
+                epsilon = 1e-10
+            );
         }
     }
 }

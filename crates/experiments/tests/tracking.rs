@@ -12,6 +12,7 @@ use northing_experiments::radar::outcome::nees_band;
 use northing_experiments::radar::{
     Campaign, CampaignError, CampaignOutcome, Part, Shard, TrackerKind,
 };
+use northing_simulation::scenario::schema::NavigationFilter;
 use northing_simulation::scenario::{Scenario, ScenarioFile};
 
 use tracking_expected::{agreement, comparison, metric, tracker};
@@ -189,6 +190,40 @@ fn neither_threads_nor_shards_change_a_bit() {
     let one = Campaign::new(&scenario("consistent"), &FEW[1..2], 5, 12).unwrap();
     let one = one.run(Shard::WHOLE, &|| ()).unwrap();
     assert_eq!(one.sums.trackers[0], whole.sums.trackers[1]);
+}
+
+/// Beside the product's navigation filter: it and the exact trackers are consistent, the open loop is not, and what looks
+/// into the paper's filter is refused.
+#[test]
+fn the_gnss_ins_carries_the_campaign_and_its_trackers_are_consistent() {
+    let beside = |variant: &str| {
+        let mut scenario = scenario(variant);
+        scenario.navigation.filter = NavigationFilter::GnssIns;
+        scenario
+    };
+    for variant in ["consistent", "mems"] {
+        let all = Campaign::new(&beside(variant), &[], 3, 100).unwrap();
+        let refused = [TrackerKind::SchmidtAuthors, TrackerKind::Joint];
+        assert!(!all.trackers().iter().any(|kind| refused.contains(kind)));
+        let outcome = CampaignOutcome::of(&all.run(Shard::WHOLE, &|| ()).unwrap());
+        let nees = |kind| tracker(&outcome, kind).nees_mean;
+        let [low, high] = outcome.nees_band;
+        for kind in [
+            TrackerKind::TruePose,
+            TrackerKind::Schmidt,
+            TrackerKind::SchmidtFeedForward,
+        ] {
+            let nees = nees(kind);
+            assert!((low..high).contains(&nees), "{variant}, {kind:?}: {nees}");
+        }
+        let uncompensated = nees(TrackerKind::Uncompensated);
+        assert!(uncompensated > high, "{variant}: {uncompensated}");
+        let [low, high] = nees_band(100, 3);
+        let pose = outcome.navigation.pose_nees_mean;
+        assert!((low..high).contains(&pose), "{variant}, pose: {pose}");
+    }
+    let joint = Campaign::new(&beside("consistent"), &[TrackerKind::Joint], 1, 2).unwrap_err();
+    assert!(joint.to_string().contains("`joint`"), "{joint}");
 }
 
 #[test]

@@ -104,7 +104,7 @@ pub(crate) fn execute(args: &MonteCarloArgs) -> Result<()> {
 }
 
 fn execute_campaign(args: &MonteCarloArgs, wanted: &ScenarioArgs) -> Result<()> {
-    let scenario = scenario::read(&wanted.scenario, wanted.variant.as_deref())?;
+    let scenario = scenario::read(wanted)?;
     let runs = args
         .runs
         .unwrap_or_else(|| u64::from(scenario.meta.monte_carlo_runs));

@@ -156,7 +156,7 @@ impl RunWatcher for Recorder {
 /// Simulates.
 pub(crate) fn execute(args: &SimulateArgs) -> Result<()> {
     let wanted = &args.scenario;
-    let scenario = scenario::read(&wanted.scenario, wanted.variant.as_deref())?;
+    let scenario = scenario::read(wanted)?;
     let seed = wanted.seed.unwrap_or(scenario.meta.seed);
     let campaign = Campaign::new(&scenario, &wanted.trackers, seed, 1)?;
     if let Some(path) = &args.out {

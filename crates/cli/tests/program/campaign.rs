@@ -64,6 +64,43 @@ fn a_campaign_prints_a_table_or_one_document() {
     assert!(lab.read("r.html").contains("<svg"));
 }
 
+/// The flag stands above the scenario, and is part of what a campaign is.
+#[test]
+fn a_campaign_runs_beside_the_gnss_ins() {
+    let lab = lab();
+    let campaign = with(&["montecarlo", "s.toml", "--runs", "3"]);
+    let beside = |filter| [&campaign[..], &["--navigation", filter]].concat();
+    let nees = |arguments: &[&str]| {
+        let document = lab.json(&[arguments, &["--json"]].concat());
+        document["trackers"]["schmidt"]["nees_mean"]
+            .as_f64()
+            .unwrap()
+    };
+    let paper = nees(&campaign);
+    assert_eq!(nees(&beside("error-state")).to_bits(), paper.to_bits());
+    let product = nees(&beside("gnss-ins"));
+    assert!((1.0..10.0).contains(&product) && (product - paper).abs() > 1e-6);
+
+    for (filter, shard, out) in [("error-state", "1/2", "p"), ("gnss-ins", "2/2", "q")] {
+        lab.succeeds(&[&beside(filter)[..], &["--shard", shard, "--out", out]].concat());
+    }
+    contains(
+        &lab.refuses(&["montecarlo", "merge", "p", "q"]),
+        &["another campaign"],
+    );
+    contains(
+        &lab.refuses(&[
+            "montecarlo",
+            "s.toml",
+            "--navigation",
+            "gnss-ins",
+            "--trackers",
+            "joint",
+        ]),
+        &["`joint`", "error-state"],
+    );
+}
+
 #[test]
 fn shards_merge_to_the_whole_to_the_last_bit() {
     let lab = lab();

@@ -7,10 +7,15 @@
 //! (`docs/derivations/schmidt_kalman.md`, S5-S7). A tracker keeps the cross-covariance as a matrix
 //! with one row for each state of the filter and hands it to [`ErrorPropagation::map_rows`] and
 //! [`ErrorFeedback::map_rows`]; no square matrix is ever formed.
+//!
+//! A filter with one kind of update hands out its feedback with the update ([`ErrorFeedback`]). One with many kinds,
+//! which also corrects itself between them, has an [`ErrorListener`] built in: nothing can be missed, and with `()` it
+//! costs nothing.
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector3};
 
 use super::shear::mirror;
+use super::sparse_update::SparseRow;
 use crate::scalar::{Scalar, lit};
 
 /// Most scalar corrections in one update: a position and an attitude.
@@ -22,11 +27,32 @@ pub trait ErrorPropagation<T: Scalar, const N: usize> {
     fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>);
 }
 
-/// One scalar measurement of a single error state, as a filter fused it.
+/// One state's error becomes `factor` times what it was, and noise may be added: a variance held at its limit, or with
+/// factor zero a state that starts anew.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ScalarCorrection<T: Scalar, const N: usize> {
-    /// Index of the state that was measured: the row `H` is one there and zero elsewhere.
+pub struct ScaledState<T> {
+    /// Index of the state.
     pub state: usize,
+    /// What is left of its error, 0 to 1.
+    pub factor: T,
+}
+
+impl<T: Scalar, const N: usize> ErrorPropagation<T, N> for ScaledState<T> {
+    #[inline]
+    fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>) {
+        for column in &mut rows.data.0 {
+            if let Some(value) = column.get_mut(self.state) {
+                *value *= self.factor;
+            }
+        }
+    }
+}
+
+/// One scalar measurement, as a filter fused it: `E` elements of its row `H` can differ from zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScalarCorrection<T: Scalar, const N: usize, const E: usize = 1> {
+    /// The row `H`.
+    pub row: SparseRow<T, E>,
     /// The gain `K`.
     pub gain: SVector<T, N>,
     /// Measured minus predicted, after the corrections before this one.
@@ -35,19 +61,99 @@ pub struct ScalarCorrection<T: Scalar, const N: usize> {
     pub variance: T,
 }
 
-impl<T: Scalar, const N: usize> ScalarCorrection<T, N> {
+impl<T: Scalar, const N: usize, const E: usize> ScalarCorrection<T, N, E> {
+    /// `(H rows)^T`: covariance of what was measured with each column's quantity.
+    #[inline]
+    pub fn measured<const C: usize>(&self, rows: &SMatrix<T, N, C>) -> SVector<T, C> {
+        SVector::from(rows.data.0.each_ref().map(|column| self.row.dot(column)))
+    }
+
     /// `rows <- (I - K H) rows`, in place.
     #[inline]
     pub fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>) {
         for mut column in rows.column_iter_mut() {
-            let measured = column[self.state];
+            let measured = self.row.dot(column.as_slice());
             column.axpy(-measured, &self.gain, T::one());
+        }
+    }
+}
+
+/// Follows the error of a filter through everything that the filter does to it.
+///
+/// The filter calls it by itself. Who carries a cross-covariance (rows: the filter's `N` states) maps it each time:
+/// by `map_rows` of what it is given, by [`reset_rows`], and by zero at a restart.
+pub trait ErrorListener<T: Scalar, const N: usize> {
+    /// Whether anybody is there: for nobody nothing is prepared.
+    const LISTENS: bool = true;
+    /// `e <- Phi e + noise`.
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>);
+    /// `e <- (I - K H) e - K n`. The measurements of one update follow one another, then comes [`Self::recentred`].
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>);
+    /// `e <- G e`: the attitude error (states 0 to 2) is counted from the attitude turned by `angle` (rad).
+    fn recentred(&mut self, angle: &Vector3<T>);
+    /// The error is another one now, independent of all before: the filter has started again.
+    fn restarted(&mut self);
+}
+
+/// Nobody listens.
+impl<T: Scalar, const N: usize> ErrorListener<T, N> for () {
+    const LISTENS: bool = false;
+
+    #[inline(always)]
+    fn propagated(&mut self, _: &impl ErrorPropagation<T, N>) {}
+    #[inline(always)]
+    fn corrected<const E: usize>(&mut self, _: &ScalarCorrection<T, N, E>) {}
+    #[inline(always)]
+    fn recentred(&mut self, _: &Vector3<T>) {}
+    #[inline(always)]
+    fn restarted(&mut self) {}
+}
+
+/// Several listen, one after the other; with `[Option<L>; K]` up to `K`.
+impl<T: Scalar, const N: usize, L: ErrorListener<T, N>, const K: usize> ErrorListener<T, N>
+    for [L; K]
+{
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        self.iter_mut().for_each(|one| one.propagated(transition));
+    }
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        self.iter_mut().for_each(|one| one.corrected(correction));
+    }
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        self.iter_mut().for_each(|one| one.recentred(angle));
+    }
+    fn restarted(&mut self) {
+        self.iter_mut().for_each(L::restarted);
+    }
+}
+
+/// One who is not always there: a target that has not been seen yet.
+impl<T: Scalar, const N: usize, L: ErrorListener<T, N>> ErrorListener<T, N> for Option<L> {
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        if let Some(one) = self {
+            one.propagated(transition);
+        }
+    }
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        if let Some(one) = self {
+            one.corrected(correction);
+        }
+    }
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        if let Some(one) = self {
+            one.recentred(angle);
+        }
+    }
+    fn restarted(&mut self) {
+        if let Some(one) = self {
+            one.restarted();
         }
     }
 }
 
 /// All that one update did to the error of a filter: up to [`MOST_CORRECTIONS`] scalar
 /// corrections, then the reset of the attitude error (states 0 to 2) at the corrected attitude.
+#[must_use = "who is correlated with this filter's error has to follow it"]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorFeedback<T: Scalar, const N: usize> {
     corrections: [ScalarCorrection<T, N>; MOST_CORRECTIONS],
@@ -59,7 +165,7 @@ impl<T: Scalar, const N: usize> Default for ErrorFeedback<T, N> {
     /// Nothing was corrected.
     fn default() -> Self {
         let none = ScalarCorrection {
-            state: 0,
+            row: SparseRow::default(),
             gain: SVector::zeros(),
             residual: T::zero(),
             variance: T::one(),
@@ -103,6 +209,15 @@ impl<T: Scalar, const N: usize> ErrorFeedback<T, N> {
     #[inline]
     pub(crate) fn set_reset(&mut self, angle: Vector3<T>) {
         self.reset = angle;
+    }
+
+    /// Gives it all to a listener.
+    #[inline]
+    pub fn tell(&self, listener: &mut impl ErrorListener<T, N>) {
+        for correction in self.corrections() {
+            listener.corrected(correction);
+        }
+        listener.recentred(&self.reset);
     }
 
     /// `rows <- G (I - K H) rows`, in place.

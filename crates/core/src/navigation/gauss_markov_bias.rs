@@ -32,12 +32,9 @@ pub(super) struct BiasAtRest<T: Scalar> {
 }
 
 impl<T: Scalar> BiasAtRest<T> {
-    /// Known to a standard deviation.
-    pub(super) fn new(value: Vector3<T>, std: T) -> Self {
-        Self {
-            value,
-            variance: Vector3::repeat(std * std),
-        }
+    /// Known to these variances.
+    pub(super) fn new(value: Vector3<T>, variance: Vector3<T>) -> Self {
+        Self { value, variance }
     }
 
     /// Lets `dt` seconds pass for the bias whose errors are the states from `first` on.

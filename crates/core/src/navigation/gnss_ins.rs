@@ -73,8 +73,10 @@ use super::error_state::{ErrorStateConfig, ErrorStateFilter};
 use super::gauss_markov_bias::BiasAtRest;
 use super::history::ImuHistory;
 use super::validity::Validity;
-use super::{ErrorTransition, NavigationState, POSITION};
-use crate::kalman::CountedGate;
+use super::{
+    ACCELEROMETER_BIAS, ERRORS, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION, STATES,
+};
+use crate::kalman::{CountedGate, ErrorListener, ErrorPropagation};
 use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
@@ -95,9 +97,39 @@ pub struct CovarianceStep<T: Scalar> {
     pub side_kept: [T; AUGMENTED_STATES],
 }
 
-/// The GNSS/INS; `HISTORY` samples are kept to look back by.
+impl<T: Scalar> ErrorPropagation<T, ERRORS> for CovarianceStep<T> {
+    /// (E33).
+    fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, ERRORS, C>) {
+        let [force, rate] = self.bias_kept;
+        for column in &mut rows.data.0 {
+            let Some((errors, side)) = column.split_first_chunk_mut::<STATES>() else {
+                return;
+            };
+            self.transition.map_column(errors);
+            for (i, error) in errors.iter_mut().enumerate().skip(ACCELEROMETER_BIAS) {
+                *error *= if i < GYROSCOPE_BIAS { force } else { rate };
+            }
+            for (error, kept) in side.iter_mut().zip(&self.side_kept) {
+                *error *= *kept;
+            }
+        }
+    }
+}
+
+/// Pose of a GNSS/INS with the covariance of all its errors: what a tracker needs at a scan.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
+pub struct PoseWithErrors<T: Scalar> {
+    /// Position north and east (m) and heading (rad, clockwise from north).
+    pub pose: Vector3<T>,
+    /// Covariance of the 15 errors and of the augmented states behind them.
+    pub covariance: SMatrix<T, ERRORS, ERRORS>,
+    /// The rows that make the error of the pose from them (E13).
+    pub pose_from_error: SMatrix<T, 3, ERRORS>,
+}
+
+/// The GNSS/INS; `HISTORY` samples are kept to look back by. The listener `L` follows its errors; `()` for nobody.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GnssIns<T: Scalar, const HISTORY: usize = 32, L = ()> {
     config: GnssInsConfig<T>,
     filter: ErrorStateFilter<T>,
     side: AugmentedStates<T>,
@@ -139,6 +171,7 @@ pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     behind: u8,
     gaps: u32,
     restarts: u32,
+    listener: L,
 }
 
 impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
@@ -147,6 +180,17 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// # Errors
     /// The first parameter outside its permitted range.
     pub fn new(config: GnssInsConfig<T>) -> Result<Self, ConfigError> {
+        Self::listened_to(config, ())
+    }
+}
+
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
+    /// As [`GnssIns::new`], with a listener that is correlated with its errors, such as a Schmidt-Kalman tracker: all
+    /// that this filter does to them reaches it, in order.
+    ///
+    /// # Errors
+    /// The first parameter outside its permitted range.
+    pub fn listened_to(config: GnssInsConfig<T>, listener: L) -> Result<Self, ConfigError> {
         config.validate()?;
         let settings = ErrorStateConfig {
             accelerometer_noise_density: config.accelerometer_noise_density,
@@ -192,7 +236,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             last_magnetic_ns: None,
             declination: T::zero(),
             slow_variance: Vector3::zeros(),
-            at_rest: [BiasAtRest::new(Vector3::zeros(), T::zero()); 2],
+            at_rest: [BiasAtRest::new(Vector3::zeros(), Vector3::zeros()); 2],
             last_step: CovarianceStep {
                 transition: ErrorTransition::default(),
                 bias_kept: [T::one(); 2],
@@ -209,7 +253,54 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             behind: 0,
             gaps: 0,
             restarts: 0,
+            listener,
         })
+    }
+
+    /// Who follows the errors.
+    pub fn listener(&self) -> &L {
+        &self.listener
+    }
+
+    /// The same, to move its targets on or to put in another. Whoever comes new and is correlated with the errors must be
+    /// so with those of now: see [`Self::pose_and_listener`].
+    pub fn listener_mut(&mut self) -> &mut L {
+        &mut self.listener
+    }
+
+    /// Pose and errors of this instant, with the covariance brought up to it, and the listener, to fuse what was seen from
+    /// there; `None` before the start.
+    pub fn pose_and_listener(&mut self) -> Option<(PoseWithErrors<T>, &mut L)> {
+        if self.aligning.is_none() {
+            self.catch_up();
+        }
+        if self.aligning.is_some() {
+            return None;
+        }
+        let mut covariance = SMatrix::<T, ERRORS, ERRORS>::zeros();
+        let (own, side) = (&self.filter.state().covariance, &self.side);
+        covariance
+            .fixed_view_mut::<STATES, STATES>(0, 0)
+            .copy_from(own);
+        covariance
+            .fixed_view_mut::<STATES, AUGMENTED_STATES>(0, STATES)
+            .copy_from(&side.cross);
+        covariance
+            .fixed_view_mut::<AUGMENTED_STATES, STATES>(STATES, 0)
+            .tr_copy_from(&side.cross);
+        covariance
+            .fixed_view_mut::<AUGMENTED_STATES, AUGMENTED_STATES>(STATES, STATES)
+            .copy_from(&side.covariance);
+        let mut pose_from_error = SMatrix::<T, 3, ERRORS>::zeros();
+        pose_from_error
+            .fixed_view_mut::<3, STATES>(0, 0)
+            .copy_from(&self.filter.pose_from_error());
+        let pose = PoseWithErrors {
+            pose: self.filter.pose(),
+            covariance,
+            pose_from_error,
+        };
+        Some((pose, &mut self.listener))
     }
 
     /// The settings.

@@ -35,6 +35,8 @@ pub use validity::{Validity, ValidityLimits};
 
 /// Number of error states: `[dpsi, dv, dp, db_a, db_g]`, three each.
 pub const STATES: usize = 15;
+/// The same and the [`AugmentedStates`] behind them: all that a [`GnssIns`] estimates.
+pub const ERRORS: usize = STATES + augmented_states::AUGMENTED_STATES;
 /// First of the three attitude errors (rad, NED axes).
 pub const ATTITUDE: usize = 0;
 /// First of the three velocity errors (m/s, NED).

@@ -19,7 +19,7 @@
 //!
 //! Between scans the cross-covariance follows the navigation error wherever that filter takes it:
 //! `X <- F X M^T`, with `M` the product of what [`SchmidtKalman::navigation_propagated`] and
-//! [`SchmidtKalman::navigation_corrected`] are told. The paper multiplies by the open-loop
+//! [`SchmidtKalman::navigation_corrected`] are given; as the listener of a `GnssIns` it follows by itself. The paper multiplies by the open-loop
 //! transition alone ([`Coupling::OpenLoop`]): it believes that a heading error persists which the
 //! navigation has long corrected, and the joint covariance loses its sign. [`Coupling::FeedForward`]
 //! goes further than the exact recursion: what the compass tells about the heading moves the target,
@@ -28,14 +28,17 @@
 //! Cost: one update of 15 navigation states is about 1,500 multiplications. Limits: one target;
 //! several targets share the navigation error, and the covariance between them is not kept.
 
-use nalgebra::{Matrix2, SMatrix};
+use nalgebra::{Matrix2, SMatrix, Vector3};
 
 use super::constant_velocity::predict_columns;
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{OwnShip, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
-use crate::kalman::{ErrorFeedback, ErrorPropagation, Innovation, SkipReason};
+use crate::kalman::feedback::reset_rows;
+use crate::kalman::{
+    ErrorFeedback, ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason,
+};
 use crate::parameters::ConfigError;
 use crate::scalar::Scalar;
 
@@ -93,6 +96,11 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         })
     }
 
+    /// What the cross-covariance follows.
+    pub fn coupling(&self) -> Coupling {
+        self.coupling
+    }
+
     /// The target.
     pub fn track(&self) -> &TrackEstimate<T> {
         &self.track
@@ -101,10 +109,6 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Covariance of the navigation error (rows) with the target's state (columns).
     pub fn cross_covariance(&self) -> &SMatrix<T, N, 4> {
         &self.cross
-    }
-
-    pub(super) fn cross_mut(&mut self) -> &mut SMatrix<T, N, 4> {
-        &mut self.cross
     }
 
     /// The navigation filter has propagated its covariance (S5).
@@ -117,21 +121,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// target by `K_t nu`, `K_t = X H^T S^-1` (S12).
     #[inline]
     pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
-        match self.coupling {
-            Coupling::OpenLoop => {}
-            Coupling::Exact => feedback.map_rows(&mut self.cross),
-            Coupling::FeedForward => {
-                for correction in feedback.corrections() {
-                    let known = self.cross.row(correction.state).transpose();
-                    let gain = known / correction.variance;
-                    self.track.state += gain * correction.residual;
-                    self.track.covariance -= gain * known.transpose();
-                    correction.map_rows(&mut self.cross);
-                }
-                symmetrize(&mut self.track.covariance);
-                crate::kalman::feedback::reset_rows(&mut self.cross, feedback.reset_angle());
-            }
-        }
+        feedback.tell(self);
     }
 
     /// Moves the target on by `dt` seconds: `X <- F X` (S8).
@@ -193,5 +183,42 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
             inverse,
         });
         (innovation, told)
+    }
+}
+
+/// A navigation that has the tracker for its listener keeps the cross-covariance exact by itself.
+impl<T: Scalar, const N: usize> ErrorListener<T, N> for SchmidtKalman<T, N> {
+    #[inline]
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        self.navigation_propagated(transition);
+    }
+
+    #[inline]
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        if self.coupling == Coupling::OpenLoop {
+            return;
+        }
+        if self.coupling == Coupling::FeedForward {
+            let known = correction.measured(&self.cross);
+            let gain = known / correction.variance;
+            self.track.state += gain * correction.residual;
+            self.track.covariance -= gain * known.transpose();
+        }
+        correction.map_rows(&mut self.cross);
+    }
+
+    #[inline]
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        if self.coupling == Coupling::FeedForward {
+            symmetrize(&mut self.track.covariance);
+        }
+        if self.coupling != Coupling::OpenLoop {
+            reset_rows(&mut self.cross, angle);
+        }
+    }
+
+    /// The new errors have nothing to do with those under which the target was seen (S18).
+    fn restarted(&mut self) {
+        self.cross.fill(T::zero());
     }
 }

@@ -2,19 +2,22 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use northing_core::ConfigError;
-use northing_core::kalman::{Innovation, SkipReason};
-use northing_core::navigation::error_state::GnssCompassUpdate;
-use northing_core::navigation::{ErrorStateFilter, ErrorTransition, STATES};
+use northing_core::kalman::{
+    ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason,
+};
 use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::own_ship::PoseMemory;
 use northing_core::tracking::{
-    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, OwnShip, PoseAsKnown,
+    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, PoseAsKnown,
     RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 
-use super::CampaignError;
+use northing_simulation::scenario::schema::NavigationFilter;
 
-type Cross = SMatrix<f64, STATES, 4>;
+use super::CampaignError;
+use super::navigators::Scan;
+
+type Cross<const N: usize> = SMatrix<f64, N, 4>;
 
 /// The trackers of the experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -104,6 +107,14 @@ impl TrackerKind {
         }
     }
 
+    /// Whether it can follow this navigation filter: the authors' variant looks ahead with the paper's, and the joint
+    /// estimator corrects it.
+    #[must_use]
+    pub fn goes_with(self, filter: NavigationFilter) -> bool {
+        let needs_paper = matches!(self, Self::SchmidtAuthors | Self::Joint);
+        filter == NavigationFilter::ErrorState || !needs_paper
+    }
+
     /// The tracker of this name.
     ///
     /// # Errors
@@ -117,46 +128,14 @@ impl TrackerKind {
     }
 }
 
-/// What trackers are told at a scan.
-#[derive(Debug)]
-pub(super) struct Scan<'a> {
-    /// The own pose as the navigation has it.
-    pub(super) pose: Vector3<f64>,
-    /// The true own pose.
-    pub(super) true_pose: Vector3<f64>,
-    pub(super) covariance: &'a SMatrix<f64, STATES, STATES>,
-    pub(super) pose_from_error: &'a SMatrix<f64, 3, STATES>,
-    /// Covariance of the pose.
-    pub(super) pose_covariance: Matrix3<f64>,
-    /// The covariance one scan later without corrections, for `schmidt-authors`.
-    pub(super) ahead: Option<&'a SMatrix<f64, STATES, STATES>>,
-}
-
-impl<'a> Scan<'a> {
-    pub(super) fn new(
-        navigation: &'a ErrorStateFilter<f64>,
-        rows: &'a SMatrix<f64, 3, STATES>,
-        true_pose: Vector3<f64>,
-        ahead: Option<&'a SMatrix<f64, STATES, STATES>>,
-    ) -> Self {
-        let covariance = &navigation.state().covariance;
-        Self {
-            pose: navigation.pose(),
-            true_pose,
-            covariance,
-            pose_from_error: rows,
-            pose_covariance: rows * covariance * rows.transpose(),
-            ahead,
-        }
-    }
-
-    pub(super) fn own_ship(&self) -> OwnShip<'a, f64, STATES> {
-        OwnShip {
-            pose: self.pose,
-            covariance: self.covariance,
-            pose_from_error: self.pose_from_error,
-        }
-    }
+/// One tracker of a run. The joint estimator has a navigation of its own.
+pub(super) struct Contestant<const N: usize> {
+    pub(super) kind: TrackerKind,
+    /// Its place in the list of trackers.
+    pub(super) index: usize,
+    /// `None` when it never started.
+    pub(super) tracker: Option<AnyTracker<N>>,
+    pub(super) skipped: bool,
 }
 
 /// How tracks start.
@@ -171,22 +150,22 @@ pub(super) enum Start {
 
 /// Any tracker.
 #[derive(Debug, Clone)]
-pub(super) enum AnyTracker {
+pub(super) enum AnyTracker<const N: usize> {
     Known(PoseAsKnown<f64>),
     Converted(ConvertedMeasurement<f64>),
-    Schmidt(Box<SchmidtKalman<f64, STATES>>),
+    Schmidt(Box<SchmidtKalman<f64, N>>),
     BlackBox(Box<BlackBoxSchmidt<f64>>),
-    Joint(Box<JointEkf<f64, STATES>>),
+    Joint(Box<JointEkf<f64, N>>),
 }
 
-impl AnyTracker {
+impl<const N: usize> AnyTracker<N> {
     /// Starts a tracker.
     pub(super) fn start(
         kind: TrackerKind,
         config: TrackerConfig<f64>,
         lifetimes: PoseMemory<f64>,
         start: &Start,
-        scan: &Scan<'_>,
+        scan: &Scan<N>,
     ) -> Result<Self, SkipReason> {
         let (track, cross) = start.track(kind, config, scan)?;
         let schmidt = |coupling, cross| {
@@ -203,7 +182,7 @@ impl AnyTracker {
             | TrackerKind::UncompensatedConverted
             | TrackerKind::Converted => converted(Conversion::Linearized),
             TrackerKind::ConvertedDebiased => converted(Conversion::Debiased),
-            TrackerKind::SchmidtAuthors => schmidt(Coupling::OpenLoop, Cross::zeros()),
+            TrackerKind::SchmidtAuthors => schmidt(Coupling::OpenLoop, Cross::<N>::zeros()),
             TrackerKind::SchmidtLiteral => schmidt(Coupling::OpenLoop, cross),
             TrackerKind::Schmidt => schmidt(Coupling::Exact, cross),
             TrackerKind::SchmidtFeedForward => schmidt(Coupling::FeedForward, cross),
@@ -233,29 +212,6 @@ impl AnyTracker {
         }
     }
 
-    /// The navigation has propagated, and corrected itself when there was a fix.
-    pub(super) fn navigation_moved(
-        &mut self,
-        transition: &ErrorTransition<f64>,
-        update: Option<&GnssCompassUpdate<f64>>,
-    ) {
-        match self {
-            Self::Schmidt(tracker) => {
-                tracker.navigation_propagated(transition);
-                if let Some(update) = update {
-                    tracker.navigation_corrected(&update.feedback);
-                }
-            }
-            Self::Joint(tracker) => {
-                tracker.navigation_propagated(transition);
-                if let Some(update) = update {
-                    tracker.navigation_corrected(&update.feedback);
-                }
-            }
-            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
-        }
-    }
-
     pub(super) fn predict(&mut self, dt_s: f64) -> Result<(), SkipReason> {
         match self {
             Self::Known(tracker) => tracker.predict(dt_s),
@@ -271,7 +227,7 @@ impl AnyTracker {
         &mut self,
         kind: TrackerKind,
         detection: &RadarDetection<f64>,
-        scan: &Scan<'_>,
+        scan: &Scan<N>,
     ) -> Innovation<f64> {
         let known = matches!(kind, TrackerKind::TruePose | TrackerKind::TruePoseConverted);
         let pose = if known { scan.true_pose } else { scan.pose };
@@ -291,7 +247,7 @@ impl AnyTracker {
             }
             Self::Schmidt(tracker) => {
                 let mut own = scan.own_ship();
-                if let (TrackerKind::SchmidtAuthors, Some(ahead)) = (kind, scan.ahead) {
+                if let (TrackerKind::SchmidtAuthors, Some(ahead)) = (kind, &scan.ahead) {
                     own.covariance = ahead;
                 }
                 tracker.update(detection, &own)
@@ -302,21 +258,56 @@ impl AnyTracker {
     }
 }
 
+/// The exact trackers follow the errors of the navigation; the others have nothing to follow.
+impl<const N: usize> ErrorListener<f64, N> for AnyTracker<N> {
+    fn propagated(&mut self, transition: &impl ErrorPropagation<f64, N>) {
+        match self {
+            Self::Schmidt(tracker) => tracker.propagated(transition),
+            Self::Joint(tracker) => tracker.propagated(transition),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<f64, N, E>) {
+        match self {
+            Self::Schmidt(tracker) => tracker.corrected(correction),
+            Self::Joint(tracker) => tracker.corrected(correction),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+
+    fn recentred(&mut self, angle: &Vector3<f64>) {
+        match self {
+            Self::Schmidt(tracker) => tracker.recentred(angle),
+            Self::Joint(tracker) => tracker.recentred(angle),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+
+    fn restarted(&mut self) {
+        match self {
+            Self::Schmidt(tracker) => tracker.restarted(),
+            Self::Joint(tracker) => tracker.restarted(),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+}
+
 impl Start {
     /// The track of a kind, and its covariance with the navigation error.
-    fn track(
+    fn track<const N: usize>(
         &self,
         kind: TrackerKind,
         config: TrackerConfig<f64>,
-        scan: &Scan<'_>,
-    ) -> Result<(TrackEstimate<f64>, Cross), SkipReason> {
+        scan: &Scan<N>,
+    ) -> Result<(TrackEstimate<f64>, Cross<N>), SkipReason> {
         let (detection, velocity_std, correlated) = match self {
-            Self::Prior(track) => return Ok((*track, Cross::zeros())),
+            Self::Prior(track) => return Ok((*track, Cross::<N>::zeros())),
             Self::Detection(detection, velocity_std, correlated) => {
                 (detection, *velocity_std, *correlated)
             }
         };
-        let certain = SMatrix::<f64, STATES, STATES>::zeros();
+        let certain = SMatrix::<f64, N, N>::zeros();
         let mut own = scan.own_ship();
         match kind {
             TrackerKind::TruePose | TrackerKind::TruePoseConverted => {
@@ -329,6 +320,13 @@ impl Start {
             _ => {}
         }
         let (track, cross) = one_point(detection, &config.radar, velocity_std, &own)?;
-        Ok((track, if correlated { cross } else { Cross::zeros() }))
+        Ok((
+            track,
+            if correlated {
+                cross
+            } else {
+                Cross::<N>::zeros()
+            },
+        ))
     }
 }

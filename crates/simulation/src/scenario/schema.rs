@@ -235,10 +235,24 @@ pub enum ErrorAngle {
     Global,
 }
 
+/// The navigation filter that the trackers are beside.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NavigationFilter {
+    /// The error-state filter with the GNSS compass's position and attitude, as in the paper.
+    #[default]
+    ErrorState,
+    /// The GNSS/INS, with position and heading of the same fixes.
+    GnssIns,
+}
+
 /// The navigation filter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NavigationTable {
+    /// Which one. Default `error-state`.
+    #[serde(default)]
+    pub filter: NavigationFilter,
     /// Standard deviation of the start velocity, m/s; position and attitude start from one fix.
     pub initial_velocity_std_mps: f64,
     /// Start of both biases; their standard deviations are those of `imu`.

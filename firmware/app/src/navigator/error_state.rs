@@ -140,7 +140,8 @@ impl Navigator for ErrorStateNavigator {
         };
         let pending_s = self.filter.state().pending.duration_s();
         if self.waiting != Waiting::Nothing || pending_s > CATCH_UP_S {
-            self.filter.catch_up();
+            // Nobody here is correlated with the errors.
+            let _ = self.filter.catch_up();
         }
     }
 
@@ -252,6 +253,6 @@ impl ErrorStateNavigator {
             _ => (three, of_three),
         };
         self.filter
-            .fuse_sparse(&mut self.side, measured, gate, threshold)
+            .fuse_sparse(&mut self.side, measured, gate, threshold, &mut ())
     }
 }

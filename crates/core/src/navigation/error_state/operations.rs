@@ -52,7 +52,7 @@ fn fuse<const M: usize>(
     measurement: &Measurement<Counting, M>,
 ) {
     let (mut side, mut gate) = (AugmentedStates::default(), CountedGate::default());
-    let innovation = filter.fuse_sparse(&mut side, measurement, &mut gate, lit(16.3));
+    let innovation = filter.fuse_sparse(&mut side, measurement, &mut gate, lit(16.3), &mut ());
     assert_eq!(innovation.outcome, Outcome::Fused);
 }
 

@@ -18,11 +18,14 @@ use self::shrink::{column_of_lower, mirror_lower, scaled, shrink, shrink_side};
 use super::ErrorStateFilter;
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::cap_variance;
+use crate::kalman::feedback::ScaledState;
 use crate::kalman::sparse_update::SparseRow;
-use crate::kalman::{CountedGate, GateDecision, Innovation, Outcome, SkipReason};
+use crate::kalman::{
+    CountedGate, ErrorListener, GateDecision, Innovation, Outcome, ScalarCorrection, SkipReason,
+};
 use crate::navigation::augmented_states::AugmentedStates;
 use crate::navigation::gauss_markov_bias::{BiasAtRest, GaussMarkovBias};
-use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, STATES};
+use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, ERRORS, GYROSCOPE_BIAS, STATES};
 use crate::scalar::{Scalar, lit};
 
 /// Most elements of a row: velocity, attitude, gyroscope bias, two mount angles, and one to spare.
@@ -54,7 +57,7 @@ pub struct Measurement<T: Scalar, const M: usize> {
 
 impl<T: Scalar> ErrorStateFilter<T> {
     /// Fuses a measurement whose NIS is below `threshold` (zero: no gate). The covariance must have
-    /// [caught up](Self::catch_up).
+    /// [caught up](Self::catch_up). What it does to the errors goes to `listener`; with `()` to nobody.
     // Not inlined: on a chip its memory is then free again for what follows.
     #[inline(never)]
     pub fn fuse_sparse<const M: usize>(
@@ -63,6 +66,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         measurement: &Measurement<T, M>,
         gate: &mut CountedGate,
         threshold: T,
+        listener: &mut impl ErrorListener<T, ERRORS>,
     ) -> Innovation<T> {
         const { assert!(M <= 3) };
         let used = Used::of_states(side);
@@ -78,9 +82,9 @@ impl<T: Scalar> ErrorStateFilter<T> {
         };
         let record = record(&measurement.residual, &expected, outcome);
         if outcome == Outcome::Fused {
-            self.fuse_expected(side, used, measurement, &mut expected);
+            self.fuse_expected(side, used, measurement, &mut expected, listener);
         } else if outcome == Outcome::Inflated {
-            self.believe(side, used, measurement);
+            self.believe(side, used, measurement, listener);
         }
         record
     }
@@ -93,21 +97,24 @@ impl<T: Scalar> ErrorStateFilter<T> {
         side: &mut AugmentedStates<T>,
         used: Used,
         measurement: &Measurement<T, M>,
+        listener: &mut impl ErrorListener<T, ERRORS>,
     ) {
+        // Noise of its own: who is correlated with the states stays so.
         self.set_free(side, measurement);
         let expected = Expected::of(&self.state.covariance, side, used, measurement);
         if let Some(mut expected) = expected {
-            self.fuse_expected(side, used, measurement, &mut expected);
+            self.fuse_expected(side, used, measurement, &mut expected, listener);
         }
     }
 
     /// Scalar updates, one row after the other (E16), and the correction into the state.
-    fn fuse_expected<const M: usize>(
+    fn fuse_expected<const M: usize, L: ErrorListener<T, ERRORS>>(
         &mut self,
         side: &mut AugmentedStates<T>,
         used: Used,
         measurement: &Measurement<T, M>,
         expected: &mut Expected<T, M>,
+        listener: &mut L,
     ) {
         let p = &mut self.state.covariance;
         let mut correction = Projected::zeros();
@@ -134,6 +141,14 @@ impl<T: Scalar> ErrorStateFilter<T> {
             if used.any {
                 shrink_side(side, used, ph, &gain);
             }
+            if L::LISTENS {
+                listener.corrected(&ScalarCorrection {
+                    row: *row,
+                    gain: gain.joint(),
+                    residual: known.residual,
+                    variance: T::one() / known.weight,
+                });
+            }
         }
         mirror_lower(p);
         if used.any {
@@ -143,11 +158,16 @@ impl<T: Scalar> ErrorStateFilter<T> {
         if used.any {
             side.reset(&angle);
         }
+        listener.recentred(&angle);
     }
 
     /// Keeps variances where numbers still mean something, by shrinking rows and columns alike: the matrix stays a
     /// covariance through any outage, in single precision too.
-    pub(in crate::navigation) fn limit_covariance(&mut self, side: &mut AugmentedStates<T>) {
+    pub(in crate::navigation) fn limit_covariance(
+        &mut self,
+        side: &mut AugmentedStates<T>,
+        listener: &mut impl ErrorListener<T, ERRORS>,
+    ) {
         for state in 0..STATES {
             let variance = self.state.covariance[(state, state)];
             let limit = lit(LARGEST_VARIANCES[state / 3]);
@@ -155,12 +175,21 @@ impl<T: Scalar> ErrorStateFilter<T> {
                 let scale = (limit / variance).sqrt();
                 side.cross.row_mut(state).scale_mut(scale);
                 cap_variance(&mut self.state.covariance, state, limit);
+                listener.propagated(&ScaledState {
+                    state,
+                    factor: scale,
+                });
             }
         }
     }
 
     /// Takes the body to be level within `std` (rad): its tilt is then correlated with nothing.
-    pub(in crate::navigation) fn hold_level(&mut self, side: &mut AugmentedStates<T>, std: T) {
+    pub(in crate::navigation) fn hold_level(
+        &mut self,
+        side: &mut AugmentedStates<T>,
+        std: T,
+        listener: &mut impl ErrorListener<T, ERRORS>,
+    ) {
         let state = &mut self.state;
         let [yaw, _, _] = rotation::to_yaw_pitch_roll(&state.ned_from_body);
         state.ned_from_body = so3::exp(&(Vector3::z() * yaw));
@@ -169,6 +198,10 @@ impl<T: Scalar> ErrorStateFilter<T> {
             state.covariance.column_mut(tilt).fill(T::zero());
             side.cross.row_mut(tilt).fill(T::zero());
             state.covariance[(tilt, tilt)] = std * std;
+            listener.propagated(&ScaledState {
+                state: tilt,
+                factor: T::zero(),
+            });
         }
     }
 

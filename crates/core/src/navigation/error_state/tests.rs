@@ -250,7 +250,7 @@ fn an_update_equals_the_dense_joseph_form_and_tells_what_it_did() {
     let mut filter = filter();
     run(&mut filter, 0..20);
     let mut ready = filter;
-    ready.catch_up();
+    let _ = ready.catch_up();
     let (d, map, covariance) = joseph(&ready, &fix());
     let before = *ready.state();
 
@@ -352,7 +352,7 @@ fn what_is_not_finite_is_refused_and_counted() {
         before
     );
 
-    filter.catch_up();
+    let _ = filter.catch_up();
     let before = filter.state().covariance;
     for bad in [
         GnssCompassFix {

@@ -3,7 +3,7 @@
 use super::alignment::{self, Alignment};
 use super::starting::Seen;
 use super::stillness::StillnessWindow;
-use super::{Aid, CovarianceStep, GnssIns, LONGEST_GAP_S, seconds};
+use super::{Aid, CovarianceStep, ERRORS, ErrorListener, GnssIns, LONGEST_GAP_S, seconds};
 use crate::kalman::CountedGate;
 use crate::navigation::ErrorTransition;
 use crate::navigation::augmented_states::{
@@ -17,7 +17,7 @@ use crate::scalar::{Scalar, lit};
 /// The covariance follows the state at least so often, s.
 const COVARIANCE_INTERVAL_S: f64 = 0.1;
 
-impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Whether [`Self::settle`] has something to do: the covariance is 0.1 s behind, or a window or interval is over in
     /// which the filter constrains itself.
     pub fn is_due(&self) -> bool {
@@ -98,7 +98,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             side_kept: step.decay,
         };
         self.relax_biases(duration);
-        self.filter.limit_covariance(&mut self.side);
+        self.listener.propagated(&self.last_step);
+        self.filter
+            .limit_covariance(&mut self.side, &mut self.listener);
         if !(self.filter.state().is_usable() && self.side.is_usable()) {
             self.restart();
         }
@@ -169,7 +171,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             None => {
                 self.hold_velocity(duration);
                 let tilt = lit(alignment::TILT_STD_ASSUMED);
-                self.filter.hold_level(&mut self.side, tilt);
+                self.filter
+                    .hold_level(&mut self.side, tilt, &mut self.listener);
                 self.since_velocity += duration;
                 self.since_constraint += duration;
                 self.constrain();

@@ -1,6 +1,7 @@
 //! The GNSS/INS as a whole, on motions made here: start, late fixes, outages, bad input.
 
 mod magnetometer;
+mod models;
 
 use super::*;
 use crate::geometry::rotation;

@@ -3,11 +3,11 @@
 use nalgebra::Vector3;
 
 use super::stillness::{WINDOW_S, Window};
-use super::{Aid, GnssIns, ImuSamples, LONGEST_GAP_S, seconds};
+use super::{Aid, ERRORS, ErrorListener, GnssIns, ImuSamples, LONGEST_GAP_S, seconds};
+use crate::kalman::feedback::ScaledState;
 use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{CountedGate, Innovation, SkipReason};
-use crate::navigation::VELOCITY;
 use crate::navigation::aiding::gnss_position::{self, GnssPosition};
 use crate::navigation::aiding::gnss_velocity::{self, GnssVelocity};
 use crate::navigation::aiding::{barometer, body_velocity, heading, magnetic_field, zero_velocity};
@@ -15,6 +15,7 @@ use crate::navigation::augmented_states::{
     BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
 };
 use crate::navigation::error_state::Measurement;
+use crate::navigation::{STATES, VELOCITY};
 use crate::scalar::{Scalar, lit};
 
 /// Positions further than this from the origin (m) are no fixes of this frame.
@@ -65,7 +66,7 @@ fn bound<T: Scalar>(degrees_of_freedom: usize) -> T {
     lit(row.map_or(16.3, |(_, [_, _, bound])| *bound))
 }
 
-impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Takes a position.
     pub fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
         let shares = ErrorShares {
@@ -155,9 +156,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     fn follow_slow_error(&mut self, slow_std: &Vector3<T>) {
         for i in 0..3 {
             let (variance, before) = (slow_std[i] * slow_std[i], self.slow_variance[i]);
-            if variance < before * lit(0.25) {
-                self.side.start(GNSS_OFFSET + i, T::zero(), variance);
-            } else if variance > before && before > T::zero() {
+            // The first fix after a start from a known state, or an error that is over.
+            let is_new = before <= T::zero() && variance > T::zero();
+            if is_new || variance < before * lit(0.25) {
+                self.start_side(GNSS_OFFSET + i, T::zero(), variance);
+            } else if variance > before {
                 self.side.covariance[(GNSS_OFFSET + i, GNSS_OFFSET + i)] += variance - before;
             }
             self.slow_variance[i] = variance;
@@ -278,7 +281,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
                 if !self.side.is_used(BAROMETER_OFFSET) {
                     let offset = height + then.position.z;
                     let unknown = lit::<T>(UNKNOWN_OFFSET_STD_M);
-                    self.side.start(BAROMETER_OFFSET, offset, unknown * unknown);
+                    self.start_side(BAROMETER_OFFSET, offset, unknown * unknown);
                 }
                 let m = barometer::measurement(&then, &self.side, height, std * std);
                 self.fuse(Aid::Barometer, &m)
@@ -316,9 +319,18 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let variance = self.config.mount_std * self.config.mount_std;
         for state in [MOUNT_PITCH, MOUNT_YAW] {
             if !self.side.is_used(state) {
-                self.side.start(state, T::zero(), variance);
+                self.start_side(state, T::zero(), variance);
             }
         }
+    }
+
+    /// Starts an augmented state anew, on the way.
+    fn start_side(&mut self, state: usize, value: T, variance: T) {
+        self.side.start(state, value, variance);
+        self.listener.propagated(&ScaledState {
+            state: STATES + state,
+            factor: T::zero(),
+        });
     }
 
     pub(super) fn is_constraint_due(&self) -> bool {
@@ -359,8 +371,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let m = zero_velocity::damping(&velocity, std * std * visits);
         // It cannot be wrong by more than itself: no gate.
         let mut open = CountedGate::default();
+        let (side, listener) = (&mut self.side, &mut self.listener);
         self.filter
-            .fuse_sparse(&mut self.side, &m, &mut open, T::zero());
+            .fuse_sparse(side, &m, &mut open, T::zero(), listener);
     }
 
     /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
@@ -383,15 +396,17 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             let bias = self.filter.state().gyroscope_bias;
             let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
             let m = zero_velocity::rate(&window.mean_rate, &bias, window.rate_variance.max(least));
+            let (side, listener) = (&mut self.side, &mut self.listener);
             let gate = &mut self.standing_rate_gate;
-            self.filter.fuse_sparse(&mut self.side, &m, gate, bound(3));
+            self.filter.fuse_sparse(side, &m, gate, bound(3), listener);
         }
     }
 
     fn fuse<const M: usize>(&mut self, aid: Aid, measurement: &Measurement<T, M>) -> Innovation<T> {
+        let (side, listener) = (&mut self.side, &mut self.listener);
         let gate = &mut self.gates[aid as usize];
         self.filter
-            .fuse_sparse(&mut self.side, measurement, gate, bound(M))
+            .fuse_sparse(side, measurement, gate, bound(M), listener)
     }
 
     fn fuse_or_skip<const M: usize>(

@@ -1,11 +1,11 @@
 //! What a measurement of few states is expected to be off by: projections, their covariance, its factors, the NIS.
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 
 use super::shrink::{add_scaled, scaled};
 use super::{Measurement, Row, SIDE};
-use crate::navigation::STATES;
 use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
+use crate::navigation::{ERRORS, STATES};
 use crate::scalar::Scalar;
 
 /// `P H^T` for one row, or a gain, or a correction: over the errors and the augmented states.
@@ -60,6 +60,17 @@ impl<T: Scalar> Projected<T> {
         products
             .reduce(|sum, product| sum + product)
             .unwrap_or_else(T::zero)
+    }
+
+    /// Both in one.
+    pub(super) fn joint(&self) -> SVector<T, ERRORS> {
+        let mut joint = SVector::<T, ERRORS>::zeros();
+        let parts = self.error.iter().chain(&self.side);
+        joint
+            .iter_mut()
+            .zip(parts)
+            .for_each(|(out, value)| *out = *value);
+        joint
     }
 
     /// `factor self`.

@@ -105,7 +105,7 @@ fn sequential_scalars_equal_the_dense_joseph_form() {
     let plus = g * (left * joint * left.transpose() + k * r * k.transpose()) * g.transpose();
 
     let mut gate = CountedGate::default();
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 16.3);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 16.3, &mut ());
     assert_eq!(innovation.outcome, Outcome::Fused);
     assert_relative_eq!(innovation.covariance, s, epsilon = 1e-10);
     let nis = (m.residual.transpose() * s.try_inverse().unwrap() * m.residual)[0];
@@ -175,13 +175,13 @@ fn states_that_are_not_in_use_change_nothing() {
     let (mut with, mut without) = (filter, filter);
     let mut side = AugmentedStates::default();
     let mut m = measurement();
-    with.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0);
+    with.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0, &mut ());
     assert_eq!(side, AugmentedStates::default());
     for row in &mut m.rows {
         let kept = row.elements().iter().filter(|(state, _)| *state < SIDE);
         *row = kept.fold(Row::default(), |row, (state, h)| row.with(*state, *h));
     }
-    without.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0);
+    without.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0, &mut ());
     assert_eq!(with, without);
 }
 
@@ -197,11 +197,11 @@ fn outliers_are_refused_five_times_and_then_believed_with_the_state_set_free() {
     let mut gate = CountedGate::default();
     let before = *filter.state();
     for _ in 0..REJECTIONS_BELIEVED {
-        let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+        let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
         assert_eq!(innovation.outcome, Outcome::Gated);
         assert_eq!(*filter.state(), before);
     }
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
     assert_eq!(innovation.outcome, Outcome::Inflated);
     let moved = filter.state().position - before.position;
     assert!(
@@ -213,11 +213,11 @@ fn outliers_are_refused_five_times_and_then_believed_with_the_state_set_free() {
     // What cannot be fused is skipped, and changes nothing.
     let before = *filter.state();
     m.variance.fill(-1.0);
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
     assert_eq!(innovation.outcome, Outcome::Skipped(SkipReason::Numerical));
     m.variance.fill(1.0);
     m.residual.x = f64::NAN;
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
     assert_eq!(innovation.outcome, Outcome::Skipped(SkipReason::Numerical));
     assert_eq!(filter.state().covariance, before.covariance);
     assert_eq!(filter.state().skipped, before.skipped + 2);
@@ -228,7 +228,7 @@ fn variances_stay_within_numbers_and_correlations_with_them() {
     let (mut filter, mut side, _) = start();
     filter.state.covariance *= 1e9;
     side.cross *= 1e9_f64.sqrt();
-    filter.limit_covariance(&mut side);
+    filter.limit_covariance(&mut side, &mut ());
     let p = filter.state().covariance;
     for i in 0..STATES {
         assert!(p[(i, i)] <= LARGEST_VARIANCES[i / 3] * (1.0 + 1e-12));
