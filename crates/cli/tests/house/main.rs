@@ -243,6 +243,27 @@ fn links_lead_to_files() {
     assert_eq!(bad, ["no such file: no/such/file.rs"]);
 }
 
+/// Source files that a page names in backquotes from the root on, and that are not there. Capitals are placeholders.
+fn dead_names(markdown: &str) -> Vec<String> {
+    let quoted = markdown.split('`').skip(1).step_by(2);
+    let path = |text: &&str| {
+        text.starts_with("crates/")
+            && text.ends_with(".rs")
+            && !text.contains(|c: char| c.is_uppercase())
+    };
+    let dead = quoted
+        .filter(path)
+        .filter(|path| !root().join(path).exists());
+    dead.map(|path| format!("no such file: {path}")).collect()
+}
+
+#[test]
+fn files_that_pages_name_exist() {
+    check(files(&root(), ".md"), 5, |_, page| dead_names(page));
+    let bad = "see `crates/no.rs`, not `crates/NAME.rs`, `crates/cli/src/main.rs` or crates/x.rs";
+    assert_eq!(dead_names(bad), ["no such file: crates/no.rs"]);
+}
+
 /// The estimators that the program itself lists.
 fn estimators() -> Vec<String> {
     let mut program = Command::new(env!("CARGO_BIN_EXE_northing"));
