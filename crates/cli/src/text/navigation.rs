@@ -11,7 +11,7 @@ use crate::text::sheet::Sheet;
 pub(crate) fn describe(summary: &NavigationSummary) -> String {
     let mut sheet = Sheet::default();
     sheet.row("position", position(summary));
-    if let Some(velocity) = summary.velocity_rmse_mps {
+    if let Some(velocity) = summary.velocity_rmse_m_s {
         sheet.row("velocity", format!("{velocity:.3} m/s RMS"));
     }
     if let Some(heading) = &summary.heading {

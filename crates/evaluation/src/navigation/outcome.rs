@@ -95,7 +95,7 @@ pub struct NavigationSummary {
     /// Scores of the position.
     pub position: Option<PositionScore>,
     /// Root mean square of the velocity error, m/s.
-    pub velocity_rmse_mps: Option<f64>,
+    pub velocity_rmse_m_s: Option<f64>,
     /// Root mean square of the heading error, degrees; see [`NavigationSummary::heading`].
     pub heading_rmse_deg: Option<f64>,
     /// Root mean square of the tilt error, degrees, against a reference attitude.

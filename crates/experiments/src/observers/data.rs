@@ -93,7 +93,7 @@ impl ObserverData {
             noise: SampleNoise {
                 rate_std: scenario.gyroscope.noise_std_rad_s,
                 bias_random_walk: scenario.gyroscope.bias_random_walk_rad_s_sqrt_s,
-                force_std: scenario.accelerometer.noise_std_mps2,
+                force_std: scenario.accelerometer.noise_std_m_s2,
                 field_std: scenario.magnetometer.noise_std_ut,
             },
             position: Some(PositionData {

@@ -65,7 +65,7 @@ pub struct Score {
     /// Position error, m; 0 without positions.
     pub position_m: f64,
     /// Velocity error, m/s; 0 without positions.
-    pub velocity_mps: f64,
+    pub velocity_m_s: f64,
     /// When the total error went below three degrees for good, s; the end of what is scored where it
     /// did not.
     pub settled_s: f64,
@@ -244,7 +244,7 @@ pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, Evalu
     }
     let [total_deg, inclination_deg, heading_deg] =
         squares.map(|s| (s / count.max(1.0)).sqrt().to_degrees());
-    let [position_m, velocity_mps] = match &data.position {
+    let [position_m, velocity_m_s] = match &data.position {
         Some(position) => position_errors(data, position, estimates, true)?,
         None => [0.0; 2],
     };
@@ -253,7 +253,7 @@ pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, Evalu
         inclination_deg,
         heading_deg,
         position_m,
-        velocity_mps,
+        velocity_m_s,
         settled_s: settled as f64 * data.interval_s,
     })
 }

@@ -84,7 +84,7 @@ impl Navigation {
         let config = ErrorStateConfig {
             accelerometer_noise_density: noises.filter_accelerometer_density,
             gyroscope_noise_density: noises.filter_gyroscope_density,
-            gravity: world.scenario().meta.gravity_mps2,
+            gravity: world.scenario().meta.gravity_m_s2,
             reset_jacobian: world.scenario().navigation.reset_jacobian,
             ..ErrorStateConfig::default()
         };
@@ -144,7 +144,7 @@ pub fn tracker_config(world: &TrackingWorld) -> (TrackerConfig<f64>, PoseMemory<
     let radar = world.noises().radar_std;
     let config = TrackerConfig::new(
         ConstantVelocity {
-            acceleration_std: world.scenario().target.sigma_accel_mps2,
+            acceleration_std: world.scenario().target.sigma_accel_m_s2,
         },
         RadarNoise {
             range_std: radar.x,
@@ -224,10 +224,10 @@ fn start(
         TrackStart::OnePoint => seen.map(|[range, bearing]| {
             let correlated = table.cross_covariance == StartCross::FromConversion;
             let detection = RadarDetection { range, bearing };
-            Start::Detection(detection, table.velocity_std_mps, correlated)
+            Start::Detection(detection, table.velocity_std_m_s, correlated)
         }),
         TrackStart::Prior => {
-            let (p, v) = (table.position_std_m, table.velocity_std_mps);
+            let (p, v) = (table.position_std_m, table.velocity_std_m_s);
             let std = Vector4::new(p, v, p, v);
             Some(Start::Prior(TrackEstimate {
                 state: run.target() - run.prior_draw().component_mul(&std),

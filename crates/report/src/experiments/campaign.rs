@@ -18,7 +18,7 @@ pub struct TrackerCurves {
     /// Root mean square position error, m.
     pub position_rmse_m: Vec<[f64; 2]>,
     /// Root mean square velocity error, m/s.
-    pub velocity_rmse_mps: Vec<[f64; 2]>,
+    pub velocity_rmse_m_s: Vec<[f64; 2]>,
     /// Mean NEES.
     pub nees: Vec<[f64; 2]>,
     /// Its track in one run: east and north, m.
@@ -78,7 +78,7 @@ impl CampaignReport {
         page.section(
             "velocity",
             "Velocity error",
-            &self.errors("Velocity RMSE", "m/s", |t| &t.velocity_rmse_mps),
+            &self.errors("Velocity RMSE", "m/s", |t| &t.velocity_rmse_m_s),
         );
         page.section(
             "consistency",
@@ -303,7 +303,7 @@ mod tests {
         let tracker = |name: &str, scale: f64| TrackerCurves {
             name: name.to_owned(),
             position_rmse_m: curve(scale),
-            velocity_rmse_mps: curve(0.1 * scale),
+            velocity_rmse_m_s: curve(0.1 * scale),
             nees: curve(0.05 * scale),
             track_m: curve(10.0),
         };

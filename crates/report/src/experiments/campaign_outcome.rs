@@ -56,7 +56,7 @@ pub fn render(part: &Part, outcome: &CampaignOutcome) -> String {
             Some(TrackerCurves {
                 name: kind.name().to_owned(),
                 position_rmse_m: timed(&tracker.series.position_rmse_m),
-                velocity_rmse_mps: timed(&tracker.series.velocity_rmse_mps),
+                velocity_rmse_m_s: timed(&tracker.series.velocity_rmse_m_s),
                 nees: timed(&tracker.series.nees),
                 track_m,
             })
@@ -131,9 +131,9 @@ fn table(outcome: &CampaignOutcome) -> Table {
         vec![
             Cell::text(name.clone()),
             number(tracker.position_rmse_m, 2),
-            number(tracker.velocity_rmse_mps, 3),
+            number(tracker.velocity_rmse_m_s, 3),
             number(tracker.steady.position_rmse_m, 2),
-            number(tracker.steady.velocity_rmse_mps, 3),
+            number(tracker.steady.velocity_rmse_m_s, 3),
             number(tracker.nees_mean, 2),
             number(100.0 * tracker.nees_inside_band, 0),
         ]

@@ -214,7 +214,7 @@ fn facts(summary: &NavigationSummary) -> Vec<Fact> {
             format!("{:.0} %", 100.0 * position.inside_95),
         ));
     }
-    let velocity = summary.velocity_rmse_mps;
+    let velocity = summary.velocity_rmse_m_s;
     facts.extend(velocity.map(|v| Fact::new("velocity error, RMS", format!("{v:.2} m/s"))));
     if let Some(heading) = &summary.heading {
         let against = if heading.against_course {

@@ -62,7 +62,7 @@ impl Session<'_> {
             origin: Some(Origin::from(frame.origin())),
             scored_against: scored.then_some(against),
             position,
-            velocity_rmse_mps: self.scorer.velocity_rmse(),
+            velocity_rmse_m_s: self.scorer.velocity_rmse(),
             heading_rmse_deg: heading.map(|h| h.rmse_deg),
             tilt_rmse_deg: self.scorer.tilt_rmse_deg(),
             heading,
