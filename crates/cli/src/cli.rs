@@ -19,7 +19,7 @@ use crate::commands::{
     about = "Which way does a device point, and how sure are we?",
     long_about = "Which way does a device point, and how sure are we? Northing estimates attitude from \
                   recordings of phones and IMUs, with an uncertainty that can be trusted, and says in \
-                  words whether the tuning is honest.",
+                  words whether the tuning is consistent.",
     after_help = HELP_END,
     disable_help_subcommand = true
 )]

@@ -1,4 +1,4 @@
-//! A phone without magnetometer: with its compass it keeps its heading, and honestly; without, it drifts.
+//! A phone without magnetometer: with its compass it keeps its heading, and its covariance is consistent; without, it drifts.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 

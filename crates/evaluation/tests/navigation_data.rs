@@ -35,7 +35,7 @@ fn run(data: &Path, example: &str, change: impl Fn(&mut NavigationOptions)) -> N
     .unwrap()
 }
 
-/// Errors and honesty of outages, each in a run of its own.
+/// Errors and consistency of outages, each in a run of its own.
 fn outages(
     data: &Path,
     starts: &[f64],

@@ -358,7 +358,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!();
     table(&paper);
     println!("## Models equal to the truth\n");
-    println!("NEES 4 is honest. {} experiments.\n", consistent.each.len());
+    println!("NEES 4 is consistent. {} experiments.\n", consistent.each.len());
     targets(&consistent);
     table(&consistent);
     println!(

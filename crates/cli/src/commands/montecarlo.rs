@@ -220,7 +220,7 @@ fn text(outcome: &CampaignOutcome) -> String {
     let navigation = &outcome.navigation;
     format!(
         "{}: {} runs, seed {}, {:.1} s\n\n{}\n\
-         RMSE over the runs. NEES: 4 is honest, more is too sure; the mean of {} runs should lie in \
+         RMSE over the runs. NEES: 4 is consistent, more is overconfident; the mean of {} runs should lie in \
          {low:.2} to {high:.2}.\n\
          Navigation: heading {:.2} deg stated, {:.2} deg true; pose NEES {:.2} of 3.\n",
         outcome.scenario,

@@ -156,7 +156,7 @@ fn used(counts: &UpdateCounts) -> String {
 pub(crate) fn verdict_word(verdict: FinalVerdict) -> &'static str {
     match verdict {
         FinalVerdict::Consistent => "consistent",
-        FinalVerdict::Optimistic => "optimistic",
-        FinalVerdict::Pessimistic => "pessimistic",
+        FinalVerdict::Overconfident => "overconfident",
+        FinalVerdict::Conservative => "conservative",
     }
 }

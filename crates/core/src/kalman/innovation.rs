@@ -16,7 +16,7 @@ pub struct Innovation<T> {
     /// the degrees of freedom are zero.
     pub covariance: Matrix3<T>,
     /// Normalised innovation squared, `residual^T S^-1 residual`: chi-square distributed with
-    /// [`Self::degrees_of_freedom`] when the tuning is honest.
+    /// [`Self::degrees_of_freedom`] when the tuning is consistent.
     pub nis: T,
     /// Number of components measured: 3 for a vector, 1 for a heading; 0 when skipped, and from
     /// filters that state no covariance (the covariance and the NIS are then zero and mean nothing).

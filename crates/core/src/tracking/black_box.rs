@@ -4,7 +4,7 @@
 //! position and heading (S11, [`PoseMemory`]). While the navigation converges its error shrinks faster than that;
 //! so the correlation over a scan is `min(exp(-dt / tau), variance now / variance before)`. With the
 //! right times this equals the exact tracker within a part in a thousand; a wrong heading time
-//! costs honesty.
+//! costs consistency.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 

@@ -57,13 +57,13 @@ pub struct TrackerOutcome {
     pub transient: Errors,
     /// The same after 60 s.
     pub steady: Errors,
-    /// Mean NEES; four is honest.
+    /// Mean NEES; four is consistent.
     pub nees_mean: f64,
     /// Largest mean NEES of a step.
     pub nees_max: f64,
     /// Share of steps whose mean NEES is inside the band.
     pub nees_inside_band: f64,
-    /// Share of steps whose mean NEES is above the band: too sure of itself.
+    /// Share of steps whose mean NEES is above the band: overconfident.
     pub nees_above_band: f64,
     /// Share of steps inside the band of two degrees of freedom.
     pub nees_inside_band_2dof: f64,

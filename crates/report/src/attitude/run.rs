@@ -72,7 +72,7 @@ fn errors(report: &RunReport<'_>) -> String {
         &figure,
         "The error, and the error that the filter predicted.",
         "Look whether the error fills the band without leaving it: leaving it means that the \
-         filter is too sure of itself, staying far inside that it is too modest.",
+         filter is overconfident, staying far inside that it is conservative.",
     )
 }
 

@@ -54,8 +54,8 @@ pub struct CampaignReport {
 
 /// What the words of the page mean.
 const READING: &str = "Errors are estimate minus truth in north and east, as root mean square over the runs. NEES is \
-     the squared error in units of the stated covariance: 4 on average for an honest tracker of position and \
-     velocity. The band holds the mean of as many honest runs at 95 % of the scans.";
+     the squared error in units of the stated covariance: 4 on average for a consistent tracker of position and \
+     velocity. The band holds the mean of as many consistent runs at 95 % of the scans.";
 
 fn class(i: usize) -> String {
     let dash = if i < SERIES { "" } else { " dash" };
@@ -178,7 +178,7 @@ impl CampaignReport {
 
     /// Figure 5 (and 6): mean NEES and its bands.
     fn consistency(&self) -> String {
-        let honest = self.nees_bands.first().map_or(4.0, |(_, [_, high])| *high);
+        let consistent = self.nees_bands.first().map_or(4.0, |(_, [_, high])| *high);
         let finite = |p: &&[f64; 2]| p[1].is_finite();
         let values = self
             .trackers
@@ -191,7 +191,7 @@ impl CampaignReport {
             return String::new();
         }
         // A tracker that has lost its senses must not hide the others.
-        let axis = Axis::linear(0.0, high.clamp(1.2 * honest, 4.0 * honest), 6);
+        let axis = Axis::linear(0.0, high.clamp(1.2 * consistent, 4.0 * consistent), 6);
         let mut layers: Vec<Layer> = Vec::new();
         let mut bands = String::new();
         for (name, band) in &self.nees_bands {
@@ -213,7 +213,7 @@ impl CampaignReport {
             &self.over_time("Mean NEES", vec![panel]),
             "Mean over the runs of the squared error in units of the stated covariance.",
             &self.remark(&format!(
-                "Inside the band of four degrees of freedom a tracker is honest; above, too sure of itself. \
+                "Inside the band of four degrees of freedom a tracker is consistent; above, overconfident. \
                  Dotted, the bands of 95 %:{bands}"
             )),
         )

@@ -112,13 +112,13 @@ fn verdict(name: &str, tracker: &TrackerOutcome) -> Verdict {
     let inside = 100.0 * tracker.nees_inside_band;
     if tracker.nees_inside_band >= 0.8 {
         let text =
-            format!("{name} is honest: its NEES is inside the band at {inside:.0} % of the scans.");
+            format!("{name} is consistent: its NEES is inside the band at {inside:.0} % of the scans.");
         Verdict::new(Tone::Good, text)
     } else if nees < 4.0 {
-        let text = format!("{name} is too modest: NEES {nees:.2} where 4 is honest.");
+        let text = format!("{name} is conservative: NEES {nees:.2} where 4 is consistent.");
         Verdict::new(Tone::Warn, text)
     } else {
-        let text = format!("{name} is too sure of itself: NEES {nees:.2} where 4 is honest.");
+        let text = format!("{name} is overconfident: NEES {nees:.2} where 4 is consistent.");
         Verdict::new(Tone::Bad, text)
     }
 }

@@ -170,7 +170,7 @@ impl Default for DeviceOrientationConfig {
 }
 
 /// The heading the phone reports, as phones without a magnetometer for programs do: the truth with
-/// an error that wanders and that it states honestly.
+/// an error that wanders and whose size it states.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CompassConfig {

@@ -117,7 +117,7 @@ fn is_sound(f: &BoundedVelocity<impl Scalar>) -> bool {
 }
 
 #[test]
-fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_honest_covariance() {
+fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_consistent_covariance() {
     let errors = Errors {
         bias: Vector3::new(0.03, -0.02, 0.015),
         scale: Matrix3::new(0.004, 0.001, 0.0, -0.001, -0.005, 0.0, 0.0, 0.001, 0.003),

@@ -22,7 +22,7 @@ fn config() -> BoundedVelocityConfig<f64> {
 
 /// What the simulated sensors really are, so that the covariance has to be right: white noise alone,
 /// a field as stated, a device that does not move away.
-fn honest() -> BoundedVelocityConfig<f64> {
+fn consistent() -> BoundedVelocityConfig<f64> {
     let simulated = AttitudeTrialConfig::default();
     let density = |std: f64| std / simulated.rate_hz.sqrt();
     BoundedVelocityConfig {
@@ -117,7 +117,7 @@ fn smoothing_lowers_the_error_and_stays_consistent() {
     let (mut filtered, mut smoothed, mut count) = ([0.0; 2], [0.0; 2], 0.0);
     for seed in 0..24 {
         let trial = trial(seed, 40.0);
-        let mut recorder = started(&trial, seed, honest());
+        let mut recorder = started(&trial, seed, consistent());
         let known = run(&trial, &mut recorder);
         let nodes = recorder.smooth();
         for (known, truth) in known.iter().zip(&trial.world_from_body[1..]).skip(SETTLED) {
