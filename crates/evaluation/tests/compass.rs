@@ -11,7 +11,7 @@ use northing_simulation::virtual_phone::Motion;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 use rayon::prelude::*;
 
-/// Five minutes in a hand: a gyroscope whose bias wanders, a compass that errs by 5 deg for 2 s.
+/// Five minutes in a hand: a gyroscope whose bias drifts, a compass that errs by 5 deg for 2 s.
 fn phone(seed: u64, motion: Motion) -> VirtualPhoneConfig {
     let mut config = VirtualPhoneConfig {
         seed,

@@ -172,7 +172,7 @@ fn settings() -> Vec<Setting> {
             "gyroscope_bias_random_walk",
             "0.0002",
             "rad/s\u{00b2}/\u{221a}Hz",
-            "How fast the bias may wander. Larger: the bias settles sooner and is noisier.",
+            "How fast the bias may drift. Larger: the bias settles sooner and is noisier.",
         ),
         setting(
             "accelerometer_std",

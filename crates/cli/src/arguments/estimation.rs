@@ -51,7 +51,7 @@ pub(crate) struct EstimationArgs {
     /// Calibrate from the first seconds of the recording, in which the device must rest
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     calibrate_first: Option<f64>,
-    /// Look back: smooth over the whole recording (RTS; mekf, bounded-velocity and error-state, keeps it in memory)
+    /// RTS smoothing over the whole recording (mekf, bounded-velocity, error-state; keeps it in memory)
     #[arg(long)]
     smooth: bool,
     #[command(flatten)]

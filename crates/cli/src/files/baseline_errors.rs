@@ -1,4 +1,4 @@
-//! Scores of other people's estimators on the same recordings: the CSV files that `oracles/` writes.
+//! Scores of third-party baselines on the same recordings: the CSV files that `oracles/` writes.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

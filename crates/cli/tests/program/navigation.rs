@@ -125,7 +125,7 @@ fn estimates_and_a_report_are_written() {
         &[
             "position",
             "RMS horizontally",
-            "validity",
+            "solution status",
             "Estimates: car.csv",
         ],
     );
@@ -153,8 +153,8 @@ fn estimates_and_a_report_are_written() {
             "Where was car?",
             "Track",
             "Orientation",
-            "What each aid told",
-            "fixes kept back",
+            "Aiding innovations",
+            "held-out fixes",
         ],
     );
     assert!(!report.contains("NaN"));
@@ -275,7 +275,7 @@ fn noise_is_fitted_written_and_used() {
         &text,
         &[
             "accelerometer_noise_density",
-            "held back",
+            "held-out",
             "--config noise.toml",
         ],
     );

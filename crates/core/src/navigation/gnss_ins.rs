@@ -94,7 +94,7 @@ pub struct CovarianceStep<T: Scalar> {
     pub side_kept: [T; SIDE_STATES],
 }
 
-/// The GNSS/INS; `HISTORY` samples are kept to look back by.
+/// The GNSS/INS; `HISTORY` samples are kept for late fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     config: GnssInsConfig<T>,
@@ -152,7 +152,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let settings = ErrorStateConfig {
             accelerometer_noise_density: config.accelerometer_noise_density,
             gyroscope_noise_density: config.gyroscope_noise_density,
-            // What wanders is moved by `bias_wander` instead.
+            // A Gauss-Markov bias is moved by `bias_wander` instead.
             accelerometer_bias_random_walk: if config.accelerometer_wander_std > T::zero() {
                 T::zero()
             } else {

@@ -26,7 +26,7 @@ pub type TargetState<T> = SVector<T, STATES>;
 /// A target's covariance.
 pub type TargetCovariance<T> = SMatrix<T, STATES, STATES>;
 
-/// How the turn rate of a target wanders: `dw = -w / tau dt + noise`, with a fixed stationary
+/// How the turn rate of a target varies (first-order Gauss-Markov): `dw = -w / tau dt + noise`, with a fixed stationary
 /// standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

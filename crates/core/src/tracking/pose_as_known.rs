@@ -1,6 +1,6 @@
 //! The extended Kalman filter that takes the own pose as exact.
 //!
-//! Given the true pose it is the yardstick of what is possible; given the navigation's pose it is
+//! Given the true pose it is the bound of what is possible; given the navigation's pose it is
 //! the *uncompensated* tracker, which is overconfident whenever the heading is in error.
 
 use super::radar::PredictedDetection;

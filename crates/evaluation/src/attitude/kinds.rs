@@ -88,7 +88,7 @@ impl EstimatorKind {
         match self {
             Self::Integration => EstimatorInfo {
                 name: "integration",
-                summary: "gyroscope integration alone, the yardstick: drifts with bias and noise",
+                summary: "gyroscope integration alone, the baseline: drifts with bias and noise",
                 error_states: 0,
                 has_covariance: false,
                 paper: "Utrera & Vazquez (2021), section 4",

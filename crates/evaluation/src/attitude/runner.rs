@@ -179,7 +179,7 @@ fn run_smoothed<S: Smoother>(
         Phase::Calibrating(_) => Vec::new(),
     };
     for (mut record, node) in records {
-        let known = S::in_hindsight(&smoothed[node], &record.attitude);
+        let known = S::smoothed_estimate(&smoothed[node], &record.attitude);
         record.attitude = known.attitude;
         record.attitude_covariance = Some(known.attitude_covariance);
         record.gyroscope_bias = Some((known.gyroscope_bias, known.bias_covariance));

@@ -186,7 +186,7 @@ fn bias(report: &RunReport<'_>) -> String {
     html::figure(
         &figure,
         "What the filter thinks the gyroscope reads at rest.",
-        "Look for a curve that settles while its band narrows; a bias that wanders outside of its \
+        "Look for a curve that settles while its band narrows; a bias that drifts outside of its \
          earlier band says that the bias random walk is set too small.",
     )
 }

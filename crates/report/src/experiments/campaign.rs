@@ -69,7 +69,7 @@ impl CampaignReport {
         let mut page = Page::default();
         let tables: String = self.tables.iter().map(table::table).collect();
         page.section("numbers", "Numbers", &tables);
-        page.section("geometry", "Who goes where", &self.geometry());
+        page.section("geometry", "Trajectories", &self.geometry());
         page.section(
             "position",
             "Position error",
@@ -82,7 +82,7 @@ impl CampaignReport {
         );
         page.section(
             "consistency",
-            "Does each know how wrong it is?",
+            "Consistency (NEES)",
             &self.consistency(),
         );
         page.finish(&Frame {

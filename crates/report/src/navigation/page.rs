@@ -1,4 +1,4 @@
-//! The report of a navigation run: where it went, how wrong, how sure, and what each aid told.
+//! The report of a navigation run: track, errors, consistency, and the innovations of each aid.
 
 use northing_core::navigation::Validity;
 
@@ -43,7 +43,7 @@ impl NavigationReport<'_> {
         page.section("errors", "Errors", &self.errors());
         page.section("outages", "Outages", &self.outages());
         page.section("orientation", "Orientation", &self.orientation());
-        page.section("aids", "What each aid told", &self.aids());
+        page.section("aids", "Aiding innovations", &self.aids());
         if !self.settings.is_empty() {
             page.section("settings", "Settings", &html::settings(&self.settings));
         }
@@ -104,7 +104,7 @@ impl NavigationReport<'_> {
         plots::errors(self.trace).map_or_else(String::new, |figure| {
             html::figure(
                 &figure,
-                "How wrong the position was where it could be judged.",
+                "Position errors where there was something to score against.",
                 "Dots should fill the band and seldom leave it. What stands out far are the outages.",
             )
         })

@@ -377,7 +377,7 @@ fn sensors_have_their_own_rates() {
             let again = f.update_magnetometer(m).outcome;
             waiting[0] += u32::from(again == Outcome::Skipped(SkipReason::NotDue));
             let again = f.update_accelerometer(a).outcome;
-            waiting[1] += u32::from(again == Outcome::Skipped(SkipReason::Gathered));
+            waiting[1] += u32::from(again == Outcome::Skipped(SkipReason::Accumulated));
         }
         error = rotation::angle_between(truth, &f.attitude()).to_degrees();
     });

@@ -32,7 +32,7 @@ impl Session<'_> {
         let against = if counts.scored_at_reference {
             "reference"
         } else {
-            "withheld fixes"
+            "held-out fixes"
         };
         let heading = self.scorer.heading_score();
         let mut issues = self.navigator.issues();
