@@ -60,7 +60,7 @@ pub enum EvaluationError {
         /// Why not.
         problem: String,
     },
-    /// A configuration that makes no sense.
+    /// A configuration that is invalid.
     #[error("configuration: {0}")]
     Config(#[from] ConfigError),
     /// The device's own orientation was to be evaluated, and the recording has none.

@@ -71,7 +71,7 @@ impl EstimationArgs {
     /// The options of a run with this estimator, otherwise that of the profile.
     ///
     /// # Errors
-    /// A setting, a file or a combination that makes no sense.
+    /// A setting, a file or a combination that is invalid.
     pub(crate) fn options(
         &self,
         estimator: Option<EstimatorKind>,
@@ -141,7 +141,7 @@ impl EstimationArgs {
     /// The options of a run with this navigation estimator.
     ///
     /// # Errors
-    /// A setting that makes no sense, or an option that only attitude estimators have a use for.
+    /// A setting that is invalid, or an option that only attitude estimators have a use for.
     pub(crate) fn navigation_options(
         &self,
         kind: NavigationKind,

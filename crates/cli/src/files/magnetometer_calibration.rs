@@ -49,7 +49,7 @@ fn checked(field: FieldCalibration, file: &str) -> Result<FieldCalibration> {
     field
         .calibration
         .validate()
-        .map_err(|name| anyhow!("{file}: `{name}` makes no sense; calibrate again"))?;
+        .map_err(|name| anyhow!("{file}: `{name}` is invalid; calibrate again"))?;
     Ok(field)
 }
 
@@ -92,7 +92,7 @@ mod tests {
         let message = checked(field, "cal.toml").unwrap_err().to_string();
         assert_eq!(
             message,
-            "cal.toml: `soft_iron` makes no sense; calibrate again"
+            "cal.toml: `soft_iron` is invalid; calibrate again"
         );
     }
 

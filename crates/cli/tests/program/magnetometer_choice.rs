@@ -150,7 +150,7 @@ fn a_file_and_a_folder_of_calibrations_are_taken_by_device_and_day() {
 }
 
 #[test]
-fn calibrations_that_make_no_sense_together_are_refused() {
+fn calibrations_that_do_not_fit_together_are_refused() {
     let lab = Lab::with_phone();
     calibration(&lab, "m.toml");
     std::fs::create_dir_all(lab.path("empty")).unwrap();

@@ -244,7 +244,7 @@ impl AnyEstimator {
     /// a column of the recording.
     ///
     /// # Errors
-    /// [`EvaluationError::Config`] when a setting makes no sense.
+    /// [`EvaluationError::Config`] when a setting is invalid.
     pub fn new(
         kind: EstimatorKind,
         parameters: &Parameters,

@@ -128,7 +128,7 @@ impl Recorder {
     /// A filter with these settings and nothing to remember yet.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] when a setting is invalid.
     pub fn new(config: AttitudeConfig<f64>) -> Result<Self, ConfigError> {
         Ok(Self {
             mekf: Mekf::new(config)?,

@@ -30,7 +30,7 @@ use position_observer::PositionObserver;
 /// Runs the estimator of `options` over `events`, which must be in time order.
 ///
 /// # Errors
-/// The options make no sense, the events end in an error, a calibration is refused, or there was
+/// The options are invalid, the events end in an error, a calibration is refused, or there was
 /// nothing to estimate: see [`EvaluationError`].
 pub fn run<I, X>(
     events: I,

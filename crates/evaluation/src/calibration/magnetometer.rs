@@ -289,7 +289,7 @@ mod tests {
         );
         assert!(whole.contains("The hard iron is 127."), "{whole}");
         assert!(!whole.contains("Soft iron is not"), "{whole}");
-        // More than half is asked for here before soft iron is believed.
+        // More than half is asked for here before soft iron is accepted.
         let limits = MagnetometerLimits {
             ellipsoid_coverage: 0.9,
             ..MagnetometerLimits::default()

@@ -99,7 +99,7 @@ impl NavigationOptions {
         options
     }
 
-    /// Refuses what makes no sense.
+    /// Refuses what is invalid.
     ///
     /// # Errors
     /// The option, and what was expected.

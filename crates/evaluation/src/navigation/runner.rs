@@ -37,7 +37,7 @@ const HEADING_STD: f64 = 0.01;
 /// with the axes of a phone.
 ///
 /// # Errors
-/// The options make no sense, the events end in an error, or there was not one usable fix.
+/// The options are invalid, the events end in an error, or there was not one usable fix.
 pub fn run_navigation<I, X>(
     events: I,
     name: &str,
@@ -77,7 +77,7 @@ fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, Evaluati
     made.map_err(|name| EvaluationError::BadValue {
         name: name.to_owned(),
         value: String::new(),
-        problem: "it makes no sense".to_owned(),
+        problem: "it is invalid".to_owned(),
     })
 }
 

@@ -132,7 +132,7 @@ fn observer(
 /// The original: vectors straight into a complementary filter, explicit, or against TRIAD.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn original(
     data: &ObserverData,
     innovation: ComplementaryForm,
@@ -169,7 +169,7 @@ pub fn original(
 /// The EKF alone: what the modified scheme takes for the measured rotation.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn ekf(
     data: &ObserverData,
     gains: &Gains,
@@ -196,7 +196,7 @@ pub fn ekf(
 /// The modified scheme: a passive filter that follows the rotation that the EKF reconstructed.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn modified(
     data: &ObserverData,
     reconstructed: &[Estimate],
@@ -226,7 +226,7 @@ pub fn modified(
 /// The errors of estimates, position and velocity included where there are positions.
 ///
 /// # Errors
-/// The pole of the data makes no sense.
+/// The pole of the data is invalid.
 pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, EvaluationError> {
     let mut squares = [0.0_f64; 3];
     let (mut count, mut settled) = (0.0_f64, 0);
@@ -262,7 +262,7 @@ pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, Evalu
 /// attitude estimates, with or without its rotation-rate term.
 ///
 /// # Errors
-/// The pole makes no sense.
+/// The pole is invalid.
 pub fn position_errors(
     data: &ObserverData,
     position: &PositionData,

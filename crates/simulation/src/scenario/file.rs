@@ -20,7 +20,7 @@ pub trait ScenarioTables: serde::de::DeserializeOwned {
     /// Calls it by the name of a variant.
     fn set_name(&mut self, name: &str);
 
-    /// The first thing that makes no sense, in words that begin with its key.
+    /// The first thing that is invalid, in words that begin with its key.
     ///
     /// # Errors
     /// Names the key, its value and what was expected.
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_make_no_sense_are_refused_where_they_are_said() {
+    fn numbers_that_are_invalid_are_refused_where_they_are_said() {
         for (good, bad, words) in [
             (
                 "sigma_range_m = 20.0",

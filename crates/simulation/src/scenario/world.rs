@@ -63,13 +63,13 @@ impl Noises {
         let dt = 1.0 / imu.rate_hz;
         let accelerometer = factor * imu.sigma_accel_m_s2;
         let gyroscope = factor * imu.sigma_gyro_deg_s.to_radians();
-        let (real, believed) = (imu.noise_reading, imu.filter_noise_reading);
+        let (real, assumed) = (imu.noise_reading, imu.filter_noise_reading);
         let level = gps.roll_pitch_std_deg.to_radians();
         Self {
             accelerometer_std: real.sample_std(accelerometer, dt),
             gyroscope_std: real.sample_std(gyroscope, dt),
-            filter_accelerometer_density: believed.sample_std(accelerometer, dt) * dt.sqrt(),
-            filter_gyroscope_density: believed.sample_std(gyroscope, dt) * dt.sqrt(),
+            filter_accelerometer_density: assumed.sample_std(accelerometer, dt) * dt.sqrt(),
+            filter_gyroscope_density: assumed.sample_std(gyroscope, dt) * dt.sqrt(),
             position_std: Vector3::from(gps.position_std_m) * factor,
             attitude_std: Vector3::new(level, level, gps.heading_std_deg.to_radians()) * factor,
             velocity_std: scenario.navigation.initial_velocity_std_m_s,

@@ -206,7 +206,7 @@ impl Default for ReferenceConfig {
     }
 }
 
-/// A configuration that makes no sense.
+/// A configuration that is invalid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigError {
     field: String,
@@ -246,7 +246,7 @@ impl VirtualPhoneConfig {
         }
     }
 
-    /// Refuses what makes no sense.
+    /// Refuses what is invalid.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         let fields = [
             ("rest_before_s", self.rest_before_s),

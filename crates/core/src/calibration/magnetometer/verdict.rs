@@ -35,7 +35,7 @@ pub struct MagnetometerLimits<T> {
     /// for a sphere). Raising it accepts directions that happen to leave a parameter open.
     pub condition_number: T,
     /// Largest ratio of the ellipsoid's longest and shortest axis, default 2; beyond it no
-    /// ellipsoid is believed.
+    /// ellipsoid is accepted.
     pub axis_ratio: T,
     /// Largest standard deviation of the calibrated samples' distance from the surface,
     /// microtesla, default 3. Raising it accepts disturbed surroundings.

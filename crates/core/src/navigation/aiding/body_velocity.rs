@@ -60,7 +60,7 @@ pub fn non_holonomic<T: Scalar>(
         rows: [right_row, down_row],
         residual: SVector::<T, 2>::new(-right_speed, -down_speed),
         variance: SVector::<T, 2>::repeat(variance),
-        // There is no one state to blame: a long slide is believed as it is.
+        // There is no one state to blame: a long slide is accepted as it is.
         freed: [usize::MAX; 2],
     }
 }

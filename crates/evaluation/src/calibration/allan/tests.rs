@@ -388,7 +388,7 @@ fn what_is_no_rest_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn settings_that_make_no_sense_are_named() {
+fn settings_that_are_invalid_are_named() {
     let samples = gyroscope(1, 60, N, 0.0);
     let refused = |config| analyze(&samples, &config).unwrap_err().to_string();
     let default = AllanConfig::default();
