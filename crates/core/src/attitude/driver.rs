@@ -1,4 +1,4 @@
-//! Time for attitude estimators: stamps, mean rates, gaps, and the start from the first samples.
+//! Time base of attitude estimators: stamps, mean rates, gaps, and the start from the first samples.
 //!
 //! An [`AttitudeDriver`] takes samples as sensors deliver them, each with its own integer
 //! nanosecond stamp, at any rate and with any sensor missing, and calls an [`AttitudeEstimator`]

@@ -1,4 +1,4 @@
-//! What a device at rest tells: gyroscope bias, sensor noise, gravity and magnetic field.
+//! Calibration at rest: gyroscope bias, sensor noise, gravity and magnetic field.
 //!
 //! Read first: `docs/derivations/mekf.md`, section on calibration at rest (M21); Utrera & Vazquez
 //! (2021), section 3, where every run begins with it.

@@ -1,4 +1,4 @@
-//! Position, velocity and acceleration bias by three independent Kalman filters, one an axis.
+//! Decoupled per-axis Kalman filters for position, velocity and acceleration bias: north, east, down.
 //!
 //! Read first: `docs/derivations/axis_filters.md`; Romaniuk & Gosiewski (2014), eqs 20-30. With
 //! [`crate::attitude::axis_filters`] in front it is the paper's whole system. Use it to make the paper

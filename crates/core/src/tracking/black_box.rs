@@ -1,4 +1,4 @@
-//! The Schmidt-Kalman tracker beside a navigation that shows its pose and nothing else.
+//! Schmidt-Kalman tracker beside a black-box navigation: only its pose and covariance are known.
 //!
 //! The error of the pose is taken as a Gauss-Markov process with a stated correlation time for
 //! position and heading (S11, [`PoseMemory`]). While the navigation converges its error shrinks faster than that;

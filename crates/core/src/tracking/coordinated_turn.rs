@@ -1,4 +1,4 @@
-//! Motion in a circle at constant speed, and straight motion in the same five states.
+//! Coordinated-turn motion model: a circle at constant speed, and straight motion in the same five states.
 //!
 //! Read first: Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation* (2001), section 11.7; `docs/derivations/association.md`, section 2.

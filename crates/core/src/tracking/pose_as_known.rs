@@ -1,4 +1,4 @@
-//! The extended Kalman filter that takes the own pose as exact.
+//! Extended Kalman filter that takes the own pose as exact.
 //!
 //! Given the true pose it is the bound of what is possible; given the navigation's pose it is
 //! the *uncompensated* tracker, which is overconfident whenever the heading is in error.

@@ -1,4 +1,4 @@
-//! Is the magnetic field that of the Earth, and does it keep still while the device does?
+//! Magnetic disturbance of a recording: is the field that of the Earth, and constant while the device rests?
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,4 @@
-//! The paper's final test: the device is back in its first pose; is the estimate too?
+//! Return-to-start test of the paper: the device is back in its first pose; is the estimate too?
 //!
 //! Read first: Utrera & Vazquez (2021), section 4. The *calculated* error is the angle of
 //! `q_e = q_start^-1 q_end` (M26), which would be zero; the *estimated* error is what the filter's

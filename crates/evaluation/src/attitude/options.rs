@@ -1,4 +1,4 @@
-//! What a run is asked for: estimator, parameters, sensors, calibration, scoring.
+//! Options of a run: estimator, parameters, sensors, calibration, scoring.
 
 use std::collections::BTreeSet;
 use std::str::FromStr;

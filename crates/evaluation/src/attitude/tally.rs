@@ -1,4 +1,4 @@
-//! What is counted while a run goes on, and how it becomes a summary.
+//! Counters of a run, and how they become its outcome.
 
 use std::collections::BTreeMap;
 

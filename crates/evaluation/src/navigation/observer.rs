@@ -1,4 +1,4 @@
-//! What watches a navigation run: files, plots, tests.
+//! Observer interface of a navigation run: files, plots, tests.
 
 use nalgebra::Vector3;
 use northing_core::earth::wgs84::LocalFrame;

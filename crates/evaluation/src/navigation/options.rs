@@ -1,4 +1,4 @@
-//! What a navigation run can be asked for.
+//! Options of a navigation run: estimator, thinning, outages, aids, smoothing.
 
 use std::str::FromStr;
 

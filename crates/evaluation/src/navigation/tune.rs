@@ -1,4 +1,4 @@
-//! Fits noise parameters of a navigation estimator to a recording: the innovations that it makes
+//! Maximum-likelihood fit of noise parameters of a navigation estimator to a recording: the innovations that it makes
 //! shall be as likely as possible.
 //!
 //! The likelihood of one innovation is Gaussian with the covariance that the filter states, so neither small

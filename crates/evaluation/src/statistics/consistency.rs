@@ -1,4 +1,4 @@
-//! Is the stated noise consistent? A verdict in words for each sensor, from its NIS.
+//! Consistency of stated noise: a verdict in words for each sensor, from its NIS.
 //!
 //! When the covariance `S` that a filter expects of its residuals is right, the NIS is chi-square
 //! distributed. Its median tells by which factor the bulk of the residuals is larger than stated,

@@ -1,4 +1,4 @@
-//! How far an estimate is from a reference: total, heading and inclination error, RMS, NEES.
+//! Error metrics against a reference: total, heading and inclination error, RMS, NEES.
 //!
 //! The metric of the BROAD benchmark (Laidig et al., 2021). The error rotation in the world frame
 //! is `e = q_est * conj(q_ref)`; its angle is the total error, its part about the vertical the

@@ -1,4 +1,4 @@
-//! A heading error, drawn anew for each run: which tracker knows what it does not know?
+//! Injected heading error, drawn for each run: consistency and losses of each tracker.
 //!
 //! The recordings' detections are relative to the own ship, so an error added to its heading is known
 //! exactly. A tracker that states its uncertainty consistently has the true position inside its 95 %

@@ -1,4 +1,4 @@
-//! The schemes that are compared: each makes an estimate of every sample of a way.
+//! Schemes that are compared: each estimates every sample of a trajectory.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::attitude::axis_filters::{

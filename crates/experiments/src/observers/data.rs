@@ -1,4 +1,4 @@
-//! What observers are run over: samples of one rate with a truth, from a simulated flight or a recording.
+//! Data that observers are run over: samples of one rate with a truth, from a simulated flight or a recording.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::wahba;

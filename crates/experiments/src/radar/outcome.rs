@@ -1,4 +1,4 @@
-//! What a campaign says: RMSE, NEES and its bands, from the sums. `montecarlo --json` prints this.
+//! Outcome of a campaign: RMSE, NEES and its bands, from the sums. `montecarlo --json` prints this.
 
 use std::collections::BTreeMap;
 

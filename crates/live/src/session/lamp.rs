@@ -1,4 +1,4 @@
-//! The consistency lamp: whether the last seconds of innovations fit the stated noise, in words.
+//! Consistency of the last seconds of innovations with the stated noise (NIS), in words: the lamps.
 
 use northing_core::kalman::Innovation;
 use northing_evaluation::statistics::consistency::{NoiseVerdict, judge};

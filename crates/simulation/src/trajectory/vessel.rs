@@ -1,4 +1,4 @@
-//! A vessel that carries out manoeuvres: straight legs, turns of constant rate, changes of speed; on
+//! Trajectory of a vessel that carries out manoeuvres: straight legs, turns of constant rate, changes of speed; on
 //! request rolling and pitching. World axes are north, east, down; body axes forward, right, down.
 //!
 //! Everything is in closed form, so rates and accelerations are analytic. A turn begins and ends at

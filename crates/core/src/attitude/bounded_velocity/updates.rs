@@ -1,4 +1,4 @@
-//! What each sensor tells the filter: residuals, rows, variances.
+//! Measurement updates of each sensor: residuals, rows, variances.
 //!
 //! Read first: `docs/derivations/bounded_velocity.md`, B10 to B21. Rows are few elements of a long
 //! row; corrections are collected and injected once for each update.

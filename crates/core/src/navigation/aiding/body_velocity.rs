@@ -1,4 +1,4 @@
-//! Velocity in the axes of a vehicle: none sideways and up (non-holonomic constraint), and its speed from wheels
+//! Non-holonomic constraint and wheel speed, velocity in the axes of a vehicle: none sideways and up (non-holonomic constraint), and its speed from wheels
 //! or a ship's log.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E26).

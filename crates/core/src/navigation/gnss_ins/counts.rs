@@ -1,4 +1,4 @@
-//! What became of the measurements of each aid.
+//! Counts of each aid: measurements used, gated and skipped.
 
 use crate::kalman::{Innovation, Outcome};
 use crate::scalar::{Scalar, lit};
