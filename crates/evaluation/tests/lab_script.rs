@@ -73,7 +73,10 @@ fn noise_from_the_rest_is_consistent_and_so_is_the_covariance() {
     assert!((0.7..1.3).contains(&nees), "{nees}");
     for summary in &mekf {
         for verdict in &summary.verdicts {
-            assert!(verdict.sentences[0].contains("R is consistent"), "{verdict:?}");
+            assert!(
+                verdict.sentences[0].contains("R is consistent"),
+                "{verdict:?}"
+            );
         }
     }
 }

@@ -14,8 +14,8 @@ use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
 use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::attitude::runner::run;
-use northing_evaluation::calibration::magnetometer::FieldCalibration;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use northing_evaluation::calibration::set::CalibrationSet;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
 use northing_recording::{Metadata, Recording};
@@ -92,8 +92,8 @@ impl EstimationArgs {
             run,
             calibrations: Calibrations::default(),
         };
-        if let Some(path) = self.field_path()? {
-            self.calibrate_field(&mut asked, path)?;
+        if let Some(path) = self.magnetometer_calibration_path()? {
+            self.calibrate_magnetometer(&mut asked, path)?;
         }
         match self.calibration.as_deref() {
             Some(folder) if folder.is_dir() => {
@@ -124,7 +124,7 @@ impl EstimationArgs {
     }
 
     /// Where the calibration of the magnetometer is.
-    fn field_path(&self) -> Result<Option<&Path>> {
+    fn magnetometer_calibration_path(&self) -> Result<Option<&Path>> {
         let option = self.magnetometer_calibration.as_deref();
         let chosen = match &self.magnetometer {
             Some(MagnetometerChoice::Calibrated(path)) => Some(path.as_path()),
@@ -170,7 +170,7 @@ impl EstimationArgs {
     }
 
     /// A calibration of the magnetometer also says which of the two is used, unless the user did.
-    fn calibrate_field(&self, asked: &mut Asked, path: &Path) -> Result<()> {
+    fn calibrate_magnetometer(&self, asked: &mut Asked, path: &Path) -> Result<()> {
         if !asked.run.sensors.magnetometer {
             bail!(
                 "a calibration of the magnetometer has no effect: --sensors leaves the magnetometer out"
@@ -191,14 +191,17 @@ impl EstimationArgs {
         if !is_named && sensors.magnetometer_source == MagnetometerSource::Device {
             sensors.magnetometer_source = field.magnetometer;
         }
-        asked.run.field_calibration = Some(field);
+        asked.run.magnetometer_calibration = Some(field);
         asked.run.calibration_names[1] = Some(shown(path));
         Ok(())
     }
 }
 
 /// Refuses calibrations of another stream than the one that was named.
-fn check_streams(set: &CalibrationSet<FieldCalibration>, used: MagnetometerSource) -> Result<()> {
+fn check_streams(
+    set: &CalibrationSet<MagnetometerStreamCalibration>,
+    used: MagnetometerSource,
+) -> Result<()> {
     let other = set.named.iter().find(|(_, c)| c.magnetometer != used);
     let Some((name, calibration)) = other else {
         return Ok(());

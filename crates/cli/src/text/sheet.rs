@@ -78,7 +78,10 @@ mod tests {
     fn texts_stand_beside_their_labels() {
         let mut sheet = Sheet::default();
         sheet.row("error", "1 deg");
-        sheet.sentences("uncertainty", &["Consistent.".to_owned(), "Really.".to_owned()]);
+        sheet.sentences(
+            "uncertainty",
+            &["Consistent.".to_owned(), "Really.".to_owned()],
+        );
         let expected = "  error        1 deg\n  uncertainty  Consistent.\n               Really.\n";
         assert_eq!(sheet.render(), expected);
     }

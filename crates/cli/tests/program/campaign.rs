@@ -24,7 +24,11 @@ fn a_campaign_prints_a_table_or_one_document() {
     let lab = lab();
     contains(
         &lab.succeeds(&with(&["montecarlo", "s.toml", "--runs", "3"])),
-        &["consistent: 3 runs, seed 1", "schmidt", "NEES: 4 is consistent"],
+        &[
+            "consistent: 3 runs, seed 1",
+            "schmidt",
+            "NEES: 4 is consistent",
+        ],
     );
     let document = lab.json(&with(&[
         "montecarlo",

@@ -345,7 +345,10 @@ mod tests {
                 .sentence
                 .contains("Repositioning by hand is repeatable to about 0.5 to 1 deg")
         );
-        assert_eq!(verdict(0.04, 0.01).verdict, Some(FinalVerdict::Overconfident));
+        assert_eq!(
+            verdict(0.04, 0.01).verdict,
+            Some(FinalVerdict::Overconfident)
+        );
         assert_eq!(
             verdict(0.004, 0.01).verdict,
             Some(FinalVerdict::Conservative)

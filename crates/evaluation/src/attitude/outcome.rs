@@ -56,7 +56,7 @@ pub struct RunSummary {
     pub calibration: Option<String>,
     /// The magnetometer calibration that was applied, in words; left out of JSON without one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub field_calibration: Option<String>,
+    pub magnetometer_calibration: Option<String>,
     /// Whether the estimates are smoothed.
     pub smoothed: bool,
     /// Estimates made, one for each gyroscope sample after the start.

@@ -16,7 +16,6 @@
 
 mod axis_navigator;
 mod device_navigator;
-mod smoothed;
 mod ins_navigator;
 pub mod kinds;
 mod magnetic_model;
@@ -29,6 +28,7 @@ pub mod rts_smoother;
 pub mod runner;
 pub mod score;
 mod ship_navigator;
+mod smoothed;
 pub mod trace;
 pub mod tune;
 

@@ -17,7 +17,6 @@ use northing_recording::{DeviceNavigation, Event, Sample, SensorKind, WorldFrame
 
 use super::axis_navigator::AxisNavigator;
 use super::device_navigator::DeviceNavigator;
-use super::smoothed::Scored;
 use super::ins_navigator::InsNavigator;
 use super::kinds::NavigationKind;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
@@ -26,6 +25,7 @@ use super::options::NavigationOptions;
 use super::outcome::{NavigationSummary, ValidityTimes};
 use super::score::{LastFix, Scorer, seconds_between};
 use super::ship_navigator::ShipNavigator;
+use super::smoothed::Scored;
 use crate::error::EvaluationError;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
 

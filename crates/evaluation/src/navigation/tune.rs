@@ -218,7 +218,11 @@ struct Task<'a> {
 
 impl Task<'_> {
     /// Negative log-likelihood of the innovations with these values.
-    fn judge(&self, names: &[String], values: &[f64]) -> Result<NegativeLogLikelihood, EvaluationError> {
+    fn judge(
+        &self,
+        names: &[String],
+        values: &[f64],
+    ) -> Result<NegativeLogLikelihood, EvaluationError> {
         let mut options = self.options.clone();
         for (name, value) in names.iter().zip(values) {
             let setting = format!("{name}={value:e}");

@@ -7,7 +7,9 @@ use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::attitude::parameters::{ParameterInfo, Parameters, parameters_of};
 use northing_evaluation::attitude::trace::Trace;
-use northing_evaluation::statistics::consistency::{NoiseVerdict, is_consistent_nees, nees_in_words};
+use northing_evaluation::statistics::consistency::{
+    NoiseVerdict, is_consistent_nees, nees_in_words,
+};
 use northing_evaluation::statistics::nis::{NisSummary, UpdateCounts};
 
 impl<'a> RunReport<'a> {
@@ -149,7 +151,10 @@ fn recording_facts(summary: &RunSummary) -> Vec<Fact> {
     });
     let calibrations = [
         ("calibration", &summary.calibration),
-        ("calibration of the field", &summary.field_calibration),
+        (
+            "magnetometer calibration",
+            &summary.magnetometer_calibration,
+        ),
     ];
     let calibrations = calibrations
         .into_iter()

@@ -80,11 +80,7 @@ impl CampaignReport {
             "Velocity error",
             &self.errors("Velocity RMSE", "m/s", |t| &t.velocity_rmse_m_s),
         );
-        page.section(
-            "consistency",
-            "Consistency (NEES)",
-            &self.consistency(),
-        );
+        page.section("consistency", "Consistency (NEES)", &self.consistency());
         page.finish(&Frame {
             kicker: "Monte Carlo",
             title: &self.title,

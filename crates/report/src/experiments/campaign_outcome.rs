@@ -111,8 +111,9 @@ fn verdict(name: &str, tracker: &TrackerOutcome) -> Verdict {
     let nees = tracker.nees_mean;
     let inside = 100.0 * tracker.nees_inside_band;
     if tracker.nees_inside_band >= 0.8 {
-        let text =
-            format!("{name} is consistent: its NEES is inside the band at {inside:.0} % of the scans.");
+        let text = format!(
+            "{name} is consistent: its NEES is inside the band at {inside:.0} % of the scans."
+        );
         Verdict::new(Tone::Good, text)
     } else if nees < 4.0 {
         let text = format!("{name} is conservative: NEES {nees:.2} where 4 is consistent.");

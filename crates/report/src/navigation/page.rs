@@ -324,9 +324,8 @@ fn consistency(position: &PositionScore) -> Verdict {
         );
         Verdict::new(Tone::Good, text)
     } else if share < *CONSISTENT.start() {
-        let text = format!(
-            "Overconfident: only {percent:.0} % of the points inside the 95 % ellipse."
-        );
+        let text =
+            format!("Overconfident: only {percent:.0} % of the points inside the 95 % ellipse.");
         Verdict::new(Tone::Bad, text)
     } else {
         let text = format!("Conservative: {percent:.1} % of the points inside the 95 % ellipse.");

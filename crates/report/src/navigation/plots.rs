@@ -92,11 +92,7 @@ pub(crate) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<Str
         keys.push(key(Sign::Line, "line gated", "dead reckoning"));
     }
     if !held_out.is_empty() {
-        keys.push(key(
-            Sign::Dot,
-            &format!("{HELD_OUT} big"),
-            "held-out fixes",
-        ));
+        keys.push(key(Sign::Dot, &format!("{HELD_OUT} big"), "held-out fixes"));
     }
     let device: Vec<Place> = beside(trace, kind)
         .iter()
@@ -337,11 +333,7 @@ fn position_keys(trace: &NavigationTrace, kind: NavigationKind) -> Vec<Key> {
         key(Sign::Dot, &format!("{USED} big"), "fixes used"),
     ];
     if trace.fixes.items().iter().any(|fix| !fix.used) {
-        keys.push(key(
-            Sign::Dot,
-            &format!("{HELD_OUT} big"),
-            "held-out fixes",
-        ));
+        keys.push(key(Sign::Dot, &format!("{HELD_OUT} big"), "held-out fixes"));
     }
     if !beside(trace, kind).is_empty() {
         keys.push(beside_key());

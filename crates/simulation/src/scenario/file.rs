@@ -222,8 +222,12 @@ const UNITS: [(&str, &str); 3] = [("_mps2", "_m_s2"), ("_mps", "_m_s"), ("_dps",
 /// A table with the units in its keys as they are written now, so that older scenarios stay valid.
 fn with_current_units<'i>(table: DeTable<'i>) -> DeTable<'i> {
     let renamed = |key: &str| {
-        let (stem, per) = key.strip_suffix("_sqrt_s").map_or((key, ""), |stem| (stem, "_sqrt_s"));
-        let unit = UNITS.iter().find_map(|(old, new)| Some((stem.strip_suffix(old)?, new)));
+        let (stem, per) = key
+            .strip_suffix("_sqrt_s")
+            .map_or((key, ""), |stem| (stem, "_sqrt_s"));
+        let unit = UNITS
+            .iter()
+            .find_map(|(old, new)| Some((stem.strip_suffix(old)?, new)));
         let name = unit.map(|(quantity, unit)| format!("{quantity}{unit}{per}"));
         // Said twice in one table, the old key is left to be refused.
         name.filter(|name| !table.contains_key(name.as_str()))
@@ -240,7 +244,10 @@ fn with_current_units<'i>(table: DeTable<'i>) -> DeTable<'i> {
 fn update_units(value: &mut DeValue<'_>) {
     match value {
         DeValue::Table(table) => *table = with_current_units(std::mem::take(table)),
-        DeValue::Array(values) => values.iter_mut().map(Spanned::get_mut).for_each(update_units),
+        DeValue::Array(values) => values
+            .iter_mut()
+            .map(Spanned::get_mut)
+            .for_each(update_units),
         _ => {}
     }
 }
@@ -286,7 +293,10 @@ mod tests {
 
     #[test]
     fn older_units_in_keys_are_read() {
-        let old = TEXT.replace("_m_s2", "_mps2").replace("_m_s", "_mps").replace("_deg_s", "_dps");
+        let old = TEXT
+            .replace("_m_s2", "_mps2")
+            .replace("_m_s", "_mps")
+            .replace("_deg_s", "_dps");
         assert_ne!(old, TEXT);
         let file = |text| ScenarioFile::parse("s.toml", text);
         let (old, new) = (file(&old).unwrap(), file(TEXT).unwrap());

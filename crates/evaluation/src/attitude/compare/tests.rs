@@ -194,7 +194,7 @@ fn calibrated_phones_do_better_still() {
         };
         let compared = compare(&paths, &options, &|| {});
         let summary = compared[0].outcome.as_ref().unwrap();
-        let words = summary.field_calibration.as_ref().unwrap();
+        let words = summary.magnetometer_calibration.as_ref().unwrap();
         assert!(words.contains("magnetometer_Nexus5_d"), "{words}");
         assert_eq!(summary.magnetometer, Some(MagnetometerSource::Uncalibrated));
         let rows = statistics(&scores(&compared));

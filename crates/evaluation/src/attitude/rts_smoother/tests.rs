@@ -111,7 +111,10 @@ fn every_node_is_at_most_as_uncertain_as_the_filter_was() {
         assert!(attitude(smoothed) <= attitude(filtered) * (1.0 + 1e-9));
         assert!(bias(smoothed) <= bias(filtered) * (1.0 + 1e-9));
     }
-    assert_eq!(smoothed_states.last(), Some(&SmoothedState::of(&recorder.mekf)));
+    assert_eq!(
+        smoothed_states.last(),
+        Some(&SmoothedState::of(&recorder.mekf))
+    );
 }
 
 #[test]

@@ -5,9 +5,9 @@ use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_recording::{GnssPosition, GnssQuality, GnssVelocity};
 
 use super::Session;
-use crate::navigation::smoothed::Scored;
 use crate::navigation::navigator::{Aid, AidKind};
 use crate::navigation::score::{LastFix, seconds_between};
+use crate::navigation::smoothed::Scored;
 
 /// Error of a range to a satellite, m: with a dilution of 1 half the fixes are within 3 m.
 const RANGE_ERROR_M: f64 = 3.6;

@@ -7,10 +7,10 @@ use northing_core::geometry::rotation::from_matrix;
 use northing_recording::{GnssPosition, Reference, WorldFrame};
 
 use super::Session;
-use crate::navigation::smoothed::{self, Scored};
 use crate::navigation::navigator::NavigationEstimate;
 use crate::navigation::observer::ScoredPoint;
 use crate::navigation::score::ScorePoint;
+use crate::navigation::smoothed::{self, Scored};
 
 impl Session<'_> {
     pub(super) fn reference_position(&mut self, time_ns: i64, place: &GnssPosition) {
