@@ -154,7 +154,7 @@ export interface Lamp {
   tone: Tone;
   text: string;
   nis_mean: number | null;
-  /** What it is when honest. */
+  /** What it is when consistent. */
   nis_expected?: number;
 }
 
@@ -210,7 +210,7 @@ export interface FinalSummary {
   estimated_error_wxyz: Quaternion | null;
   estimated_std_deg: Triple | null;
   normalised_square: number | null;
-  verdict: "consistent" | "optimistic" | "pessimistic" | null;
+  verdict: "consistent" | "overconfident" | "conservative" | null;
   sentence: string;
 }
 

@@ -46,3 +46,8 @@ pub mod tracking;
 pub use nalgebra;
 pub use parameters::ConfigError;
 pub use scalar::Scalar;
+
+/// The example of the README, so that it compiles and does what it says.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;

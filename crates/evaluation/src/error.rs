@@ -94,7 +94,7 @@ pub enum EvaluationError {
     RestCalibration(String),
     /// The samples do not give a magnetometer calibration.
     #[error("magnetometer calibration: {0}")]
-    FieldCalibration(String),
+    MagnetometerStreamCalibration(String),
     /// The recording has no samples of the magnetometer asked for.
     #[error(
         "the recording has no samples of the magnetometer `{stream}`; record one, or choose the other with \

@@ -85,8 +85,9 @@ fn an_hour_of_ais_becomes_about_as_many_tracks_as_ships() {
 }
 
 #[test]
-fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest() {
-    let Some(data) = data_dir("with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest") else {
+fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_consistent() {
+    let Some(data) = data_dir("with_a_wrong_heading_the_schmidt_tracker_is_the_most_consistent")
+    else {
         return;
     };
     let options = InjectionOptions {

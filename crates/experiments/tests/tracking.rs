@@ -292,7 +292,7 @@ fn faults_and_a_target_through_the_own_ship_are_survived() {
     bad.radar.detection_probability = 0.7;
     // Meets the own ship, exactly, after 20 s.
     bad.target.position_m = [400.0, 0.0];
-    bad.target.velocity_mps = [-10.0, 0.0];
+    bad.target.velocity_m_s = [-10.0, 0.0];
     bad.target.truth_process_noise = false;
     let part = Campaign::new(&bad, &[], 1, 4)
         .unwrap()

@@ -11,8 +11,8 @@ use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
 use northing_evaluation::attitude::parameters::parameters;
-use northing_evaluation::calibration::magnetometer::FieldCalibration;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -175,7 +175,7 @@ async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) ->
         return (StatusCode::NOT_FOUND, text).into_response();
     };
     // As `northing run --magnetometer-calibration` reads it; the lab uses the device's own stream.
-    let field = FieldCalibration {
+    let field = MagnetometerStreamCalibration {
         magnetometer: MagnetometerSource::Device,
         calibration,
     };

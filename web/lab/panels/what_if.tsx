@@ -1,4 +1,4 @@
-// Step 8: the same recording with other numbers, at once; and the curve that shows where tuning is honest.
+// Step 8: the same recording with other numbers, at once; and the curve that shows where tuning is consistent.
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type uPlot from "uplot";
@@ -126,10 +126,10 @@ const curveSpec = (parameter: string, value: () => number | null, rules: () => R
   mark: value,
 });
 
-/** The NIS of an honest R: its degrees of freedom, which are fewer for a compass. */
-function honest(): Rule[] {
+/** The NIS of a consistent R: its degrees of freedom, which are fewer for a compass. */
+function consistent(): Rule[] {
   const compass = degreesOf("magnetometer", asked) === 1;
-  return compass ? [{ value: 3, text: "honest, acc: 3" }, { value: 1, text: "honest, mag: 1", below: true }] : [{ value: 3, text: "honest: 3" }];
+  return compass ? [{ value: 3, text: "consistent, acc: 3" }, { value: 1, text: "consistent, mag: 1", below: true }] : [{ value: 3, text: "consistent: 3" }];
 }
 
 const positive = (v: number | null): number | null => (v !== null && v > 0 ? v : null);
@@ -156,7 +156,7 @@ export function WhatIfPlots() {
     return () => columns;
   }, [trace]);
   const errorOf = useMemo(() => errorSpec(truth), [truth]);
-  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null, honest), [curve?.parameter]);
+  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null, consistent), [curve?.parameter]);
   const curveData = useMemo(() => {
     const columns = [curve?.values ?? [], curve?.nis_acc.map(positive) ?? [], curve?.nis_mag.map(positive) ?? [], curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
     return () => columns;

@@ -24,7 +24,11 @@ fn a_campaign_prints_a_table_or_one_document() {
     let lab = lab();
     contains(
         &lab.succeeds(&with(&["montecarlo", "s.toml", "--runs", "3"])),
-        &["consistent: 3 runs, seed 1", "schmidt", "NEES: 4 is honest"],
+        &[
+            "consistent: 3 runs, seed 1",
+            "schmidt",
+            "NEES: 4 is consistent",
+        ],
     );
     let document = lab.json(&with(&[
         "montecarlo",
@@ -48,7 +52,7 @@ fn a_campaign_prints_a_table_or_one_document() {
     let tracker = &document["trackers"]["schmidt"];
     for key in [
         "position_rmse_m",
-        "velocity_rmse_mps",
+        "velocity_rmse_m_s",
         "nees_mean",
         "nees_inside_band",
         "nees_inside_band_2dof",
@@ -57,7 +61,7 @@ fn a_campaign_prints_a_table_or_one_document() {
     }
     for part in ["transient", "steady"] {
         assert!(tracker[part]["position_rmse_m"].as_f64().unwrap() > 0.0);
-        assert!(tracker[part]["velocity_rmse_mps"].as_f64().unwrap() > 0.0);
+        assert!(tracker[part]["velocity_rmse_m_s"].as_f64().unwrap() > 0.0);
     }
     assert_eq!(tracker["series"]["nees"].as_array().unwrap().len(), 70);
     assert_eq!(document["trackers"].as_object().unwrap().len(), 2);
@@ -170,13 +174,13 @@ fn what_cannot_be_run_is_refused_in_one_line() {
     );
     lab.write(
         "n.toml",
-        SCENARIO.replace("sigma_gyro_dps = 0.4", "sigma_gyro_dps = -0.4"),
+        SCENARIO.replace("sigma_gyro_deg_s = 0.4", "sigma_gyro_deg_s = -0.4"),
     );
     contains(
         &refused(&["n.toml"]),
         &[
             "n.toml:",
-            "imu.sigma_gyro_dps is -0.4, expected a finite number above zero",
+            "imu.sigma_gyro_deg_s is -0.4, expected a finite number above zero",
         ],
     );
 }

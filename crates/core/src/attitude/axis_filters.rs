@@ -1,4 +1,4 @@
-//! Roll, pitch and yaw by three independent Kalman filters of two states each: angle and bias.
+//! Decoupled per-axis Kalman filters for roll, pitch and yaw, of two states each: angle and bias.
 //!
 //! Read first: `docs/derivations/axis_filters.md`; Romaniuk & Gosiewski (2014), "Kalman filter
 //! realization for orientation and position estimation on dedicated processor", eqs 5-19 and 31-37.

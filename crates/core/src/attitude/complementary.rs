@@ -74,7 +74,7 @@ struct Vector<T: Scalar> {
     /// What it measures in the reference frame: direction and length.
     reference: Option<(Vector3<T>, T)>,
     weight: T,
-    /// Lengths that are believed, as shares of the reference's.
+    /// Lengths that are accepted, as shares of the reference's.
     shares: [T; 2],
     /// Their squares in the sensor's unit.
     squares: [T; 2],

@@ -14,7 +14,7 @@
 //! | `w` | `angular_rate - gyroscope_bias`, the bias constant | rad/s |
 //!
 //! Cost: about a third of the six-state filter. Limits: what the calibration left of the bias is
-//! not in `P`, so the covariance is optimistic.
+//! not in `P`, so the covariance is overconfident.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 

@@ -83,7 +83,7 @@ fn variance_about<T: Scalar>(f: &impl AttitudeEstimator<T>, reference: &Vector3<
     body.dot(&(f.attitude_covariance().unwrap() * body))
 }
 
-/// From 0.5 rad per axis off, attitude and bias are found, with an honest covariance.
+/// From 0.5 rad per axis off, attitude and bias are found, with a consistent covariance.
 pub(super) fn check_convergence<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfig<f64>) -> E) {
     // Without gates: half a radian is far beyond what the linear innovation covariance expects.
     let config = AttitudeConfig {

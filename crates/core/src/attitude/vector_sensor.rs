@@ -1,4 +1,4 @@
-//! What a filter knows about one vector sensor: its reference, its noise, its gate, its history.
+//! State of one vector sensor in a filter: its reference, its noise, its gate, its history.
 //!
 //! Shared by all attitude filters: how a sample is weighed is one idea and has one place. A filter
 //! supplies the predicted vector and the covariance of its prediction and gets back the innovation

@@ -1,4 +1,4 @@
-//! What a closed-loop filter does to its own error, told to whoever is correlated with that error.
+//! Error-state feedback and reset of a closed-loop filter, handed to whatever is correlated with its error.
 //!
 //! A filter that feeds its corrections back into its state (an error-state filter) maps its error
 //! in steps: `e <- Phi e + noise` when it propagates, `e <- G (I - K H) e + noise` when it

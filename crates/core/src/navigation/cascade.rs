@@ -42,7 +42,7 @@ pub const SHORTEST_INTERVAL_S: f64 = 0.02;
 /// A position this many standard deviations off is an outlier ...
 pub const OUTLIER_STDS: f64 = 5.0;
 /// ... unless so many came in a row: then the estimate is what is wrong.
-pub const OUTLIERS_BELIEVED: u8 = 5;
+pub const OUTLIERS_ACCEPTED: u8 = 5;
 /// Largest specific force (m/s^2), position (m) and interval (s) that can have been measured.
 const LARGEST_FORCE: f64 = 1e4;
 const LARGEST_POSITION: f64 = 1e8;
@@ -248,7 +248,7 @@ impl<T: Scalar> Cascade<T> {
         self.since_seen = age;
         let error = position - then;
         let is_outlier = error.norm() > self.config.position_std_m * lit(OUTLIER_STDS);
-        if is_outlier && self.outliers < OUTLIERS_BELIEVED {
+        if is_outlier && self.outliers < OUTLIERS_ACCEPTED {
             self.outliers += 1;
             return unweighed(error, Outcome::Gated);
         }

@@ -39,7 +39,7 @@ const LONGEST_STEP_S: f64 = 10.0;
 /// Fastest velocity through the water, m/s.
 const FASTEST: f64 = 100.0;
 /// So many fixes outside the gate in a row, and the state is what is wrong.
-const OUTLIERS_BELIEVED: u8 = 5;
+const OUTLIERS_ACCEPTED: u8 = 5;
 /// Largest position error that still means something, m.
 const FARTHEST: f64 = 1e6;
 
@@ -262,14 +262,14 @@ impl<T: Scalar> DeadReckoning<T> {
         variance: T,
         record: Innovation<T>,
     ) -> Innovation<T> {
-        let believed = self.state.outliers >= OUTLIERS_BELIEVED;
-        if believed {
+        let accepted = self.state.outliers >= OUTLIERS_ACCEPTED;
+        if accepted {
             self.start(position, variance);
             self.state.outliers = 0;
         } else {
             self.state.outliers += 1;
         }
-        let outcome = if believed {
+        let outcome = if accepted {
             Outcome::Inflated
         } else {
             Outcome::Gated

@@ -38,7 +38,7 @@ mod sparse;
 use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 pub use aiding::{GnssCompassFix, GnssCompassUpdate};
-pub use sparse::{Measurement, REJECTIONS_BELIEVED, ROW_ELEMENTS, Row, SIDE};
+pub use sparse::{Measurement, REJECTIONS_ACCEPTED, ROW_ELEMENTS, Row, SIDE};
 
 use super::transition::{ErrorTransition, ProcessNoise};
 use super::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION, STATES, VELOCITY};

@@ -1,5 +1,5 @@
-//! GNSS/INS: stamped samples of an inertial unit and of a receiver in, position, velocity and attitude out, with
-//! what they are worth.
+//! GNSS/INS: stamped samples of an inertial unit and of a receiver in, position, velocity and attitude out, with covariance
+//! and solution status.
 //!
 //! *Read first:* `docs/derivations/error_state.md`; Groves (2013), chapters 14 to 16.
 //!

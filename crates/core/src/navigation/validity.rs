@@ -1,4 +1,4 @@
-//! What a position is worth: aided, dead reckoning, or nothing any more.
+//! Solution status: aligning, aided, dead reckoning, or invalid.
 //!
 //! A filter can always say where it believes to be. Whether anybody should act on it is a matter of how long
 //! nothing has confirmed it and of how uncertain it says it is; both limits are settings.

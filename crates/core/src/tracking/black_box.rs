@@ -1,10 +1,10 @@
-//! The Schmidt-Kalman tracker beside a navigation that shows its pose and nothing else.
+//! Schmidt-Kalman tracker beside a black-box navigation: only its pose and covariance are known.
 //!
 //! The error of the pose is taken as a Gauss-Markov process with a stated correlation time for
 //! position and heading (S11, [`PoseMemory`]). While the navigation converges its error shrinks faster than that;
 //! so the correlation over a scan is `min(exp(-dt / tau), variance now / variance before)`. With the
 //! right times this equals the exact tracker within a part in a thousand; a wrong heading time
-//! costs honesty.
+//! costs consistency.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 

@@ -1,4 +1,4 @@
-//! The tracker of many targets in clutter: initiation, association, existence, confirmation, deletion,
+//! Multi-target tracker in clutter: initiation, association, existence, confirmation, deletion,
 //! with the own ship's uncertainty in every step.
 //!
 //! Read first: `docs/derivations/association.md`; Musicki and Evans (2004) for JIPDA; the Schmidt

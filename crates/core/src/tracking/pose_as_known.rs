@@ -1,7 +1,7 @@
-//! The extended Kalman filter that takes the own pose as exact.
+//! Extended Kalman filter that takes the own pose as exact.
 //!
-//! Given the true pose it is the yardstick of what is possible; given the navigation's pose it is
-//! the *uncompensated* tracker, which is too sure of itself whenever the heading is in error.
+//! Given the true pose it is the bound of what is possible; given the navigation's pose it is
+//! the *uncompensated* tracker, which is overconfident whenever the heading is in error.
 
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};

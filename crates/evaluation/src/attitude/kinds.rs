@@ -88,7 +88,7 @@ impl EstimatorKind {
         match self {
             Self::Integration => EstimatorInfo {
                 name: "integration",
-                summary: "gyroscope integration alone, the yardstick: drifts with bias and noise",
+                summary: "gyroscope integration alone, the baseline: drifts with bias and noise",
                 error_states: 0,
                 has_covariance: false,
                 paper: "Utrera & Vazquez (2021), section 4",
@@ -244,7 +244,7 @@ impl AnyEstimator {
     /// a column of the recording.
     ///
     /// # Errors
-    /// [`EvaluationError::Config`] when a setting makes no sense.
+    /// [`EvaluationError::Config`] when a setting is invalid.
     pub fn new(
         kind: EstimatorKind,
         parameters: &Parameters,

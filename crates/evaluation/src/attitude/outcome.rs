@@ -29,9 +29,9 @@ pub struct RunSummary {
     pub updates: PerSensor<UpdateCounts>,
     /// RMS errors against the reference, deg; `None` without a scored reference.
     pub error_deg: Option<ErrorSummary>,
-    /// Mean NEES of the attitude per degree of freedom: 1 when the covariance is honest.
+    /// Mean NEES of the attitude per degree of freedom: 1 when the covariance is consistent.
     pub nees_mean: Option<f64>,
-    /// Mean NIS of each sensor, not divided by anything: when honest it is the sensor's degrees of
+    /// Mean NIS of each sensor, not divided by anything: when consistent it is the sensor's degrees of
     /// freedom (3 for a vector, 1 for a heading), which `nis` states.
     pub nis_mean: NisOf<f64>,
     /// The final test; `None` where the device did not rest in the same pose at both ends.
@@ -39,7 +39,7 @@ pub struct RunSummary {
     pub final_test: Option<FinalSummary>,
     /// All NIS statistics of each sensor.
     pub nis: NisOf<NisSummary>,
-    /// Whether each sensor's stated noise is honest, in words.
+    /// Whether each sensor's stated noise is consistent, in words.
     pub verdicts: Vec<SensorVerdict>,
     /// What the sensors used cannot tell, in words.
     pub unobservable: Vec<String>,
@@ -56,7 +56,7 @@ pub struct RunSummary {
     pub calibration: Option<String>,
     /// The magnetometer calibration that was applied, in words; left out of JSON without one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub field_calibration: Option<String>,
+    pub magnetometer_calibration: Option<String>,
     /// Whether the estimates are smoothed.
     pub smoothed: bool,
     /// Estimates made, one for each gyroscope sample after the start.

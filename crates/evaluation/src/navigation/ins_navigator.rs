@@ -16,7 +16,7 @@ use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use crate::navigation::rts_smoother::NavigationRecorder;
 use crate::statistics::nis::UpdateCounts;
 
-/// Inertial samples kept to look back by: 0.6 s at 200 Hz.
+/// Inertial samples kept for late fixes: 0.6 s at 200 Hz.
 const HISTORY: usize = 128;
 /// Where a receiver states no standard deviation it is that of a code solution by itself: orbits, clocks and the
 /// air last minutes, and a third is noise and reflections that change from fix to fix.
@@ -35,7 +35,7 @@ pub(crate) struct InsNavigator {
     is_near_pole: bool,
     /// Angular rate of the last sample: the antenna moves with it.
     rate: Vector3<f64>,
-    /// What it has done, to look back.
+    /// What it has done, for RTS smoothing.
     recorder: Option<NavigationRecorder>,
 }
 
@@ -60,7 +60,7 @@ impl InsNavigator {
         (known && x.hypot(y) > 5.0).then(|| {
             format!(
                 "The magnetometer carries iron: {x:.0} uT forward, {y:.0} uT to the right, found on the \
-                 way and taken out. A calibration of it in its place tells the heading from the start."
+                 way and taken out. A calibration of it in situ tells the heading from the start."
             )
         })
     }
@@ -188,7 +188,7 @@ impl Navigator for InsNavigator {
                 position: node.position + attitude * arm,
                 position_covariance,
                 velocity: node.velocity + attitude * node.angular_rate.cross(&arm),
-                // Hindsight knows the fix after as well as the one before.
+                // The smoother knows the fix after as well as the one before.
                 validity: limits.judge(node.since_fix_s, variance),
             }
         });
@@ -251,7 +251,7 @@ mod tests {
 
     /// A turntable that turns after 5 s, with the antenna 2 m ahead of its axis, and no fixes from 20 s to 30 s.
     #[test]
-    fn hindsight_is_of_the_antenna_and_knows_how_far_the_next_fix_is() {
+    fn smoothing_is_of_the_antenna_and_knows_how_far_the_next_fix_is() {
         let arm = Vector3::new(2.0, 0.0, 0.0);
         let config = GnssInsConfig {
             lever_arm_m: arm.into(),

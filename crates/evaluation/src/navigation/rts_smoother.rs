@@ -58,7 +58,7 @@ struct Step {
     chain: u32,
 }
 
-/// What hindsight says about an instant.
+/// What the smoother says about an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SmoothedNavigation {
     /// When, ns.
@@ -77,7 +77,7 @@ pub struct SmoothedNavigation {
     pub since_fix_s: Option<f64>,
 }
 
-/// Keeps what a GNSS/INS does, to look back.
+/// Keeps what a GNSS/INS does, for RTS smoothing.
 #[derive(Debug, Clone, Default)]
 pub struct NavigationRecorder {
     steps: Vec<Step>,
@@ -147,7 +147,7 @@ impl NavigationRecorder {
         self.note_breaks(ins);
     }
 
-    /// Every instant in hindsight, the first to the last, which is the filter's own present.
+    /// Every smoothed instant, the first to the last, which is the filter's own present.
     pub fn smooth<const H: usize>(&mut self, ins: &mut GnssIns<f64, H>) -> Vec<SmoothedNavigation> {
         self.close(ins);
         let mut smoothed = Vec::with_capacity(self.steps.len() + 1);
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn hindsight_is_nearer_bridges_an_outage_and_knows_how_near_it_is() {
+    fn smoothing_is_nearer_bridges_an_outage_and_knows_how_near_it_is() {
         let runs: Vec<Scores> = (1..=8).map(run).collect();
         let n = runs.len() as f64;
         let mean = |of: fn(&Scores) -> f64| runs.iter().map(of).sum::<f64>() / n;

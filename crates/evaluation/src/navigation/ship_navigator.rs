@@ -82,7 +82,7 @@ impl ShipNavigator {
 
 /// A measurement that moves no state by itself: taken in, or why not.
 fn taken(result: Result<(), SkipReason>) -> Innovation<f64> {
-    Innovation::skipped(result.err().unwrap_or(SkipReason::Gathered))
+    Innovation::skipped(result.err().unwrap_or(SkipReason::Accumulated))
 }
 
 impl Navigator for ShipNavigator {

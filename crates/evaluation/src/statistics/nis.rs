@@ -54,7 +54,7 @@ impl UpdateCounts {
 /// What the NIS of one sensor says, over all samples that were looked at (the refused ones too).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct NisSummary {
-    /// Mean NIS; the degrees of freedom when the tuning is honest.
+    /// Mean NIS; the degrees of freedom when the tuning is consistent.
     pub mean: f64,
     /// Median NIS: says the same of the bulk, whatever outliers do.
     pub median: f64,
@@ -62,9 +62,9 @@ pub struct NisSummary {
     pub degrees_of_freedom: u8,
     /// Samples that were looked at.
     pub samples: u64,
-    /// Share above the 95 % bound of chi-square, 0.05 when honest.
+    /// Share above the 95 % bound of chi-square, 0.05 when consistent.
     pub share_above_95: f64,
-    /// Share above the 99 % bound, 0.01 when honest.
+    /// Share above the 99 % bound, 0.01 when consistent.
     pub share_above_99: f64,
     /// Correlation of one residual with the next, -1 to 1; 0 when they are white.
     pub lag1_autocorrelation: f64,

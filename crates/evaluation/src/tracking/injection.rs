@@ -1,7 +1,7 @@
-//! A heading error, drawn anew for each run: which tracker knows what it does not know?
+//! Injected heading error, drawn for each run: consistency and losses of each tracker.
 //!
 //! The recordings' detections are relative to the own ship, so an error added to its heading is known
-//! exactly. A tracker that states its uncertainty honestly has the true position inside its 95 %
+//! exactly. A tracker that states its uncertainty consistently has the true position inside its 95 %
 //! ellipse 95 times of 100.
 
 use std::collections::BTreeMap;

@@ -38,7 +38,7 @@ pub struct Cost {
 /// Times the schemes over `data`.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn measure(data: &ObserverData, gains: &Gains) -> Result<Cost, EvaluationError> {
     let config = settings(data, gains, Form::Northing);
     let start = data.initial_state();

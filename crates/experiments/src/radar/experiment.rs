@@ -63,7 +63,7 @@ pub fn tracker_config(world: &TrackingWorld) -> (TrackerConfig<f64>, PoseMemory<
     let radar = world.noises().radar_std;
     let config = TrackerConfig::new(
         ConstantVelocity {
-            acceleration_std: world.scenario().target.sigma_accel_mps2,
+            acceleration_std: world.scenario().target.sigma_accel_m_s2,
         },
         RadarNoise {
             range_std: radar.x,
@@ -151,10 +151,10 @@ fn start<const N: usize, V: Navigator<N>>(
         TrackStart::OnePoint => seen.map(|[range, bearing]| {
             let correlated = table.cross_covariance == StartCross::FromConversion;
             let detection = RadarDetection { range, bearing };
-            Start::Detection(detection, table.velocity_std_mps, correlated)
+            Start::Detection(detection, table.velocity_std_m_s, correlated)
         }),
         TrackStart::Prior => {
-            let (p, v) = (table.position_std_m, table.velocity_std_mps);
+            let (p, v) = (table.position_std_m, table.velocity_std_m_s);
             let std = Vector4::new(p, v, p, v);
             Some(Start::Prior(TrackEstimate {
                 state: run.target() - run.prior_draw().component_mul(&std),

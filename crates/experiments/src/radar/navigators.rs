@@ -169,7 +169,7 @@ impl Navigator<STATES> for PaperNavigator {
         let config = ErrorStateConfig {
             accelerometer_noise_density: noises.filter_accelerometer_density,
             gyroscope_noise_density: noises.filter_gyroscope_density,
-            gravity: world.scenario().meta.gravity_mps2,
+            gravity: world.scenario().meta.gravity_m_s2,
             reset_jacobian: world.scenario().navigation.reset_jacobian,
             ..ErrorStateConfig::default()
         };
@@ -236,7 +236,7 @@ impl Navigator<ERRORS> for GnssInsNavigator {
             imu_samples: ImuSamples::Means,
             accelerometer_noise_density: noises.filter_accelerometer_density,
             gyroscope_noise_density: noises.filter_gyroscope_density,
-            gravity: world.scenario().meta.gravity_mps2,
+            gravity: world.scenario().meta.gravity_m_s2,
             // The world is flat, its biases are constant, its fixes white and on time.
             earth_curvature: false,
             accelerometer_bias_random_walk: 0.0,

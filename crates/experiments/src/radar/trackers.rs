@@ -88,7 +88,7 @@ impl TrackerKind {
     #[must_use]
     pub const fn description(self) -> &'static str {
         match self {
-            Self::TruePose => "EKF, told the true own pose: the yardstick",
+            Self::TruePose => "EKF, given the true own pose: the baseline",
             Self::TruePoseConverted => "converted measurements, told the true own pose",
             Self::Uncompensated => "EKF that takes the navigation's pose as true",
             Self::UncompensatedConverted => "converted measurements, navigation's pose as true",

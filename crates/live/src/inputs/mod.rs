@@ -2,7 +2,7 @@
 //! that connect to a port, boards on a serial line.
 //!
 //! One file an input. Each connects again by itself when it breaks off, says in words what happens,
-//! hands raw payloads to its device and decodes nothing. An input that floods is held back by not
+//! hands raw payloads to its device and decodes nothing. An input that floods is throttled by not
 //! reading on; one that stalls costs nothing; none of them disturbs another device.
 
 mod link;

@@ -177,7 +177,7 @@ impl Recorder {
         }
     }
 
-    /// The disk is slower than the devices: an honest end is better than a recording with holes.
+    /// The disk is slower than the devices: an end that is announced is better than a recording with holes.
     fn give_up(&self) {
         *lock(&self.items) = None;
         let mut status = lock(&self.shared.status);

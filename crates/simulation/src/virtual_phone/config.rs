@@ -140,7 +140,7 @@ impl Disturbance {
     }
 }
 
-/// The orientation the phone reports: the truth of a moment ago, with an error that wanders.
+/// The orientation the phone reports: the truth of a moment ago, with an error that drifts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DeviceOrientationConfig {
@@ -170,7 +170,7 @@ impl Default for DeviceOrientationConfig {
 }
 
 /// The heading the phone reports, as phones without a magnetometer for programs do: the truth with
-/// an error that wanders and that it states honestly.
+/// an error that drifts and whose size it states.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CompassConfig {
@@ -206,7 +206,7 @@ impl Default for ReferenceConfig {
     }
 }
 
-/// A configuration that makes no sense.
+/// A configuration that is invalid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigError {
     field: String,
@@ -246,7 +246,7 @@ impl VirtualPhoneConfig {
         }
     }
 
-    /// Refuses what makes no sense.
+    /// Refuses what is invalid.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         let fields = [
             ("rest_before_s", self.rest_before_s),

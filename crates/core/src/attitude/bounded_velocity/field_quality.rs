@@ -1,4 +1,4 @@
-//! How good is a measured field? Its variance grows with what is wrong about strength and dip, and
+//! Magnetic disturbance: the variance of a measured field grows with what is wrong about strength and dip, and
 //! with what does not fit.
 //!
 //! Strength and dip are seen without any heading: a wrong heading cannot make a good field look bad

@@ -1,4 +1,4 @@
-//! Which error states there are, and where they stand.
+//! Error states in use, and their places in the covariance.
 //!
 //! Attitude, velocity and bias are always there, the other blocks follow each other without holes:
 //! a block that is off takes no place, and the loops, which run over the states in use, no time.

@@ -1,4 +1,4 @@
-//! Does the device rest? Rate and specific force stay near their own low-passes for long enough.
+//! Rest detection: rate and specific force stay near their own low-passes for long enough.
 //!
 //! At rest the rate is the bias and the velocity is zero (B13, B14).
 

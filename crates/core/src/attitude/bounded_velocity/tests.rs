@@ -117,7 +117,7 @@ fn is_sound(f: &BoundedVelocity<impl Scalar>) -> bool {
 }
 
 #[test]
-fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_honest_covariance() {
+fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_consistent_covariance() {
     let errors = Errors {
         bias: Vector3::new(0.03, -0.02, 0.015),
         scale: Matrix3::new(0.004, 0.001, 0.0, -0.001, -0.005, 0.0, 0.0, 0.001, 0.003),
@@ -377,7 +377,7 @@ fn sensors_have_their_own_rates() {
             let again = f.update_magnetometer(m).outcome;
             waiting[0] += u32::from(again == Outcome::Skipped(SkipReason::NotDue));
             let again = f.update_accelerometer(a).outcome;
-            waiting[1] += u32::from(again == Outcome::Skipped(SkipReason::Gathered));
+            waiting[1] += u32::from(again == Outcome::Skipped(SkipReason::Accumulated));
         }
         error = rotation::angle_between(truth, &f.attitude()).to_degrees();
     });

@@ -183,7 +183,7 @@ fn a_full_view_has_the_precision_of_the_closed_form() {
 /// Mean of (error / std)^2 over 200 calibrations and three axes, where all and where a good half
 /// of the sphere is seen.
 #[test]
-fn the_uncertainty_of_the_hard_iron_is_honest() {
+fn the_uncertainty_of_the_hard_iron_is_consistent() {
     for from in [-1.0, -0.2] {
         let mut sum = 0.0;
         for seed in 0..200 {

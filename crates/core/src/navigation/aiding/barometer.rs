@@ -1,4 +1,4 @@
-//! Height from a barometer, up to an offset that moves slowly with the weather.
+//! Barometric height, up to an offset that drifts with the weather.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E24).
 

@@ -1,4 +1,4 @@
-//! Velocity in the axes of a vehicle: none sideways and up (non-holonomic constraint), and its speed from wheels
+//! Non-holonomic constraint and wheel speed, velocity in the axes of a vehicle: none sideways and up (non-holonomic constraint), and its speed from wheels
 //! or a ship's log.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E26).
@@ -60,7 +60,7 @@ pub fn non_holonomic<T: Scalar>(
         rows: [right_row, down_row],
         residual: SVector::<T, 2>::new(-right_speed, -down_speed),
         variance: SVector::<T, 2>::repeat(variance),
-        // There is no one state to blame: a long slide is believed as it is.
+        // There is no one state to blame: a long slide is accepted as it is.
         freed: [usize::MAX; 2],
     }
 }

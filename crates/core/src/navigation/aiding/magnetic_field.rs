@@ -1,4 +1,4 @@
-//! Where magnetic north is, from a magnetometer that also feels the iron of what carries it.
+//! Magnetic heading, from a magnetometer that also feels the iron of what carries it.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E23) and (E36).
 //!

@@ -1,4 +1,4 @@
-//! What a step costs, counted: multiplications and additions, held to the table of the block form.
+//! Operation counts of a step: multiplications and additions, held to the table of the block form.
 //!
 //! `cargo test -p northing-core --lib operations -- --nocapture` prints the table of `docs/results/navigation.md`.
 

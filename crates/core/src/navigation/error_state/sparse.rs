@@ -32,8 +32,8 @@ use crate::scalar::{Scalar, lit};
 pub const ROW_ELEMENTS: usize = 12;
 /// Index of the first augmented state in a row.
 pub const SIDE: usize = STATES;
-/// How many measurements in a row a gate refuses before it believes them.
-pub const REJECTIONS_BELIEVED: u8 = 5;
+/// How many measurements in a row a gate refuses before it accepts them.
+pub const REJECTIONS_ACCEPTED: u8 = 5;
 
 /// Largest variances of attitude (rad^2), velocity, position, accelerometer and gyroscope bias: beyond them
 /// nothing is known.
@@ -75,7 +75,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
             self.count_skipped();
             return Innovation::skipped(SkipReason::Numerical);
         };
-        let outcome = match gate.decide(expected.nis, threshold, REJECTIONS_BELIEVED) {
+        let outcome = match gate.decide(expected.nis, threshold, REJECTIONS_ACCEPTED) {
             GateDecision::Accept => Outcome::Fused,
             GateDecision::Inflate(_) => Outcome::Inflated,
             GateDecision::Reject => Outcome::Gated,
@@ -84,7 +84,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         if outcome == Outcome::Fused {
             self.fuse_expected(side, used, measurement, &mut expected, listener);
         } else if outcome == Outcome::Inflated {
-            self.believe(side, used, measurement, listener);
+            self.accept(side, used, measurement, listener);
         }
         record
     }
@@ -92,7 +92,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// Fuses a measurement that the gate would still refuse, with the states that it sees set free (E17).
     // Not inlined, for the same reason.
     #[inline(never)]
-    fn believe<const M: usize>(
+    fn accept<const M: usize>(
         &mut self,
         side: &mut AugmentedStates<T>,
         used: Used,

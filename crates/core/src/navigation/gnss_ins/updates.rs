@@ -24,7 +24,7 @@ const FURTHEST_M: f64 = 1e6;
 const FASTEST_M_S: f64 = 1e3;
 /// Standard deviation of a standing body's velocity, m/s: an idling engine, a swaying boat.
 const STANDING_STD: f64 = 0.03;
-/// A window at rest is believed when the estimate is slower than so many of its standard deviations, and ...
+/// A window at rest is accepted when the estimate is slower than so many of its standard deviations, and ...
 const STANDING_SIGMAS: f64 = 3.0;
 /// ... this (m/s): what a receiver or dead reckoning may be off by.
 const STANDING_SPEED: f64 = 0.5;

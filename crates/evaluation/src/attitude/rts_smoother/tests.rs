@@ -64,13 +64,13 @@ fn smoothing_lowers_the_error_by_a_third_and_stays_consistent() {
         let mut recorder = Recorder::new(filter_config).unwrap();
         recorder.initialize(&start(&trial, seed));
         let first = recorder.node();
-        let hindsight = run(&trial, &mut recorder);
+        let smoothed_states = run(&trial, &mut recorder);
         assert!(recorder.steps[first..].iter().all(|step| step.propagated));
         let own = recorder.steps[first..].iter().map(|step| &step.filtered);
-        let states = own.zip(&hindsight[first..]).enumerate().skip(SETTLED);
-        for (k, (own, hindsight)) in states {
+        let states = own.zip(&smoothed_states[first..]).enumerate().skip(SETTLED);
+        for (k, (own, smoothed_states)) in states {
             let (truth, bias) = (&trial.world_from_body[k], &trial.gyroscope_bias[k]);
-            for (sum, state) in [(&mut filtered, own), (&mut smoothed, hindsight)] {
+            for (sum, state) in [(&mut filtered, own), (&mut smoothed, smoothed_states)] {
                 for (s, e) in sum.iter_mut().zip(errors(state, truth, bias)) {
                     *s += e;
                 }
@@ -101,9 +101,9 @@ fn every_node_is_at_most_as_uncertain_as_the_filter_was() {
     let trial = AttitudeTrial::simulate(1, &config);
     let mut recorder = Recorder::new(AttitudeConfig::lab()).unwrap();
     recorder.initialize(&start(&trial, 1));
-    let hindsight = run(&trial, &mut recorder);
-    assert_eq!(hindsight.len(), recorder.node() + 1);
-    for (step, smoothed) in recorder.steps.iter().zip(&hindsight).skip(1) {
+    let smoothed_states = run(&trial, &mut recorder);
+    assert_eq!(smoothed_states.len(), recorder.node() + 1);
+    for (step, smoothed) in recorder.steps.iter().zip(&smoothed_states).skip(1) {
         let filtered = &step.filtered;
         // Traces, as re-centring at an update turns the axes of the covariance.
         let attitude = |s: &SmoothedState| s.attitude_covariance().trace();
@@ -111,7 +111,10 @@ fn every_node_is_at_most_as_uncertain_as_the_filter_was() {
         assert!(attitude(smoothed) <= attitude(filtered) * (1.0 + 1e-9));
         assert!(bias(smoothed) <= bias(filtered) * (1.0 + 1e-9));
     }
-    assert_eq!(hindsight.last(), Some(&SmoothedState::of(&recorder.mekf)));
+    assert_eq!(
+        smoothed_states.last(),
+        Some(&SmoothedState::of(&recorder.mekf))
+    );
 }
 
 #[test]

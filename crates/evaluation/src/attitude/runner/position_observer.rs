@@ -61,7 +61,7 @@ impl<E: AttitudeEstimator<f64>> PositionObserver<E> {
     /// An observer that waits for attitude and positions.
     ///
     /// # Errors
-    /// A setting makes no sense.
+    /// A setting is invalid.
     pub(super) fn new(
         options: &RunOptions,
         rotation: fn(&E) -> UnitQuaternion<f64>,

@@ -11,7 +11,7 @@ const FLICKER: f64 = 2.0 * std::f64::consts::LN_2 / std::f64::consts::PI;
 /// Relative error of a variance that is allowed to the model: no sensor is quite its four terms.
 const MODEL_ERROR: f64 = 0.05;
 
-/// A coefficient must lower the weighted sum of squares by this much to be believed (two standard
+/// A coefficient must lower the weighted sum of squares by this much to be accepted (two standard
 /// deviations).
 const SIGNIFICANCE: f64 = 4.0;
 

@@ -1,4 +1,4 @@
-//! Tests of the Allan deviation: the definition, known noise recovered, honest bounds, refusals.
+//! Tests of the Allan deviation: the definition, known noise recovered, consistent bounds, refusals.
 
 use super::*;
 use approx::assert_relative_eq;
@@ -144,7 +144,7 @@ fn white_noise_and_random_walk_are_recovered() {
 
 /// Over 60 records: are errors as large as stated, and do 95 % bounds hold 95 %?
 #[test]
-fn coefficients_and_bounds_are_honest() {
+fn coefficients_and_bounds_are_consistent() {
     let (mut squares, mut seen, mut inside, mut points) = ([0.0; 2], [0.0; 2], 0, 0);
     for seed in 0..60 {
         let report = report(&gyroscope(100 + seed, 600, N, 4.0 * K));
@@ -388,7 +388,7 @@ fn what_is_no_rest_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn settings_that_make_no_sense_are_named() {
+fn settings_that_are_invalid_are_named() {
     let samples = gyroscope(1, 60, N, 0.0);
     let refused = |config| analyze(&samples, &config).unwrap_err().to_string();
     let default = AllanConfig::default();

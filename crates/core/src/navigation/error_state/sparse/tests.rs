@@ -196,7 +196,7 @@ fn outliers_are_refused_five_times_and_then_believed_with_the_state_set_free() {
     };
     let mut gate = CountedGate::default();
     let before = *filter.state();
-    for _ in 0..REJECTIONS_BELIEVED {
+    for _ in 0..REJECTIONS_ACCEPTED {
         let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
         assert_eq!(innovation.outcome, Outcome::Gated);
         assert_eq!(*filter.state(), before);

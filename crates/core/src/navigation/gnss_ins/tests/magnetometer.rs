@@ -31,12 +31,12 @@ fn iron_around_the_magnetometer_is_learnt_and_does_not_turn_the_heading() {
     let skipped = ins.counts(Aid::Magnetometer).skipped;
     assert!(skipped > 1000, "one in five seconds counts: {skipped}");
     // Taken for the Earth's, ten times a second: what this is for.
-    let believed = GnssInsConfig {
+    let accepted = GnssInsConfig {
         magnetic_offset_std_ut: 0.0,
         magnetic_interval_s: 0.0,
         ..told
     };
-    let (_, turned) = heading_error(believed);
+    let (_, turned) = heading_error(accepted);
     assert!(turned > 5.0 * learnt && turned > 0.2, "{turned}");
 }
 
