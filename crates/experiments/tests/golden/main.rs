@@ -1,7 +1,7 @@
 //! Golden traces: what every estimator of the three questions makes of a fixed simulated recording, in `traces/`.
 //!
 //! A change of numbers, however small, fails here and prints the rows that differ. Where it is meant,
-//! `NORTHING_BLESS=1 cargo test -p northing-evaluation --test golden` writes the traces anew, to be reviewed as a diff.
+//! `NORTHING_BLESS=1 cargo test -p northing-experiments --test golden` writes the traces anew, to be reviewed as a diff.
 
 #![allow(clippy::unwrap_used)]
 

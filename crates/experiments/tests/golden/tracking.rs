@@ -1,9 +1,9 @@
 //! Trackers: of one target on the scenario of the radar experiment, of many on three simulated boats.
 
 use nalgebra::Vector4;
-use northing_evaluation::multi_target::{TrackEpoch, TrackOptions, TrackerKind as ManyKind, run};
-use northing_evaluation::tracking::TrackerKind;
-use northing_evaluation::tracking::experiment::{
+use northing_evaluation::tracking::{TrackEpoch, TrackOptions, TrackerKind as ManyKind, run};
+use northing_experiments::radar::TrackerKind;
+use northing_experiments::radar::experiment::{
     NavigationRecord, RunWatcher, TrackRecord, run as run_experiment,
 };
 use northing_recording::tracking::{
