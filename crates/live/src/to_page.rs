@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use northing_core::calibration::RestCalibration;
 use northing_core::calibration::magnetometer::{MagnetometerCalibration, MagnetometerModel};
-use northing_evaluation::{EstimatorKind, RunSummary};
-use northing_evaluation::calibration::allan::AllanReport;
 use northing_evaluation::attitude::final_test::{FinalSummary, FinalVerdict};
 use northing_evaluation::attitude::parameters::Parameters;
+use northing_evaluation::calibration::allan::AllanReport;
+use northing_evaluation::{EstimatorKind, RunSummary};
 use northing_recording::SensorKind;
 use serde::Serialize;
 use serde_json::{Map, Value};

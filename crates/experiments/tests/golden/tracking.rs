@@ -18,8 +18,7 @@ use crate::Trace;
 
 const SCENARIO: &str = include_str!("../../../../scenarios/tracking/wilthil_brekke.toml");
 
-const ONE: &str =
-    "scan,north_m,v_north,east_m,v_east,north_std,v_north_std,east_std,v_east_std,north_east";
+const ONE: &str = "scan,north_m,v_north,east_m,v_east,north_variance,v_north_variance,east_variance,v_east_variance,north_east";
 
 /// A trace for each tracker of one target.
 struct Rows(Vec<Trace>);
@@ -32,9 +31,10 @@ impl RunWatcher for Rows {
             return;
         };
         let p = &track.covariance;
-        let std = p.diagonal().map(f64::sqrt);
+        // Variances: those of `schmidt-authors` become negative.
+        let variances = p.diagonal();
         let numbers = track.state.iter().copied();
-        let numbers = numbers.chain(std.iter().copied());
+        let numbers = numbers.chain(variances.iter().copied());
         let numbers = [step as f64].into_iter().chain(numbers).chain([p[(0, 2)]]);
         self.0[index].row(numbers.map(Some));
     }
@@ -156,7 +156,8 @@ fn every_tracker_of_many_targets_as_committed() {
                 ];
                 trace.row(numbers.concat().into_iter().map(Some));
             }
-        });
+        })
+        .unwrap();
         trace.check(&format!("tracking_many_{}", kind.name()));
     }
 }

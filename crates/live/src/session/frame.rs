@@ -7,8 +7,8 @@ use northing_core::attitude::AttitudeEstimator;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::rotation;
 use northing_core::kalman::{Innovation, Outcome};
-use northing_evaluation::attitude::observer::angles_covariance;
 use northing_evaluation::EstimatorKind;
+use northing_evaluation::attitude::observer::angles_covariance;
 use northing_recording::SensorKind;
 use serde::Serialize;
 
