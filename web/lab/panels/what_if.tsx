@@ -140,18 +140,13 @@ export function WhatIfPlots() {
   const trace = message?.trace ?? null;
   // It comes after the answer; until then the one before stays.
   const curve = state.curve && state.curve.id === message?.id ? state.curve.curve : null;
-  const numbers = (key: string): number[][] | null => {
-    const value = trace?.[key];
-    return Array.isArray(value) && Array.isArray(value[0]) ? (value as number[][]) : null;
-  };
   const angles = useMemo(() => {
-    const rows = numbers("angles_deg");
-    const columns = [trace?.t_s ?? [], ...[0, 1, 2].map((i) => rows?.map((r) => r[i]!) ?? [])] as uPlot.AlignedData;
+    const columns = [trace?.t_s ?? [], ...[0, 1, 2].map((i) => trace?.angles_deg.map((r) => r[i]!) ?? [])] as uPlot.AlignedData;
     return () => columns;
   }, [trace]);
-  const truth = Array.isArray(trace?.["error_deg"]);
+  const truth = !!trace?.error_deg;
   const errors = useMemo(() => {
-    const values = (truth ? trace?.["error_deg"] : numbers("std_deg")?.map((s) => Math.hypot(...s))) as number[] | undefined;
+    const values = trace?.error_deg ?? trace?.std_deg?.map((s) => Math.hypot(...s));
     const columns = [trace?.t_s ?? [], values ?? []] as uPlot.AlignedData;
     return () => columns;
   }, [trace]);

@@ -28,7 +28,7 @@
 //! correlated with this filter exactly.
 //!
 //! Cost: about 160 multiplications an inertial sample, 950 when the covariance follows, 620 an update with three
-//! states (`operations.rs` counts them). Limits: attitude errors
+//! states. Limits: attitude errors
 //! above some 20 degrees are beyond the linear model; the heading of a body that points straight
 //! up or down is undefined.
 
@@ -353,7 +353,5 @@ fn check_step<T: Scalar>(dt: T) -> Result<(), SkipReason> {
     }
 }
 
-#[cfg(test)]
-mod operations;
 #[cfg(test)]
 mod tests;

@@ -41,6 +41,7 @@ const MOST_SAMPLES: usize = 5000;
 
 /// Whether the covariance at the end fits the error at the end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum FinalVerdict {
     /// The error is as large as the filter says.
@@ -53,6 +54,7 @@ pub enum FinalVerdict {
 
 /// The outcome of the final test: `final` in a summary.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct FinalSummary {
     /// Angle between the estimates at the first and at the last instant, deg.
     pub calculated_error_deg: f64,

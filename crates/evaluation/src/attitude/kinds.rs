@@ -21,6 +21,7 @@ use crate::error::EvaluationError;
 
 /// An estimator that can be asked for by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum EstimatorKind {
     /// Gyroscope alone.

@@ -15,6 +15,7 @@ use crate::statistics::nis::{NisSummary, UpdateCounts};
 
 /// The outcome of one estimator on one recording. What does not apply is `None`, `null` in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct RunSummary {
     /// The estimator.
     pub estimator: EstimatorKind,
@@ -47,15 +48,18 @@ pub struct RunSummary {
     pub profile: Option<Profile>,
     /// The stream of the magnetometer that was used; left out of JSON without one.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub magnetometer: Option<MagnetometerSource>,
     /// Standard deviation of the hard iron at the start, microtesla, of an estimator that estimates it:
     /// unless set, it follows from the stream of the magnetometer.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub hard_iron_prior_ut: Option<f64>,
     /// Where the calibration came from, in words.
     pub calibration: Option<String>,
     /// The magnetometer calibration that was applied, in words; left out of JSON without one.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub magnetometer_calibration: Option<String>,
     /// Whether the estimates are smoothed.
     pub smoothed: bool,
@@ -67,6 +71,7 @@ pub struct RunSummary {
     pub gaps: Gaps,
     /// What the position observer made of the positions; left out of JSON without any.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub position: Option<PositionSummary>,
     /// Samples read of each kind.
     pub samples_per_sensor: BTreeMap<SensorKind, u64>,
@@ -76,6 +81,7 @@ pub struct RunSummary {
 
 /// What a position observer made of the positions of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct PositionSummary {
     /// What became of the positions.
     pub updates: UpdateCounts,
@@ -88,6 +94,7 @@ pub struct PositionSummary {
 
 /// RMS per axis of a vector of the world, m.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct PositionRms {
     /// Of the two horizontal axes together.
     pub horizontal: f64,
@@ -97,6 +104,7 @@ pub struct PositionRms {
 
 /// One value for each sensor that a filter takes.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct PerSensor<V> {
     /// Of the gyroscope: `fused` are the propagations.
     pub gyroscope: V,
@@ -110,6 +118,7 @@ pub struct PerSensor<V> {
 
 /// One value for each sensor that a filter updates with; `None` where nothing was looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct NisOf<V> {
     /// Of the accelerometer.
     pub accelerometer: Option<V>,
@@ -122,6 +131,7 @@ pub struct NisOf<V> {
 /// Pauses between gyroscope samples longer than the limit: the attitude is held and its
 /// uncertainty grows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Gaps {
     /// How many.
     pub count: u64,

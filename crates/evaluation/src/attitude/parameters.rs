@@ -17,6 +17,7 @@ pub use set::{CascadeRotation, Parameters};
 
 /// A named set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
     /// A phone or wearable in real use: the default for recordings.

@@ -17,6 +17,7 @@ const UNCERTAIN: f64 = 0.02;
 
 /// Which magnetometer stream is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum MagnetometerSource {
     /// As the device calibrated it.

@@ -14,6 +14,7 @@ use crate::statistics::nis::{NisSummary, UpdateCounts, chi_square_quantile};
 
 /// What the NIS of a sensor says about its stated noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseVerdict {
     /// Residuals are about as large as stated.
@@ -30,6 +31,7 @@ pub enum NoiseVerdict {
 
 /// The verdict on one sensor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct SensorVerdict {
     /// The sensor.
     pub sensor: SensorKind,

@@ -45,6 +45,7 @@ impl AttitudeError {
 
 /// RMS errors over the scored samples, deg: the `error_deg` of a summary.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct ErrorSummary {
     /// RMS of the total error, deg.
     pub total_rmse: f64,
@@ -56,6 +57,7 @@ pub struct ErrorSummary {
     pub scored_samples: u64,
     /// Estimates that are not finite and therefore do not count; left out of JSON when 0.
     #[serde(skip_serializing_if = "is_zero")]
+    #[cfg_attr(feature = "typescript", ts(as = "Option<u64>", optional))]
     pub not_finite_samples: u64,
 }
 

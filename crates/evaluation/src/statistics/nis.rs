@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 /// How often a sensor was used: the entry of `updates` in a summary.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct UpdateCounts {
     /// Samples that changed the state, the inflated ones among them.
     pub fused: u64,
@@ -53,6 +54,7 @@ impl UpdateCounts {
 
 /// What the NIS of one sensor says, over all samples that were looked at (the refused ones too).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct NisSummary {
     /// Mean NIS; the degrees of freedom when the tuning is consistent.
     pub mean: f64,

@@ -13,6 +13,7 @@ const RENEW: u32 = 25;
 
 /// How welcome something is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
     /// As it should be.
@@ -27,6 +28,7 @@ pub enum Tone {
 
 /// A statement with its tone.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Remark {
     /// How welcome it is.
     pub tone: Tone,
@@ -46,6 +48,7 @@ impl Remark {
 
 /// The lamp of one sensor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Lamp {
     /// The sensor.
     pub sensor: SensorKind,

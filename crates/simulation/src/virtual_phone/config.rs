@@ -71,6 +71,7 @@ impl Default for VirtualPhoneConfig {
 
 /// How the phone is moved between the rests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Motion {
     /// Slow turns: about 0.4 rad and 0.5 rad/s RMS per axis.
@@ -103,6 +104,7 @@ impl Motion {
 
 /// What disturbs the sensors while the phone is moved; never while it rests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Disturbance {
     /// Nothing.

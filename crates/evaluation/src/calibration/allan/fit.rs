@@ -25,6 +25,7 @@ pub(super) struct Measured {
 
 /// A coefficient and its standard deviation, in the same unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Coefficient {
     /// The value.
     pub value: f64,
@@ -34,6 +35,7 @@ pub struct Coefficient {
 
 /// The four noises of a sensor at rest (A3), in its unit; `None` where the curve does not show one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct NoiseCoefficients {
     /// Q, unit s: rounding of the integral; falls with slope -1.
     pub quantisation: Option<Coefficient>,
