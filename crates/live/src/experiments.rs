@@ -244,7 +244,7 @@ impl Finished {
                     .map(|(name, s)| (*name, s.final_test.clone()))
                     .collect(),
                 summary: self.summaries.clone(),
-                settings: self.settings.clone(),
+                settings: self.settings,
                 hash: self.hash.clone(),
                 origin: self.origin(),
             }),
@@ -299,7 +299,7 @@ impl Finished {
             name: self.title().to_owned(),
             at: self.at.clone(),
             duration_s: self.experiment.duration_s(),
-            settings: self.settings.clone(),
+            settings: self.settings,
             results,
         }
     }
