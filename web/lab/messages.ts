@@ -162,7 +162,7 @@ export type FinalSummary = {
   verdict: FinalVerdict | null,
   sentence: string, };
 
-export type FinalVerdict = "consistent" | "optimistic" | "pessimistic";
+export type FinalVerdict = "consistent" | "overconfident" | "conservative";
 
 export type Floor = {
   tau_s: number,
@@ -287,7 +287,7 @@ export type NoiseCoefficients = {
 
 export type NoiseKind = "quantisation" | "white" | "bias-instability" | "random-walk";
 
-export type NoiseVerdict = "honest" | "too-small" | "too-large" | "outliers" | "too-few";
+export type NoiseVerdict = "consistent" | "too-small" | "too-large" | "outliers" | "too-few";
 
 export type Parameter = {
   name: string,
@@ -400,7 +400,7 @@ export type RunSummary = {
   magnetometer?: MagnetometerSource,
   hard_iron_prior_ut?: number,
   calibration: string | null,
-  field_calibration?: string,
+  magnetometer_calibration?: string,
   smoothed: boolean,
   estimates: number,
   first_estimate_s: number | null,
