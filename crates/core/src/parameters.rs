@@ -70,6 +70,9 @@ pub enum Value<T> {
     Absent,
 }
 
+/// A named set of defaults of a configuration.
+pub type Profile<C> = (&'static str, fn() -> C);
+
 /// A configuration whose parameters are known by name.
 pub trait Table: Copy + Default + PartialEq + 'static {
     /// The type of its numbers.
@@ -77,7 +80,7 @@ pub trait Table: Copy + Default + PartialEq + 'static {
     /// Every parameter, in the order of the table.
     const PARAMETERS: &'static [Parameter];
     /// Every named set of defaults; the first is [`Default`].
-    const PROFILES: &'static [(&'static str, fn() -> Self)];
+    const PROFILES: &'static [Profile<Self>];
 
     /// The value of a parameter; `None`: there is none of that name.
     fn parameter(&self, name: &str) -> Option<Value<Self::Number>>;

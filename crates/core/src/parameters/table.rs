@@ -118,7 +118,7 @@ macro_rules! parameters {
                 ALL
             };
 
-            const PROFILES: &'static [(&'static str, fn() -> Self)] =
+            const PROFILES: &'static [$crate::parameters::Profile<Self>] =
                 $crate::parameters::table::or!(
                     (&[("default", Self::default)])
                     $((&[$((stringify!($profile), Self::$profile)),+]))?
