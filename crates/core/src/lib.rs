@@ -38,8 +38,12 @@ pub mod earth;
 pub mod geometry;
 pub mod kalman;
 pub mod navigation;
+mod restorable;
 mod scalar;
+#[cfg(feature = "serde")]
+mod serialization;
 pub mod tracking;
 
 pub use nalgebra;
+pub use restorable::{InvalidState, Restorable};
 pub use scalar::Scalar;

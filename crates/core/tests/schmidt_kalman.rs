@@ -12,8 +12,8 @@ use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::own_ship::PoseMemory;
 use northing_core::tracking::radar::PredictedDetection;
 use northing_core::tracking::{
-    BlackBoxSchmidt, ConstantVelocity, Coupling, JointEkf, OwnShip, RadarDetection, RadarNoise,
-    SchmidtKalman, TrackEstimate, TrackerConfig,
+    BlackBoxSchmidt, ConstantVelocity, Coupling, JointEkf, NavigationPose, RadarDetection,
+    RadarNoise, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::StandardNormal;
@@ -134,10 +134,10 @@ impl World {
     fn start_track(&mut self) -> (TrackEstimate<f64>, SMatrix<f64, 15, 4>) {
         let rows = self.navigation.pose_from_error();
         let covariance = self.navigation.state().covariance;
-        let own = OwnShip {
+        let own = NavigationPose {
             pose: self.navigation.pose(),
             covariance: &covariance,
-            pose_from_error: &rows,
+            pose_from_error: rows,
         };
         let detection = self.detection();
         one_point(&detection, &RADAR, 8.0, &own).unwrap()
@@ -190,10 +190,10 @@ fn run(coupling: Coupling, seed: u64) -> (f64, f64) {
         let detection = world.detection();
         let covariance = world.navigation.state().covariance;
         let rows = world.navigation.pose_from_error();
-        let own = OwnShip {
+        let own = NavigationPose {
             pose: world.navigation.pose(),
             covariance: &covariance,
-            pose_from_error: &rows,
+            pose_from_error: rows,
         };
         tracker.update(&detection, &own);
         smallest = smallest.min(smallest_eigenvalue(&joint(&tracker, &covariance)));
@@ -233,10 +233,10 @@ fn one_update_equals_the_dense_schmidt_update() {
     let mut joint_ekf = JointEkf::new(tracker_config(), track, cross);
     let covariance = world.navigation.state().covariance;
     let rows = world.navigation.pose_from_error();
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: world.navigation.pose() + Vector3::new(0.0, 0.0, 0.01),
         covariance: &covariance,
-        pose_from_error: &rows,
+        pose_from_error: rows,
     };
     let detection = world.detection();
     let p = joint(&tracker, &covariance);
@@ -293,30 +293,30 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
     let before = tracker;
     let covariance = world.navigation.state().covariance;
     let rows = world.navigation.pose_from_error();
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: world.navigation.pose(),
         covariance: &covariance,
-        pose_from_error: &rows,
+        pose_from_error: rows,
     };
     let detection = world.detection();
     let nan = RadarDetection {
         range: f64::NAN,
         ..detection
     };
-    let over_us = OwnShip {
+    let over_us = NavigationPose {
         pose: Vector3::new(track.state[0], track.state[2], 0.0),
         ..own
     };
-    let jumped = OwnShip {
+    let jumped = NavigationPose {
         pose: own.pose + Vector3::new(1e5, 0.0, 0.0),
         ..own
     };
     let negative = -covariance;
-    let not_positive = OwnShip {
+    let not_positive = NavigationPose {
         covariance: &negative,
         ..own
     };
-    let nowhere = OwnShip {
+    let nowhere = NavigationPose {
         pose: Vector3::repeat(f64::NAN),
         ..own
     };
@@ -353,10 +353,10 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
 #[test]
 fn the_black_box_equals_the_exact_tracker_when_its_times_are_right() {
     let covariance = nalgebra::Matrix3::from_diagonal(&Vector3::new(2.0, 2.0, 0.001));
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: Vector3::new(1.0, 2.0, 0.1),
         covariance: &covariance,
-        pose_from_error: &nalgebra::Matrix3::identity(),
+        pose_from_error: nalgebra::Matrix3::identity(),
     };
     let detection = RadarDetection {
         range: 1000.0,

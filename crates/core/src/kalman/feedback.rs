@@ -8,8 +8,9 @@
 //! with one row for each state of the filter and hands it to [`ErrorPropagation::map_rows`] and
 //! [`ErrorFeedback::map_rows`]; no square matrix is ever formed.
 
-use nalgebra::{Matrix2, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector3};
 
+use super::innovation::SkipReason;
 use super::shear::mirror;
 use crate::scalar::{Scalar, lit};
 
@@ -22,8 +23,59 @@ pub trait ErrorPropagation<T: Scalar, const N: usize> {
     fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>);
 }
 
+/// Where a navigation filter says that the own ship is, and the error that it says so with: what a tracker sees of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NavigationPose<'a, T: Scalar, const N: usize> {
+    /// `[north, east, heading]`, m and rad.
+    pub pose: Vector3<T>,
+    /// Covariance of the navigation filter's error states.
+    pub covariance: &'a SMatrix<T, N, N>,
+    /// The rows that make the pose error from those states.
+    pub pose_from_error: SMatrix<T, 3, N>,
+}
+
+impl<T: Scalar, const N: usize> NavigationPose<'_, T, N> {
+    /// Covariance of the pose.
+    pub fn pose_covariance(&self) -> Matrix3<T> {
+        self.pose_from_error * self.covariance * self.pose_from_error.transpose()
+    }
+
+    /// Refuses what cannot be a pose with its covariance.
+    pub(crate) fn check(&self) -> Result<(), SkipReason> {
+        if !self.pose.norm_squared().is_finite() || !self.covariance.norm_squared().is_finite() {
+            Err(SkipReason::NotFinite)
+        } else if self.covariance.diagonal().iter().any(|v| *v < T::zero()) {
+            Err(SkipReason::Numerical)
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// A closed-loop navigation filter that a tracker can follow.
+pub trait FollowedNavigation<T: Scalar, const N: usize> {
+    /// How its error goes on while it propagates.
+    type Transition: ErrorPropagation<T, N>;
+
+    /// Brings its covariance up to its last inertial sample, and gives the transition that did so.
+    fn catch_up(&mut self) -> Self::Transition;
+
+    /// Its pose with the error's covariance, as of the last [`Self::catch_up`].
+    fn navigation_pose(&self) -> NavigationPose<'_, T, N>;
+}
+
+/// What one aiding update did to a navigation filter's error: the time before it, then the correction.
+pub trait FollowedUpdate<T: Scalar, const N: usize> {
+    /// How the error went on since the update before.
+    fn transition(&self) -> &impl ErrorPropagation<T, N>;
+
+    /// What was then corrected.
+    fn feedback(&self) -> &ErrorFeedback<T, N>;
+}
+
 /// One scalar measurement of a single error state, as a filter fused it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ScalarCorrection<T: Scalar, const N: usize> {
     /// Index of the state that was measured: the row `H` is one there and zero elsewhere.
     pub state: usize,
@@ -49,6 +101,7 @@ impl<T: Scalar, const N: usize> ScalarCorrection<T, N> {
 /// All that one update did to the error of a filter: up to [`MOST_CORRECTIONS`] scalar
 /// corrections, then the reset of the attitude error (states 0 to 2) at the corrected attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use = "whoever is correlated with the filter's error must be told, or the joint covariance is wrong"]
 pub struct ErrorFeedback<T: Scalar, const N: usize> {
     corrections: [ScalarCorrection<T, N>; MOST_CORRECTIONS],
     count: usize,
@@ -172,11 +225,15 @@ pub fn reset_covariance<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>, d: 
 
 /// What an observer outside has learnt about a filter's error: a joint estimator's correction.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[must_use = "the navigation filter must be given it, or both believe different things"]
 pub struct OutsideCorrection<T: Scalar, const N: usize> {
     /// The correction of the error state, `K nu`.
     pub correction: SVector<T, N>,
     /// Its gain `K` for the two components of the measurement.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub gain: SMatrix<T, N, 2>,
     /// Covariance `S` of the innovation: the filter's covariance shrinks by `K S K^T`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub innovation_covariance: Matrix2<T>,
 }

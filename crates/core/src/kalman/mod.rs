@@ -9,6 +9,9 @@ pub mod scalar_update;
 pub(crate) mod shear;
 pub mod sparse_update;
 
-pub use feedback::{ErrorFeedback, ErrorPropagation, OutsideCorrection, ScalarCorrection};
+pub use feedback::{
+    ErrorFeedback, ErrorPropagation, FollowedNavigation, FollowedUpdate, NavigationPose,
+    OutsideCorrection, ScalarCorrection,
+};
 pub use gate::{CountedGate, Gate, GateDecision, GateState};
 pub use innovation::{Innovation, Outcome, SkipReason};

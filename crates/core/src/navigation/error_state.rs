@@ -38,7 +38,7 @@ mod sparse;
 use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 pub use aiding::{GnssCompassFix, GnssCompassUpdate};
-pub use sparse::{Measurement, REJECTIONS_BELIEVED, ROW_ELEMENTS, Row, SIDE};
+pub use sparse::{REJECTIONS_BELIEVED, ROW_ELEMENTS, Row, SIDE, SparseMeasurement};
 
 use super::transition::{ErrorTransition, ProcessNoise};
 use super::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION, STATES, VELOCITY};
@@ -48,6 +48,7 @@ use crate::kalman::feedback::reset_covariance;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::shear::times;
 use crate::kalman::{OutsideCorrection, SkipReason};
+use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
 /// Largest angular rate (rad/s) and specific force (m/s^2) that a sensor can have measured.
@@ -124,8 +125,10 @@ impl<T: Scalar> ErrorStateConfig<T> {
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct NavigationState<T: Scalar> {
     /// Attitude, `ned_from_body`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub ned_from_body: UnitQuaternion<T>,
     /// Velocity, m/s, NED.
     pub velocity: Vector3<T>,
@@ -137,6 +140,7 @@ pub struct NavigationState<T: Scalar> {
     pub gyroscope_bias: Vector3<T>,
     /// Covariance of `[dpsi, dv, dp, db_a, db_g]` at the last update or
     /// [`ErrorStateFilter::catch_up`].
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: SMatrix<T, STATES, STATES>,
     /// Transition of the errors since then.
     pub pending: ErrorTransition<T>,
@@ -160,6 +164,16 @@ impl<T: Scalar> NavigationState<T> {
             && variances.iter().all(|v| *v >= T::zero())
     }
 
+    fn check(&self) -> Result<(), InvalidState> {
+        unit("attitude", &self.ned_from_body)?;
+        finite("velocity", &self.velocity)?;
+        finite("position", &self.position)?;
+        finite("accelerometer bias", &self.accelerometer_bias)?;
+        finite("gyroscope bias", &self.gyroscope_bias)?;
+        finite("pending transition", self.pending.numbers())?;
+        covariance("covariance", &self.covariance)
+    }
+
     /// The covariance symmetric to the bit, as every step of the filter leaves it; the upper triangle counts.
     fn with_symmetric_covariance(mut self) -> Self {
         mirror_upper(&mut self.covariance);
@@ -172,6 +186,20 @@ impl<T: Scalar> NavigationState<T> {
 pub struct ErrorStateFilter<T: Scalar> {
     config: ErrorStateConfig<T>,
     state: NavigationState<T>,
+}
+
+impl<T: Scalar> Restorable for ErrorStateFilter<T> {
+    type State = NavigationState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.state = state.with_symmetric_covariance();
+        Ok(())
+    }
 }
 
 impl<T: Scalar> ErrorStateFilter<T> {
@@ -199,13 +227,14 @@ impl<T: Scalar> ErrorStateFilter<T> {
         &self.config
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &NavigationState<T> {
         &self.state
     }
 
-    /// Continues from a saved state; one that is not usable changes nothing and gives `false`.
-    pub fn restore(&mut self, state: NavigationState<T>) -> bool {
+    /// Starts from a state that was just made; one that is not usable changes nothing and gives `false`.
+    #[must_use]
+    pub(super) fn start(&mut self, state: NavigationState<T>) -> bool {
         let usable = state.is_usable();
         if usable {
             self.state = state.with_symmetric_covariance();

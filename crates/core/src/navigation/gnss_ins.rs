@@ -51,6 +51,7 @@ mod clock;
 mod config;
 mod counts;
 mod inertial;
+mod memory;
 mod propagation;
 mod starting;
 mod stillness;
@@ -63,18 +64,14 @@ use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 pub use config::{GnssInsConfig, ImuSamples};
 pub use counts::{Aid, AidCounts};
+pub use memory::GnssInsState;
 pub use updates::{ErrorShares, GnssPositionUpdate};
 
-use self::alignment::Alignment;
-use self::starting::Seen;
-use self::stillness::{Quiet, StillnessWindow, Window};
-use super::bias_wander::BiasAtRest;
+use self::memory::Memory;
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
-use super::history::ImuHistory;
 use super::side_states::{SIDE_STATES, SideStates};
 use super::validity::Validity;
 use super::{ErrorTransition, NavigationState, POSITION};
-use crate::kalman::CountedGate;
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval between inertial samples that counts as continuous, s.
@@ -85,12 +82,14 @@ pub const LONGEST_GAP_S: f64 = 10.0;
 /// How the errors went on over one step of the covariance: the 15 by the transition, then the biases and the side
 /// states shrunk.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CovarianceStep<T: Scalar> {
     /// Of the 15 errors.
     pub transition: ErrorTransition<T>,
     /// What is left of the accelerometer's and of the gyroscope's bias error.
     pub bias_kept: [T; 2],
     /// What is left of the side states.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     pub side_kept: [T; SIDE_STATES],
 }
 
@@ -99,45 +98,7 @@ pub struct CovarianceStep<T: Scalar> {
 pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
     config: GnssInsConfig<T>,
     filter: ErrorStateFilter<T>,
-    side: SideStates<T>,
-    history: ImuHistory<T, HISTORY>,
-    /// What the alignment has, while it aligns.
-    aligning: Option<Alignment<T>>,
-    seen: Seen<T>,
-    window: StillnessWindow<T>,
-    quiet: Quiet<T>,
-    /// Windows at rest in a row.
-    still_windows: u32,
-    /// Until when the receiver's last velocity says that it stands.
-    stands_until_ns: Option<i64>,
-    /// Time of the state.
-    now_ns: Option<i64>,
-    last_imu: Option<(i64, Vector3<T>, Vector3<T>)>,
-    last_fix_ns: Option<i64>,
-    /// Stamp of the last magnetic field that was fused.
-    last_magnetic_ns: Option<i64>,
-    /// Magnetic declination where the settings have none.
-    declination: T,
-    /// Variance that the receiver's slow error is held to have, m^2.
-    slow_variance: Vector3<T>,
-    /// Values at rest of the accelerometer's and the gyroscope's bias.
-    at_rest: [BiasAtRest<T>; 2],
-    last_step: CovarianceStep<T>,
-    /// A finished window that has not been used yet.
-    due_window: Option<Window<T>>,
-    since_constraint: T,
-    /// Seconds since something measured the velocity.
-    since_velocity: T,
-    gates: [CountedGate; Aid::ALL.len()],
-    /// That of the angular rate at rest: its refusals are not those of the velocity.
-    standing_rate_gate: CountedGate,
-    counts: [AidCounts<T>; Aid::ALL.len()],
-    stamps: [Option<i64>; Aid::ALL.len()],
-    imu_skipped: u32,
-    /// Stamps in a row that are of a time long past.
-    behind: u8,
-    gaps: u32,
-    restarts: u32,
+    memory: Memory<T, HISTORY>,
 }
 
 impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
@@ -179,37 +140,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         Ok(Self {
             config,
             filter: ErrorStateFilter::new(settings, nowhere)?,
-            side: SideStates::default(),
-            history: ImuHistory::default(),
-            aligning: Some(Alignment::default()),
-            seen: Seen::default(),
-            window: StillnessWindow::default(),
-            quiet: Quiet::default(),
-            still_windows: 0,
-            stands_until_ns: None,
-            now_ns: None,
-            last_imu: None,
-            last_fix_ns: None,
-            last_magnetic_ns: None,
-            declination: T::zero(),
-            slow_variance: Vector3::zeros(),
-            at_rest: [BiasAtRest::new(Vector3::zeros(), T::zero()); 2],
-            last_step: CovarianceStep {
-                transition: ErrorTransition::default(),
-                bias_kept: [T::one(); 2],
-                side_kept: [T::one(); SIDE_STATES],
-            },
-            due_window: None,
-            since_constraint: T::zero(),
-            since_velocity: T::zero(),
-            gates: [CountedGate::default(); Aid::ALL.len()],
-            standing_rate_gate: CountedGate::default(),
-            counts: [AidCounts::default(); Aid::ALL.len()],
-            stamps: [None; Aid::ALL.len()],
-            imu_skipped: 0,
-            behind: 0,
-            gaps: 0,
-            restarts: 0,
+            memory: Memory::default(),
         })
     }
 
@@ -221,44 +152,44 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// The state once it has started: position, velocity, attitude and biases at [`Self::time_ns`]. Its covariance
     /// is at most 0.1 s older.
     pub fn state(&self) -> Option<&NavigationState<T>> {
-        self.aligning.is_none().then(|| self.filter.state())
+        self.memory.aligning.is_none().then(|| self.filter.state())
     }
 
     /// The states beside: the receiver's slow error, time offset, barometer's offset, mount angles, the
     /// magnetometer's iron.
     pub fn side_states(&self) -> &SideStates<T> {
-        &self.side
+        &self.memory.side
     }
 
     /// Tells the magnetic declination (rad, east positive) of the place; one in the settings stands above it, and what is
     /// not an angle changes nothing. To be told before the start: a heading that began from a magnetometer stays where it is.
     pub fn set_declination(&mut self, declination: T) {
         if declination.abs() <= lit(4.0) {
-            self.declination = declination;
+            self.memory.declination = declination;
         }
     }
 
     /// Time of the state, ns.
     pub fn time_ns(&self) -> Option<i64> {
-        self.now_ns
+        self.memory.now_ns
     }
 
     /// Angular rate of the last sample as it was measured, rad/s, body axes.
     pub fn angular_rate(&self) -> Option<&Vector3<T>> {
-        self.last_imu.as_ref().map(|(_, rate, _)| rate)
+        self.memory.last_imu.as_ref().map(|(_, rate, _)| rate)
     }
 
     /// Stamp of the last position that was fused, ns.
     pub fn last_fix_ns(&self) -> Option<i64> {
-        self.last_fix_ns
+        self.memory.last_fix_ns
     }
 
     /// What the position is worth.
     pub fn validity(&self) -> Validity {
-        let Some((state, now)) = self.state().zip(self.now_ns) else {
+        let Some((state, now)) = self.state().zip(self.memory.now_ns) else {
             return Validity::Aligning;
         };
-        let since = self.last_fix_ns.map(|fix| seconds(fix, now));
+        let since = self.memory.last_fix_ns.map(|fix| seconds(fix, now));
         let p = &state.covariance;
         let north = p[(POSITION, POSITION)];
         let east = p[(POSITION + 1, POSITION + 1)];
@@ -278,27 +209,27 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// What became of the measurements of an aid.
     pub fn counts(&self, aid: Aid) -> &AidCounts<T> {
-        &self.counts[aid as usize]
+        &self.memory.counts[aid as usize]
     }
 
     /// Inertial samples refused: not finite, not newer, out of range.
     pub fn imu_skipped(&self) -> u32 {
-        self.imu_skipped
+        self.memory.imu_skipped
     }
 
     /// Gaps of more than [`GAP_LIMIT_S`] between inertial samples.
     pub fn gaps(&self) -> u32 {
-        self.gaps
+        self.memory.gaps
     }
 
     /// How often it had to start again: after [`LONGEST_GAP_S`], a clock that went back, or a covariance that was none.
     pub fn restarts(&self) -> u32 {
-        self.restarts
+        self.memory.restarts
     }
 
     /// Whether the unit was found at rest in the last half second.
     pub fn is_still(&self) -> bool {
-        self.still_windows > 0
+        self.memory.still_windows > 0
     }
 }
 

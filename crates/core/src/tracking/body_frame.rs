@@ -15,6 +15,7 @@ use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 
 /// How the own ship moved since the last scan.
@@ -33,6 +34,20 @@ pub struct OwnIncrement<T: Scalar> {
 pub struct BodyFrameTracker<T: Scalar> {
     config: TrackerConfig<T>,
     track: TrackEstimate<T>,
+}
+
+impl<T: Scalar> Restorable for BodyFrameTracker<T> {
+    type State = TrackEstimate<T>;
+
+    fn save(&self) -> Self::State {
+        self.track
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.track = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> BodyFrameTracker<T> {

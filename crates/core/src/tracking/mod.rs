@@ -48,26 +48,34 @@ pub mod radar;
 pub mod schmidt_kalman;
 mod update;
 
+pub use crate::kalman::NavigationPose;
 pub use black_box::BlackBoxSchmidt;
 pub use body_frame::BodyFrameTracker;
 pub use constant_velocity::ConstantVelocity;
 pub use converted_measurement::{Conversion, ConvertedMeasurement};
 pub use joint::JointEkf;
+pub use multi_target::{
+    MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackStatus,
+};
+pub use own_ship::{OwnShip, PoseMemory};
 pub use pose_as_known::PoseAsKnown;
 pub use radar::{RadarDetection, RadarNoise};
 pub use schmidt_kalman::{Coupling, SchmidtKalman};
 
-use nalgebra::{Matrix3, Matrix4, SMatrix, Vector3, Vector4};
+use nalgebra::{Matrix4, Vector4};
 
 use crate::kalman::SkipReason;
+use crate::restorable::{InvalidState, covariance, finite};
 use crate::scalar::{Scalar, lit};
 
 /// Where a target is and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TrackEstimate<T: Scalar> {
     /// `[north, v_north, east, v_east]`, m and m/s.
     pub state: Vector4<T>,
     /// Covariance of the state.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix4<T>,
 }
 
@@ -78,34 +86,11 @@ impl<T: Scalar> TrackEstimate<T> {
             && self.covariance.norm_squared().is_finite()
             && self.covariance.diagonal().iter().all(|v| *v >= T::zero())
     }
-}
 
-/// What a tracker is told about the own ship: its pose, and the error of its navigation.
-#[derive(Debug, Clone, Copy)]
-pub struct OwnShip<'a, T: Scalar, const N: usize> {
-    /// `[north, east, heading]`, m and rad.
-    pub pose: Vector3<T>,
-    /// Covariance of the navigation filter's error states.
-    pub covariance: &'a SMatrix<T, N, N>,
-    /// The rows that make the pose error from those states.
-    pub pose_from_error: &'a SMatrix<T, 3, N>,
-}
-
-impl<T: Scalar, const N: usize> OwnShip<'_, T, N> {
-    /// Covariance of the pose.
-    pub fn pose_covariance(&self) -> Matrix3<T> {
-        self.pose_from_error * self.covariance * self.pose_from_error.transpose()
-    }
-
-    /// Refuses what cannot be a pose with its covariance.
-    fn check(&self) -> Result<(), SkipReason> {
-        if !self.pose.norm_squared().is_finite() || !self.covariance.norm_squared().is_finite() {
-            Err(SkipReason::NotFinite)
-        } else if self.covariance.diagonal().iter().any(|v| *v < T::zero()) {
-            Err(SkipReason::Numerical)
-        } else {
-            Ok(())
-        }
+    /// Whether a saved one can be continued from.
+    fn check(&self) -> Result<(), InvalidState> {
+        finite("track", &self.state)?;
+        covariance("covariance of the track", &self.covariance)
     }
 }
 

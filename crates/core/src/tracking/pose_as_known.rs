@@ -7,6 +7,7 @@ use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 use nalgebra::Vector3;
 
@@ -15,6 +16,20 @@ use nalgebra::Vector3;
 pub struct PoseAsKnown<T: Scalar> {
     config: TrackerConfig<T>,
     track: TrackEstimate<T>,
+}
+
+impl<T: Scalar> Restorable for PoseAsKnown<T> {
+    type State = TrackEstimate<T>;
+
+    fn save(&self) -> Self::State {
+        self.track
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.track = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> PoseAsKnown<T> {

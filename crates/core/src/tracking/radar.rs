@@ -18,6 +18,7 @@ const FARTHEST_M: f64 = 1e7;
 
 /// One detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RadarDetection<T> {
     /// Distance, m.
     pub range: T,

@@ -15,7 +15,7 @@
 //! |---|---|---|
 //! | `x`, `P_t` | `track` | target |
 //! | `X^T` | `cross` (`N` by 4) | covariance of navigation error and target |
-//! | `P_o`, `T` | [`OwnShip`] | from the navigation, never touched |
+//! | `P_o`, `T` | [`NavigationPose`] | from the navigation, never touched |
 //!
 //! Between scans the cross-covariance follows the navigation error wherever that filter takes it:
 //! `X <- F X M^T`, with `M` the product of what [`SchmidtKalman::navigation_propagated`] and
@@ -33,13 +33,16 @@ use nalgebra::{Matrix2, SMatrix};
 use super::constant_velocity::predict_columns;
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
-use super::{OwnShip, RadarDetection, TrackEstimate, TrackerConfig, check_step};
+use super::{NavigationPose, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
 use crate::kalman::{ErrorFeedback, ErrorPropagation, Innovation, SkipReason};
+use crate::restorable::{InvalidState, Restorable, finite};
 use crate::scalar::Scalar;
 
 /// What the cross-covariance follows between scans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Coupling {
     /// The closed loop of the navigation: exact.
     Exact,
@@ -55,8 +58,33 @@ pub enum Coupling {
 pub struct SchmidtKalman<T: Scalar, const N: usize> {
     config: TrackerConfig<T>,
     coupling: Coupling,
-    track: TrackEstimate<T>,
-    cross: SMatrix<T, N, 4>,
+    state: SchmidtKalmanState<T, N>,
+}
+
+/// Everything that the tracker remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SchmidtKalmanState<T: Scalar, const N: usize> {
+    /// The target.
+    pub track: TrackEstimate<T>,
+    /// Covariance of the navigation error (rows) with the target's state (columns).
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
+    pub cross: SMatrix<T, N, 4>,
+}
+
+impl<T: Scalar, const N: usize> Restorable for SchmidtKalman<T, N> {
+    type State = SchmidtKalmanState<T, N>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.track.check()?;
+        finite("cross-covariance", &state.cross)?;
+        self.state = state;
+        Ok(())
+    }
 }
 
 /// What an update did, for a joint estimator: gain of the navigation's states, and `S`.
@@ -83,29 +111,28 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         Self {
             config,
             coupling,
-            track,
-            cross,
+            state: SchmidtKalmanState { track, cross },
         }
     }
 
     /// The target.
     pub fn track(&self) -> &TrackEstimate<T> {
-        &self.track
+        &self.state.track
     }
 
     /// Covariance of the navigation error (rows) with the target's state (columns).
     pub fn cross_covariance(&self) -> &SMatrix<T, N, 4> {
-        &self.cross
+        &self.state.cross
     }
 
     pub(super) fn cross_mut(&mut self) -> &mut SMatrix<T, N, 4> {
-        &mut self.cross
+        &mut self.state.cross
     }
 
     /// The navigation filter has propagated its covariance (S5).
     #[inline]
     pub fn navigation_propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
-        transition.map_rows(&mut self.cross);
+        transition.map_rows(&mut self.state.cross);
     }
 
     /// The navigation filter has corrected itself (S6). With feed-forward the correction moves the
@@ -114,17 +141,17 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
         match self.coupling {
             Coupling::OpenLoop => {}
-            Coupling::Exact => feedback.map_rows(&mut self.cross),
+            Coupling::Exact => feedback.map_rows(&mut self.state.cross),
             Coupling::FeedForward => {
                 for correction in feedback.corrections() {
-                    let known = self.cross.row(correction.state).transpose();
+                    let known = self.state.cross.row(correction.state).transpose();
                     let gain = known / correction.variance;
-                    self.track.state += gain * correction.residual;
-                    self.track.covariance -= gain * known.transpose();
-                    correction.map_rows(&mut self.cross);
+                    self.state.track.state += gain * correction.residual;
+                    self.state.track.covariance -= gain * known.transpose();
+                    correction.map_rows(&mut self.state.cross);
                 }
-                symmetrize(&mut self.track.covariance);
-                crate::kalman::feedback::reset_rows(&mut self.cross, feedback.reset_angle());
+                symmetrize(&mut self.state.track.covariance);
+                crate::kalman::feedback::reset_rows(&mut self.state.cross, feedback.reset_angle());
             }
         }
     }
@@ -135,8 +162,8 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.track, dt);
-        predict_columns(&mut self.cross, dt);
+        self.config.motion.predict(&mut self.state.track, dt);
+        predict_columns(&mut self.state.cross, dt);
         Ok(())
     }
 
@@ -145,7 +172,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     pub fn update(
         &mut self,
         detection: &RadarDetection<T>,
-        own: &OwnShip<'_, T, N>,
+        own: &NavigationPose<'_, T, N>,
     ) -> Innovation<T> {
         self.update_and_tell(detection, own).0
     }
@@ -155,12 +182,12 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     pub(super) fn update_and_tell(
         &mut self,
         detection: &RadarDetection<T>,
-        own: &OwnShip<'_, T, N>,
+        own: &NavigationPose<'_, T, N>,
     ) -> (Innovation<T>, Option<OwnPart<T, N>>) {
         let predicted = detection
             .check()
             .and_then(|()| own.check())
-            .and_then(|()| PredictedDetection::new(&self.track.state, &own.pose));
+            .and_then(|()| PredictedDetection::new(&self.state.track.state, &own.pose));
         let predicted = match predicted {
             Ok(predicted) => predicted,
             Err(reason) => return (Innovation::skipped(reason), None),
@@ -168,20 +195,21 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         let h_t = &predicted.by_target;
         let h_o = predicted.by_pose * own.pose_from_error;
         // a = P_t H_t^T + X H_o^T,  o = X^T H_t^T + P_o H_o^T,  S = H_t a + H_o o + R
-        let target = self.track.covariance * h_t.transpose() + self.cross.tr_mul(&h_o.transpose());
-        let navigation = self.cross * h_t.transpose() + own.covariance * h_o.transpose();
+        let target = self.state.track.covariance * h_t.transpose()
+            + self.state.cross.tr_mul(&h_o.transpose());
+        let navigation = self.state.cross * h_t.transpose() + own.covariance * h_o.transpose();
         let s = h_t * target + h_o * navigation + self.config.radar.covariance();
         let measured = Measured {
             residual: predicted.residual(detection),
             covariance: symmetric2(&s),
             target,
         };
-        let (innovation, gain) = measured.fuse(&mut self.track, self.config.gate_nis);
+        let (innovation, gain) = measured.fuse(&mut self.state.track, self.config.gate_nis);
         let Some(gain) = gain else {
             return (innovation, None);
         };
         // X <- X - K o^T
-        self.cross -= navigation * gain.transpose();
+        self.state.cross -= navigation * gain.transpose();
         let told = super::update::inverse2(&measured.covariance).map(|inverse| OwnPart {
             covariance: navigation,
             innovation_covariance: measured.covariance,

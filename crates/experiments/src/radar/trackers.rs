@@ -7,7 +7,7 @@ use northing_core::navigation::{ErrorStateFilter, ErrorTransition, STATES};
 use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::own_ship::PoseMemory;
 use northing_core::tracking::{
-    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, OwnShip, PoseAsKnown,
+    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, NavigationPose, PoseAsKnown,
     RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 
@@ -124,7 +124,7 @@ pub(super) struct Scan<'a> {
     /// The true own pose.
     pub(super) true_pose: Vector3<f64>,
     pub(super) covariance: &'a SMatrix<f64, STATES, STATES>,
-    pub(super) pose_from_error: &'a SMatrix<f64, 3, STATES>,
+    pub(super) pose_from_error: 'a SMatrix<f64, 3, STATES>,
     /// Covariance of the pose.
     pub(super) pose_covariance: Matrix3<f64>,
     /// The covariance one scan later without corrections, for `schmidt-authors`.
@@ -149,11 +149,11 @@ impl<'a> Scan<'a> {
         }
     }
 
-    pub(super) fn own_ship(&self) -> OwnShip<'a, f64, STATES> {
-        OwnShip {
+    pub(super) fn own_ship(&self) -> NavigationPose<'a, f64, STATES> {
+        NavigationPose {
             pose: self.pose,
             covariance: self.covariance,
-            pose_from_error: self.pose_from_error,
+            pose_from_error: *self.pose_from_error,
         }
     }
 }

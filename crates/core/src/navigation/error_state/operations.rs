@@ -49,7 +49,7 @@ fn sample(filter: &mut ErrorStateFilter<Counting>) {
 
 fn fuse<const M: usize>(
     filter: &mut ErrorStateFilter<Counting>,
-    measurement: &Measurement<Counting, M>,
+    measurement: &SparseMeasurement<Counting, M>,
 ) {
     let (mut side, mut gate) = (SideStates::default(), CountedGate::default());
     let innovation = filter.fuse_sparse(&mut side, measurement, &mut gate, lit(16.3));
@@ -57,8 +57,8 @@ fn fuse<const M: usize>(
 }
 
 /// Three rows of one element each, as the prototype has them.
-fn of_states(first: usize) -> Measurement<Counting, 3> {
-    Measurement {
+fn of_states(first: usize) -> SparseMeasurement<Counting, 3> {
+    SparseMeasurement {
         rows: [0, 1, 2].map(|i| Row::of_state(first + i)),
         residual: vector(0.1, -0.2, 0.3),
         variance: Vector3::repeat(lit(1.0)),

@@ -41,7 +41,7 @@ pub type Row<T> = SparseRow<T, ROW_ELEMENTS>;
 
 /// A measurement of up to three components, ready to be fused.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measurement<T: Scalar, const M: usize> {
+pub struct SparseMeasurement<T: Scalar, const M: usize> {
     /// What each component sees.
     pub rows: [Row<T>; M],
     /// Measured minus predicted.
@@ -60,7 +60,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     pub fn fuse_sparse<const M: usize>(
         &mut self,
         side: &mut SideStates<T>,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
         gate: &mut CountedGate,
         threshold: T,
     ) -> Innovation<T> {
@@ -92,7 +92,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         &mut self,
         side: &mut SideStates<T>,
         used: Used,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
     ) {
         self.set_free(side, measurement);
         let expected = Expected::of(&self.state.covariance, side, used, measurement);
@@ -106,7 +106,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         &mut self,
         side: &mut SideStates<T>,
         used: Used,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
         expected: &mut Expected<T, M>,
     ) {
         let p = &mut self.state.covariance;
@@ -195,7 +195,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     fn set_free<const M: usize>(
         &mut self,
         side: &mut SideStates<T>,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
     ) {
         let freed = measurement.freed.iter().zip(&measurement.rows);
         for ((state, row), residual) in freed.zip(measurement.residual.iter()) {

@@ -375,10 +375,11 @@ fn what_is_not_finite_is_refused_and_counted() {
         (filter.state().skipped, filter.state().covariance),
         (9, before)
     );
-    assert!(!filter.restore(NavigationState {
+    let broken = NavigationState {
         velocity: nan,
         ..*filter.state()
-    }));
+    };
+    assert_eq!(filter.restore(broken).unwrap_err().part, "velocity");
     let config = ErrorStateConfig {
         gravity: f64::NAN,
         ..ErrorStateConfig::default()
@@ -395,7 +396,7 @@ fn a_saved_state_continues_exactly() {
     run(&mut one, 0..33);
     let saved = *one.state();
     let mut other = ErrorStateFilter::new(*one.config(), start()).unwrap();
-    assert!(other.restore(saved));
+    other.restore(saved).unwrap();
     for filter in [&mut one, &mut other] {
         run(filter, 33..60);
         filter.update_gnss_compass(&fix());

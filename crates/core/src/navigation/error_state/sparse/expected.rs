@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 
 use super::shrink::{add_scaled, scaled};
-use super::{Measurement, Row, SIDE};
+use super::{Row, SIDE, SparseMeasurement};
 use crate::navigation::STATES;
 use crate::navigation::side_states::{SIDE_STATES, SideStates};
 use crate::scalar::Scalar;
@@ -146,7 +146,7 @@ impl<T: Scalar, const M: usize> Expected<T, M> {
         p: &SMatrix<T, STATES, STATES>,
         side: &SideStates<T>,
         used: Used,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
     ) -> Option<Self> {
         let mut covariance = [[T::zero(); M]; M];
         let mut nis = T::zero();
