@@ -134,6 +134,10 @@ impl<T: Scalar, E: AttitudeEstimator<T> + Restorable> Restorable for AttitudeDri
         let memory = &state.driver;
         let start = memory.start.as_ref();
         expect("start", start.is_none_or(InitialState::is_usable), "finite")?;
+        let references = start.map(|start| &start.references);
+        let field = references.iter().flat_map(|r| &r.magnetic_field).flatten();
+        let force = references.iter().flat_map(|r| &r.specific_force);
+        finite("references", force.chain(field))?;
         let rate = memory.last_rate.iter().flat_map(|(_, rate)| rate);
         finite("rates", rate.chain(&memory.passed_on))?;
         if let Some(aligning) = &memory.aligning {

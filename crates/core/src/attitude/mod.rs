@@ -41,8 +41,19 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
+pub use alignment::Prior;
+pub use axis_filters::{AxisFilters, AxisFiltersConfig};
+pub use bounded_velocity::{BoundedVelocity, BoundedVelocityConfig};
+pub use complementary::{Complementary, ComplementaryForm};
 pub use config::{AttitudeConfig, MagnetometerUse, ProcessNoise, QuaternionNorm};
+pub use driver::{AttitudeDriver, DriverConfig, DriverState};
+pub use ekf_reconstruction::EkfReconstruction;
 pub use heading::CompassHeading;
+pub use integration::Integration;
+pub use mekf::{Mekf, MekfState};
+pub use mekf3::Mekf3;
+pub use quaternion_ekf::QuaternionEkf;
+pub use usque::Usque;
 pub use vector_sensor::References;
 
 /// The state an estimator starts from.

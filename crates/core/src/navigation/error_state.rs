@@ -35,7 +35,7 @@
 mod aiding;
 mod sparse;
 
-use nalgebra::{SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
 pub use aiding::{GnssCompassFix, GnssCompassUpdate};
 pub use sparse::{REJECTIONS_BELIEVED, ROW_ELEMENTS, Row, SIDE, SparseMeasurement};
@@ -149,6 +149,34 @@ pub struct NavigationState<T: Scalar> {
 }
 
 impl<T: Scalar> NavigationState<T> {
+    /// Starts at an attitude (`ned_from_body`), a velocity (m/s, NED) and a position (m, NED), with biases of zero, all
+    /// of it exactly known: say how uncertain it is by [`Self::with_std`].
+    pub fn new(
+        ned_from_body: UnitQuaternion<T>,
+        velocity: Vector3<T>,
+        position: Vector3<T>,
+    ) -> Self {
+        Self {
+            ned_from_body,
+            velocity,
+            position,
+            accelerometer_bias: Vector3::zeros(),
+            gyroscope_bias: Vector3::zeros(),
+            covariance: SMatrix::zeros(),
+            pending: ErrorTransition::default(),
+            skipped: 0,
+        }
+    }
+
+    /// The same with independent errors of these standard deviations on each axis: attitude (rad), velocity (m/s),
+    /// position (m), accelerometer bias (m/s^2), gyroscope bias (rad/s).
+    #[must_use]
+    pub fn with_std(mut self, std: [T; 5]) -> Self {
+        let variance = |i: usize, _| std[i / 3] * std[i / 3];
+        self.covariance = SMatrix::from_diagonal(&SVector::from_fn(variance));
+        self
+    }
+
     /// Whether every number is finite and no variance negative.
     pub fn is_usable(&self) -> bool {
         let variances = self.covariance.diagonal();

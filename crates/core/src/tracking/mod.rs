@@ -51,8 +51,10 @@ mod update;
 pub use crate::kalman::NavigationPose;
 pub use black_box::BlackBoxSchmidt;
 pub use body_frame::BodyFrameTracker;
+pub use collision::ClosestApproach;
 pub use constant_velocity::ConstantVelocity;
 pub use converted_measurement::{Conversion, ConvertedMeasurement};
+pub use detection::{Detection, DetectionNoise};
 pub use joint::JointEkf;
 pub use multi_target::{
     MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackStatus,
