@@ -29,16 +29,24 @@ pub struct IntegrationState<T: Scalar> {
 /// Attitude by integration of the angular rate, less a constant bias.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Integration<T: Scalar> {
+    start: StartUncertainty<T>,
     state: IntegrationState<T>,
 }
 
 impl<T: Scalar> Default for Integration<T> {
     fn default() -> Self {
+        Self::new(StartUncertainty::of(&AttitudeConfig::default()))
+    }
+}
+
+impl<T: Scalar> Integration<T> {
+    /// At the identity. It makes no use of `start` but to tell a driver.
+    pub fn new(start: StartUncertainty<T>) -> Self {
         let state = IntegrationState {
             attitude: UnitQuaternion::identity(),
             gyroscope_bias: Vector3::zeros(),
         };
-        Self { state }
+        Self { start, state }
     }
 }
 
@@ -105,9 +113,8 @@ impl<T: Scalar> AttitudeEstimator<T> for Integration<T> {
         None
     }
 
-    /// That of the default settings: it has none of its own, and makes no use of it.
     fn start_uncertainty(&self) -> StartUncertainty<T> {
-        StartUncertainty::of(&AttitudeConfig::default())
+        self.start
     }
 
     fn rate_at_rest(&self) -> Vector3<T> {

@@ -67,10 +67,10 @@ pub trait FollowedNavigation<T: Scalar, const N: usize> {
 /// What one aiding update did to a navigation filter's error: the time before it, then the correction.
 pub trait FollowedUpdate<T: Scalar, const N: usize> {
     /// How the error went on since the update before.
-    fn transition(&self) -> &impl ErrorPropagation<T, N>;
+    type Transition: ErrorPropagation<T, N>;
 
-    /// What was then corrected.
-    fn feedback(&self) -> &ErrorFeedback<T, N>;
+    /// The time before the correction, and the correction.
+    fn error_steps(&self) -> (&Self::Transition, &ErrorFeedback<T, N>);
 }
 
 /// One scalar measurement of a single error state, as a filter fused it.

@@ -108,6 +108,14 @@ impl SkipReason {
     }
 }
 
+impl core::fmt::Display for SkipReason {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.description())
+    }
+}
+
+impl core::error::Error for SkipReason {}
+
 impl<T: Scalar> Innovation<T> {
     /// A measurement that was not looked at.
     #[inline]

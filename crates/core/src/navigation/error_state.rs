@@ -47,7 +47,7 @@ use crate::kalman::covariance::mirror_upper;
 use crate::kalman::feedback::reset_covariance;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::shear::times;
-use crate::kalman::{OutsideCorrection, SkipReason};
+use crate::kalman::{FollowedNavigation, NavigationPose, OutsideCorrection, SkipReason};
 use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
@@ -227,6 +227,22 @@ impl<T: Scalar> Restorable for ErrorStateFilter<T> {
         state.check()?;
         self.state = state.with_symmetric_covariance();
         Ok(())
+    }
+}
+
+impl<T: Scalar> FollowedNavigation<T, STATES> for ErrorStateFilter<T> {
+    type Transition = ErrorTransition<T>;
+
+    fn catch_up(&mut self) -> ErrorTransition<T> {
+        Self::catch_up(self)
+    }
+
+    fn navigation_pose(&self) -> NavigationPose<'_, T, STATES> {
+        NavigationPose {
+            pose: self.pose(),
+            covariance: &self.state.covariance,
+            pose_from_error: self.pose_from_error(),
+        }
     }
 }
 

@@ -53,6 +53,7 @@ mod counts;
 mod inertial;
 mod memory;
 mod propagation;
+mod solution;
 mod starting;
 mod stillness;
 mod updates;

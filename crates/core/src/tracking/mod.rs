@@ -26,7 +26,11 @@
 //!
 //! How close they will come, and how likely too close: [`collision`].
 //!
-//! State of a target: `[north, v_north, east, v_east]` (m, m/s). Pose of the own ship: `[north,
+//! # States of a target
+//!
+//! Trackers of one target, on a straight course: `[north, v_north, east, v_east]` (m, m/s; [`TrackEstimate`]).
+//! Those of many targets, which turn: the same four and the turn rate (rad/s, clockwise as a heading;
+//! [`coordinated_turn::TargetState`], [`imm::Mode`]), so the first four mean the same in both. Pose of the own ship: `[north,
 //! east, heading]`, heading clockwise from north, rad. Derivation of it all:
 //! `docs/derivations/schmidt_kalman.md`.
 
@@ -87,6 +91,11 @@ impl<T: Scalar> TrackEstimate<T> {
         self.state.norm_squared().is_finite()
             && self.covariance.norm_squared().is_finite()
             && self.covariance.diagonal().iter().all(|v| *v >= T::zero())
+    }
+
+    /// Standard deviations of `[north, v_north, east, v_east]`, m and m/s.
+    pub fn std(&self) -> Vector4<T> {
+        self.covariance.diagonal().map(|v| v.max(T::zero()).sqrt())
     }
 
     /// Whether a saved one can be continued from.

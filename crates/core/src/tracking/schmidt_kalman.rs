@@ -31,11 +31,14 @@
 use nalgebra::{Matrix2, SMatrix};
 
 use super::constant_velocity::predict_columns;
+use super::initiation::one_point;
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{NavigationPose, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
-use crate::kalman::{ErrorFeedback, ErrorPropagation, Innovation, SkipReason};
+use crate::kalman::{
+    ErrorFeedback, ErrorPropagation, FollowedNavigation, FollowedUpdate, Innovation, SkipReason,
+};
 use crate::restorable::{InvalidState, Restorable, finite};
 use crate::scalar::Scalar;
 
@@ -112,6 +115,47 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
             config,
             coupling,
             state: SchmidtKalmanState { track, cross },
+        }
+    }
+
+    /// Starts a track from its first detection ([`super::initiation::one_point`]): it stands where it was seen, give or
+    /// take a speed of `velocity_std` (m/s) on each axis. Its coupling is [`Coupling::Exact`].
+    ///
+    /// # Errors
+    /// Why detection, pose or standard deviation is refused.
+    pub fn from_detection(
+        config: TrackerConfig<T>,
+        detection: &RadarDetection<T>,
+        velocity_std: T,
+        own: &NavigationPose<'_, T, N>,
+    ) -> Result<Self, SkipReason> {
+        let (track, cross) = one_point(detection, &config.radar, velocity_std, own)?;
+        Ok(Self::new(config, Coupling::Exact, track, cross))
+    }
+
+    /// Follows an aiding update of the navigation filter (S5, S6). None may be left out.
+    #[inline]
+    pub fn follow(&mut self, update: &impl FollowedUpdate<T, N>) {
+        let (transition, feedback) = update.error_steps();
+        self.navigation_propagated(transition);
+        self.navigation_corrected(feedback);
+    }
+
+    /// Takes a detection made `dt` seconds after the last one: brings the navigation filter's covariance up to its last
+    /// inertial sample, follows it there, moves the target on (S8) and fuses (S9). A `dt` that is refused changes nothing.
+    pub fn scan(
+        &mut self,
+        dt: T,
+        detection: &RadarDetection<T>,
+        navigation: &mut impl FollowedNavigation<T, N>,
+    ) -> Innovation<T> {
+        if let Err(reason) = check_step(dt) {
+            return Innovation::skipped(reason);
+        }
+        self.navigation_propagated(&navigation.catch_up());
+        match self.predict(dt) {
+            Ok(()) => self.update(detection, &navigation.navigation_pose()),
+            Err(reason) => Innovation::skipped(reason),
         }
     }
 

@@ -124,7 +124,7 @@ pub(super) struct Scan<'a> {
     /// The true own pose.
     pub(super) true_pose: Vector3<f64>,
     pub(super) covariance: &'a SMatrix<f64, STATES, STATES>,
-    pub(super) pose_from_error: 'a SMatrix<f64, 3, STATES>,
+    pub(super) pose_from_error: &'a SMatrix<f64, 3, STATES>,
     /// Covariance of the pose.
     pub(super) pose_covariance: Matrix3<f64>,
     /// The covariance one scan later without corrections, for `schmidt-authors`.

@@ -11,7 +11,7 @@ use super::ErrorStateFilter;
 use crate::geometry::so3;
 use crate::kalman::covariance::normalized_square3;
 use crate::kalman::scalar_update::update_one_state;
-use crate::kalman::{ErrorFeedback, Innovation, Outcome, SkipReason};
+use crate::kalman::{ErrorFeedback, FollowedUpdate, Innovation, Outcome, SkipReason};
 use crate::navigation::{ATTITUDE, ErrorTransition, POSITION, STATES};
 use crate::scalar::Scalar;
 
@@ -40,6 +40,31 @@ pub struct GnssCompassUpdate<T: Scalar> {
     pub position: Innovation<T>,
     /// The attitude's part, rad, NED axes: what the position had not told yet.
     pub attitude: Innovation<T>,
+}
+
+impl<T: Scalar> GnssCompassFix<T> {
+    /// A position (m, NED) and an attitude (`ned_from_body`), each with one standard deviation for all axes (m, rad).
+    pub fn new(
+        position: Vector3<T>,
+        position_std: T,
+        ned_from_body: UnitQuaternion<T>,
+        attitude_std: T,
+    ) -> Self {
+        Self {
+            position,
+            position_std: Vector3::repeat(position_std),
+            ned_from_body,
+            attitude_std: Vector3::repeat(attitude_std),
+        }
+    }
+}
+
+impl<T: Scalar> FollowedUpdate<T, STATES> for GnssCompassUpdate<T> {
+    type Transition = ErrorTransition<T>;
+
+    fn error_steps(&self) -> (&ErrorTransition<T>, &ErrorFeedback<T, STATES>) {
+        (&self.transition, &self.feedback)
+    }
 }
 
 impl<T: Scalar> ErrorStateFilter<T> {
