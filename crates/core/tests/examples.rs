@@ -4,6 +4,7 @@
     missing_docs,
     unreachable_pub,
     unused_attributes,
+    unused_extern_crates,
     reason = "they are programs of their own"
 )]
 
