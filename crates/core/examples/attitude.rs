@@ -1,7 +1,7 @@
 //! Which way does a device point? A gyroscope with a bias of 1 deg/s, an accelerometer and a magnetometer, 100 Hz.
 //! It turns on a table, 0.3 rad/s about up, in axes east, north, up. Asked for: yaw, pitch and roll after a minute,
 //! with standard deviations, and the bias.
-#![allow(clippy::print_stdout, reason = "an example")]
+#![allow(clippy::print_stdout, missing_docs, unreachable_pub)]
 use northing_core::attitude::{AttitudeConfig, AttitudeDriver, DriverConfig, Mekf};
 use northing_core::geometry::rotation;
 use northing_core::nalgebra::{UnitQuaternion, Vector3};

@@ -1,18 +1,23 @@
 //! Roll of a drone's arm on a microcontroller: single precision, no heap, gyroscope and accelerometer at 100 Hz.
 //! `step` is what an interrupt calls: the state lies in memory that outlives a reset, and is checked before use.
 #![no_std]
+#![allow(
+    clippy::print_stdout,
+    missing_docs,
+    unreachable_pub,
+    unused_extern_crates
+)]
 extern crate std;
 use northing_core::attitude::{AttitudeConfig, AttitudeDriver, DriverConfig, Mekf};
 use northing_core::geometry::{rotation, so3};
-use northing_core::{InvalidState, Restorable, nalgebra::Vector3};
+use northing_core::{Restorable, nalgebra::Vector3};
 
 type Driver = AttitudeDriver<f32, Mekf<f32>>;
 type Saved = <Driver as Restorable>::State;
 
 fn step(driver: &mut Driver, saved: &mut Saved, k: i64, imu: &[Vector3<f32>; 2]) {
     // What memory cannot hold is refused; the driver then starts anew.
-    let refused: Result<(), InvalidState> = driver.restore(*saved);
-    assert!(refused.is_ok(), "nothing was reset here");
+    assert!(driver.restore(*saved).is_ok(), "nothing was reset here");
     driver.gyroscope(k * 10_000_000, &imu[0]);
     driver.accelerometer(k * 10_000_000, &imu[1]);
     *saved = driver.save();

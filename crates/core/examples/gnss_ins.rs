@@ -1,7 +1,7 @@
 //! Where is a car? An inertial unit at 100 Hz and a GNSS receiver at 1 Hz, and then a tunnel of five seconds.
 //! It stands for five seconds and drives north at 1 m/s^2. Asked for: latitude, longitude and heading at the end of
 //! the tunnel, with standard deviations.
-#![allow(clippy::print_stdout, reason = "an example")]
+#![allow(clippy::print_stdout, missing_docs, unreachable_pub)]
 use northing_core::earth::{Geodetic, LocalFrame};
 use northing_core::nalgebra::Vector3;
 use northing_core::navigation::{GnssIns, GnssInsConfig, GnssPosition, GnssVelocity, Validity};

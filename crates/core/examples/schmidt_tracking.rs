@@ -1,6 +1,6 @@
 //! Where is the other ship, seen by radar every 4 s from a ship that lies still and whose compass errs by 2 degrees?
 //! Asked for: its position and velocity, with deviations that contain the errors of the own ship's navigation.
-#![allow(clippy::print_stdout, reason = "an example")]
+#![allow(clippy::print_stdout, missing_docs, unreachable_pub)]
 use northing_core::kalman::FollowedNavigation as _;
 use northing_core::nalgebra::{UnitQuaternion, Vector3, Vector4};
 use northing_core::navigation::{ErrorStateFilter, GnssCompassFix, NavigationState};
