@@ -1,12 +1,7 @@
 //! Roll of a drone's arm on a microcontroller: single precision, no heap, gyroscope and accelerometer at 100 Hz.
 //! `step` is what an interrupt calls: the state lies in memory that outlives a reset, and is checked before use.
 #![no_std]
-#![allow(
-    clippy::print_stdout,
-    missing_docs,
-    unreachable_pub,
-    unused_extern_crates
-)]
+#![allow(clippy::print_stdout, missing_docs, unreachable_pub)]
 extern crate std;
 use northing_core::attitude::{AttitudeConfig, AttitudeDriver, DriverConfig, Mekf};
 use northing_core::geometry::{rotation, so3};
