@@ -333,9 +333,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let paper = Experiments::run("paper")?;
     let halved = Experiments::run("paper_halved")?;
     println!("# Tracking with an uncertain own position: results\n");
-    println!(
-        "Made by `cargo run --release -p northing-experiments --example tracking_results`, on"
-    );
+    println!("Made by `cargo run --release -p northing-experiments --example tracking_results`, on");
     println!(
         "[`scenarios/tracking/wilthil_brekke.toml`](../../scenarios/tracking/wilthil_brekke.toml). Experiments of 100 runs;"
     );

@@ -255,9 +255,7 @@ impl AnyEstimator {
         let config = &parameters.attitude;
         let complementary = |form| Complementary::new(form, *config).map(Self::Complementary);
         Ok(Some(match kind {
-            EstimatorKind::Integration => {
-                Self::Integration(Integration::new(StartUncertainty::of(config)))
-            }
+            EstimatorKind::Integration => Self::Integration(Integration::new(StartUncertainty::of(config))),
             EstimatorKind::Mekf3 => Self::Mekf3(Mekf3::new(*config)?),
             EstimatorKind::Mekf => Self::Mekf(Mekf::new(*config)?),
             EstimatorKind::BoundedVelocity => {

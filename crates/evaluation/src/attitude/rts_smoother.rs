@@ -34,7 +34,8 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use northing_core::attitude::config::ConfigError;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::{
-    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty,
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
+    StartUncertainty,
 };
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::Innovation;

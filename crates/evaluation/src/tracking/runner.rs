@@ -5,7 +5,7 @@ use std::time::Instant;
 use nalgebra::{Matrix2, Vector2};
 use northing_core::tracking::detection::{Detection, DetectionNoise};
 use northing_core::tracking::multi_target::{
-    MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, TrackStatus,
+    MultiTargetTracker, Scan, ScanSensor, TrackStatus, MultiTargetConfig,
 };
 use northing_core::tracking::own_ship::{OwnShip, PoseMemory};
 use northing_recording::tracking::{

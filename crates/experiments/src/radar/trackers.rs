@@ -7,8 +7,8 @@ use northing_core::navigation::{ErrorStateFilter, ErrorTransition, STATES};
 use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::own_ship::PoseMemory;
 use northing_core::tracking::{
-    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, NavigationPose,
-    PoseAsKnown, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
+    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, NavigationPose, PoseAsKnown,
+    RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 
 use super::CampaignError;
