@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Other people's attitude filters on recordings, scored as `northing benchmark attitude` scores ours.
+"""Third-party attitude filters on recordings, scored as `northing benchmark attitude` scores ours.
 
 usage: attitude.py PATH... --out peers.csv      (PATH: .parquet or .csv recordings, or folders of them)
 

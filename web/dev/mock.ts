@@ -1,6 +1,9 @@
 // A stand-in for the program's WebSocket: one or more synthetic devices, good enough to look at every screen.
 
-import type { Calibration, Device, Frame, FromProgram, Innovation, Quaternion, RunSummary, ToProgram, Triple } from "../lab/protocol";
+import type { Calibration, Device, EstimatorKind, Frame, FromProgram, Innovation, Quaternion, RunSummary, Sensor, ToProgram, Triple } from "../lab/protocol";
+
+/** As much of a message as the screens need. */
+type Sketch<T> = T extends string | number | boolean | null | Triple | Quaternion ? T : T extends (infer U)[] ? Sketch<U>[] : T extends object ? { [K in keyof T]?: Sketch<T[K]> } : T;
 
 const noise = (): number => Math.sqrt(-2 * Math.log(1 - Math.random())) * Math.cos(2 * Math.PI * Math.random());
 const noise3 = (s: number): Triple => [noise() * s, noise() * s, noise() * s];
@@ -16,15 +19,15 @@ const parameters: [string, string, number][] = [
   ["accelerometer_gate_nis", "-", 11.34], ["magnetometer_gate_nis", "-", 11.34], ["gate_timeout_s", "s", 3], ["initial_tilt_std", "rad", 0.1],
 ];
 
-function summary(name: string, error: number, estimated: number | null): RunSummary {
+function summary(name: EstimatorKind, error: number, estimated: number | null): Sketch<RunSummary> {
   return {
     estimator: name, duration_s: 30, samples: 9000, error_deg: { total_rmse: error * 0.8 }, nis_mean: { accelerometer: 3.1, magnetometer: 2.9 }, nis: {}, issues: [],
     final: { calculated_error_deg: error, calculated_error_wxyz: exp([0.004, -0.003, 0.005]), estimated_error_deg: estimated, estimated_error_wxyz: estimated ? exp([0.004, 0.004, 0.007]) : null, estimated_std_deg: null, normalised_square: 2.2, verdict: estimated ? "consistent" : null, sentence: `Back in the first pose the estimate is ${error.toFixed(2)} deg away from it, as the filter's 0.54 deg allow: consistent. A hand puts a device back only to 0.5 to 1 deg: a calculated error of that size says nothing against the filter.` },
-    verdicts: [{ sensor: "accelerometer", verdict: "honest", variance_factor: 1.03, sentences: ["NIS is 3.1 on average, 3 when honest: the stated noise fits."] }, { sensor: "magnetometer", verdict: "too-small", variance_factor: 2.4, sentences: ["R is about 2.4 times too small."] }],
+    verdicts: [{ sensor: "accelerometer", verdict: "consistent", variance_factor: 1.03, sentences: ["NIS is 3.1 on average, 3 when consistent: the stated noise fits."] }, { sensor: "magnetometer", verdict: "too-small", variance_factor: 2.4, sentences: ["R is about 2.4 times too small."] }],
   };
 }
 
-const ESTIMATORS = ["integration", "mekf3", "mekf", "usque", "quaternion-ekf", "device"];
+const ESTIMATORS: EstimatorKind[] = ["integration", "mekf3", "mekf", "usque", "quaternion-ekf", "device"];
 
 class Mock extends EventTarget {
   static readonly OPEN = 1;
@@ -32,8 +35,8 @@ class Mock extends EventTarget {
   onopen: (() => void) | null = null;
   onmessage: ((e: { data: string }) => void) | null = null;
   onclose: (() => void) | null = null;
-  private devices: Device[] = [];
-  private rows: Extract<FromProgram, { type: "experiments" }>["rows"] = [];
+  private devices: (Sketch<Device> & Pick<Device, "id" | "name" | "received">)[] = [];
+  private rows: Sketch<Extract<FromProgram, { type: "experiments" }>["rows"]> = [];
   private t = 0;
 
   constructor() {
@@ -50,7 +53,7 @@ class Mock extends EventTarget {
     setInterval(() => this.say({ type: "devices", devices: structuredClone(this.devices) }), 500);
   }
 
-  private say(message: FromProgram): void {
+  private say(message: Sketch<FromProgram>): void {
     this.onmessage?.({ data: JSON.stringify(message) });
   }
 
@@ -64,7 +67,7 @@ class Mock extends EventTarget {
       for (const [name, other, std] of [["mekf", mekf, true], ["integration", mul(exp([drift, drift * 0.5, drift * 2]), q), false], ["device", mul(exp([0, 0, 0.06]), q), false]] as [string, Quaternion, boolean][]) {
         estimates[name] = { q: other, angles_deg: angles(other), std_deg: std ? [0.7, 0.25, 0.25] : null, bias_deg_s: null };
       }
-      const innovations = ["accelerometer", "magnetometer"].map((sensor): Innovation => {
+      const innovations = (["accelerometer", "magnetometer"] as const).map((sensor): Innovation => {
         const s = sensor === "accelerometer" ? 0.05 : 0.5, residual = noise3(sensor === "accelerometer" ? s : s * 1.5);
         const nis = residual.reduce((sum, r) => sum + (r / s) ** 2, 0);
         return { sensor, t_s: this.t, residual, std: [s, s, s], nis, dof: 3, outcome: nis > 11.34 ? "gated" : "fused" };
@@ -119,8 +122,8 @@ class Mock extends EventTarget {
       return { tau_s, deviation, lower: deviation * (1 - 0.012 * i), upper: deviation * (1 + 0.015 * i) };
     });
     this.say({
-      type: "allan", request: m.request, id: m.id, sensor: m.sensor, state: "done", text: null, fill: { settings: { gyroscope_noise_density: 5e-4, gyroscope_bias_random_walk: 2e-6 }, said: [] },
-      report: { sensor: m.sensor, unit: "rad/s", duration_s: 600, rate_hz: 100, curve, coefficients: { noise_density: { value: 5e-4, std: 4e-6 }, bias_instability: { value: 3e-5, std: 4e-6 }, random_walk: null }, trusted_tau_s: 60, sentences: ["White noise: 0.0005 rad/s/sqrt(Hz) (1.72 deg/sqrt(h)) +- 1 %, where the falling line of slope -1/2 passes tau = 1 s; averaging four times as long halves it.", "Beyond tau = 60 s the record of 10 minutes is too short to say anything: a point there is the mean of a few differences only."] },
+      type: "allan", request: m.request, id: m.id, sensor: m.sensor as Sensor, state: "done", text: null, fill: { settings: { gyroscope_noise_density: 5e-4, gyroscope_bias_random_walk: 2e-6 }, said: [] },
+      report: { sensor: m.sensor as Sensor, unit: "rad/s", duration_s: 600, rate_hz: 100, curve, coefficients: { noise_density: { value: 5e-4, std: 4e-6 }, bias_instability: { value: 3e-5, std: 4e-6 }, random_walk: null }, trusted_tau_s: 60, sentences: ["White noise: 0.0005 rad/s/sqrt(Hz) (1.72 deg/sqrt(h)) +- 1 %, where the falling line of slope -1/2 passes tau = 1 s; averaging four times as long halves it.", "Beyond tau = 60 s the record of 10 minutes is too short to say anything: a point there is the mean of a few differences only."] },
     });
   }
 
@@ -130,7 +133,7 @@ class Mock extends EventTarget {
       const column = (): number[] => t_s.map(() => noise() * s);
       return { t_s, x: column(), y: column(), z: column() };
     };
-    const done: Calibration = {
+    const done: Sketch<Calibration> & { type: "calibration" } = {
       type: "calibration", device, state: "done", progress: 1, remaining_s: 0, verdict: { tone: "good", text: "At rest for the whole time; the bias is known to 0.003 deg/s." }, samples: { gyroscope: series(0.005), accelerometer: series(0.05), magnetometer: series(0.5) },
       result: { gyroscope_samples: 1000, gyroscope_bias_rad_s: [0.011, -0.004, 0.002], gyroscope_bias_std_rad_s: [1e-4, 1e-4, 1e-4], gyroscope_std_rad_s: [0.005, 0.005, 0.005], accelerometer_samples: 1000, specific_force_m_s2: [0.02, 0.1, 9.79], accelerometer_std_m_s2: [0.05, 0.05, 0.05], magnetometer_samples: 500, magnetic_field_ut: [0.3, 22.1, -41.8], magnetometer_std_ut: [0.5, 0.5, 0.5] },
     };

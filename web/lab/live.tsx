@@ -155,7 +155,7 @@ const signed = (v: number | undefined): string => {
 };
 const threeSigma = (v: number | undefined): string => (v === undefined ? "" : `±${(3 * v).toFixed(3 * v < 10 ? 2 : 0)}°`);
 
-/** One lamp a sensor: is its stated noise honest? In words. */
+/** One lamp a sensor: is its stated noise consistent? In words. */
 export function Lamps({ device }: { device: string }) {
   const lamps = useFrame<Lamp[]>(device, (frame) => frame.lamp, 2, []);
   const shown = ["accelerometer", "magnetometer"].map((sensor) => lamps.find((l) => l.sensor === sensor) ?? { sensor, tone: "idle", text: "no samples to judge yet", nis_mean: null, nis_expected: 3 });
@@ -166,7 +166,7 @@ export function Lamps({ device }: { device: string }) {
           <span class="light" aria-hidden="true" />
           <p title={lamp.text}><b>{lamp.sensor}</b> {unnamed(lamp.text)}</p>
           <span class="spoken" aria-live="polite">{`${lamp.sensor}: ${TONES[lamp.tone] ?? "nothing to judge yet"}`}</span>
-          <span class="nis" title={`Mean NIS of the last seconds: ${lamp.nis_expected ?? 3} when honest`}>NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(lamp.nis_mean < 0.95 ? 2 : 1)}</span>
+          <span class="nis" title={`Mean NIS of the last seconds: ${lamp.nis_expected ?? 3} when consistent`}>NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(lamp.nis_mean < 0.95 ? 2 : 1)}</span>
         </div>
       ))}
     </div>
@@ -174,7 +174,7 @@ export function Lamps({ device }: { device: string }) {
 }
 
 /** Read aloud when a lamp changes its colour; its number changes all the time. */
-const TONES: Record<string, string> = { good: "consistent", warn: "worth a look", bad: "not honest" };
+const TONES: Record<string, string> = { good: "consistent", warn: "worth a look", bad: "not consistent" };
 
 const time: Pick<ChartSpec, "x"> = { x: [-WINDOW_S, 0] };
 const XYZ = [{ text: "x", role: "s1" }, { text: "y", role: "s2" }, { text: "z", role: "s0" }];

@@ -40,6 +40,6 @@ export const degrees = (v: number | null | undefined): string => (v === null || 
 
 export const VERDICTS: Record<string, { tone: "good" | "warn" | "bad"; text: string }> = {
   consistent: { tone: "good", text: "Consistent" },
-  pessimistic: { tone: "warn", text: "Pessimistic" },
-  optimistic: { tone: "bad", text: "Optimistic" },
+  conservative: { tone: "warn", text: "Conservative" },
+  overconfident: { tone: "bad", text: "Overconfident" },
 };

@@ -172,7 +172,7 @@ await suite(async () => {
     await server.close();
   });
 
-  await test("a full lab is said in its words, and what was held back arrives when there is room", async () => {
+  await test("a full lab is said in its words, and what was throttled arrives when there is room", async () => {
     const server = await lab();
     let full = true;
     server.answer = (body) => (full ? [503, { error: "the lab is full: it takes 64 devices" }] : [200, { ack: body.seq, commands: [] }]);

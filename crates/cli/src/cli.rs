@@ -11,15 +11,15 @@ use crate::commands::{
     tune,
 };
 
-/// Which way does a device point, and how sure are we?
+/// Attitude, navigation and tracking from noisy sensors.
 #[derive(Debug, Parser)]
 #[command(
     name = "northing",
     version,
-    about = "Which way does a device point, and how sure are we?",
-    long_about = "Which way does a device point, and how sure are we? Northing estimates attitude from \
-                  recordings of phones and IMUs, with an uncertainty that can be trusted, and says in \
-                  words whether the tuning is honest.",
+    about = "Which way is it pointing, where is it, and where are the others?",
+    long_about = "Which way is it pointing, where is it, and where are the others? Northing estimates attitude, \
+                  position and targets from recordings of phones, inertial units, GNSS receivers and radars, each \
+                  with a covariance, and says whether that is consistent.",
     after_help = HELP_END,
     disable_help_subcommand = true
 )]
@@ -32,32 +32,32 @@ pub(crate) struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// The lab: phones deliver into it, a page shows it; what `northing` alone starts
+    /// Start the live lab (default): phones stream to this computer, results in the browser
     #[cfg(feature = "live")]
     Live(live::LiveArgs),
-    /// A virtual phone with known truth, the lab's steps on it, and a report: start here
+    /// The lab's steps on a virtual phone with known truth, and a report: start here
     Demo(demo::DemoArgs),
-    /// Estimate attitude or position over one recording and say how good it is
+    /// Estimate attitude or position over one recording: errors, consistency, report
     Run(Box<run::RunArgs>),
-    /// Several recordings and estimators in one table
+    /// Compare estimators over recordings, in one table
     Compare(Box<compare::CompareArgs>),
-    /// All estimators, and other people's, over folders of recordings: who is how wrong
+    /// All estimators beside third-party baselines (VQF, Fusion, AHRS) over folders of recordings
     Benchmark(benchmark::BenchmarkArgs),
-    /// Find and follow targets in recordings of radar, lidar, cameras and AIS
+    /// Track targets in recordings of radar, lidar, cameras and AIS
     Track(track::TrackArgs),
-    /// Measure what a sensor does wrong: at rest, turned about, or over hours
+    /// Sensor calibration: rest, magnetometer, Allan variance
     Calibrate(calibrate::CalibrateArgs),
     /// Write a recording in another format
     Convert(convert::ConvertArgs),
-    /// One run of a tracking scenario: truth, navigation and every tracker
+    /// Simulate one run of a tracking scenario: truth, navigation and every tracker
     Simulate(simulate::SimulateArgs),
-    /// Many runs of a tracking scenario: who is how wrong, and who knows
+    /// Monte Carlo campaign: RMSE and NEES of each tracker over many runs of a scenario
     #[cfg(feature = "parquet")]
     #[command(name = "montecarlo")]
     MonteCarlo(Box<montecarlo::MonteCarloArgs>),
-    /// Experiments of the literature, made again: who is better, by how much, at what cost
+    /// Experiments of the literature, reproduced: errors, gains, cost
     Experiment(experiment::ExperimentArgs),
-    /// Fit the noise of a navigation estimator to a recording, and say whether it holds
+    /// Fit noise parameters of a navigation estimator by maximum likelihood, checked on held-out data
     Tune(tune::TuneArgs),
     /// List the estimators and their parameters
     Estimators(estimators::EstimatorsArgs),
@@ -74,20 +74,20 @@ const HELP_END: &str = if cfg!(feature = "live") {
 /// What `northing` alone prints where there is no lab to start.
 #[cfg(not(feature = "live"))]
 pub(crate) const INTRODUCTION: &str = "\
-northing: which way does a device point, and how sure are we?
+northing: which way is it pointing, where is it, and where are the others?
 
   northing demo                          a virtual phone, the lab's steps, a report: start here
-  northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
+  northing run walk.zip --report w.html  one recording: attitude or position, consistency, report
   northing compare a.csv b.csv           several recordings and estimators in one table
-  northing benchmark attitude --data d   all estimators, and others', over folders
+  northing benchmark attitude --data d   all estimators beside third-party baselines
   northing track harbour.toml            targets in recordings of radar, cameras and AIS
   northing calibrate rest desk.csv       bias, noise and references of a device at rest
   northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
   northing calibrate allan night.csv     noise over averaging time, and the Q that follows
   northing convert walk.zip walk.csv     a recording in another format
   northing simulate scenario.toml        one run of a tracking scenario
-  northing montecarlo scenario.toml      many runs: who is how wrong, and who knows
-  northing experiment observers          observers in cascade, judged: errors, gains, cost
+  northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker
+  northing experiment observers          observers in cascade: errors, gains, cost
   northing tune drive.toml               noise parameters fitted to a recording
   northing estimators                    the estimators and their parameters
 

@@ -81,7 +81,7 @@ impl Progress {
     fn may_draw(&mut self) -> bool {
         if !self.shown && self.terminal && self.started.elapsed() > PATIENCE {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
-            // Goes on turning when nothing is counted, as while a smoother looks back.
+            // Goes on turning when nothing is counted, as while a smoother goes backwards.
             self.bar.enable_steady_tick(TICK);
             self.shown = true;
         }

@@ -101,7 +101,7 @@ fn pass<E: AttitudeEstimator<f64>>(estimator: E, s: &Samples) -> f64 {
 fn pass_cascade<E: AttitudeEstimator<f64>>(estimator: E, s: &Samples) -> f64 {
     let mut estimator = start(estimator);
     let at_rest = Vector3::new(0.0, 0.0, 9.81);
-    let mut observer = Cascade::new(CascadeConfig::default(), at_rest).expect("valid settings");
+    let mut observer = Cascade::new(CascadeConfig::lab(), at_rest).expect("valid settings");
     let dt = 1.0 / RATE_HZ;
     let begin = Instant::now();
     for k in 0..s.gyroscope.len() {
@@ -160,7 +160,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 fn main() {
     let s = samples();
-    let settings = AttitudeConfig::<f64>::default();
+    let settings = AttitudeConfig::<f64>::lab();
     let hand_held = AttitudeConfig::<f64>::hand_held();
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
     let samples = &s;
@@ -203,18 +203,15 @@ fn main() {
 
     let full = BoundedVelocityConfig {
         initial_hard_iron_std_ut: 12.0,
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     };
     let small = BoundedVelocityConfig {
         scale_states: ScaleStates::Diagonal,
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     };
     for (name, config) in [
         ("bounded-velocity, 22 states", full),
-        (
-            "bounded-velocity, 19 states",
-            BoundedVelocityConfig::default(),
-        ),
+        ("bounded-velocity, 19 states", BoundedVelocityConfig::lab()),
         ("bounded-velocity, 13 states", small),
     ] {
         let filter = BoundedVelocity::new(config).expect("valid settings");

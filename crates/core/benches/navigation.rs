@@ -13,7 +13,7 @@ use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::error_state::{Row, SparseMeasurement};
 use northing_core::navigation::gnss_ins::{GnssIns, GnssInsConfig};
 use northing_core::navigation::{
-    ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState, SideStates,
+    AugmentedStates, ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState,
 };
 
 type M15 = SMatrix<f64, 15, 15>;
@@ -87,10 +87,10 @@ fn update() -> [f64; 2] {
         freed: [6, 7, 8],
     };
     // In place, as it is used: the variances fall, the work is the same.
-    let (mut filter, mut side) = (start, SideStates::default());
+    let (mut filter, mut side) = (start, AugmentedStates::default());
     let mut gate = CountedGate::default();
     let scalars = || {
-        black_box(filter.fuse_sparse(&mut side, black_box(&measurement), &mut gate, 16.3));
+        black_box(filter.fuse_sparse(&mut side, black_box(&measurement), &mut gate, 16.3, &mut ()));
     };
     let mut h = SMatrix::<f64, 3, 15>::zeros();
     h.fixed_view_mut::<3, 3>(0, 6).fill_with_identity();

@@ -99,7 +99,7 @@ fn gnss_compass_fix(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn schmidt_update(bencher: Bencher<'_, '_>) {
     let (track, cross, covariance, rows) = start();
-    let tracker = SchmidtKalman::new(config(), Coupling::Exact, track, cross);
+    let tracker = SchmidtKalman::new(config(), Coupling::Exact, track, cross).unwrap();
     let own = NavigationPose {
         pose: Vector3::zeros(),
         covariance: &covariance,
@@ -116,7 +116,7 @@ fn schmidt_update(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn converted_update(bencher: Bencher<'_, '_>) {
     let (track, _, covariance, rows) = start();
-    let tracker = ConvertedMeasurement::new(config(), Conversion::Linearized, track);
+    let tracker = ConvertedMeasurement::new(config(), Conversion::Linearized, track).unwrap();
     let pose_covariance = rows * covariance * rows.transpose();
     bencher.bench_local(|| {
         let mut tracker = black_box(tracker);
@@ -128,7 +128,7 @@ fn converted_update(bencher: Bencher<'_, '_>) {
 
 #[divan::bench]
 fn uncompensated_update(bencher: Bencher<'_, '_>) {
-    let tracker = PoseAsKnown::new(config(), start().0);
+    let tracker = PoseAsKnown::new(config(), start().0).unwrap();
     bencher.bench_local(|| {
         let mut tracker = black_box(tracker);
         let _ = tracker.predict(1.0);

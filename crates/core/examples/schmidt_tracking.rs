@@ -1,7 +1,7 @@
 //! Where is the other ship, seen by radar every 4 s from a ship that lies still and whose compass errs by 2 degrees?
 //! Asked for: its position and velocity, with deviations that contain the errors of the own ship's navigation.
 #![allow(clippy::print_stdout, missing_docs, unreachable_pub)]
-use northing_core::kalman::FollowedNavigation as _;
+use northing_core::kalman::ErrorListener as _;
 use northing_core::nalgebra::{UnitQuaternion, Vector3, Vector4};
 use northing_core::navigation::{ErrorStateFilter, GnssCompassFix, NavigationState};
 use northing_core::tracking::{ConstantVelocity, RadarDetection, RadarNoise};
@@ -19,16 +19,16 @@ pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let own = navigation.navigation_pose();
     let mut tracker = SchmidtKalman::from_detection(config, &seen(0), 10.0, &own)?;
-    let gravity = Vector3::new(0.0, 0.0, -9.806_65);
     for k in 1..=1200 {
-        navigation.propagate(&Vector3::zeros(), &gravity, 0.1)?;
+        navigation.propagate(&Vector3::zeros(), &Vector3::new(0.0, 0.0, -9.806_65), 0.1)?;
         if k % 20 == 0 {
             let ned_from_body = heading(0.03 * f64::from(k).sin());
             let fix = GnssCompassFix::new(Vector3::zeros(), 1.5, ned_from_body, 0.05);
-            tracker.follow(&navigation.update_gnss_compass(&fix));
+            navigation.update_gnss_compass(&fix).tell(&mut tracker);
         }
         if k % 40 == 0 {
-            tracker.scan(4.0, &seen(k), &mut navigation);
+            tracker.propagated(&navigation.catch_up());
+            tracker.scan(4.0, &seen(k), &navigation.navigation_pose());
         }
     }
     let (state, std) = (tracker.track().state, tracker.track().std());

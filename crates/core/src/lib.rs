@@ -35,6 +35,7 @@
 //! | [`attitude`] | gyroscope integration, MEKF, bounded velocity, USQUE, quaternion EKF, Wahba's problem, alignment |
 //! | [`navigation`] | the 15-state error-state filter: position, velocity and attitude from an IMU and aiding |
 //! | [`calibration`] | what a sensor at rest tells: bias, noise, references, and when to refuse |
+//! | [`parameters`] | configurations as tables: every parameter with unit, permitted range, defaults and meaning |
 //! | [`tracking`] | others: one target or many in clutter, from a platform whose own pose is uncertain |
 //!
 //! # Conventions
@@ -61,6 +62,7 @@ pub mod earth;
 pub mod geometry;
 pub mod kalman;
 pub mod navigation;
+pub mod parameters;
 mod restorable;
 mod scalar;
 #[cfg(feature = "serde")]
@@ -68,5 +70,11 @@ mod serialization;
 pub mod tracking;
 
 pub use nalgebra;
+pub use parameters::ConfigError;
 pub use restorable::{InvalidState, Restorable};
 pub use scalar::Scalar;
+
+/// The example of the README, so that it compiles and does what it says.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;

@@ -376,40 +376,41 @@ fn trackers_of_one_target() {
         pose_from_error: Matrix3::identity(),
     };
     let cross = SMatrix::<f64, 3, 4>::from_element(0.01);
-    let make = || PoseAsKnown::new(config, track);
-    let single = PoseAsKnown::new(config32, track32);
+    let make = || PoseAsKnown::new(config, track).unwrap();
+    let single = PoseAsKnown::new(config32, track32).unwrap();
     check("pose as known", make, single, |tracker, k| {
         tracker.predict(1.0).unwrap();
         let _ = tracker.update(&seen(k), &pose);
     });
-    let make = || ConvertedMeasurement::new(config, Conversion::Debiased, track);
-    let single = ConvertedMeasurement::new(config32, Conversion::Debiased, track32);
+    let make = || ConvertedMeasurement::new(config, Conversion::Debiased, track).unwrap();
+    let single = ConvertedMeasurement::new(config32, Conversion::Debiased, track32).unwrap();
     check("converted measurement", make, single, |tracker, k| {
         tracker.predict(1.0).unwrap();
         let _ = tracker.update(&seen(k), &pose, &covariance);
     });
-    let make = || SchmidtKalman::new(config, Coupling::Exact, track, cross);
-    let single = SchmidtKalman::new(config32, Coupling::Exact, track32, cross.cast());
+    let make = || SchmidtKalman::new(config, Coupling::Exact, track, cross).unwrap();
+    let single = SchmidtKalman::new(config32, Coupling::Exact, track32, cross.cast()).unwrap();
     check("Schmidt-Kalman", make, single, |tracker, k| {
         tracker.predict(1.0).unwrap();
         let _ = tracker.update(&seen(k), &own);
     });
-    let make = || JointEkf::new(config, track, cross);
-    let single = JointEkf::new(config32, track32, cross.cast());
+    let make = || JointEkf::new(config, track, cross).unwrap();
+    let single = JointEkf::new(config32, track32, cross.cast()).unwrap();
     check("joint EKF", make, single, |tracker, k| {
         tracker.predict(1.0).unwrap();
         let (innovation, outside) = tracker.update(&seen(k), &own);
         assert!(innovation.outcome.is_fused() && outside.is_some());
     });
     let memory = PoseMemory::default();
-    let make = || BlackBoxSchmidt::new(config, memory, track, cross, &covariance);
+    let make = || BlackBoxSchmidt::new(config, memory, track, cross, &covariance).unwrap();
     let single = BlackBoxSchmidt::new(
         config32,
         PoseMemory::default(),
         track32,
         cross.cast(),
         &covariance.cast(),
-    );
+    )
+    .unwrap();
     check(
         "Schmidt-Kalman beside a black box",
         make,
@@ -424,8 +425,8 @@ fn trackers_of_one_target() {
         turn: 0.001,
         covariance: covariance * 1e-3,
     };
-    let make = || BodyFrameTracker::new(config, track);
-    let single = BodyFrameTracker::new(config32, track32);
+    let make = || BodyFrameTracker::new(config, track).unwrap();
+    let single = BodyFrameTracker::new(config32, track32).unwrap();
     check("body frame", make, single, |tracker, k| {
         tracker.predict(1.0, &own).unwrap();
         let _ = tracker.update(&seen(k));
@@ -447,8 +448,8 @@ fn multi_target_tracker() {
         initiates: true,
     };
     let own_ship = OwnShip::exact(0.0, 0.0, 0.1).with_std(1.0, 1.0, 0.01);
-    let make = || MultiTargetTracker::<f64, 3, 8, 8>::new(MultiTargetConfig::default());
-    let single = MultiTargetTracker::<f32, 3, 8, 8>::new(MultiTargetConfig::default());
+    let make = || MultiTargetTracker::<f64, 3, 8, 8>::new(MultiTargetConfig::default()).unwrap();
+    let single = MultiTargetTracker::<f32, 3, 8, 8>::new(MultiTargetConfig::default()).unwrap();
     check("multi-target tracker", make, single, |tracker, k| {
         let t = f64::from(k);
         let at = |range_m, bearing_rad| Detection::RangeBearing {

@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use approx::assert_relative_eq;
-use nalgebra::{Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use northing_core::Restorable as _;
 use northing_core::kalman::{Outcome, SkipReason};
 use northing_core::navigation::{
     ErrorStateConfig, ErrorStateFilter, ErrorTransition, GnssCompassFix, NavigationState,
@@ -176,14 +177,12 @@ fn smallest_eigenvalue(p: &M19) -> f64 {
 fn run(coupling: Coupling, seed: u64) -> (f64, f64) {
     let mut world = World::new(seed);
     let (track, cross) = world.start_track();
-    let mut tracker = SchmidtKalman::new(tracker_config(), coupling, track, cross);
+    let mut tracker = SchmidtKalman::new(tracker_config(), coupling, track, cross).unwrap();
     let mut smallest = f64::INFINITY;
     let mut nees = 0.0;
     for scan in 0..60 {
         for k in 0..5 {
-            let update = world.interval(5 * scan + k);
-            tracker.navigation_propagated(&update.transition);
-            tracker.navigation_corrected(&update.feedback);
+            world.interval(5 * scan + k).tell(&mut tracker);
         }
         world.step_target();
         tracker.predict(1.0).unwrap();
@@ -224,23 +223,72 @@ fn the_joint_covariance_stays_positive_with_the_closed_loop_and_not_without() {
     );
 }
 
-/// The update is the dense one of 19 states whose navigation gain is zero.
+/// A joint covariance of target (first) and navigation in which everything is correlated with everything.
+fn full_joint(navigation: &M15) -> M19 {
+    let std = SVector::<f64, 19>::from_fn(|i, _| match i {
+        0 | 2 => 40.0,
+        1 | 3 => 4.0,
+        _ => navigation[(i - 4, i - 4)].sqrt(),
+    });
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let a = M19::from_fn(|_, _| rng.sample(StandardNormal));
+    let scale = M19::from_diagonal(&std);
+    scale * (a * a.transpose() / 19.0 + M19::identity() * 0.2) * scale
+}
+
+/// The joint covariance in units of its standard deviations in `scale`.
+fn scaled(p: &M19, scale: &M19) -> M19 {
+    let scale = M19::from_diagonal(&scale.diagonal().map(|v| 1.0 / v.sqrt()));
+    scale * p * scale
+}
+
+/// Prediction and update are those of the dense filter of 19 states, the navigation's gain being zero in the update of
+/// the Schmidt-Kalman filter. Target and navigation are correlated in every element, so that no term is zero by itself.
 #[test]
-fn one_update_equals_the_dense_schmidt_update() {
+fn prediction_and_update_equal_the_dense_schmidt_filter() {
     let mut world = World::new(11);
-    let (track, cross) = world.start_track();
-    let mut tracker = SchmidtKalman::new(tracker_config(), Coupling::Exact, track, cross);
-    let mut joint_ekf = JointEkf::new(tracker_config(), track, cross);
-    let covariance = world.navigation.state().covariance;
+    let start = full_joint(&world.navigation.state().covariance);
+    let covariance: M15 = start.fixed_view::<15, 15>(4, 4).into_owned();
+    let state = NavigationState {
+        covariance,
+        ..*world.navigation.state()
+    };
+    world.navigation.restore(state).unwrap();
+    let track = TrackEstimate {
+        state: world.target + Vector4::new(30.0, -2.0, 20.0, 3.0),
+        covariance: start.fixed_view::<4, 4>(0, 0).into_owned(),
+    };
+    let cross = start.fixed_view::<15, 4>(4, 0).into_owned();
+    let mut tracker = SchmidtKalman::new(tracker_config(), Coupling::Exact, track, cross).unwrap();
+    let mut joint_ekf = JointEkf::new(tracker_config(), track, cross).unwrap();
+    assert_relative_eq!(joint(&tracker, &covariance), start, epsilon = 1e-12);
+
+    let dt = 2.0;
+    tracker.predict(dt).unwrap();
+    joint_ekf.predict(dt).unwrap();
+    let mut f = M19::identity();
+    (f[(0, 1)], f[(2, 3)]) = (dt, dt);
+    let mut by_acceleration = SMatrix::<f64, 19, 2>::zeros();
+    for axis in [0, 1] {
+        by_acceleration[(2 * axis, axis)] = 0.5 * dt * dt;
+        by_acceleration[(2 * axis + 1, axis)] = dt;
+    }
+    let p = f * start * f.transpose()
+        + by_acceleration * by_acceleration.transpose() * 0.05_f64.powi(2);
+    assert_relative_eq!(
+        scaled(&joint(&tracker, &covariance), &p),
+        scaled(&p, &p),
+        epsilon = 1e-12
+    );
+
     let rows = world.navigation.pose_from_error();
     let own = NavigationPose {
-        pose: world.navigation.pose() + Vector3::new(0.0, 0.0, 0.01),
+        pose: world.navigation.pose(),
         covariance: &covariance,
         pose_from_error: rows,
     };
     let detection = world.detection();
-    let p = joint(&tracker, &covariance);
-    let predicted = PredictedDetection::new(&track.state, &own.pose).unwrap();
+    let predicted = PredictedDetection::new(&tracker.track().state, &own.pose).unwrap();
     let mut h = SMatrix::<f64, 2, 19>::zeros();
     h.fixed_view_mut::<2, 4>(0, 0)
         .copy_from(&predicted.by_target);
@@ -250,6 +298,7 @@ fn one_update_equals_the_dense_schmidt_update() {
     let s = h * p * h.transpose() + r;
     let full = p * h.transpose() * s.try_inverse().unwrap();
     let residual = predicted.residual(&detection);
+    let before = tracker.track().state;
     for schmidt in [true, false] {
         let mut k = full;
         if schmidt {
@@ -261,8 +310,12 @@ fn one_update_equals_the_dense_schmidt_update() {
         if schmidt {
             let innovation = tracker.update(&detection, &own);
             assert_eq!(innovation.outcome, Outcome::Fused);
-            assert_relative_eq!(joint(&tracker, &covariance), expected, epsilon = 1e-7);
-            let x = track.state + moved.fixed_rows::<4>(0);
+            assert_relative_eq!(
+                scaled(&joint(&tracker, &covariance), &p),
+                scaled(&expected, &p),
+                epsilon = 1e-10
+            );
+            let x = before + moved.fixed_rows::<4>(0);
             assert_relative_eq!(tracker.track().state, x, epsilon = 1e-9);
         } else {
             let (_, outside) = joint_ekf.update(&detection, &own);
@@ -273,12 +326,17 @@ fn one_update_equals_the_dense_schmidt_update() {
                 epsilon = 1e-9
             );
             let mut navigation = world.navigation;
-            navigation.correct_from_outside(&outside);
-            // The reset turns the attitude block by a fraction of a degree.
+            let angle = navigation.correct_from_outside(&outside);
+            let mut reset = M15::identity();
+            let turn = Matrix3::identity() + angle.cross_matrix() * 0.5;
+            reset.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+            let block = reset * expected.fixed_view::<15, 15>(4, 4) * reset.transpose();
             let scale = M15::from_diagonal(&covariance.diagonal().map(|v| 1.0 / v.sqrt()));
-            let after = scale * navigation.state().covariance * scale;
-            let block = scale * expected.fixed_view::<15, 15>(4, 4) * scale;
-            assert!((after - block).norm() < 0.02, "{}", (after - block).norm());
+            assert_relative_eq!(
+                scale * navigation.state().covariance * scale,
+                scale * block * scale,
+                epsilon = 1e-10
+            );
         }
     }
 }
@@ -289,7 +347,7 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
     let (track, cross) = world.start_track();
     let mut config = tracker_config();
     config.gate_nis = 20.0;
-    let mut tracker = SchmidtKalman::new(config, Coupling::Exact, track, cross);
+    let mut tracker = SchmidtKalman::new(config, Coupling::Exact, track, cross).unwrap();
     let before = tracker;
     let covariance = world.navigation.state().covariance;
     let rows = world.navigation.pose_from_error();
@@ -367,14 +425,16 @@ fn the_black_box_equals_the_exact_tracker_when_its_times_are_right() {
         position_s: 0.5,
         heading_s: 4.0,
     };
-    let mut black = BlackBoxSchmidt::new(tracker_config(), lifetimes, track, cross, &covariance);
+    let mut black =
+        BlackBoxSchmidt::new(tracker_config(), lifetimes, track, cross, &covariance).unwrap();
     let keep = Vector3::new(-2.0_f64, -2.0, -0.25).map(f64::exp);
     let mut exact = SchmidtKalman::new(
         tracker_config(),
         Coupling::Exact,
         track,
         nalgebra::Matrix3::from_diagonal(&keep) * cross,
-    );
+    )
+    .unwrap();
     black.predict(1.0).unwrap();
     exact.predict(1.0).unwrap();
     black.update(&detection, &own.pose, &covariance);

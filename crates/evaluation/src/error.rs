@@ -1,6 +1,6 @@
 //! What can go wrong when recordings are evaluated; each message is one line and says what to do.
 
-use northing_core::attitude::config::ConfigError;
+use northing_core::ConfigError;
 
 /// A run that cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -43,12 +43,12 @@ pub enum EvaluationError {
         text: String,
     },
     /// No parameter has this name.
-    #[error("unknown parameter `{name}`; expected one of: {valid}")]
+    #[error("unknown parameter `{name}`; {hint}")]
     UnknownParameter {
         /// What was asked for.
         name: String,
-        /// The names there are.
-        valid: String,
+        /// What was meant, or the names there are.
+        hint: String,
     },
     /// A parameter has a value it cannot have.
     #[error("parameter `{name}`: `{value}` does not fit: {problem}")]
@@ -60,9 +60,14 @@ pub enum EvaluationError {
         /// Why not.
         problem: String,
     },
-    /// A configuration that makes no sense.
-    #[error("configuration: {0}")]
-    Config(#[from] ConfigError),
+    /// A parameter outside its permitted range.
+    #[error("configuration: {name} must be {range}")]
+    Config {
+        /// The parameter.
+        name: String,
+        /// What is permitted.
+        range: String,
+    },
     /// The device's own orientation was to be evaluated, and the recording has none.
     #[error(
         "the recording has no orientation of the device itself; leave the estimator `device` out"
@@ -89,7 +94,7 @@ pub enum EvaluationError {
     RestCalibration(String),
     /// The samples do not give a magnetometer calibration.
     #[error("magnetometer calibration: {0}")]
-    FieldCalibration(String),
+    MagnetometerStreamCalibration(String),
     /// The recording has no samples of the magnetometer asked for.
     #[error(
         "the recording has no samples of the magnetometer `{stream}`; record one, or choose the other with \
@@ -183,4 +188,13 @@ pub enum EvaluationError {
     /// The recording cannot be read, or its reader refuses it.
     #[error("{0}")]
     Recording(Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl From<ConfigError> for EvaluationError {
+    fn from(error: ConfigError) -> Self {
+        Self::Config {
+            name: error.field.to_owned(),
+            range: error.range.to_string(),
+        }
+    }
 }

@@ -38,6 +38,7 @@
 //! world frame and issues from there. [`attitude::compare::compare`] does many files on all processors.
 
 pub mod attitude;
+mod by_name;
 pub mod calibration;
 pub mod error;
 pub mod navigation;

@@ -82,7 +82,7 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         rest_rate_noise_density: 0.1_f64.to_radians(),
         initial_tilt_std: 8_f64.to_radians(),
         initial_heading_std: 20_f64.to_radians(),
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     }
 }
 
@@ -127,7 +127,7 @@ fn score(u: &Uniform, field: &Field, config: BoundedVelocityConfig<f64>) -> (f64
     result(&statistics)
 }
 
-/// As [`score`], in hindsight.
+/// As [`score`], smoothed.
 fn score_smoothed(u: &Uniform, field: &Field, config: BoundedVelocityConfig<f64>) -> (f64, f64) {
     let mut filter = BoundedVelocity::observed(config, Steps::default()).expect("valid settings");
     let mut estimates = Vec::new();
@@ -158,7 +158,7 @@ fn result(statistics: &ErrorStatistics) -> (f64, f64) {
 }
 
 /// What the prototype took for one magnetometer of a table's line, and the hard iron's prior; `None`
-/// where the recordings for its calibration are kept back.
+/// where the recordings for its calibration are held out.
 fn input(u: &mut Uniform, e: &Expected, data: &Path) -> Option<(Field, f64)> {
     Some(match e.magnetometer {
         "raw" => {
@@ -272,8 +272,8 @@ fn prototype_on_phones_with_both_sensors_calibrated() {
     );
 }
 
-/// Acceptance test (g): the mean total error in hindsight.
-fn check_hindsight(test: &str, magnetometer: &str, trials: usize, limit_deg: f64) {
+/// Acceptance test (g): the mean total error, smoothed.
+fn check_smoothing(test: &str, magnetometer: &str, trials: usize, limit_deg: f64) {
     let Some(data) = data_dir(test) else {
         return;
     };
@@ -289,19 +289,19 @@ fn check_hindsight(test: &str, magnetometer: &str, trials: usize, limit_deg: f64
     }
     assert_eq!(count, trials);
     let [total, nees] = sums.map(|sum| sum / trials as f64);
-    eprintln!("{magnetometer}, hindsight: mean total {total:.3} deg, mean NEES {nees:.3}");
+    eprintln!("{magnetometer}, smoothed: mean total {total:.3} deg, mean NEES {nees:.3}");
     assert!(total <= limit_deg, "{total} deg");
 }
 
 #[test]
-fn hindsight_on_wearables() {
-    check_hindsight("hindsight_on_wearables", "calibrated", 14, 2.0);
+fn smoothing_on_wearables() {
+    check_smoothing("smoothing_on_wearables", "calibrated", 14, 2.0);
 }
 
 #[test]
-fn hindsight_on_phones_with_both_sensors_calibrated() {
-    check_hindsight(
-        "hindsight_on_phones_with_both_sensors_calibrated",
+fn smoothing_on_phones_with_both_sensors_calibrated() {
+    check_smoothing(
+        "smoothing_on_phones_with_both_sensors_calibrated",
         "own",
         40,
         3.0,
@@ -321,7 +321,7 @@ fn an_attached_magnet_is_learnt() {
         let u = Uniform::read(&data.join(format!("attitude/broad/{trial}.parquet")));
         let config = BoundedVelocityConfig {
             initial_hard_iron_std_ut: 2.0,
-            ..BoundedVelocityConfig::default()
+            ..BoundedVelocityConfig::lab()
         };
         let (total, _) = score(&u, &u.field, config);
         println!("{trial}: {total:.3} deg");

@@ -1,4 +1,4 @@
-//! A phone without magnetometer: with its compass it keeps its heading, and honestly; without, it drifts.
+//! A phone without magnetometer: with its compass it keeps its heading, and its covariance is consistent; without, it drifts.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -11,7 +11,7 @@ use northing_simulation::virtual_phone::Motion;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 use rayon::prelude::*;
 
-/// Five minutes in a hand: a gyroscope whose bias wanders, a compass that errs by 5 deg for 2 s.
+/// Five minutes in a hand: a gyroscope whose bias drifts, a compass that errs by 5 deg for 2 s.
 fn phone(seed: u64, motion: Motion) -> VirtualPhoneConfig {
     let mut config = VirtualPhoneConfig {
         seed,

@@ -46,7 +46,7 @@ fn within(value: f64, expected: f64, relative: f64, what: &str) {
 }
 
 /// Settings that are exactly the trial's statistics, gates off.
-fn honest(trial: &AttitudeTrialConfig) -> AttitudeConfig<f64> {
+fn consistent(trial: &AttitudeTrialConfig) -> AttitudeConfig<f64> {
     AttitudeConfig {
         gyroscope_noise_density: trial.gyroscope_noise_std_rad_s / trial.rate_hz.sqrt(),
         gyroscope_bias_random_walk: trial.gyroscope_bias_random_walk_rad_s_sqrt_s,
@@ -54,7 +54,7 @@ fn honest(trial: &AttitudeTrialConfig) -> AttitudeConfig<f64> {
         magnetometer_std_ut: trial.magnetometer_noise_std_ut,
         accelerometer_gate_nis: 0.0,
         magnetometer_gate_nis: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     }
 }
 
@@ -118,7 +118,7 @@ fn mekf_nees_and_nis_are_inside_their_bands() {
     let config = walking_bias();
     let runs = campaign(5000..5050, |seed| {
         let trial = AttitudeTrial::simulate(seed, &config);
-        let mut filter = Mekf::new(honest(&config)).unwrap();
+        let mut filter = Mekf::new(consistent(&config)).unwrap();
         filter.initialize(&start_off(seed, &trial));
         let (mut nees, mut nis, mut square) = (vec![], [vec![], vec![]], vec![]);
         feed(&mut filter, &trial, |k, f, [a, m]| {
@@ -162,7 +162,7 @@ fn three_filters_share_one_steady_state() {
         let config = walking_bias();
         let runs = campaign(5000..5020, |seed| {
             let trial = AttitudeTrial::simulate(seed, &config);
-            let mut filter = make(honest(&config));
+            let mut filter = make(consistent(&config));
             filter.initialize(&start_off(seed, &trial));
             let mut square = vec![];
             feed(&mut filter, &trial, |k, f, _| {
@@ -240,7 +240,7 @@ fn paper_campaign(process_noise: ProcessNoise) -> [f64; 4] {
             magnetometer_std_ut: m,
             process_noise,
             gyroscope_sample_interval_s: trial.dt_s,
-            ..honest(&config)
+            ..consistent(&config)
         })
         .unwrap();
         filter.initialize(&InitialState {
@@ -298,7 +298,7 @@ fn integration_campaign() -> [f64; 2] {
     [0, 1].map(|i| rms_deg(mean(runs.iter().map(|r| r[i]))))
 }
 
-/// (c) The paper's Q read literally is pessimistic, the discrete one nearly honest.
+/// (c) The paper's Q read literally is conservative, the discrete one nearly consistent.
 #[test]
 fn literal_and_discrete_process_noise_reproduce_the_known_table() {
     let literal = paper_campaign(ProcessNoise::PaperLiteral);
@@ -344,7 +344,7 @@ fn disturbed(acceleration: f64, magnetic: f64, gate: [f64; 2], norm_gain: f64) -
             gate_timeout_s: timeout,
             accelerometer_norm_gain: norm_gain,
             magnetometer_norm_gain: norm_gain,
-            ..honest(&config)
+            ..consistent(&config)
         })
         .unwrap();
         filter.initialize(&initial(&trial, trial.world_from_body[0], 0.02, 0.02));

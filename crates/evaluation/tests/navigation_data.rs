@@ -35,7 +35,7 @@ fn run(data: &Path, example: &str, change: impl Fn(&mut NavigationOptions)) -> N
     .unwrap()
 }
 
-/// Errors and honesty of outages, each in a run of its own.
+/// Errors and consistency of outages, each in a run of its own.
 fn outages(
     data: &Path,
     starts: &[f64],
@@ -74,7 +74,7 @@ fn one_fix_a_second_carries_a_car_to_centimetres_between() {
     assert!((0.88..=0.99).contains(&position.inside_95), "{position:?}");
     assert!(position.extrapolation_rmse_m.unwrap() > 0.2);
     assert!(summary.heading_rmse_deg.unwrap() < 1.6);
-    assert_eq!(summary.scored_against, Some("withheld fixes"));
+    assert_eq!(summary.scored_against, Some("held-out fixes"));
 }
 
 /// The last fix moved on with its velocity has 2.19 m, KF-GINS 2.56 m.

@@ -34,7 +34,7 @@ fn autoferry(data: &Path) -> Vec<TrackingRecording> {
 }
 
 fn tracked(recording: &TrackingRecording) -> TrackSummary {
-    run(recording, &TrackOptions::default(), |_| {})
+    run(recording, &TrackOptions::default(), |_| {}).unwrap()
 }
 
 #[test]
@@ -85,8 +85,9 @@ fn an_hour_of_ais_becomes_about_as_many_tracks_as_ships() {
 }
 
 #[test]
-fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest() {
-    let Some(data) = data_dir("with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest") else {
+fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_consistent() {
+    let Some(data) = data_dir("with_a_wrong_heading_the_schmidt_tracker_is_the_most_consistent")
+    else {
         return;
     };
     let options = InjectionOptions {
@@ -96,7 +97,7 @@ fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest() {
         track: TrackOptions::default(),
     };
     let recordings = autoferry(&data);
-    let summary = inject_heading(&recordings, &options);
+    let summary = inject_heading(&recordings, &options).unwrap();
     let off = |kind: TrackerKind| {
         let tracker = &summary.trackers[kind.name()];
         (tracker.inside_95.unwrap() - 0.95).abs()
@@ -113,7 +114,7 @@ fn with_a_wrong_heading_the_schmidt_tracker_is_the_most_honest() {
         summary.trackers
     );
     assert_eq!(
-        inject_heading(&recordings, &options),
+        inject_heading(&recordings, &options).unwrap(),
         summary,
         "the same seed"
     );

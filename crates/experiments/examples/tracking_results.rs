@@ -67,9 +67,9 @@ fn velocity_ratios(outcome: &CampaignOutcome, a: K, b: K, from: f64, to: f64) ->
     };
     let pairs = a
         .series
-        .velocity_rmse_mps
+        .velocity_rmse_m_s
         .iter()
-        .zip(&b.series.velocity_rmse_mps);
+        .zip(&b.series.velocity_rmse_m_s);
     let timed = a.series.time_s.iter().zip(pairs);
     timed
         .filter(|(t, _)| (from..=to).contains(*t))
@@ -106,9 +106,9 @@ fn table(experiments: &Experiments) {
             "| `{}` | {:.2} | {:.3} | {:.2} | {:.3} | {:.2} | {:.0} % |",
             kind.name(),
             of(|t| t.position_rmse_m),
-            of(|t| t.velocity_rmse_mps),
+            of(|t| t.velocity_rmse_m_s),
             of(|t| t.steady.position_rmse_m),
-            of(|t| t.steady.velocity_rmse_mps),
+            of(|t| t.steady.velocity_rmse_m_s),
             of(|t| t.nees_mean),
             100.0 * of(|t| t.nees_inside_band),
         );
@@ -193,7 +193,7 @@ fn claims_about_velocity(paper: &Experiments) {
         late(AUTHORS).0 < 1.0 && late(K::Converted).0 > 1.0,
         "reproduced",
     );
-    let steady = |kind| paper.of(kind, |t| t.steady.velocity_rmse_mps);
+    let steady = |kind| paper.of(kind, |t| t.steady.velocity_rmse_m_s);
     claim(
         "(the same, exact cross-covariance)",
         &format!(
@@ -333,7 +333,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let paper = Experiments::run("paper")?;
     let halved = Experiments::run("paper_halved")?;
     println!("# Tracking with an uncertain own position: results\n");
-    println!("Made by `cargo run --release -p northing-experiments --example tracking_results`, on");
+    println!(
+        "Made by `cargo run --release -p northing-experiments --example tracking_results`, on"
+    );
     println!(
         "[`scenarios/tracking/wilthil_brekke.toml`](../../scenarios/tracking/wilthil_brekke.toml). Experiments of 100 runs;"
     );
@@ -358,7 +360,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!();
     table(&paper);
     println!("## Models equal to the truth\n");
-    println!("NEES 4 is honest. {} experiments.\n", consistent.each.len());
+    println!(
+        "NEES 4 is consistent. {} experiments.\n",
+        consistent.each.len()
+    );
     targets(&consistent);
     table(&consistent);
     println!(

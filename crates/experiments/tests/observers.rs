@@ -153,7 +153,7 @@ fn tuned_agrees(
 fn row_agrees((condition, size, default, tuned, position_gains): &Row) {
     let scenario = scenario(condition);
     let data = flights(&scenario, 0..FLIGHTS);
-    let acceleration = scenario.ekf.linear_acceleration_std_mps2;
+    let acceleration = scenario.ekf.linear_acceleration_std_m_s2;
     let mut at_default = Vec::new();
     for (i, scheme) in [Scheme::Original, Scheme::Modified].into_iter().enumerate() {
         let scores = of_flights(&data, scheme, &default_gains(acceleration, 0.0));
@@ -181,7 +181,7 @@ fn row_agrees((condition, size, default, tuned, position_gains): &Row) {
             interval(data.len(), *size, COVERAGE, percent),
         )
     };
-    let gains = [gain(|s| s.position_m), gain(|s| s.velocity_mps)];
+    let gains = [gain(|s| s.position_m), gain(|s| s.velocity_m_s)];
     for ((percent, [low, high]), theirs) in gains.into_iter().zip(position_gains) {
         println!("{condition} gain {percent:.0} %, {low:.0} to {high:.0}, theirs {theirs}");
         // A gain of nothing has no relative error: two points of a hundred are near enough.
@@ -224,7 +224,7 @@ fn a_projected_covariance_is_what_survives_magnetic_bursts_and_strong_thrust() {
     ] {
         let scenario = scenario(condition);
         let data = flights(&scenario, 0..FLIGHTS);
-        let gains = default_gains(scenario.ekf.linear_acceleration_std_mps2, 0.0);
+        let gains = default_gains(scenario.ekf.linear_acceleration_std_m_s2, 0.0);
         let error = |form| {
             let one = |d: &ObserverData| scores(d, Scheme::Ekf, form, &[gains]).unwrap()[0];
             let scores: Vec<Score> = data.iter().map(one).collect();
@@ -281,7 +281,7 @@ fn the_modified_scheme_is_the_filter_of_core() {
 fn the_ekf_starts_at_once_and_the_observer_behind_it_does_not() {
     let scenario = scenario("start-up");
     let data = flights(&scenario, 0..FLIGHTS);
-    let gains = default_gains(scenario.ekf.linear_acceleration_std_mps2, 0.0);
+    let gains = default_gains(scenario.ekf.linear_acceleration_std_m_s2, 0.0);
     let theirs = [
         (Scheme::Original, 20.72),
         (Scheme::Modified, 14.01),
@@ -304,7 +304,7 @@ fn the_ekf_starts_at_once_and_the_observer_behind_it_does_not() {
 #[test]
 fn a_spin_is_followed_only_with_the_rotation_rate_term() {
     let scenario = scenario("spin");
-    let gains = default_gains(scenario.ekf.linear_acceleration_std_mps2, 0.0);
+    let gains = default_gains(scenario.ekf.linear_acceleration_std_m_s2, 0.0);
     let mut errors = [Vec::new(), Vec::new()];
     for data in flights(&scenario, 0..5) {
         let explicit = ComplementaryForm::Explicit;

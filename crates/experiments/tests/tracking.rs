@@ -12,6 +12,7 @@ use northing_experiments::radar::outcome::nees_band;
 use northing_experiments::radar::{
     Campaign, CampaignError, CampaignOutcome, Part, Shard, TrackerKind,
 };
+use northing_simulation::scenario::schema::NavigationFilter;
 use northing_simulation::scenario::{Scenario, ScenarioFile};
 
 use tracking_expected::{agreement, comparison, metric, tracker};
@@ -191,6 +192,40 @@ fn neither_threads_nor_shards_change_a_bit() {
     assert_eq!(one.sums.trackers[0], whole.sums.trackers[1]);
 }
 
+/// Beside the product's navigation filter: it and the exact trackers are consistent, the open loop is not, and what looks
+/// into the paper's filter is refused.
+#[test]
+fn the_gnss_ins_carries_the_campaign_and_its_trackers_are_consistent() {
+    let beside = |variant: &str| {
+        let mut scenario = scenario(variant);
+        scenario.navigation.filter = NavigationFilter::GnssIns;
+        scenario
+    };
+    for variant in ["consistent", "mems"] {
+        let all = Campaign::new(&beside(variant), &[], 3, 100).unwrap();
+        let refused = [TrackerKind::SchmidtAuthors, TrackerKind::Joint];
+        assert!(!all.trackers().iter().any(|kind| refused.contains(kind)));
+        let outcome = CampaignOutcome::of(&all.run(Shard::WHOLE, &|| ()).unwrap());
+        let nees = |kind| tracker(&outcome, kind).nees_mean;
+        let [low, high] = outcome.nees_band;
+        for kind in [
+            TrackerKind::TruePose,
+            TrackerKind::Schmidt,
+            TrackerKind::SchmidtFeedForward,
+        ] {
+            let nees = nees(kind);
+            assert!((low..high).contains(&nees), "{variant}, {kind:?}: {nees}");
+        }
+        let uncompensated = nees(TrackerKind::Uncompensated);
+        assert!(uncompensated > high, "{variant}: {uncompensated}");
+        let [low, high] = nees_band(100, 3);
+        let pose = outcome.navigation.pose_nees_mean;
+        assert!((low..high).contains(&pose), "{variant}, pose: {pose}");
+    }
+    let joint = Campaign::new(&beside("consistent"), &[TrackerKind::Joint], 1, 2).unwrap_err();
+    assert!(joint.to_string().contains("`joint`"), "{joint}");
+}
+
 #[test]
 fn parts_that_do_not_belong_together_are_refused() {
     let part = |seed, runs, shard: &str| {
@@ -257,7 +292,7 @@ fn faults_and_a_target_through_the_own_ship_are_survived() {
     bad.radar.detection_probability = 0.7;
     // Meets the own ship, exactly, after 20 s.
     bad.target.position_m = [400.0, 0.0];
-    bad.target.velocity_mps = [-10.0, 0.0];
+    bad.target.velocity_m_s = [-10.0, 0.0];
     bad.target.truth_process_noise = false;
     let part = Campaign::new(&bad, &[], 1, 4)
         .unwrap()

@@ -5,13 +5,14 @@ use northing_recording::SensorKind;
 use serde_json::{Map, Value, json};
 
 use crate::experiments::Finished;
+use crate::to_page::{Allan, AllanState, Fill};
 
 /// What Q consists of.
 const PARAMETERS: [&str; 2] = ["gyroscope_noise_density", "gyroscope_bias_random_walk"];
 
 /// Analyses one sensor of an experiment; a record that does not allow it is an answer as well.
 #[must_use]
-pub fn analysis(finished: &Finished, sensor: SensorKind) -> Value {
+pub fn analysis(finished: &Finished, sensor: SensorKind, request: Value) -> Allan {
     let mut samples = RestSamples::new(sensor);
     for event in &finished.experiment.events {
         samples.add_event(event);
@@ -20,22 +21,33 @@ pub fn analysis(finished: &Finished, sensor: SensorKind) -> Value {
         sensor,
         ..AllanConfig::default()
     };
+    let answer = Allan {
+        request,
+        id: finished.id.clone(),
+        sensor,
+        state: AllanState::Refused,
+        text: None,
+        report: None,
+        fill: None,
+    };
     let report = match analyze(&samples, &config) {
         Ok(report) => report,
         Err(error) => {
-            return json!({
-                "type": "allan", "id": finished.id, "sensor": sensor, "state": "refused",
-                "text": error.to_string(), "report": null, "fill": null,
-            });
+            return Allan {
+                text: Some(error.to_string()),
+                ..answer
+            };
         }
     };
     let mut filled = finished.settings.attitude;
     let said = report.fill(&mut filled);
-    let fill = changed(&json!(finished.settings.attitude), &json!(filled));
-    json!({
-        "type": "allan", "id": finished.id, "sensor": sensor, "state": "done",
-        "text": null, "report": report, "fill": {"settings": fill, "said": said},
-    })
+    let settings = changed(&json!(finished.settings.attitude), &json!(filled));
+    Allan {
+        state: AllanState::Done,
+        report: Some(report),
+        fill: Some(Fill { settings, said }),
+        ..answer
+    }
 }
 
 /// The parameters of Q that differ.
@@ -88,7 +100,7 @@ mod tests {
     #[test]
     fn q_is_filled_with_the_noise_of_the_phone() {
         let finished = rest(600.0);
-        let answer = analysis(&finished, SensorKind::Gyroscope);
+        let answer = json!(analysis(&finished, SensorKind::Gyroscope, Value::Null));
         assert_eq!(answer["state"], "done", "{answer}");
         let gyroscope = VirtualPhoneConfig::default().gyroscope;
         let density = gyroscope.noise_std_rad_s / gyroscope.sampling.rate_hz.sqrt();
@@ -102,7 +114,11 @@ mod tests {
 
     #[test]
     fn other_sensors_fill_nothing() {
-        let answer = analysis(&rest(90.0), SensorKind::Accelerometer);
+        let answer = json!(analysis(
+            &rest(90.0),
+            SensorKind::Accelerometer,
+            Value::Null
+        ));
         assert_eq!(answer["fill"]["settings"], json!({}));
         assert_eq!(answer["report"]["unit"], "m/s^2");
     }

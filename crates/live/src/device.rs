@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use northing_core::calibration::RestCalibration;
 use northing_recording::wire::{WireError, WireFormat};
-use serde_json::{Value, json};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
 
@@ -21,6 +20,9 @@ use crate::session::calibration::CalibrationRun;
 use crate::session::experiment::Experiment;
 use crate::session::lamp::{Remark, Tone};
 use crate::session::magnetometer::MagnetometerAction;
+use crate::to_page::{
+    self, Calibration, CalibrationState, ExperimentState, Magnetometer, MagnetometerState, ToPage,
+};
 
 /// No more frames a second than this are made.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_000);
@@ -243,14 +245,21 @@ impl Task {
         made: Result<Box<RestCalibration<f64>>, String>,
     ) {
         let (state, verdict) = match &made {
-            Ok(calibration) => ("done", run.accepted(calibration)),
-            Err(reason) => ("refused", Remark::new(Tone::Bad, reason.as_str())),
+            Ok(calibration) => (CalibrationState::Done, run.accepted(calibration)),
+            Err(reason) => (
+                CalibrationState::Refused,
+                Remark::new(Tone::Bad, reason.as_str()),
+            ),
         };
-        self.lab.tell(&json!({
-            "type": "calibration", "device": self.device.id, "state": state,
-            "progress": 1.0, "remaining_s": 0.0, "verdict": verdict,
-            "result": made.ok(), "samples": run.samples(),
-        }));
+        self.lab.tell(&ToPage::Calibration(Box::new(Calibration {
+            device: self.device.id.clone(),
+            state,
+            progress: 1.0,
+            remaining_s: 0.0,
+            verdict: Some(verdict),
+            result: made.ok().map(|rest| (&*rest).into()),
+            samples: Some(run.samples()),
+        })));
     }
 
     /// Evaluates a finished experiment aside, so that this device goes on.
@@ -275,7 +284,7 @@ impl Task {
                 lab.tell(&finished.message());
                 lab.tell(&lab.experiments_message());
             }
-            Err(text) => lab.tell(&json!({"type": "error", "text": text})),
+            Err(text) => lab.tell(&ToPage::error(text)),
         });
     }
 
@@ -323,39 +332,50 @@ impl Task {
         }
         self.last_progress = Instant::now();
         if let Some(run) = self.engine.session().calibration() {
-            self.lab.tell(&json!({
-                "type": "calibration", "device": self.device.id, "state": "running",
-                "progress": run.progress(), "remaining_s": run.remaining_s(),
-                "verdict": null, "result": null, "samples": null,
-            }));
+            self.lab.tell(&ToPage::Calibration(Box::new(Calibration {
+                device: self.device.id.clone(),
+                state: CalibrationState::Running,
+                progress: run.progress(),
+                remaining_s: run.remaining_s(),
+                verdict: None,
+                result: None,
+                samples: None,
+            })));
         }
         if let Some(run) = self.engine.session().magnetometer_run() {
-            self.tell_magnetometer("running", run.progress());
+            let message = run.progress(&self.device.id);
+            self.lab.tell(&ToPage::Magnetometer(Box::new(message)));
         }
         if let Some(run) = self.engine.session().experiment() {
-            self.lab.tell(&json!({
-                "type": "experiment", "device": self.device.id, "id": self.experiment_id,
-                "state": "running", "progress": run.progress(),
-                "remaining_s": run.remaining_s(), "result": null,
-            }));
+            self.lab
+                .tell(&ToPage::Experiment(Box::new(to_page::Experiment {
+                    device: self.device.id.clone(),
+                    id: self.experiment_id.clone(),
+                    state: ExperimentState::Running,
+                    progress: run.progress(),
+                    remaining_s: run.remaining_s(),
+                    result: None,
+                })));
         }
     }
 
     fn magnetometer_changed(&self, action: MagnetometerAction, remark: &Remark) {
         let state = match action {
-            MagnetometerAction::Start => "running",
-            MagnetometerAction::Finish => "done",
-            MagnetometerAction::Cancel | MagnetometerAction::Discard => "idle",
+            MagnetometerAction::Start => MagnetometerState::Running,
+            MagnetometerAction::Finish => MagnetometerState::Done,
+            MagnetometerAction::Cancel | MagnetometerAction::Discard => MagnetometerState::Idle,
         };
         let fit = self.engine.session().magnetometer();
-        self.tell_magnetometer(state, json!({"verdict": remark, "fit": fit}));
-    }
-
-    fn tell_magnetometer(&self, state: &str, mut message: Value) {
-        message["type"] = json!("magnetometer");
-        message["device"] = json!(self.device.id);
-        message["state"] = json!(state);
-        self.lab.tell(&message);
+        self.lab.tell(&ToPage::Magnetometer(Box::new(Magnetometer {
+            device: self.device.id.clone(),
+            state,
+            verdict: Some(remark.clone()),
+            fit: fit.map(Into::into),
+            coverage: None,
+            points: None,
+            samples: None,
+            hint: None,
+        })));
     }
 
     /// Writes down how the device is.

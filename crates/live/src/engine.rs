@@ -28,7 +28,7 @@ impl DeviceEngine {
     /// A device from which nothing has come yet.
     ///
     /// # Errors
-    /// The options make no sense.
+    /// The options are invalid.
     pub fn new(options: RunOptions) -> Result<Self, EvaluationError> {
         Ok(Self {
             session: DeviceSession::new(options)?,

@@ -12,10 +12,14 @@ use northing_evaluation::{
 use northing_recording::wire::events;
 use northing_recording::{Event, SensorKind};
 use rayon::prelude::*;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use crate::session::experiment::Experiment;
 use crate::session::with_settings;
+use crate::to_page::{
+    self, CurveColumns, ExperimentResult, ExperimentRow, ExperimentState, ResultCell, ToPage,
+    TraceColumns,
+};
 
 /// Points of a trace that a page draws.
 pub const TRACE_POINTS: usize = 1500;
@@ -57,7 +61,7 @@ pub struct WhatIf {
     /// The outcome of each estimator.
     pub summaries: BTreeMap<&'static str, RunSummary>,
     /// What plots need, of `mekf` or the first estimator.
-    pub trace: Value,
+    pub trace: TraceColumns,
 }
 
 /// A time of arrival (ns since 1970) for people, in UTC.
@@ -186,7 +190,7 @@ impl Finished {
         settings: &Map<String, Value>,
         parameter: &str,
         wanted: &(dyn Fn() -> bool + Sync),
-    ) -> Result<Option<Value>, String> {
+    ) -> Result<Option<CurveColumns>, String> {
         let options = with_settings(&self.options, None, settings).map_err(|e| e.to_string())?;
         let config = match &options.calibration {
             Some(calibration) => calibrated_config(&options, calibration),
@@ -216,31 +220,35 @@ impl Finished {
         let column = |of: fn(&RunSummary) -> Option<f64>| -> Vec<Option<f64>> {
             runs.iter().map(|run| run.as_ref().and_then(of)).collect()
         };
-        Ok(Some(json!({
-            "parameter": parameter,
-            "values": values,
-            "nis_acc": column(|s| s.nis_mean.accelerometer),
-            "nis_mag": column(|s| s.nis_mean.magnetometer),
-            "error_deg": column(error_deg),
-        })))
+        Ok(Some(CurveColumns {
+            parameter: parameter.to_owned(),
+            nis_acc: column(|s| s.nis_mean.accelerometer),
+            nis_mag: column(|s| s.nis_mean.magnetometer),
+            error_deg: column(error_deg),
+            values,
+        }))
     }
 
     /// The message that says it is done.
     #[must_use]
-    pub fn message(&self) -> Value {
-        let finals: BTreeMap<_, _> = self
-            .summaries
-            .iter()
-            .map(|(name, s)| (name, &s.final_test))
-            .collect();
-        json!({
-            "type": "experiment", "device": self.device, "id": self.id, "state": "done",
-            "progress": 1.0, "remaining_s": 0.0,
-            "result": {
-                "summary": self.summaries, "final": finals,
-                "settings": self.settings, "hash": self.hash, "origin": self.origin(),
-            },
-        })
+    pub fn message(&self) -> ToPage {
+        let summaries = self.summaries.iter();
+        ToPage::Experiment(Box::new(to_page::Experiment {
+            device: self.device.clone(),
+            id: self.id.clone(),
+            state: ExperimentState::Done,
+            progress: 1.0,
+            remaining_s: 0.0,
+            result: Some(ExperimentResult {
+                final_tests: summaries
+                    .map(|(name, s)| (*name, s.final_test.clone()))
+                    .collect(),
+                summary: self.summaries.clone(),
+                settings: self.settings.clone(),
+                hash: self.hash.clone(),
+                origin: self.origin(),
+            }),
+        }))
     }
 
     /// Where the numbers come from, in words.
@@ -266,29 +274,34 @@ impl Finished {
 
     /// Its row in the table of experiments.
     #[must_use]
-    pub fn row(&self) -> Value {
-        let results: BTreeMap<_, _> = self
+    pub fn row(&self) -> ExperimentRow {
+        let results = self
             .summaries
             .iter()
             .map(|(name, s)| {
                 let test = s.final_test.as_ref();
-                let row = json!({
-                    "calculated_error_deg": test.map(|t| t.calculated_error_deg),
-                    "estimated_error_deg": test.and_then(|t| t.estimated_error_deg),
-                    "verdict": test.and_then(|t| t.verdict),
-                    "nis_acc": s.nis_mean.accelerometer,
-                    "nis_mag": s.nis_mean.magnetometer,
-                    "nis_compass": s.nis_mean.compass,
-                    "error_deg": error_deg(s),
-                });
-                (name, row)
+                let cell = ResultCell {
+                    calculated_error_deg: test.map(|t| t.calculated_error_deg),
+                    estimated_error_deg: test.and_then(|t| t.estimated_error_deg),
+                    verdict: test.and_then(|t| t.verdict),
+                    nis_acc: s.nis_mean.accelerometer,
+                    nis_mag: s.nis_mean.magnetometer,
+                    nis_compass: s.nis_mean.compass,
+                    error_deg: error_deg(s),
+                };
+                (*name, cell)
             })
             .collect();
-        json!({
-            "id": self.id, "device": self.device_name, "device_id": self.device, "name": self.title(), "at": self.at,
-            "duration_s": self.experiment.duration_s(), "settings": self.settings,
-            "results": results,
-        })
+        ExperimentRow {
+            id: self.id.clone(),
+            device: self.device_name.clone(),
+            device_id: self.device.clone(),
+            name: self.title().to_owned(),
+            at: self.at.clone(),
+            duration_s: self.experiment.duration_s(),
+            settings: self.settings.clone(),
+            results,
+        }
     }
 }
 
@@ -299,13 +312,14 @@ fn error_deg(summary: &RunSummary) -> Option<f64> {
 }
 
 /// What plots need, column by column; angles are rows of yaw, pitch, roll.
-fn trace_columns(trace: &Trace) -> Value {
+fn trace_columns(trace: &Trace) -> TraceColumns {
     let points = trace.points.items();
-    let t_s: Vec<f64> = points.iter().map(|p| p.time_s).collect();
-    let angles: Vec<[f64; 3]> = points.iter().map(|p| p.angles_deg).collect();
-    let std: Option<Vec<[f64; 3]>> = points.iter().map(|p| p.angles_std_deg).collect();
-    let error: Option<Vec<f64>> = points.iter().map(|p| p.error_deg.map(|e| e[0])).collect();
-    json!({"t_s": t_s, "angles_deg": angles, "std_deg": std, "error_deg": error})
+    TraceColumns {
+        t_s: points.iter().map(|p| p.time_s).collect(),
+        angles_deg: points.iter().map(|p| p.angles_deg).collect(),
+        std_deg: points.iter().map(|p| p.angles_std_deg).collect(),
+        error_deg: points.iter().map(|p| p.error_deg.map(|e| e[0])).collect(),
+    }
 }
 
 /// SHA-256 of the events as [`events::encode`] writes them.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::lab::MOST_DEVICES;
 use crate::session::frame::Frame;
+use crate::to_page::ToPage;
 
 /// Innovations kept for one page and device: ten seconds of fast sensors. The oldest go first.
 const MOST_PENDING: usize = 5000;
@@ -33,8 +34,8 @@ impl FrameText {
         let innovations: Result<Vec<String>, _> =
             innovations.iter().map(serde_json::to_string).collect();
         Ok(Self {
-            head: serde_json::to_string(&frame)?,
-            device: frame.device,
+            device: frame.device.clone(),
+            head: serde_json::to_string(&ToPage::Frame(Box::new(frame)))?,
             arrival_ns,
             innovations: innovations?,
         })

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_evaluation::RunOptions;
-use serde_json::{Value, json};
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use crate::device::{self, Work};
@@ -21,6 +20,7 @@ use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
 use crate::recorder::{Control, Recorder, RecordingStatus};
+use crate::to_page::{ExperimentRow, ToPage};
 
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
@@ -163,9 +163,9 @@ impl Lab {
     }
 
     /// Tells all pages.
-    pub fn tell(&self, message: &Value) {
+    pub fn tell(&self, message: &ToPage) {
         // Without a page nobody listens, and that is fine.
-        let _ = self.messages.send(message.to_string().into());
+        let _ = self.messages.send(message.json().into());
     }
 
     /// Follows what pages are told.
@@ -272,7 +272,7 @@ impl Lab {
         let text = format!(
             "`{name}` met a fault of this program and was taken away; it starts anew when it sends again. Please report what it sent."
         );
-        self.tell(&json!({"type": "error", "text": text}));
+        self.tell(&ToPage::error(text));
         self.tell_devices();
     }
 
@@ -319,8 +319,10 @@ impl Lab {
 
     /// The list of devices as a message.
     #[must_use]
-    pub fn devices_message(&self) -> Value {
-        json!({"type": "devices", "devices": self.statuses()})
+    pub fn devices_message(&self) -> ToPage {
+        ToPage::Devices {
+            devices: self.statuses(),
+        }
     }
 
     /// An identifier for the next virtual phone, and its number.
@@ -368,11 +370,18 @@ impl Lab {
         found.ok_or_else(|| format!("there is no experiment `{id}`"))
     }
 
+    /// The table of experiments, the oldest first.
+    #[must_use]
+    pub fn experiment_rows(&self) -> Vec<ExperimentRow> {
+        lock(&self.experiments).iter().map(|f| f.row()).collect()
+    }
+
     /// The table of experiments as a message.
     #[must_use]
-    pub fn experiments_message(&self) -> Value {
-        let rows: Vec<Value> = lock(&self.experiments).iter().map(|f| f.row()).collect();
-        json!({"type": "experiments", "rows": rows})
+    pub fn experiments_message(&self) -> ToPage {
+        ToPage::Experiments {
+            rows: self.experiment_rows(),
+        }
     }
 }
 

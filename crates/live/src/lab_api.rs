@@ -1,6 +1,5 @@
 //! What the lab page talks to, on this computer alone: the page, its WebSocket, status, files.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use axum::extract::ws::WebSocketUpgrade;
@@ -10,9 +9,9 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
-use northing_evaluation::attitude::parameters::parameters;
-use northing_evaluation::calibration::magnetometer::FieldCalibration;
+use northing_evaluation::attitude::parameters::{ParameterInfo, parameters};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -23,6 +22,7 @@ use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
 use crate::page;
 use crate::qr;
+use crate::to_page::{EstimatorLine, Hello, InputKindLine, Parameter, ToPage};
 
 /// What a page can offer beyond the path itself.
 const FEATURES: [&str; 4] = ["estimators", "magnetometer", "allan", "remove"];
@@ -98,7 +98,7 @@ async fn status(State(api): State<LabApi>) -> Json<Value> {
         "fingerprint": api.facts.fingerprint,
         "recording": api.lab.recording_status(),
         "devices": api.lab.statuses(), "latency": api.lab.latency.summary(),
-        "experiments": api.lab.experiments_message()["rows"],
+        "experiments": api.lab.experiment_rows(),
         "name": api.facts.name,
         "inputs": api.facts.inputs.statuses(),
     }))
@@ -175,7 +175,7 @@ async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) ->
         return (StatusCode::NOT_FOUND, text).into_response();
     };
     // As `northing run --magnetometer-calibration` reads it; the lab uses the device's own stream.
-    let field = FieldCalibration {
+    let field = MagnetometerStreamCalibration {
         magnetometer: MagnetometerSource::Device,
         calibration,
     };
@@ -201,37 +201,46 @@ async fn socket(State(api): State<LabApi>, upgrade: WebSocketUpgrade) -> Respons
 }
 
 /// What every page is told first, and again when the addresses have changed.
-pub(crate) fn hello(facts: &Facts) -> Value {
-    let input_kinds = InputKind::ALL
-        .map(|kind| json!({"kind": kind, "title": kind.title(), "hint": kind.hint(), "example": kind.example()}));
+pub(crate) fn hello(facts: &Facts) -> ToPage {
     let phone_urls = facts.reach.phone_urls();
     let host = phone_urls.first().and_then(|url| url.split('/').nth(2));
-    // Another address is another picture.
-    let qr_svg = format!("/api/qr.svg?url=0&for={}", host.unwrap_or_default());
-    let estimators: Vec<Value> = EstimatorKind::ALL
-        .map(EstimatorKind::info)
-        .iter()
-        .map(|info| json!({"name": info.name, "summary": info.summary}))
-        .collect();
-    let parameters: Vec<Value> = parameters()
-        .into_iter()
-        .map(|parameter| {
-            let defaults: HashMap<&str, Value> = parameter
-                .defaults
-                .into_iter()
-                .map(|(profile, value)| (profile.name(), value))
-                .collect();
-            json!({
-                "name": parameter.name, "unit": parameter.unit,
-                "meaning": parameter.meaning, "default": defaults,
+    ToPage::Hello(Box::new(Hello {
+        version: env!("CARGO_PKG_VERSION"),
+        // Another address is another picture.
+        qr_svg: format!("/api/qr.svg?url=0&for={}", host.unwrap_or_default()),
+        phone_urls,
+        ingest_urls: facts.reach.ingest_urls(),
+        estimators: EstimatorKind::ALL
+            .map(|name| EstimatorLine {
+                name,
+                summary: name.info().summary,
             })
-        })
-        .collect();
-    json!({
-        "type": "hello", "version": env!("CARGO_PKG_VERSION"),
-        "phone_urls": phone_urls, "ingest_urls": facts.reach.ingest_urls(),
-        "qr_svg": qr_svg, "estimators": estimators, "parameters": parameters,
-        "fingerprint": facts.fingerprint, "features": FEATURES, "name": facts.name,
-        "input_kinds": input_kinds, "inputs": facts.inputs.statuses(),
-    })
+            .into(),
+        parameters: parameters().into_iter().map(parameter).collect(),
+        fingerprint: facts.fingerprint.clone(),
+        features: &FEATURES,
+        name: facts.name.clone(),
+        input_kinds: InputKind::ALL
+            .map(|kind| InputKindLine {
+                kind,
+                title: kind.title(),
+                hint: kind.hint(),
+                example: kind.example(),
+            })
+            .into(),
+        inputs: facts.inputs.statuses(),
+    }))
+}
+
+fn parameter(info: ParameterInfo) -> Parameter {
+    let defaults = info.defaults.into_iter();
+    Parameter {
+        name: info.name,
+        unit: info.unit,
+        range: info.range,
+        meaning: info.meaning,
+        default: defaults
+            .map(|(profile, value)| (profile.name(), value))
+            .collect(),
+    }
 }

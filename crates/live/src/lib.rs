@@ -39,6 +39,8 @@ pub mod limits;
 pub mod messages;
 mod page;
 pub mod phone_hints;
+#[cfg(test)]
+mod protocol;
 mod pulse;
 pub mod qr;
 pub mod recorder;
@@ -49,5 +51,6 @@ pub mod security;
 pub mod server;
 pub mod session;
 pub mod tls;
+pub mod to_page;
 pub mod token;
 pub mod virtual_phones;

@@ -190,7 +190,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn a_flood_is_held_back_and_a_steady_stream_is_not() {
+    fn a_flood_is_throttled_and_a_steady_stream_is_not() {
         let start = Instant::now();
         let mut limit = RateLimit::new(DEVICE, start);
         let flood = (0..1000).filter(|_| limit.admits(start, 100)).count();
@@ -202,7 +202,7 @@ mod tests {
 
     /// 64 phones behind one address, ten batches of 4 kB a second each, for ten seconds.
     #[test]
-    fn a_class_behind_one_address_is_not_held_back_and_a_flood_is() {
+    fn a_class_behind_one_address_is_not_throttled_and_a_flood_is() {
         let (start, addresses) = (Instant::now(), Addresses::default());
         let peer = IpAddr::from([10, 0, 0, 1]);
         for tenth in 0..100 {

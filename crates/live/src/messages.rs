@@ -14,6 +14,7 @@ use crate::session::magnetometer::MagnetometerAction;
 
 /// What a page can ask for.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(optional_fields = nullable))]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum Request {
     /// A virtual phone comes or goes.
@@ -22,15 +23,18 @@ pub enum Request {
         action: Action,
         /// How it is moved.
         #[serde(default)]
+        #[cfg_attr(test, ts(as = "Option<_>", optional))]
         motion: Motion,
         /// What disturbs it.
         #[serde(default)]
+        #[cfg_attr(test, ts(as = "Option<_>", optional))]
         disturbance: Disturbance,
         /// Determines everything random; the same seed is the same phone.
         #[serde(default)]
         seed: Option<u64>,
         /// Hard iron of its magnetometer, microtesla, body axes.
         #[serde(default)]
+        #[cfg_attr(test, ts(as = "Option<_>", optional))]
         hard_iron_ut: [f64; 3],
         /// Which one goes; without it the newest.
         #[serde(default)]
@@ -64,6 +68,7 @@ pub enum Request {
         device: String,
         /// Parameters by name.
         #[serde(default)]
+        #[cfg_attr(test, ts(type = "Settings"))]
         settings: Map<String, Value>,
         /// Start from this profile.
         #[serde(default)]
@@ -96,6 +101,7 @@ pub enum Request {
         id: String,
         /// Parameters by name.
         #[serde(default)]
+        #[cfg_attr(test, ts(type = "Settings"))]
         settings: Map<String, Value>,
         /// A parameter to run over a range.
         #[serde(default)]
@@ -130,6 +136,7 @@ pub enum Request {
         kind: Option<InputKind>,
         /// Where it is.
         #[serde(default)]
+        #[cfg_attr(test, ts(as = "Option<_>", optional))]
         address: String,
         /// Which one goes; without it the one of this kind and address.
         #[serde(default)]
@@ -146,6 +153,7 @@ pub enum Request {
 
 /// What happens to a virtual phone or an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Action {
     /// It comes.
@@ -156,6 +164,7 @@ pub enum Action {
 
 /// The sensors that the filters use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SensorUse {
     /// Always needed.
     #[serde(default = "yes")]
@@ -168,6 +177,7 @@ pub struct SensorUse {
     pub magnetometer: bool,
     /// Whether headings of the device's own compass are used; unsaid, where there is no magnetometer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, ts(optional))]
     pub compass: Option<bool>,
 }
 
@@ -240,6 +250,7 @@ pub enum Command {
 
 /// What a device is doing for a while.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(tag = "what", rename_all = "kebab-case")]
 pub enum UnderWay {
     /// A calibration at rest.
@@ -256,6 +267,7 @@ pub enum UnderWay {
 
 /// One row of the list of devices.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct DeviceStatus {
     /// What it is addressed by.
     pub id: String,
@@ -274,7 +286,8 @@ pub struct DeviceStatus {
     pub lost: u64,
     /// Batches that came again.
     pub duplicated_batches: u64,
-    /// The parameters in force.
+    /// The parameters in force; null before the first sample.
+    #[cfg_attr(test, ts(type = "Settings | null"))]
     pub settings: Value,
     /// The sensors in use.
     #[serde(rename = "use")]

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use axum::extract::ws::{Message, WebSocket};
 use northing_evaluation::Profile;
 use northing_recording::SensorKind;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 
@@ -21,6 +21,7 @@ use crate::lab::Lab;
 use crate::lab_api::{LabApi, hello};
 use crate::messages::{Action, Command, Request};
 use crate::pulse::Pulse;
+use crate::to_page::{self, ToPage};
 use crate::virtual_phones::{self, VirtualPhoneRequest};
 
 /// Frames a second that a page gets unless it asks for others.
@@ -41,7 +42,7 @@ struct Page {
     lab: Arc<Lab>,
     inputs: Arc<Inputs>,
     frames: PageFrames,
-    answer: mpsc::Sender<Value>,
+    answer: mpsc::Sender<ToPage>,
     orders: mpsc::Sender<Order>,
     /// Number of the newest what-if.
     newest: Arc<AtomicU64>,
@@ -72,7 +73,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
         lab.experiments_message(),
         lab.recording_status().message(),
     ] {
-        if send(&mut socket, message.to_string()).await.is_err() {
+        if send(&mut socket, message.json()).await.is_err() {
             return;
         }
     }
@@ -81,7 +82,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
             message = messages.recv() => match message {
                 Ok(text) => send(&mut socket, text.to_string()).await,
                 // The page was too slow: it gets the tables afresh.
-                Err(RecvError::Lagged(_)) => send(&mut socket, lab.experiments_message().to_string()).await,
+                Err(RecvError::Lagged(_)) => send(&mut socket, lab.experiments_message().json()).await,
                 Err(RecvError::Closed) => return,
             },
             frame = frames.recv() => match frame {
@@ -107,9 +108,9 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
             }
             _ = devices.tick() => {
                 is_due = false;
-                send(&mut socket, lab.devices_message().to_string()).await
+                send(&mut socket, lab.devices_message().json()).await
             }
-            Some(value) = answers.recv() => send(&mut socket, value.to_string()).await,
+            Some(message) = answers.recv() => send(&mut socket, message.json()).await,
             alive = pulse.beat() => match alive {
                 true => socket.send(Message::Ping(Default::default())).await,
                 false => return,
@@ -133,8 +134,11 @@ async fn send(socket: &mut WebSocket, text: String) -> Result<(), axum::Error> {
     socket.send(Message::Text(text.into())).await
 }
 
-fn error_message(text: &str, request: &Value) -> Value {
-    json!({"type": "error", "text": text, "request": request})
+fn refusal(text: impl Into<String>, request: Value) -> ToPage {
+    ToPage::Error {
+        text: text.into(),
+        request,
+    }
 }
 
 impl Page {
@@ -145,7 +149,7 @@ impl Page {
         match serde_json::from_value(message) {
             Err(error) => {
                 let text = format!("the page sent what the program does not know: {error}");
-                self.refuse(&text, &request_id);
+                self.refuse(text, request_id);
             }
             Ok(Request::DisplayRate { hz }) => {
                 let [least, most] = DISPLAY_HZ_LIMITS;
@@ -169,21 +173,21 @@ impl Page {
             }) => {
                 let changed = self.inputs.change(action, kind, &address, id.as_deref());
                 if let Err(text) = changed {
-                    self.refuse(&text, &request_id);
+                    self.refuse(text, request_id);
                 }
             }
             Ok(Request::Allan { id, sensor }) => self.allan(id, sensor, request_id),
             Ok(request) => {
                 if self.orders.try_send((request, request_id.clone())).is_err() {
-                    self.refuse("the lab is busy; try again", &request_id);
+                    self.refuse("the lab is busy; try again", request_id);
                 }
             }
         }
     }
 
     /// A page that does not read its answers misses this one.
-    fn refuse(&self, text: &str, request_id: &Value) {
-        let _ = self.answer.try_send(error_message(text, request_id));
+    fn refuse(&self, text: impl Into<String>, request_id: Value) {
+        let _ = self.answer.try_send(refusal(text, request_id));
     }
 
     /// The runs first, for somebody moves a slider; then the curve, if no newer question came.
@@ -201,28 +205,34 @@ impl Page {
             let asked = Instant::now();
             let finished = match lab.experiment(&id) {
                 Ok(finished) => finished,
-                Err(text) => return tell(&answer, error_message(&text, &request_id)),
+                Err(text) => return tell(&answer, refusal(text, request_id)),
             };
             match finished.what_if(&settings) {
                 Ok(result) => tell(
                     &answer,
-                    json!({
-                        "type": "what_if", "request": request_id, "id": id,
-                        "elapsed_ms": asked.elapsed().as_secs_f64() * 1e3,
-                        "results": result.summaries, "trace": result.trace,
+                    ToPage::WhatIf(to_page::WhatIf {
+                        request: request_id.clone(),
+                        id: id.clone(),
+                        elapsed_ms: asked.elapsed().as_secs_f64() * 1e3,
+                        results: result.summaries,
+                        trace: result.trace,
                     }),
                 ),
-                Err(text) => return tell(&answer, error_message(&text, &request_id)),
+                Err(text) => return tell(&answer, refusal(text, request_id)),
             }
             let Some(parameter) = curve else { return };
             let is_wanted = || newest.load(Ordering::Relaxed) == number;
             match finished.curve(&settings, &parameter, &is_wanted) {
                 Ok(Some(curve)) => tell(
                     &answer,
-                    json!({"type": "curve", "request": request_id, "id": id, "curve": curve}),
+                    ToPage::Curve(to_page::Curve {
+                        request: request_id,
+                        id,
+                        curve,
+                    }),
                 ),
                 Ok(None) => {}
-                Err(text) => tell(&answer, error_message(&text, &request_id)),
+                Err(text) => tell(&answer, refusal(text, request_id)),
             }
         });
     }
@@ -232,28 +242,32 @@ impl Page {
         tokio::task::spawn_blocking(move || {
             let kind = SensorKind::ALL.into_iter().find(|k| k.name() == sensor);
             let kind = kind.ok_or_else(|| format!("there is no sensor `{sensor}`"));
-            let made = kind.and_then(|kind| Ok(allan::analysis(&*lab.experiment(&id)?, kind)));
-            let mut message = made.unwrap_or_else(|text| error_message(&text, &request_id));
-            message["request"] = request_id;
+            let found = kind.and_then(|kind| Ok((kind, lab.experiment(&id)?)));
+            let message = match found {
+                Ok((kind, finished)) => {
+                    ToPage::Allan(Box::new(allan::analysis(&finished, kind, request_id)))
+                }
+                Err(text) => refusal(text, request_id),
+            };
             tell(&answer, message);
         });
     }
 }
 
 /// Answers from aside. The page may have gone.
-fn tell(answer: &mpsc::Sender<Value>, message: Value) {
+fn tell(answer: &mpsc::Sender<ToPage>, message: ToPage) {
     let _ = answer.blocking_send(message);
 }
 
 async fn carry_out_in_order(
     lab: Arc<Lab>,
     mut waiting: mpsc::Receiver<Order>,
-    answer: mpsc::Sender<Value>,
+    answer: mpsc::Sender<ToPage>,
 ) {
     while let Some((request, request_id)) = waiting.recv().await {
         if let Err(text) = carry_out(&lab, request).await {
             // The page may have gone; what it had asked for is still done.
-            let _ = answer.send(error_message(&text, &request_id)).await;
+            let _ = answer.send(refusal(text, request_id)).await;
         }
     }
 }

@@ -110,7 +110,7 @@ fn stamps_from_the_future_and_the_past_start_anew_and_nothing_breaks() {
         }
     });
     let ben = lab.device("ben");
-    // Each time that the clock was set by more than an hour, 49 readings pass until it is believed.
+    // Each time that the clock was set by more than an hour, 49 readings pass until it is accepted.
     assert_eq!(ben["received"], 4 * events.len() - 2 * 49);
     let angles = ben["estimates"]["mekf"]["angles_deg"].as_array().unwrap();
     assert!(angles.iter().all(|a| a.as_f64().is_some()), "{ben}");

@@ -76,15 +76,12 @@ fn comparable(lab: &Lab) -> Value {
         device.remove("source");
         device.remove("connected");
     }
-    let mut rows = lab.experiments_message()["rows"]
-        .as_array()
-        .unwrap()
-        .clone();
-    rows.sort_by_key(|row| row["id"].to_string());
+    let mut rows = lab.experiment_rows();
+    rows.sort_by_key(|row| row.id.clone());
     let results: Vec<Value> = rows
         .iter()
         .map(|row| {
-            let finished = lab.experiment(row["id"].as_str().unwrap()).unwrap();
+            let finished = lab.experiment(&row.id).unwrap();
             json!({"row": row, "message": finished.message(), "at": finished.at})
         })
         .collect();

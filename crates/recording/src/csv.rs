@@ -104,7 +104,7 @@ pub(crate) const ROWS: [(SensorKind, &[&str]); 9] = [
     ),
 ];
 
-/// Longest comment or header line that is believed, bytes.
+/// Longest comment or header line that is accepted, bytes.
 const LONGEST_LINE: u64 = 1 << 20;
 
 const ADVICE: &str = "name the columns as docs/formats.md says, e.g. t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,\

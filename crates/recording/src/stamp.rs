@@ -7,7 +7,7 @@ pub(crate) const SECONDS: i32 = 9;
 /// Decimal exponent that turns nanoseconds into nanoseconds.
 pub(crate) const NANOSECONDS: i32 = 0;
 
-/// Largest stamp magnitude that is believed, s: differences of two such stamps fit in `i64` nanoseconds.
+/// Largest stamp magnitude that is accepted, s: differences of two such stamps fit in `i64` nanoseconds.
 const LIMIT_S: f64 = 4.6e9;
 
 /// Nanoseconds of the decimal number `text` times `10^exponent`, rounded to the nearest.

@@ -1,5 +1,5 @@
 //! Where tests find recordings that are too large for the repository, and how they say that they
-//! found none.
+//! found none; and how tests compare what they make with committed files.
 //!
 //! `NORTHING_DATA` names the folder of recordings, `NORTHING_FIXTURES` the folder of exports in
 //! the formats of phone applications. A test that finds none passes after a line
@@ -10,7 +10,10 @@ use std::env;
 use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Differing lines that are printed.
+const MOST_LINES: usize = 40;
 
 /// The folder of recordings (`attitude/broad`, `attitude/smartphone`), or `None` after saying
 /// that `test` is skipped.
@@ -75,6 +78,43 @@ fn say_skipped(line: &str) {
         // A log that cannot be written must not fail the test that only wanted to be skipped.
         let _ = file.write_all(line.as_bytes());
     }
+}
+
+/// Compares what a test has made with what is committed, line by line, and prints the lines that differ. With
+/// `NORTHING_BLESS=1` it writes the file instead: what has changed is then reviewed as a diff.
+///
+/// # Panics
+/// Lines differ, or the file is not there.
+pub fn assert_as_committed(path: &Path, made: &str, are_alike: fn(&str, &str) -> bool) {
+    if std::env::var("NORTHING_BLESS").as_deref() == Ok("1") {
+        let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+        let written = written.and_then(|()| std::fs::write(path, made));
+        assert!(written.is_ok(), "{}: {written:?}", path.display());
+        return;
+    }
+    let committed = std::fs::read_to_string(path).unwrap_or_default();
+    let (mut old, mut new) = (committed.lines(), made.lines());
+    let (mut diff, mut count) = (String::new(), 0_usize);
+    loop {
+        let pair = (old.next(), new.next());
+        match pair {
+            (None, None) => break,
+            (Some(old), Some(new)) if are_alike(old, new) => continue,
+            _ => count += 1,
+        }
+        if count <= MOST_LINES {
+            for (sign, line) in [('-', pair.0), ('+', pair.1)] {
+                if let Some(line) = line {
+                    diff.push_str(&format!("{sign} {line}\n"));
+                }
+            }
+        }
+    }
+    assert!(
+        count == 0,
+        "{}: {count} lines are no longer as committed:\n{diff}If that is meant, run the test again with NORTHING_BLESS=1 and review the diff.",
+        path.display()
+    );
 }
 
 #[cfg(test)]

@@ -174,11 +174,11 @@ fn a_unit_that_the_user_names_is_applied_and_believed() {
         error(recording(TURNING, [DEG, 1.0 / 9.80665, 0.01], &options)),
         None
     );
-    let believed = OpenOptions {
+    let accepted = OpenOptions {
         gyroscope_unit: Some(RateUnit::RadPerS),
         ..DEFAULT()
     };
-    assert_eq!(error(recording(TURNING, [DEG, 1.0, 1.0], &believed)), None);
+    assert_eq!(error(recording(TURNING, [DEG, 1.0, 1.0], &accepted)), None);
     let unchecked = OpenOptions {
         plausibility: false,
         ..DEFAULT()

@@ -172,7 +172,7 @@ fn settings() -> Vec<Setting> {
             "gyroscope_bias_random_walk",
             "0.0002",
             "rad/s\u{00b2}/\u{221a}Hz",
-            "How fast the bias may wander. Larger: the bias settles sooner and is noisier.",
+            "How fast the bias may drift. Larger: the bias settles sooner and is noisier.",
         ),
         setting(
             "accelerometer_std",
@@ -214,7 +214,7 @@ fn run_report(trace: &Trace) -> RunReport<'_> {
             Fact::new("duration", "120.0 s"),
         ],
         verdicts: vec![
-            Verdict::new(Tone::Good, "The covariance is honest: NEES is 1.08 per component, between the bounds 0.91 and 1.10."),
+            Verdict::new(Tone::Good, "The covariance is consistent: NEES is 1.08 per component, between the bounds 0.91 and 1.10."),
             Verdict::new(Tone::Warn, "Your accelerometer R is about 2.2 times too small: its mean NIS is 6.7 where 3 is expected."),
             Verdict::new(Tone::Bad, "The magnetometer was refused for 6.1 s on end; heading relied on the gyroscope alone meanwhile."),
         ],
@@ -258,7 +258,7 @@ fn comparison<'a>(runs: &[(&'a str, &'a Trace)]) -> ComparisonReport<'a> {
         recording: "made-up-lab.parquet".to_owned(),
         verdicts: vec![Verdict::new(
             Tone::Good,
-            "mekf is the best of all by total error, and its covariance is honest.",
+            "mekf is the best of all by total error, and its covariance is consistent.",
         )],
         tables: vec![Table {
             title: "Errors".to_owned(),

@@ -10,7 +10,7 @@
 //! | `run.rs` | sections of [`RunReport`] |
 //! | `from_summary.rs` | a summary as the data of its page |
 //! | `comparison.rs`, `comparison_plots.rs` | sections and plots of [`ComparisonReport`] |
-//! | `field_page.rs`, `allan_page.rs` | pages about a magnetometer calibration and an Allan deviation |
+//! | `calibration/` | pages about a magnetometer calibration and an Allan deviation |
 //! | `observers.rs` | the page of the experiment on observers in cascade |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |

@@ -114,7 +114,7 @@ fn full_report_has_every_section_and_is_a_well_formed_page() {
         "north upwards, m",
         "measured positions used",
         "refused as outliers",
-        "believed after several outliers",
+        "accepted after several outliers",
         "time, s",
         "lab.csv",
         "1\u{202f}234",

@@ -1,4 +1,4 @@
-//! Faults that wrap a sensor: what it would have said goes in, what arrives comes out.
+//! Sensor faults: a wrapper that takes what a sensor would have said and gives what arrives.
 //!
 //! A fault acts between two instants. It draws nothing, so a run with a fault differs from the run
 //! without it by that fault alone.

@@ -1,4 +1,4 @@
-//! A person and a car on winding ways, with a cheap inertial unit, a magnetometer and a 1 Hz receiver: what GNSS/INS
+//! Trajectories of a person and a car, with a cheap inertial unit, a magnetometer and a receiver error model at 1 Hz: what GNSS/INS
 //! is tried on.
 //!
 //! The motions are those of the specification that the axis filters and the error-state filter are compared by: 12 s at

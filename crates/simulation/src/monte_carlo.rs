@@ -1,4 +1,4 @@
-//! Trials for consistency tests: arrays of truth and measurements of a device that starts and ends
+//! Monte Carlo trials for consistency tests: arrays of truth and measurements of a device that starts and ends
 //! in the reference pose.
 //!
 //! A consistency test runs a filter over many trials and asks whether its errors are as large as it

@@ -1,4 +1,4 @@
-//! Sensors: what a real device makes of the true value, and when it does so.
+//! Sensor error models: what a real device makes of the true value, and when.
 //!
 //! A sensor is two independent parts: a [`SampleClock`] (rate, offset, jitter, delay, dropouts) and
 //! [`SensorErrors`] (scale, bias, noise, quantisation, range). The configurations of the three

@@ -51,7 +51,7 @@ impl VirtualPhone {
     /// A phone of this configuration.
     ///
     /// # Errors
-    /// A field has a value that makes no sense; the message names it and says what was expected.
+    /// A field has a value that is invalid; the message names it and says what was expected.
     pub fn new(config: VirtualPhoneConfig) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self { config })

@@ -46,7 +46,7 @@ impl Inertial {
     }
 }
 
-/// What is believed.
+/// The estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// Attitude, once there is one.
@@ -88,7 +88,7 @@ pub trait Navigator: Sized {
     /// One step: inertial sensors, and a position where there is a new one.
     fn step(&mut self, inertial: &Inertial, position: Option<&Position>);
 
-    /// What is believed now.
+    /// The estimate now.
     fn estimate(&self) -> Estimate;
 
     /// Whether the numbers still are ones; otherwise it has to start again.

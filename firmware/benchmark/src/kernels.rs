@@ -5,7 +5,10 @@ use core::hint::black_box;
 use cortex_m_semihosting::hprintln;
 use northing_core::attitude::bounded_velocity::{BoundedVelocity, BoundedVelocityConfig};
 use northing_core::attitude::{AttitudeEstimator, InitialState, References};
-use northing_core::nalgebra::{ComplexField, Matrix3, UnitQuaternion, Vector3};
+use northing_core::nalgebra::{ComplexField, Matrix3, SMatrix, UnitQuaternion, Vector3};
+use northing_core::navigation::{
+    ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState,
+};
 use northing_firmware::navigator::{AxisNavigator, ErrorStateNavigator, Position};
 use northing_firmware::{Inertial, Navigator};
 
@@ -18,6 +21,7 @@ const FIX_EVERY: u32 = 50;
 pub(crate) fn all(counter: &Counter) {
     navigator::<AxisNavigator>("axis-filters", counter);
     navigator::<ErrorStateNavigator>("error-state", counter);
+    prediction(counter);
     bounded_velocity(counter);
 }
 
@@ -40,9 +44,46 @@ fn navigator<N: Navigator>(name: &str, counter: &Counter) {
     say(name, worst, sum / STEPS);
 }
 
+/// The error-state filter's prediction alone: a sample, and the whole covariance over it.
+fn prediction(counter: &Counter) {
+    let state = NavigationState {
+        ned_from_body: UnitQuaternion::identity(),
+        velocity: Vector3::new(1.0, -0.5, 0.0),
+        position: Vector3::zeros(),
+        accelerometer_bias: Vector3::zeros(),
+        gyroscope_bias: Vector3::zeros(),
+        covariance: SMatrix::identity() * 0.01,
+        pending: ErrorTransition::default(),
+        skipped: 0,
+    };
+    let config = ErrorStateConfig {
+        accelerometer_bias_random_walk: 1e-3,
+        gyroscope_bias_random_walk: 3e-5,
+        ..ErrorStateConfig::default()
+    };
+    let Ok(mut filter) = ErrorStateFilter::<f32>::new(config, state) else {
+        hprintln!("error-state-prediction does not start");
+        return;
+    };
+    let mut worst = 0;
+    let mut sum = 0;
+    for step in 1..=STEPS {
+        let inertial = black_box(inertial(step));
+        let force = inertial.specific_force.unwrap_or_default();
+        let count = counter.instructions(|| {
+            let _ = filter.propagate(&inertial.angular_rate, &force, inertial.dt_s());
+            let _ = filter.catch_up();
+        });
+        worst = worst.max(count);
+        sum += count;
+    }
+    black_box(filter.state());
+    say("error-state-prediction", worst, sum / STEPS);
+}
+
 /// The bounded-velocity filter with its default states, one sample of each sensor a step.
 fn bounded_velocity(counter: &Counter) {
-    let Ok(mut filter) = BoundedVelocity::<f32>::new(BoundedVelocityConfig::default()) else {
+    let Ok(mut filter) = BoundedVelocity::<f32>::new(BoundedVelocityConfig::lab()) else {
         hprintln!("bounded-velocity does not start");
         return;
     };

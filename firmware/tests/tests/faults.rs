@@ -183,7 +183,7 @@ fn a_silent_receiver_is_dead_reckoning_then_invalid_and_a_good_fix_ends_it() {
     assert_eq!(validity_at(12_500), 2);
     assert_eq!(validity_at(50_000), 3);
     assert_eq!(validity_at(69_000), 3);
-    // Fixes that jump are left out five times, then believed.
+    // Fixes that jump are left out five times, then accepted.
     assert_eq!(validity_at(79_000), 1);
     let last = of_kind(&said, 'E').last().unwrap();
     let [north, east, _] = last.vector(8, 1e-3);

@@ -28,7 +28,7 @@ export function Allan({ device }: { device: Device }) {
   const answer = row && told?.id === row.id && told.sensor === sensor ? told : null;
   return (
     <>
-      <p>Left at rest for long, a sensor shows how its noise averages out, and when its bias begins to wander. That is Q, measured.</p>
+      <p>Left at rest for long, a sensor shows how its noise averages out, and when its bias begins to drift. That is Q, measured.</p>
       {running ? (
         <>
           <progress max="1" value={running.progress} aria-label="Progress of the recording at rest" />

@@ -70,7 +70,7 @@ function AtRest({ device }: { device: Device }) {
 
 function Numbers({ result }: { result: RestCalibration }) {
   const deg = (v: Triple): Triple => v.map((x) => (x * 180) / Math.PI) as Triple;
-  const rows: [string, string, Triple | undefined][] = [
+  const rows: [string, string, Triple | null][] = [
     ["Gyroscope bias", "deg/s", deg(result.gyroscope_bias_rad_s)],
     ["Gyroscope noise", "deg/s", deg(result.gyroscope_std_rad_s)],
     ["Specific force", "m/s²", result.specific_force_m_s2],

@@ -1,7 +1,7 @@
 // Step 1: phones come in by QR code; a virtual phone is one click away.
 
 import { useState } from "preact/hooks";
-import type { Triple } from "../protocol";
+import type { Disturbance, Motion, Triple } from "../protocol";
 import { goTo, send, state } from "../store";
 import { Inputs } from "./inputs";
 
@@ -42,8 +42,8 @@ export function Connect() {
 }
 
 function VirtualPhone() {
-  const [motion, setMotion] = useState("gentle");
-  const [disturbance, setDisturbance] = useState("none");
+  const [motion, setMotion] = useState<Motion>("gentle");
+  const [disturbance, setDisturbance] = useState<Disturbance>("none");
   const [magnetised, setMagnetised] = useState(false);
   const add = (): void => {
     send({ type: "virtual_phone", action: "add", motion, disturbance, seed: seed++, hard_iron_ut: magnetised ? HARD_IRON : [0, 0, 0] });
@@ -52,10 +52,10 @@ function VirtualPhone() {
     <fieldset class="virtual">
       <legend>No phone at hand?</legend>
       <label>Motion
-        <select value={motion} onChange={(e) => setMotion(e.currentTarget.value)}>{MOTIONS.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
+        <select value={motion} onChange={(e) => setMotion(e.currentTarget.value as Motion)}>{MOTIONS.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
       </label>
       <label>Disturbance
-        <select value={disturbance} onChange={(e) => setDisturbance(e.currentTarget.value)}>{DISTURBANCES.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
+        <select value={disturbance} onChange={(e) => setDisturbance(e.currentTarget.value as Disturbance)}>{DISTURBANCES.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
       </label>
       <label class="tick"><input type="checkbox" checked={magnetised} onChange={() => setMagnetised(!magnetised)} /> Magnetised: hard iron of 25, −14, 30 µT</label>
       <p class="small">It rests, is turned about, comes back after 75 s, and begins again. Its truth is known.</p>

@@ -121,7 +121,7 @@ export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
       </table>
       {main.final && <p class="small">{main.final.sentence}</p>}
       <ul class="sentences">
-        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "honest" ? "good" : "warn"}><b>{v.sensor}</b> {unnamed(v.sentences[0] ?? "")}</li>)}
+        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "consistent" ? "good" : "warn"}><b>{v.sensor}</b> {unnamed(v.sentences[0] ?? "")}</li>)}
       </ul>
     </>
   );

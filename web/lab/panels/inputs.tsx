@@ -8,7 +8,7 @@ const TONES: Record<string, string> = { connected: "good", connecting: "idle", w
 
 export function Inputs() {
   const kinds = state.hello?.input_kinds ?? [];
-  const [kind, setKind] = useState(kinds[0]?.kind ?? "");
+  const [kind, setKind] = useState<string>(kinds[0]?.kind ?? "");
   const [address, setAddress] = useState("");
   const chosen = kinds.find((k) => k.kind === kind) ?? kinds[0];
   if (!chosen) return null;

@@ -1,15 +1,8 @@
 // What is recorded: a light in the header, and the list of recordings with their files.
 
 import { useEffect, useState } from "preact/hooks";
+import type { Listed } from "../protocol";
 import { state, update } from "../store";
-
-interface Listed {
-  name: string;
-  bytes: number;
-  start: string | null;
-  devices: string[];
-  finished: boolean;
-}
 
 const LIGHTS: Record<string, { tone: string; text: string }> = {
   idle: { tone: "idle", text: "Ready" }, on: { tone: "bad", text: "" }, off: { tone: "idle", text: "Off" }, failed: { tone: "bad", text: "Failed" },

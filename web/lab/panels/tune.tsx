@@ -22,7 +22,7 @@ export function Tune({ device }: { device: Device }) {
   };
   return (
     <>
-      <p>Q says how fast the estimate may be wrong by itself, R how far each sensor may be wrong. Watch the lamps: they say when a number is not honest.</p>
+      <p>Q says how fast the estimate may be wrong by itself, R how far each sensor may be wrong. Watch the lamps: they say when a number is not consistent.</p>
       <div class="buttons" role="group" aria-label="Start from">
         <button type="button" onClick={() => apply({}, "lab")}>As at rest</button>
         <button type="button" onClick={() => apply({}, "hand-held")}>Hand-held</button>

@@ -1,4 +1,4 @@
-// Step 8: the same recording with other numbers, at once; and the curve that shows where tuning is honest.
+// Step 8: the same recording with other numbers, at once; and the curve that shows where tuning is consistent.
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type uPlot from "uplot";
@@ -126,10 +126,10 @@ const curveSpec = (parameter: string, value: () => number | null, rules: () => R
   mark: value,
 });
 
-/** The NIS of an honest R: its degrees of freedom, which are fewer for a compass. */
-function honest(): Rule[] {
+/** The NIS of a consistent R: its degrees of freedom, which are fewer for a compass. */
+function consistent(): Rule[] {
   const compass = degreesOf("magnetometer", asked) === 1;
-  return compass ? [{ value: 3, text: "honest, acc: 3" }, { value: 1, text: "honest, mag: 1", below: true }] : [{ value: 3, text: "honest: 3" }];
+  return compass ? [{ value: 3, text: "consistent, acc: 3" }, { value: 1, text: "consistent, mag: 1", below: true }] : [{ value: 3, text: "consistent: 3" }];
 }
 
 const positive = (v: number | null): number | null => (v !== null && v > 0 ? v : null);
@@ -140,23 +140,18 @@ export function WhatIfPlots() {
   const trace = message?.trace ?? null;
   // It comes after the answer; until then the one before stays.
   const curve = state.curve && state.curve.id === message?.id ? state.curve.curve : null;
-  const numbers = (key: string): number[][] | null => {
-    const value = trace?.[key];
-    return Array.isArray(value) && Array.isArray(value[0]) ? (value as number[][]) : null;
-  };
   const angles = useMemo(() => {
-    const rows = numbers("angles_deg");
-    const columns = [trace?.t_s ?? [], ...[0, 1, 2].map((i) => rows?.map((r) => r[i]!) ?? [])] as uPlot.AlignedData;
+    const columns = [trace?.t_s ?? [], ...[0, 1, 2].map((i) => trace?.angles_deg.map((r) => r[i]!) ?? [])] as uPlot.AlignedData;
     return () => columns;
   }, [trace]);
-  const truth = Array.isArray(trace?.["error_deg"]);
+  const truth = !!trace?.error_deg;
   const errors = useMemo(() => {
-    const values = (truth ? trace?.["error_deg"] : numbers("std_deg")?.map((s) => Math.hypot(...s))) as number[] | undefined;
+    const values = trace?.error_deg ?? trace?.std_deg?.map((s) => Math.hypot(...s));
     const columns = [trace?.t_s ?? [], values ?? []] as uPlot.AlignedData;
     return () => columns;
   }, [trace]);
   const errorOf = useMemo(() => errorSpec(truth), [truth]);
-  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null, honest), [curve?.parameter]);
+  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null, consistent), [curve?.parameter]);
   const curveData = useMemo(() => {
     const columns = [curve?.values ?? [], curve?.nis_acc.map(positive) ?? [], curve?.nis_mag.map(positive) ?? [], curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
     return () => columns;

@@ -14,8 +14,8 @@ use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
 use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::attitude::runner::run;
-use northing_evaluation::calibration::magnetometer::FieldCalibration;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use northing_evaluation::calibration::set::CalibrationSet;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
 use northing_recording::{Metadata, Recording};
@@ -51,7 +51,7 @@ pub(crate) struct EstimationArgs {
     /// Calibrate from the first seconds of the recording, in which the device must rest
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     calibrate_first: Option<f64>,
-    /// Look back: smooth over the whole recording (RTS; mekf, bounded-velocity and error-state, keeps it in memory)
+    /// RTS smoothing over the whole recording (mekf, bounded-velocity, error-state; keeps it in memory)
     #[arg(long)]
     smooth: bool,
     #[command(flatten)]
@@ -71,7 +71,7 @@ impl EstimationArgs {
     /// The options of a run with this estimator, otherwise that of the profile.
     ///
     /// # Errors
-    /// A setting, a file or a combination that makes no sense.
+    /// A setting, a file or a combination that is invalid.
     pub(crate) fn options(
         &self,
         estimator: Option<EstimatorKind>,
@@ -92,8 +92,8 @@ impl EstimationArgs {
             run,
             calibrations: Calibrations::default(),
         };
-        if let Some(path) = self.field_path()? {
-            self.calibrate_field(&mut asked, path)?;
+        if let Some(path) = self.magnetometer_calibration_path()? {
+            self.calibrate_magnetometer(&mut asked, path)?;
         }
         match self.calibration.as_deref() {
             Some(folder) if folder.is_dir() => {
@@ -124,7 +124,7 @@ impl EstimationArgs {
     }
 
     /// Where the calibration of the magnetometer is.
-    fn field_path(&self) -> Result<Option<&Path>> {
+    fn magnetometer_calibration_path(&self) -> Result<Option<&Path>> {
         let option = self.magnetometer_calibration.as_deref();
         let chosen = match &self.magnetometer {
             Some(MagnetometerChoice::Calibrated(path)) => Some(path.as_path()),
@@ -141,7 +141,7 @@ impl EstimationArgs {
     /// The options of a run with this navigation estimator.
     ///
     /// # Errors
-    /// A setting that makes no sense, or an option that only attitude estimators have a use for.
+    /// A setting that is invalid, or an option that only attitude estimators have a use for.
     pub(crate) fn navigation_options(
         &self,
         kind: NavigationKind,
@@ -170,7 +170,7 @@ impl EstimationArgs {
     }
 
     /// A calibration of the magnetometer also says which of the two is used, unless the user did.
-    fn calibrate_field(&self, asked: &mut Asked, path: &Path) -> Result<()> {
+    fn calibrate_magnetometer(&self, asked: &mut Asked, path: &Path) -> Result<()> {
         if !asked.run.sensors.magnetometer {
             bail!(
                 "a calibration of the magnetometer has no effect: --sensors leaves the magnetometer out"
@@ -191,14 +191,17 @@ impl EstimationArgs {
         if !is_named && sensors.magnetometer_source == MagnetometerSource::Device {
             sensors.magnetometer_source = field.magnetometer;
         }
-        asked.run.field_calibration = Some(field);
+        asked.run.magnetometer_calibration = Some(field);
         asked.run.calibration_names[1] = Some(shown(path));
         Ok(())
     }
 }
 
 /// Refuses calibrations of another stream than the one that was named.
-fn check_streams(set: &CalibrationSet<FieldCalibration>, used: MagnetometerSource) -> Result<()> {
+fn check_streams(
+    set: &CalibrationSet<MagnetometerStreamCalibration>,
+    used: MagnetometerSource,
+) -> Result<()> {
     let other = set.named.iter().find(|(_, c)| c.magnetometer != used);
     let Some((name, calibration)) = other else {
         return Ok(());

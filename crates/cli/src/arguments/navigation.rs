@@ -11,7 +11,7 @@ use super::input::seconds;
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Navigation (error-state, axis-filters, dead-reckoning, device)")]
 pub(crate) struct NavigationArgs {
-    /// Use one of N fixes; the others are kept back and scored at
+    /// Use one of N fixes; the others are held out and scored at
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gnss_every: Option<u32>,
     /// Keep all fixes back for a while, both in seconds, the start after the first fix; may be repeated

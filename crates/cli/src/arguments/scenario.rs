@@ -1,11 +1,12 @@
 //! Scenario files on the command line.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use northing_experiments::radar::TrackerKind;
+use northing_simulation::scenario::schema::NavigationFilter;
 use northing_simulation::scenario::{Scenario, ScenarioFile};
 
 /// Which scenario, and what of it.
@@ -20,9 +21,30 @@ pub(crate) struct ScenarioArgs {
     /// Seed; without it that of the scenario
     #[arg(long, value_name = "NUMBER")]
     pub(crate) seed: Option<u64>,
+    /// Navigation filter beside the trackers; without it that of the scenario
+    #[arg(long, value_name = "FILTER")]
+    pub(crate) navigation: Option<Navigation>,
     /// Trackers, separated by commas; without it those of the scenario, or all
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = tracker)]
     pub(crate) trackers: Vec<TrackerKind>,
+}
+
+/// The navigation filters by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Navigation {
+    /// The error-state filter with a GNSS compass: the paper's
+    ErrorState,
+    /// The GNSS/INS of `northing run`, with position and heading of the same fixes
+    GnssIns,
+}
+
+impl From<Navigation> for NavigationFilter {
+    fn from(navigation: Navigation) -> Self {
+        match navigation {
+            Navigation::ErrorState => Self::ErrorState,
+            Navigation::GnssIns => Self::GnssIns,
+        }
+    }
 }
 
 fn tracker(name: &str) -> Result<TrackerKind, String> {
@@ -30,9 +52,14 @@ fn tracker(name: &str) -> Result<TrackerKind, String> {
 }
 
 /// Reads a scenario.
-pub(crate) fn read(path: &Path, variant: Option<&str>) -> Result<Scenario> {
+pub(crate) fn read(wanted: &ScenarioArgs) -> Result<Scenario> {
+    let path = &wanted.scenario;
     let name = path.display().to_string();
     let text = fs::read_to_string(path).with_context(|| format!("{name}: cannot read it"))?;
     let file = ScenarioFile::parse(&name, &text)?;
-    Ok(file.scenario(variant)?)
+    let mut scenario = file.scenario(wanted.variant.as_deref())?;
+    if let Some(navigation) = wanted.navigation {
+        scenario.navigation.filter = navigation.into();
+    }
+    Ok(scenario)
 }

@@ -8,7 +8,7 @@ use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::options::RunOptions;
 use northing_evaluation::attitude::parameters::{Profile, parameters_of};
 use northing_evaluation::navigation::{NavigationKind, NavigationParameters};
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeArray, DeTable, DeValue};
 
 /// Options that set parameters.
 #[derive(Debug, Clone, Default, Args)]
@@ -154,6 +154,8 @@ impl ConfigFile {
             let place = place(key.span().start);
             let value = match value.get_ref() {
                 DeValue::String(word) => word.to_string(),
+                DeValue::Boolean(flag) => flag.to_string(),
+                DeValue::Array(items) => numbers(items, text),
                 DeValue::Integer(_) | DeValue::Float(_) => text[value.span()].replace('_', ""),
                 _ => {
                     return Err(anyhow!(
@@ -169,6 +171,12 @@ impl ConfigFile {
         }
         Ok(parsed)
     }
+}
+
+/// The items of an array as `--set` takes them: `1,2,3`.
+fn numbers(items: &DeArray<'_>, text: &str) -> String {
+    let items = items.iter().map(|item| text[item.span()].replace('_', ""));
+    items.collect::<Vec<_>>().join(",")
 }
 
 #[cfg(test)]
@@ -212,7 +220,7 @@ mod tests {
         let expected = AttitudeConfig {
             accelerometer_std: 0.3,
             magnetometer_use: MagnetometerUse::Heading,
-            ..AttitudeConfig::default()
+            ..AttitudeConfig::lab()
         };
         assert_eq!(settings.config.attitude, expected);
         let explicit: Vec<_> = settings.explicit_settings.into_iter().collect();
@@ -249,10 +257,15 @@ mod tests {
             unknown.contains("lab.toml, line 3: unknown parameter `acc_std`"),
             "{unknown}"
         );
-        assert!(unknown.contains("magnetometer_std_ut"), "{unknown}");
+        let mistyped = message("acelerometer_std = 1\n");
+        assert!(
+            mistyped.contains("did you mean `accelerometer_std`?"),
+            "{mistyped}"
+        );
         let broken = message("accelerometer_std = 1\nmagnetometer_std_ut 2\n");
         assert!(broken.contains("lab.toml, line 2: not TOML"), "{broken}");
-        assert!(message("a = [1]").contains("`a` is no number"));
+        assert!(message("[a]\nb = 1").contains("`a` is no number"));
+        assert!(message("gate_timeout_s = [1, 2]").contains("expected a number 0 or above"));
         assert!(message("profile = 'car'").contains("line 1: unknown profile `car`"));
         assert!(message("gate_timeout_s = -1").contains("0 or above"));
     }

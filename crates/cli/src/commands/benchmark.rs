@@ -1,4 +1,4 @@
-//! `northing benchmark`: all estimators, ours and other people's, over folders of recordings.
+//! `northing benchmark`: all estimators and third-party baselines over folders of recordings.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ pub(crate) struct BenchmarkArgs {
 /// The benchmarks.
 #[derive(Debug, Subcommand)]
 enum Benchmark {
-    /// Attitude: every estimator over every recording with a reference, beside other people's
+    /// Attitude: every estimator over every recording with a reference, beside third-party baselines (VQF, Fusion, AHRS)
     Attitude(Box<AttitudeArgs>),
 }
 
@@ -39,7 +39,7 @@ enum Benchmark {
 #[command(
     long_about = "Runs every estimator over every recording of the folders and prints one table: total, heading and \
                   inclination error, and NEES where there is a covariance, mean and median over recordings. Errors of \
-                  other people's estimators on the same recordings are merged from CSV files with the columns \
+                  third-party baselines on the same recordings are merged from CSV files with the columns \
                   recording,estimator,total_deg,heading_deg,inclination_deg; the scripts in oracles/ write them.",
     after_help = "\
 Examples:
@@ -52,7 +52,7 @@ struct AttitudeArgs {
     /// Folder of recordings; may be given several times
     #[arg(long, value_name = "DIR", required = true)]
     data: Vec<PathBuf>,
-    /// CSV file with the errors of other people's estimators; may be given several times
+    /// CSV file with the errors of third-party baselines; may be given several times
     #[arg(long, value_name = "FILE")]
     peers: Vec<PathBuf>,
     /// List each recording, however many there are

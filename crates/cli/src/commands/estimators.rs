@@ -48,7 +48,8 @@ struct EstimatorJson {
 #[derive(Serialize)]
 struct ParameterJson {
     name: String,
-    unit: &'static str,
+    unit: String,
+    range: String,
     meaning: &'static str,
     defaults: Map<String, Value>,
 }
@@ -72,6 +73,7 @@ impl ParameterJson {
         Self {
             name: parameter.name,
             unit: parameter.unit,
+            range: parameter.range,
             meaning: parameter.meaning,
             defaults: defaults
                 .map(|(profile, value)| (profile.name().to_owned(), value))
@@ -90,7 +92,7 @@ fn text() -> String {
     text.push_str("\nParameters (--set NAME=VALUE, or in a file for --config):\n\n");
     let all = parameters();
     let [first, second] = Profile::ALL.map(Profile::name);
-    let mut rows = Table::new(&["<name", "<unit", first, second, "<used by"]);
+    let mut rows = Table::new(&["<name", "<unit", "<range", first, second, "<used by"]);
     for parameter in &all {
         let value = |index: usize| {
             parameter
@@ -101,7 +103,8 @@ fn text() -> String {
         };
         let cells = [
             parameter.name.clone(),
-            parameter.unit.to_owned(),
+            parameter.unit.clone(),
+            parameter.range.clone(),
             value(0),
             value(1),
             users(parameter),

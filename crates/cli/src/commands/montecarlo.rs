@@ -104,7 +104,7 @@ pub(crate) fn execute(args: &MonteCarloArgs) -> Result<()> {
 }
 
 fn execute_campaign(args: &MonteCarloArgs, wanted: &ScenarioArgs) -> Result<()> {
-    let scenario = scenario::read(&wanted.scenario, wanted.variant.as_deref())?;
+    let scenario = scenario::read(wanted)?;
     let runs = args
         .runs
         .unwrap_or_else(|| u64::from(scenario.meta.monte_carlo_runs));
@@ -207,11 +207,11 @@ fn text(outcome: &CampaignOutcome) -> String {
         table.row([
             name.clone(),
             format!("{:.2}", tracker.position_rmse_m),
-            format!("{:.3}", tracker.velocity_rmse_mps),
+            format!("{:.3}", tracker.velocity_rmse_m_s),
             format!("{:.2}", tracker.transient.position_rmse_m),
-            format!("{:.3}", tracker.transient.velocity_rmse_mps),
+            format!("{:.3}", tracker.transient.velocity_rmse_m_s),
             format!("{:.2}", tracker.steady.position_rmse_m),
-            format!("{:.3}", tracker.steady.velocity_rmse_mps),
+            format!("{:.3}", tracker.steady.velocity_rmse_m_s),
             format!("{:.2}", tracker.nees_mean),
             format!("{:.0} %", 100.0 * tracker.nees_inside_band),
             tracker.skipped_updates.to_string(),
@@ -220,7 +220,7 @@ fn text(outcome: &CampaignOutcome) -> String {
     let navigation = &outcome.navigation;
     format!(
         "{}: {} runs, seed {}, {:.1} s\n\n{}\n\
-         RMSE over the runs. NEES: 4 is honest, more is too sure; the mean of {} runs should lie in \
+         RMSE over the runs. NEES: 4 is consistent, more is overconfident; the mean of {} runs should lie in \
          {low:.2} to {high:.2}.\n\
          Navigation: heading {:.2} deg stated, {:.2} deg true; pose NEES {:.2} of 3.\n",
         outcome.scenario,

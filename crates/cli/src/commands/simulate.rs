@@ -50,7 +50,7 @@ struct RunResult {
     /// Sum of squares while running, root of their mean at the end, m.
     position_rmse_m: f64,
     /// The same, m/s.
-    velocity_rmse_mps: f64,
+    velocity_rmse_m_s: f64,
     /// Position error at the last scan, m.
     final_position_error_m: f64,
     /// Detections skipped.
@@ -80,16 +80,16 @@ struct Recorder {
 impl Recorder {
     fn new(scan_s: f64, kinds: &[TrackerKind]) -> Self {
         let mut table = "time_s,own_north_m,own_east_m,own_heading_rad,nav_north_m,nav_east_m,\
-                         nav_heading_rad,nav_heading_std_rad,target_north_m,target_v_north_mps,\
-                         target_east_m,target_v_east_mps"
+                         nav_heading_rad,nav_heading_std_rad,target_north_m,target_v_north_m_s,\
+                         target_east_m,target_v_east_m_s"
             .to_owned();
         for kind in kinds {
             let name = kind.name();
             for column in [
                 "north_m",
-                "v_north_mps",
+                "v_north_m_s",
                 "east_m",
-                "v_east_mps",
+                "v_east_m_s",
                 "north_std_m",
                 "east_std_m",
             ] {
@@ -148,7 +148,7 @@ impl RunWatcher for Recorder {
         result.final_position_error_m = e[0].hypot(e[2]);
         if step > 0 {
             result.position_rmse_m += e[0] * e[0] + e[2] * e[2];
-            result.velocity_rmse_mps += e[1] * e[1] + e[3] * e[3];
+            result.velocity_rmse_m_s += e[1] * e[1] + e[3] * e[3];
         }
     }
 }
@@ -156,7 +156,7 @@ impl RunWatcher for Recorder {
 /// Simulates.
 pub(crate) fn execute(args: &SimulateArgs) -> Result<()> {
     let wanted = &args.scenario;
-    let scenario = scenario::read(&wanted.scenario, wanted.variant.as_deref())?;
+    let scenario = scenario::read(wanted)?;
     let seed = wanted.seed.unwrap_or(scenario.meta.seed);
     let campaign = Campaign::new(&scenario, &wanted.trackers, seed, 1)?;
     if let Some(path) = &args.out {
@@ -168,7 +168,7 @@ pub(crate) fn execute(args: &SimulateArgs) -> Result<()> {
     let scans = recorder.scans as f64;
     for result in &mut recorder.results {
         result.position_rmse_m = (result.position_rmse_m / scans).sqrt();
-        result.velocity_rmse_mps = (result.velocity_rmse_mps / scans).sqrt();
+        result.velocity_rmse_m_s = (result.velocity_rmse_m_s / scans).sqrt();
     }
     if let Some(path) = &args.out {
         recorder.table.push('\n');
@@ -205,7 +205,7 @@ fn text(document: &Document) -> String {
         table.row([
             (*name).to_owned(),
             format!("{:.2}", result.position_rmse_m),
-            format!("{:.3}", result.velocity_rmse_mps),
+            format!("{:.3}", result.velocity_rmse_m_s),
             format!("{:.2}", result.final_position_error_m),
             result.skipped_updates.to_string(),
         ]);

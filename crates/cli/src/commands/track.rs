@@ -115,7 +115,7 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
             seed: args.seed,
             track: options,
         };
-        return print_injection(&inject_heading(&recordings, &options), args.json);
+        return print_injection(&inject_heading(&recordings, &options)?, args.json);
     }
     let mut epochs: Vec<TrackEpoch> = Vec::new();
     let mut summaries = Vec::new();
@@ -125,7 +125,7 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
             if args.report.is_some() {
                 epochs.push(epoch);
             }
-        }));
+        })?);
     }
     if let (Some(path), [summary]) = (&args.report, &summaries[..]) {
         let html = followed_targets::render(summary, &epochs, command_line());

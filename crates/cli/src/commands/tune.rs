@@ -24,9 +24,9 @@ use crate::text::table::Table;
 /// Arguments of `tune`.
 #[derive(Debug, Args)]
 #[command(
-    long_about = "Fits noise parameters of a navigation estimator to a recording, so that the innovations it makes \
-                  are as likely as possible, and says whether the fit holds on a part of the recording that it \
-                  has not seen.",
+    long_about = "Fits noise parameters of a navigation estimator to a recording, that minimise the negative \
+                  log-likelihood of its innovations, and says whether the fit holds on a held-out part of the \
+                  recording.",
     after_help = "\
 Examples:
   northing tune drive.toml --out drive-noise.toml
@@ -43,7 +43,7 @@ pub(crate) struct TuneArgs {
     /// Parameters to fit, separated by commas [default: every noise of the estimator]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     parameters: Vec<String>,
-    /// Share of the recording that the fit sees; the rest is held back
+    /// Share of the recording that the fit sees; the rest is held out
     #[arg(long, value_name = "SHARE", default_value = "0.6", value_parser = share)]
     fit: f64,
     /// Write the parameters as a file for --config
@@ -143,18 +143,18 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
     );
     let gained = [
         outcome.before.fitted - outcome.after.fitted,
-        outcome.before.held_back - outcome.after.held_back,
+        outcome.before.held_out - outcome.after.held_out,
     ];
     let verdict = if outcome.over_fits {
-        "It over-fits: the part held back has become less likely. Do not use these parameters on other recordings."
+        "It over-fits: the held-out part has become less likely. Do not use these parameters on other recordings."
     } else if gained[1] > 0.0 {
-        "It holds: the part held back has become more likely, too."
+        "It holds: the held-out part has become more likely, too."
     } else {
-        "It neither helps nor harms the part held back: the parameters from before are as good."
+        "It neither helps nor harms the held-out part: the parameters from before are as good."
     };
     text.push_str(&paragraph(
         &format!(
-            "Log-likelihood gained an innovation: {:.3} where it was fitted, {:.3} on the part held back. {verdict}{}",
+            "Log-likelihood gained an innovation: {:.3} where it was fitted, {:.3} on the held-out part. {verdict}{}",
             gained[0],
             gained[1],
             ran_off(outcome)
@@ -175,10 +175,10 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
 /// The parameters as a file for `--config`.
 fn to_toml(outcome: &TuneOutcome, name: &str) -> String {
     let mut text = format!(
-        "# Noise of {} fitted to {} by northing tune; gained an innovation on the part held back: {:.3}.\n",
+        "# Noise of {} fitted to {} by northing tune; gained an innovation on the held-out part: {:.3}.\n",
         outcome.estimator,
         in_comment(name),
-        outcome.before.held_back - outcome.after.held_back
+        outcome.before.held_out - outcome.after.held_out
     );
     for p in &outcome.parameters {
         text.push_str(&format!("{} = {:e}\n", p.name, p.after));

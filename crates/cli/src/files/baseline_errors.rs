@@ -1,4 +1,4 @@
-//! Scores of other people's estimators on the same recordings: the CSV files that `oracles/` writes.
+//! Scores of third-party baselines on the same recordings: the CSV files that `oracles/` writes.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ const LARGEST_DEG: f64 = 180.0;
 /// Reads the files; their rows have to speak of these recordings, and of each estimator once.
 ///
 /// # Errors
-/// A file that cannot be read, lacks a column, or has a row that makes no sense: file, line and
+/// A file that cannot be read, lacks a column, or has a row that is invalid: file, line and
 /// what was expected.
 pub(crate) fn read_all(files: &[PathBuf], recordings: &[PathBuf]) -> Result<Vec<Score>> {
     let mut scores = Vec::new();

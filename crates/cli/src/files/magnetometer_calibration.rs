@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
-use northing_evaluation::calibration::magnetometer::{FieldCalibration, FieldReport};
+use northing_evaluation::calibration::magnetometer::{
+    MagnetometerReport, MagnetometerStreamCalibration,
+};
 use northing_evaluation::calibration::set::CalibrationSet;
 
 use crate::files::toml_file::{self, in_comment};
@@ -12,7 +14,7 @@ use crate::files::toml_file::{self, in_comment};
 const COMMAND: &str = "northing calibrate magnetometer";
 
 /// The text of the file; `recording` is where it comes from.
-pub(crate) fn to_toml(report: &FieldReport, recording: &str) -> Result<String> {
+pub(crate) fn to_toml(report: &MagnetometerReport, recording: &str) -> Result<String> {
     let values = toml::to_string(&report.field).context("calibration as TOML")?;
     let words: String = report
         .sentences
@@ -33,7 +35,7 @@ pub(crate) fn to_toml(report: &FieldReport, recording: &str) -> Result<String> {
 ///
 /// # Errors
 /// It cannot be read, is no TOML, lacks something, or has numbers that no calibration can have.
-pub(crate) fn read(path: &Path) -> Result<FieldCalibration> {
+pub(crate) fn read(path: &Path) -> Result<MagnetometerStreamCalibration> {
     checked(toml_file::read(path, COMMAND)?, &path.display().to_string())
 }
 
@@ -41,15 +43,18 @@ pub(crate) fn read(path: &Path) -> Result<FieldCalibration> {
 ///
 /// # Errors
 /// As [`read`]; or there are none.
-pub(crate) fn read_folder(folder: &Path) -> Result<CalibrationSet<FieldCalibration>> {
+pub(crate) fn read_folder(folder: &Path) -> Result<CalibrationSet<MagnetometerStreamCalibration>> {
     toml_file::read_folder(folder, "magnetometer", COMMAND, read)
 }
 
-fn checked(field: FieldCalibration, file: &str) -> Result<FieldCalibration> {
+fn checked(
+    field: MagnetometerStreamCalibration,
+    file: &str,
+) -> Result<MagnetometerStreamCalibration> {
     field
         .calibration
         .validate()
-        .map_err(|name| anyhow!("{file}: `{name}` makes no sense; calibrate again"))?;
+        .map_err(|error| anyhow!("{file}: {error}; calibrate again"))?;
     Ok(field)
 }
 
@@ -61,7 +66,7 @@ mod tests {
     use northing_evaluation::calibration::magnetometer::FieldSamples;
     use northing_recording::{Event, Sample};
 
-    fn report() -> FieldReport {
+    fn report() -> MagnetometerReport {
         let mut samples = FieldSamples::default();
         for k in 0..1000_i64 {
             let z = 1.0 - 2.0 * (k as f64 + 0.5) / 1000.0;
@@ -81,7 +86,7 @@ mod tests {
         let report = report();
         let text = to_toml(&report, "turned\n.csv").unwrap();
         assert!(text.contains("# Recording: turned?.csv\n"), "{text}");
-        let read: FieldCalibration = toml_file::parse(&text, "f", COMMAND).unwrap();
+        let read: MagnetometerStreamCalibration = toml_file::parse(&text, "f", COMMAND).unwrap();
         assert_eq!(checked(read, "f").unwrap(), report.field);
     }
 
@@ -90,10 +95,7 @@ mod tests {
         let mut field = report().field;
         field.calibration.soft_iron[0][1] = 0.5;
         let message = checked(field, "cal.toml").unwrap_err().to_string();
-        assert_eq!(
-            message,
-            "cal.toml: `soft_iron` makes no sense; calibrate again"
-        );
+        assert_eq!(message, "cal.toml: `soft_iron` is invalid; calibrate again");
     }
 
     #[test]

@@ -68,8 +68,8 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
     if let Some(calibration) = &summary.calibration {
         sheet.row("calibration", calibration.as_str());
     }
-    if let Some(calibration) = &summary.field_calibration {
-        sheet.row("calibration of the field", calibration.as_str());
+    if let Some(calibration) = &summary.magnetometer_calibration {
+        sheet.row("magnetometer calibration", calibration.as_str());
     }
     sheet.sentences("unobservable", &summary.unobservable);
     sheet.sentences("recording", &summary.issues);
@@ -156,7 +156,7 @@ fn used(counts: &UpdateCounts) -> String {
 pub(crate) fn verdict_word(verdict: FinalVerdict) -> &'static str {
     match verdict {
         FinalVerdict::Consistent => "consistent",
-        FinalVerdict::Optimistic => "optimistic",
-        FinalVerdict::Pessimistic => "pessimistic",
+        FinalVerdict::Overconfident => "overconfident",
+        FinalVerdict::Conservative => "conservative",
     }
 }

@@ -11,7 +11,7 @@ use crate::text::sheet::Sheet;
 pub(crate) fn describe(summary: &NavigationSummary) -> String {
     let mut sheet = Sheet::default();
     sheet.row("position", position(summary));
-    if let Some(velocity) = summary.velocity_rmse_mps {
+    if let Some(velocity) = summary.velocity_rmse_m_s {
         sheet.row("velocity", format!("{velocity:.3} m/s RMS"));
     }
     if let Some(heading) = &summary.heading {
@@ -46,7 +46,7 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
     }
     let v = &summary.validity;
     sheet.row(
-        "validity",
+        "solution status",
         format!(
             "aided {:.1} s, dead reckoning {:.1} s, invalid {:.1} s, aligning {:.1} s",
             v.aided_s, v.dead_reckoning_s, v.invalid_s, v.aligning_s
@@ -88,7 +88,7 @@ fn position(summary: &NavigationSummary) -> String {
         .map_or_else(String::new, |v| format!(", {v:.3} m vertically"));
     let against = match summary.scored_against {
         Some("reference") => "the reference",
-        other => other.unwrap_or("withheld fixes"),
+        other => other.unwrap_or("held-out fixes"),
     };
     let mut text = format!(
         "{:.3} m RMS horizontally{vertical}, against {} at {} points; {:.1} % inside the 95 % ellipse.",

@@ -78,8 +78,11 @@ mod tests {
     fn texts_stand_beside_their_labels() {
         let mut sheet = Sheet::default();
         sheet.row("error", "1 deg");
-        sheet.sentences("uncertainty", &["Honest.".to_owned(), "Really.".to_owned()]);
-        let expected = "  error        1 deg\n  uncertainty  Honest.\n               Really.\n";
+        sheet.sentences(
+            "uncertainty",
+            &["Consistent.".to_owned(), "Really.".to_owned()],
+        );
+        let expected = "  error        1 deg\n  uncertainty  Consistent.\n               Really.\n";
         assert_eq!(sheet.render(), expected);
     }
 

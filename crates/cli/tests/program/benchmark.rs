@@ -93,7 +93,7 @@ fn json_has_the_table_and_every_score_and_ours_are_those_of_compare() {
 
 /// Each is one line with file, line and what was expected, before any estimator runs.
 #[test]
-fn a_peers_file_that_makes_no_sense_is_refused() {
+fn a_peers_file_that_is_invalid_is_refused() {
     let lab = lab();
     let refused = |content: &[u8], expected: &[&str]| {
         lab.write("p.csv", content);

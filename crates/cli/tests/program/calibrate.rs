@@ -125,7 +125,7 @@ fn a_magnet_nearby_is_refused() {
 }
 
 #[test]
-fn spans_and_files_that_make_no_sense_are_refused() {
+fn spans_and_files_that_are_invalid_are_refused() {
     let lab = Lab::with_phone();
     contains(
         &lab.refuses(&["calibrate", "rest", "phone.csv", "--from", "9", "--to", "1"]),

@@ -24,7 +24,11 @@ fn a_campaign_prints_a_table_or_one_document() {
     let lab = lab();
     contains(
         &lab.succeeds(&with(&["montecarlo", "s.toml", "--runs", "3"])),
-        &["consistent: 3 runs, seed 1", "schmidt", "NEES: 4 is honest"],
+        &[
+            "consistent: 3 runs, seed 1",
+            "schmidt",
+            "NEES: 4 is consistent",
+        ],
     );
     let document = lab.json(&with(&[
         "montecarlo",
@@ -48,7 +52,7 @@ fn a_campaign_prints_a_table_or_one_document() {
     let tracker = &document["trackers"]["schmidt"];
     for key in [
         "position_rmse_m",
-        "velocity_rmse_mps",
+        "velocity_rmse_m_s",
         "nees_mean",
         "nees_inside_band",
         "nees_inside_band_2dof",
@@ -57,11 +61,48 @@ fn a_campaign_prints_a_table_or_one_document() {
     }
     for part in ["transient", "steady"] {
         assert!(tracker[part]["position_rmse_m"].as_f64().unwrap() > 0.0);
-        assert!(tracker[part]["velocity_rmse_mps"].as_f64().unwrap() > 0.0);
+        assert!(tracker[part]["velocity_rmse_m_s"].as_f64().unwrap() > 0.0);
     }
     assert_eq!(tracker["series"]["nees"].as_array().unwrap().len(), 70);
     assert_eq!(document["trackers"].as_object().unwrap().len(), 2);
     assert!(lab.read("r.html").contains("<svg"));
+}
+
+/// The flag stands above the scenario, and is part of what a campaign is.
+#[test]
+fn a_campaign_runs_beside_the_gnss_ins() {
+    let lab = lab();
+    let campaign = with(&["montecarlo", "s.toml", "--runs", "3"]);
+    let beside = |filter| [&campaign[..], &["--navigation", filter]].concat();
+    let nees = |arguments: &[&str]| {
+        let document = lab.json(&[arguments, &["--json"]].concat());
+        document["trackers"]["schmidt"]["nees_mean"]
+            .as_f64()
+            .unwrap()
+    };
+    let paper = nees(&campaign);
+    assert_eq!(nees(&beside("error-state")).to_bits(), paper.to_bits());
+    let product = nees(&beside("gnss-ins"));
+    assert!((1.0..10.0).contains(&product) && (product - paper).abs() > 1e-6);
+
+    for (filter, shard, out) in [("error-state", "1/2", "p"), ("gnss-ins", "2/2", "q")] {
+        lab.succeeds(&[&beside(filter)[..], &["--shard", shard, "--out", out]].concat());
+    }
+    contains(
+        &lab.refuses(&["montecarlo", "merge", "p", "q"]),
+        &["another campaign"],
+    );
+    contains(
+        &lab.refuses(&[
+            "montecarlo",
+            "s.toml",
+            "--navigation",
+            "gnss-ins",
+            "--trackers",
+            "joint",
+        ]),
+        &["`joint`", "error-state"],
+    );
 }
 
 #[test]
@@ -133,13 +174,13 @@ fn what_cannot_be_run_is_refused_in_one_line() {
     );
     lab.write(
         "n.toml",
-        SCENARIO.replace("sigma_gyro_dps = 0.4", "sigma_gyro_dps = -0.4"),
+        SCENARIO.replace("sigma_gyro_deg_s = 0.4", "sigma_gyro_deg_s = -0.4"),
     );
     contains(
         &refused(&["n.toml"]),
         &[
             "n.toml:",
-            "imu.sigma_gyro_dps is -0.4, expected a finite number above zero",
+            "imu.sigma_gyro_deg_s is -0.4, expected a finite number above zero",
         ],
     );
 }

@@ -25,7 +25,7 @@ fn the_laboratory_is_walked_through_and_everything_written() {
         &text,
         &[
             "Verdict: accepted",
-            "the stated uncertainty is honest",
+            "the stated uncertainty is consistent",
             "consistent",
         ],
     );

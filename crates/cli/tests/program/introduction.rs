@@ -6,10 +6,10 @@ use crate::support::{Lab, contains};
 #[test]
 fn without_arguments_it_introduces_itself() {
     insta::assert_snapshot!(Lab::new().succeeds(&[]), @r"
-    northing: which way does a device point, and how sure are we?
+    northing: which way is it pointing, where is it, and where are the others?
 
       northing demo                          a virtual phone, the lab's steps, a report: start here
-      northing run walk.zip --report w.html  one recording: attitude, uncertainty, verdicts
+      northing run walk.zip --report w.html  one recording: attitude or position, consistency, report
       northing compare a.csv b.csv           several recordings and estimators in one table
       northing track harbour.toml            targets in recordings of radar, cameras and AIS
       northing calibrate rest desk.csv       bias, noise and references of a device at rest
@@ -17,7 +17,7 @@ fn without_arguments_it_introduces_itself() {
       northing calibrate allan night.csv     noise over averaging time, and the Q that follows
       northing convert walk.zip walk.csv     a recording in another format
       northing simulate scenario.toml        one run of a tracking scenario
-      northing montecarlo scenario.toml      many runs: who is how wrong, and who knows
+      northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker
       northing estimators                    the estimators and their parameters
 
     `northing COMMAND --help` says more, with examples.

@@ -136,7 +136,7 @@ fn a_file_and_a_folder_of_calibrations_are_taken_by_device_and_day() {
     assert_eq!(by_folder["magnetometer"], "uncalibrated");
     assert_eq!(by_folder["hard_iron_prior_ut"], 2.0);
     assert!(heading(&by_folder) < 1.5, "{}", heading(&by_folder));
-    let words = by_folder["field_calibration"].as_str().unwrap();
+    let words = by_folder["magnetometer_calibration"].as_str().unwrap();
     assert!(words.contains("magnetometer_phone 7_d1"), "{words}");
     contains(
         &lab.refuses(&["run", "set/b.csv", "--magnetometer", "calibrated=cal"]),
@@ -150,7 +150,7 @@ fn a_file_and_a_folder_of_calibrations_are_taken_by_device_and_day() {
 }
 
 #[test]
-fn calibrations_that_make_no_sense_together_are_refused() {
+fn calibrations_that_do_not_fit_together_are_refused() {
     let lab = Lab::with_phone();
     calibration(&lab, "m.toml");
     std::fs::create_dir_all(lab.path("empty")).unwrap();

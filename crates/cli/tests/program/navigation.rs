@@ -90,7 +90,7 @@ fn json_has_what_scripts_read_and_the_filter_beats_no_filter() {
     assert!(number("horizontal_rmse_m") < 3.0, "{position}");
     assert!(number("horizontal_rmse_m") < number("hold_rmse_m"));
     assert!(number("vertical_rmse_m") < 3.0 && number("scored_fixes") > 30.0);
-    for key in ["velocity_rmse_mps", "heading_rmse_deg"] {
+    for key in ["velocity_rmse_m_s", "heading_rmse_deg"] {
         assert!(json[key].is_f64(), "{key}");
     }
     let outage = &json["outages"][0];
@@ -125,7 +125,7 @@ fn estimates_and_a_report_are_written() {
         &[
             "position",
             "RMS horizontally",
-            "validity",
+            "solution status",
             "Estimates: car.csv",
         ],
     );
@@ -153,8 +153,8 @@ fn estimates_and_a_report_are_written() {
             "Where was car?",
             "Track",
             "Orientation",
-            "What each aid told",
-            "fixes kept back",
+            "Aiding innovations",
+            "held-out fixes",
         ],
     );
     assert!(!report.contains("NaN"));
@@ -275,7 +275,7 @@ fn noise_is_fitted_written_and_used() {
         &text,
         &[
             "accelerometer_noise_density",
-            "held back",
+            "held-out",
             "--config noise.toml",
         ],
     );

@@ -119,14 +119,14 @@ fn people_get_a_short_sheet_with_words() {
             "phone.csv: mekf (lab profile)",
             "attitude error",
             "deg RMS",
-            "the stated uncertainty is honest",
+            "the stated uncertainty is consistent",
         ],
     );
     contains(
         &text,
         &[
-            "Your accelerometer R is honest",
-            "Your magnetometer R is honest",
+            "Your accelerometer R is consistent",
+            "Your magnetometer R is consistent",
             "final test",
             "consistent",
         ],

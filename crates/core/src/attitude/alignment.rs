@@ -225,7 +225,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn config() -> StartUncertainty<f64> {
-        StartUncertainty::of(&AttitudeConfig::default())
+        StartUncertainty::of(&AttitudeConfig::lab())
     }
 
     /// GIVEN a device that turns while it is aligned WHEN samples are exact THEN so is the start.

@@ -1,4 +1,4 @@
-//! Roll, pitch and yaw by three independent Kalman filters of two states each: angle and bias.
+//! Decoupled per-axis Kalman filters for roll, pitch and yaw, of two states each: angle and bias.
 //!
 //! Read first: `docs/derivations/axis_filters.md`; Romaniuk & Gosiewski (2014), "Kalman filter
 //! realization for orientation and position estimation on dedicated processor", eqs 5-19 and 31-37.
@@ -43,6 +43,7 @@ use crate::geometry::trigonometry::sin_cos;
 pub use crate::geometry::trigonometry::wrap;
 use crate::kalman::innovation::{check_within, checked_norm_squared};
 use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::parameters::{ConfigError, Range};
 use crate::restorable::{InvalidState, Restorable, covariance, expect, finite};
 use crate::scalar::{Scalar, lit};
 
@@ -181,13 +182,14 @@ impl<T: Scalar> AxisFilters<T> {
     /// Filters that start at roll, pitch and yaw (rad).
     ///
     /// # Errors
-    /// The name of the first setting that makes no sense, or `start`.
-    pub fn new(config: AxisFiltersConfig<T>, start: [T; 3]) -> Result<Self, &'static str> {
-        if let Some(name) = config.senseless() {
-            return Err(name);
-        }
+    /// The first parameter outside its permitted range, or `"start"`.
+    pub fn new(config: AxisFiltersConfig<T>, start: [T; 3]) -> Result<Self, ConfigError> {
+        config.validate()?;
         if !start.iter().all(|angle| angle.is_finite()) {
-            return Err("start");
+            return Err(ConfigError {
+                field: "start",
+                range: Range::Described("three finite angles"),
+            });
         }
         let last_dt = lit(0.02);
         Ok(Self {

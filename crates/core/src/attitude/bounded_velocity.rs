@@ -60,12 +60,12 @@ pub mod updates;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::config::ConfigError;
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::cap_variance;
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
 pub use config::{BoundedVelocityConfig, ScaleStates};
@@ -89,7 +89,7 @@ impl<T: Scalar> BoundedVelocity<T> {
     /// [`AttitudeEstimator::initialize`] gives it a start.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: BoundedVelocityConfig<T>) -> Result<Self, ConfigError> {
         Self::observed(config, ())
     }
@@ -99,7 +99,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     /// As [`BoundedVelocity::new`], with `observer` watching its steps.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn observed(config: BoundedVelocityConfig<T>, observer: O) -> Result<Self, ConfigError> {
         config.validate()?;
         let state = BoundedVelocityState::blank(&config);

@@ -35,7 +35,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
+use super::config::{AttitudeConfig, MagnetometerUse};
 use super::propagation::checked_rate;
 use super::{
     AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, wahba,
@@ -43,6 +43,7 @@ use super::{
 use crate::geometry::{rotation, so3};
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, finite, not_negative, unit};
 use crate::scalar::{Scalar, lit};
 
@@ -79,7 +80,7 @@ struct Vector<T: Scalar> {
     /// What it measures in the reference frame: direction and length.
     reference: Option<(Vector3<T>, T)>,
     weight: T,
-    /// Lengths that are believed, as shares of the reference's.
+    /// Lengths that are accepted, as shares of the reference's.
     shares: [T; 2],
     /// Their squares in the sensor's unit.
     squares: [T; 2],
@@ -217,7 +218,7 @@ impl<T: Scalar> Complementary<T> {
     /// [`AttitudeEstimator::initialize`].
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(form: ComplementaryForm, config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let tolerance = config.complementary_field_tolerance;

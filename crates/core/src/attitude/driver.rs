@@ -1,4 +1,4 @@
-//! Time for attitude estimators: stamps, mean rates, gaps, and the start from the first samples.
+//! Time base of attitude estimators: stamps, mean rates, gaps, and the start from the first samples.
 //!
 //! An [`AttitudeDriver`] takes samples as sensors deliver them, each with its own integer
 //! nanosecond stamp, at any rate and with any sensor missing, and calls an [`AttitudeEstimator`]
@@ -35,7 +35,7 @@ pub struct DriverConfig<T: Scalar> {
     pub alignment_s: T,
     /// Longest interval between gyroscope samples that counts as continuous, s, default 0.5.
     pub gap_limit_s: T,
-    /// How the attitude wanders while its rate is unknown, rad/sqrt(s), default 0.5.
+    /// How the attitude drifts while its rate is unknown, rad/sqrt(s), default 0.5.
     pub gap_angle_random_walk: T,
     /// What is known beforehand.
     pub prior: Prior<T>,

@@ -25,10 +25,11 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::complementary::{Complementary, ComplementaryForm, ComplementaryState};
-use super::config::{AttitudeConfig, ConfigError};
+use super::config::AttitudeConfig;
 use super::quaternion_ekf::{QuaternionEkf, QuaternionEkfState};
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::kalman::Innovation;
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 
@@ -43,7 +44,7 @@ impl<T: Scalar> EkfReconstruction<T> {
     /// The pair, both at the identity and without references.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         Ok(Self {
             ekf: QuaternionEkf::new(config)?,
@@ -160,7 +161,7 @@ mod tests {
             initial_tilt_std: 0.6,
             accelerometer_gate_nis: 0.0,
             magnetometer_gate_nis: 0.0,
-            ..AttitudeConfig::default()
+            ..AttitudeConfig::lab()
         };
         let mut pair = EkfReconstruction::new(config).unwrap();
         pair.initialize(&start(&config, so3::exp(off)));
@@ -198,7 +199,7 @@ mod tests {
     fn half_a_turn_between_the_two_is_left() {
         let mut pair = started(&Vector3::zeros());
         let opposite = so3::exp(&Vector3::new(0.0, 0.0, core::f64::consts::PI));
-        let mut other = start(&AttitudeConfig::default(), opposite);
+        let mut other = start(&AttitudeConfig::lab(), opposite);
         other.references.magnetic_field = None;
         pair.observer.initialize(&other);
         drive(60, 6, |_, samples| step_all(&mut pair, &samples));

@@ -184,7 +184,7 @@ mod tests {
                 &Vector3::zeros(),
             );
             let measured = attitude.inverse() * field;
-            let sensor = VectorSensor::magnetometer(&AttitudeConfig::default());
+            let sensor = VectorSensor::magnetometer(&AttitudeConfig::lab());
             let ours = heading.measure(&attitude, &measured, &sensor).unwrap();
             let in_world = attitude * (row - ours.row);
             assert_relative_eq!(in_world.dot(&heading.up), 0.0, epsilon = 1e-12);
@@ -283,7 +283,7 @@ mod tests {
         };
         assert!(HeadingReference::<f64>::new(&references).is_none());
         let (heading, _) = reference(TangentFrame::Enu);
-        let sensor = VectorSensor::magnetometer(&AttitudeConfig::default());
+        let sensor = VectorSensor::magnetometer(&AttitudeConfig::lab());
         assert!(
             heading
                 .measure(

@@ -1,4 +1,4 @@
-//! Gyroscope integration alone: the yardstick every filter is compared with.
+//! Gyroscope integration alone: the baseline of every filter.
 //!
 //! Read first: Utrera & Vazquez (2021), section 4 ("direct integration method");
 //! `docs/derivations/mekf.md`, M6. It propagates like the filters do, exactly for a rate held over

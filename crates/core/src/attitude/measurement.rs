@@ -319,7 +319,7 @@ mod tests {
                 )
                 .1
             };
-            let mut sensors = VectorSensors::new(&AttitudeConfig::default());
+            let mut sensors = VectorSensors::new(&AttitudeConfig::lab());
             sensors.start(&References {
                 specific_force: reference,
                 magnetic_field: None,
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn innovation_covariance_is_hph_plus_r() {
-        let mut sensors = VectorSensors::new(&AttitudeConfig::default());
+        let mut sensors = VectorSensors::new(&AttitudeConfig::lab());
         let up = Vector3::new(0.0, 0.0, 10.0);
         sensors.start(&References {
             specific_force: up,

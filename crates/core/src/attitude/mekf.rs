@@ -25,7 +25,7 @@
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
-use super::config::{AttitudeConfig, ConfigError};
+use super::config::AttitudeConfig;
 use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::{
@@ -34,6 +34,7 @@ use super::{
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::cap_variance;
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::Scalar;
 
@@ -74,7 +75,7 @@ impl<T: Scalar> Mekf<T> {
     /// [`AttitudeEstimator::initialize`] gives it a start.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let variance = config.maximum_attitude_std * config.maximum_attitude_std;

@@ -14,11 +14,11 @@
 //! | `w` | `angular_rate - gyroscope_bias`, the bias constant | rad/s |
 //!
 //! Cost: about a third of the six-state filter. Limits: what the calibration left of the bias is
-//! not in `P`, so the covariance is optimistic.
+//! not in `P`, so the covariance is overconfident.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::config::{AttitudeConfig, ConfigError};
+use super::config::AttitudeConfig;
 use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::{
@@ -27,6 +27,7 @@ use super::{
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::Scalar;
 
@@ -66,7 +67,7 @@ impl<T: Scalar> Mekf3<T> {
     /// A filter at the identity attitude without references.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let variance = config.maximum_attitude_std * config.maximum_attitude_std;
@@ -267,7 +268,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn filter() -> Mekf3<f64> {
-        let mut filter = Mekf3::new(AttitudeConfig::default()).unwrap();
+        let mut filter = Mekf3::new(AttitudeConfig::lab()).unwrap();
         filter.initialize(&InitialState {
             attitude: UnitQuaternion::identity(),
             attitude_covariance: Matrix3::identity() * 0.01,
@@ -313,7 +314,7 @@ mod tests {
         let growth = |process_noise| {
             let config = AttitudeConfig {
                 process_noise,
-                ..AttitudeConfig::default()
+                ..AttitudeConfig::lab()
             };
             let mut filter = Mekf3::<f64>::new(config).unwrap();
             filter.state.covariance = Matrix3::identity() * 1e-6;

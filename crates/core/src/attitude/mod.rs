@@ -6,7 +6,7 @@
 //!
 //! | estimator | file | error states | when |
 //! |---|---|---|---|
-//! | [`integration::Integration`] | `integration.rs` | none | the yardstick: gyroscope alone |
+//! | [`integration::Integration`] | `integration.rs` | none | the baseline: gyroscope alone |
 //! | [`mekf::Mekf`] | `mekf.rs` | attitude, gyroscope bias | the first choice on a bench |
 //! | [`mekf3::Mekf3`] | `mekf3.rs` | attitude | the paper's filter, to the letter where asked |
 //! | [`bounded_velocity::BoundedVelocity`] | `bounded_velocity.rs` | attitude, velocity, bias, scale, field, hard iron | the first choice: phones and wearables in real use |

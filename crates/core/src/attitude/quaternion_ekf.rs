@@ -43,7 +43,7 @@
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, SMatrix, SVector};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
-use super::config::{AttitudeConfig, ConfigError, QuaternionNorm};
+use super::config::{AttitudeConfig, QuaternionNorm};
 use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::{
@@ -53,6 +53,7 @@ use crate::geometry::so3;
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::kalman::scalar_update::update_full;
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
@@ -101,7 +102,7 @@ impl<T: Scalar> QuaternionEkf<T> {
     /// [`AttitudeEstimator::initialize`] gives it a start.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let attitude = UnitQuaternion::identity();

@@ -83,14 +83,14 @@ fn variance_about<T: Scalar>(f: &impl AttitudeEstimator<T>, reference: &Vector3<
     body.dot(&(f.attitude_covariance().unwrap() * body))
 }
 
-/// From 0.5 rad per axis off, attitude and bias are found, with an honest covariance.
+/// From 0.5 rad per axis off, attitude and bias are found, with a consistent covariance.
 pub(super) fn check_convergence<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfig<f64>) -> E) {
     // Without gates: half a radian is far beyond what the linear innovation covariance expects.
     let config = AttitudeConfig {
         initial_tilt_std: 0.5,
         accelerometer_gate_nis: 0.0,
         magnetometer_gate_nis: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     for (seed, off) in [
         (1, [0.5, -0.5, 0.5]),
@@ -136,7 +136,7 @@ pub(super) fn check_convergence<E: AttitudeEstimator<f64>>(make: fn(AttitudeConf
 pub(super) fn check_bad_samples<E: AttitudeEstimator<f64> + Copy + PartialEq + core::fmt::Debug>(
     make: fn(AttitudeConfig<f64>) -> E,
 ) {
-    let config = AttitudeConfig::default();
+    let config = AttitudeConfig::lab();
     let mut f = make(config);
     let skipped = |reason| Outcome::Skipped(reason);
     let unknown = f.update_magnetometer(&Vector3::x()).outcome;
@@ -187,7 +187,7 @@ pub(super) fn check_reproducible<
     make: fn(AttitudeConfig<f64>) -> E,
     save_and_restore: fn(&E) -> E,
 ) {
-    let config = AttitudeConfig::default();
+    let config = AttitudeConfig::lab();
     let mut whole = make(config);
     whole.initialize(&start(&config, UnitQuaternion::identity()));
     let (mut split, mut count) = (whole, 0);
@@ -211,7 +211,7 @@ pub(super) fn check_unobservable_grows<E: AttitudeEstimator<f64>>(
         initial_gyroscope_bias_std: 1e-6,
         gyroscope_bias_random_walk: 0.0,
         gyroscope_noise_density: 5e-3,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let (mut tilt, mut field) = (make(config), make(config));
     for f in [&mut tilt, &mut field] {
@@ -250,7 +250,7 @@ pub(super) fn check_heading_update<E: AttitudeEstimator<f64>>(make: fn(AttitudeC
     let config = AttitudeConfig {
         magnetometer_use: MagnetometerUse::Heading,
         magnetometer_gate_nis: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let mut f = make(config);
     f.initialize(&start(&config, UnitQuaternion::identity()));
@@ -283,7 +283,7 @@ pub(super) fn check_compass<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfig<f
         initial_tilt_std: 0.3,
         compass_gate_nis: 0.0,
         compass_correlation_time_s: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let mut f = make(config);
     f.initialize(&start(&config, so3::exp(&Vector3::new(0.0, 0.0, 0.3))));
@@ -321,7 +321,7 @@ pub(super) fn check_gate_opens<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfi
     let config = AttitudeConfig {
         initial_tilt_std: 0.01,
         initial_gyroscope_bias_std: 1e-4,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let mut f = make(config);
     f.initialize(&start(&config, so3::exp(&Vector3::new(0.0, 0.0, 1.0))));
@@ -355,7 +355,7 @@ pub(super) fn check_gate_opens<E: AttitudeEstimator<f64>>(make: fn(AttitudeConfi
 pub(super) fn check_single_precision<E: AttitudeEstimator<f32>>(
     make: fn(AttitudeConfig<f32>) -> E,
 ) {
-    let config = AttitudeConfig::default();
+    let config = AttitudeConfig::lab();
     let mut f = make(config);
     f.initialize(&start(&config, UnitQuaternion::identity()));
     let world = references::<f32>();

@@ -51,7 +51,7 @@
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
-use super::config::{AttitudeConfig, ConfigError, MagnetometerUse};
+use super::config::{AttitudeConfig, MagnetometerUse};
 use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::vector_sensor::VectorSensor;
@@ -61,6 +61,7 @@ use crate::kalman::covariance::{cap_variance, cholesky, mirror_upper};
 use crate::kalman::innovation::Outcome;
 use crate::kalman::scalar_update::update_leading3;
 use crate::kalman::{Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
@@ -124,7 +125,7 @@ impl<T: Scalar> Usque<T> {
     /// [`AttitudeEstimator::initialize`] gives it a start.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         let state = UsqueState {

@@ -1,4 +1,4 @@
-//! What a filter knows about one vector sensor: its reference, its noise, its gate, its history.
+//! State of one vector sensor in a filter: its reference, its noise, its gate, its history.
 //!
 //! Shared by all attitude filters: how a sample is weighed is one idea and has one place. A filter
 //! supplies the predicted vector and the covariance of its prediction and gets back the innovation
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     fn unusable_vectors_are_named() {
-        let s = sensor(&AttitudeConfig::default());
+        let s = sensor(&AttitudeConfig::lab());
         assert_eq!(
             s.reference_for(&Vector3::zeros()),
             Err(SkipReason::ZeroNorm)
@@ -281,7 +281,7 @@ mod tests {
             s.reference_for(&Vector3::new(f64::INFINITY, 0.0, 0.0)),
             Err(SkipReason::NotFinite)
         );
-        let blank = VectorSensor::magnetometer(&AttitudeConfig::<f64>::default());
+        let blank = VectorSensor::magnetometer(&AttitudeConfig::<f64>::lab());
         assert_eq!(
             blank.reference_for(&Vector3::x()),
             Err(SkipReason::NotInitialized)
@@ -292,7 +292,7 @@ mod tests {
     fn correlated_errors_share_one_look_per_correlation_time() {
         let config = AttitudeConfig {
             accelerometer_correlation_time_s: 1.0,
-            ..AttitudeConfig::default()
+            ..AttitudeConfig::lab()
         };
         let mut s = sensor(&config);
         let mut information = 0.0;
@@ -309,7 +309,7 @@ mod tests {
     fn a_vector_of_the_wrong_length_is_trusted_less() {
         let config = AttitudeConfig {
             accelerometer_norm_gain: 4.0,
-            ..AttitudeConfig::default()
+            ..AttitudeConfig::lab()
         };
         let s = sensor(&config);
         assert_relative_eq!(

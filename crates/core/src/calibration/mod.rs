@@ -1,4 +1,4 @@
-//! Calibration: what sensors tell about themselves, and when their word is not to be taken.
+//! Sensor calibration at rest and of magnetometers, and when it is refused.
 //!
 //! | question | file |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! What a device at rest tells: gyroscope bias, sensor noise, gravity and magnetic field.
+//! Calibration at rest: gyroscope bias, sensor noise, gravity and magnetic field.
 //!
 //! Read first: `docs/derivations/mekf.md`, section on calibration at rest (M21); Utrera & Vazquez
 //! (2021), section 3, where every run begins with it.
@@ -28,7 +28,7 @@
 //! | `g`, `m` | `specific_force_m_s2`, `magnetic_field_ut` (body axes at rest) | m/s^2, microtesla |
 //!
 //! Streaming: no sample is kept; about 20 additions and 10 multiplications each. Limits: the
-//! standard deviation of the bias is that of white noise and rounding; the slow wander of a real gyroscope is
+//! standard deviation of the bias is that of white noise and rounding; the slow drift of a real gyroscope is
 //! not seen in seconds. Rest noise is *not* the tuning of a filter on a hand-held device.
 
 use nalgebra::{Matrix3, Vector3};

@@ -1,4 +1,4 @@
-//! What a closed-loop filter does to its own error, told to whoever is correlated with that error.
+//! Error-state feedback and reset of a closed-loop filter, handed to whatever is correlated with its error.
 //!
 //! A filter that feeds its corrections back into its state (an error-state filter) maps its error
 //! in steps: `e <- Phi e + noise` when it propagates, `e <- G (I - K H) e + noise` when it
@@ -7,11 +7,15 @@
 //! (`docs/derivations/schmidt_kalman.md`, S5-S7). A tracker keeps the cross-covariance as a matrix
 //! with one row for each state of the filter and hands it to [`ErrorPropagation::map_rows`] and
 //! [`ErrorFeedback::map_rows`]; no square matrix is ever formed.
+//!
+//! A filter with one kind of update hands out its feedback with the update ([`ErrorFeedback`]). One with many kinds,
+//! which also corrects itself between them, has an [`ErrorListener`] built in: nothing can be missed, and with `()` it
+//! costs nothing.
 
-use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector3};
 
-use super::innovation::SkipReason;
 use super::shear::mirror;
+use super::sparse_update::SparseRow;
 use crate::scalar::{Scalar, lit};
 
 /// Most scalar corrections in one update: a position and an attitude.
@@ -23,62 +27,32 @@ pub trait ErrorPropagation<T: Scalar, const N: usize> {
     fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>);
 }
 
-/// Where a navigation filter says that the own ship is, and the error that it says so with: what a tracker sees of it.
+/// One state's error becomes `factor` times what it was, and noise may be added: a variance held at its limit, or with
+/// factor zero a state that starts anew.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NavigationPose<'a, T: Scalar, const N: usize> {
-    /// `[north, east, heading]`, m and rad.
-    pub pose: Vector3<T>,
-    /// Covariance of the navigation filter's error states.
-    pub covariance: &'a SMatrix<T, N, N>,
-    /// The rows that make the pose error from those states.
-    pub pose_from_error: SMatrix<T, 3, N>,
+pub struct ScaledState<T> {
+    /// Index of the state.
+    pub state: usize,
+    /// What is left of its error, 0 to 1.
+    pub factor: T,
 }
 
-impl<T: Scalar, const N: usize> NavigationPose<'_, T, N> {
-    /// Covariance of the pose.
-    pub fn pose_covariance(&self) -> Matrix3<T> {
-        self.pose_from_error * self.covariance * self.pose_from_error.transpose()
-    }
-
-    /// Refuses what cannot be a pose with its covariance.
-    pub(crate) fn check(&self) -> Result<(), SkipReason> {
-        if !self.pose.norm_squared().is_finite() || !self.covariance.norm_squared().is_finite() {
-            Err(SkipReason::NotFinite)
-        } else if self.covariance.diagonal().iter().any(|v| *v < T::zero()) {
-            Err(SkipReason::Numerical)
-        } else {
-            Ok(())
+impl<T: Scalar, const N: usize> ErrorPropagation<T, N> for ScaledState<T> {
+    #[inline]
+    fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>) {
+        for column in &mut rows.data.0 {
+            if let Some(value) = column.get_mut(self.state) {
+                *value *= self.factor;
+            }
         }
     }
 }
 
-/// A closed-loop navigation filter that a tracker can follow.
-pub trait FollowedNavigation<T: Scalar, const N: usize> {
-    /// How its error goes on while it propagates.
-    type Transition: ErrorPropagation<T, N>;
-
-    /// Brings its covariance up to its last inertial sample, and gives the transition that did so.
-    fn catch_up(&mut self) -> Self::Transition;
-
-    /// Its pose with the error's covariance, as of the last [`Self::catch_up`].
-    fn navigation_pose(&self) -> NavigationPose<'_, T, N>;
-}
-
-/// What one aiding update did to a navigation filter's error: the time before it, then the correction.
-pub trait FollowedUpdate<T: Scalar, const N: usize> {
-    /// How the error went on since the update before.
-    type Transition: ErrorPropagation<T, N>;
-
-    /// The time before the correction, and the correction.
-    fn error_steps(&self) -> (&Self::Transition, &ErrorFeedback<T, N>);
-}
-
-/// One scalar measurement of a single error state, as a filter fused it.
+/// One scalar measurement, as a filter fused it: `E` elements of its row `H` can differ from zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct ScalarCorrection<T: Scalar, const N: usize> {
-    /// Index of the state that was measured: the row `H` is one there and zero elsewhere.
-    pub state: usize,
+pub struct ScalarCorrection<T: Scalar, const N: usize, const E: usize = 1> {
+    /// The row `H`.
+    pub row: SparseRow<T, E>,
     /// The gain `K`.
     pub gain: SVector<T, N>,
     /// Measured minus predicted, after the corrections before this one.
@@ -87,13 +61,92 @@ pub struct ScalarCorrection<T: Scalar, const N: usize> {
     pub variance: T,
 }
 
-impl<T: Scalar, const N: usize> ScalarCorrection<T, N> {
+impl<T: Scalar, const N: usize, const E: usize> ScalarCorrection<T, N, E> {
+    /// `(H rows)^T`: covariance of what was measured with each column's quantity.
+    #[inline]
+    pub fn measured<const C: usize>(&self, rows: &SMatrix<T, N, C>) -> SVector<T, C> {
+        SVector::from(rows.data.0.each_ref().map(|column| self.row.dot(column)))
+    }
+
     /// `rows <- (I - K H) rows`, in place.
     #[inline]
     pub fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, N, C>) {
         for mut column in rows.column_iter_mut() {
-            let measured = column[self.state];
+            let measured = self.row.dot(column.as_slice());
             column.axpy(-measured, &self.gain, T::one());
+        }
+    }
+}
+
+/// Follows the error of a filter through everything that the filter does to it.
+///
+/// The filter calls it by itself. Who carries a cross-covariance (rows: the filter's `N` states) maps it each time:
+/// by `map_rows` of what it is given, by [`reset_rows`], and by zero at a restart.
+pub trait ErrorListener<T: Scalar, const N: usize> {
+    /// Whether anybody is there: for nobody nothing is prepared.
+    const LISTENS: bool = true;
+    /// `e <- Phi e + noise`.
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>);
+    /// `e <- (I - K H) e - K n`. The measurements of one update follow one another, then comes [`Self::recentred`].
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>);
+    /// `e <- G e`: the attitude error (states 0 to 2) is counted from the attitude turned by `angle` (rad).
+    fn recentred(&mut self, angle: &Vector3<T>);
+    /// The error is another one now, independent of all before: the filter has started again.
+    fn restarted(&mut self);
+}
+
+/// Nobody listens.
+impl<T: Scalar, const N: usize> ErrorListener<T, N> for () {
+    const LISTENS: bool = false;
+
+    #[inline(always)]
+    fn propagated(&mut self, _: &impl ErrorPropagation<T, N>) {}
+    #[inline(always)]
+    fn corrected<const E: usize>(&mut self, _: &ScalarCorrection<T, N, E>) {}
+    #[inline(always)]
+    fn recentred(&mut self, _: &Vector3<T>) {}
+    #[inline(always)]
+    fn restarted(&mut self) {}
+}
+
+/// Several listen, one after the other; with `[Option<L>; K]` up to `K`.
+impl<T: Scalar, const N: usize, L: ErrorListener<T, N>, const K: usize> ErrorListener<T, N>
+    for [L; K]
+{
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        self.iter_mut().for_each(|one| one.propagated(transition));
+    }
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        self.iter_mut().for_each(|one| one.corrected(correction));
+    }
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        self.iter_mut().for_each(|one| one.recentred(angle));
+    }
+    fn restarted(&mut self) {
+        self.iter_mut().for_each(L::restarted);
+    }
+}
+
+/// One who is not always there: a target that has not been seen yet.
+impl<T: Scalar, const N: usize, L: ErrorListener<T, N>> ErrorListener<T, N> for Option<L> {
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        if let Some(one) = self {
+            one.propagated(transition);
+        }
+    }
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        if let Some(one) = self {
+            one.corrected(correction);
+        }
+    }
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        if let Some(one) = self {
+            one.recentred(angle);
+        }
+    }
+    fn restarted(&mut self) {
+        if let Some(one) = self {
+            one.restarted();
         }
     }
 }
@@ -112,7 +165,7 @@ impl<T: Scalar, const N: usize> Default for ErrorFeedback<T, N> {
     /// Nothing was corrected.
     fn default() -> Self {
         let none = ScalarCorrection {
-            state: 0,
+            row: SparseRow::default(),
             gain: SVector::zeros(),
             residual: T::zero(),
             variance: T::one(),
@@ -156,6 +209,15 @@ impl<T: Scalar, const N: usize> ErrorFeedback<T, N> {
     #[inline]
     pub(crate) fn set_reset(&mut self, angle: Vector3<T>) {
         self.reset = angle;
+    }
+
+    /// Gives it all to a listener.
+    #[inline]
+    pub fn tell(&self, listener: &mut impl ErrorListener<T, N>) {
+        for correction in self.corrections() {
+            listener.corrected(correction);
+        }
+        listener.recentred(&self.reset);
     }
 
     /// `rows <- G (I - K H) rows`, in place.

@@ -25,7 +25,7 @@ pub struct Innovation<T> {
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix3<T>,
     /// Normalised innovation squared, `residual^T S^-1 residual`: chi-square distributed with
-    /// [`Self::degrees_of_freedom`] when the tuning is honest.
+    /// [`Self::degrees_of_freedom`] when the tuning is consistent.
     pub nis: T,
     /// Number of components measured: 3 for a vector, 1 for a heading; 0 when skipped, and from
     /// filters that state no covariance (the covariance and the NIS are then zero and mean nothing).
@@ -74,8 +74,8 @@ pub enum SkipReason {
     Repeated,
     /// Sooner after the last update than the estimator updates: a later sample stands for it.
     NotDue,
-    /// Taken up and summed: it takes effect with a later sample.
-    Gathered,
+    /// Accumulated (pre-integrated): it takes effect with a later sample.
+    Accumulated,
     /// So long after the last one of its sensor that nothing is known of the time between.
     TooLate,
     /// The estimator does not use this sensor.
@@ -98,7 +98,7 @@ impl SkipReason {
             Self::NotNewer => "time stamp repeated or going back",
             Self::Repeated => "the same numbers again",
             Self::NotDue => "sooner than the update interval",
-            Self::Gathered => "summed up for a later update",
+            Self::Accumulated => "accumulated for a later update",
             Self::TooLate => "too long after the one before",
             Self::NotUsed => "sensor not used",
             Self::NotInitialized => "not initialised",

@@ -5,13 +5,14 @@ pub mod covariance;
 pub mod feedback;
 pub mod gate;
 pub mod innovation;
+mod navigation_pose;
 pub mod scalar_update;
 pub(crate) mod shear;
 pub mod sparse_update;
 
 pub use feedback::{
-    ErrorFeedback, ErrorPropagation, FollowedNavigation, FollowedUpdate, NavigationPose,
-    OutsideCorrection, ScalarCorrection,
+    ErrorFeedback, ErrorListener, ErrorPropagation, OutsideCorrection, ScalarCorrection,
 };
 pub use gate::{CountedGate, Gate, GateDecision, GateState};
 pub use innovation::{Innovation, Outcome, SkipReason};
+pub use navigation_pose::NavigationPose;

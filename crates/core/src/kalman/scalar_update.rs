@@ -10,6 +10,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::covariance::mirror_upper;
 use super::feedback::ScalarCorrection;
+use super::sparse_update::SparseRow;
 use crate::scalar::Scalar;
 
 /// One scalar measurement of the first three states: `residual = h . x[0..3] + noise`.
@@ -72,7 +73,7 @@ pub fn update_one_state<T: Scalar, const N: usize>(
     let s = ph[state] + variance;
     let nu = residual - correction[state];
     apply(covariance, correction, &ph, s, nu).then(|| ScalarCorrection {
-        state,
+        row: SparseRow::of_state(state),
         gain: ph * (T::one() / s),
         residual: nu,
         variance: s,

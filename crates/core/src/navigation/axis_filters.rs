@@ -1,4 +1,4 @@
-//! Position, velocity and acceleration bias by three independent Kalman filters, one an axis.
+//! Decoupled per-axis Kalman filters for position, velocity and acceleration bias: north, east, down.
 //!
 //! Read first: `docs/derivations/axis_filters.md`; Romaniuk & Gosiewski (2014), eqs 20-30. With
 //! [`crate::attitude::axis_filters`] in front it is the paper's whole system. Use it to make the paper
@@ -37,6 +37,7 @@ use crate::kalman::innovation::check_within;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 pub use crate::navigation::validity::Validity;
 use crate::navigation::validity::ValidityLimits;
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 
@@ -45,7 +46,7 @@ const LONGEST_STEP_S: f64 = 10.0;
 /// The usual interval, s: a first one that is the same needs no new noise.
 const USUAL_STEP_S: f64 = 0.02;
 /// Outliers in a row after which the state is what is wrong.
-const OUTLIERS_BELIEVED: u8 = 5;
+const OUTLIERS_ACCEPTED: u8 = 5;
 
 /// One axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -143,11 +144,9 @@ impl<T: Scalar> PositionAxisFilters<T> {
     /// Filters that wait for their first fix.
     ///
     /// # Errors
-    /// The name of the first setting that makes no sense.
-    pub fn new(config: PositionAxisConfig<T>) -> Result<Self, &'static str> {
-        if let Some(name) = config.senseless() {
-            return Err(name);
-        }
+    /// The first parameter outside its permitted range.
+    pub fn new(config: PositionAxisConfig<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
         Ok(Self {
             config,
             state: PositionAxesState {
@@ -323,7 +322,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
     }
 
     fn outlier(&mut self, position: &Vector3<T>, fix: &FixInnovation<T>) -> Innovation<T> {
-        if self.state.outliers >= OUTLIERS_BELIEVED {
+        if self.state.outliers >= OUTLIERS_ACCEPTED {
             self.start(position);
             fix.record(Outcome::Inflated)
         } else {

@@ -32,6 +32,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::parameters::{ConfigError, Range, parameters};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit};
 
@@ -42,7 +43,7 @@ pub const SHORTEST_INTERVAL_S: f64 = 0.02;
 /// A position this many standard deviations off is an outlier ...
 pub const OUTLIER_STDS: f64 = 5.0;
 /// ... unless so many came in a row: then the estimate is what is wrong.
-pub const OUTLIERS_BELIEVED: u8 = 5;
+pub const OUTLIERS_ACCEPTED: u8 = 5;
 /// Largest specific force (m/s^2), position (m) and interval (s) that can have been measured.
 const LARGEST_FORCE: f64 = 1e4;
 const LARGEST_POSITION: f64 = 1e8;
@@ -51,52 +52,28 @@ const LONGEST_STEP_S: f64 = 10.0;
 const PAST: usize = 64;
 const PAST_STEP_S: f64 = 0.05;
 
-/// Settings of the observer.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(deny_unknown_fields)
-)]
-pub struct CascadeConfig<T> {
-    /// The triple pole, 1/s, default 1 (10 Hz positions good to 0.1 m; 0.5 for 5 Hz and 1 m; 0.2 to
-    /// 0.3 for GNSS at 1 Hz and 3 m). Raising it follows positions faster, with their noise. From
-    /// 0.001 to 100.
-    pub pole: T,
-    /// Standard deviation of a position per axis, m, default 0.1: only for telling outliers.
-    pub position_std: T,
-    /// Whether the rotation-rate term is used, default true. Without it the loop is unstable above
-    /// 1.54 times the pole in rad/s; it is there to show that.
-    pub rotation_rate_term: bool,
-    /// Largest accelerometer bias per axis, m/s^2, default 0.5: what winds up beyond is no bias.
-    pub bias_limit: T,
-}
+parameters! {
+    /// Parameters of the observer. [`Default`] is [`Self::hand_held`].
+    pub struct CascadeConfig, profiles {
+        /// Positions of a satellite receiver: one a second, good to a few metres.
+        hand_held = 0,
+        /// Positions good to a decimetre ten times a second, as a laboratory has them.
+        lab = 1,
+    };
 
-impl<T: Scalar> Default for CascadeConfig<T> {
-    fn default() -> Self {
-        Self {
-            pole: T::one(),
-            position_std: lit(0.1),
-            rotation_rate_term: true,
-            bias_limit: lit(0.5),
-        }
-    }
-}
-
-impl<T: Scalar> CascadeConfig<T> {
-    /// Name of the first setting that makes no sense.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let within = |x: T, low: f64, high: f64| x >= lit(low) && x <= lit(high);
-        if !within(self.pole, 1e-3, 100.0) {
-            Some("pole")
-        } else if !within(self.position_std, 1e-6, 1e6) {
-            Some("position_std")
-        } else if !within(self.bias_limit, 0.0, 1e4) {
-            Some("bias_limit")
-        } else {
-            None
-        }
-    }
+    pole: T, "1/s", From(1e-3, 100.0), [0.25, 1.0],
+        "how fast the position observer of a cascade follows positions (its triple pole)",
+        "1 for 10 Hz positions good to 0.1 m; 0.5 for 5 Hz and 1 m; 0.2 to 0.3 for GNSS at 1 Hz and 3 m. Raising it",
+        "follows positions faster, with their noise.";
+    position_std_m: T, "m", From(1e-6, 1e6), [3.0, 0.1], was "position_std",
+        "position error per sample and axis; five times as much is an outlier",
+        "Only for telling outliers.";
+    rotation_rate_term: bool, "-", Flag, [true],
+        "whether the rotation-rate term is used",
+        "Without it the loop is unstable above 1.54 times the pole in rad/s; it is there to show that.";
+    bias_limit: T, "m/s^2", From(0.0, 1e4), [0.5],
+        "largest accelerometer bias per axis",
+        "What winds up beyond is no bias.";
 }
 
 /// What is estimated.
@@ -228,13 +205,14 @@ impl<T: Scalar> Cascade<T> {
     /// body at rest in the reference frame (m/s^2): `[0, 0, g]` in ENU, `[0, 0, -g]` in NED.
     ///
     /// # Errors
-    /// The name of the first setting that makes no sense.
-    pub fn new(config: CascadeConfig<T>, force_at_rest: Vector3<T>) -> Result<Self, &'static str> {
-        if let Some(name) = config.senseless() {
-            return Err(name);
-        }
+    /// The first parameter outside its range, or `"force_at_rest"`.
+    pub fn new(config: CascadeConfig<T>, force_at_rest: Vector3<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
         if check_vector(&force_at_rest, lit(1e-3), lit(1e3)).is_err() {
-            return Err("force_at_rest");
+            return Err(ConfigError {
+                field: "force_at_rest",
+                range: Range::Described("finite, of a length from 0.001 to 1000"),
+            });
         }
         Ok(Self {
             config,
@@ -312,8 +290,8 @@ impl<T: Scalar> Cascade<T> {
         };
         self.memory.since_seen = age;
         let error = position - then;
-        let is_outlier = error.norm() > self.config.position_std * lit(OUTLIER_STDS);
-        if is_outlier && self.memory.outliers < OUTLIERS_BELIEVED {
+        let is_outlier = error.norm() > self.config.position_std_m * lit(OUTLIER_STDS);
+        if is_outlier && self.memory.outliers < OUTLIERS_ACCEPTED {
             self.memory.outliers += 1;
             return unweighed(error, Outcome::Gated);
         }

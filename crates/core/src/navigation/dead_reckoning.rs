@@ -31,6 +31,7 @@ use crate::kalman::covariance::cap_variance;
 use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::scalar_update::update_one_state;
 use crate::kalman::{Innovation, Outcome, SkipReason};
+use crate::parameters::{ConfigError, parameters};
 use crate::restorable::{InvalidState, Restorable, covariance, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 
@@ -39,79 +40,29 @@ const LONGEST_STEP_S: f64 = 10.0;
 /// Fastest velocity through the water, m/s.
 const FASTEST: f64 = 100.0;
 /// So many fixes outside the gate in a row, and the state is what is wrong.
-const OUTLIERS_BELIEVED: u8 = 5;
+const OUTLIERS_ACCEPTED: u8 = 5;
 /// Largest position error that still means something, m.
 const FARTHEST: f64 = 1e6;
 
-/// Settings.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(
-        default,
-        deny_unknown_fields,
-        bound(
-            serialize = "T: serde::Serialize",
-            deserialize = "T: Scalar + serde::Deserialize<'de>"
-        )
-    )
-)]
-pub struct DeadReckoningConfig<T> {
-    /// White error of the velocity through the water, (m/s)/sqrt(Hz), default 0.3. Raising it follows the
-    /// fixes more.
-    pub water_velocity_noise_density: T,
-    /// Random walk of the current, (m/s)/sqrt(s), default 0.02. Raising it follows a change of current, or of
-    /// what log and compass do wrong, faster; an outage grows faster, too.
-    pub current_random_walk: T,
-    /// Random walk of the velocity while there is no log, m/s/sqrt(s), default 1: what a vessel's or a vehicle's
-    /// accelerations amount to. Raising it follows the fixes more.
-    pub velocity_random_walk: T,
-    /// Standard deviation of the current at the start, m/s, default 2.
-    pub initial_current_std: T,
-    /// When a position is dead reckoning, and when it is nothing; default 2 s, 1800 s and 500 m: a ship's log
-    /// drifts with the current alone.
-    pub validity: ValidityLimits<T>,
-}
+parameters! {
+    /// Parameters of dead reckoning.
+    pub struct DeadReckoningConfig, groups {
+        validity: ValidityLimits, [ValidityLimits::log()],
+            "when a position is dead reckoning, and when it is invalid";
+    };
 
-impl<T: Scalar> Default for DeadReckoningConfig<T> {
-    fn default() -> Self {
-        Self {
-            water_velocity_noise_density: lit(0.3),
-            current_random_walk: lit(0.02),
-            velocity_random_walk: T::one(),
-            initial_current_std: lit(2.0),
-            validity: ValidityLimits {
-                dead_reckoning_after_s: lit(2.0),
-                invalid_after_s: lit(1800.0),
-                invalid_above_m: lit(500.0),
-            },
-        }
-    }
-}
-
-impl<T: Scalar> DeadReckoningConfig<T> {
-    /// Name of the first setting that makes no sense.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let positive = |x: T| x > T::zero() && x <= lit(1e9);
-        let settings = [
-            (
-                "water_velocity_noise_density",
-                self.water_velocity_noise_density,
-            ),
-            ("current_random_walk", self.current_random_walk),
-            ("velocity_random_walk", self.velocity_random_walk),
-            ("initial_current_std", self.initial_current_std),
-            (
-                "validity.dead_reckoning_after_s",
-                self.validity.dead_reckoning_after_s,
-            ),
-            ("validity.invalid_after_s", self.validity.invalid_after_s),
-            ("validity.invalid_above_m", self.validity.invalid_above_m),
-        ];
-        let bad = settings.into_iter().find(|(_, value)| !positive(*value));
-        bad.map(|(name, _)| name)
-    }
+    water_velocity_noise_density: T, "(m/s)/sqrt(Hz)", Above(0.0, 1e9), [0.3],
+        "white error of the velocity through the water",
+        "Raising it follows the fixes more.";
+    current_random_walk: T, "(m/s)/sqrt(s)", Above(0.0, 1e9), [0.02],
+        "random walk of the current",
+        "Raising it follows a change of current, or of what log and compass do wrong, faster; an outage grows faster,",
+        "too.";
+    velocity_random_walk: T, "(m/s)/sqrt(s)", Above(0.0, 1e9), [1.0],
+        "random walk of the velocity while there is no log",
+        "What a vessel's or a vehicle's accelerations amount to. Raising it follows the fixes more.";
+    initial_current_std: T, "m/s", Above(0.0, 1e9), [2.0],
+        "standard deviation of the current at the start";
 }
 
 /// Everything the filter remembers.
@@ -161,11 +112,9 @@ impl<T: Scalar> DeadReckoning<T> {
     /// A filter that waits for its first fix.
     ///
     /// # Errors
-    /// The name of the first setting that makes no sense.
-    pub fn new(config: DeadReckoningConfig<T>) -> Result<Self, &'static str> {
-        if let Some(name) = config.senseless() {
-            return Err(name);
-        }
+    /// The first parameter outside its permitted range.
+    pub fn new(config: DeadReckoningConfig<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
         Ok(Self {
             config,
             state: DeadReckoningState {
@@ -322,14 +271,14 @@ impl<T: Scalar> DeadReckoning<T> {
         variance: T,
         record: Innovation<T>,
     ) -> Innovation<T> {
-        let believed = self.state.outliers >= OUTLIERS_BELIEVED;
-        if believed {
+        let accepted = self.state.outliers >= OUTLIERS_ACCEPTED;
+        if accepted {
             self.start(position, variance);
             self.state.outliers = 0;
         } else {
             self.state.outliers += 1;
         }
-        let outcome = if believed {
+        let outcome = if accepted {
             Outcome::Inflated
         } else {
             Outcome::Gated

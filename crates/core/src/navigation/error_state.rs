@@ -28,27 +28,29 @@
 //! correlated with this filter exactly.
 //!
 //! Cost: about 160 multiplications an inertial sample, 950 when the covariance follows, 620 an update with three
-//! states (`operations.rs` counts them). Limits: attitude errors
+//! states. Limits: attitude errors
 //! above some 20 degrees are beyond the linear model; the heading of a body that points straight
 //! up or down is undefined.
 
 mod aiding;
 mod sparse;
+mod state;
 
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
 pub use aiding::{GnssCompassFix, GnssCompassUpdate};
-pub use sparse::{REJECTIONS_BELIEVED, ROW_ELEMENTS, Row, SIDE, SparseMeasurement};
+pub use sparse::{REJECTIONS_ACCEPTED, ROW_ELEMENTS, Row, SIDE, SparseMeasurement};
+pub use state::NavigationState;
 
 use super::transition::{ErrorTransition, ProcessNoise};
 use super::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION, STATES, VELOCITY};
 use crate::geometry::{rotation, so3};
-use crate::kalman::covariance::mirror_upper;
 use crate::kalman::feedback::reset_covariance;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::shear::times;
-use crate::kalman::{FollowedNavigation, NavigationPose, OutsideCorrection, SkipReason};
-use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
+use crate::kalman::{NavigationPose, OutsideCorrection, SkipReason};
+use crate::parameters::{ConfigError, Range, parameters};
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
 
 /// Largest angular rate (rad/s) and specific force (m/s^2) that a sensor can have measured.
@@ -57,156 +59,27 @@ const LARGEST_FORCE: f64 = 1e4;
 /// Longest inertial interval, s.
 const LONGEST_STEP_S: f64 = 10.0;
 
-/// Settings of the filter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(deny_unknown_fields)
-)]
-pub struct ErrorStateConfig<T> {
-    /// White noise of the accelerometer as a density, (m/s^2)/sqrt(Hz); default 0.01. Raising it
-    /// makes the filter follow aiding more quickly.
-    pub accelerometer_noise_density: T,
-    /// White noise of the gyroscope as a density, (rad/s)/sqrt(Hz); default 0.001. Raising it makes
-    /// the filter follow the compass more quickly.
-    pub gyroscope_noise_density: T,
-    /// Random walk of the accelerometer bias, (m/s^2)/sqrt(s); default 0. Raising it lets the bias
-    /// move.
-    pub accelerometer_bias_random_walk: T,
-    /// Random walk of the gyroscope bias, (rad/s)/sqrt(s); default 0. Raising it lets the bias move.
-    pub gyroscope_bias_random_walk: T,
-    /// Gravity, m/s^2; default 9.80665.
-    pub gravity: T,
-    /// Whether the attitude covariance is re-centred at the corrected attitude (E12); default true.
-    /// Its effect is a fraction of a per cent.
-    pub reset_jacobian: bool,
-}
+parameters! {
+    /// Parameters of the filter.
+    pub struct ErrorStateConfig;
 
-impl<T: Scalar> Default for ErrorStateConfig<T> {
-    fn default() -> Self {
-        Self {
-            accelerometer_noise_density: lit(0.01),
-            gyroscope_noise_density: lit(0.001),
-            accelerometer_bias_random_walk: T::zero(),
-            gyroscope_bias_random_walk: T::zero(),
-            gravity: lit(9.806_65),
-            reset_jacobian: true,
-        }
-    }
-}
-
-impl<T: Scalar> ErrorStateConfig<T> {
-    /// Name of the first setting that makes no sense: noises must be finite and not negative,
-    /// gravity finite.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let noises = [
-            (
-                "accelerometer_noise_density",
-                self.accelerometer_noise_density,
-            ),
-            ("gyroscope_noise_density", self.gyroscope_noise_density),
-            (
-                "accelerometer_bias_random_walk",
-                self.accelerometer_bias_random_walk,
-            ),
-            (
-                "gyroscope_bias_random_walk",
-                self.gyroscope_bias_random_walk,
-            ),
-            ("gravity", self.gravity),
-        ];
-        let bad = noises
-            .iter()
-            .find(|(_, value)| !(value.is_finite() && *value >= T::zero()));
-        bad.map(|(name, _)| *name)
-    }
-}
-
-/// Everything the filter remembers: save it, restore it, and it continues exactly.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct NavigationState<T: Scalar> {
-    /// Attitude, `ned_from_body`.
-    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
-    pub ned_from_body: UnitQuaternion<T>,
-    /// Velocity, m/s, NED.
-    pub velocity: Vector3<T>,
-    /// Position, m, NED from the origin of the tangent plane.
-    pub position: Vector3<T>,
-    /// Accelerometer bias, m/s^2, body axes.
-    pub accelerometer_bias: Vector3<T>,
-    /// Gyroscope bias, rad/s, body axes.
-    pub gyroscope_bias: Vector3<T>,
-    /// Covariance of `[dpsi, dv, dp, db_a, db_g]` at the last update or
-    /// [`ErrorStateFilter::catch_up`].
-    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
-    pub covariance: SMatrix<T, STATES, STATES>,
-    /// Transition of the errors since then.
-    pub pending: ErrorTransition<T>,
-    /// Inertial samples and fixes that were refused.
-    pub skipped: u32,
-}
-
-impl<T: Scalar> NavigationState<T> {
-    /// Starts at an attitude (`ned_from_body`), a velocity (m/s, NED) and a position (m, NED), with biases of zero, all
-    /// of it exactly known: say how uncertain it is by [`Self::with_std`].
-    pub fn new(
-        ned_from_body: UnitQuaternion<T>,
-        velocity: Vector3<T>,
-        position: Vector3<T>,
-    ) -> Self {
-        Self {
-            ned_from_body,
-            velocity,
-            position,
-            accelerometer_bias: Vector3::zeros(),
-            gyroscope_bias: Vector3::zeros(),
-            covariance: SMatrix::zeros(),
-            pending: ErrorTransition::default(),
-            skipped: 0,
-        }
-    }
-
-    /// The same with independent errors of these standard deviations on each axis: attitude (rad), velocity (m/s),
-    /// position (m), accelerometer bias (m/s^2), gyroscope bias (rad/s).
-    #[must_use]
-    pub fn with_std(mut self, std: [T; 5]) -> Self {
-        let variance = |i: usize, _| std[i / 3] * std[i / 3];
-        self.covariance = SMatrix::from_diagonal(&SVector::from_fn(variance));
-        self
-    }
-
-    /// Whether every number is finite and no variance negative.
-    pub fn is_usable(&self) -> bool {
-        let variances = self.covariance.diagonal();
-        let vectors = [
-            &self.velocity,
-            &self.position,
-            &self.accelerometer_bias,
-            &self.gyroscope_bias,
-        ];
-        self.ned_from_body.as_ref().norm_squared().is_finite()
-            && vectors.iter().all(|v| v.norm_squared().is_finite())
-            && self.covariance.norm_squared().is_finite()
-            && variances.iter().all(|v| *v >= T::zero())
-    }
-
-    fn check(&self) -> Result<(), InvalidState> {
-        unit("attitude", &self.ned_from_body)?;
-        finite("velocity", &self.velocity)?;
-        finite("position", &self.position)?;
-        finite("accelerometer bias", &self.accelerometer_bias)?;
-        finite("gyroscope bias", &self.gyroscope_bias)?;
-        finite("pending transition", self.pending.numbers())?;
-        covariance("covariance", &self.covariance)
-    }
-
-    /// The covariance symmetric to the bit, as every step of the filter leaves it; the upper triangle counts.
-    fn with_symmetric_covariance(mut self) -> Self {
-        mirror_upper(&mut self.covariance);
-        self
-    }
+    accelerometer_noise_density: T, "(m/s^2)/sqrt(Hz)", NotNegative, [0.01],
+        "white noise of the accelerometer",
+        "Raising it makes the filter follow aiding more quickly.";
+    gyroscope_noise_density: T, "(rad/s)/sqrt(Hz)", NotNegative, [0.001],
+        "white noise of the gyroscope",
+        "Raising it makes the filter follow the compass more quickly.";
+    accelerometer_bias_random_walk: T, "(m/s^2)/sqrt(s)", NotNegative, [0.0],
+        "random walk of the accelerometer bias",
+        "Raising it lets the bias move.";
+    gyroscope_bias_random_walk: T, "(rad/s)/sqrt(s)", NotNegative, [0.0],
+        "random walk of the gyroscope bias",
+        "Raising it lets the bias move.";
+    gravity: T, "m/s^2", NotNegative, [9.806_65],
+        "gravity";
+    reset_jacobian: bool, "-", Flag, [true],
+        "whether the attitude covariance is re-centred at the corrected attitude (E12)",
+        "Its effect is a fraction of a per cent.";
 }
 
 /// The filter.
@@ -230,40 +103,27 @@ impl<T: Scalar> Restorable for ErrorStateFilter<T> {
     }
 }
 
-impl<T: Scalar> FollowedNavigation<T, STATES> for ErrorStateFilter<T> {
-    type Transition = ErrorTransition<T>;
-
-    fn catch_up(&mut self) -> ErrorTransition<T> {
-        Self::catch_up(self)
-    }
-
-    fn navigation_pose(&self) -> NavigationPose<'_, T, STATES> {
-        NavigationPose {
-            pose: self.pose(),
-            covariance: &self.state.covariance,
-            pose_from_error: self.pose_from_error(),
-        }
-    }
-}
-
 impl<T: Scalar> ErrorStateFilter<T> {
     /// A filter that continues from `state`.
     ///
     /// # Errors
-    /// The name of a setting that makes no sense, or `"state"` when the state is not
+    /// The first parameter outside its range, or `"state"` when the state is not
     /// [usable](NavigationState::is_usable).
     pub fn new(
         config: ErrorStateConfig<T>,
         state: NavigationState<T>,
-    ) -> Result<Self, &'static str> {
-        match config.senseless() {
-            Some(name) => Err(name),
-            None if !state.is_usable() => Err("state"),
-            None => Ok(Self {
-                config,
-                state: state.with_symmetric_covariance(),
-            }),
+    ) -> Result<Self, ConfigError> {
+        config.validate()?;
+        if !state.is_usable() {
+            return Err(ConfigError {
+                field: "state",
+                range: Range::Described("finite, with no negative variance"),
+            });
         }
+        Ok(Self {
+            config,
+            state: state.with_symmetric_covariance(),
+        })
     }
 
     /// The settings.
@@ -274,6 +134,15 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// The state, to look at.
     pub fn state(&self) -> &NavigationState<T> {
         &self.state
+    }
+
+    /// Pose of the last inertial sample with the covariance of the errors, as of the last [`Self::catch_up`]: for a tracker.
+    pub fn navigation_pose(&self) -> NavigationPose<'_, T, STATES> {
+        NavigationPose {
+            pose: self.pose(),
+            covariance: &self.state.covariance,
+            pose_from_error: self.pose_from_error(),
+        }
     }
 
     /// Starts from a state that was just made; one that is not usable changes nothing and gives `false`.
@@ -465,7 +334,5 @@ fn check_step<T: Scalar>(dt: T) -> Result<(), SkipReason> {
     }
 }
 
-#[cfg(test)]
-mod operations;
 #[cfg(test)]
 mod tests;

@@ -1,10 +1,10 @@
-//! GNSS/INS: stamped samples of an inertial unit and of a receiver in, position, velocity and attitude out, with
-//! what they are worth.
+//! GNSS/INS: stamped samples of an inertial unit and of a receiver in, position, velocity and attitude out, with covariance
+//! and solution status.
 //!
 //! *Read first:* `docs/derivations/error_state.md`; Groves (2013), chapters 14 to 16.
 //!
 //! Use it wherever there is an inertial unit and a receiver: a car, a boat, a drone, on a host or on a chip. The
-//! filter is [`ErrorStateFilter`] with [`SideStates`]; this adds time, alignment, gates, outages. Use
+//! filter is [`ErrorStateFilter`] with [`AugmentedStates`]; this adds time, alignment, gates, outages. Use
 //! [`super::axis_filters`] where 15 states do not fit.
 //!
 //! ```
@@ -69,10 +69,14 @@ pub use memory::GnssInsState;
 pub use updates::{ErrorShares, GnssPositionUpdate};
 
 use self::memory::Memory;
+use super::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
-use super::side_states::{SIDE_STATES, SideStates};
 use super::validity::Validity;
-use super::{ErrorTransition, NavigationState, POSITION};
+use super::{
+    ACCELEROMETER_BIAS, ERRORS, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION, STATES,
+};
+use crate::kalman::{ErrorListener, ErrorPropagation, NavigationPose};
+use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval between inertial samples that counts as continuous, s.
@@ -89,38 +93,89 @@ pub struct CovarianceStep<T: Scalar> {
     pub transition: ErrorTransition<T>,
     /// What is left of the accelerometer's and of the gyroscope's bias error.
     pub bias_kept: [T; 2],
-    /// What is left of the side states.
+    /// What is left of the augmented states.
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
-    pub side_kept: [T; SIDE_STATES],
+    pub side_kept: [T; AUGMENTED_STATES],
 }
 
-/// The GNSS/INS; `HISTORY` samples are kept to look back by.
+impl<T: Scalar> ErrorPropagation<T, ERRORS> for CovarianceStep<T> {
+    /// (E33).
+    fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, ERRORS, C>) {
+        let [force, rate] = self.bias_kept;
+        for column in &mut rows.data.0 {
+            let Some((errors, side)) = column.split_first_chunk_mut::<STATES>() else {
+                return;
+            };
+            self.transition.map_column(errors);
+            for (i, error) in errors.iter_mut().enumerate().skip(ACCELEROMETER_BIAS) {
+                *error *= if i < GYROSCOPE_BIAS { force } else { rate };
+            }
+            for (error, kept) in side.iter_mut().zip(&self.side_kept) {
+                *error *= *kept;
+            }
+        }
+    }
+}
+
+/// Pose of a GNSS/INS with the covariance of all its errors: what a tracker needs at a scan.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GnssIns<T: Scalar, const HISTORY: usize = 32> {
+pub struct PoseWithErrors<T: Scalar> {
+    /// Position north and east (m) and heading (rad, clockwise from north).
+    pub pose: Vector3<T>,
+    /// Covariance of the 15 errors and of the augmented states behind them.
+    pub covariance: SMatrix<T, ERRORS, ERRORS>,
+    /// The rows that make the error of the pose from them (E13).
+    pub pose_from_error: SMatrix<T, 3, ERRORS>,
+}
+
+impl<T: Scalar> PoseWithErrors<T> {
+    /// As trackers take it.
+    pub fn navigation_pose(&self) -> NavigationPose<'_, T, ERRORS> {
+        NavigationPose {
+            pose: self.pose,
+            covariance: &self.covariance,
+            pose_from_error: self.pose_from_error,
+        }
+    }
+}
+
+/// The GNSS/INS; `HISTORY` samples are kept to look back by. The listener `L` follows its errors; `()` for nobody.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GnssIns<T: Scalar, const HISTORY: usize = 32, L = ()> {
     config: GnssInsConfig<T>,
     filter: ErrorStateFilter<T>,
     memory: Memory<T, HISTORY>,
+    listener: L,
 }
 
 impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// One that waits for its first samples.
     ///
     /// # Errors
-    /// The name of the first setting that makes no sense.
-    pub fn new(config: GnssInsConfig<T>) -> Result<Self, &'static str> {
-        if let Some(name) = config.senseless() {
-            return Err(name);
-        }
+    /// The first parameter outside its permitted range.
+    pub fn new(config: GnssInsConfig<T>) -> Result<Self, ConfigError> {
+        Self::listened_to(config, ())
+    }
+}
+
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
+    /// As [`GnssIns::new`], with a listener that is correlated with its errors, such as a Schmidt-Kalman tracker: all
+    /// that this filter does to them reaches it, in order.
+    ///
+    /// # Errors
+    /// The first parameter outside its permitted range.
+    pub fn listened_to(config: GnssInsConfig<T>, listener: L) -> Result<Self, ConfigError> {
+        config.validate()?;
         let settings = ErrorStateConfig {
             accelerometer_noise_density: config.accelerometer_noise_density,
             gyroscope_noise_density: config.gyroscope_noise_density,
-            // What wanders is moved by `bias_wander` instead.
-            accelerometer_bias_random_walk: if config.accelerometer_wander_std > T::zero() {
+            // A Gauss-Markov bias is moved by `gauss_markov_bias` instead.
+            accelerometer_bias_random_walk: if config.accelerometer_gauss_markov_std > T::zero() {
                 T::zero()
             } else {
                 config.accelerometer_bias_random_walk
             },
-            gyroscope_bias_random_walk: if config.gyroscope_wander_std > T::zero() {
+            gyroscope_bias_random_walk: if config.gyroscope_gauss_markov_std > T::zero() {
                 T::zero()
             } else {
                 config.gyroscope_bias_random_walk
@@ -142,7 +197,54 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             config,
             filter: ErrorStateFilter::new(settings, nowhere)?,
             memory: Memory::default(),
+            listener,
         })
+    }
+
+    /// Who follows the errors.
+    pub fn listener(&self) -> &L {
+        &self.listener
+    }
+
+    /// The same, to move its targets on or to put in another. Whoever comes new and is correlated with the errors must be
+    /// so with those of now: see [`Self::pose_and_listener`].
+    pub fn listener_mut(&mut self) -> &mut L {
+        &mut self.listener
+    }
+
+    /// Pose and errors of this instant, with the covariance brought up to it, and the listener, to fuse what was seen from
+    /// there; `None` before the start.
+    pub fn pose_and_listener(&mut self) -> Option<(PoseWithErrors<T>, &mut L)> {
+        if self.memory.aligning.is_none() {
+            self.catch_up();
+        }
+        if self.memory.aligning.is_some() {
+            return None;
+        }
+        let mut covariance = SMatrix::<T, ERRORS, ERRORS>::zeros();
+        let (own, side) = (&self.filter.state().covariance, &self.memory.side);
+        covariance
+            .fixed_view_mut::<STATES, STATES>(0, 0)
+            .copy_from(own);
+        covariance
+            .fixed_view_mut::<STATES, AUGMENTED_STATES>(0, STATES)
+            .copy_from(&side.cross);
+        covariance
+            .fixed_view_mut::<AUGMENTED_STATES, STATES>(STATES, 0)
+            .tr_copy_from(&side.cross);
+        covariance
+            .fixed_view_mut::<AUGMENTED_STATES, AUGMENTED_STATES>(STATES, STATES)
+            .copy_from(&side.covariance);
+        let mut pose_from_error = SMatrix::<T, 3, ERRORS>::zeros();
+        pose_from_error
+            .fixed_view_mut::<3, STATES>(0, 0)
+            .copy_from(&self.filter.pose_from_error());
+        let pose = PoseWithErrors {
+            pose: self.filter.pose(),
+            covariance,
+            pose_from_error,
+        };
+        Some((pose, &mut self.listener))
     }
 
     /// The settings.
@@ -158,7 +260,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// The states beside: the receiver's slow error, time offset, barometer's offset, mount angles, the
     /// magnetometer's iron.
-    pub fn side_states(&self) -> &SideStates<T> {
+    pub fn augmented_states(&self) -> &AugmentedStates<T> {
         &self.memory.side
     }
 

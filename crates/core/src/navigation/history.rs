@@ -1,4 +1,4 @@
-//! The last inertial samples, to look back from the present: where was the body when a late fix was valid?
+//! History of inertial samples: where the body was when a late fix was valid.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, section 8 (E18-E20).
 //!

@@ -14,19 +14,20 @@
 //! sensors this is meant for within some tens of kilometres.
 
 pub mod aiding;
+pub mod augmented_states;
 pub mod axis_filters;
-mod bias_wander;
 pub mod cascade;
 pub mod dead_reckoning;
 pub mod error_state;
+mod gauss_markov_bias;
 pub mod gnss_ins;
 pub mod history;
-pub mod side_states;
 pub mod transition;
 pub mod validity;
 
 pub use aiding::gnss_position::GnssPosition;
 pub use aiding::gnss_velocity::GnssVelocity;
+pub use augmented_states::AugmentedStates;
 pub use axis_filters::{PositionAxisConfig, PositionAxisFilters};
 pub use cascade::{Cascade, CascadeConfig, CascadeState};
 pub use dead_reckoning::{DeadReckoning, DeadReckoningConfig, DeadReckoningState};
@@ -34,12 +35,13 @@ pub use error_state::{
     ErrorStateConfig, ErrorStateFilter, GnssCompassFix, GnssCompassUpdate, NavigationState,
 };
 pub use gnss_ins::{Aid, GnssIns, GnssInsConfig, GnssInsState, GnssPositionUpdate};
-pub use side_states::SideStates;
 pub use transition::ErrorTransition;
 pub use validity::{Validity, ValidityLimits};
 
 /// Number of error states: `[dpsi, dv, dp, db_a, db_g]`, three each.
 pub const STATES: usize = 15;
+/// The same and the [`AugmentedStates`] behind them: all that a [`GnssIns`] estimates.
+pub const ERRORS: usize = STATES + augmented_states::AUGMENTED_STATES;
 /// First of the three attitude errors (rad, NED axes).
 pub const ATTITUDE: usize = 0;
 /// First of the three velocity errors (m/s, NED).

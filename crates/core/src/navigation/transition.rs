@@ -30,6 +30,7 @@ use crate::scalar::{Scalar, lit};
 
 /// How the errors of `[attitude, velocity, position, accelerometer bias, gyroscope bias]` carry on
 /// over an interval.
+#[must_use = "who is correlated with this filter's error has to follow it"]
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ErrorTransition<T: Scalar> {
@@ -239,15 +240,23 @@ fn add<T: Scalar>(column: &mut [T; STATES], first: usize, x: &impl Takes<T>) {
     column[first + 2] += z;
 }
 
+impl<T: Scalar> ErrorTransition<T> {
+    /// `column <- Phi column`.
+    #[inline]
+    pub(super) fn map_column(&self, column: &mut [T; STATES]) {
+        let axes = &self.integrated_axes;
+        // Each needs the others as they were.
+        add(column, POSITION, &ToPosition(self));
+        add(column, VELOCITY, &ToVelocity(self));
+        add(column, ATTITUDE, &ToAttitude { axes });
+    }
+}
+
 impl<T: Scalar> ErrorPropagation<T, STATES> for ErrorTransition<T> {
     #[inline]
     fn map_rows<const C: usize>(&self, rows: &mut SMatrix<T, STATES, C>) {
-        let axes = &self.integrated_axes;
         for column in &mut rows.data.0 {
-            // Each needs the others as they were.
-            add(column, POSITION, &ToPosition(self));
-            add(column, VELOCITY, &ToVelocity(self));
-            add(column, ATTITUDE, &ToAttitude { axes });
+            self.map_column(column);
         }
     }
 }

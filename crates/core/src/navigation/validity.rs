@@ -1,9 +1,10 @@
-//! What a position is worth: aided, dead reckoning, or nothing any more.
+//! Solution status: aligning, aided, dead reckoning, or invalid.
 //!
 //! A filter can always say where it believes to be. Whether anybody should act on it is a matter of how long
 //! nothing has confirmed it and of how uncertain it says it is; both limits are settings.
 
-use crate::scalar::{Scalar, lit};
+use crate::parameters::parameters;
+use crate::scalar::Scalar;
 
 /// What a position is worth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,39 +22,23 @@ pub enum Validity {
     Invalid,
 }
 
-/// When a position changes its worth.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(
-        default,
-        deny_unknown_fields,
-        bound(
-            serialize = "T: serde::Serialize",
-            deserialize = "T: Scalar + serde::Deserialize<'de>"
-        )
-    )
-)]
-pub struct ValidityLimits<T> {
-    /// Seconds without a fix after which a position is dead reckoning, default 2. Raising it hides short
-    /// outages.
-    pub dead_reckoning_after_s: T,
-    /// Seconds without a fix after which a position is invalid, default 30. Raising it believes inertial
-    /// sensors for longer than cheap ones deserve.
-    pub invalid_after_s: T,
-    /// Standard deviation (m) of the less certain horizontal axis above which a position is invalid, default 50.
-    pub invalid_above_m: T,
-}
+parameters! {
+    /// When a position is dead reckoning, and when it is invalid.
+    pub struct ValidityLimits, profiles {
+        /// Inertial sensors that soon drift.
+        inertial = 0,
+        /// A ship's log, which drifts with the current alone.
+        log = 1,
+    };
 
-impl<T: Scalar> Default for ValidityLimits<T> {
-    fn default() -> Self {
-        Self {
-            dead_reckoning_after_s: lit(2.0),
-            invalid_after_s: lit(30.0),
-            invalid_above_m: lit(50.0),
-        }
-    }
+    dead_reckoning_after_s: T, "s", Above(0.0, 1e9), [2.0],
+        "time without a fix after which a position is dead reckoning",
+        "Raising it hides short outages.";
+    invalid_after_s: T, "s", Above(0.0, 1e9), [30.0, 1800.0],
+        "time without a fix after which a position is invalid",
+        "Raising it trusts inertial sensors for longer than cheap ones deserve.";
+    invalid_above_m: T, "m", Above(0.0, 1e9), [50.0, 500.0],
+        "standard deviation of the less certain horizontal axis above which a position is invalid";
 }
 
 impl<T: Scalar> ValidityLimits<T> {

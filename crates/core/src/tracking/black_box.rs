@@ -1,10 +1,10 @@
-//! The Schmidt-Kalman tracker beside a navigation that shows its pose and nothing else.
+//! Schmidt-Kalman tracker beside a black-box navigation: only its pose and covariance are known.
 //!
 //! The error of the pose is taken as a Gauss-Markov process with a stated correlation time for
 //! position and heading (S11, [`PoseMemory`]). While the navigation converges its error shrinks faster than that;
 //! so the correlation over a scan is `min(exp(-dt / tau), variance now / variance before)`. With the
 //! right times this equals the exact tracker within a part in a thousand; a wrong heading time
-//! costs honesty.
+//! costs consistency.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -14,7 +14,8 @@ use super::{
     Coupling, NavigationPose, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
     check_step,
 };
-use crate::kalman::{ErrorPropagation, Innovation, SkipReason};
+use crate::kalman::{ErrorListener as _, ErrorPropagation, Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, not_negative};
 use crate::scalar::Scalar;
 
@@ -75,19 +76,23 @@ impl<T: Scalar> ErrorPropagation<T, 3> for Remains<T> {
 impl<T: Scalar> BlackBoxSchmidt<T> {
     /// Starts from a track and its covariance with the pose error (rows `[north, east, heading]`),
     /// at a moment when the pose has this covariance.
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
     pub fn new(
         config: TrackerConfig<T>,
         memory: PoseMemory<T>,
         track: TrackEstimate<T>,
         cross: SMatrix<T, 3, 4>,
         pose_covariance: &Matrix3<T>,
-    ) -> Self {
-        Self {
-            inner: SchmidtKalman::new(config, Coupling::Exact, track, cross),
+    ) -> Result<Self, ConfigError> {
+        memory.validate()?;
+        Ok(Self {
+            inner: SchmidtKalman::new(config, Coupling::Exact, track, cross)?,
             memory,
             before: *pose_covariance,
             since_update: T::zero(),
-        }
+        })
     }
 
     /// The target.
@@ -123,7 +128,7 @@ impl<T: Scalar> BlackBoxSchmidt<T> {
         let remains = self
             .memory
             .factors(&self.before, pose_covariance, self.since_update);
-        self.inner.navigation_propagated(&Remains(remains));
+        self.inner.propagated(&Remains(remains));
         self.before = *pose_covariance;
         self.since_update = T::zero();
         let own = NavigationPose {

@@ -15,6 +15,7 @@ use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 
@@ -52,8 +53,12 @@ impl<T: Scalar> Restorable for BodyFrameTracker<T> {
 
 impl<T: Scalar> BodyFrameTracker<T> {
     /// Starts from a track in body axes.
-    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Self {
-        Self { config, track }
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config, track })
     }
 
     /// The target: `[ahead, v_ahead, right, v_right]`.
@@ -193,8 +198,8 @@ mod tests {
             state,
             covariance: t * start.covariance * t.transpose(),
         };
-        let mut world = PoseAsKnown::new(config(), start);
-        let mut body = BodyFrameTracker::new(config(), body);
+        let mut world = PoseAsKnown::new(config(), start).unwrap();
+        let mut body = BodyFrameTracker::new(config(), body).unwrap();
         for k in 1..=60 {
             let before = pose;
             pose = Vector3::new(before.x + 9.0, before.y + 3.0, before.z + 0.03);
@@ -250,7 +255,8 @@ mod tests {
                 state: Vector4::new(x0[0], x0[1], x0[2], x0[3]),
                 covariance: Matrix4::zeros(),
             },
-        );
+        )
+        .unwrap();
         let own = Matrix3::new(0.4, 0.1, 0.0, 0.1, 0.3, 0.001, 0.0, 0.001, 1e-4);
         let increment = OwnIncrement {
             displacement: Vector2::new(9.0, -1.0),

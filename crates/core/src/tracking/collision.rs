@@ -1,4 +1,4 @@
-//! How close will they come, when, and how likely is it to be too close?
+//! Closest point of approach (CPA): distance, time, and probability of collision.
 //!
 //! Closest point of approach (CPA) of a target that keeps its velocity and an own ship that keeps
 //! its own, with the uncertainty of both *and what they have in common*: a heading error moves the

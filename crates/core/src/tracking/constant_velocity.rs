@@ -1,4 +1,4 @@
-//! A target that keeps its velocity but for white accelerations, in axes fixed to the world.
+//! Constant-velocity motion model with white acceleration noise, in axes fixed to the world.
 //!
 //! Discrete white noise acceleration: constant over each step, independent from step to step, so
 //! the noise enters as `G = [dt^2/2, dt]` for each axis and `Q = G G^T sigma^2` (Bar-Shalom, Li &

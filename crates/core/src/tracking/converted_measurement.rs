@@ -14,6 +14,7 @@ use super::radar::DetectedPosition;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
 
@@ -53,12 +54,20 @@ impl<T: Scalar> Restorable for ConvertedMeasurement<T> {
 
 impl<T: Scalar> ConvertedMeasurement<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.
-    pub fn new(config: TrackerConfig<T>, conversion: Conversion, track: TrackEstimate<T>) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(
+        config: TrackerConfig<T>,
+        conversion: Conversion,
+        track: TrackEstimate<T>,
+    ) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self {
             config,
             conversion,
             track,
-        }
+        })
     }
 
     /// The target.

@@ -1,4 +1,4 @@
-//! Motion in a circle at constant speed, and straight motion in the same five states.
+//! Coordinated-turn motion model: a circle at constant speed, and straight motion in the same five states.
 //!
 //! Read first: Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation* (2001), section 11.7; `docs/derivations/association.md`, section 2.
@@ -26,7 +26,7 @@ pub type TargetState<T> = SVector<T, STATES>;
 /// A target's covariance.
 pub type TargetCovariance<T> = SMatrix<T, STATES, STATES>;
 
-/// How the turn rate of a target wanders: `dw = -w / tau dt + noise`, with a fixed stationary
+/// How the turn rate of a target varies (first-order Gauss-Markov): `dw = -w / tau dt + noise`, with a fixed stationary
 /// standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -131,7 +131,7 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
         }
     }
 
-    /// Interaction: every model starts from what the models it may have come from believed.
+    /// Interaction: every model starts from what the models it may have come from accepted.
     fn mix(&mut self, models: &Models<T, M>, dt: T) {
         let before = self.modes;
         for (to, mode) in self.modes.iter_mut().enumerate() {

@@ -3,7 +3,7 @@
 //! The position is the converted detection, the velocity is zero with the standard deviation of
 //! what targets do. The error of that position contains the own ship's pose error, so a new track is
 //! correlated with the navigation from the first moment (S4): `X_0 = [G_x; 0] T P_o`. Leaving this
-//! out makes a tracker too sure of itself for as long as the heading error lasts.
+//! out makes a tracker overconfident for as long as the heading error lasts.
 
 use nalgebra::{Matrix4, SMatrix, Vector4};
 

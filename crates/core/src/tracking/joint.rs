@@ -11,8 +11,9 @@ use super::{
     Coupling, NavigationPose, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 use crate::kalman::{
-    ErrorFeedback, ErrorPropagation, Innovation, OutsideCorrection, SkipReason, feedback,
+    ErrorListener, ErrorPropagation, Innovation, OutsideCorrection, ScalarCorrection, SkipReason,
 };
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 
@@ -36,25 +37,21 @@ impl<T: Scalar, const N: usize> Restorable for JointEkf<T, N> {
 
 impl<T: Scalar, const N: usize> JointEkf<T, N> {
     /// As [`SchmidtKalman::new`].
-    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>, cross: SMatrix<T, N, 4>) -> Self {
-        Self {
-            inner: SchmidtKalman::new(config, Coupling::FeedForward, track, cross),
-        }
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(
+        config: TrackerConfig<T>,
+        track: TrackEstimate<T>,
+        cross: SMatrix<T, N, 4>,
+    ) -> Result<Self, ConfigError> {
+        let inner = SchmidtKalman::new(config, Coupling::FeedForward, track, cross)?;
+        Ok(Self { inner })
     }
 
     /// The target.
     pub fn track(&self) -> &TrackEstimate<T> {
         self.inner.track()
-    }
-
-    /// The navigation filter has propagated its covariance.
-    pub fn navigation_propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
-        self.inner.navigation_propagated(transition);
-    }
-
-    /// The navigation filter has corrected itself.
-    pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
-        self.inner.navigation_corrected(feedback);
     }
 
     /// Moves the target on by `dt` seconds.
@@ -66,7 +63,7 @@ impl<T: Scalar, const N: usize> JointEkf<T, N> {
     }
 
     /// Fuses a detection. What it says about the navigation must be given to that filter, and the
-    /// angle at which it re-centred to [`Self::navigation_recentred`].
+    /// angle at which it re-centred to [`ErrorListener::recentred`].
     pub fn update(
         &mut self,
         detection: &RadarDetection<T>,
@@ -84,9 +81,23 @@ impl<T: Scalar, const N: usize> JointEkf<T, N> {
         });
         (innovation, outside)
     }
+}
 
-    /// The navigation has re-centred its attitude error at this angle (rad).
-    pub fn navigation_recentred(&mut self, angle: &Vector3<T>) {
-        feedback::reset_rows(self.inner.cross_mut(), angle);
+/// Its own navigation filter tells it what it does, also when it takes in what the radar has taught it.
+impl<T: Scalar, const N: usize> ErrorListener<T, N> for JointEkf<T, N> {
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        self.inner.propagated(transition);
+    }
+
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        self.inner.corrected(correction);
+    }
+
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        self.inner.recentred(angle);
+    }
+
+    fn restarted(&mut self) {
+        self.inner.restarted();
     }
 }

@@ -7,7 +7,7 @@
 //!
 //! | tracker | file | own pose | when |
 //! |---|---|---|---|
-//! | [`PoseAsKnown`] | `pose_as_known.rs` | taken as exact | the yardsticks: true pose, and uncompensated |
+//! | [`PoseAsKnown`] | `pose_as_known.rs` | taken as exact | the baselines: true pose, and uncompensated |
 //! | [`ConvertedMeasurement`] | `converted_measurement.rs` | its covariance inflates the noise | only pose covariance, no correlation wanted |
 //! | [`SchmidtKalman`] | `schmidt_kalman.rs` | cross-covariance carried along | the default: exact, or with feed-forward |
 //! | [`BlackBoxSchmidt`] | `black_box.rs` | cross-covariance with an assumed correlation time | the navigation shows its pose only |
@@ -71,6 +71,7 @@ pub use schmidt_kalman::{Coupling, SchmidtKalman};
 use nalgebra::{Matrix4, Vector4};
 
 use crate::kalman::SkipReason;
+use crate::parameters::{ConfigError, Range};
 use crate::restorable::{InvalidState, covariance, finite};
 use crate::scalar::{Scalar, lit};
 
@@ -132,22 +133,16 @@ impl<T: Scalar> TrackerConfig<T> {
         }
     }
 
-    /// Name of the first setting that makes no sense: standard deviations must be finite and above
-    /// zero, that of the target's acceleration may be zero.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let positive = |x: T| x.is_finite() && x > T::zero();
-        let not_negative = |x: T| x.is_finite() && x >= T::zero();
-        if !not_negative(self.motion.acceleration_std) {
-            Some("acceleration_std")
-        } else if !positive(self.radar.range_std) {
-            Some("range_std")
-        } else if !positive(self.radar.bearing_std) {
-            Some("bearing_std")
-        } else if !not_negative(self.gate_nis) {
-            Some("gate_nis")
-        } else {
-            None
-        }
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// The first one outside its permitted range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let acceleration = self.motion.acceleration_std;
+        Range::NotNegative.check("motion.acceleration_std", acceleration)?;
+        Range::Positive.check("radar.range_std", self.radar.range_std)?;
+        Range::Positive.check("radar.bearing_std", self.radar.bearing_std)?;
+        Range::NotNegative.check("gate_nis", self.gate_nis)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The tracker of many targets in clutter: initiation, association, existence, confirmation, deletion,
+//! Multi-target tracker in clutter: initiation, association, existence, confirmation, deletion,
 //! with the own ship's uncertainty in every step.
 //!
 //! Read first: `docs/derivations/association.md`; Musicki and Evans (2004) for JIPDA; the Schmidt
@@ -27,6 +27,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::association::jipda::{Association, associate};
 use super::detection::Detection;
 use super::own_ship::OwnShip;
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, expect, finite};
 use crate::scalar::{Scalar, lit};
 
@@ -117,8 +118,12 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
 
 impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTracker<T, M, N, D> {
     /// A tracker without tracks.
-    pub fn new(config: MultiTargetConfig<T, M>) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(config: MultiTargetConfig<T, M>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self {
             config,
             state: MultiTargetState {
                 tracks: [None; N],
@@ -129,7 +134,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             },
             weights: [Association::missed(T::one()); N],
             marginals: [Association::missed(T::one()); N],
-        }
+        })
     }
 
     /// Every track, tentative ones too.

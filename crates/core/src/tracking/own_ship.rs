@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::detection::wrap_angle;
 use crate::kalman::covariance::is_covariance;
+use crate::parameters::parameters;
 use crate::scalar::{Scalar, lit};
 
 /// Pose of the own ship at the time of a scan, with the covariance of its error.
@@ -35,45 +36,25 @@ pub struct OwnShip<T> {
     pub covariance: Matrix3<T>,
 }
 
-/// How long an error of the own ship's pose lasts, for a navigation filter that is a black box.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
-pub struct PoseMemory<T> {
-    /// Correlation time of the position error, s; zero for an error that is new at every scan. Raising
-    /// it makes the tracker average less.
-    pub position_s: T,
-    /// Correlation time of the heading error, s; zero as for the position.
-    pub heading_s: T,
+parameters! {
+    /// Correlation times of the error of the own ship's pose, for a navigation filter that is a black box.
+    pub struct PoseMemory;
+
+    position_s: T, "s", NotNegative, [300.0],
+        "correlation time of the position error; 0 for an error that is new at every scan",
+        "Raising it makes the tracker average less.";
+    heading_s: T, "s", NotNegative, [1e4],
+        "correlation time of the heading error; 0 as for the position";
 }
 
-impl<T: Scalar> Default for PoseMemory<T> {
-    fn default() -> Self {
-        Self {
-            position_s: lit(300.0),
-            heading_s: lit(1e4),
-        }
-    }
-}
+parameters! {
+    /// How fast a ship can move: what is beyond is a jump of its navigation.
+    pub struct PoseLimits;
 
-/// How fast a ship can move: what is beyond is a jump of its navigation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
-pub struct PoseLimits<T> {
-    /// Fastest own ship, m/s.
-    pub speed_m_s: T,
-    /// Fastest turn of the own ship, rad/s.
-    pub turn_rad_s: T,
-}
-
-impl<T: Scalar> Default for PoseLimits<T> {
-    fn default() -> Self {
-        Self {
-            speed_m_s: lit(50.0),
-            turn_rad_s: lit(1.5),
-        }
-    }
+    speed_m_s: T, "m/s", Positive, [50.0],
+        "fastest own ship";
+    turn_rad_s: T, "rad/s", Positive, [1.5],
+        "fastest turn of the own ship";
 }
 
 impl<T: Scalar> PoseLimits<T> {

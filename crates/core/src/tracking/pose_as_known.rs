@@ -1,12 +1,13 @@
-//! The extended Kalman filter that takes the own pose as exact.
+//! Extended Kalman filter that takes the own pose as exact.
 //!
-//! Given the true pose it is the yardstick of what is possible; given the navigation's pose it is
-//! the *uncompensated* tracker, which is too sure of itself whenever the heading is in error.
+//! Given the true pose it is the bound of what is possible; given the navigation's pose it is
+//! the *uncompensated* tracker, which is overconfident whenever the heading is in error.
 
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 use nalgebra::Vector3;
@@ -34,8 +35,12 @@ impl<T: Scalar> Restorable for PoseAsKnown<T> {
 
 impl<T: Scalar> PoseAsKnown<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.
-    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Self {
-        Self { config, track }
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
+    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self { config, track })
     }
 
     /// The target.

@@ -18,8 +18,10 @@
 //! | `P_o`, `T` | [`NavigationPose`] | from the navigation, never touched |
 //!
 //! Between scans the cross-covariance follows the navigation error wherever that filter takes it:
-//! `X <- F X M^T`, with `M` the product of what [`SchmidtKalman::navigation_propagated`] and
-//! [`SchmidtKalman::navigation_corrected`] are told. The paper multiplies by the open-loop
+//! `X <- F X M^T`, with `M` the product of all that it hears as an [`ErrorListener`]: built into a
+//! [`GnssIns`](crate::navigation::GnssIns) it hears everything by itself, and an
+//! [`ErrorStateFilter`](crate::navigation::ErrorStateFilter) hands it out step by step
+//! ([`GnssCompassUpdate::tell`](crate::navigation::GnssCompassUpdate::tell)). The paper multiplies by the open-loop
 //! transition alone ([`Coupling::OpenLoop`]): it believes that a heading error persists which the
 //! navigation has long corrected, and the joint covariance loses its sign. [`Coupling::FeedForward`]
 //! goes further than the exact recursion: what the compass tells about the heading moves the target,
@@ -28,7 +30,7 @@
 //! Cost: one update of 15 navigation states is about 1,500 multiplications. Limits: one target;
 //! several targets share the navigation error, and the covariance between them is not kept.
 
-use nalgebra::{Matrix2, SMatrix};
+use nalgebra::{Matrix2, SMatrix, Vector3};
 
 use super::constant_velocity::predict_columns;
 use super::initiation::one_point;
@@ -36,9 +38,9 @@ use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{NavigationPose, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
-use crate::kalman::{
-    ErrorFeedback, ErrorPropagation, FollowedNavigation, FollowedUpdate, Innovation, SkipReason,
-};
+use crate::kalman::feedback::reset_rows;
+use crate::kalman::{ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason};
+use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, finite};
 use crate::scalar::Scalar;
 
@@ -105,17 +107,21 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Starts from a track and its covariance with the navigation error (one row for each of the
     /// navigation's states), such as [`super::initiation::one_point`] gives; zero for a track that
     /// knows nothing of the navigation.
+    ///
+    /// # Errors
+    /// The first setting outside its permitted range.
     pub fn new(
         config: TrackerConfig<T>,
         coupling: Coupling,
         track: TrackEstimate<T>,
         cross: SMatrix<T, N, 4>,
-    ) -> Self {
-        Self {
+    ) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self {
             config,
             coupling,
             state: SchmidtKalmanState { track, cross },
-        }
+        })
     }
 
     /// Starts a track from its first detection ([`super::initiation::one_point`]): it stands where it was seen, give or
@@ -130,33 +136,12 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         own: &NavigationPose<'_, T, N>,
     ) -> Result<Self, SkipReason> {
         let (track, cross) = one_point(detection, &config.radar, velocity_std, own)?;
-        Ok(Self::new(config, Coupling::Exact, track, cross))
+        Self::new(config, Coupling::Exact, track, cross).map_err(|_| SkipReason::OutOfRange)
     }
 
-    /// Follows an aiding update of the navigation filter (S5, S6). None may be left out.
-    #[inline]
-    pub fn follow(&mut self, update: &impl FollowedUpdate<T, N>) {
-        let (transition, feedback) = update.error_steps();
-        self.navigation_propagated(transition);
-        self.navigation_corrected(feedback);
-    }
-
-    /// Takes a detection made `dt` seconds after the last one: brings the navigation filter's covariance up to its last
-    /// inertial sample, follows it there, moves the target on (S8) and fuses (S9). A `dt` that is refused changes nothing.
-    pub fn scan(
-        &mut self,
-        dt: T,
-        detection: &RadarDetection<T>,
-        navigation: &mut impl FollowedNavigation<T, N>,
-    ) -> Innovation<T> {
-        if let Err(reason) = check_step(dt) {
-            return Innovation::skipped(reason);
-        }
-        self.navigation_propagated(&navigation.catch_up());
-        match self.predict(dt) {
-            Ok(()) => self.update(detection, &navigation.navigation_pose()),
-            Err(reason) => Innovation::skipped(reason),
-        }
+    /// What the cross-covariance follows.
+    pub fn coupling(&self) -> Coupling {
+        self.coupling
     }
 
     /// The target.
@@ -169,37 +154,6 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         &self.state.cross
     }
 
-    pub(super) fn cross_mut(&mut self) -> &mut SMatrix<T, N, 4> {
-        &mut self.state.cross
-    }
-
-    /// The navigation filter has propagated its covariance (S5).
-    #[inline]
-    pub fn navigation_propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
-        transition.map_rows(&mut self.state.cross);
-    }
-
-    /// The navigation filter has corrected itself (S6). With feed-forward the correction moves the
-    /// target by `K_t nu`, `K_t = X H^T S^-1` (S12).
-    #[inline]
-    pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
-        match self.coupling {
-            Coupling::OpenLoop => {}
-            Coupling::Exact => feedback.map_rows(&mut self.state.cross),
-            Coupling::FeedForward => {
-                for correction in feedback.corrections() {
-                    let known = self.state.cross.row(correction.state).transpose();
-                    let gain = known / correction.variance;
-                    self.state.track.state += gain * correction.residual;
-                    self.state.track.covariance -= gain * known.transpose();
-                    correction.map_rows(&mut self.state.cross);
-                }
-                symmetrize(&mut self.state.track.covariance);
-                crate::kalman::feedback::reset_rows(&mut self.state.cross, feedback.reset_angle());
-            }
-        }
-    }
-
     /// Moves the target on by `dt` seconds: `X <- F X` (S8).
     ///
     /// # Errors
@@ -209,6 +163,21 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         self.config.motion.predict(&mut self.state.track, dt);
         predict_columns(&mut self.state.cross, dt);
         Ok(())
+    }
+
+    /// Takes a detection made `dt` seconds after the last one: moves the target on (S8) and fuses (S9). The
+    /// navigation's covariance must have caught up, and the tracker must have been told. A `dt` that is refused changes
+    /// nothing.
+    pub fn scan(
+        &mut self,
+        dt: T,
+        detection: &RadarDetection<T>,
+        own: &NavigationPose<'_, T, N>,
+    ) -> Innovation<T> {
+        match self.predict(dt) {
+            Ok(()) => self.update(detection, own),
+            Err(reason) => Innovation::skipped(reason),
+        }
     }
 
     /// Fuses a detection (S9). The navigation stays as it is.
@@ -260,5 +229,45 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
             inverse,
         });
         (innovation, told)
+    }
+}
+
+/// The cross-covariance goes where the navigation filter takes its errors: exact, as long as nothing is left out.
+impl<T: Scalar, const N: usize> ErrorListener<T, N> for SchmidtKalman<T, N> {
+    /// The navigation filter has propagated its covariance (S5).
+    #[inline]
+    fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
+        transition.map_rows(&mut self.state.cross);
+    }
+
+    /// The navigation filter has corrected itself (S6). With feed-forward the correction moves the target by `K_t nu`,
+    /// `K_t = X H^T S^-1` (S12).
+    #[inline]
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
+        if self.coupling == Coupling::OpenLoop {
+            return;
+        }
+        if self.coupling == Coupling::FeedForward {
+            let known = correction.measured(&self.state.cross);
+            let gain = known / correction.variance;
+            self.state.track.state += gain * correction.residual;
+            self.state.track.covariance -= gain * known.transpose();
+        }
+        correction.map_rows(&mut self.state.cross);
+    }
+
+    #[inline]
+    fn recentred(&mut self, angle: &Vector3<T>) {
+        if self.coupling == Coupling::FeedForward {
+            symmetrize(&mut self.state.track.covariance);
+        }
+        if self.coupling != Coupling::OpenLoop {
+            reset_rows(&mut self.state.cross, angle);
+        }
+    }
+
+    /// The new errors have nothing to do with those under which the target was seen (S18).
+    fn restarted(&mut self) {
+        self.state.cross.fill(T::zero());
     }
 }

@@ -4,7 +4,7 @@ use northing_core::calibration::RestCalibration;
 use northing_recording::Metadata;
 
 use super::options::RunOptions;
-use crate::calibration::magnetometer::FieldCalibration;
+use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 use crate::calibration::set::CalibrationSet;
 use crate::error::EvaluationError;
 
@@ -12,7 +12,7 @@ use crate::error::EvaluationError;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Calibrations {
     /// Of the magnetometer.
-    pub field: Option<CalibrationSet<FieldCalibration>>,
+    pub field: Option<CalibrationSet<MagnetometerStreamCalibration>>,
     /// At rest.
     pub rest: Option<CalibrationSet<RestCalibration<f64>>>,
 }
@@ -33,7 +33,7 @@ impl Calibrations {
             options.calibration_names[1] = Some(name.clone());
             options.sensors.magnetometer_source = field.magnetometer;
             options.choose_magnetometer = false;
-            options.field_calibration = Some(*field);
+            options.magnetometer_calibration = Some(*field);
         }
         if let Some(set) = &self.rest {
             let (name, calibration) = set.of(metadata)?;

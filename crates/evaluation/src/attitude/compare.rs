@@ -150,7 +150,7 @@ impl MeanMedian {
     }
 }
 
-/// How one estimator did on one recording, whoever ran it: ours, or one of other people's whose
+/// How one estimator did on one recording, whoever ran it: ours, or a third-party baseline whose
 /// errors were read from a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {

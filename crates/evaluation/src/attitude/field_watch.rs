@@ -1,4 +1,4 @@
-//! Is the magnetic field that of the Earth, and does it keep still while the device does?
+//! Magnetic disturbance of a recording: is the field that of the Earth, and constant while the device rests?
 
 use nalgebra::Vector3;
 
@@ -63,7 +63,7 @@ impl Constancy {
             format!(
                 "For {:.0} of the {:.0} s in which the device turned, the strength of its magnetic field was the same to \
                  {MADE_CONSTANT_UT} uT. No sensor shows that: the device's system makes it so, and such a field has pointed \
-                 up to 30 deg off. Take the uncalibrated magnetometer if there is one, or believe no heading.",
+                 up to 30 deg off. Take the uncalibrated magnetometer if there is one, or use no heading.",
                 self.constant_s, self.turned_s
             )
         })

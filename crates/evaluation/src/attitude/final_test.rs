@@ -1,11 +1,11 @@
-//! The paper's final test: the device is back in its first pose; is the estimate too?
+//! Return-to-start test of the paper: the device is back in its first pose; is the estimate too?
 //!
 //! Read first: Utrera & Vazquez (2021), section 4. The *calculated* error is the angle of
 //! `q_e = q_start^-1 q_end` (M26), which would be zero; the *estimated* error is what the filter's
 //! covariance says, `sqrt(tr P)` (M26b). `q_start` is the estimate just before the motion, when the
 //! filter had settled, and its covariance counts as well: with the local error `a = log(q_e)` the
 //! square `a^T (P + P_start)^-1 a` lies between 0.22 and 9.35 in 95 % of all cases when the filter
-//! is honest (M26c).
+//! is consistent (M26c).
 //!
 //! The test applies when the device rested in the same pose for a second at both ends. Whether it
 //! did is read from the sensors, not from the estimate.
@@ -41,18 +41,20 @@ const MOST_SAMPLES: usize = 5000;
 
 /// Whether the covariance at the end fits the error at the end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum FinalVerdict {
     /// The error is as large as the filter says.
     Consistent,
     /// The error is larger than the filter says.
-    Optimistic,
+    Overconfident,
     /// The error is smaller than the filter says.
-    Pessimistic,
+    Conservative,
 }
 
 /// The outcome of the final test: `final` in a summary.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct FinalSummary {
     /// Angle between the estimates at the first and at the last instant, deg.
     pub calculated_error_deg: f64,
@@ -65,7 +67,7 @@ pub struct FinalSummary {
     pub estimated_error_wxyz: Option<[f64; 4]>,
     /// Square roots of the diagonal of `P`, deg, body axes.
     pub estimated_std_deg: Option<[f64; 3]>,
-    /// `a^T P^-1 a`: between 0.22 and 9.35 in 95 % of all cases when honest.
+    /// `a^T P^-1 a`: between 0.22 and 9.35 in 95 % of all cases when consistent.
     pub normalised_square: Option<f64>,
     /// The verdict; null for estimators without covariance.
     pub verdict: Option<FinalVerdict>,
@@ -149,16 +151,18 @@ fn compare(
     let a = so3::log(&(last.inverse() * first));
     // The reference pose is itself only known as well as the estimate before the motion. Both are
     // in the same pose, hence in the same body axes.
-    let square = covariance
-        .and_then(|p| normalized_square(&a, &(p + first_covariance.unwrap_or_default())))
+    let both = covariance.map(|p| p + first_covariance.unwrap_or_default());
+    let square = both
+        .and_then(|p| normalized_square(&a, &p))
         .filter(|s| s.is_finite());
     let verdict = square.map(|s| match s {
-        s if s < BOUNDS[0] => FinalVerdict::Pessimistic,
-        s if s > BOUNDS[1] => FinalVerdict::Optimistic,
+        s if s < BOUNDS[0] => FinalVerdict::Conservative,
+        s if s > BOUNDS[1] => FinalVerdict::Overconfident,
         _ => FinalVerdict::Consistent,
     });
     let calculated_error_deg = a.norm().to_degrees();
-    let estimated_error_deg = covariance.map(|p| p.trace().max(0.0).sqrt().to_degrees());
+    let deg = |p: Matrix3<f64>| p.trace().max(0.0).sqrt().to_degrees();
+    let estimated_error_deg = covariance.map(deg);
     let std = covariance.map(|p| p.diagonal().map(|v| v.max(0.0).sqrt()));
     calculated_error_deg.is_finite().then(|| FinalSummary {
         calculated_error_deg,
@@ -168,30 +172,29 @@ fn compare(
         estimated_std_deg: std.map(|std| std.map(f64::to_degrees).into()),
         normalised_square: square,
         verdict,
-        sentence: sentence(calculated_error_deg, estimated_error_deg, verdict),
+        sentence: sentence(calculated_error_deg, both.map(deg), verdict),
     })
 }
 
-fn sentence(calculated: f64, estimated: Option<f64>, verdict: Option<FinalVerdict>) -> String {
-    let back = format!("Back in the first pose the estimate is {calculated:.2} deg away from it");
-    let judged = match (estimated, verdict) {
-        (Some(estimated), Some(FinalVerdict::Consistent)) => {
-            format!(", as the filter's {estimated:.2} deg allow: consistent.")
-        }
-        (Some(estimated), Some(FinalVerdict::Optimistic)) => {
-            format!(", more than the filter's {estimated:.2} deg allow: optimistic.")
-        }
-        (Some(estimated), Some(FinalVerdict::Pessimistic)) => {
-            format!(", less than the filter's {estimated:.2} deg let expect: pessimistic.")
-        }
-        _ => "; this estimator says nothing about its own error.".to_owned(),
+/// `predicted` is the standard deviation, deg, that the verdict was made with.
+fn sentence(calculated: f64, predicted: Option<f64>, verdict: Option<FinalVerdict>) -> String {
+    let word = match verdict {
+        Some(FinalVerdict::Consistent) => "consistent",
+        Some(FinalVerdict::Overconfident) => "overconfident",
+        Some(FinalVerdict::Conservative) => "conservative",
+        None => "",
     };
+    let judged = match predicted.filter(|_| verdict.is_some()) {
+        Some(predicted) => format!("predicted {predicted:.2} deg: {word}."),
+        None => "no prediction: this estimator has no covariance.".to_owned(),
+    };
+    let judged = format!("Back in the first pose: error {calculated:.2} deg, {judged}");
     if calculated > HAND_NOTE_DEG {
-        return format!("{back}{judged}");
+        return judged;
     }
     format!(
-        "{back}{judged} A hand puts a device back only to 0.5 to 1 deg: a calculated error of that \
-         size says nothing against the filter."
+        "{judged} Repositioning by hand is repeatable to about 0.5 to 1 deg; an error of that size is \
+         no evidence against the filter."
     )
 }
 
@@ -342,12 +345,15 @@ mod tests {
         assert!(
             consistent
                 .sentence
-                .contains("A hand puts a device back only to 0.5 to 1 deg")
+                .contains("Repositioning by hand is repeatable to about 0.5 to 1 deg")
         );
-        assert_eq!(verdict(0.04, 0.01).verdict, Some(FinalVerdict::Optimistic));
+        assert_eq!(
+            verdict(0.04, 0.01).verdict,
+            Some(FinalVerdict::Overconfident)
+        );
         assert_eq!(
             verdict(0.004, 0.01).verdict,
-            Some(FinalVerdict::Pessimistic)
+            Some(FinalVerdict::Conservative)
         );
     }
 
@@ -381,7 +387,7 @@ mod tests {
         assert!(
             summary
                 .sentence
-                .contains("says nothing about its own error")
+                .contains("this estimator has no covariance")
         );
     }
 

@@ -41,7 +41,7 @@ impl RunOptions {
             return;
         }
         let prior = &mut self.config.bounded_velocity.initial_hard_iron_std_ut;
-        if self.field_calibration.is_some() {
+        if self.magnetometer_calibration.is_some() {
             *prior = LEFT_BY_A_CALIBRATION_UT;
         } else if self.sensors.magnetometer_source == MagnetometerSource::Uncalibrated {
             *prior = LEFT_UNCALIBRATED_UT;
@@ -126,7 +126,7 @@ impl<I: Iterator<Item = Item>> FirstLook<I> {
     /// The offset, where the uncalibrated stream can be used as it comes. Where a calibration knows a
     /// field, or a state is taken over, it was made without this one.
     fn offset_for(&self, options: &RunOptions) -> Option<Vector3<f64>> {
-        let corrected = options.field_calibration.is_some();
+        let corrected = options.magnetometer_calibration.is_some();
         let knows_field = |c: &RestCalibration<f64>| c.magnetic_field_ut.is_some();
         let taken_over =
             options.calibration.as_ref().is_some_and(knows_field) && is_of_this_place(options);

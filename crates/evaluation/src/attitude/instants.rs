@@ -1,4 +1,4 @@
-//! Events of one instant, taken together: what a filter has seen when it is scored.
+//! Instants: events of one time stamp, taken together.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::{CompassHeading, Event, Reference, Sample, SensorKind};

@@ -23,6 +23,7 @@ use crate::error::EvaluationError;
 
 /// An estimator that can be asked for by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum EstimatorKind {
     /// Gyroscope alone.
@@ -90,7 +91,7 @@ impl EstimatorKind {
         match self {
             Self::Integration => EstimatorInfo {
                 name: "integration",
-                summary: "gyroscope integration alone, the yardstick: drifts with bias and noise",
+                summary: "gyroscope integration alone, the baseline: drifts with bias and noise",
                 error_states: 0,
                 has_covariance: false,
                 paper: "Utrera & Vazquez (2021), section 4",
@@ -246,7 +247,7 @@ impl AnyEstimator {
     /// a column of the recording.
     ///
     /// # Errors
-    /// [`EvaluationError::Config`] when a setting makes no sense.
+    /// [`EvaluationError::Config`] when a setting is invalid.
     pub fn new(
         kind: EstimatorKind,
         parameters: &Parameters,
@@ -255,7 +256,9 @@ impl AnyEstimator {
         let config = &parameters.attitude;
         let complementary = |form| Complementary::new(form, *config).map(Self::Complementary);
         Ok(Some(match kind {
-            EstimatorKind::Integration => Self::Integration(Integration::new(StartUncertainty::of(config))),
+            EstimatorKind::Integration => {
+                Self::Integration(Integration::new(StartUncertainty::of(config)))
+            }
             EstimatorKind::Mekf3 => Self::Mekf3(Mekf3::new(*config)?),
             EstimatorKind::Mekf => Self::Mekf(Mekf::new(*config)?),
             EstimatorKind::BoundedVelocity => {

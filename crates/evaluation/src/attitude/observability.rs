@@ -1,4 +1,4 @@
-//! What a choice of sensors cannot tell, in words.
+//! Observability: what a choice of sensors cannot determine, in words.
 
 use crate::attitude::options::SensorSelection;
 use crate::calibration::magnetometer::MagnetometerSource;

@@ -1,4 +1,4 @@
-//! What a run tells while it goes on: estimates and innovations; and an observer that keeps a trace.
+//! Observer interface of a run: estimates and innovations; and an observer that keeps a trace.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::geometry::frames::{TangentFrame, enu_from_ned};

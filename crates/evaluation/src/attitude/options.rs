@@ -1,4 +1,4 @@
-//! What a run is asked for: estimator, parameters, sensors, calibration, scoring.
+//! Options of a run: estimator, parameters, sensors, calibration, scoring.
 
 use std::collections::BTreeSet;
 use std::str::FromStr;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::parameters::{self, Parameters, Profile};
-use crate::calibration::magnetometer::{FieldCalibration, MagnetometerSource};
+use crate::calibration::magnetometer::{MagnetometerSource, MagnetometerStreamCalibration};
 use crate::error::EvaluationError;
 
 /// Everything a run is asked for. [`RunOptions::default`] is `bounded-velocity` with the hand-held profile and
@@ -39,7 +39,7 @@ pub struct RunOptions {
     /// A calibration made before.
     pub calibration: Option<RestCalibration<f64>>,
     /// Calibration of the magnetometer, applied to every sample of its stream before anything else.
-    pub field_calibration: Option<FieldCalibration>,
+    pub magnetometer_calibration: Option<MagnetometerStreamCalibration>,
     /// Names of the two calibrations, at rest and of the magnetometer, for the summary.
     pub calibration_names: [Option<String>; 2],
     /// Take the calibration from the first so many seconds of the recording, at rest.
@@ -76,7 +76,7 @@ impl RunOptions {
             sensors: SensorSelection::default(),
             choose_magnetometer: false,
             calibration: None,
-            field_calibration: None,
+            magnetometer_calibration: None,
             calibration_names: [None, None],
             calibrate_first_s: None,
             start: None,
@@ -111,7 +111,7 @@ impl RunOptions {
             });
         }
         let source = self.sensors.magnetometer_source;
-        if let Some(field) = &self.field_calibration
+        if let Some(field) = &self.magnetometer_calibration
             && field.magnetometer != source
         {
             return Err(EvaluationError::OtherMagnetometer {
@@ -147,7 +147,7 @@ impl RunOptions {
 
     /// The event with its field calibrated, where a calibration is given.
     pub(crate) fn calibrated(&self, event: Event) -> Event {
-        match &self.field_calibration {
+        match &self.magnetometer_calibration {
             Some(field) => field.apply(event),
             None => event,
         }

@@ -15,6 +15,7 @@ use crate::statistics::nis::{NisSummary, UpdateCounts};
 
 /// The outcome of one estimator on one recording. What does not apply is `None`, `null` in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct RunSummary {
     /// The estimator.
     pub estimator: EstimatorKind,
@@ -29,9 +30,9 @@ pub struct RunSummary {
     pub updates: PerSensor<UpdateCounts>,
     /// RMS errors against the reference, deg; `None` without a scored reference.
     pub error_deg: Option<ErrorSummary>,
-    /// Mean NEES of the attitude per degree of freedom: 1 when the covariance is honest.
+    /// Mean NEES of the attitude per degree of freedom: 1 when the covariance is consistent.
     pub nees_mean: Option<f64>,
-    /// Mean NIS of each sensor, not divided by anything: when honest it is the sensor's degrees of
+    /// Mean NIS of each sensor, not divided by anything: when consistent it is the sensor's degrees of
     /// freedom (3 for a vector, 1 for a heading), which `nis` states.
     pub nis_mean: NisOf<f64>,
     /// The final test; `None` where the device did not rest in the same pose at both ends.
@@ -39,7 +40,7 @@ pub struct RunSummary {
     pub final_test: Option<FinalSummary>,
     /// All NIS statistics of each sensor.
     pub nis: NisOf<NisSummary>,
-    /// Whether each sensor's stated noise is honest, in words.
+    /// Whether each sensor's stated noise is consistent, in words.
     pub verdicts: Vec<SensorVerdict>,
     /// What the sensors used cannot tell, in words.
     pub unobservable: Vec<String>,
@@ -47,16 +48,19 @@ pub struct RunSummary {
     pub profile: Option<Profile>,
     /// The stream of the magnetometer that was used; left out of JSON without one.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub magnetometer: Option<MagnetometerSource>,
     /// Standard deviation of the hard iron at the start, microtesla, of an estimator that estimates it:
     /// unless set, it follows from the stream of the magnetometer.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub hard_iron_prior_ut: Option<f64>,
     /// Where the calibration came from, in words.
     pub calibration: Option<String>,
     /// The magnetometer calibration that was applied, in words; left out of JSON without one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub field_calibration: Option<String>,
+    #[cfg_attr(feature = "typescript", ts(optional))]
+    pub magnetometer_calibration: Option<String>,
     /// Whether the estimates are smoothed.
     pub smoothed: bool,
     /// Estimates made, one for each gyroscope sample after the start.
@@ -67,6 +71,7 @@ pub struct RunSummary {
     pub gaps: Gaps,
     /// What the position observer made of the positions; left out of JSON without any.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
     pub position: Option<PositionSummary>,
     /// Samples read of each kind.
     pub samples_per_sensor: BTreeMap<SensorKind, u64>,
@@ -76,6 +81,7 @@ pub struct RunSummary {
 
 /// What a position observer made of the positions of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct PositionSummary {
     /// What became of the positions.
     pub updates: UpdateCounts,
@@ -88,6 +94,7 @@ pub struct PositionSummary {
 
 /// RMS per axis of a vector of the world, m.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct PositionRms {
     /// Of the two horizontal axes together.
     pub horizontal: f64,
@@ -97,6 +104,7 @@ pub struct PositionRms {
 
 /// One value for each sensor that a filter takes.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct PerSensor<V> {
     /// Of the gyroscope: `fused` are the propagations.
     pub gyroscope: V,
@@ -110,6 +118,7 @@ pub struct PerSensor<V> {
 
 /// One value for each sensor that a filter updates with; `None` where nothing was looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct NisOf<V> {
     /// Of the accelerometer.
     pub accelerometer: Option<V>,
@@ -122,6 +131,7 @@ pub struct NisOf<V> {
 /// Pauses between gyroscope samples longer than the limit: the attitude is held and its
 /// uncertainty grows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Gaps {
     /// How many.
     pub count: u64,

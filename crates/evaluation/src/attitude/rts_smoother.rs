@@ -1,4 +1,4 @@
-//! Rauch-Tung-Striebel smoothers: the best estimate in hindsight. Here that of the six-state MEKF.
+//! Rauch-Tung-Striebel (RTS) smoothers: estimates from the whole recording. Here that of the six-state MEKF.
 //!
 //! | idea | file |
 //! |---|---|
@@ -31,31 +31,30 @@
 pub mod bounded_velocity;
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
-use northing_core::attitude::config::ConfigError;
+use northing_core::ConfigError;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::{
-    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
-    StartUncertainty,
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty,
 };
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::Innovation;
 
 use crate::statistics::rts_step::Link;
 
-/// A filter that remembers what it did, and can look back.
+/// A filter that remembers what it did, and can be smoothed.
 pub trait Smoother: AttitudeEstimator<f64> {
-    /// What hindsight says about the samples of one node.
+    /// What the smoother says about the samples of one node.
     type Node;
 
     /// The node at which the filter is: its place in what [`Smoother::smooth`] returns.
     fn node(&self) -> usize;
 
-    /// Every node in hindsight, the first to the last. The last is the filter's own.
+    /// Every smoothed node, the first to the last. The last is the filter's own.
     fn smooth(&self) -> Vec<Self::Node>;
 
-    /// The estimate in hindsight at a sample of `node` where the filter had the attitude `filtered`
+    /// The smoothed estimate at a sample of `node` where the filter had the attitude `filtered`
     /// (`ref_from_body`).
-    fn in_hindsight(node: &Self::Node, filtered: &UnitQuaternion<f64>) -> Estimate;
+    fn smoothed_estimate(node: &Self::Node, filtered: &UnitQuaternion<f64>) -> Estimate;
 }
 
 /// What a smoother says about one sample.
@@ -129,7 +128,7 @@ impl Recorder {
     /// A filter with these settings and nothing to remember yet.
     ///
     /// # Errors
-    /// [`ConfigError`] when a setting makes no sense.
+    /// [`ConfigError`] names the first parameter outside its permitted range.
     pub fn new(config: AttitudeConfig<f64>) -> Result<Self, ConfigError> {
         Ok(Self {
             mekf: Mekf::new(config)?,
@@ -171,7 +170,7 @@ impl Smoother for Recorder {
         smoothed
     }
 
-    fn in_hindsight(node: &SmoothedState, _: &UnitQuaternion<f64>) -> Estimate {
+    fn smoothed_estimate(node: &SmoothedState, _: &UnitQuaternion<f64>) -> Estimate {
         Estimate {
             attitude: node.attitude,
             attitude_covariance: node.attitude_covariance(),

@@ -30,7 +30,7 @@ use position_observer::PositionObserver;
 /// Runs the estimator of `options` over `events`, which must be in time order.
 ///
 /// # Errors
-/// The options make no sense, the events end in an error, a calibration is refused, or there was
+/// The options are invalid, the events end in an error, a calibration is refused, or there was
 /// nothing to estimate: see [`EvaluationError`].
 pub fn run<I, X>(
     events: I,
@@ -140,7 +140,7 @@ fn run_filter(
     };
     let mut session = Session::new(options, &make)?;
     if kind.uses_positions() {
-        let rotation = match options.config.cascade.rotation {
+        let rotation = match options.config.rotation {
             CascadeRotation::Estimated => AnyEstimator::attitude,
             CascadeRotation::Reconstructed => AnyEstimator::reconstructed,
         };
@@ -179,7 +179,7 @@ fn run_smoothed<S: Smoother>(
         Phase::Calibrating(_) => Vec::new(),
     };
     for (mut record, node) in records {
-        let known = S::in_hindsight(&smoothed[node], &record.attitude);
+        let known = S::smoothed_estimate(&smoothed[node], &record.attitude);
         record.attitude = known.attitude;
         record.attitude_covariance = Some(known.attitude_covariance);
         record.gyroscope_bias = Some((known.gyroscope_bias, known.bias_covariance));

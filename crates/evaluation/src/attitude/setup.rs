@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::options::{RunOptions, SensorSelection};
 use crate::attitude::parameters::{Parameters, Profile};
-use crate::calibration::magnetometer::FieldCalibration;
+use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 use crate::error::EvaluationError;
 
 /// The options of a run as plain data.
@@ -40,7 +40,8 @@ pub struct RunSetup {
     /// Calibration at rest.
     pub calibration: Option<RestCalibration<f64>>,
     /// Calibration of the magnetometer.
-    pub field_calibration: Option<FieldCalibration>,
+    #[serde(alias = "field_calibration")]
+    pub magnetometer_calibration: Option<MagnetometerStreamCalibration>,
     /// Seconds at the recording's start that a calibration is taken from.
     pub calibrate_first_s: Option<f64>,
     /// The state at the first sample, where it is known.
@@ -121,7 +122,7 @@ impl RunSetup {
             gap_limit_s: options.driver.gap_limit_s,
             skip_s: options.skip_s,
             calibration: options.calibration,
-            field_calibration: options.field_calibration,
+            magnetometer_calibration: options.magnetometer_calibration,
             calibrate_first_s: options.calibrate_first_s,
             start: options.start.as_ref().map(Start::of),
             smooth: options.smooth,
@@ -150,7 +151,7 @@ impl RunSetup {
             sensors: self.sensors,
             skip_s: self.skip_s,
             calibration: self.calibration,
-            field_calibration: self.field_calibration,
+            magnetometer_calibration: self.magnetometer_calibration,
             calibrate_first_s: self.calibrate_first_s,
             smooth: self.smooth,
             ..RunOptions::new(self.estimator, self.profile)

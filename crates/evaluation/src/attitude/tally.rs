@@ -1,4 +1,4 @@
-//! What is counted while a run goes on, and how it becomes a summary.
+//! Counters of a run, and how they become its outcome.
 
 use std::collections::BTreeMap;
 
@@ -229,7 +229,8 @@ impl Tally {
                 .then_some(options.config.bounded_velocity.initial_hard_iron_std_ut),
             profile: runs_filter.then_some(options.profile),
             calibration: calibration_in_words(options).filter(|_| runs_filter),
-            field_calibration: field_calibration_in_words(options).filter(|_| runs_filter),
+            magnetometer_calibration: magnetometer_calibration_in_words(options)
+                .filter(|_| runs_filter),
             smoothed: options.smooth,
             estimates: self.estimates,
             first_estimate_s: self.first_estimate_s,
@@ -346,8 +347,8 @@ fn made_before(name: &Option<String>) -> String {
     }
 }
 
-fn field_calibration_in_words(options: &RunOptions) -> Option<String> {
-    let calibration = &options.field_calibration.as_ref()?.calibration;
+fn magnetometer_calibration_in_words(options: &RunOptions) -> Option<String> {
+    let calibration = &options.magnetometer_calibration.as_ref()?.calibration;
     Some(format!(
         "{}: {}, hard iron {:.1} uT, residual {:.2} uT",
         made_before(&options.calibration_names[1]),

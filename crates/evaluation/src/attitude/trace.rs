@@ -1,4 +1,4 @@
-//! What plots need of one run, thinned as it grows so that memory stays bounded.
+//! Trace of a run for plots, thinned as it grows so that memory stays bounded.
 
 use northing_core::kalman::Outcome;
 use northing_recording::SensorKind;

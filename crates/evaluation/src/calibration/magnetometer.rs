@@ -17,6 +17,7 @@ const UNCERTAIN: f64 = 0.02;
 
 /// Which magnetometer stream is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum MagnetometerSource {
     /// As the device calibrated it.
@@ -40,14 +41,14 @@ impl MagnetometerSource {
 /// A magnetometer calibration and the stream that it belongs to: what a calibration file holds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct FieldCalibration {
+pub struct MagnetometerStreamCalibration {
     /// The stream it was made from, and is applied to.
     pub magnetometer: MagnetometerSource,
     /// `calibrated = soft_iron * (measured - hard_iron)`.
     pub calibration: MagnetometerCalibration<f64>,
 }
 
-impl FieldCalibration {
+impl MagnetometerStreamCalibration {
     /// The event with its field calibrated; events of other sensors, and of the other
     /// magnetometer, stay as they are.
     #[must_use]
@@ -73,9 +74,9 @@ pub struct FieldSamples {
 
 /// What a recording of a device that was turned about tells about its magnetometer.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FieldReport {
+pub struct MagnetometerReport {
     /// The calibration, ready to be applied.
-    pub field: FieldCalibration,
+    pub field: MagnetometerStreamCalibration,
     /// Time from the first to the last sample of the magnetometer, s.
     pub duration_s: f64,
     /// Samples that fell into each cell of the sphere, about the hard iron; the order is that of
@@ -111,12 +112,12 @@ impl FieldSamples {
     ///
     /// # Errors
     /// [`EvaluationError::NoMagnetometer`] without samples of it,
-    /// [`EvaluationError::FieldCalibration`] with the reason and what to do.
+    /// [`EvaluationError::MagnetometerStreamCalibration`] with the reason and what to do.
     pub fn calibrate(
         self,
         asked: Option<MagnetometerSource>,
         limits: &MagnetometerLimits<f64>,
-    ) -> Result<FieldReport, EvaluationError> {
+    ) -> Result<MagnetometerReport, EvaluationError> {
         let magnetometer = self.chosen(asked);
         let has_both = !self.device.is_empty() && !self.uncalibrated.is_empty();
         let samples = match magnetometer {
@@ -130,7 +131,7 @@ impl FieldSamples {
         };
         let duration_s = last.0 - first.0;
         let calibration = calibrate(&samples.iter().map(|(_, field)| *field), limits)
-            .map_err(|reason| EvaluationError::FieldCalibration(reason.to_string()))?;
+            .map_err(|reason| EvaluationError::MagnetometerStreamCalibration(reason.to_string()))?;
         let mut cells = [0_u32; CELLS];
         for (_, field) in &samples {
             let cell = cell_of(&(field - calibration.hard_iron()));
@@ -146,8 +147,8 @@ impl FieldSamples {
                     .to_owned(),
             );
         }
-        Ok(FieldReport {
-            field: FieldCalibration {
+        Ok(MagnetometerReport {
+            field: MagnetometerStreamCalibration {
                 magnetometer,
                 calibration,
             },
@@ -247,7 +248,7 @@ mod tests {
     fn report(
         share: f64,
         asked: Option<MagnetometerSource>,
-    ) -> Result<FieldReport, EvaluationError> {
+    ) -> Result<MagnetometerReport, EvaluationError> {
         gathered(share).calibrate(asked, &MagnetometerLimits::default())
     }
 
@@ -289,7 +290,7 @@ mod tests {
         );
         assert!(whole.contains("The hard iron is 127."), "{whole}");
         assert!(!whole.contains("Soft iron is not"), "{whole}");
-        // More than half is asked for here before soft iron is believed.
+        // More than half is asked for here before soft iron is accepted.
         let limits = MagnetometerLimits {
             ellipsoid_coverage: 0.9,
             ..MagnetometerLimits::default()

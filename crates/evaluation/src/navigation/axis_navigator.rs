@@ -4,6 +4,7 @@
 //! ground once the vehicle moves; until then the yaw filter has nothing to hold on to.
 
 use nalgebra::{Matrix3, Vector3};
+use northing_core::ConfigError;
 use northing_core::attitude::axis_filters::{
     AxisFilters, AxisFiltersConfig, tilt_compensated_heading, tilt_of,
 };
@@ -54,7 +55,7 @@ impl AxisNavigator {
     pub(crate) fn new(
         attitude: AxisFiltersConfig<f64>,
         position: PositionAxisConfig<f64>,
-    ) -> Result<Self, &'static str> {
+    ) -> Result<Self, ConfigError> {
         // Settings are refused now, not after the start.
         AxisFilters::new(attitude, [0.0; 3])?;
         Ok(Self {

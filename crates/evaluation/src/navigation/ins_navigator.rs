@@ -1,13 +1,14 @@
 //! The GNSS/INS of core behind the interface of all navigation estimators.
 
 use nalgebra::{Matrix3, Vector3};
+use northing_core::ConfigError;
 use northing_core::earth::wgs84::Geodetic;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
+use northing_core::navigation::augmented_states::MAGNETIC_OFFSET;
 use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
-use northing_core::navigation::side_states::MAGNETIC_OFFSET;
 use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Validity};
 
 use super::magnetic_model;
@@ -15,7 +16,7 @@ use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use crate::navigation::rts_smoother::NavigationRecorder;
 use crate::statistics::nis::UpdateCounts;
 
-/// Inertial samples kept to look back by: 0.6 s at 200 Hz.
+/// Inertial samples kept for late fixes: 0.6 s at 200 Hz.
 const HISTORY: usize = 128;
 /// Where a receiver states no standard deviation it is that of a code solution by itself: orbits, clocks and the
 /// air last minutes, and a third is noise and reflections that change from fix to fix.
@@ -34,13 +35,13 @@ pub(crate) struct InsNavigator {
     is_near_pole: bool,
     /// Angular rate of the last sample: the antenna moves with it.
     rate: Vector3<f64>,
-    /// What it has done, to look back.
+    /// What it has done, for RTS smoothing.
     recorder: Option<NavigationRecorder>,
 }
 
 impl InsNavigator {
     /// `remembers`: for [`Navigator::smoothed`].
-    pub(crate) fn new(config: GnssInsConfig<f64>, remembers: bool) -> Result<Self, &'static str> {
+    pub(crate) fn new(config: GnssInsConfig<f64>, remembers: bool) -> Result<Self, ConfigError> {
         Ok(Self {
             recorder: remembers.then(NavigationRecorder::default),
             ins: Box::new(GnssIns::new(config)?),
@@ -52,14 +53,14 @@ impl InsNavigator {
 
     /// The iron around the magnetometer in words, where it was found and is worth a calibration.
     fn iron(&self) -> Option<String> {
-        let side = self.ins.side_states();
+        let side = self.ins.augmented_states();
         let [x, y] = [0, 1].map(|i| side.values[MAGNETIC_OFFSET + i]);
         let variance = |i: usize| side.covariance[(MAGNETIC_OFFSET + i, MAGNETIC_OFFSET + i)];
         let known = side.is_used(MAGNETIC_OFFSET) && variance(0).max(variance(1)) < 25.0;
         (known && x.hypot(y) > 5.0).then(|| {
             format!(
                 "The magnetometer carries iron: {x:.0} uT forward, {y:.0} uT to the right, found on the \
-                 way and taken out. A calibration of it in its place tells the heading from the start."
+                 way and taken out. A calibration of it in situ tells the heading from the start."
             )
         })
     }
@@ -187,7 +188,7 @@ impl Navigator for InsNavigator {
                 position: node.position + attitude * arm,
                 position_covariance,
                 velocity: node.velocity + attitude * node.angular_rate.cross(&arm),
-                // Hindsight knows the fix after as well as the one before.
+                // The smoother knows the fix after as well as the one before.
                 validity: limits.judge(node.since_fix_s, variance),
             }
         });
@@ -250,7 +251,7 @@ mod tests {
 
     /// A turntable that turns after 5 s, with the antenna 2 m ahead of its axis, and no fixes from 20 s to 30 s.
     #[test]
-    fn hindsight_is_of_the_antenna_and_knows_how_far_the_next_fix_is() {
+    fn smoothing_is_of_the_antenna_and_knows_how_far_the_next_fix_is() {
         let arm = Vector3::new(2.0, 0.0, 0.0);
         let config = GnssInsConfig {
             lever_arm_m: arm.into(),

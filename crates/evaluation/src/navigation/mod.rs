@@ -10,13 +10,12 @@
 //! | `navigator.rs` | what every estimator does; the adapters of each are in `*_navigator.rs` |
 //! | `runner.rs`, `observer.rs` | from events to estimates; what watches |
 //! | `score.rs`, `outcome.rs` | errors at held-out fixes, at a reference and in outages; the outcome |
-//! | `rts_smoother.rs`, `hindsight.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
+//! | `rts_smoother.rs`, `smoothed_states.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
 //! | `trace.rs` | what plots need |
 //! | `tune.rs` | noise parameters by innovation likelihood, with a part held out |
 
 mod axis_navigator;
 mod device_navigator;
-mod hindsight;
 mod ins_navigator;
 pub mod kinds;
 mod magnetic_model;
@@ -29,6 +28,7 @@ pub mod rts_smoother;
 pub mod runner;
 pub mod score;
 mod ship_navigator;
+mod smoothed;
 pub mod trace;
 pub mod tune;
 

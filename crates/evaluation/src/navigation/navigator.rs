@@ -206,7 +206,7 @@ pub(crate) trait Navigator {
     /// Where the body is at the last sample; `None` before the start.
     fn estimate(&mut self) -> Option<NavigationEstimate>;
 
-    /// Every estimate in hindsight, in time order; empty unless it was told to remember.
+    /// Every smoothed estimate, in time order; empty unless it was told to remember.
     fn smoothed(&mut self) -> Vec<NavigationEstimate> {
         Vec::new()
     }

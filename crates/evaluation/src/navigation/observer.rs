@@ -1,4 +1,4 @@
-//! What watches a navigation run: files, plots, tests.
+//! Observer interface of a navigation run: files, plots, tests.
 
 use nalgebra::Vector3;
 use northing_core::earth::wgs84::LocalFrame;
@@ -6,7 +6,7 @@ use northing_core::kalman::Innovation;
 
 use super::navigator::{AidKind, NavigationEstimate};
 
-/// How wrong a position was, and how wrong the estimator said that it might be.
+/// The error of a position, and the standard deviations stated for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScoredPoint {
     /// Time of validity, ns.
@@ -37,7 +37,7 @@ pub trait NavigationObserver {
     /// A place to score against.
     fn reference(&mut self, _time_ns: i64, _ned: &Vector3<f64>) {}
 
-    /// How wrong a position was.
+    /// The error of a position.
     fn scored(&mut self, _point: &ScoredPoint) {}
 
     /// What an aid told.

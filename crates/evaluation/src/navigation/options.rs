@@ -1,4 +1,4 @@
-//! What a navigation run can be asked for.
+//! Options of a navigation run: estimator, thinning, outages, aids, smoothing.
 
 use std::str::FromStr;
 
@@ -55,7 +55,7 @@ pub struct NavigationOptions {
     pub estimator: NavigationKind,
     /// Its parameters (and those of the others).
     pub parameters: NavigationParameters,
-    /// One of so many fixes is used, the others are withheld and scored at; default 1: all are used.
+    /// One of so many fixes is used, the others are held out and scored at; default 1: all are used.
     pub gnss_every: u32,
     /// Times without fixes; those of the receiver are scored at.
     pub outages: Vec<Outage>,
@@ -64,7 +64,7 @@ pub struct NavigationOptions {
     /// Scores count from so many seconds after the first fix, default 60: alignment and biases have
     /// settled.
     pub score_from_s: f64,
-    /// Whether the estimate looks back over the whole recording.
+    /// Whether the estimate is RTS-smoothed over the whole recording.
     pub smooth: bool,
 }
 
@@ -99,7 +99,7 @@ impl NavigationOptions {
         options
     }
 
-    /// Refuses what makes no sense.
+    /// Refuses what is invalid.
     ///
     /// # Errors
     /// The option, and what was expected.

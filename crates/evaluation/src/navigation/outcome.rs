@@ -76,7 +76,7 @@ pub struct NavigationSummary {
     pub estimator: NavigationKind,
     /// Name of the recording.
     pub recording: String,
-    /// Whether the estimates looked back over the whole recording.
+    /// Whether the estimates are RTS-smoothed over the whole recording.
     pub smoothed: bool,
     /// Time from the first to the last sample, s.
     pub duration_s: f64,
@@ -90,12 +90,12 @@ pub struct NavigationSummary {
     pub fixes_unusable: BTreeMap<&'static str, u64>,
     /// Where the local frame has its origin: the first usable fix.
     pub origin: Option<Origin>,
-    /// What was scored at: `reference` or `withheld fixes`.
+    /// What was scored at: `reference` or `held-out fixes`.
     pub scored_against: Option<&'static str>,
     /// Scores of the position.
     pub position: Option<PositionScore>,
     /// Root mean square of the velocity error, m/s.
-    pub velocity_rmse_mps: Option<f64>,
+    pub velocity_rmse_m_s: Option<f64>,
     /// Root mean square of the heading error, degrees; see [`NavigationSummary::heading`].
     pub heading_rmse_deg: Option<f64>,
     /// Root mean square of the tilt error, degrees, against a reference attitude.

@@ -1,13 +1,13 @@
-//! Parameters of the navigation estimators, each by its name.
+//! Parameters of the navigation estimators, each by its name in core's tables.
 
 use northing_core::attitude::axis_filters::AxisFiltersConfig;
 use northing_core::navigation::axis_filters::PositionAxisConfig;
 use northing_core::navigation::{DeadReckoningConfig, GnssInsConfig};
-use serde::de::DeserializeOwned;
+use northing_core::parameters::{ConfigError, Parameter, Table, Value};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use super::kinds::NavigationKind;
+use crate::by_name;
 use crate::error::EvaluationError;
 
 /// Everything that can be set.
@@ -25,14 +25,44 @@ pub struct NavigationParameters {
 }
 
 /// A parameter as it stands: its group, its name, its value.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NavigationSetting {
     /// `error_state`, `attitude_axes`, `position_axes` or `dead_reckoning`.
     pub group: &'static str,
-    /// Its name.
-    pub name: String,
-    /// Its value, as JSON.
-    pub value: Value,
+    /// Its row of the table.
+    pub parameter: &'static Parameter,
+    /// Its value.
+    pub value: Value<f64>,
+}
+
+impl NavigationSetting {
+    /// The value as JSON.
+    #[must_use]
+    pub fn json(&self) -> serde_json::Value {
+        by_name::json(self.value)
+    }
+
+    /// The value, where it is a number.
+    #[must_use]
+    pub const fn number(&self) -> Option<f64> {
+        match self.value {
+            Value::Number(number) => Some(number),
+            _ => None,
+        }
+    }
+}
+
+/// Settings of a table.
+fn list<C: Table<Number = f64>>(group: &'static str, config: &C) -> Vec<NavigationSetting> {
+    let setting = |parameter: &'static Parameter| {
+        let value = config.parameter(parameter.name)?;
+        Some(NavigationSetting {
+            group,
+            parameter,
+            value,
+        })
+    };
+    C::PARAMETERS.iter().filter_map(setting).collect()
 }
 
 impl NavigationParameters {
@@ -50,125 +80,57 @@ impl NavigationParameters {
     /// Every parameter of an estimator with its value.
     #[must_use]
     pub fn settings(&self, kind: NavigationKind) -> Vec<NavigationSetting> {
-        let all = serde_json::to_value(self).unwrap_or_default();
-        let of_group = |group: &'static str| {
-            let entries = all.get(group).and_then(Value::as_object).cloned();
-            let entries = entries.into_iter().flatten();
-            entries.flat_map(move |(name, value)| flat(group, name, value))
+        let of_group = |group: &&'static str| match *group {
+            "error_state" => list(group, &self.error_state),
+            "attitude_axes" => list(group, &self.attitude_axes),
+            "position_axes" => list(group, &self.position_axes),
+            _ => list(group, &self.dead_reckoning),
         };
-        let groups = Self::groups(kind).iter().copied();
-        groups.flat_map(of_group).collect()
+        Self::groups(kind).iter().flat_map(of_group).collect()
     }
 
-    /// Sets one parameter of an estimator from `NAME=VALUE`.
+    /// Sets one parameter of an estimator from `NAME=VALUE`; on an error nothing is changed.
     ///
     /// # Errors
     /// It is no setting, no parameter of this estimator has the name, or the value does not fit.
     pub fn set(&mut self, kind: NavigationKind, text: &str) -> Result<(), EvaluationError> {
-        let (name, value) = text
-            .split_once('=')
-            .map(|(name, value)| (name.trim(), value.trim()))
-            .filter(|(name, value)| !name.is_empty() && !value.is_empty())
-            .ok_or_else(|| EvaluationError::NotASetting {
-                text: text.to_owned(),
-            })?;
+        let (name, text) = by_name::split(text)?;
         let known = self.settings(kind);
-        let setting = known.iter().find(|setting| setting.name == name);
-        let setting = setting.ok_or_else(|| EvaluationError::UnknownParameter {
-            name: name.to_owned(),
-            valid: names(&known),
-        })?;
-        let bad = |problem: String| EvaluationError::BadValue {
-            name: name.to_owned(),
-            value: value.to_owned(),
-            problem,
-        };
-        let parsed = parse_like(&setting.value, value).map_err(bad)?;
-        let changed = self.with(setting.group, name, parsed).map_err(bad)?;
-        changed.check(kind)?;
-        *self = changed;
-        Ok(())
+        let names = known.iter().map(|setting| {
+            let old = setting.parameter.formerly.map(str::to_owned);
+            (setting.parameter.name.to_owned(), old)
+        });
+        let setting = &known[by_name::find(name, names)?];
+        let value = by_name::read(name, &setting.parameter.range, text)?;
+        self.put(setting.group, name, value)
+            .map_err(|error| by_name::refused(name, text, &error.range))
     }
 
-    /// A copy with one value changed.
-    fn with(&self, group: &str, name: &str, value: Value) -> Result<Self, String> {
-        let mut all = serde_json::to_value(self).map_err(|error| error.to_string())?;
-        let path = format!("/{group}/{}", name.replace('.', "/"));
-        if let Some(entry) = all.pointer_mut(&path) {
-            *entry = value;
+    fn put(&mut self, group: &str, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
+        match group {
+            "error_state" => self.error_state.set_parameter(name, value),
+            "attitude_axes" => self.attitude_axes.set_parameter(name, value),
+            "position_axes" => self.position_axes.set_parameter(name, value),
+            _ => self.dead_reckoning.set_parameter(name, value),
         }
-        from_value(all)
     }
 
-    /// Refuses values that make no sense.
+    /// Checks the parameters of an estimator.
     ///
     /// # Errors
-    /// The first parameter of this estimator that makes no sense.
+    /// The first one outside its permitted range.
     pub fn check(&self, kind: NavigationKind) -> Result<(), EvaluationError> {
-        let name = match kind {
-            NavigationKind::ErrorState => self.error_state.senseless(),
-            NavigationKind::AxisFilters => self
-                .attitude_axes
-                .senseless()
-                .or_else(|| self.position_axes.senseless()),
-            NavigationKind::DeadReckoning => self.dead_reckoning.senseless(),
-            NavigationKind::Device => None,
-        };
-        let Some(name) = name else { return Ok(()) };
-        let value = self.settings(kind).into_iter().find(|s| s.name == name);
-        Err(EvaluationError::BadValue {
-            name: name.to_owned(),
-            value: value.map_or_else(String::new, |setting| setting.value.to_string()),
-            problem: "it must be finite and have a sensible sign and size".to_owned(),
-        })
-    }
-}
-
-/// A parameter, or those within it, as `name.inner`.
-fn flat(group: &'static str, name: String, value: Value) -> Vec<NavigationSetting> {
-    match value {
-        Value::Object(inner) => inner
-            .into_iter()
-            .flat_map(|(inner, value)| flat(group, format!("{name}.{inner}"), value))
-            .collect(),
-        value => vec![NavigationSetting { group, name, value }],
-    }
-}
-
-fn names(settings: &[NavigationSetting]) -> String {
-    let names: Vec<&str> = settings.iter().map(|s| s.name.as_str()).collect();
-    names.join(", ")
-}
-
-/// Text as a value of the kind that the parameter has now.
-fn parse_like(now: &Value, text: &str) -> Result<Value, String> {
-    match now {
-        Value::Bool(_) => text
-            .parse::<bool>()
-            .map(Value::from)
-            .map_err(|_| "expected true or false".to_owned()),
-        Value::Number(_) => text
-            .parse::<f64>()
-            .ok()
-            .filter(|x| x.is_finite())
-            .map(Value::from)
-            .ok_or_else(|| "expected a number".to_owned()),
-        Value::Null | Value::Array(_) => {
-            // What is not set is a pair: a value and its standard deviation.
-            let wanted = now.as_array().map_or(2, Vec::len);
-            let numbers: Option<Vec<f64>> =
-                text.split(',').map(|x| x.trim().parse().ok()).collect();
-            numbers
-                .filter(|numbers| numbers.len() == wanted)
-                .map(Value::from)
-                .ok_or_else(|| format!("expected {wanted} numbers with commas between"))
+        match kind {
+            NavigationKind::ErrorState => self.error_state.validate()?,
+            NavigationKind::AxisFilters => {
+                self.attitude_axes.validate()?;
+                self.position_axes.validate()?;
+            }
+            NavigationKind::DeadReckoning => self.dead_reckoning.validate()?,
+            NavigationKind::Device => {}
         }
-        _ => Ok(Value::from(text)),
+        Ok(())
     }
-}
-
-fn from_value<T: DeserializeOwned>(value: Value) -> Result<T, String> {
-    serde_json::from_value(value).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
@@ -186,6 +148,13 @@ mod tests {
         parameters.set(ins, "validity.invalid_after_s=90").unwrap();
         parameters.set(ins, "lever_arm_m=0,-0.05,0").unwrap();
         parameters.set(ins, "initial_heading=1.5,0.1").unwrap();
+        parameters.set(ins, "declination=0.05").unwrap();
+        assert_eq!(parameters.error_state.declination, Some(0.05));
+        parameters.set(ins, "declination=none").unwrap();
+        assert_eq!(parameters.error_state.declination, None);
+        let renamed = parameters.set(ins, "position_white_share=1").unwrap_err();
+        let now = "it is now called `position_uncorrelated_fraction`";
+        assert!(renamed.to_string().contains(now), "{renamed}");
         assert_eq!(parameters.error_state.initial_heading, Some([1.5, 0.1]));
         assert!((parameters.error_state.validity.invalid_after_s - 90.0).abs() < 1e-12);
         assert!((parameters.position_axes.acceleration_std - 3.0).abs() < 1e-12);
@@ -196,7 +165,11 @@ mod tests {
             ("acceleration=3", "unknown parameter `acceleration`"),
             ("acceleration_std=three", "expected a number"),
             ("acceleration_std=-1", "does not fit"),
-            ("noise=loud", "unknown variant"),
+            (
+                "noise=loud",
+                "expected physical | printed | printed-names-swapped",
+            ),
+            ("aceleration_std=3", "did you mean `acceleration_std`?"),
         ] {
             let message = parameters.set(kind, text).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");

@@ -27,14 +27,14 @@
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::ErrorPropagation as _;
+use northing_core::navigation::augmented_states::AUGMENTED_STATES;
 use northing_core::navigation::gnss_ins::{CovarianceStep, GnssIns};
-use northing_core::navigation::side_states::SIDE_STATES;
-use northing_core::navigation::{NavigationState, STATES, SideStates};
+use northing_core::navigation::{AugmentedStates, NavigationState, STATES};
 
 use crate::statistics::rts_step::Link;
 
-/// The 15 errors and the side states.
-const ALL: usize = STATES + SIDE_STATES;
+/// The 15 errors and the augmented states.
+const ALL: usize = STATES + AUGMENTED_STATES;
 type Joint = SMatrix<f64, ALL, ALL>;
 
 /// State and covariance at an instant.
@@ -42,7 +42,7 @@ type Joint = SMatrix<f64, ALL, ALL>;
 struct Snapshot {
     time_ns: i64,
     state: NavigationState<f64>,
-    side: SideStates<f64>,
+    side: AugmentedStates<f64>,
     /// Angular rate as measured, rad/s.
     rate: Vector3<f64>,
     last_fix_ns: Option<i64>,
@@ -58,7 +58,7 @@ struct Step {
     chain: u32,
 }
 
-/// What hindsight says about an instant.
+/// What the smoother says about an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SmoothedNavigation {
     /// When, ns.
@@ -77,7 +77,7 @@ pub struct SmoothedNavigation {
     pub since_fix_s: Option<f64>,
 }
 
-/// Keeps what a GNSS/INS does, to look back.
+/// Keeps what a GNSS/INS does, for RTS smoothing.
 #[derive(Debug, Clone, Default)]
 pub struct NavigationRecorder {
     steps: Vec<Step>,
@@ -147,7 +147,7 @@ impl NavigationRecorder {
         self.note_breaks(ins);
     }
 
-    /// Every instant in hindsight, the first to the last, which is the filter's own present.
+    /// Every smoothed instant, the first to the last, which is the filter's own present.
     pub fn smooth<const H: usize>(&mut self, ins: &mut GnssIns<f64, H>) -> Vec<SmoothedNavigation> {
         self.close(ins);
         let mut smoothed = Vec::with_capacity(self.steps.len() + 1);
@@ -217,7 +217,7 @@ fn snapshot<const H: usize>(ins: &GnssIns<f64, H>) -> Option<Snapshot> {
     Some(Snapshot {
         time_ns: ins.time_ns()?,
         state: *ins.state()?,
-        side: *ins.side_states(),
+        side: *ins.augmented_states(),
         rate: ins.angular_rate().copied().unwrap_or_default(),
         last_fix_ns: ins.last_fix_ns(),
     })
@@ -230,13 +230,13 @@ fn joint(snapshot: &Snapshot) -> Joint {
         .fixed_view_mut::<STATES, STATES>(0, 0)
         .copy_from(&snapshot.state.covariance);
     joint
-        .fixed_view_mut::<STATES, SIDE_STATES>(0, STATES)
+        .fixed_view_mut::<STATES, AUGMENTED_STATES>(0, STATES)
         .copy_from(&side.cross);
     joint
-        .fixed_view_mut::<SIDE_STATES, STATES>(STATES, 0)
+        .fixed_view_mut::<AUGMENTED_STATES, STATES>(STATES, 0)
         .copy_from(&side.cross.transpose());
     joint
-        .fixed_view_mut::<SIDE_STATES, SIDE_STATES>(STATES, STATES)
+        .fixed_view_mut::<AUGMENTED_STATES, AUGMENTED_STATES>(STATES, STATES)
         .copy_from(&side.covariance);
     joint
 }
@@ -256,7 +256,7 @@ fn difference(to: &Snapshot, from: &Snapshot) -> SVector<f64, ALL> {
     for (i, part) in parts.iter().enumerate() {
         d.fixed_rows_mut::<3>(3 * i).copy_from(part);
     }
-    d.fixed_rows_mut::<SIDE_STATES>(STATES)
+    d.fixed_rows_mut::<AUGMENTED_STATES>(STATES)
         .copy_from(&(to.side.values - from.side.values));
     d
 }
@@ -270,7 +270,7 @@ fn corrected(snapshot: &Snapshot, x: &SVector<f64, ALL>) -> Snapshot {
     state.position += part(6);
     state.accelerometer_bias += part(9);
     state.gyroscope_bias += part(12);
-    corrected.side.values += x.fixed_rows::<SIDE_STATES>(STATES);
+    corrected.side.values += x.fixed_rows::<AUGMENTED_STATES>(STATES);
     corrected
 }
 
@@ -315,10 +315,10 @@ mod tests {
             imu_samples: ImuSamples::Means,
             accelerometer_noise_density: sensors.accelerometer_std * root,
             gyroscope_noise_density: sensors.gyroscope_std * root,
-            accelerometer_wander_std: 0.0,
-            gyroscope_wander_std: 0.0,
-            position_white_share: 1.0,
-            position_slow_share: 0.0,
+            accelerometer_gauss_markov_std: 0.0,
+            gyroscope_gauss_markov_std: 0.0,
+            position_uncorrelated_fraction: 1.0,
+            position_correlated_fraction: 0.0,
             magnetic_heading_std: 0.031,
             // Calibrated, and white.
             magnetic_interval_s: 0.0,
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn hindsight_is_nearer_bridges_an_outage_and_knows_how_near_it_is() {
+    fn smoothing_is_nearer_bridges_an_outage_and_knows_how_near_it_is() {
         let runs: Vec<Scores> = (1..=8).map(run).collect();
         let n = runs.len() as f64;
         let mean = |of: fn(&Scores) -> f64| runs.iter().map(of).sum::<f64>() / n;

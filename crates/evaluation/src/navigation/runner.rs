@@ -1,8 +1,8 @@
 //! Runs a navigation estimator over a stream of events.
 //!
 //! The first usable fix is the origin of a local frame, north, east, down; everything inside is metres
-//! from there. Fixes can be thinned and kept back, and what is kept back is scored at. Memory does not grow
-//! with the recording, unless the estimates look back.
+//! from there. Fixes can be thinned and held out, and what is held out is scored at. Memory does not grow
+//! with the recording, unless the estimates are smoothed.
 
 mod finish;
 mod receiver;
@@ -17,7 +17,6 @@ use northing_recording::{DeviceNavigation, Event, Sample, SensorKind, WorldFrame
 
 use super::axis_navigator::AxisNavigator;
 use super::device_navigator::DeviceNavigator;
-use super::hindsight::Scored;
 use super::ins_navigator::InsNavigator;
 use super::kinds::NavigationKind;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
@@ -26,6 +25,7 @@ use super::options::NavigationOptions;
 use super::outcome::{NavigationSummary, ValidityTimes};
 use super::score::{LastFix, Scorer, seconds_between};
 use super::ship_navigator::ShipNavigator;
+use super::smoothed::Scored;
 use crate::error::EvaluationError;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
 
@@ -37,7 +37,7 @@ const HEADING_STD: f64 = 0.01;
 /// with the axes of a phone.
 ///
 /// # Errors
-/// The options make no sense, the events end in an error, or there was not one usable fix.
+/// The options are invalid, the events end in an error, or there was not one usable fix.
 pub fn run_navigation<I, X>(
     events: I,
     name: &str,
@@ -57,27 +57,20 @@ where
     }
     session.flush_inertial();
     if options.smooth {
-        session.look_back();
+        session.smooth();
     }
     session.finish(name)
 }
 
 fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, EvaluationError> {
     let p = &options.parameters;
-    let made: Result<Box<dyn Navigator>, &'static str> = match options.estimator {
-        NavigationKind::ErrorState => InsNavigator::new(p.error_state, options.smooth)
-            .map(|n| Box::new(n) as Box<dyn Navigator>),
-        NavigationKind::AxisFilters => AxisNavigator::new(p.attitude_axes, p.position_axes)
-            .map(|n| Box::new(n) as Box<dyn Navigator>),
-        NavigationKind::DeadReckoning => {
-            ShipNavigator::new(p.dead_reckoning).map(|n| Box::new(n) as Box<dyn Navigator>)
+    Ok(match options.estimator {
+        NavigationKind::ErrorState => Box::new(InsNavigator::new(p.error_state, options.smooth)?),
+        NavigationKind::AxisFilters => {
+            Box::new(AxisNavigator::new(p.attitude_axes, p.position_axes)?)
         }
-        NavigationKind::Device => Ok(Box::new(DeviceNavigator::default())),
-    };
-    made.map_err(|name| EvaluationError::BadValue {
-        name: name.to_owned(),
-        value: String::new(),
-        problem: "it makes no sense".to_owned(),
+        NavigationKind::DeadReckoning => Box::new(ShipNavigator::new(p.dead_reckoning)?),
+        NavigationKind::Device => Box::new(DeviceNavigator::default()),
     })
 }
 
@@ -93,8 +86,8 @@ struct Session<'a> {
     has_reference: bool,
     /// Usable fixes so far.
     fix_index: u64,
-    /// Whether the receiver's present epoch is kept back.
-    withheld: bool,
+    /// Whether the receiver's present epoch is held out.
+    held_out: bool,
     /// Whether nobody should use it.
     unusable: bool,
     last_fix: Option<LastFix>,
@@ -106,7 +99,7 @@ struct Session<'a> {
     device_estimates: u64,
     /// How fast the body turns, rad/s.
     turn_rate: f64,
-    /// What is to be scored, kept until the estimates have looked back.
+    /// What is to be scored, kept until the estimates are smoothed.
     kept: Vec<Scored>,
     observed_ns: Option<i64>,
 }
@@ -149,7 +142,7 @@ impl<'a> Session<'a> {
             scorer: Scorer::new(options.score_from_s, &options.outages),
             has_reference: false,
             fix_index: 0,
-            withheld: false,
+            held_out: false,
             unusable: false,
             last_fix: None,
             counts: Counts::default(),

@@ -1,4 +1,4 @@
-//! How good a navigation estimate was, scored at fixes that it has not seen, or at a reference.
+//! Position scores at held-out fixes, at a reference and in outages.
 //!
 //! Every score point is compared with the last estimate before it, moved on by its own velocity: causal
 //! to the millisecond. Beside the estimator two answers that need no filter are scored at the same

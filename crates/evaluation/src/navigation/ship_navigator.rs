@@ -2,6 +2,7 @@
 //! through the water.
 
 use nalgebra::{Matrix3, Rotation2, UnitQuaternion, Vector2, Vector3};
+use northing_core::ConfigError;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::{DeadReckoning, DeadReckoningConfig, Validity};
 
@@ -28,7 +29,7 @@ pub(crate) struct ShipNavigator {
 }
 
 impl ShipNavigator {
-    pub(crate) fn new(config: DeadReckoningConfig<f64>) -> Result<Self, &'static str> {
+    pub(crate) fn new(config: DeadReckoningConfig<f64>) -> Result<Self, ConfigError> {
         Ok(Self {
             filter: DeadReckoning::new(config)?,
             time_ns: None,
@@ -81,7 +82,7 @@ impl ShipNavigator {
 
 /// A measurement that moves no state by itself: taken in, or why not.
 fn taken(result: Result<(), SkipReason>) -> Innovation<f64> {
-    Innovation::skipped(result.err().unwrap_or(SkipReason::Gathered))
+    Innovation::skipped(result.err().unwrap_or(SkipReason::Accumulated))
 }
 
 impl Navigator for ShipNavigator {

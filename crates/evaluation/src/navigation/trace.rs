@@ -1,4 +1,4 @@
-//! What the plots of a navigation run need, thinned as it grows so that memory stays bounded.
+//! Trace of a navigation run for plots, thinned as it grows so that memory stays bounded.
 
 use std::collections::BTreeMap;
 

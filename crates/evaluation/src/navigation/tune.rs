@@ -1,9 +1,9 @@
-//! Fits noise parameters of a navigation estimator to a recording: the innovations that it makes
+//! Maximum-likelihood fit of noise parameters of a navigation estimator to a recording: the innovations that it makes
 //! shall be as likely as possible.
 //!
 //! The likelihood of one innovation is Gaussian with the covariance that the filter states, so neither small
 //! residuals nor large covariances win by themselves. The fit sees the first part of the recording alone; the
-//! rest is held back, and a fit that makes it less likely has learnt the recording instead of the sensors. The
+//! rest is held out, and a fit that makes it less likely has learnt the recording instead of the sensors. The
 //! search goes along one parameter after the other in factors, which halve (in logarithm) when no step helps.
 
 use nalgebra::{Matrix3, Vector3};
@@ -18,6 +18,7 @@ use super::observer::NavigationObserver;
 use super::options::NavigationOptions;
 use super::parameters::NavigationParameters;
 use super::runner::run_navigation;
+use crate::by_name;
 use crate::error::EvaluationError;
 
 /// Ends of the names of parameters that are noises.
@@ -36,7 +37,7 @@ const NOISE_OF_LIKELIHOOD: f64 = 0.005;
 pub struct TuneOptions {
     /// Parameters to fit; empty: every noise of the estimator that is above zero.
     pub parameters: Vec<String>,
-    /// Share of the recording that the fit sees, default 0.6; the rest is held back.
+    /// Share of the recording that the fit sees, default 0.6; the rest is held out.
     pub fitted_share: f64,
     /// Passes over all parameters at most, default 12.
     pub passes: usize,
@@ -54,11 +55,11 @@ impl Default for TuneOptions {
 
 /// Mean negative logarithm of the likelihood of an innovation: lower is better.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Unlikelihood {
+pub struct NegativeLogLikelihood {
     /// Over the part that the fit sees.
     pub fitted: f64,
-    /// Over the part that is held back.
-    pub held_back: f64,
+    /// Over the part that is held out.
+    pub held_out: f64,
 }
 
 /// A parameter before and after.
@@ -95,9 +96,9 @@ pub struct TuneOutcome {
     /// Parameters, before and after.
     pub parameters: Vec<TunedParameter>,
     /// With the parameters from before.
-    pub before: Unlikelihood,
+    pub before: NegativeLogLikelihood,
     /// With the fitted ones.
-    pub after: Unlikelihood,
+    pub after: NegativeLogLikelihood,
     /// Runs over the recording that it took.
     pub runs: usize,
     /// Whether the held-back part got less likely.
@@ -153,7 +154,7 @@ pub fn tune(
         before,
         after: search.best,
         runs: search.runs,
-        over_fits: search.best.held_back > before.held_back + NOISE_OF_LIKELIHOOD,
+        over_fits: search.best.held_out > before.held_out + NOISE_OF_LIKELIHOOD,
     })
 }
 
@@ -168,23 +169,23 @@ fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>
     let is_noise = |name: &str| NOISES.iter().any(|end| name.ends_with(end));
     let noises: Vec<String> = known
         .iter()
-        .filter(|setting| is_noise(&setting.name))
-        .filter(|setting| setting.value.as_f64().is_some_and(|value| value > 0.0))
-        .map(|setting| setting.name.clone())
+        .filter(|setting| is_noise(setting.parameter.name))
+        .filter(|setting| setting.number().is_some_and(|value| value > 0.0))
+        .map(|setting| setting.parameter.name.to_owned())
         .collect();
     if asked.parameters.is_empty() {
         return Ok(noises);
     }
     for name in &asked.parameters {
-        let setting = known.iter().find(|setting| setting.name == *name);
-        let setting = setting.ok_or_else(|| EvaluationError::UnknownParameter {
-            name: name.clone(),
-            valid: noises.join(", "),
-        })?;
-        if setting.value.as_f64().is_none_or(|value| value <= 0.0) {
+        let names = known.iter().map(|setting| {
+            let old = setting.parameter.formerly.map(str::to_owned);
+            (setting.parameter.name.to_owned(), old)
+        });
+        let setting = &known[by_name::find(name, names)?];
+        if setting.number().is_none_or(|value| value <= 0.0) {
             return Err(EvaluationError::BadValue {
                 name: name.clone(),
-                value: setting.value.to_string(),
+                value: setting.json().to_string(),
                 problem: "only numbers above 0 can be fitted; set one to start from".to_owned(),
             });
         }
@@ -194,9 +195,11 @@ fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>
 
 fn value_of(parameters: &NavigationParameters, kind: NavigationKind, name: &str) -> f64 {
     let settings = parameters.settings(kind);
-    let setting = settings.iter().find(|setting| setting.name == name);
+    let setting = settings
+        .iter()
+        .find(|setting| setting.parameter.name == name);
     setting
-        .and_then(|setting| setting.value.as_f64())
+        .and_then(|setting| setting.number())
         .unwrap_or(f64::NAN)
 }
 
@@ -217,8 +220,12 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// How unlikely the innovations are with these values.
-    fn judge(&self, names: &[String], values: &[f64]) -> Result<Unlikelihood, EvaluationError> {
+    /// Negative log-likelihood of the innovations with these values.
+    fn judge(
+        &self,
+        names: &[String],
+        values: &[f64],
+    ) -> Result<NegativeLogLikelihood, EvaluationError> {
         let mut options = self.options.clone();
         for (name, value) in names.iter().zip(values) {
             let setting = format!("{name}={value:e}");
@@ -236,9 +243,9 @@ impl Task<'_> {
         run_navigation(events, "", self.world, &options, &mut observer)?;
         (self.on_run)();
         let mean = |part: usize| observer.sums[part] / observer.counts[part].max(1) as f64;
-        Ok(Unlikelihood {
+        Ok(NegativeLogLikelihood {
             fitted: mean(0),
-            held_back: mean(1),
+            held_out: mean(1),
         })
     }
 }
@@ -246,7 +253,7 @@ impl Task<'_> {
 /// Where the search stands.
 struct Search {
     values: Vec<f64>,
-    best: Unlikelihood,
+    best: NegativeLogLikelihood,
     runs: usize,
 }
 
@@ -302,7 +309,7 @@ impl NavigationObserver for Likelihood {
         if matches!(aid, AidKind::ZeroVelocity | AidKind::NonHolonomic) {
             return;
         }
-        if let Some(value) = unlikelihood(innovation) {
+        if let Some(value) = negative_log_likelihood(innovation) {
             let part = usize::from(time_ns >= self.split_ns);
             self.sums[part] += value;
             self.counts[part] += 1;
@@ -311,7 +318,7 @@ impl NavigationObserver for Likelihood {
 }
 
 /// Negative logarithm of the likelihood of an innovation, an outlier cut short.
-fn unlikelihood(innovation: &Innovation<f64>) -> Option<f64> {
+fn negative_log_likelihood(innovation: &Innovation<f64>) -> Option<f64> {
     if matches!(innovation.outcome, Outcome::Skipped(_)) {
         return None;
     }
@@ -366,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_walk_that_is_set_far_too_large_comes_down_and_the_held_back_part_agrees() {
+    fn a_walk_that_is_set_far_too_large_comes_down_and_the_held_out_part_agrees() {
         let mut options = NavigationOptions {
             estimator: NavigationKind::DeadReckoning,
             ..NavigationOptions::default()
@@ -382,7 +389,7 @@ mod tests {
         };
         assert!(walk.after < 0.3, "{walk:?}");
         assert!(outcome.after.fitted < outcome.before.fitted - 0.1);
-        assert!(outcome.after.held_back < outcome.before.held_back - 0.1);
+        assert!(outcome.after.held_out < outcome.before.held_out - 0.1);
         assert!(!outcome.over_fits && outcome.runs > 4);
     }
 
@@ -433,6 +440,6 @@ mod tests {
             outcome: Outcome::Fused,
         };
         let expected = 0.5 * (2.0 + 36.0_f64.ln());
-        approx::assert_relative_eq!(unlikelihood(&innovation).unwrap(), expected);
+        approx::assert_relative_eq!(negative_log_likelihood(&innovation).unwrap(), expected);
     }
 }

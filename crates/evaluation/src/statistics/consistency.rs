@@ -1,4 +1,4 @@
-//! Is the stated noise honest? A verdict in words for each sensor, from its NIS.
+//! Consistency of stated noise: a verdict in words for each sensor, from its NIS.
 //!
 //! When the covariance `S` that a filter expects of its residuals is right, the NIS is chi-square
 //! distributed. Its median tells by which factor the bulk of the residuals is larger than stated,
@@ -14,10 +14,11 @@ use crate::statistics::nis::{NisSummary, UpdateCounts, chi_square_quantile};
 
 /// What the NIS of a sensor says about its stated noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseVerdict {
     /// Residuals are about as large as stated.
-    Honest,
+    Consistent,
     /// The bulk of the residuals is larger than stated.
     TooSmall,
     /// The bulk of the residuals is smaller than stated.
@@ -30,6 +31,7 @@ pub enum NoiseVerdict {
 
 /// The verdict on one sensor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct SensorVerdict {
     /// The sensor.
     pub sensor: SensorKind,
@@ -38,7 +40,7 @@ pub struct SensorVerdict {
     /// By how much the variance of the bulk of the residuals differs from what was stated: 9 means
     /// that `R` is about 9 times too small. `None` with too few samples.
     pub variance_factor: Option<f64>,
-    /// 95 % band of the mean NIS for honest noise, widened for the residuals' correlation.
+    /// 95 % band of the mean NIS for consistent noise, widened for the residuals' correlation.
     pub mean_nis_band: [f64; 2],
     /// The verdict in sentences, the most important first.
     pub sentences: Vec<String>,
@@ -46,27 +48,27 @@ pub struct SensorVerdict {
 
 /// Below this many samples nothing is said.
 const FEWEST_SAMPLES: u64 = 30;
-/// A variance this many times off is still called honest: 12 % of the standard deviation.
-const HONEST_FACTOR: f64 = 1.25;
+/// A variance this many times off is still called consistent: 12 % of the standard deviation.
+const CONSISTENT_FACTOR: f64 = 1.25;
 /// Correlation from one residual to the next above which white noise is the wrong picture.
 const STRONG_CORRELATION: f64 = 0.5;
 /// Share of refused samples above which the gate is named.
 const LARGE_GATED_SHARE: f64 = 0.05;
 
-/// A mean NEES per degree of freedom between these is called honest: a standard deviation that is
+/// A mean NEES per degree of freedom between these is called consistent: a standard deviation that is
 /// right within 30 %.
-const HONEST_NEES: [f64; 2] = [1.0 / 1.7, 1.7];
+const CONSISTENT_NEES: [f64; 2] = [1.0 / 1.7, 1.7];
 
-/// Whether a mean NEES per degree of freedom is honest.
+/// Whether a mean NEES per degree of freedom is consistent.
 #[must_use]
-pub fn is_honest_nees(nees: f64) -> bool {
-    (HONEST_NEES[0]..=HONEST_NEES[1]).contains(&nees)
+pub fn is_consistent_nees(nees: f64) -> bool {
+    (CONSISTENT_NEES[0]..=CONSISTENT_NEES[1]).contains(&nees)
 }
 
-/// A mean NEES per degree of freedom in words: whether the covariance is honest.
+/// A mean NEES per degree of freedom in words: whether the covariance is consistent.
 #[must_use]
 pub fn nees_in_words(nees: f64) -> String {
-    let [low, high] = HONEST_NEES;
+    let [low, high] = CONSISTENT_NEES;
     let verdict = if nees > high {
         format!(
             "the stated uncertainty is about {:.1} times too small",
@@ -78,7 +80,7 @@ pub fn nees_in_words(nees: f64) -> String {
             nees.sqrt().recip()
         )
     } else {
-        "the stated uncertainty is honest".to_owned()
+        "the stated uncertainty is consistent".to_owned()
     };
     format!("mean NEES {nees:.2} per degree of freedom (1 is ideal): {verdict}")
 }
@@ -102,7 +104,7 @@ pub fn judge(
     }
     if enough && counts.gated_share() > LARGE_GATED_SHARE {
         sentences.push(format!(
-            "Its gate refuses {:.0} % of the samples, where an honest 99 % gate refuses 1 %: \
+            "Its gate refuses {:.0} % of the samples, where a consistent filter refuses 1 %: \
              either its noise is larger than stated, or it was disturbed that often.",
             100.0 * counts.gated_share()
         ));
@@ -121,17 +123,17 @@ fn is_correlated(nis: &NisSummary) -> bool {
 }
 
 fn classify(nis: &NisSummary, factor: f64, [low, high]: [f64; 2]) -> NoiseVerdict {
-    let honest = 1.0 / HONEST_FACTOR..=HONEST_FACTOR;
+    let consistent = 1.0 / CONSISTENT_FACTOR..=CONSISTENT_FACTOR;
     let mean_factor = nis.mean / f64::from(nis.degrees_of_freedom.max(1));
     if nis.samples < FEWEST_SAMPLES {
         NoiseVerdict::TooFew
-    } else if honest.contains(&factor) && nis.mean > high && mean_factor > HONEST_FACTOR {
+    } else if consistent.contains(&factor) && nis.mean > high && mean_factor > CONSISTENT_FACTOR {
         NoiseVerdict::Outliers
-    } else if honest.contains(&factor)
+    } else if consistent.contains(&factor)
         // The band of correlated residuals is so wide that it excuses anything.
         || (!is_correlated(nis) && (low..=high).contains(&nis.mean))
     {
-        NoiseVerdict::Honest
+        NoiseVerdict::Consistent
     } else if factor > 1.0 {
         NoiseVerdict::TooSmall
     } else {
@@ -172,8 +174,8 @@ fn main_sentence(
             "Only {} {name} sample(s) were used: too few to judge its R.",
             nis.samples
         ),
-        NoiseVerdict::Honest => format!(
-            "{your} {name} R is honest: the mean NIS is {:.2} for {}.",
+        NoiseVerdict::Consistent => format!(
+            "{your} {name} R is consistent: the mean NIS is {:.2} for {}.",
             nis.mean,
             degrees_of_freedom(nis)
         ),
@@ -212,7 +214,7 @@ fn correlation_sentence(sensor: SensorKind, nis: &NisSummary, correlation_time_s
     };
     let start = format!(
         "But its residuals are strongly correlated ({:.2} from one sample to the next): errors that \
-         last are no white noise, and no R is honest for them",
+         last are no white noise, and no R is consistent for them",
         nis.lag1_autocorrelation
     );
     if correlation_time_s > 0.0 {
@@ -273,9 +275,9 @@ mod tests {
     }
 
     #[test]
-    fn white_noise_as_stated_is_honest() {
+    fn white_noise_as_stated_is_consistent() {
         let verdict = verdict(20_000, 1.0, 0.0);
-        assert_eq!(verdict.verdict, NoiseVerdict::Honest);
+        assert_eq!(verdict.verdict, NoiseVerdict::Consistent);
         let [low, high] = verdict.mean_nis_band;
         // 3 +- 1.96 sqrt(6 / 20000)
         assert!(
@@ -356,8 +358,8 @@ mod tests {
 
     #[test]
     fn an_uncertainty_three_times_too_small_is_called_so() {
-        assert!(nees_in_words(9.0).contains("3.0 times too small") && !is_honest_nees(9.0));
-        assert!(nees_in_words(0.25).contains("2.0 times too large") && !is_honest_nees(0.25));
-        assert!(nees_in_words(1.1).ends_with("honest") && is_honest_nees(1.1));
+        assert!(nees_in_words(9.0).contains("3.0 times too small") && !is_consistent_nees(9.0));
+        assert!(nees_in_words(0.25).contains("2.0 times too large") && !is_consistent_nees(0.25));
+        assert!(nees_in_words(1.1).ends_with("consistent") && is_consistent_nees(1.1));
     }
 }

@@ -1,4 +1,4 @@
-//! How far an estimate is from a reference: total, heading and inclination error, RMS, NEES.
+//! Error metrics against a reference: total, heading and inclination error, RMS, NEES.
 //!
 //! The metric of the BROAD benchmark (Laidig et al., 2021). The error rotation in the world frame
 //! is `e = q_est * conj(q_ref)`; its angle is the total error, its part about the vertical the
@@ -45,6 +45,7 @@ impl AttitudeError {
 
 /// RMS errors over the scored samples, deg: the `error_deg` of a summary.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct ErrorSummary {
     /// RMS of the total error, deg.
     pub total_rmse: f64,
@@ -56,6 +57,7 @@ pub struct ErrorSummary {
     pub scored_samples: u64,
     /// Estimates that are not finite and therefore do not count; left out of JSON when 0.
     #[serde(skip_serializing_if = "is_zero")]
+    #[cfg_attr(feature = "typescript", ts(as = "Option<u64>", optional))]
     pub not_finite_samples: u64,
 }
 
@@ -121,7 +123,7 @@ impl ErrorStatistics {
         self.not_finite
     }
 
-    /// Mean NEES per degree of freedom: 1 when the covariance is honest, above when it is too
+    /// Mean NEES per degree of freedom: 1 when the covariance is consistent, above when it is too
     /// small. `None` for estimators without covariance.
     #[must_use]
     pub fn nees_per_degree_of_freedom(&self) -> Option<f64> {
@@ -131,7 +133,7 @@ impl ErrorStatistics {
 
 /// Normalised estimation error squared of an attitude: `a^T P^-1 a` with the local error `a` of
 /// `q_ref = q_est * Exp(a)` in body axes; chi-square with 3 degrees of freedom when `covariance`
-/// (rad^2) is honest. `None` where the covariance is not positive definite.
+/// (rad^2) is consistent. `None` where the covariance is not positive definite.
 #[must_use]
 pub fn attitude_nees(
     estimate: &UnitQuaternion<f64>,

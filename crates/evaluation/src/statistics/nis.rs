@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 /// How often a sensor was used: the entry of `updates` in a summary.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct UpdateCounts {
     /// Samples that changed the state, the inflated ones among them.
     pub fused: u64,
@@ -53,8 +54,9 @@ impl UpdateCounts {
 
 /// What the NIS of one sensor says, over all samples that were looked at (the refused ones too).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct NisSummary {
-    /// Mean NIS; the degrees of freedom when the tuning is honest.
+    /// Mean NIS; the degrees of freedom when the tuning is consistent.
     pub mean: f64,
     /// Median NIS: says the same of the bulk, whatever outliers do.
     pub median: f64,
@@ -62,9 +64,9 @@ pub struct NisSummary {
     pub degrees_of_freedom: u8,
     /// Samples that were looked at.
     pub samples: u64,
-    /// Share above the 95 % bound of chi-square, 0.05 when honest.
+    /// Share above the 95 % bound of chi-square, 0.05 when consistent.
     pub share_above_95: f64,
-    /// Share above the 99 % bound, 0.01 when honest.
+    /// Share above the 99 % bound, 0.01 when consistent.
     pub share_above_99: f64,
     /// Correlation of one residual with the next, -1 to 1; 0 when they are white.
     pub lag1_autocorrelation: f64,

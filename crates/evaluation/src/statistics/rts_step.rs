@@ -18,7 +18,7 @@ pub(crate) struct Link<'a, const N: usize> {
 }
 
 impl<const N: usize> Link<'_, N> {
-    /// What hindsight changes before the step: correction and covariance, given by how much the
+    /// What smoothing changes before the step: correction and covariance, given by how much the
     /// smoothed state after it differs from the prediction, and its covariance. States that are
     /// not in use have a variance of zero and stay as they are. `None` where the prediction has no
     /// inverse.

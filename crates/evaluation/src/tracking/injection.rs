@@ -1,7 +1,7 @@
-//! A heading error, drawn anew for each run: which tracker knows what it does not know?
+//! Injected heading error, drawn for each run: consistency and losses of each tracker.
 //!
 //! The recordings' detections are relative to the own ship, so an error added to its heading is known
-//! exactly. A tracker that states its uncertainty honestly has the true position inside its 95 %
+//! exactly. A tracker that states its uncertainty consistently has the true position inside its 95 %
 //! ellipse 95 times of 100.
 
 use std::collections::BTreeMap;
@@ -17,6 +17,7 @@ use super::kinds::TrackerKind;
 use super::options::{OwnShipStd, TrackOptions};
 use super::outcome::TrackSummary;
 use super::runner::run;
+use crate::error::EvaluationError;
 
 /// How to inject.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,25 +69,27 @@ pub struct InjectionSummary {
 
 /// Runs every tracker over every recording with the same errors. The result does not depend on the
 /// number of threads: runs are summed in their order.
-#[must_use]
+///
+/// # Errors
+/// As [`run`].
 pub fn inject_heading(
     recordings: &[TrackingRecording],
     options: &InjectionOptions,
-) -> InjectionSummary {
+) -> Result<InjectionSummary, EvaluationError> {
     let errors = errors(options);
     let jobs: Vec<_> = (TrackerKind::ALL.into_iter())
         .flat_map(|kind| errors.iter().map(move |error| (kind, *error)))
         .flat_map(|(kind, error)| recordings.iter().map(move |r| (kind, error, r)))
         .collect();
-    let results: Vec<_> = jobs
+    let results: Result<Vec<_>, EvaluationError> = jobs
         .par_iter()
-        .map(|(kind, error, recording)| (*kind, one(recording, *kind, *error, options)))
+        .map(|(kind, error, recording)| Ok((*kind, one(recording, *kind, *error, options)?)))
         .collect();
     let mut sums = BTreeMap::<&'static str, Sums>::new();
-    for (kind, summary) in &results {
+    for (kind, summary) in &results? {
         sums.entry(kind.name()).or_default().add(summary);
     }
-    InjectionSummary {
+    Ok(InjectionSummary {
         recordings: recordings.iter().map(|r| r.name.clone()).collect(),
         injected_heading_std_deg: options.heading_std_rad.to_degrees(),
         runs: options.runs,
@@ -95,7 +98,7 @@ pub fn inject_heading(
             .iter()
             .map(|(name, sums)| (*name, sums.mean()))
             .collect(),
-    }
+    })
 }
 
 fn errors(options: &InjectionOptions) -> Vec<f64> {
@@ -111,7 +114,7 @@ fn one(
     kind: TrackerKind,
     error: f64,
     options: &InjectionOptions,
-) -> TrackSummary {
+) -> Result<TrackSummary, EvaluationError> {
     let told = OwnShipStd {
         position_m: 0.0,
         heading_rad: options.heading_std_rad,

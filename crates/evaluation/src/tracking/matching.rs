@@ -1,4 +1,4 @@
-//! Which track is which target, and the distance between two sets of positions.
+//! Assignment of tracks to targets, and GOSPA: the distance between two sets of positions.
 //!
 //! GOSPA: Rahmathullah, Garcia-Fernandez, Svensson, *Generalized Optimal Sub-Pattern Assignment
 //! Metric*, FUSION (2017), with p = 2 and alpha = 2. The assignment comes from a library (Kuhn and

@@ -5,7 +5,7 @@ use std::time::Instant;
 use nalgebra::{Matrix2, Vector2};
 use northing_core::tracking::detection::{Detection, DetectionNoise};
 use northing_core::tracking::multi_target::{
-    MultiTargetTracker, Scan, ScanSensor, TrackStatus, MultiTargetConfig,
+    MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, TrackStatus,
 };
 use northing_core::tracking::own_ship::{OwnShip, PoseMemory};
 use northing_recording::tracking::{
@@ -16,6 +16,7 @@ use super::kinds::TrackerKind;
 use super::matching::Place;
 use super::options::TrackOptions;
 use super::outcome::{Counts, Score, TrackSummary};
+use crate::error::EvaluationError;
 
 /// Motion models of the tracker.
 const MODELS: usize = 3;
@@ -66,19 +67,22 @@ pub struct TrackEpoch {
 }
 
 /// Runs the tracker over a recording; `watch` gets every instant with a scan.
+///
+/// # Errors
+/// A parameter of the tracker is outside its permitted range.
 pub fn run(
     recording: &TrackingRecording,
     options: &TrackOptions,
     mut watch: impl FnMut(TrackEpoch),
-) -> TrackSummary {
+) -> Result<TrackSummary, EvaluationError> {
     let started = Instant::now();
-    let mut runner = Runner::new(recording, options);
+    let mut runner = Runner::new(recording, options)?;
     for event in &recording.events {
         runner.finish_epoch_before(event.time_ns, &mut watch);
         runner.take(event.time_ns, &event.sample);
     }
     runner.finish_epoch_before(i64::MAX, &mut watch);
-    runner.summary(recording, started)
+    Ok(runner.summary(recording, started))
 }
 
 /// What a run carries from event to event.
@@ -114,7 +118,10 @@ impl Gathered {
 }
 
 impl<'a> Runner<'a> {
-    fn new(recording: &TrackingRecording, options: &'a TrackOptions) -> Self {
+    fn new(
+        recording: &TrackingRecording,
+        options: &'a TrackOptions,
+    ) -> Result<Self, EvaluationError> {
         let used = |name: &String, settings: &SensorSettings| match &options.sensors {
             Some(chosen) => chosen.contains(name),
             None => settings.used,
@@ -132,17 +139,17 @@ impl<'a> Runner<'a> {
                 heading_s: 0.0,
             };
         }
-        Self {
+        Ok(Self {
             options,
             names: names.map(|((name, _), _)| name.clone()).collect(),
             sensors,
             ais: recording.sensors.iter().position(|(name, _)| name == "ais"),
-            tracker: Box::new(Tracker::new(config)),
+            tracker: Box::new(Tracker::new(config)?),
             own: OwnShip::exact(0.0, 0.0, 0.0),
             score: Score::default(),
             first_ns: recording.events.first().map_or(0, |event| event.time_ns),
             epoch: None,
-        }
+        })
     }
 
     fn take(&mut self, time_ns: i64, sample: &TrackingSample) {

@@ -1,4 +1,4 @@
-//! Runs and scores: tracking with fixes, outages, and whether stated errors are true.
+//! Runs and scores: errors with fixes, outages, NEES consistency.
 
 use nalgebra::{SMatrix, SVector};
 use northing_core::geometry::{rotation, so3};

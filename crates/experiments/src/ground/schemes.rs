@@ -1,4 +1,4 @@
-//! The schemes that are compared: each makes an estimate of every sample of a way.
+//! Schemes that are compared: each estimates every sample of a trajectory.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::attitude::axis_filters::{
@@ -87,7 +87,7 @@ impl Scheme {
         }
     }
 
-    /// Runs over a way. `blind` says at which samples (from, to) fixes are withheld.
+    /// Runs over a way. `blind` says at which samples (from, to) fixes are held out.
     #[must_use]
     pub fn run(
         self,
@@ -287,7 +287,7 @@ fn held(
     each.collect()
 }
 
-/// Settings of the error-state filter for these sensors, without what they do not need: no wandering biases, no
+/// Settings of the error-state filter for these sensors, without what they do not need: no Gauss-Markov biases, no
 /// damping; the receiver's error is taken for white, as it is by the axis filters.
 pub(super) fn error_state_config(sensors: &GroundSensors) -> GnssInsConfig<f64> {
     let root = (1.0 / RATE_HZ).sqrt();
@@ -298,10 +298,10 @@ pub(super) fn error_state_config(sensors: &GroundSensors) -> GnssInsConfig<f64> 
         gyroscope_noise_density: sensors.gyroscope_std * root,
         accelerometer_bias_random_walk: 1e-3,
         gyroscope_bias_random_walk: 3e-5,
-        accelerometer_wander_std: 0.0,
-        gyroscope_wander_std: 0.0,
-        position_white_share: 1.0,
-        position_slow_share: 0.0,
+        accelerometer_gauss_markov_std: 0.0,
+        gyroscope_gauss_markov_std: 0.0,
+        position_uncorrelated_fraction: 1.0,
+        position_correlated_fraction: 0.0,
         magnetic_heading_std: HEADING_STD,
         // Calibrated, and white.
         magnetic_interval_s: 0.0,

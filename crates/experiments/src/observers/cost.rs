@@ -38,7 +38,7 @@ pub struct Cost {
 /// Times the schemes over `data`.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn measure(data: &ObserverData, gains: &Gains) -> Result<Cost, EvaluationError> {
     let config = settings(data, gains, Form::Northing);
     let start = data.initial_state();
@@ -73,7 +73,7 @@ pub fn measure(data: &ObserverData, gains: &Gains) -> Result<Cost, EvaluationErr
 }
 
 fn time(data: &ObserverData, mut filter: impl AttitudeEstimator<f64>, with_position: bool) -> f64 {
-    let config = CascadeConfig::default();
+    let config = CascadeConfig::lab();
     let position = data.position.as_ref().filter(|_| with_position);
     let mut observer = Cascade::new(config, specific_force_at_rest()).ok();
     let mut fixes = position.map_or(&[][..], |p| &p.measured).iter().peekable();

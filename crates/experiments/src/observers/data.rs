@@ -1,4 +1,4 @@
-//! What observers are run over: samples of one rate with a truth, from a simulated flight or a recording.
+//! Data that observers are run over: samples of one rate with a truth, from a simulated flight or a recording.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::wahba;
@@ -93,7 +93,7 @@ impl ObserverData {
             noise: SampleNoise {
                 rate_std: scenario.gyroscope.noise_std_rad_s,
                 bias_random_walk: scenario.gyroscope.bias_random_walk_rad_s_sqrt_s,
-                force_std: scenario.accelerometer.noise_std_mps2,
+                force_std: scenario.accelerometer.noise_std_m_s2,
                 field_std: scenario.magnetometer.noise_std_ut,
             },
             position: Some(PositionData {

@@ -204,7 +204,7 @@ impl Experiment {
                 .collect()
         };
         let (scored, tuned_on) = (flights(0), flights(self.flights));
-        let acceleration = scenario.ekf.linear_acceleration_std_mps2;
+        let acceleration = scenario.ekf.linear_acceleration_std_m_s2;
         let case = Case {
             scored: &scored,
             tuned_on: &tuned_on,
@@ -432,7 +432,7 @@ impl Case<'_> {
             gain_percent: gain.percent,
             gain_ci95: gain.ci95,
             position_gain_percent: better(|s| s.position_m),
-            velocity_gain_percent: better(|s| s.velocity_mps),
+            velocity_gain_percent: better(|s| s.velocity_m_s),
             scores: means,
         })
     }
@@ -450,7 +450,7 @@ impl Case<'_> {
             inclination_deg: over(|s| s.inclination_deg),
             heading_deg: over(|s| s.heading_deg),
             position_m: over(|s| s.position_m),
-            velocity_mps: over(|s| s.velocity_mps),
+            velocity_m_s: over(|s| s.velocity_m_s),
             settled_s: settled.get(settled.len() / 2).copied().unwrap_or(f64::NAN),
         }
     }

@@ -65,7 +65,7 @@ pub struct Score {
     /// Position error, m; 0 without positions.
     pub position_m: f64,
     /// Velocity error, m/s; 0 without positions.
-    pub velocity_mps: f64,
+    pub velocity_m_s: f64,
     /// When the total error went below three degrees for good, s; the end of what is scored where it
     /// did not.
     pub settled_s: f64,
@@ -114,7 +114,7 @@ pub fn settings(data: &ObserverData, gains: &Gains, form: Form) -> AttitudeConfi
         complementary_magnetometer_weight: 1.0,
         complementary_field_tolerance: UNBOUNDED,
         complementary_bias_limit: UNBOUNDED,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     }
 }
 
@@ -132,7 +132,7 @@ fn observer(
 /// The original: vectors straight into a complementary filter, explicit, or against TRIAD.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn original(
     data: &ObserverData,
     innovation: ComplementaryForm,
@@ -169,7 +169,7 @@ pub fn original(
 /// The EKF alone: what the modified scheme takes for the measured rotation.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn ekf(
     data: &ObserverData,
     gains: &Gains,
@@ -196,7 +196,7 @@ pub fn ekf(
 /// The modified scheme: a passive filter that follows the rotation that the EKF reconstructed.
 ///
 /// # Errors
-/// The gains make no sense.
+/// The gains are invalid.
 pub fn modified(
     data: &ObserverData,
     reconstructed: &[Estimate],
@@ -226,7 +226,7 @@ pub fn modified(
 /// The errors of estimates, position and velocity included where there are positions.
 ///
 /// # Errors
-/// The pole of the data makes no sense.
+/// The pole of the data is invalid.
 pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, EvaluationError> {
     let mut squares = [0.0_f64; 3];
     let (mut count, mut settled) = (0.0_f64, 0);
@@ -244,7 +244,7 @@ pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, Evalu
     }
     let [total_deg, inclination_deg, heading_deg] =
         squares.map(|s| (s / count.max(1.0)).sqrt().to_degrees());
-    let [position_m, velocity_mps] = match &data.position {
+    let [position_m, velocity_m_s] = match &data.position {
         Some(position) => position_errors(data, position, estimates, true)?,
         None => [0.0; 2],
     };
@@ -253,7 +253,7 @@ pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, Evalu
         inclination_deg,
         heading_deg,
         position_m,
-        velocity_mps,
+        velocity_m_s,
         settled_s: settled as f64 * data.interval_s,
     })
 }
@@ -262,7 +262,7 @@ pub fn score(data: &ObserverData, estimates: &[Estimate]) -> Result<Score, Evalu
 /// attitude estimates, with or without its rotation-rate term.
 ///
 /// # Errors
-/// The pole makes no sense.
+/// The pole is invalid.
 pub fn position_errors(
     data: &ObserverData,
     position: &PositionData,
@@ -271,16 +271,11 @@ pub fn position_errors(
 ) -> Result<[f64; 2], EvaluationError> {
     let config = CascadeConfig {
         pole: position.pole,
-        position_std: NO_OUTLIERS_M,
+        position_std_m: NO_OUTLIERS_M,
         rotation_rate_term,
         bias_limit: UNBOUNDED,
     };
-    let bad = |name: &str| EvaluationError::BadValue {
-        name: name.to_owned(),
-        value: position.pole.to_string(),
-        problem: "expected a pole between 0.001 and 100 1/s".to_owned(),
-    };
-    let mut observer = Cascade::new(config, specific_force_at_rest()).map_err(bad)?;
+    let mut observer = Cascade::new(config, specific_force_at_rest())?;
     observer.update_position(&position.start, 0.0, &data.start, &Vector3::zeros());
     let mut fixes = position.measured.iter().peekable();
     let mut squares = [0.0_f64; 2];

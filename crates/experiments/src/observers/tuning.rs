@@ -109,7 +109,7 @@ pub fn candidates(grid: &Grid, scheme: Scheme) -> Vec<Gains> {
 /// The scores of a scheme with each of several gains over one flight or recording.
 ///
 /// # Errors
-/// Gains that make no sense.
+/// Gains that are invalid.
 pub fn scores(
     data: &ObserverData,
     scheme: Scheme,

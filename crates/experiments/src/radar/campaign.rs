@@ -32,6 +32,14 @@ pub enum CampaignError {
         /// The names there are.
         valid: String,
     },
+    /// Trackers that do not go with the navigation filter.
+    #[error(
+        "the tracker `{name}` needs the navigation filter error-state: it looks into it or corrects it"
+    )]
+    NeedsErrorState {
+        /// The tracker.
+        name: String,
+    },
     /// No runs.
     #[error("runs is 0, expected at least 1")]
     NoRuns,
@@ -214,11 +222,11 @@ impl RunWatcher for Adder {
 }
 
 impl Campaign {
-    /// A campaign of this scenario; an empty list of trackers is that of the scenario, and all when
-    /// that is empty too.
+    /// A campaign of this scenario; an empty list of trackers is that of the scenario, and all that go with its
+    /// navigation filter when that is empty too.
     ///
     /// # Errors
-    /// No runs, or a tracker that there is not.
+    /// No runs, a tracker that there is not, or one that does not go with the navigation filter.
     pub fn new(
         scenario: &Scenario,
         trackers: &[TrackerKind],
@@ -235,8 +243,16 @@ impl Campaign {
                 .map(|name| TrackerKind::parse(name))
                 .collect::<Result<_, _>>()?;
         }
+        let filter = scenario.navigation.filter;
         if kinds.is_empty() {
             kinds = TrackerKind::ALL.to_vec();
+        }
+        if trackers.is_empty() {
+            kinds.retain(|kind| kind.goes_with(filter));
+        }
+        if let Some(kind) = kinds.iter().find(|kind| !kind.goes_with(filter)) {
+            let name = kind.name().to_owned();
+            return Err(CampaignError::NeedsErrorState { name });
         }
         kinds.sort_unstable();
         kinds.dedup();

@@ -1,21 +1,19 @@
 //! One run: a navigation filter, and every tracker on the same measurements.
 
-use nalgebra::{Matrix3, SMatrix, Vector3, Vector4};
-use northing_core::kalman::{ErrorPropagation as _, Outcome};
-use northing_core::navigation::error_state::GnssCompassUpdate;
-use northing_core::navigation::{
-    ErrorStateConfig, ErrorStateFilter, ErrorTransition, GnssCompassFix, NavigationState, STATES,
-};
+use nalgebra::{Matrix3, Vector3, Vector4};
+use northing_core::kalman::{ErrorListener as _, Outcome};
+use northing_core::navigation::{ERRORS, GnssCompassFix, STATES};
 use northing_core::tracking::own_ship::PoseMemory;
 use northing_core::tracking::radar::wrap;
 use northing_core::tracking::{
     ConstantVelocity, RadarDetection, RadarNoise, TrackEstimate, TrackerConfig,
 };
 use northing_simulation::scenario::TrackingRun;
-use northing_simulation::scenario::schema::{StartCross, TrackStart};
+use northing_simulation::scenario::schema::{NavigationFilter, StartCross, TrackStart};
 use northing_simulation::scenario::world::{OwnTruth, TrackingWorld};
 
-use super::trackers::{AnyTracker, Scan, Start, TrackerKind};
+use super::navigators::{GnssInsNavigator, Navigator, PaperNavigator, Scan};
+use super::trackers::{AnyTracker, Contestant, Start, TrackerKind};
 
 /// What one tracker thought at a scan, and what was true.
 #[derive(Debug, Clone, Copy)]
@@ -55,85 +53,6 @@ pub trait RunWatcher {
     );
 }
 
-/// A navigation filter and its error's closed loop since the last scan.
-struct Navigation {
-    filter: ErrorStateFilter<f64>,
-    rows: SMatrix<f64, 3, STATES>,
-    since_scan: ErrorTransition<f64>,
-    heading: SMatrix<f64, STATES, 1>,
-}
-
-impl Navigation {
-    fn new(world: &TrackingWorld, run: &TrackingRun<'_>) -> Option<Self> {
-        let noises = world.noises();
-        let start = run.navigation_start();
-        let square = |std: f64| std * std;
-        let mut covariance = SMatrix::<f64, STATES, STATES>::zeros();
-        for i in 0..3 {
-            let variances = [
-                square(noises.attitude_std[i]),
-                square(noises.velocity_std),
-                square(noises.position_std[i]),
-                square(noises.accelerometer_bias_std),
-                square(noises.gyroscope_bias_std),
-            ];
-            for (block, variance) in variances.into_iter().enumerate() {
-                covariance[(3 * block + i, 3 * block + i)] = variance;
-            }
-        }
-        let config = ErrorStateConfig {
-            accelerometer_noise_density: noises.filter_accelerometer_density,
-            gyroscope_noise_density: noises.filter_gyroscope_density,
-            gravity: world.scenario().meta.gravity_mps2,
-            reset_jacobian: world.scenario().navigation.reset_jacobian,
-            ..ErrorStateConfig::default()
-        };
-        let state = NavigationState {
-            ned_from_body: start.ned_from_body,
-            velocity: start.velocity,
-            position: start.position,
-            accelerometer_bias: Vector3::zeros(),
-            gyroscope_bias: Vector3::zeros(),
-            covariance,
-            pending: ErrorTransition::default(),
-            skipped: 0,
-        };
-        let filter = ErrorStateFilter::new(config, state).ok()?;
-        Some(Self {
-            rows: filter.pose_from_error(),
-            filter,
-            since_scan: ErrorTransition::default(),
-            heading: unit_heading(),
-        })
-    }
-
-    /// A fix, or the time for one. Gives the transition, and the update if there was one.
-    fn fix(
-        &mut self,
-        fix: Option<&GnssCompassFix<f64>>,
-    ) -> (ErrorTransition<f64>, Option<GnssCompassUpdate<f64>>) {
-        let update = fix.map(|fix| self.filter.update_gnss_compass(fix));
-        let transition = update
-            .as_ref()
-            .map_or_else(|| self.filter.catch_up(), |update| update.transition);
-        self.since_scan = self.since_scan.then(&transition);
-        transition.map_rows(&mut self.heading);
-        if let Some(update) = &update {
-            update.feedback.map_rows(&mut self.heading);
-        }
-        (transition, update)
-    }
-
-    fn scanned(&mut self) {
-        self.since_scan = ErrorTransition::default();
-        self.heading = unit_heading();
-    }
-}
-
-fn unit_heading() -> SMatrix<f64, STATES, 1> {
-    SMatrix::from_fn(|i, _| if i == 2 { 1.0 } else { 0.0 })
-}
-
 fn pose_of(truth: &OwnTruth) -> Vector3<f64> {
     Vector3::new(truth.position.x, truth.position.y, wrap(truth.heading_rad))
 }
@@ -144,7 +63,7 @@ pub fn tracker_config(world: &TrackingWorld) -> (TrackerConfig<f64>, PoseMemory<
     let radar = world.noises().radar_std;
     let config = TrackerConfig::new(
         ConstantVelocity {
-            acceleration_std: world.scenario().target.sigma_accel_mps2,
+            acceleration_std: world.scenario().target.sigma_accel_m_s2,
         },
         RadarNoise {
             range_std: radar.x,
@@ -159,13 +78,6 @@ pub fn tracker_config(world: &TrackingWorld) -> (TrackerConfig<f64>, PoseMemory<
     (config, lifetimes)
 }
 
-/// One tracker of a run. The joint estimator has a navigation of its own.
-struct Contestant {
-    kind: TrackerKind,
-    tracker: Option<AnyTracker>,
-    skipped: bool,
-}
-
 /// Carries out one run of a campaign.
 pub fn run(
     world: &TrackingWorld,
@@ -174,49 +86,64 @@ pub fn run(
     number: u64,
     watcher: &mut impl RunWatcher,
 ) {
-    let mut run = world.run(seed, number);
-    let Some(mut shared) = Navigation::new(world, &run) else {
+    let run = world.run(seed, number);
+    match world.scenario().navigation.filter {
+        NavigationFilter::ErrorState => {
+            run_with::<STATES, PaperNavigator>(world, kinds, run, watcher);
+        }
+        NavigationFilter::GnssIns => {
+            run_with::<ERRORS, GnssInsNavigator>(world, kinds, run, watcher);
+        }
+    }
+}
+
+fn run_with<const N: usize, V: Navigator<N>>(
+    world: &TrackingWorld,
+    kinds: &[TrackerKind],
+    mut run: TrackingRun<'_>,
+    watcher: &mut impl RunWatcher,
+) {
+    let Some(mut shared) = V::new(world, &run) else {
         return;
     };
     let mut own = kinds
         .contains(&TrackerKind::Joint)
-        .then(|| Navigation::new(world, &run))
+        .then(|| V::new(world, &run))
         .flatten();
-    let mut contestants = start(world, kinds, &mut run, &shared);
-    report(0, world, &shared, &run, &contestants, watcher);
+    start(world, kinds, &mut run, &mut shared, own.as_mut());
+    report(0, world, &mut shared, own.as_mut(), &run, watcher);
     let authors = kinds.contains(&TrackerKind::SchmidtAuthors);
     for step in 1..=world.scans() {
         for _ in 0..world.fixes_per_scan() {
-            one_fix(world, &mut run, &mut shared, own.as_mut(), &mut contestants);
+            one_fix(world, &mut run, &mut shared, own.as_mut());
         }
         run.next_scan();
         let detection = run
             .detection()
             .map(|[range, bearing]| RadarDetection { range, bearing });
-        shared.rows = shared.filter.pose_from_error();
-        let ahead = authors.then(|| shared.filter.predicted_covariance(&shared.since_scan));
         let true_pose = pose_of(&world.own_at_scan(step));
-        let scan = Scan::new(&shared.filter, &shared.rows, true_pose, ahead.as_ref());
-        for contestant in &mut contestants {
-            match (contestant.kind, own.as_mut()) {
-                (TrackerKind::Joint, Some(own)) => {
-                    contestant.scan_jointly(world.scan_s(), detection.as_ref(), own, true_pose);
-                }
-                _ => contestant.scan(world.scan_s(), detection.as_ref(), &scan),
-            }
+        let ahead = authors.then(|| shared.ahead()).flatten();
+        let (mut scan, followers) = shared.scan();
+        (scan.true_pose, scan.ahead) = (true_pose, ahead);
+        for contestant in &mut followers.contestants {
+            contestant.scan(world.scan_s(), detection.as_ref(), &scan);
         }
-        report(step, world, &shared, &run, &contestants, watcher);
+        if let Some(own) = &mut own {
+            scan_jointly(world.scan_s(), detection.as_ref(), own);
+        }
+        report(step, world, &mut shared, own.as_mut(), &run, watcher);
         shared.scanned();
     }
 }
 
-/// Starts all trackers at the first detection.
-fn start(
+/// Starts all trackers at the first detection, each beside its navigation.
+fn start<const N: usize, V: Navigator<N>>(
     world: &TrackingWorld,
     kinds: &[TrackerKind],
     run: &mut TrackingRun<'_>,
-    navigation: &Navigation,
-) -> Vec<Contestant> {
+    shared: &mut V,
+    mut own: Option<&mut V>,
+) {
     let (config, lifetimes) = tracker_config(world);
     let table = &world.scenario().track_init;
     let seen = run.detection();
@@ -224,10 +151,10 @@ fn start(
         TrackStart::OnePoint => seen.map(|[range, bearing]| {
             let correlated = table.cross_covariance == StartCross::FromConversion;
             let detection = RadarDetection { range, bearing };
-            Start::Detection(detection, table.velocity_std_mps, correlated)
+            Start::Detection(detection, table.velocity_std_m_s, correlated)
         }),
         TrackStart::Prior => {
-            let (p, v) = (table.position_std_m, table.velocity_std_mps);
+            let (p, v) = (table.position_std_m, table.velocity_std_m_s);
             let std = Vector4::new(p, v, p, v);
             Some(Start::Prior(TrackEstimate {
                 state: run.target() - run.prior_draw().component_mul(&std),
@@ -235,32 +162,38 @@ fn start(
             }))
         }
     };
-    let true_pose = pose_of(&world.own_at_scan(0));
-    let scan = Scan::new(&navigation.filter, &navigation.rows, true_pose, None);
-    let begin = |kind: &TrackerKind| Contestant {
-        kind: *kind,
-        tracker: start
+    let (mut scan, followers) = shared.scan();
+    scan.true_pose = pose_of(&world.own_at_scan(0));
+    for (index, kind) in kinds.iter().copied().enumerate() {
+        let tracker = start
             .as_ref()
-            .and_then(|start| AnyTracker::start(*kind, config, lifetimes, start, &scan).ok()),
-        skipped: false,
-    };
-    kinds.iter().map(begin).collect()
+            .and_then(|start| AnyTracker::start(kind, config, lifetimes, start, &scan).ok());
+        let contestant = Contestant {
+            kind,
+            index,
+            tracker,
+            skipped: false,
+        };
+        let beside = match (kind, own.as_deref_mut()) {
+            (TrackerKind::Joint, Some(own)) => own.scan().1,
+            _ => &mut *followers,
+        };
+        beside.contestants.push(contestant);
+    }
 }
 
-/// The inertial samples up to a fix, the fix, and what it means for the trackers.
-fn one_fix(
+/// The inertial samples up to a fix, and the fix.
+fn one_fix<const N: usize, V: Navigator<N>>(
     world: &TrackingWorld,
     run: &mut TrackingRun<'_>,
-    shared: &mut Navigation,
-    mut own: Option<&mut Navigation>,
-    contestants: &mut [Contestant],
+    shared: &mut V,
+    own: Option<&mut V>,
 ) {
     let dt = world.sample_s();
+    let mut navigators = [Some(shared), own];
     while let Some([rate, force]) = run.next_sample() {
-        // A sample that is refused is counted by the filter.
-        let _ = shared.filter.propagate(&rate, &force, dt);
-        if let Some(own) = own.as_deref_mut() {
-            let _ = own.filter.propagate(&rate, &force, dt);
+        for navigator in navigators.iter_mut().flatten() {
+            navigator.sample(&rate, &force, dt);
         }
     }
     let noises = world.noises();
@@ -270,23 +203,13 @@ fn one_fix(
         ned_from_body: fix.ned_from_body,
         attitude_std: noises.attitude_std,
     });
-    let (transition, update) = shared.fix(fix.as_ref());
-    let of_own = own.map(|own| own.fix(fix.as_ref()));
-    for contestant in contestants {
-        let Some(tracker) = &mut contestant.tracker else {
-            continue;
-        };
-        match (contestant.kind, &of_own) {
-            (TrackerKind::Joint, Some((transition, update))) => {
-                tracker.navigation_moved(transition, update.as_ref());
-            }
-            _ => tracker.navigation_moved(&transition, update.as_ref()),
-        }
+    for navigator in navigators.into_iter().flatten() {
+        navigator.fix(fix.as_ref());
     }
 }
 
-impl Contestant {
-    fn scan(&mut self, dt_s: f64, detection: Option<&RadarDetection<f64>>, scan: &Scan<'_>) {
+impl<const N: usize> Contestant<N> {
+    fn scan(&mut self, dt_s: f64, detection: Option<&RadarDetection<f64>>, scan: &Scan<N>) {
         self.skipped = false;
         let Some(tracker) = &mut self.tracker else {
             return;
@@ -300,60 +223,62 @@ impl Contestant {
             self.skipped = matches!(innovation.outcome, Outcome::Skipped(_));
         }
     }
+}
 
-    /// The joint estimator corrects its navigation, too.
-    fn scan_jointly(
-        &mut self,
-        dt_s: f64,
-        detection: Option<&RadarDetection<f64>>,
-        own: &mut Navigation,
-        true_pose: Vector3<f64>,
-    ) {
-        self.skipped = false;
-        let Some(AnyTracker::Joint(tracker)) = &mut self.tracker else {
-            return;
-        };
-        if tracker.predict(dt_s).is_err() {
-            self.skipped = true;
-            return;
-        }
-        let Some(detection) = detection else {
-            return;
-        };
-        own.rows = own.filter.pose_from_error();
-        let scan = Scan::new(&own.filter, &own.rows, true_pose, None);
-        let (innovation, outside) = tracker.update(detection, &scan.own_ship());
-        self.skipped = matches!(innovation.outcome, Outcome::Skipped(_));
-        if let Some(outside) = outside {
-            let angle = own.filter.correct_from_outside(&outside);
-            tracker.navigation_recentred(&angle);
-        }
+/// The joint estimator corrects its navigation, too.
+fn scan_jointly<const N: usize>(
+    dt_s: f64,
+    detection: Option<&RadarDetection<f64>>,
+    own: &mut impl Navigator<N>,
+) {
+    let (scan, followers) = own.scan();
+    let Some(contestant) = followers.contestants.first_mut() else {
+        return;
+    };
+    contestant.skipped = false;
+    let Some(AnyTracker::Joint(tracker)) = &mut contestant.tracker else {
+        return;
+    };
+    if tracker.predict(dt_s).is_err() {
+        contestant.skipped = true;
+        return;
+    }
+    let Some(detection) = detection else {
+        return;
+    };
+    let (innovation, outside) = tracker.update(detection, &scan.own_ship());
+    contestant.skipped = matches!(innovation.outcome, Outcome::Skipped(_));
+    if let Some(outside) = outside {
+        let angle = own.correct_from_outside(&outside);
+        own.scan().1.recentred(&angle);
     }
 }
 
-fn report(
+fn report<const N: usize, V: Navigator<N>>(
     step: usize,
     world: &TrackingWorld,
-    navigation: &Navigation,
+    shared: &mut V,
+    own: Option<&mut V>,
     run: &TrackingRun<'_>,
-    contestants: &[Contestant],
     watcher: &mut impl RunWatcher,
 ) {
-    let rows = &navigation.rows;
+    let (scan, followers) = shared.scan();
     let record = NavigationRecord {
-        pose: navigation.filter.pose(),
+        pose: scan.pose,
         true_pose: pose_of(&world.own_at_scan(step)),
-        covariance: rows * navigation.filter.state().covariance * rows.transpose(),
-        heading_factor: navigation.heading[2],
+        covariance: scan.pose_covariance,
+        heading_factor: followers.heading_factor(),
     };
     let target = run.target();
     watcher.scan(step, &record, &target);
-    for (index, contestant) in contestants.iter().enumerate() {
+    let joint = own.map(|own| own.scan().1);
+    let all = [Some(followers), joint].into_iter().flatten();
+    for contestant in all.flat_map(|followers| &followers.contestants) {
         let record = TrackRecord {
             kind: contestant.kind,
             estimate: contestant.tracker.as_ref().map(AnyTracker::track),
             skipped: contestant.skipped,
         };
-        watcher.tracker(step, index, &record, &target);
+        watcher.tracker(step, contestant.index, &record, &target);
     }
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | the trackers by name, and any of them behind one type | [`trackers`] |
 //! | one run: navigation and trackers on the same measurements | [`experiment`] |
+//! | the paper's navigation filter and the product's, and the trackers beside them | `navigators` |
 //! | sums that do not depend on the order of adding | [`exact_sum`] |
 //! | what is summed over runs, and its split into parts | [`sums`] |
 //! | many runs, and merging what others ran | [`campaign`] |
@@ -12,6 +13,7 @@
 pub mod campaign;
 pub mod exact_sum;
 pub mod experiment;
+mod navigators;
 pub mod outcome;
 pub mod sums;
 pub mod trackers;

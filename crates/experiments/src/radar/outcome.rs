@@ -1,4 +1,4 @@
-//! What a campaign says: RMSE, NEES and its bands, from the sums. `montecarlo --json` prints this.
+//! Outcome of a campaign: RMSE, NEES and its bands, from the sums. `montecarlo --json` prints this.
 
 use std::collections::BTreeMap;
 
@@ -43,7 +43,7 @@ pub struct Errors {
     /// Root mean square position error, m.
     pub position_rmse_m: f64,
     /// Root mean square velocity error, m/s.
-    pub velocity_rmse_mps: f64,
+    pub velocity_rmse_m_s: f64,
 }
 
 /// One tracker.
@@ -52,18 +52,18 @@ pub struct TrackerOutcome {
     /// Root mean square position error over all scored steps, m.
     pub position_rmse_m: f64,
     /// Root mean square velocity error over all scored steps, m/s.
-    pub velocity_rmse_mps: f64,
+    pub velocity_rmse_m_s: f64,
     /// The same up to 60 s.
     pub transient: Errors,
     /// The same after 60 s.
     pub steady: Errors,
-    /// Mean NEES; four is honest.
+    /// Mean NEES; four is consistent.
     pub nees_mean: f64,
     /// Largest mean NEES of a step.
     pub nees_max: f64,
     /// Share of steps whose mean NEES is inside the band.
     pub nees_inside_band: f64,
-    /// Share of steps whose mean NEES is above the band: too sure of itself.
+    /// Share of steps whose mean NEES is above the band: overconfident.
     pub nees_above_band: f64,
     /// Share of steps inside the band of two degrees of freedom.
     pub nees_inside_band_2dof: f64,
@@ -81,7 +81,7 @@ pub struct Series {
     /// Position, m.
     pub position_rmse_m: Vec<f64>,
     /// Velocity, m/s.
-    pub velocity_rmse_mps: Vec<f64>,
+    pub velocity_rmse_m_s: Vec<f64>,
     /// NEES.
     pub nees: Vec<f64>,
 }
@@ -157,7 +157,7 @@ impl Series {
                 .position_rmse_m
                 .push(sums[POSITION].mean(runs).sqrt());
             series
-                .velocity_rmse_mps
+                .velocity_rmse_m_s
                 .push(sums[VELOCITY].mean(runs).sqrt());
             series.nees.push(sums[NEES].mean(runs));
         }
@@ -173,7 +173,7 @@ impl Series {
         };
         Errors {
             position_rmse_m: rms(&self.position_rmse_m),
-            velocity_rmse_mps: rms(&self.velocity_rmse_mps),
+            velocity_rmse_m_s: rms(&self.velocity_rmse_m_s),
         }
     }
 }
@@ -196,7 +196,7 @@ impl TrackerOutcome {
         let within = |[low, high]: [f64; 2]| move |value: f64| (low..=high).contains(&value);
         Self {
             position_rmse_m: all.position_rmse_m,
-            velocity_rmse_mps: all.velocity_rmse_mps,
+            velocity_rmse_m_s: all.velocity_rmse_m_s,
             transient: series.errors(|t| t <= TRANSIENT_UNTIL_S),
             steady: series.errors(|t| t > TRANSIENT_UNTIL_S),
             nees_mean: mean(nees),
@@ -241,7 +241,7 @@ mod tests {
             let series = Series {
                 time_s: vec![30.0, 90.0],
                 position_rmse_m: vec![error_m; 2],
-                velocity_rmse_mps: vec![1.0; 2],
+                velocity_rmse_m_s: vec![1.0; 2],
                 nees: vec![nees; 2],
             };
             TrackerOutcome::of(series, 0, [[3.0, 5.0]; 2]).has_lost_the_target()

@@ -1,4 +1,4 @@
-//! What is summed over the runs of a campaign: squared errors and NEES of each tracker at each
+//! Sums over the runs of a campaign: squared errors and NEES of each tracker at each
 //! scan, and how good the navigation was.
 
 use super::exact_sum::ExactSum;

@@ -1,19 +1,23 @@
 //! The trackers by name, and any of them behind one type.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
-use northing_core::kalman::{Innovation, SkipReason};
-use northing_core::navigation::error_state::GnssCompassUpdate;
-use northing_core::navigation::{ErrorStateFilter, ErrorTransition, STATES};
+use northing_core::ConfigError;
+use northing_core::kalman::{
+    ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason,
+};
 use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::own_ship::PoseMemory;
 use northing_core::tracking::{
-    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, NavigationPose, PoseAsKnown,
+    BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, PoseAsKnown,
     RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 
-use super::CampaignError;
+use northing_simulation::scenario::schema::NavigationFilter;
 
-type Cross = SMatrix<f64, STATES, 4>;
+use super::CampaignError;
+use super::navigators::Scan;
+
+type Cross<const N: usize> = SMatrix<f64, N, 4>;
 
 /// The trackers of the experiment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -84,7 +88,7 @@ impl TrackerKind {
     #[must_use]
     pub const fn description(self) -> &'static str {
         match self {
-            Self::TruePose => "EKF, told the true own pose: the yardstick",
+            Self::TruePose => "EKF, given the true own pose: the baseline",
             Self::TruePoseConverted => "converted measurements, told the true own pose",
             Self::Uncompensated => "EKF that takes the navigation's pose as true",
             Self::UncompensatedConverted => "converted measurements, navigation's pose as true",
@@ -103,6 +107,14 @@ impl TrackerKind {
         }
     }
 
+    /// Whether it can follow this navigation filter: the authors' variant looks ahead with the paper's, and the joint
+    /// estimator corrects it.
+    #[must_use]
+    pub fn goes_with(self, filter: NavigationFilter) -> bool {
+        let needs_paper = matches!(self, Self::SchmidtAuthors | Self::Joint);
+        filter == NavigationFilter::ErrorState || !needs_paper
+    }
+
     /// The tracker of this name.
     ///
     /// # Errors
@@ -116,46 +128,14 @@ impl TrackerKind {
     }
 }
 
-/// What trackers are told at a scan.
-#[derive(Debug)]
-pub(super) struct Scan<'a> {
-    /// The own pose as the navigation has it.
-    pub(super) pose: Vector3<f64>,
-    /// The true own pose.
-    pub(super) true_pose: Vector3<f64>,
-    pub(super) covariance: &'a SMatrix<f64, STATES, STATES>,
-    pub(super) pose_from_error: &'a SMatrix<f64, 3, STATES>,
-    /// Covariance of the pose.
-    pub(super) pose_covariance: Matrix3<f64>,
-    /// The covariance one scan later without corrections, for `schmidt-authors`.
-    pub(super) ahead: Option<&'a SMatrix<f64, STATES, STATES>>,
-}
-
-impl<'a> Scan<'a> {
-    pub(super) fn new(
-        navigation: &'a ErrorStateFilter<f64>,
-        rows: &'a SMatrix<f64, 3, STATES>,
-        true_pose: Vector3<f64>,
-        ahead: Option<&'a SMatrix<f64, STATES, STATES>>,
-    ) -> Self {
-        let covariance = &navigation.state().covariance;
-        Self {
-            pose: navigation.pose(),
-            true_pose,
-            covariance,
-            pose_from_error: rows,
-            pose_covariance: rows * covariance * rows.transpose(),
-            ahead,
-        }
-    }
-
-    pub(super) fn own_ship(&self) -> NavigationPose<'a, f64, STATES> {
-        NavigationPose {
-            pose: self.pose,
-            covariance: self.covariance,
-            pose_from_error: *self.pose_from_error,
-        }
-    }
+/// One tracker of a run. The joint estimator has a navigation of its own.
+pub(super) struct Contestant<const N: usize> {
+    pub(super) kind: TrackerKind,
+    /// Its place in the list of trackers.
+    pub(super) index: usize,
+    /// `None` when it never started.
+    pub(super) tracker: Option<AnyTracker<N>>,
+    pub(super) skipped: bool,
 }
 
 /// How tracks start.
@@ -170,50 +150,56 @@ pub(super) enum Start {
 
 /// Any tracker.
 #[derive(Debug, Clone)]
-pub(super) enum AnyTracker {
+pub(super) enum AnyTracker<const N: usize> {
     Known(PoseAsKnown<f64>),
     Converted(ConvertedMeasurement<f64>),
-    Schmidt(Box<SchmidtKalman<f64, STATES>>),
+    Schmidt(Box<SchmidtKalman<f64, N>>),
     BlackBox(Box<BlackBoxSchmidt<f64>>),
-    Joint(Box<JointEkf<f64, STATES>>),
+    Joint(Box<JointEkf<f64, N>>),
 }
 
-impl AnyTracker {
+impl<const N: usize> AnyTracker<N> {
     /// Starts a tracker.
     pub(super) fn start(
         kind: TrackerKind,
         config: TrackerConfig<f64>,
         lifetimes: PoseMemory<f64>,
         start: &Start,
-        scan: &Scan<'_>,
+        scan: &Scan<N>,
     ) -> Result<Self, SkipReason> {
         let (track, cross) = start.track(kind, config, scan)?;
         let schmidt = |coupling, cross| {
-            Self::Schmidt(Box::new(SchmidtKalman::new(config, coupling, track, cross)))
+            let tracker = SchmidtKalman::new(config, coupling, track, cross)?;
+            Ok(Self::Schmidt(Box::new(tracker)))
         };
         let converted =
-            |conversion| Self::Converted(ConvertedMeasurement::new(config, conversion, track));
-        Ok(match kind {
+            |conversion| ConvertedMeasurement::new(config, conversion, track).map(Self::Converted);
+        let made: Result<Self, ConfigError> = match kind {
             TrackerKind::TruePose | TrackerKind::Uncompensated => {
-                Self::Known(PoseAsKnown::new(config, track))
+                PoseAsKnown::new(config, track).map(Self::Known)
             }
             TrackerKind::TruePoseConverted
             | TrackerKind::UncompensatedConverted
             | TrackerKind::Converted => converted(Conversion::Linearized),
             TrackerKind::ConvertedDebiased => converted(Conversion::Debiased),
-            TrackerKind::SchmidtAuthors => schmidt(Coupling::OpenLoop, Cross::zeros()),
+            TrackerKind::SchmidtAuthors => schmidt(Coupling::OpenLoop, Cross::<N>::zeros()),
             TrackerKind::SchmidtLiteral => schmidt(Coupling::OpenLoop, cross),
             TrackerKind::Schmidt => schmidt(Coupling::Exact, cross),
             TrackerKind::SchmidtFeedForward => schmidt(Coupling::FeedForward, cross),
-            TrackerKind::SchmidtBlackBox => Self::BlackBox(Box::new(BlackBoxSchmidt::new(
+            TrackerKind::SchmidtBlackBox => BlackBoxSchmidt::new(
                 config,
                 lifetimes,
                 track,
                 scan.pose_from_error * cross,
                 &scan.pose_covariance,
-            ))),
-            TrackerKind::Joint => Self::Joint(Box::new(JointEkf::new(config, track, cross))),
-        })
+            )
+            .map(|tracker| Self::BlackBox(Box::new(tracker))),
+            TrackerKind::Joint => {
+                JointEkf::new(config, track, cross).map(|tracker| Self::Joint(Box::new(tracker)))
+            }
+        };
+        // A campaign's configuration is checked before it starts.
+        made.map_err(|_| SkipReason::OutOfRange)
     }
 
     pub(super) fn track(&self) -> &TrackEstimate<f64> {
@@ -223,29 +209,6 @@ impl AnyTracker {
             Self::Schmidt(tracker) => tracker.track(),
             Self::BlackBox(tracker) => tracker.track(),
             Self::Joint(tracker) => tracker.track(),
-        }
-    }
-
-    /// The navigation has propagated, and corrected itself when there was a fix.
-    pub(super) fn navigation_moved(
-        &mut self,
-        transition: &ErrorTransition<f64>,
-        update: Option<&GnssCompassUpdate<f64>>,
-    ) {
-        match self {
-            Self::Schmidt(tracker) => {
-                tracker.navigation_propagated(transition);
-                if let Some(update) = update {
-                    tracker.navigation_corrected(&update.feedback);
-                }
-            }
-            Self::Joint(tracker) => {
-                tracker.navigation_propagated(transition);
-                if let Some(update) = update {
-                    tracker.navigation_corrected(&update.feedback);
-                }
-            }
-            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
         }
     }
 
@@ -264,7 +227,7 @@ impl AnyTracker {
         &mut self,
         kind: TrackerKind,
         detection: &RadarDetection<f64>,
-        scan: &Scan<'_>,
+        scan: &Scan<N>,
     ) -> Innovation<f64> {
         let known = matches!(kind, TrackerKind::TruePose | TrackerKind::TruePoseConverted);
         let pose = if known { scan.true_pose } else { scan.pose };
@@ -284,7 +247,7 @@ impl AnyTracker {
             }
             Self::Schmidt(tracker) => {
                 let mut own = scan.own_ship();
-                if let (TrackerKind::SchmidtAuthors, Some(ahead)) = (kind, scan.ahead) {
+                if let (TrackerKind::SchmidtAuthors, Some(ahead)) = (kind, &scan.ahead) {
                     own.covariance = ahead;
                 }
                 tracker.update(detection, &own)
@@ -295,21 +258,56 @@ impl AnyTracker {
     }
 }
 
+/// The exact trackers follow the errors of the navigation; the others have nothing to follow.
+impl<const N: usize> ErrorListener<f64, N> for AnyTracker<N> {
+    fn propagated(&mut self, transition: &impl ErrorPropagation<f64, N>) {
+        match self {
+            Self::Schmidt(tracker) => tracker.propagated(transition),
+            Self::Joint(tracker) => tracker.propagated(transition),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+
+    fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<f64, N, E>) {
+        match self {
+            Self::Schmidt(tracker) => tracker.corrected(correction),
+            Self::Joint(tracker) => tracker.corrected(correction),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+
+    fn recentred(&mut self, angle: &Vector3<f64>) {
+        match self {
+            Self::Schmidt(tracker) => tracker.recentred(angle),
+            Self::Joint(tracker) => tracker.recentred(angle),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+
+    fn restarted(&mut self) {
+        match self {
+            Self::Schmidt(tracker) => tracker.restarted(),
+            Self::Joint(tracker) => tracker.restarted(),
+            Self::Known(_) | Self::Converted(_) | Self::BlackBox(_) => {}
+        }
+    }
+}
+
 impl Start {
     /// The track of a kind, and its covariance with the navigation error.
-    fn track(
+    fn track<const N: usize>(
         &self,
         kind: TrackerKind,
         config: TrackerConfig<f64>,
-        scan: &Scan<'_>,
-    ) -> Result<(TrackEstimate<f64>, Cross), SkipReason> {
+        scan: &Scan<N>,
+    ) -> Result<(TrackEstimate<f64>, Cross<N>), SkipReason> {
         let (detection, velocity_std, correlated) = match self {
-            Self::Prior(track) => return Ok((*track, Cross::zeros())),
+            Self::Prior(track) => return Ok((*track, Cross::<N>::zeros())),
             Self::Detection(detection, velocity_std, correlated) => {
                 (detection, *velocity_std, *correlated)
             }
         };
-        let certain = SMatrix::<f64, STATES, STATES>::zeros();
+        let certain = SMatrix::<f64, N, N>::zeros();
         let mut own = scan.own_ship();
         match kind {
             TrackerKind::TruePose | TrackerKind::TruePoseConverted => {
@@ -322,6 +320,13 @@ impl Start {
             _ => {}
         }
         let (track, cross) = one_point(detection, &config.radar, velocity_std, &own)?;
-        Ok((track, if correlated { cross } else { Cross::zeros() }))
+        Ok((
+            track,
+            if correlated {
+                cross
+            } else {
+                Cross::<N>::zeros()
+            },
+        ))
     }
 }

@@ -34,18 +34,18 @@ pub(crate) fn tracker(outcome: &CampaignOutcome, kind: TrackerKind) -> &TrackerO
 pub(crate) fn metric(outcome: &TrackerOutcome, name: &str) -> f64 {
     let Errors {
         position_rmse_m,
-        velocity_rmse_mps,
+        velocity_rmse_m_s,
     } = match name {
         "rmse_p_tr" | "rmse_v_tr" => outcome.transient,
         "rmse_p_ss" | "rmse_v_ss" => outcome.steady,
         _ => Errors {
             position_rmse_m: outcome.position_rmse_m,
-            velocity_rmse_mps: outcome.velocity_rmse_mps,
+            velocity_rmse_m_s: outcome.velocity_rmse_m_s,
         },
     };
     match name {
         _ if name.starts_with("rmse_p") => position_rmse_m,
-        _ if name.starts_with("rmse_v") => velocity_rmse_mps,
+        _ if name.starts_with("rmse_v") => velocity_rmse_m_s,
         "nees" => outcome.nees_mean,
         "nees_max" => outcome.nees_max,
         "inside" => outcome.nees_inside_band,
@@ -78,9 +78,9 @@ pub(crate) fn comparison(outcome: &CampaignOutcome, name: &str, paper: bool) -> 
     let over = |from: f64, to: f64| -> Vec<f64> {
         let series = above
             .series
-            .velocity_rmse_mps
+            .velocity_rmse_m_s
             .iter()
-            .zip(&below.series.velocity_rmse_mps);
+            .zip(&below.series.velocity_rmse_m_s);
         let timed = above.series.time_s.iter().zip(series);
         let chosen = timed.filter(|(t, _)| (from..=to).contains(*t));
         chosen.map(|(_, (a, b))| a / b).collect()
@@ -88,7 +88,7 @@ pub(crate) fn comparison(outcome: &CampaignOutcome, name: &str, paper: bool) -> 
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
     Some(match what {
         "rmse_p ratio" => above.position_rmse_m / below.position_rmse_m,
-        "rmse_v ratio" => above.velocity_rmse_mps / below.velocity_rmse_mps,
+        "rmse_v ratio" => above.velocity_rmse_m_s / below.velocity_rmse_m_s,
         "rmse_v ratio max(1-60s)" => over(1.0, 60.0).into_iter().fold(0.0, f64::max),
         "rmse_v ratio mean(5-40s)" => mean(over(5.0, 40.0)),
         "rmse_v ratio mean(>200s)" => mean(over(201.0, 300.0)),

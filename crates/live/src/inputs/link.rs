@@ -18,7 +18,7 @@ const SLOW_HZ: f64 = 20.0;
 const SAY_INTERVAL: Duration = Duration::from_secs(1);
 /// First and longest pause before the next attempt.
 const PAUSES: [Duration; 2] = [Duration::from_millis(500), Duration::from_secs(8)];
-/// Payloads and bytes that one device delivers in [`WINDOW`]; whoever sends more is held back.
+/// Payloads and bytes that one device delivers in [`WINDOW`]; whoever sends more is throttled.
 const MOST_PAYLOADS: u32 = 300;
 const MOST_BYTES: usize = 400_000;
 const WINDOW: Duration = Duration::from_millis(100);
@@ -65,7 +65,7 @@ impl Link {
             window: Instant::now(),
             payloads: 0,
             bytes: 0,
-            held_back: false,
+            throttled: false,
             told: None,
         }
     }
@@ -88,13 +88,13 @@ pub(super) struct Feed {
     window: Instant,
     payloads: u32,
     bytes: usize,
-    held_back: bool,
+    throttled: bool,
     told: Option<Instant>,
 }
 
 impl Feed {
     /// Hands a payload to the device and waits until there is room for it: while it waits nothing is
-    /// read, and the sender is held back by the network.
+    /// read, and the sender is throttled by the network.
     ///
     /// # Errors
     /// There is no device for it: in a sentence.
@@ -104,7 +104,7 @@ impl Feed {
         self.device()?.give(work).await
     }
 
-    /// Hands over a payload if there is room for it; for senders that cannot be held back.
+    /// Hands over a payload if there is room for it; for senders that cannot be throttled.
     pub(super) fn try_give(&mut self, bytes: Bytes) -> bool {
         let now = Instant::now();
         if now.duration_since(self.window) >= WINDOW {
@@ -119,7 +119,7 @@ impl Feed {
             && self
                 .device()
                 .is_ok_and(|device| device.try_give(work, length).is_ok());
-        self.held_back |= !given;
+        self.throttled |= !given;
         given
     }
 
@@ -152,7 +152,7 @@ impl Feed {
         if since >= WINDOW {
             (self.window, self.payloads, self.bytes) = (Instant::now(), 0, 0);
         } else if self.payloads >= MOST_PAYLOADS || self.bytes >= MOST_BYTES {
-            self.held_back = true;
+            self.throttled = true;
             tokio::time::sleep(WINDOW.saturating_sub(since)).await;
             (self.window, self.payloads, self.bytes) = (Instant::now(), 0, 0);
         }
@@ -184,8 +184,8 @@ impl Feed {
                 (rate / 10.0).round() * 10.0
             ),
         };
-        if std::mem::take(&mut self.held_back) {
-            text.push_str("; it sends more than the lab takes and is held back");
+        if std::mem::take(&mut self.throttled) {
+            text.push_str("; it sends more than the lab takes and is throttled");
         }
         Some(text)
     }

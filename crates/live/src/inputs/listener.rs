@@ -189,7 +189,7 @@ impl Senders {
         // Datagrams are whole lines; some apps leave out the end of the last one.
         let mut lines = datagram.to_vec();
         lines.push(b'\n');
-        // A sender of datagrams cannot be held back: what is too much is left out, and said.
+        // A sender of datagrams cannot be throttled: what is too much is left out, and said.
         feed.try_give(Bytes::from(lines));
         if let Some(text) = feed.news() {
             lock(news).insert(format!("{ip} (UDP)"), text);

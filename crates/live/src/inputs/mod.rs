@@ -2,7 +2,7 @@
 //! that connect to a port, boards on a serial line.
 //!
 //! One file an input. Each connects again by itself when it breaks off, says in words what happens,
-//! hands raw payloads to its device and decodes nothing. An input that floods is held back by not
+//! hands raw payloads to its device and decodes nothing. An input that floods is throttled by not
 //! reading on; one that stalls costs nothing; none of them disturbs another device.
 
 mod link;
@@ -17,7 +17,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
-use serde_json::{Value, json};
 use tokio::task::AbortHandle;
 
 pub use spec::{Address, InputKind, InputSpec, SpecError};
@@ -25,6 +24,7 @@ pub use spec::{Address, InputKind, InputSpec, SpecError};
 use crate::addresses::Reach;
 use crate::lab::{Lab, lock};
 use crate::messages::Action;
+use crate::to_page::ToPage;
 use link::Link;
 
 /// Most inputs at a time.
@@ -32,6 +32,7 @@ pub const MOST_INPUTS: usize = 32;
 
 /// How an input is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "lowercase")]
 pub enum InputState {
     /// It tries to connect.
@@ -46,6 +47,7 @@ pub enum InputState {
 
 /// One input as pages are told.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct InputStatus {
     /// What it is addressed by.
     pub id: String,
@@ -192,8 +194,10 @@ impl Inputs {
 
     /// The list of inputs as a message.
     #[must_use]
-    pub fn message(&self) -> Value {
-        json!({"type": "inputs", "inputs": self.statuses()})
+    pub fn message(&self) -> ToPage {
+        ToPage::Inputs {
+            inputs: self.statuses(),
+        }
     }
 
     fn tell(&self) {

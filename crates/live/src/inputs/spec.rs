@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// The kinds of inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "lowercase")]
 pub enum InputKind {
     /// The app SensorServer: we connect to it.

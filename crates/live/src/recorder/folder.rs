@@ -7,6 +7,7 @@ use serde::Serialize;
 
 /// One recording of the list.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Listed {
     /// Its file name.
     pub name: String,

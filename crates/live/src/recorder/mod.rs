@@ -18,11 +18,11 @@ use axum::body::Bytes;
 use northing_recording::mcap::RecordKind;
 use northing_recording::wire::WireFormat;
 use serde::Serialize;
-use serde_json::{Value, json};
 use tokio::sync::broadcast;
 
 use crate::lab::lock;
 use crate::messages::Command;
+use crate::to_page::ToPage;
 
 pub use folder::{Listed, list, path_of, recover_all};
 
@@ -33,6 +33,7 @@ const RECORD_BYTES: usize = 128;
 
 /// Whether something is being recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "lowercase")]
 pub enum RecordingState {
     /// Nobody wants a recording.
@@ -48,6 +49,7 @@ pub enum RecordingState {
 
 /// What people are told about the recording.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct RecordingStatus {
     /// Whether it goes on.
     pub state: RecordingState,
@@ -64,11 +66,8 @@ pub struct RecordingStatus {
 impl RecordingStatus {
     /// As a message for pages.
     #[must_use]
-    pub fn message(&self) -> Value {
-        json!({
-            "type": "recording", "state": self.state, "file": self.file, "bytes": self.bytes,
-            "seconds": self.seconds, "text": self.text,
-        })
+    pub fn message(&self) -> ToPage {
+        ToPage::Recording(self.clone())
     }
 }
 
@@ -177,7 +176,7 @@ impl Recorder {
         }
     }
 
-    /// The disk is slower than the devices: an honest end is better than a recording with holes.
+    /// The disk is slower than the devices: an end that is announced is better than a recording with holes.
     fn give_up(&self) {
         *lock(&self.items) = None;
         let mut status = lock(&self.shared.status);

@@ -222,7 +222,7 @@ impl Teller<'_> {
             status.message()
         };
         // Without a page nobody listens, and that is fine.
-        let _ = self.pages.send(message.to_string().into());
+        let _ = self.pages.send(message.json().into());
     }
 
     fn on(&self, writing: &Writing) {

@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 
 use northing_recording::Event;
 
-/// So many different stamps that agree are believed.
+/// So many different stamps that agree are accepted.
 const STAMPS: usize = 5;
 /// Stamps that agree are this close to the one before, ns.
 const NEAR_NS: u64 = 10_000_000_000;
-/// A clock that started again goes on for so long before it is believed, ns: a late batch does not.
+/// A clock that started again goes on for so long before it is accepted, ns: a late batch does not.
 const NEW_START_NS: u64 = 1_000_000_000;
 /// So many samples are a clock that started again, however close their stamps.
 const MOST: usize = 2000;
@@ -29,7 +29,7 @@ impl Aside {
         })
     }
 
-    /// Adds a sample. Returns whether there are enough to be believed.
+    /// Adds a sample. Returns whether there are enough to be accepted.
     pub(super) fn add(&mut self, event: &Event, ahead: bool) -> bool {
         self.ahead = ahead;
         self.events.push(*event);

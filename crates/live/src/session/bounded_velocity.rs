@@ -10,6 +10,7 @@ use super::DeviceSession;
 
 /// Hard iron, field and rest as they are now.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Surroundings {
     /// Hard iron, microtesla, body axes; `None` where it is not estimated.
     pub hard_iron_ut: Option<[f64; 3]>,

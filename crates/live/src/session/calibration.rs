@@ -1,5 +1,7 @@
 //! A calibration at rest under way: the samples of so many seconds, and what plots need of them.
 
+use std::collections::BTreeMap;
+
 use northing_core::calibration::{RestCalibration, Sensor};
 use northing_core::nalgebra::Vector3;
 use northing_evaluation::EvaluationError;
@@ -8,9 +10,9 @@ use northing_evaluation::attitude::instants::Instant;
 use northing_evaluation::attitude::options::SensorSelection;
 use northing_evaluation::statistics::thinned::Thinned;
 use northing_recording::{Event, Sample, SensorKind};
-use serde_json::{Map, Value, json};
 
 use super::lamp::{Remark, Tone};
+use crate::to_page;
 
 /// Points kept for the plot of one sensor.
 const PLOT_POINTS: usize = 600;
@@ -168,29 +170,21 @@ impl CalibrationRun {
         })
     }
 
-    /// The samples, thinned: `{"gyroscope":{"t_s":[..],"x":[..],"y":[..],"z":[..]},..}`.
+    /// The samples, thinned, by sensor.
     #[must_use]
-    pub fn samples(&self) -> Value {
-        let mut all = Map::new();
-        for (kind, series) in &self.series {
+    pub fn samples(&self) -> BTreeMap<&'static str, to_page::Series> {
+        let series = self.series.iter().map(|(kind, series)| {
             let items = series.items();
-            if items.is_empty() {
-                continue;
-            }
-            let column = |of: fn(&(f64, Vector3<f64>)) -> f64| -> Vec<f64> {
-                items.iter().map(of).collect()
+            let column = |of: fn(&(f64, Vector3<f64>)) -> f64| items.iter().map(of).collect();
+            let columns = to_page::Series {
+                t_s: column(|p| p.0),
+                x: column(|p| p.1.x),
+                y: column(|p| p.1.y),
+                z: column(|p| p.1.z),
             };
-            all.insert(
-                kind.name().to_owned(),
-                json!({
-                    "t_s": column(|p| p.0),
-                    "x": column(|p| p.1.x),
-                    "y": column(|p| p.1.y),
-                    "z": column(|p| p.1.z),
-                }),
-            );
-        }
-        Value::Object(all)
+            (kind.name(), columns)
+        });
+        series.filter(|(_, s)| !s.t_s.is_empty()).collect()
     }
 
     fn elapsed_s(&self) -> f64 {

@@ -40,7 +40,7 @@ impl ExperimentRun {
     /// Begins with the next gyroscope sample.
     ///
     /// # Errors
-    /// The time makes no sense, in a sentence.
+    /// The time is invalid, in a sentence.
     pub fn new(seconds: f64, name: &str) -> Result<Self, String> {
         let [shortest, longest] = SECONDS;
         if !(shortest..=longest).contains(&seconds) {

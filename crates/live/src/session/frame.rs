@@ -7,6 +7,7 @@ use northing_core::attitude::AttitudeEstimator;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::rotation;
 use northing_core::kalman::{Innovation, Outcome};
+use northing_evaluation::EstimatorKind;
 use northing_evaluation::attitude::observer::angles_covariance;
 use northing_recording::SensorKind;
 use serde::Serialize;
@@ -20,6 +21,7 @@ const STOPPED_S: f64 = 2.0;
 
 /// One estimator's estimate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Estimate {
     /// `world_from_body`: w, x, y, z with w >= 0.
     pub q: [f64; 4],
@@ -31,11 +33,13 @@ pub struct Estimate {
     pub bias_deg_s: Option<[f64; 3]>,
     /// What the bounded-velocity filter knows beside it.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, ts(optional))]
     pub surroundings: Option<Surroundings>,
 }
 
 /// The truth, where it is known.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct TruthPose {
     /// `world_from_body`: w, x, y, z with w >= 0.
     pub q: [f64; 4],
@@ -43,6 +47,7 @@ pub struct TruthPose {
 
 /// One measurement and what `mekf` made of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct InnovationPoint {
     /// The sensor.
     pub sensor: SensorKind,
@@ -57,6 +62,7 @@ pub struct InnovationPoint {
     /// Degrees of freedom; 0 when skipped.
     pub dof: u8,
     /// `fused`, `inflated`, `gated` or `skipped`.
+    #[cfg_attr(test, ts(type = "\"fused\" | \"inflated\" | \"gated\" | \"skipped\""))]
     pub outcome: &'static str,
 }
 
@@ -83,10 +89,8 @@ impl InnovationPoint {
 
 /// What a page draws of one device at one moment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Frame {
-    /// Always `frame`.
-    #[serde(rename = "type")]
-    pub kind: &'static str,
     /// The device.
     pub device: String,
     /// Seconds since the device's first sample.
@@ -108,6 +112,7 @@ pub struct Frame {
 
 /// How a device is.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct SessionStatus {
     /// In words, the worst first.
     pub health: Vec<Remark>,
@@ -126,7 +131,7 @@ pub struct SessionStatus {
     /// Seconds from the first to the newest sample.
     pub duration_s: f64,
     /// The estimators that run, by name.
-    pub estimators: Vec<&'static str>,
+    pub estimators: Vec<EstimatorKind>,
     /// Whether a calibration at rest is under way.
     pub is_calibrating: bool,
     /// Whether an experiment is under way.
@@ -136,6 +141,7 @@ pub struct SessionStatus {
     /// Whether a calibration at rest is in force.
     pub is_calibrated: bool,
     /// The magnetometer calibration in force.
+    #[cfg_attr(test, ts(as = "Option<crate::to_page::MagnetometerFit>"))]
     pub magnetometer: Option<MagnetometerCalibration<f64>>,
 }
 
@@ -190,7 +196,6 @@ impl DeviceSession {
     /// The next frame. It takes the innovations gathered since the last one.
     pub fn frame(&mut self, device: &str) -> Frame {
         Frame {
-            kind: "frame",
             device: device.to_owned(),
             t_s: self.duration_s(),
             estimates: self.estimates(),
@@ -243,7 +248,7 @@ impl DeviceSession {
             refused: intake.refused(),
             late: intake.late(),
             duration_s: self.duration_s(),
-            estimators: self.estimators().into_iter().map(|k| k.name()).collect(),
+            estimators: self.estimators(),
             is_calibrating: self.calibration.is_some(),
             is_experimenting: self.experiment.is_some(),
             is_turned: self.magnetometer_run.is_some(),

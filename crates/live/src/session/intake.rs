@@ -12,7 +12,7 @@ const SENSORS: usize = SensorKind::ALL.len();
 const RATE_WINDOW_NS: i64 = 2_000_000_000;
 /// A rate never needs more stamps than this.
 const MOST_STAMPS: usize = 2048;
-/// A stamp this far from the newest ones is not believed at first, ns.
+/// A stamp this far from the newest ones is not accepted at first, ns.
 const JUMP_NS: i64 = 2_000_000_000;
 
 /// What became of a sample.
@@ -126,7 +126,7 @@ impl Intake {
         }
     }
 
-    /// Judges a believed stamp by the last of its sensor.
+    /// Judges an accepted stamp by the last of its sensor.
     fn order(&mut self, event: &Event, out: &mut Vec<(Admission, Event)>) {
         let channel = &mut self.channels[event.sample.kind().order()];
         let admission = match channel.last_ns {

@@ -1,4 +1,4 @@
-//! The consistency lamp: whether the last seconds of innovations fit the stated noise, in words.
+//! Consistency of the last seconds of innovations with the stated noise (NIS), in words: the lamps.
 
 use northing_core::kalman::Innovation;
 use northing_evaluation::statistics::consistency::{NoiseVerdict, judge};
@@ -13,6 +13,7 @@ const RENEW: u32 = 25;
 
 /// How welcome something is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
     /// As it should be.
@@ -27,6 +28,7 @@ pub enum Tone {
 
 /// A statement with its tone.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Remark {
     /// How welcome it is.
     pub tone: Tone,
@@ -46,6 +48,7 @@ impl Remark {
 
 /// The lamp of one sensor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Lamp {
     /// The sensor.
     pub sensor: SensorKind,
@@ -55,7 +58,7 @@ pub struct Lamp {
     pub text: String,
     /// Mean NIS of the window.
     pub nis_mean: f64,
-    /// What it is when the stated noise is honest: the degrees of freedom.
+    /// What it is when the stated noise is consistent: the degrees of freedom.
     pub nis_expected: u8,
 }
 
@@ -114,7 +117,7 @@ impl LampWindow {
         let nis = self.old.0.summary()?;
         let verdict = judge(self.sensor, &nis, &self.old.1, self.correlation_time_s);
         let tone = match verdict.verdict {
-            NoiseVerdict::Honest => Tone::Good,
+            NoiseVerdict::Consistent => Tone::Good,
             NoiseVerdict::TooSmall => Tone::Bad,
             _ => Tone::Warn,
         };

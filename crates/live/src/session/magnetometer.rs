@@ -8,9 +8,9 @@ use northing_core::calibration::magnetometer::{
 };
 use northing_evaluation::statistics::thinned::Thinned;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 use super::lamp::{Remark, Tone};
+use crate::to_page::{Coverage, Magnetometer, MagnetometerFit, MagnetometerState};
 
 /// Samples kept for the fit; of longer turns every second one, and so on. A fit over all of them
 /// takes a few milliseconds.
@@ -24,6 +24,7 @@ const WORTH_A_WORD: f64 = 0.45;
 
 /// What is to be done about a magnetometer's calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum MagnetometerAction {
     /// Begin gathering samples.
@@ -79,43 +80,43 @@ impl MagnetometerRun {
 
     /// What a page draws while the device is turned.
     #[must_use]
-    pub fn progress(&self) -> Value {
+    pub fn progress(&self, device: &str) -> Magnetometer {
         let fit = self.calibrator.finish(&MagnetometerLimits::default());
-        let drawn = match &fit {
-            Ok(fit) => json!(fit),
-            Err(_) => self.provisional(),
-        };
-        let share = self.calibrator.coverage().share();
-        let verdict = match &fit {
-            Ok(fit) => judged(fit),
-            Err(error) => Remark::new(Tone::Info, capitalised(&error.to_string())),
-        };
-        let seen: Vec<bool> = self
-            .calibrator
-            .coverage()
-            .counts()
-            .iter()
-            .map(|n| *n > 0)
-            .collect();
-        json!({
-            "coverage": {
-                "cells": seen, "slices": coverage::SLICES, "sectors": coverage::SECTORS,
-                "fraction": share,
+        let coverage = self.calibrator.coverage();
+        Magnetometer {
+            device: device.to_owned(),
+            state: MagnetometerState::Running,
+            verdict: Some(match &fit {
+                Ok(fit) => judged(fit),
+                Err(error) => Remark::new(Tone::Info, capitalised(&error.to_string())),
+            }),
+            fit: match &fit {
+                Ok(fit) => Some(fit.into()),
+                Err(_) => self.provisional(),
             },
-            "points": self.points(), "samples": self.calibrator.samples(),
-            "fit": drawn, "verdict": verdict, "hint": self.hint(),
-        })
+            coverage: Some(Coverage {
+                cells: coverage.counts().iter().map(|n| *n > 0).collect(),
+                slices: coverage::SLICES,
+                sectors: coverage::SECTORS,
+                fraction: coverage.share(),
+            }),
+            points: Some(self.points()),
+            samples: Some(self.calibrator.samples()),
+            hint: Some(self.hint()),
+        }
     }
 
     /// The sphere as it is known before a fit is good enough.
-    fn provisional(&self) -> Value {
-        let Some((centre, radius)) = self.calibrator.sphere_ut() else {
-            return Value::Null;
-        };
-        json!({
-            "model": "sphere", "hard_iron_ut": <[f64; 3]>::from(centre),
-            "soft_iron": <[[f64; 3]; 3]>::from(Matrix3::identity()),
-            "field_strength_ut": radius, "radius_ut": radius, "residual_std_ut": null,
+    fn provisional(&self) -> Option<MagnetometerFit> {
+        let (centre, radius) = self.calibrator.sphere_ut()?;
+        Some(MagnetometerFit {
+            model: MagnetometerModel::Sphere,
+            hard_iron_ut: centre.into(),
+            soft_iron: Matrix3::identity().into(),
+            field_strength_ut: radius,
+            radius_ut: radius,
+            residual_std_ut: None,
+            uncalibrated_norm_std_ut: None,
         })
     }
 
@@ -277,9 +278,9 @@ mod tests {
             let error = (found.hard_iron() - HARD_IRON).norm();
             assert!(error < 0.5, "seed {seed}: {error} microtesla");
             assert!(found.coverage > 0.7, "seed {seed}: {}", found.coverage);
-            let progress = run.progress();
-            assert_eq!(progress["verdict"]["tone"], "good", "{progress}");
-            assert!(progress["points"].as_array().unwrap().len() <= DRAWN_POINTS);
+            let progress = run.progress("d");
+            assert_eq!(progress.verdict.unwrap().tone, Tone::Good);
+            assert!(progress.points.unwrap().len() <= DRAWN_POINTS);
         }
     }
 
@@ -288,13 +289,12 @@ mod tests {
         let run = tumbling(1, 2.5);
         let refused = run.finish().unwrap_err();
         assert!(refused.contains("more directions"), "{refused}");
-        let progress = run.progress();
-        let hint = progress["hint"].as_str().unwrap();
+        let hint = run.progress("d").hint.unwrap();
         assert!(
             hint.starts_with("Turn it so that its ") && hint.contains(" point"),
             "{hint}"
         );
-        assert_eq!(MagnetometerRun::default().progress()["fit"], Value::Null);
+        assert!(MagnetometerRun::default().progress("d").fit.is_none());
     }
 
     #[test]
@@ -309,7 +309,7 @@ mod tests {
             ));
         }
         assert!(run.samples.items().len() <= MOST_SAMPLES);
-        assert!(run.progress()["points"].as_array().unwrap().len() <= DRAWN_POINTS);
+        assert!(run.progress("d").points.unwrap().len() <= DRAWN_POINTS);
     }
 
     #[test]

@@ -87,7 +87,7 @@ impl DeviceSession {
     /// A device nothing has come from yet, with integration and `mekf` running.
     ///
     /// # Errors
-    /// The options make no sense.
+    /// The options are invalid.
     pub fn new(options: RunOptions) -> Result<Self, EvaluationError> {
         options.check()?;
         let mut session = Self {
@@ -352,7 +352,7 @@ impl DeviceSession {
     /// Chooses the estimators that run; those already running go on undisturbed.
     ///
     /// # Errors
-    /// A parameter makes no sense.
+    /// A parameter is invalid.
     pub fn use_estimators(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
         let (config, driver) = (self.config(), self.driver());
         let mut tracks = Vec::new();
@@ -430,7 +430,7 @@ impl DeviceSession {
     /// Begins an experiment with the next gyroscope sample.
     ///
     /// # Errors
-    /// One is under way, or the time makes no sense, in a sentence.
+    /// One is under way, or the time is invalid, in a sentence.
     pub fn start_experiment(&mut self, seconds: f64, name: &str) -> Result<(), String> {
         if self.experiment.is_some() {
             return Err("an experiment is under way; stop it first".to_owned());

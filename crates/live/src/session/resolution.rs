@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use northing_recording::{Sample, SensorKind};
 
-/// Steps that must have been seen before a grid is believed.
+/// Steps that must have been seen before a grid is accepted.
 const ENOUGH: u32 = 60;
 /// Share of the steps that must be whole multiples of the smallest.
 const SHARE: f64 = 0.97;

@@ -89,7 +89,7 @@ impl Track {
     /// A track that aligns itself; `None` for the device's own orientation, which needs no driver.
     ///
     /// # Errors
-    /// A parameter makes no sense.
+    /// A parameter is invalid.
     pub fn new(
         kind: EstimatorKind,
         config: &Parameters,
@@ -130,7 +130,7 @@ impl Track {
     /// Goes on from the present estimate with other parameters.
     ///
     /// # Errors
-    /// A parameter makes no sense; nothing has changed then.
+    /// A parameter is invalid; nothing has changed then.
     pub fn retune(&mut self, config: &Parameters) -> Result<(), EvaluationError> {
         let Some(mut inner) = AnyEstimator::new(self.kind, config)? else {
             return Ok(());

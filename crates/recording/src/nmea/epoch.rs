@@ -92,7 +92,7 @@ impl Epoch {
     }
 }
 
-/// Puts times of day on days. A receiver's date may be off by 1024 weeks, so it is only believed where
+/// Puts times of day on days. A receiver's date may be off by 1024 weeks, so it is only accepted where
 /// nothing better is known.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Calendar {

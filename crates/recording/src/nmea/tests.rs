@@ -97,7 +97,7 @@ fn an_invalid_fix_is_counted_and_never_seen() {
         assert_eq!(events.len(), 1, "{bad}: {events:?}");
         assert_eq!(issues.invalid_fixes[&SensorKind::GnssPosition], 1, "{bad}");
     }
-    // Of an invalid epoch the sentence that does not know it is not believed either.
+    // Of an invalid epoch the sentence that does not know it is not accepted either.
     let mixed = log(&[GGA, "GPRMC,123519.50,V,,,,,,,230394,,"]);
     let (events, issues) = read(&format!("{mixed}{good}"));
     assert_eq!((events.len(), issues.invalid_fixes.len()), (1, 1));

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use crate::error::{RecordingError, Result, shown};
 
-/// Longest entry that is believed, bytes.
+/// Longest entry that is accepted, bytes.
 const LONGEST_ENTRY: usize = 1 << 20;
 
 /// One object of the array as text.

@@ -118,7 +118,7 @@ pub struct TargetTruth {
     pub east_m: f64,
 }
 
-/// What was left out of a recording, or put in its place.
+/// What was left out of a recording, or put instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct TrackingIssues {
     /// Detections and truths whose scan is not in the table of scans.

@@ -25,7 +25,7 @@ use super::{Decoded, Placed, Resequencer, Tone, WireError, events};
 const PAGE_WAIT_NS: i64 = 5_000_000_000;
 /// While it is waited for, no more batches than this are held.
 const PAGE_HELD: usize = 64;
-/// Of two pages with one identifier the one that sent last is believed until it has been silent for
+/// Of two pages with one identifier the one that sent last is accepted until it has been silent for
 /// this long, ns.
 const PAGE_SILENT_NS: i64 = 3_000_000_000;
 /// So many batches of the other one in a row, and none of this one, show that it has gone on alone.

@@ -217,12 +217,12 @@ impl Decoded {
             );
             return;
         }
-        let (largest, unit) = believed(kind);
+        let (largest, unit) = plausible(kind);
         if size.abs() > largest {
             self.note(
                 Tone::Bad,
                 format!(
-                    "A reading of the {name} was left out: more than {largest} {unit} is not believed."
+                    "A reading of the {name} was left out: more than {largest} {unit} is not plausible."
                 ),
             );
             return;
@@ -231,9 +231,9 @@ impl Decoded {
     }
 }
 
-/// The largest number that is believed of a sensor, and its unit: far beyond what such sensors
+/// The largest plausible number of a sensor, and its unit: far beyond what such sensors
 /// can measure.
-fn believed(kind: SensorKind) -> (f64, &'static str) {
+fn plausible(kind: SensorKind) -> (f64, &'static str) {
     match kind {
         SensorKind::Gyroscope | SensorKind::DeviceGyroscopeBias => (200.0, "rad/s"),
         SensorKind::Accelerometer => (2000.0, "m/s^2"),

@@ -168,7 +168,7 @@ impl Razor {
 
     /// The frame when one starts here, `Some(None)` when none does, `None` when more bytes must tell.
     fn starts_here(&self, bytes: &[u8; FRAME], after: &[u8]) -> Option<Option<Counts>> {
-        let Some(frame) = believed(bytes) else {
+        let Some(frame) = accepted(bytes) else {
             return Some(None);
         };
         if self.alignment == Alignment::Found {
@@ -182,7 +182,7 @@ impl Razor {
             return Some(None);
         }
         // Where frames start is told by two in a row.
-        let next = believed(after.first_chunk()?);
+        let next = accepted(after.first_chunk()?);
         Some(next.filter(|next| self.is_familiar(next)).map(|_| frame))
     }
 
@@ -295,7 +295,7 @@ fn near(norm: f64, reference: f64, factor: f64) -> bool {
 
 /// The three vectors of a binary frame, unless a number cannot be one of this board's: then the
 /// frame does not start here.
-fn believed(frame: &[u8; FRAME]) -> Option<Counts> {
+fn accepted(frame: &[u8; FRAME]) -> Option<Counts> {
     /// Beyond what 16 bits can count, with room for the firmware's calibration.
     const LARGEST: f32 = 100_000.0;
     /// Smaller numbers than this come from bytes that belong to two numbers.

@@ -157,7 +157,7 @@ impl SensorLoggerPush {
         }
     }
 
-    /// Puts a message in its place and decodes what is next in order.
+    /// Puts a message in order and decodes what is next in order.
     pub fn accept(&mut self, push: Push) -> Decoded {
         let mut out = Decoded::default();
         if push.session_id != self.session_id {

@@ -3,7 +3,7 @@
 use super::{Decoded, Tone};
 use crate::event::{Event, SensorKind};
 
-/// A stamp this far from the newest one is not believed at first, ns (an hour).
+/// A stamp this far from the newest one is not accepted at first, ns (an hour).
 const FARTHEST_NS: u64 = 3_600_000_000_000;
 /// So many unbelieved stamps that agree among themselves are a clock that was set.
 const AGREE: u32 = 50;
@@ -20,7 +20,7 @@ pub(super) struct Stream {
     /// What the person at the device can do about a low rate.
     advice: &'static str,
     newest_ns: Option<i64>,
-    /// Stamps that were not believed: the last of them and how many agreed.
+    /// Stamps that were not accepted: the last of them and how many agreed.
     unbelieved: Option<(i64, u32)>,
     rates: [RateWatch; 2],
 }

@@ -110,7 +110,7 @@ fn statistics_table(rows: &[TableRow]) -> Table {
     Table {
         title: "Mean / median".to_owned(),
         caption: "RMS error of each recording, its mean and its median over the recordings of a \
-                  folder. NEES per degree of freedom is 1 when the stated uncertainty is honest."
+                  folder. NEES per degree of freedom is 1 when the stated uncertainty is consistent."
             .to_owned(),
         columns: vec![
             column("folder", ""),
@@ -171,7 +171,7 @@ fn estimators_table(summaries: &[&RunSummary]) -> Table {
     Table {
         title: "Each estimator".to_owned(),
         caption: "RMS errors against the reference. NEES per degree of freedom is 1 when the \
-                  stated uncertainty is honest. In the final test the device is back where it began: \
+                  stated uncertainty is consistent. In the final test the device is back where it began: \
                   how far the estimate is from there, and how far the filter expects it to be."
             .to_owned(),
         columns: vec![

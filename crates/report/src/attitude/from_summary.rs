@@ -7,7 +7,9 @@ use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::attitude::parameters::{ParameterInfo, Parameters, parameters_of};
 use northing_evaluation::attitude::trace::Trace;
-use northing_evaluation::statistics::consistency::{NoiseVerdict, is_honest_nees, nees_in_words};
+use northing_evaluation::statistics::consistency::{
+    NoiseVerdict, is_consistent_nees, nees_in_words,
+};
 use northing_evaluation::statistics::nis::{NisSummary, UpdateCounts};
 
 impl<'a> RunReport<'a> {
@@ -72,7 +74,7 @@ fn facts(summary: &RunSummary) -> Vec<Fact> {
 
 fn verdicts(summary: &RunSummary) -> Vec<Verdict> {
     let nees = summary.nees_mean.map(|nees| {
-        let tone = match is_honest_nees(nees) {
+        let tone = match is_consistent_nees(nees) {
             true => Tone::Good,
             false => Tone::Warn,
         };
@@ -80,7 +82,7 @@ fn verdicts(summary: &RunSummary) -> Vec<Verdict> {
     });
     let sensors = summary.verdicts.iter().map(|verdict| {
         let tone = match verdict.verdict {
-            NoiseVerdict::Honest => Tone::Good,
+            NoiseVerdict::Consistent => Tone::Good,
             _ => Tone::Warn,
         };
         Verdict::new(tone, verdict.sentences.join(" "))
@@ -137,7 +139,7 @@ fn final_test(test: &FinalSummary) -> FinalTest {
 fn final_verdict(test: &FinalSummary) -> Option<Verdict> {
     let tone = match test.verdict? {
         FinalVerdict::Consistent => Tone::Good,
-        FinalVerdict::Optimistic | FinalVerdict::Pessimistic => Tone::Warn,
+        FinalVerdict::Overconfident | FinalVerdict::Conservative => Tone::Warn,
     };
     Some(Verdict::new(tone, test.sentence.as_str()))
 }
@@ -149,7 +151,10 @@ fn recording_facts(summary: &RunSummary) -> Vec<Fact> {
     });
     let calibrations = [
         ("calibration", &summary.calibration),
-        ("calibration of the field", &summary.field_calibration),
+        (
+            "magnetometer calibration",
+            &summary.magnetometer_calibration,
+        ),
     ];
     let calibrations = calibrations
         .into_iter()
@@ -173,7 +178,7 @@ pub fn settings(estimator: EstimatorKind, config: &Parameters) -> Vec<Setting> {
                 .as_str()
                 .map_or_else(|| value.to_string(), str::to_owned),
             name: parameter.name,
-            unit: parameter.unit.to_owned(),
+            unit: parameter.unit,
             meaning: parameter.meaning.to_owned(),
         }
     };

@@ -83,7 +83,7 @@ fn keys(trace: &Trace) -> Vec<Key> {
         .map(|fate| {
             let name = match fate {
                 Fate::Fused => "used",
-                Fate::Inflated => "believed after several outliers",
+                Fate::Inflated => "accepted after several outliers",
                 Fate::Gated => "refused as an outlier",
             };
             key(Sign::Dot, &format!("dots big {}", fate.class()), name)

@@ -72,7 +72,7 @@ fn errors(report: &RunReport<'_>) -> String {
         &figure,
         "The error, and the error that the filter predicted.",
         "Look whether the error fills the band without leaving it: leaving it means that the \
-         filter is too sure of itself, staying far inside that it is too modest.",
+         filter is overconfident, staying far inside that it is conservative.",
     )
 }
 
@@ -186,7 +186,7 @@ fn bias(report: &RunReport<'_>) -> String {
     html::figure(
         &figure,
         "What the filter thinks the gyroscope reads at rest.",
-        "Look for a curve that settles while its band narrows; a bias that wanders outside of its \
+        "Look for a curve that settles while its band narrows; a bias that drifts outside of its \
          earlier band says that the bias random walk is set too small.",
     )
 }

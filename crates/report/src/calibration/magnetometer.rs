@@ -9,7 +9,7 @@ use crate::drawing::plot::{DOTS, Figure, LINE_POINTS, Layer, Panel, Sign, TIME, 
 use crate::drawing::svg::Svg;
 use crate::page::facts::{Fact, Source, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
-use northing_evaluation::calibration::magnetometer::FieldReport;
+use northing_evaluation::calibration::magnetometer::MagnetometerReport;
 
 /// Room at the left and right of the map of directions, and below it.
 const MARGINS: [f64; 3] = [64.0, 14.0, 52.0];
@@ -18,7 +18,7 @@ const MAP: f64 = 300.0;
 
 /// The page about a magnetometer calibration.
 #[must_use]
-pub fn render(report: &FieldReport, source: &Source<'_>) -> String {
+pub fn render(report: &MagnetometerReport, source: &Source<'_>) -> String {
     let mut page = Page::default();
     page.section("coverage", "Directions seen", &coverage(report));
     page.section("strength", "Strength of the field", &strength(report));
@@ -52,7 +52,7 @@ pub fn render(report: &FieldReport, source: &Source<'_>) -> String {
 
 /// Where the field came from, as the device saw it: a map of equal areas, azimuth across and the
 /// z component upwards.
-fn coverage(report: &FieldReport) -> String {
+fn coverage(report: &MagnetometerReport) -> String {
     let [left, right, below] = MARGINS;
     let width = WIDTH - left - right;
     let mut svg = Svg::picture(WIDTH, MAP + below, "Directions of the field that were seen");
@@ -112,7 +112,7 @@ fn coverage(report: &FieldReport) -> String {
     )
 }
 
-fn strength(report: &FieldReport) -> String {
+fn strength(report: &MagnetometerReport) -> String {
     let c = &report.field.calibration;
     let scale = c.radius_ut / c.field_strength_ut;
     let raw = report.samples.iter().map(|(t, field)| [*t, field.norm()]);
@@ -178,7 +178,7 @@ fn strength(report: &FieldReport) -> String {
     )
 }
 
-fn numbers(report: &FieldReport) -> String {
+fn numbers(report: &MagnetometerReport) -> String {
     let c = &report.field.calibration;
     let three = |v: &[f64; 3]| v.map(|x| format!("{x:.3}")).join(", ");
     let mut facts = vec![

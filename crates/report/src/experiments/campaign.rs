@@ -18,7 +18,7 @@ pub struct TrackerCurves {
     /// Root mean square position error, m.
     pub position_rmse_m: Vec<[f64; 2]>,
     /// Root mean square velocity error, m/s.
-    pub velocity_rmse_mps: Vec<[f64; 2]>,
+    pub velocity_rmse_m_s: Vec<[f64; 2]>,
     /// Mean NEES.
     pub nees: Vec<[f64; 2]>,
     /// Its track in one run: east and north, m.
@@ -54,8 +54,8 @@ pub struct CampaignReport {
 
 /// What the words of the page mean.
 const READING: &str = "Errors are estimate minus truth in north and east, as root mean square over the runs. NEES is \
-     the squared error in units of the stated covariance: 4 on average for an honest tracker of position and \
-     velocity. The band holds the mean of as many honest runs at 95 % of the scans.";
+     the squared error in units of the stated covariance: 4 on average for a consistent tracker of position and \
+     velocity. The band holds the mean of as many consistent runs at 95 % of the scans.";
 
 fn class(i: usize) -> String {
     let dash = if i < SERIES { "" } else { " dash" };
@@ -69,7 +69,7 @@ impl CampaignReport {
         let mut page = Page::default();
         let tables: String = self.tables.iter().map(table::table).collect();
         page.section("numbers", "Numbers", &tables);
-        page.section("geometry", "Who goes where", &self.geometry());
+        page.section("geometry", "Trajectories", &self.geometry());
         page.section(
             "position",
             "Position error",
@@ -78,13 +78,9 @@ impl CampaignReport {
         page.section(
             "velocity",
             "Velocity error",
-            &self.errors("Velocity RMSE", "m/s", |t| &t.velocity_rmse_mps),
+            &self.errors("Velocity RMSE", "m/s", |t| &t.velocity_rmse_m_s),
         );
-        page.section(
-            "consistency",
-            "Does each know how wrong it is?",
-            &self.consistency(),
-        );
+        page.section("consistency", "Consistency (NEES)", &self.consistency());
         page.finish(&Frame {
             kicker: "Monte Carlo",
             title: &self.title,
@@ -178,7 +174,7 @@ impl CampaignReport {
 
     /// Figure 5 (and 6): mean NEES and its bands.
     fn consistency(&self) -> String {
-        let honest = self.nees_bands.first().map_or(4.0, |(_, [_, high])| *high);
+        let consistent = self.nees_bands.first().map_or(4.0, |(_, [_, high])| *high);
         let finite = |p: &&[f64; 2]| p[1].is_finite();
         let values = self
             .trackers
@@ -191,7 +187,7 @@ impl CampaignReport {
             return String::new();
         }
         // A tracker that has lost its senses must not hide the others.
-        let axis = Axis::linear(0.0, high.clamp(1.2 * honest, 4.0 * honest), 6);
+        let axis = Axis::linear(0.0, high.clamp(1.2 * consistent, 4.0 * consistent), 6);
         let mut layers: Vec<Layer> = Vec::new();
         let mut bands = String::new();
         for (name, band) in &self.nees_bands {
@@ -213,7 +209,7 @@ impl CampaignReport {
             &self.over_time("Mean NEES", vec![panel]),
             "Mean over the runs of the squared error in units of the stated covariance.",
             &self.remark(&format!(
-                "Inside the band of four degrees of freedom a tracker is honest; above, too sure of itself. \
+                "Inside the band of four degrees of freedom a tracker is consistent; above, overconfident. \
                  Dotted, the bands of 95 %:{bands}"
             )),
         )
@@ -303,7 +299,7 @@ mod tests {
         let tracker = |name: &str, scale: f64| TrackerCurves {
             name: name.to_owned(),
             position_rmse_m: curve(scale),
-            velocity_rmse_mps: curve(0.1 * scale),
+            velocity_rmse_m_s: curve(0.1 * scale),
             nees: curve(0.05 * scale),
             track_m: curve(10.0),
         };

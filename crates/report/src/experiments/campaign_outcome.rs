@@ -56,7 +56,7 @@ pub fn render(part: &Part, outcome: &CampaignOutcome) -> String {
             Some(TrackerCurves {
                 name: kind.name().to_owned(),
                 position_rmse_m: timed(&tracker.series.position_rmse_m),
-                velocity_rmse_mps: timed(&tracker.series.velocity_rmse_mps),
+                velocity_rmse_m_s: timed(&tracker.series.velocity_rmse_m_s),
                 nees: timed(&tracker.series.nees),
                 track_m,
             })
@@ -111,14 +111,15 @@ fn verdict(name: &str, tracker: &TrackerOutcome) -> Verdict {
     let nees = tracker.nees_mean;
     let inside = 100.0 * tracker.nees_inside_band;
     if tracker.nees_inside_band >= 0.8 {
-        let text =
-            format!("{name} is honest: its NEES is inside the band at {inside:.0} % of the scans.");
+        let text = format!(
+            "{name} is consistent: its NEES is inside the band at {inside:.0} % of the scans."
+        );
         Verdict::new(Tone::Good, text)
     } else if nees < 4.0 {
-        let text = format!("{name} is too modest: NEES {nees:.2} where 4 is honest.");
+        let text = format!("{name} is conservative: NEES {nees:.2} where 4 is consistent.");
         Verdict::new(Tone::Warn, text)
     } else {
-        let text = format!("{name} is too sure of itself: NEES {nees:.2} where 4 is honest.");
+        let text = format!("{name} is overconfident: NEES {nees:.2} where 4 is consistent.");
         Verdict::new(Tone::Bad, text)
     }
 }
@@ -131,9 +132,9 @@ fn table(outcome: &CampaignOutcome) -> Table {
         vec![
             Cell::text(name.clone()),
             number(tracker.position_rmse_m, 2),
-            number(tracker.velocity_rmse_mps, 3),
+            number(tracker.velocity_rmse_m_s, 3),
             number(tracker.steady.position_rmse_m, 2),
-            number(tracker.steady.velocity_rmse_mps, 3),
+            number(tracker.steady.velocity_rmse_m_s, 3),
             number(tracker.nees_mean, 2),
             number(100.0 * tracker.nees_inside_band, 0),
         ]

@@ -33,7 +33,7 @@ pub fn render(outcome: &ExperimentOutcome, command: Option<&str>) -> String {
     let mut page = Page::default();
     let conditions = &outcome.conditions;
     page.section("gain", "What the modification gains", &gains(conditions));
-    page.section("errors", "How wrong each is", &errors(conditions));
+    page.section("errors", "Errors", &errors(conditions));
     let tables = [
         comparison_table(
             "Tuned, as the literature prints them",

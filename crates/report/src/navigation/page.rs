@@ -1,4 +1,4 @@
-//! The report of a navigation run: where it went, how wrong, how sure, and what each aid told.
+//! The report of a navigation run: track, errors, consistency, and the innovations of each aid.
 
 use northing_core::navigation::Validity;
 
@@ -14,9 +14,9 @@ use northing_evaluation::navigation::{NavigationKind, NavigationSummary};
 
 /// How the page is read.
 const READING: &str = "Positions are metres from the first fix. An ellipse, or a band of 95 %, holds the truth 95 times \
-                       of 100 when the stated uncertainty is honest. \u{03c3} is a standard deviation.";
-/// Shares inside the 95 % bound that are honest.
-const HONEST: std::ops::RangeInclusive<f64> = 0.88..=0.99;
+                       of 100 when the stated uncertainty is consistent. \u{03c3} is a standard deviation.";
+/// Shares inside the 95 % bound that are consistent.
+const CONSISTENT: std::ops::RangeInclusive<f64> = 0.88..=0.99;
 
 /// What the report of a navigation run shows.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ impl NavigationReport<'_> {
         page.section("errors", "Errors", &self.errors());
         page.section("outages", "Outages", &self.outages());
         page.section("orientation", "Orientation", &self.orientation());
-        page.section("aids", "What each aid told", &self.aids());
+        page.section("aids", "Aiding innovations", &self.aids());
         if !self.settings.is_empty() {
             page.section("settings", "Settings", &html::settings(&self.settings));
         }
@@ -104,7 +104,7 @@ impl NavigationReport<'_> {
         plots::errors(self.trace).map_or_else(String::new, |figure| {
             html::figure(
                 &figure,
-                "How wrong the position was where it could be judged.",
+                "Position errors where there was something to score against.",
                 "Dots should fill the band and seldom leave it. What stands out far are the outages.",
             )
         })
@@ -214,7 +214,7 @@ fn facts(summary: &NavigationSummary) -> Vec<Fact> {
             format!("{:.0} %", 100.0 * position.inside_95),
         ));
     }
-    let velocity = summary.velocity_rmse_mps;
+    let velocity = summary.velocity_rmse_m_s;
     facts.extend(velocity.map(|v| Fact::new("velocity error, RMS", format!("{v:.2} m/s"))));
     if let Some(heading) = &summary.heading {
         let against = if heading.against_course {
@@ -247,9 +247,9 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     if let Some(position) = &summary.position {
         verdicts.push(better_than_nothing(position));
-        verdicts.push(honesty(position));
+        verdicts.push(consistency(position));
     }
-    verdicts.extend(outage_honesty(&summary.outages));
+    verdicts.extend(outage_consistency(&summary.outages));
     if summary.validity.invalid_s > 0.0 {
         verdicts.push(Verdict::new(
             Tone::Warn,
@@ -314,27 +314,26 @@ fn better_than_nothing(position: &PositionScore) -> Verdict {
     }
 }
 
-fn honesty(position: &PositionScore) -> Verdict {
+fn consistency(position: &PositionScore) -> Verdict {
     let share = position.inside_95;
     let percent = 100.0 * share;
-    if HONEST.contains(&share) {
+    if CONSISTENT.contains(&share) {
         let text = format!(
-            "The stated uncertainty is honest: {percent:.0} % of {} points inside the 95 % ellipse.",
+            "The stated uncertainty is consistent: {percent:.0} % of {} points inside the 95 % ellipse.",
             position.scored_fixes
         );
         Verdict::new(Tone::Good, text)
-    } else if share < *HONEST.start() {
-        let text = format!(
-            "Too sure of itself: only {percent:.0} % of the points inside the 95 % ellipse."
-        );
+    } else if share < *CONSISTENT.start() {
+        let text =
+            format!("Overconfident: only {percent:.0} % of the points inside the 95 % ellipse.");
         Verdict::new(Tone::Bad, text)
     } else {
-        let text = format!("Too modest: {percent:.1} % of the points inside the 95 % ellipse.");
+        let text = format!("Conservative: {percent:.1} % of the points inside the 95 % ellipse.");
         Verdict::new(Tone::Warn, text)
     }
 }
 
-fn outage_honesty(outages: &[OutageScore]) -> Option<Verdict> {
+fn outage_consistency(outages: &[OutageScore]) -> Option<Verdict> {
     let judged = outages.iter().filter_map(|o| o.inside_95);
     let (inside, all) = judged.fold((0, 0), |(inside, all), ok| {
         (inside + u32::from(ok), all + 1)
@@ -432,7 +431,7 @@ fn aid_table(summary: &NavigationSummary) -> Table {
     });
     Table {
         title: "Aids".to_owned(),
-        caption: "The mean NIS of an honest filter is the number of components measured."
+        caption: "The mean NIS of a consistent filter is the number of components measured."
             .to_owned(),
         columns: [
             "aid",
@@ -468,13 +467,13 @@ pub fn navigation_settings(
     let settings = parameters.settings(kind).into_iter();
     settings
         .map(|setting| Setting {
-            value: setting
-                .value
-                .as_str()
-                .map_or_else(|| setting.value.to_string(), str::to_owned),
-            name: setting.name,
-            unit: String::new(),
-            meaning: setting.group.to_owned(),
+            value: match setting.json() {
+                serde_json::Value::String(word) => word,
+                other => other.to_string(),
+            },
+            name: setting.parameter.name.to_owned(),
+            unit: setting.parameter.unit.to_owned(),
+            meaning: setting.parameter.meaning.to_owned(),
         })
         .collect()
 }

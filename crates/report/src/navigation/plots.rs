@@ -25,8 +25,8 @@ const LARGEST_ELLIPSE: f64 = 0.12 * WIDTH;
 const SIGMAS: f64 = 3.0;
 /// Class of fixes that the estimator got.
 const USED: &str = "dots soft device";
-/// Class of fixes kept back, and of the reference.
-const KEPT_BACK: &str = "dots soft reference";
+/// Class of held-out fixes, and of the reference.
+const HELD_OUT: &str = "dots soft reference";
 
 /// Class of what the device itself said, beside an estimate.
 const DEVICE: &str = "line thin s2";
@@ -65,7 +65,7 @@ pub(crate) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<Str
         let of = trace.fixes.items().iter().filter(move |f| f.used == used);
         of.map(|f| place(f.position_m)).collect()
     };
-    let (used, withheld) = (fixes(true), fixes(false));
+    let (used, held_out) = (fixes(true), fixes(false));
     let reference: Vec<Place> = trace
         .reference
         .items()
@@ -91,12 +91,8 @@ pub(crate) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<Str
     if points.iter().any(dead) {
         keys.push(key(Sign::Line, "line gated", "dead reckoning"));
     }
-    if !withheld.is_empty() {
-        keys.push(key(
-            Sign::Dot,
-            &format!("{KEPT_BACK} big"),
-            "fixes kept back",
-        ));
+    if !held_out.is_empty() {
+        keys.push(key(Sign::Dot, &format!("{HELD_OUT} big"), "held-out fixes"));
     }
     let device: Vec<Place> = beside(trace, kind)
         .iter()
@@ -113,7 +109,7 @@ pub(crate) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<Str
         let picked = series::pick(places, DOTS);
         picked.iter().map(|place| scale.at(*place)).collect()
     };
-    svg.dots(&dots(&withheld), KEPT_BACK);
+    svg.dots(&dots(&held_out), HELD_OUT);
     svg.dots(&dots(&used), USED);
     svg.lines(&ellipses, "line thin soft estimate");
     svg.lines(&[scale.path(&device)], DEVICE);
@@ -337,11 +333,7 @@ fn position_keys(trace: &NavigationTrace, kind: NavigationKind) -> Vec<Key> {
         key(Sign::Dot, &format!("{USED} big"), "fixes used"),
     ];
     if trace.fixes.items().iter().any(|fix| !fix.used) {
-        keys.push(key(
-            Sign::Dot,
-            &format!("{KEPT_BACK} big"),
-            "fixes kept back",
-        ));
+        keys.push(key(Sign::Dot, &format!("{HELD_OUT} big"), "held-out fixes"));
     }
     if !beside(trace, kind).is_empty() {
         keys.push(beside_key());
@@ -386,7 +378,7 @@ fn position_panel(
     let axis = extent(&curve, usual_half(&band));
     let layers = vec![
         band_layer(band, false),
-        dots(false, KEPT_BACK),
+        dots(false, HELD_OUT),
         dots(true, USED),
         line(device, "thin s2", false),
         line(curve, "estimate", false),

@@ -1,4 +1,4 @@
-//! The map of a tracking run: north up, equal scales, everything that was true, seen and believed.
+//! The map of a tracking run: north up, equal scales, everything that was true, seen and estimated.
 
 use std::collections::BTreeMap;
 

@@ -51,7 +51,7 @@ impl TrackingReport<'_> {
             program: concat!("northing ", env!("CARGO_PKG_VERSION")),
             command: self.command.as_deref(),
             reading: "North is up. An ellipse holds the true position 95 times of 100 when the tracker's \
-                   uncertainty is honest.",
+                   uncertainty is consistent.",
         })
     }
 

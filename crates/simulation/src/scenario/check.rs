@@ -41,10 +41,10 @@ impl Scenario {
         let positive = [
             ("meta.duration_s", self.meta.duration_s),
             ("imu.rate_hz", self.imu.rate_hz),
-            ("imu.sigma_accel_mps2", self.imu.sigma_accel_mps2),
-            ("imu.sigma_gyro_dps", self.imu.sigma_gyro_dps),
-            ("imu.accel_bias_std_mps2", self.imu.accel_bias_std_mps2),
-            ("imu.gyro_bias_std_dps", self.imu.gyro_bias_std_dps),
+            ("imu.sigma_accel_m_s2", self.imu.sigma_accel_m_s2),
+            ("imu.sigma_gyro_deg_s", self.imu.sigma_gyro_deg_s),
+            ("imu.accel_bias_std_m_s2", self.imu.accel_bias_std_m_s2),
+            ("imu.gyro_bias_std_deg_s", self.imu.gyro_bias_std_deg_s),
             ("gps_compass.rate_hz", gps.rate_hz),
             ("gps_compass.position_std_m", gps.position_std_m[0]),
             ("gps_compass.position_std_m", gps.position_std_m[1]),
@@ -52,16 +52,16 @@ impl Scenario {
             ("gps_compass.heading_std_deg", gps.heading_std_deg),
             ("gps_compass.roll_pitch_std_deg", gps.roll_pitch_std_deg),
             (
-                "navigation.initial_velocity_std_mps",
-                self.navigation.initial_velocity_std_mps,
+                "navigation.initial_velocity_std_m_s",
+                self.navigation.initial_velocity_std_m_s,
             ),
             ("navigation.noise_factor", self.navigation.noise_factor),
             ("radar.rate_hz", self.radar.rate_hz),
             ("radar.sigma_range_m", self.radar.sigma_range_m),
             ("radar.sigma_bearing_deg", self.radar.sigma_bearing_deg),
             (
-                "track_init.velocity_std_mps",
-                self.track_init.velocity_std_mps,
+                "track_init.velocity_std_m_s",
+                self.track_init.velocity_std_m_s,
             ),
             ("track_init.position_std_m", self.track_init.position_std_m),
             ("blackbox.tau_heading_s", self.blackbox.tau_heading_s),
@@ -75,17 +75,17 @@ impl Scenario {
             return Some((key, value, "a finite number above zero"));
         }
         let finite = [
-            ("meta.gravity_mps2", self.meta.gravity_mps2),
+            ("meta.gravity_m_s2", self.meta.gravity_m_s2),
             ("ownship.heading_deg", self.ownship.heading_deg),
-            ("ownship.speed_mps", self.ownship.speed_mps),
+            ("ownship.speed_m_s", self.ownship.speed_m_s),
             ("ownship.turn_start_s", self.ownship.turn_start_s),
-            ("ownship.turn_rate_dps", self.ownship.turn_rate_dps),
+            ("ownship.turn_rate_deg_s", self.ownship.turn_rate_deg_s),
             ("ownship.turn_angle_deg", self.ownship.turn_angle_deg),
-            ("target.sigma_accel_mps2", self.target.sigma_accel_mps2),
+            ("target.sigma_accel_m_s2", self.target.sigma_accel_m_s2),
         ];
         let own = self.ownship.position_m.map(|x| ("ownship.position_m", x));
         let target = self.target.position_m.map(|x| ("target.position_m", x));
-        let velocity = self.target.velocity_mps.map(|x| ("target.velocity_mps", x));
+        let velocity = self.target.velocity_m_s.map(|x| ("target.velocity_m_s", x));
         let mut all = finite.into_iter().chain(own).chain(target).chain(velocity);
         let found = all.find(|(_, value)| !value.is_finite());
         found.map(|(key, value)| (key, value, "a finite number"))
@@ -96,19 +96,19 @@ impl Scenario {
         let (imu, gps) = (&self.imu, &self.gps_compass);
         let not_negative = [
             (
-                "imu.accel_bias_random_walk_mps2_sqrt_s",
-                imu.accel_bias_random_walk_mps2_sqrt_s,
+                "imu.accel_bias_random_walk_m_s2_sqrt_s",
+                imu.accel_bias_random_walk_m_s2_sqrt_s,
             ),
             (
-                "imu.gyro_bias_random_walk_dps_sqrt_s",
-                imu.gyro_bias_random_walk_dps_sqrt_s,
+                "imu.gyro_bias_random_walk_deg_s_sqrt_s",
+                imu.gyro_bias_random_walk_deg_s_sqrt_s,
             ),
             ("imu.accel_scale_error_std", imu.accel_scale_error_std),
             ("imu.gyro_scale_error_std", imu.gyro_scale_error_std),
-            ("imu.accel_resolution_mps2", imu.accel_resolution_mps2),
-            ("imu.gyro_resolution_dps", imu.gyro_resolution_dps),
-            ("imu.accel_range_mps2", imu.accel_range_mps2),
-            ("imu.gyro_range_dps", imu.gyro_range_dps),
+            ("imu.accel_resolution_m_s2", imu.accel_resolution_m_s2),
+            ("imu.gyro_resolution_deg_s", imu.gyro_resolution_deg_s),
+            ("imu.accel_range_m_s2", imu.accel_range_m_s2),
+            ("imu.gyro_range_deg_s", imu.gyro_range_deg_s),
         ];
         let bad = |value: f64| !(value.is_finite() && value >= 0.0);
         if let Some((key, value)) = not_negative.into_iter().find(|(_, value)| bad(*value)) {
@@ -179,9 +179,9 @@ impl Scenario {
             let key = "navigation.initial_bias_estimate";
             return Some((key, self.navigation.initial_bias_estimate, "0"));
         }
-        if !not_negative(self.target.sigma_accel_mps2) {
-            let key = "target.sigma_accel_mps2";
-            return Some((key, self.target.sigma_accel_mps2, "zero or more"));
+        if !not_negative(self.target.sigma_accel_m_s2) {
+            let key = "target.sigma_accel_m_s2";
+            return Some((key, self.target.sigma_accel_m_s2, "zero or more"));
         }
         let dof = self
             .nees

@@ -20,7 +20,7 @@ pub trait ScenarioTables: serde::de::DeserializeOwned {
     /// Calls it by the name of a variant.
     fn set_name(&mut self, name: &str);
 
-    /// The first thing that makes no sense, in words that begin with its key.
+    /// The first thing that is invalid, in words that begin with its key.
     ///
     /// # Errors
     /// Names the key, its value and what was expected.
@@ -138,7 +138,7 @@ impl<S: ScenarioTables> VariantFile<S> {
             let at = error.span().map(|span| span.start);
             self.complain(at, error.message())
         })?;
-        Ok(table.into_inner())
+        Ok(with_current_units(table.into_inner()))
     }
 
     /// The variant and those it inherits from, the eldest first.
@@ -216,6 +216,42 @@ impl<S: ScenarioTables> VariantFile<S> {
     }
 }
 
+/// Endings of keys that scenarios had once, and what they are now; the longer first.
+const UNITS: [(&str, &str); 3] = [("_mps2", "_m_s2"), ("_mps", "_m_s"), ("_dps", "_deg_s")];
+
+/// A table with the units in its keys as they are written now, so that older scenarios stay valid.
+fn with_current_units<'i>(table: DeTable<'i>) -> DeTable<'i> {
+    let renamed = |key: &str| {
+        let (stem, per) = key
+            .strip_suffix("_sqrt_s")
+            .map_or((key, ""), |stem| (stem, "_sqrt_s"));
+        let unit = UNITS
+            .iter()
+            .find_map(|(old, new)| Some((stem.strip_suffix(old)?, new)));
+        let name = unit.map(|(quantity, unit)| format!("{quantity}{unit}{per}"));
+        // Said twice in one table, the old key is left to be refused.
+        name.filter(|name| !table.contains_key(name.as_str()))
+    };
+    let entries = table.iter().map(|(key, value)| {
+        let name = renamed(key.get_ref()).map_or_else(|| key.get_ref().clone(), Into::into);
+        let mut value = value.clone();
+        update_units(value.get_mut());
+        (Spanned::new(key.span(), name), value)
+    });
+    entries.collect()
+}
+
+fn update_units(value: &mut DeValue<'_>) {
+    match value {
+        DeValue::Table(table) => *table = with_current_units(std::mem::take(table)),
+        DeValue::Array(values) => values
+            .iter_mut()
+            .map(Spanned::get_mut)
+            .for_each(update_units),
+        _ => {}
+    }
+}
+
 /// What the base calls itself.
 fn name_of<'a>(root: &'a DeTable<'_>) -> Option<&'a str> {
     root.get("meta")?.get_ref().get("name")?.get_ref().as_str()
@@ -253,6 +289,25 @@ mod tests {
         expected.meta.name = "paper_halved".to_owned();
         expected.navigation.noise_factor = 0.5;
         assert_eq!(halved, expected);
+    }
+
+    #[test]
+    fn older_units_in_keys_are_read() {
+        let old = TEXT
+            .replace("_m_s2", "_mps2")
+            .replace("_m_s", "_mps")
+            .replace("_deg_s", "_dps");
+        assert_ne!(old, TEXT);
+        let file = |text| ScenarioFile::parse("s.toml", text);
+        let (old, new) = (file(&old).unwrap(), file(TEXT).unwrap());
+        for variant in [None, Some("paper_halved"), Some("mems")] {
+            assert_eq!(old.scenario(variant), new.scenario(variant));
+        }
+        let twice = TEXT.replace("speed_m_s = 10.0", "speed_m_s = 10.0\nspeed_mps = 9.0");
+        assert!(refusal(&twice).contains("speed_mps"));
+        let bad = TEXT.replace("sigma_gyro_deg_s = 0.4", "sigma_gyro_dps = -0.4");
+        let line = 1 + bad.lines().position(|line| line.contains("-0.4")).unwrap();
+        assert!(refusal(&bad).starts_with(&format!("s.toml:{line}: imu.sigma_gyro_deg_s is -0.4")));
     }
 
     #[test]
@@ -301,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_make_no_sense_are_refused_where_they_are_said() {
+    fn numbers_that_are_invalid_are_refused_where_they_are_said() {
         for (good, bad, words) in [
             (
                 "sigma_range_m = 20.0",
@@ -334,9 +389,9 @@ mod tests {
                 "whole periods of the radar",
             ),
             (
-                "gyro_bias_std_dps = 0.02",
-                "gyro_bias_std_dps = 0.02\ngyro_resolution_dps = -1.0",
-                "imu.gyro_resolution_dps is -1, expected zero or more",
+                "gyro_bias_std_deg_s = 0.02",
+                "gyro_bias_std_deg_s = 0.02\ngyro_resolution_deg_s = -1.0",
+                "imu.gyro_resolution_deg_s is -1, expected zero or more",
             ),
             (
                 "roll_pitch_std_deg = 1.0",

@@ -108,7 +108,7 @@ fn motion(scenario: &FlightScenario, seed: u64) -> Box<dyn Trajectory> {
         });
     }
     let mut drawn = stream(seed, "motion");
-    let rms = motion.acceleration_rms_mps2;
+    let rms = motion.acceleration_rms_m_s2;
     Box::new(Flight::random(&mut drawn, motion.attitude, rms))
 }
 
@@ -123,8 +123,8 @@ fn gyroscope_errors(scenario: &FlightScenario) -> ErrorModel {
 
 fn accelerometer_errors(scenario: &FlightScenario) -> ErrorModel {
     ErrorModel {
-        noise_std: scenario.accelerometer.noise_std_mps2,
-        bias_std: scenario.accelerometer.bias_std_mps2,
+        noise_std: scenario.accelerometer.noise_std_m_s2,
+        bias_std: scenario.accelerometer.bias_std_m_s2,
         ..ErrorModel::default()
     }
 }

@@ -67,7 +67,7 @@ pub struct MotionTable {
     /// Attitude free of the acceleration, or the z axis along the specific force.
     pub attitude: FlightAttitude,
     /// Root mean square of the acceleration of each horizontal axis, m/s^2.
-    pub acceleration_rms_mps2: f64,
+    pub acceleration_rms_m_s2: f64,
     /// Instead of a flight: a spin about the vertical, rad/s. Default 0: a flight.
     #[serde(default)]
     pub spin_rad_s: f64,
@@ -100,9 +100,9 @@ pub struct FlightGyroscopeTable {
 #[serde(deny_unknown_fields)]
 pub struct FlightAccelerometerTable {
     /// White noise of each sample, m/s^2.
-    pub noise_std_mps2: f64,
+    pub noise_std_m_s2: f64,
     /// Standard deviation of the bias of each axis, m/s^2.
-    pub bias_std_mps2: f64,
+    pub bias_std_m_s2: f64,
 }
 
 /// The magnetometer.
@@ -142,7 +142,7 @@ pub struct FlightPositionTable {
 #[serde(deny_unknown_fields)]
 pub struct EkfTable {
     /// Accelerations that are taken for errors of gravity, standard deviation of each axis, m/s^2.
-    pub linear_acceleration_std_mps2: f64,
+    pub linear_acceleration_std_m_s2: f64,
 }
 
 fn thirty() -> f64 {
@@ -160,8 +160,8 @@ impl ScenarioTables for FlightScenario {
             ("gyroscope.rate_hz", self.gyroscope.rate_hz),
             ("gyroscope.noise_std_rad_s", self.gyroscope.noise_std_rad_s),
             (
-                "accelerometer.noise_std_mps2",
-                self.accelerometer.noise_std_mps2,
+                "accelerometer.noise_std_m_s2",
+                self.accelerometer.noise_std_m_s2,
             ),
             ("magnetometer.strength_ut", self.magnetometer.strength_ut),
             ("magnetometer.noise_std_ut", self.magnetometer.noise_std_ut),
@@ -179,8 +179,8 @@ impl ScenarioTables for FlightScenario {
         let not_negative = [
             ("meta.scored_from_s", self.meta.scored_from_s),
             (
-                "motion.acceleration_rms_mps2",
-                self.motion.acceleration_rms_mps2,
+                "motion.acceleration_rms_m_s2",
+                self.motion.acceleration_rms_m_s2,
             ),
             ("start.attitude_error_deg", self.start.attitude_error_deg),
             ("gyroscope.bias_std_rad_s", self.gyroscope.bias_std_rad_s),
@@ -189,12 +189,12 @@ impl ScenarioTables for FlightScenario {
                 self.gyroscope.bias_random_walk_rad_s_sqrt_s,
             ),
             (
-                "accelerometer.bias_std_mps2",
-                self.accelerometer.bias_std_mps2,
+                "accelerometer.bias_std_m_s2",
+                self.accelerometer.bias_std_m_s2,
             ),
             (
-                "ekf.linear_acceleration_std_mps2",
-                self.ekf.linear_acceleration_std_mps2,
+                "ekf.linear_acceleration_std_m_s2",
+                self.ekf.linear_acceleration_std_m_s2,
             ),
         ];
         let finite = [
@@ -253,8 +253,8 @@ mod tests {
         assert!(file.variants().len() >= 15, "{:?}", file.variants());
         let thrust = file.scenario(Some("thrust-3")).unwrap();
         assert_eq!(thrust.motion.attitude, FlightAttitude::ThrustAligned);
-        assert!((thrust.motion.acceleration_rms_mps2 - 3.0).abs() < 1e-12);
-        assert!((thrust.ekf.linear_acceleration_std_mps2 - 2.1).abs() < 1e-12);
+        assert!((thrust.motion.acceleration_rms_m_s2 - 3.0).abs() < 1e-12);
+        assert!((thrust.ekf.linear_acceleration_std_m_s2 - 2.1).abs() < 1e-12);
         let blind = file.scenario(Some("thrust-3-accelerometer-only")).unwrap();
         assert_eq!(blind.meta.metric, Metric::Inclination);
         assert_eq!(blind.motion, thrust.motion);

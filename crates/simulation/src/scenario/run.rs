@@ -68,7 +68,7 @@ impl<'a> TrackingRun<'a> {
         let rate_hz = world.scenario().imu.rate_hz;
         let sensor = |name: &str, model: &ErrorModel| SensorErrors::new(seed, name, model, rate_hz);
         let [north, east] = world.scenario().target.position_m;
-        let [v_north, v_east] = world.scenario().target.velocity_mps;
+        let [v_north, v_east] = world.scenario().target.velocity_m_s;
         let mut prior = stream(seed, "track/start");
         Self {
             gyroscope: sensor("gyroscope", &world.gyroscope_errors()),
@@ -168,7 +168,7 @@ impl<'a> TrackingRun<'a> {
         let dt = self.world.scan_s();
         let target = &self.world.scenario().target;
         let std = if target.truth_process_noise {
-            target.sigma_accel_mps2
+            target.sigma_accel_m_s2
         } else {
             0.0
         };
@@ -334,7 +334,7 @@ mod tests {
     #[test]
     fn a_fix_can_be_late_and_can_be_lost() {
         let mut scenario = scenario();
-        scenario.ownship.turn_rate_dps = 0.0;
+        scenario.ownship.turn_rate_deg_s = 0.0;
         scenario.navigation.noise_factor = 1e-9;
         let (all, behind) = fixes(&scenario);
         assert!(all == 100 && behind < 1e-6, "{all}, {behind} m");
@@ -349,8 +349,8 @@ mod tests {
     fn the_inertial_unit_has_the_errors_that_the_file_says() {
         let mut scenario = scenario();
         scenario.navigation.noise_factor = 1e-9;
-        scenario.imu.gyro_resolution_dps = 0.5;
-        scenario.imu.accel_range_mps2 = 5.0;
+        scenario.imu.gyro_resolution_deg_s = 0.5;
+        scenario.imu.accel_range_m_s2 = 5.0;
         let world = TrackingWorld::new(&scenario);
         let mut run = world.run(1, 0);
         let [rate, force] = run.next_sample().unwrap();

@@ -1,5 +1,5 @@
-//! The tables of a tracking scenario. Units are in the keys: `_s`, `_hz`, `_m`, `_mps`, `_mps2`,
-//! `_deg`, `_dps`.
+//! The tables of a tracking scenario. Units are in the keys: `_s`, `_hz`, `_m`, `_m_s`, `_m_s2`,
+//! `_deg`, `_deg_s`.
 //!
 //! Frames: north, east, down; heading clockwise from north. All tables but `nees`, `blackbox` and
 //! `faults` must be there.
@@ -53,7 +53,7 @@ pub struct Meta {
     /// Length of a run, s.
     pub duration_s: f64,
     /// Gravity, m/s^2.
-    pub gravity_mps2: f64,
+    pub gravity_m_s2: f64,
     /// Trackers of a campaign, unless asked otherwise; default: all.
     #[serde(default)]
     pub trackers: Vec<String>,
@@ -68,13 +68,13 @@ pub struct OwnShipTable {
     /// Start heading, deg.
     pub heading_deg: f64,
     /// Start speed, m/s.
-    pub speed_mps: f64,
+    pub speed_m_s: f64,
     /// When the one turn starts, s. Default 0.
     #[serde(default)]
     pub turn_start_s: f64,
     /// Rate of the one turn, deg/s, positive to the right; default 0: there is none.
     #[serde(default)]
-    pub turn_rate_dps: f64,
+    pub turn_rate_deg_s: f64,
     /// Angle of the one turn, deg. Default 0.
     #[serde(default)]
     pub turn_angle_deg: f64,
@@ -118,12 +118,12 @@ pub struct TargetTable {
     /// Start: north, east, m.
     pub position_m: [f64; 2],
     /// Velocity: north, east, m/s.
-    pub velocity_mps: [f64; 2],
+    pub velocity_m_s: [f64; 2],
     /// Whether each run draws its own truth from the trackers' motion model; otherwise the target
     /// goes straight on.
     pub truth_process_noise: bool,
     /// White acceleration of each radar period, per axis, m/s^2: the trackers' model.
-    pub sigma_accel_mps2: f64,
+    pub sigma_accel_m_s2: f64,
     /// The kind of that noise.
     pub process_noise_model: ProcessNoiseModel,
 }
@@ -167,25 +167,25 @@ pub struct ImuTable {
     /// Samples each second, Hz.
     pub rate_hz: f64,
     /// Noise of the accelerometer, m/s^2, read as `noise_reading` says.
-    #[serde(rename = "sigma_accel_mps2", alias = "sigma_accel")]
-    pub sigma_accel_mps2: f64,
+    #[serde(alias = "sigma_accel")]
+    pub sigma_accel_m_s2: f64,
     /// Noise of the gyroscope, deg/s, read as `noise_reading` says.
-    pub sigma_gyro_dps: f64,
+    pub sigma_gyro_deg_s: f64,
     /// What these mean in the simulated sensor.
     pub noise_reading: NoiseReading,
     /// What the navigation filter takes them for.
     pub filter_noise_reading: NoiseReading,
     /// Constant accelerometer bias, drawn for each run, m/s^2 per axis.
-    pub accel_bias_std_mps2: f64,
+    pub accel_bias_std_m_s2: f64,
     /// Constant gyroscope bias, drawn for each run, deg/s per axis.
-    pub gyro_bias_std_dps: f64,
+    pub gyro_bias_std_deg_s: f64,
     /// Random walk of the accelerometer bias, (m/s^2)/sqrt(s). Default 0. The navigation filter
     /// takes biases for constant: this and the errors below are truth that it does not know of.
     #[serde(default)]
-    pub accel_bias_random_walk_mps2_sqrt_s: f64,
+    pub accel_bias_random_walk_m_s2_sqrt_s: f64,
     /// Random walk of the gyroscope bias, (deg/s)/sqrt(s). Default 0.
     #[serde(default)]
-    pub gyro_bias_random_walk_dps_sqrt_s: f64,
+    pub gyro_bias_random_walk_deg_s_sqrt_s: f64,
     /// Relative scale error of the accelerometer, drawn for each run and axis. Default 0.
     #[serde(default)]
     pub accel_scale_error_std: f64,
@@ -194,16 +194,16 @@ pub struct ImuTable {
     pub gyro_scale_error_std: f64,
     /// One step of the accelerometer's output, m/s^2. Default 0: not rounded.
     #[serde(default)]
-    pub accel_resolution_mps2: f64,
+    pub accel_resolution_m_s2: f64,
     /// One step of the gyroscope's output, deg/s. Default 0: not rounded.
     #[serde(default)]
-    pub gyro_resolution_dps: f64,
+    pub gyro_resolution_deg_s: f64,
     /// Largest specific force that an axis can show, m/s^2. Default 0: no limit.
     #[serde(default)]
-    pub accel_range_mps2: f64,
+    pub accel_range_m_s2: f64,
     /// Largest rate that an axis can show, deg/s. Default 0: no limit.
     #[serde(default)]
-    pub gyro_range_dps: f64,
+    pub gyro_range_deg_s: f64,
 }
 
 /// The GPS compass.
@@ -235,12 +235,26 @@ pub enum ErrorAngle {
     Global,
 }
 
+/// The navigation filter that the trackers are beside.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NavigationFilter {
+    /// The error-state filter with the GNSS compass's position and attitude, as in the paper.
+    #[default]
+    ErrorState,
+    /// The GNSS/INS, with position and heading of the same fixes.
+    GnssIns,
+}
+
 /// The navigation filter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NavigationTable {
+    /// Which one. Default `error-state`.
+    #[serde(default)]
+    pub filter: NavigationFilter,
     /// Standard deviation of the start velocity, m/s; position and attitude start from one fix.
-    pub initial_velocity_std_mps: f64,
+    pub initial_velocity_std_m_s: f64,
     /// Start of both biases; their standard deviations are those of `imu`.
     pub initial_bias_estimate: f64,
     /// The attitude error.
@@ -302,7 +316,7 @@ pub struct TrackInitTable {
     /// The kind.
     pub mode: TrackStart,
     /// Standard deviation of the velocity, m/s per axis.
-    pub velocity_std_mps: f64,
+    pub velocity_std_m_s: f64,
     /// Standard deviation of the position, m per axis; for `prior`. Default 100.
     #[serde(default = "hundred")]
     pub position_std_m: f64,

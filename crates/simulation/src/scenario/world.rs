@@ -61,20 +61,20 @@ impl Noises {
         let (imu, gps) = (&scenario.imu, &scenario.gps_compass);
         let factor = scenario.navigation.noise_factor;
         let dt = 1.0 / imu.rate_hz;
-        let accelerometer = factor * imu.sigma_accel_mps2;
-        let gyroscope = factor * imu.sigma_gyro_dps.to_radians();
-        let (real, believed) = (imu.noise_reading, imu.filter_noise_reading);
+        let accelerometer = factor * imu.sigma_accel_m_s2;
+        let gyroscope = factor * imu.sigma_gyro_deg_s.to_radians();
+        let (real, assumed) = (imu.noise_reading, imu.filter_noise_reading);
         let level = gps.roll_pitch_std_deg.to_radians();
         Self {
             accelerometer_std: real.sample_std(accelerometer, dt),
             gyroscope_std: real.sample_std(gyroscope, dt),
-            filter_accelerometer_density: believed.sample_std(accelerometer, dt) * dt.sqrt(),
-            filter_gyroscope_density: believed.sample_std(gyroscope, dt) * dt.sqrt(),
+            filter_accelerometer_density: assumed.sample_std(accelerometer, dt) * dt.sqrt(),
+            filter_gyroscope_density: assumed.sample_std(gyroscope, dt) * dt.sqrt(),
             position_std: Vector3::from(gps.position_std_m) * factor,
             attitude_std: Vector3::new(level, level, gps.heading_std_deg.to_radians()) * factor,
-            velocity_std: scenario.navigation.initial_velocity_std_mps,
-            accelerometer_bias_std: imu.accel_bias_std_mps2,
-            gyroscope_bias_std: imu.gyro_bias_std_dps.to_radians(),
+            velocity_std: scenario.navigation.initial_velocity_std_m_s,
+            accelerometer_bias_std: imu.accel_bias_std_m_s2,
+            gyroscope_bias_std: imu.gyro_bias_std_deg_s.to_radians(),
             radar_std: Vector2::new(
                 scenario.radar.sigma_range_m,
                 scenario.radar.sigma_bearing_deg.to_radians(),
@@ -109,7 +109,7 @@ impl TrackingWorld {
             (scenario.gps_compass.rate_hz / scenario.radar.rate_hz).round() as usize;
         let scans = (scenario.meta.duration_s * scenario.radar.rate_hz).round() as usize;
         let samples = scans * fixes_per_scan * samples_per_fix;
-        let gravity = Vector3::new(0.0, 0.0, scenario.meta.gravity_mps2);
+        let gravity = Vector3::new(0.0, 0.0, scenario.meta.gravity_m_s2);
         let mut intervals = Vec::with_capacity(samples);
         let mut own = vec![own_truth(&vessel, 0.0)];
         let mut before = vessel.at(0.0);
@@ -216,10 +216,10 @@ impl TrackingWorld {
         ErrorModel {
             noise_std: self.noises.gyroscope_std,
             bias_std: self.noises.gyroscope_bias_std,
-            bias_random_walk: imu.gyro_bias_random_walk_dps_sqrt_s.to_radians(),
+            bias_random_walk: imu.gyro_bias_random_walk_deg_s_sqrt_s.to_radians(),
             scale_error_std: imu.gyro_scale_error_std,
-            resolution: imu.gyro_resolution_dps.to_radians(),
-            range: imu.gyro_range_dps.to_radians(),
+            resolution: imu.gyro_resolution_deg_s.to_radians(),
+            range: imu.gyro_range_deg_s.to_radians(),
             ..ErrorModel::default()
         }
     }
@@ -230,10 +230,10 @@ impl TrackingWorld {
         ErrorModel {
             noise_std: self.noises.accelerometer_std,
             bias_std: self.noises.accelerometer_bias_std,
-            bias_random_walk: imu.accel_bias_random_walk_mps2_sqrt_s,
+            bias_random_walk: imu.accel_bias_random_walk_m_s2_sqrt_s,
             scale_error_std: imu.accel_scale_error_std,
-            resolution: imu.accel_resolution_mps2,
-            range: imu.accel_range_mps2,
+            resolution: imu.accel_resolution_m_s2,
+            range: imu.accel_range_m_s2,
             ..ErrorModel::default()
         }
     }
@@ -256,11 +256,11 @@ fn vessel(scenario: &Scenario) -> Vessel {
             duration_s: own.turn_start_s,
         },
         Manoeuvre::Turn {
-            rate_dps: own.turn_rate_dps,
+            rate_deg_s: own.turn_rate_deg_s,
             angle_deg: own.turn_angle_deg,
         },
     ];
-    let turns = own.turn_rate_dps.abs() > 0.0;
+    let turns = own.turn_rate_deg_s.abs() > 0.0;
     let manoeuvres = match (own.manoeuvres.is_empty(), turns) {
         (false, _) => &own.manoeuvres[..],
         (true, true) => &one_turn[..],
@@ -273,7 +273,7 @@ fn vessel(scenario: &Scenario) -> Vessel {
     let vessel = Vessel::new(
         own.position_m,
         own.heading_deg.to_radians(),
-        own.speed_mps,
+        own.speed_m_s,
         manoeuvres,
     );
     vessel.swinging(

@@ -1,4 +1,4 @@
-//! When a sensor samples, how late it says so, and which samples are lost.
+//! Sampling clock of a sensor: rate, jitter, latency, lost samples.
 
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};

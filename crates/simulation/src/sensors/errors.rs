@@ -1,4 +1,4 @@
-//! What a three-axis sensor makes of the true vector:
+//! Error model of a three-axis sensor, what it makes of the true vector:
 //! `measured = quantise(clip((1 + scale error) * true + bias + noise))`.
 
 use nalgebra::Vector3;

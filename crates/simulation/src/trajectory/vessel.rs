@@ -1,4 +1,4 @@
-//! A vessel that carries out manoeuvres: straight legs, turns of constant rate, changes of speed; on
+//! Trajectory of a vessel that carries out manoeuvres: straight legs, turns of constant rate, changes of speed; on
 //! request rolling and pitching. World axes are north, east, down; body axes forward, right, down.
 //!
 //! Everything is in closed form, so rates and accelerations are analytic. A turn begins and ends at
@@ -22,14 +22,14 @@ pub enum Manoeuvre {
     /// A turn with constant speed and rate.
     Turn {
         /// Rate, deg/s; positive to the right.
-        rate_dps: f64,
+        rate_deg_s: f64,
         /// By how much, deg; its sign does not matter, that of the rate does.
         angle_deg: f64,
     },
     /// A constant acceleration ahead.
     SpeedChange {
         /// Acceleration, m/s^2.
-        acceleration_mps2: f64,
+        acceleration_m_s2: f64,
         /// How long, s.
         duration_s: f64,
     },
@@ -41,13 +41,13 @@ impl Manoeuvre {
         match *self {
             Self::Straight { duration_s } => (duration_s, 0.0, 0.0),
             Self::Turn {
-                rate_dps,
+                rate_deg_s,
                 angle_deg,
-            } => ((angle_deg / rate_dps).abs(), rate_dps.to_radians(), 0.0),
+            } => ((angle_deg / rate_deg_s).abs(), rate_deg_s.to_radians(), 0.0),
             Self::SpeedChange {
-                acceleration_mps2,
+                acceleration_m_s2,
                 duration_s,
-            } => (duration_s, 0.0, acceleration_mps2),
+            } => (duration_s, 0.0, acceleration_m_s2),
         }
     }
 
@@ -239,15 +239,15 @@ mod tests {
         let manoeuvres = [
             Manoeuvre::Straight { duration_s: 20.0 },
             Manoeuvre::Turn {
-                rate_dps: 2.0,
+                rate_deg_s: 2.0,
                 angle_deg: 60.0,
             },
             Manoeuvre::SpeedChange {
-                acceleration_mps2: 0.1,
+                acceleration_m_s2: 0.1,
                 duration_s: 10.0,
             },
             Manoeuvre::Turn {
-                rate_dps: -3.0,
+                rate_deg_s: -3.0,
                 angle_deg: 30.0,
             },
         ];
@@ -289,7 +289,7 @@ mod tests {
         assert!((vessel.heading_rad(200.0) - 0.3 - 30_f64.to_radians()).abs() < 1e-12);
         assert!(
             Manoeuvre::Turn {
-                rate_dps: 0.0,
+                rate_deg_s: 0.0,
                 angle_deg: 10.0
             }
             .problem()

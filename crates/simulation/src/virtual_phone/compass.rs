@@ -1,4 +1,4 @@
-//! The heading a phone reports: where its top edge points, with an error that wanders slowly.
+//! The heading a phone reports: where its top edge points, with an error that drifts slowly.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::CompassHeading;

@@ -71,6 +71,7 @@ impl Default for VirtualPhoneConfig {
 
 /// How the phone is moved between the rests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Motion {
     /// Slow turns: about 0.4 rad and 0.5 rad/s RMS per axis.
@@ -103,6 +104,7 @@ impl Motion {
 
 /// What disturbs the sensors while the phone is moved; never while it rests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Disturbance {
     /// Nothing.
@@ -140,7 +142,7 @@ impl Disturbance {
     }
 }
 
-/// The orientation the phone reports: the truth of a moment ago, with an error that wanders.
+/// The orientation the phone reports: the truth of a moment ago, with an error that drifts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DeviceOrientationConfig {
@@ -170,7 +172,7 @@ impl Default for DeviceOrientationConfig {
 }
 
 /// The heading the phone reports, as phones without a magnetometer for programs do: the truth with
-/// an error that wanders and that it states honestly.
+/// an error that drifts and whose size it states.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CompassConfig {
@@ -206,7 +208,7 @@ impl Default for ReferenceConfig {
     }
 }
 
-/// A configuration that makes no sense.
+/// A configuration that is invalid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigError {
     field: String,
@@ -246,7 +248,7 @@ impl VirtualPhoneConfig {
         }
     }
 
-    /// Refuses what makes no sense.
+    /// Refuses what is invalid.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         let fields = [
             ("rest_before_s", self.rest_before_s),

@@ -1,4 +1,4 @@
-//! The orientation a phone reports of itself: the truth with an error that wanders slowly.
+//! The orientation a phone reports of itself: the truth with an error that drifts slowly.
 
 use nalgebra::{UnitQuaternion, Vector3};
 

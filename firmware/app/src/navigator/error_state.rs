@@ -15,8 +15,8 @@ use northing_core::navigation::error_state::{Measurement, Row};
 use northing_core::navigation::history::Instant;
 use northing_core::navigation::validity::ValidityLimits;
 use northing_core::navigation::{
-    ATTITUDE, ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState, POSITION,
-    STATES, SideStates, VELOCITY,
+    ATTITUDE, AugmentedStates, ErrorStateConfig, ErrorStateFilter, ErrorTransition,
+    NavigationState, POSITION, STATES, VELOCITY,
 };
 
 use super::{Attitude, Estimate, Inertial, Motion, Navigator, Position, angles_at_rest, std_of};
@@ -49,7 +49,7 @@ const START_STD: [f32; STATES] = [
 pub struct ErrorStateNavigator {
     filter: ErrorStateFilter<f32>,
     /// None is in use.
-    side: SideStates<f32>,
+    side: AugmentedStates<f32>,
     /// Of heading, velocity, position.
     gates: [CountedGate; 3],
     waiting: Waiting,
@@ -99,7 +99,7 @@ impl Navigator for ErrorStateNavigator {
         };
         Some(Self {
             filter: ErrorStateFilter::new(config, state).ok()?,
-            side: SideStates::default(),
+            side: AugmentedStates::default(),
             gates: [CountedGate::default(); 3],
             waiting: Waiting::Nothing,
             velocity: None,
@@ -140,7 +140,8 @@ impl Navigator for ErrorStateNavigator {
         };
         let pending_s = self.filter.state().pending.duration_s();
         if self.waiting != Waiting::Nothing || pending_s > CATCH_UP_S {
-            self.filter.catch_up();
+            // Nobody here is correlated with the errors.
+            let _ = self.filter.catch_up();
         }
     }
 
@@ -252,6 +253,6 @@ impl ErrorStateNavigator {
             _ => (three, of_three),
         };
         self.filter
-            .fuse_sparse(&mut self.side, measured, gate, threshold)
+            .fuse_sparse(&mut self.side, measured, gate, threshold, &mut ())
     }
 }

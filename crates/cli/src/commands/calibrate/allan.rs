@@ -82,7 +82,7 @@ pub(super) fn execute(args: &AllanArgs) -> Result<()> {
     let name = shown(&args.recording);
     let report = analyzed(args, &name)?;
     // What a filter starts from does not matter here: only what is said about it.
-    let filled = report.fill(&mut AttitudeConfig::default());
+    let filled = report.fill(&mut AttitudeConfig::lab());
     let settings = Settings::of(&report);
     let toml = args.output.out.as_ref();
     let toml = toml

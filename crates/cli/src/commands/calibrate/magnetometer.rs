@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use northing_core::calibration::{MagnetometerCalibration, MagnetometerLimits};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
-use northing_evaluation::calibration::magnetometer::{FieldReport, FieldSamples};
+use northing_evaluation::calibration::magnetometer::{FieldSamples, MagnetometerReport};
 use northing_recording::atomic_file::write_whole;
 use northing_report::{Source, magnetometer_html};
 use serde::Serialize;
@@ -104,7 +104,7 @@ pub(super) fn execute(args: &MagnetometerArgs) -> Result<()> {
     print(&format!("{text}\n{told}{next}"))
 }
 
-fn calibrate(args: &MagnetometerArgs, name: &str) -> Result<(FieldReport, Vec<String>)> {
+fn calibrate(args: &MagnetometerArgs, name: &str) -> Result<(MagnetometerReport, Vec<String>)> {
     let mut recording = args.input.open(&args.recording)?;
     let mut progress = Progress::of_stream("calibrating");
     let mut samples = FieldSamples::default();
@@ -122,7 +122,7 @@ fn calibrate(args: &MagnetometerArgs, name: &str) -> Result<(FieldReport, Vec<St
     Ok((report, recording.issues().sentences()))
 }
 
-fn describe(name: &str, report: &FieldReport, issues: &[String]) -> String {
+fn describe(name: &str, report: &MagnetometerReport, issues: &[String]) -> String {
     let c = &report.field.calibration;
     let mut sheet = Sheet::default();
     sheet.sentences("verdict", &report.sentences);
@@ -157,7 +157,7 @@ struct Json<'a> {
 }
 
 impl<'a> Json<'a> {
-    fn new(recording: &'a str, report: &'a FieldReport, issues: &'a [String]) -> Self {
+    fn new(recording: &'a str, report: &'a MagnetometerReport, issues: &'a [String]) -> Self {
         Self {
             recording,
             magnetometer: report.field.magnetometer,

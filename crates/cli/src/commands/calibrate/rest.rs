@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use clap::Args;
 use northing_core::calibration::RestCalibration;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::calibration::magnetometer::FieldCalibration;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use serde::Serialize;
 
 use super::OutputArgs;
@@ -124,7 +124,7 @@ fn calibrate(args: &RestArgs) -> Result<Calibrated> {
 /// The stream in use: the one asked for, otherwise that of the calibration, otherwise the device's.
 fn stream(
     asked: Option<Asked>,
-    field: Option<&FieldCalibration>,
+    field: Option<&MagnetometerStreamCalibration>,
 ) -> Result<Option<MagnetometerSource>> {
     let calibrated = field.map(|field| field.magnetometer);
     let asked = match asked {

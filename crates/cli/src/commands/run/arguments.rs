@@ -29,9 +29,9 @@ const SET_ELSEWHERE: [&str; 9] = [
 #[command(
     long_about = "Estimates the attitude over one recording and says how good the estimate is: the error \
                   against a reference if the recording has one, whether the stated uncertainty and the noise \
-                  of each sensor are honest, and the final test of a device that is put back where it began. \
+                  of each sensor are consistent, and the final test of a device that is put back where it began. \
                   With a navigation estimator (error-state, axis-filters, dead-reckoning) it says where the device \
-                  was, scored at fixes that are kept back. Of a board with our firmware it shows what the board itself \
+                  was, scored at held-out fixes. Of a board with our firmware it shows what the board itself \
                   estimated (device), unless another estimator is named.",
     after_help = "\
 Examples:

@@ -1,4 +1,4 @@
-//! `northing run` with a navigation estimator: where was it, and how wrong is that?
+//! `northing run` with a navigation estimator: position, velocity and attitude, and their errors.
 
 use std::path::Path;
 

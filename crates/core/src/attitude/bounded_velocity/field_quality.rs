@@ -1,4 +1,4 @@
-//! How good is a measured field? Its variance grows with what is wrong about strength and dip, and
+//! Magnetic disturbance: the variance of a measured field grows with what is wrong about strength and dip, and
 //! with what does not fit.
 //!
 //! Strength and dip are seen without any heading: a wrong heading cannot make a good field look bad
@@ -41,7 +41,7 @@ mod tests {
 
     #[test]
     fn strength_and_dip_count_and_the_heading_does_not() {
-        let config = BoundedVelocityConfig::<f64>::default();
+        let config = BoundedVelocityConfig::<f64>::lab();
         let expected = Vector2::new(30.0, 40.0);
         let factor = |level| variance_factor(&config, &level, &expected);
         for heading in [0.0_f64, 1.0, -2.5] {

@@ -1,4 +1,4 @@
-//! Which error states there are, and where they stand.
+//! Error states in use, and their places in the covariance.
 //!
 //! Attitude, velocity and bias are always there, the other blocks follow each other without holes:
 //! a block that is off takes no place, and the loops, which run over the states in use, no time.
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn blocks_follow_each_other_without_holes() {
-        let mut config = BoundedVelocityConfig::<f64>::default();
+        let mut config = BoundedVelocityConfig::<f64>::lab();
         let of = |config: &BoundedVelocityConfig<f64>, has| {
             let layout = Layout::new(config, has);
             (layout.field(), layout.hard_iron(), layout.len())

@@ -1,4 +1,4 @@
-//! How the errors move between two updates: sums over the samples, then one step of the covariance.
+//! Propagation of the error covariance between two updates: sums over the samples, then one step of the covariance.
 //!
 //! Read first: `docs/derivations/bounded_velocity.md`, B3 to B9. The attitude is integrated sample
 //! by sample; its error needs only these sums, because in level axes it stays where it is but for

@@ -1,4 +1,4 @@
-//! Does the device rest? Rate and specific force stay near their own low-passes for long enough.
+//! Rest detection: rate and specific force stay near their own low-passes for long enough.
 //!
 //! At rest the rate is the bias and the velocity is zero (B13, B14).
 
@@ -103,7 +103,7 @@ mod tests {
 
     /// Feeds `seconds` of samples at 100 Hz; the share of them at rest.
     fn share(seconds: f64, sample: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>)) -> f64 {
-        let config = BoundedVelocityConfig::default();
+        let config = BoundedVelocityConfig::lab();
         let (mut detector, mut resting, mut all) = (RestDetector::default(), 0.0, 0.0);
         for k in 0..(seconds * 100.0) as u32 {
             let (rate, force) = sample(f64::from(k) * 0.01);
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn a_known_bias_is_no_turn() {
-        let config = BoundedVelocityConfig::<f64>::default();
+        let config = BoundedVelocityConfig::<f64>::lab();
         let mut detector = RestDetector::default();
         let bias = Vector3::new(0.1, 0.0, 0.0);
         for _ in 0..200 {

@@ -1,4 +1,4 @@
-//! How the filter's errors move, told to whoever records it: what a smoother needs.
+//! Transitions of the filter's errors as a smoother needs them, for whoever records them.
 //!
 //! Read first: `docs/derivations/bounded_velocity.md`, section on the smoother. The filter itself
 //! watches with `()`, which is nothing and costs nothing.

@@ -21,12 +21,12 @@ const FIELD: [f64; 2] = [27.0, 33.0];
 fn full<T: Scalar>() -> BoundedVelocityConfig<T> {
     BoundedVelocityConfig {
         initial_hard_iron_std_ut: lit(12.0),
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     }
 }
 
 fn initial<T: Scalar>(frame: TangentFrame, attitude: UnitQuaternion<T>) -> InitialState<T> {
-    let config = BoundedVelocityConfig::<T>::default();
+    let config = BoundedVelocityConfig::<T>::lab();
     let tilt = config.initial_tilt_std;
     InitialState {
         attitude,
@@ -117,7 +117,7 @@ fn is_sound(f: &BoundedVelocity<impl Scalar>) -> bool {
 }
 
 #[test]
-fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_honest_covariance() {
+fn attitude_bias_scale_and_hard_iron_are_learnt_with_an_consistent_covariance() {
     let errors = Errors {
         bias: Vector3::new(0.03, -0.02, 0.015),
         scale: Matrix3::new(0.004, 0.001, 0.0, -0.001, -0.005, 0.0, 0.0, 0.001, 0.003),
@@ -177,7 +177,7 @@ fn blocks_that_are_off_are_not_there() {
             scale_states: scale,
             initial_hard_iron_std_ut: iron,
             initial_field_std_ut: field,
-            ..BoundedVelocityConfig::<f64>::default()
+            ..BoundedVelocityConfig::<f64>::lab()
         });
         let mut error = f64::NAN;
         hand(20, 3, &Errors::default(), |truth, samples| {
@@ -224,7 +224,7 @@ fn without_other_sensors_the_gyroscope_is_followed_and_the_covariance_grows() {
 
 #[test]
 fn without_a_magnetometer_the_tilt_is_kept_and_the_heading_variance_grows() {
-    let config = BoundedVelocityConfig::<f64>::default();
+    let config = BoundedVelocityConfig::<f64>::lab();
     let mut f = BoundedVelocity::new(config).unwrap();
     let mut start = initial(TangentFrame::Enu, UnitQuaternion::identity());
     start.references.magnetic_field = None;
@@ -291,7 +291,7 @@ fn a_bias_of_the_accelerometer_widens_what_is_stated_of_the_tilt_alone() {
 #[test]
 fn a_rest_tells_the_bias() {
     let run = |moving: f64| {
-        let mut f = filter(BoundedVelocityConfig::<f64>::default());
+        let mut f = filter(BoundedVelocityConfig::<f64>::lab());
         for k in 0..1000 {
             let shake = Vector3::new(moving * (f64::from(k) * 0.07).sin(), 0.0, 0.0);
             f.propagate(&(test_world::BIAS + shake), 0.01);
@@ -310,7 +310,7 @@ fn a_rest_tells_the_bias() {
 fn clipping_widens_and_a_pause_of_the_accelerometer_forgets_the_velocity() {
     let config = BoundedVelocityConfig {
         gyroscope_saturation: 7.0,
-        ..BoundedVelocityConfig::<f64>::default()
+        ..BoundedVelocityConfig::<f64>::lab()
     };
     let grown = |config| {
         let mut f = filter(config);
@@ -319,7 +319,7 @@ fn clipping_widens_and_a_pause_of_the_accelerometer_forgets_the_velocity() {
         }
         f.attitude_covariance().unwrap().trace()
     };
-    assert!(grown(config) > grown(BoundedVelocityConfig::default()) + 3.0 * 0.2 * 0.2);
+    assert!(grown(config) > grown(BoundedVelocityConfig::lab()) + 3.0 * 0.2 * 0.2);
 
     let mut f = filter(config);
     hand(5, 6, &Errors::default(), |_, samples| {
@@ -339,9 +339,9 @@ fn clipping_widens_and_a_pause_of_the_accelerometer_forgets_the_velocity() {
 fn prediction_turns_on_at_the_present_rate() {
     let config = BoundedVelocityConfig {
         prediction_s: 0.01,
-        ..BoundedVelocityConfig::<f64>::default()
+        ..BoundedVelocityConfig::<f64>::lab()
     };
-    let (mut ahead, mut f) = (filter(config), filter(BoundedVelocityConfig::default()));
+    let (mut ahead, mut f) = (filter(config), filter(BoundedVelocityConfig::lab()));
     let rate = Vector3::new(1.0, -2.0, 0.5);
     for _ in 0..3 {
         ahead.propagate(&rate, 0.01);
@@ -377,7 +377,7 @@ fn sensors_have_their_own_rates() {
             let again = f.update_magnetometer(m).outcome;
             waiting[0] += u32::from(again == Outcome::Skipped(SkipReason::NotDue));
             let again = f.update_accelerometer(a).outcome;
-            waiting[1] += u32::from(again == Outcome::Skipped(SkipReason::Gathered));
+            waiting[1] += u32::from(again == Outcome::Skipped(SkipReason::Accumulated));
         }
         error = rotation::angle_between(truth, &f.attitude()).to_degrees();
     });

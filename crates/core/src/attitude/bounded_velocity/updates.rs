@@ -1,4 +1,4 @@
-//! What each sensor tells the filter: residuals, rows, variances.
+//! Measurement updates of each sensor: residuals, rows, variances.
 //!
 //! Read first: `docs/derivations/bounded_velocity.md`, B10 to B21. Rows are few elements of a long
 //! row; corrections are collected and injected once for each update.
@@ -61,7 +61,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         state.rest.force(&self.config, measured, dt);
         let half = dt * lit(0.5);
         if dt <= T::zero() || state.since_velocity_update + half < self.config.update_interval_s {
-            return Innovation::skipped(SkipReason::Gathered);
+            return Innovation::skipped(SkipReason::Accumulated);
         }
         self.update_velocity()
     }

@@ -12,7 +12,7 @@ const FORMS: [ComplementaryForm; 3] = [
 
 /// Gains that follow within seconds.
 fn settings<T: Scalar>() -> AttitudeConfig<T> {
-    AttitudeConfig::default()
+    AttitudeConfig::lab()
 }
 
 fn started(form: ComplementaryForm, attitude: UnitQuaternion<f64>) -> Complementary<f64> {
@@ -279,7 +279,7 @@ fn no_tolerance_lets_a_zero_or_an_infinite_field_in() {
     }
     let config = AttitudeConfig {
         complementary_field_tolerance: 1e160,
-        ..AttitudeConfig::<f64>::default()
+        ..AttitudeConfig::<f64>::lab()
     };
     assert_eq!(
         config.validate().unwrap_err().field,
@@ -301,8 +301,8 @@ fn gains_that_would_overshoot_are_refused() {
         }
         let error = Complementary::<f64>::new(ComplementaryForm::Explicit, config).unwrap_err();
         assert_eq!(
-            (error.field, error.expected),
-            (field, "a number from 0 to 10")
+            (error.field, error.range),
+            (field, crate::parameters::Range::From(0.0, 10.0))
         );
     }
 }

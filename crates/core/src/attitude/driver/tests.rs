@@ -13,7 +13,7 @@ const MS: i64 = 1_000_000;
 type MekfDriver = AttitudeDriver<f64, Mekf<f64>>;
 
 fn mekf() -> MekfDriver {
-    let settings = AttitudeConfig::default();
+    let settings = AttitudeConfig::lab();
     AttitudeDriver::new(Mekf::new(settings).unwrap(), DriverConfig::default())
 }
 
@@ -205,7 +205,7 @@ fn a_gap_is_held_with_a_constant_bias_too() {
             magnetic_field: None,
         },
     };
-    let settings = AttitudeConfig::default();
+    let settings = AttitudeConfig::lab();
     fn held<E: AttitudeEstimator<f64>>(estimator: E, start: &InitialState<f64>) -> f64 {
         let mut driver = AttitudeDriver::new(estimator, DriverConfig::default());
         driver.start_from(start);

@@ -66,7 +66,7 @@ fn drive(seconds: u32, seed: u64, mut step: impl FnMut(&UnitQuaternion<f64>, [Ve
 fn learns_attitude_and_bias_from_half_a_radian_off() {
     let config = AttitudeConfig {
         initial_tilt_std: 0.5,
-        ..AttitudeConfig::<f64>::default()
+        ..AttitudeConfig::<f64>::lab()
     };
     let mut f = filter(config, so3::exp(&Vector3::new(0.4, -0.3, 0.5)));
     let mut error = f64::NAN;
@@ -101,7 +101,7 @@ fn reset_equals_the_dense_product() {
 /// The whole step, propagate and inject, as the true error sees it.
 #[test]
 fn transition_at_a_bias_equals_dual_numbers() {
-    let mut f = filter(AttitudeConfig::<f64>::default(), UnitQuaternion::identity());
+    let mut f = filter(AttitudeConfig::<f64>::lab(), UnitQuaternion::identity());
     f.state.gyroscope_bias = Vector3::new(0.1, -0.2, 0.3);
     let (w, dt) = (Vector3::new(1.0, 2.0, -1.5), 0.02);
     let (_, j) = jacobian(
@@ -126,7 +126,7 @@ fn transition_at_a_bias_equals_dual_numbers() {
 
 #[test]
 fn bad_samples_leave_the_state_untouched_and_say_why() {
-    let mut f = filter(AttitudeConfig::<f64>::default(), UnitQuaternion::identity());
+    let mut f = filter(AttitudeConfig::<f64>::lab(), UnitQuaternion::identity());
     let before = f;
     let nan = Vector3::new(f64::NAN, 0.0, 0.0);
     assert_eq!(
@@ -174,7 +174,7 @@ fn bad_samples_leave_the_state_untouched_and_say_why() {
         references: references(),
     });
     assert_eq!(f, before);
-    let mut blank = Mekf::new(AttitudeConfig::<f64>::default()).unwrap();
+    let mut blank = Mekf::new(AttitudeConfig::<f64>::lab()).unwrap();
     assert_eq!(
         blank.update_magnetometer(&Vector3::x()).outcome,
         Outcome::Skipped(SkipReason::NotInitialized)
@@ -183,7 +183,7 @@ fn bad_samples_leave_the_state_untouched_and_say_why() {
 
 #[test]
 fn a_saved_state_continues_exactly() {
-    let mut whole = filter(AttitudeConfig::<f64>::default(), UnitQuaternion::identity());
+    let mut whole = filter(AttitudeConfig::<f64>::lab(), UnitQuaternion::identity());
     let mut split = whole;
     let mut count = 0;
     drive(4, 7, |_, [w, a, m]| {
@@ -217,7 +217,7 @@ fn with_one_sensor_the_variance_about_its_vector_grows_monotonically() {
         initial_gyroscope_bias_std: 0.0,
         gyroscope_bias_random_walk: 0.0,
         gyroscope_noise_density: 5e-3,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let mut f = filter(config, UnitQuaternion::identity());
     let (mut last, mut count) = (variance_up(&f), 0);
@@ -247,7 +247,7 @@ fn with_one_sensor_the_variance_about_its_vector_grows_monotonically() {
 fn heading_update_never_tips_the_tilt() {
     let config = AttitudeConfig {
         magnetometer_use: MagnetometerUse::Heading,
-        ..AttitudeConfig::<f64>::default()
+        ..AttitudeConfig::<f64>::lab()
     };
     let mut f = filter(config, UnitQuaternion::identity());
     for _ in 0..50 {
@@ -265,7 +265,7 @@ fn gate_does_not_lock_out_for_ever() {
     let config = AttitudeConfig {
         initial_tilt_std: 0.01,
         initial_gyroscope_bias_std: 1e-4,
-        ..AttitudeConfig::<f64>::default()
+        ..AttitudeConfig::<f64>::lab()
     };
     let mut f = filter(config, so3::exp(&Vector3::new(0.0, 0.0, 1.0)));
     let field = references::<f64>().magnetic_field.unwrap();
@@ -294,7 +294,7 @@ fn gate_does_not_lock_out_for_ever() {
 /// Acceptance test (h): a million single-precision updates keep P symmetric and positive.
 #[test]
 fn single_precision_stays_positive_over_a_million_updates() {
-    let mut f = filter(AttitudeConfig::<f32>::default(), UnitQuaternion::identity());
+    let mut f = filter(AttitudeConfig::<f32>::lab(), UnitQuaternion::identity());
     let up = Vector3::new(0.0, 0.0, 9.806_65_f32);
     let field = references::<f32>().magnetic_field.unwrap();
     let mut truth = UnitQuaternion::<f32>::identity();
@@ -321,8 +321,8 @@ fn single_precision_stays_positive_over_a_million_updates() {
 
 #[test]
 fn single_and_double_precision_agree() {
-    let mut f64s = filter(AttitudeConfig::<f64>::default(), UnitQuaternion::identity());
-    let mut f32s = filter(AttitudeConfig::<f32>::default(), UnitQuaternion::identity());
+    let mut f64s = filter(AttitudeConfig::<f64>::lab(), UnitQuaternion::identity());
+    let mut f32s = filter(AttitudeConfig::<f32>::lab(), UnitQuaternion::identity());
     drive(20, 11, |_, [w, a, m]| {
         f64s.propagate(&w, 0.01);
         f64s.update_accelerometer(&a);

@@ -135,7 +135,7 @@ fn lift_and_reduce_are_inverse_and_leave_nothing_along_the_quaternion() {
 /// One step, propagation and update, keeps the covariance free of a part along the quaternion.
 #[test]
 fn covariance_stays_tangent() {
-    let mut f = make(AttitudeConfig::<f64>::default());
+    let mut f = make(AttitudeConfig::<f64>::lab());
     f.initialize(&start(f.config(), UnitQuaternion::identity()));
     drive(5, 21, |_, samples| {
         step_all(&mut f, &samples);
@@ -200,7 +200,7 @@ fn equals_the_mekf_to_rounding() {
         let config = AttitudeConfig {
             initial_tilt_std: 0.5,
             magnetometer_use,
-            ..AttitudeConfig::<f64>::default()
+            ..AttitudeConfig::<f64>::lab()
         };
         let (mut additive, mut mekf) = (make(config), Mekf::new(config).unwrap());
         let off = so3::exp(&Vector3::new(0.6, -0.5, 0.4));
@@ -228,7 +228,7 @@ fn equals_the_mekf_to_rounding() {
 
 #[test]
 fn attitude_variance_is_capped() {
-    let mut f = make(AttitudeConfig::<f64>::default());
+    let mut f = make(AttitudeConfig::<f64>::lab());
     f.initialize(&start(f.config(), so3::exp(&Vector3::new(0.5, 1.0, -2.0))));
     f.add_attitude_variance(100.0);
     let p = f.attitude_covariance().unwrap();
@@ -280,7 +280,7 @@ fn a_free_norm_keeps_a_variance_along_the_quaternion() {
         let config = AttitudeConfig::<f64> {
             quaternion_norm: norm,
             initial_tilt_std: 0.4_f64.sqrt(),
-            ..AttitudeConfig::default()
+            ..AttitudeConfig::lab()
         };
         let mut filter = QuaternionEkf::new(config).unwrap();
         let truth = UnitQuaternion::from_euler_angles(0.4, -0.8, 1.9);

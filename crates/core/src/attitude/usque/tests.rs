@@ -15,7 +15,7 @@ fn make<T: Scalar>(config: AttitudeConfig<T>) -> Usque<T> {
 }
 
 fn with_covariance(scale: f64) -> Usque<f64> {
-    let mut f = make(AttitudeConfig::default());
+    let mut f = make(AttitudeConfig::lab());
     f.initialize(&start(f.config(), so3::exp(&Vector3::new(0.4, -1.0, 0.7))));
     let m = Matrix6::from_fn(|i, j| ((i * 7 + j * 3) as f64).sin());
     f.state.covariance = (m * m.transpose() + Matrix6::identity() * 0.2) * scale;
@@ -163,7 +163,7 @@ fn single_precision_stays_positive_and_symmetric() {
 /// In steady state it is the MEKF.
 #[test]
 fn agrees_with_the_mekf_in_steady_state() {
-    let config = AttitudeConfig::<f64>::default();
+    let config = AttitudeConfig::<f64>::lab();
     let (mut usque, mut mekf) = (make(config), Mekf::new(config).unwrap());
     usque.initialize(&start(&config, UnitQuaternion::identity()));
     mekf.initialize(&start(&config, UnitQuaternion::identity()));
@@ -189,7 +189,7 @@ fn a_poor_start_hurts_it_less_than_the_mekf() {
         initial_tilt_std: 0.5,
         accelerometer_gate_nis: 0.0,
         magnetometer_gate_nis: 0.0,
-        ..AttitudeConfig::<f64>::default()
+        ..AttitudeConfig::<f64>::lab()
     };
     let mut rng = Pcg64::seed_from_u64(0x0A5C_ED01);
     let (mut ours, mut theirs) = (std::vec::Vec::new(), std::vec::Vec::new());
@@ -257,7 +257,7 @@ fn a_broken_covariance_is_mended_and_counted() {
 /// An uncertainty at its cap puts sigma points beyond half a turn; the covariance must survive.
 #[test]
 fn points_beyond_half_a_turn_do_not_jump() {
-    let mut f = make(AttitudeConfig::<f64>::default());
+    let mut f = make(AttitudeConfig::<f64>::lab());
     let before = f.state.covariance;
     assert_eq!(
         f.propagate(&Vector3::new(0.5, -0.2, 0.1), 1e-3),
@@ -275,7 +275,7 @@ fn a_bias_that_is_known_exactly_resets_nothing() {
     let config = AttitudeConfig {
         initial_gyroscope_bias_std: 0.0,
         gyroscope_bias_random_walk: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let mut initial = start(&config, so3::exp(&Vector3::new(0.2, 0.1, -0.4)));
     initial.gyroscope_bias_std = 0.0;

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use super::quadric::Surface;
 use crate::kalman::covariance::cholesky;
+use crate::parameters::{ConfigError, Range};
 use crate::scalar::Scalar;
 
 /// The surface on which the samples were taken to lie.
@@ -102,27 +103,31 @@ impl<T: Scalar> MagnetometerCalibration<T> {
     /// Checks numbers that come from a file.
     ///
     /// # Errors
-    /// The name of the first field that no calibration can have.
-    pub fn validate(&self) -> Result<(), &'static str> {
+    /// The first field that no calibration can have.
+    pub fn validate(&self) -> Result<(), ConfigError> {
         let finite = |v: &[T; 3]| v.iter().all(|x| x.is_finite());
         let positive = |x: T| x > T::zero() && x.is_finite();
         let soft = self.soft_iron();
         let asymmetry = (soft - soft.transpose()).amax();
         let tolerance = T::default_epsilon().sqrt() * soft.amax();
+        let refuse = |field, words| {
+            let range = Range::Described(words);
+            Err(ConfigError { field, range })
+        };
         if !finite(&self.hard_iron_ut) {
-            Err("hard_iron_ut")
-        } else if !soft.iter().all(|x| x.is_finite())
-            || asymmetry > tolerance
-            || cholesky(&soft).is_none()
-        {
-            Err("soft_iron")
-        } else if !positive(self.field_strength_ut) {
-            Err("field_strength_ut")
-        } else if !(self.residual_std_ut >= T::zero() && self.residual_std_ut.is_finite()) {
-            Err("residual_std_ut")
-        } else {
-            Ok(())
+            return refuse("hard_iron_ut", "three finite numbers");
         }
+        if !soft.iter().all(|x| x.is_finite()) || asymmetry > tolerance || cholesky(&soft).is_none()
+        {
+            return refuse("soft_iron", "a symmetric, positive definite matrix");
+        }
+        if !positive(self.field_strength_ut) {
+            return refuse("field_strength_ut", "above 0");
+        }
+        if !(self.residual_std_ut >= T::zero() && self.residual_std_ut.is_finite()) {
+            return refuse("residual_std_ut", "0 or above");
+        }
+        Ok(())
     }
 }
 

@@ -2,64 +2,41 @@
 
 use core::fmt;
 
+use crate::parameters::parameters;
 use crate::scalar::{Scalar, lit};
 
-/// Limits beyond which a calibration is refused, and what is known beforehand.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(
-        default,
-        deny_unknown_fields,
-        bound(
-            serialize = "T: serde::Serialize",
-            deserialize = "T: Scalar + serde::Deserialize<'de>"
-        )
-    )
-)]
-pub struct MagnetometerLimits<T> {
-    /// Strength of the field at this place, microtesla, to which calibrated samples are scaled.
-    /// Default none: the mean radius that the sensor itself shows.
-    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    pub field_strength_ut: Option<T>,
-    /// Fewest different samples, default 100. Raising it asks for longer recordings.
-    pub minimum_samples: u32,
-    /// Share of the sphere that an ellipsoid needs, default 0.45; with less, or where the sphere's
-    /// centre is much better known, a sphere is fitted.
-    /// Raising it asks for more turning and refuses soft iron found from half a view.
-    pub ellipsoid_coverage: T,
-    /// Share of the sphere that a sphere needs, default 0.35; with less nothing is fitted.
-    pub sphere_coverage: T,
-    /// Largest condition number of a fit, default 60 (a full view has 3.2 for an ellipsoid and 1.2
-    /// for a sphere). Raising it accepts directions that happen to leave a parameter open.
-    pub condition_number: T,
-    /// Largest ratio of the ellipsoid's longest and shortest axis, default 2; beyond it no
-    /// ellipsoid is believed.
-    pub axis_ratio: T,
-    /// Largest standard deviation of the calibrated samples' distance from the surface,
-    /// microtesla, default 3. Raising it accepts disturbed surroundings.
-    pub residual_std_ut: T,
-    /// Weakest mean radius, microtesla, default 20 (the Earth's field is 22 to 67).
-    pub field_minimum_ut: T,
-    /// Strongest mean radius, microtesla, default 80 (sensors may be some percent too sensitive).
-    pub field_maximum_ut: T,
-}
+parameters! {
+    /// Limits beyond which a calibration is refused, and what is known beforehand.
+    pub struct MagnetometerLimits;
 
-impl<T: Scalar> Default for MagnetometerLimits<T> {
-    fn default() -> Self {
-        Self {
-            field_strength_ut: None,
-            minimum_samples: 100,
-            ellipsoid_coverage: lit(0.45),
-            sphere_coverage: lit(0.35),
-            condition_number: lit(60.0),
-            axis_ratio: lit(2.0),
-            residual_std_ut: lit(3.0),
-            field_minimum_ut: lit(20.0),
-            field_maximum_ut: lit(80.0),
-        }
-    }
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    field_strength_ut: Option<T>, "microtesla", Optional(&Positive), [None],
+        "strength of the field at this place, to which calibrated samples are scaled",
+        "None: the mean radius that the sensor itself shows.";
+    minimum_samples: u32, "-", Count(0), [100],
+        "fewest different samples",
+        "Raising it asks for longer recordings.";
+    ellipsoid_coverage: T, "-", From(0.0, 1.0), [0.45],
+        "fraction of the sphere that an ellipsoid needs",
+        "With less, or where the sphere's centre is much better known, a sphere is fitted. Raising it asks for more",
+        "turning and refuses soft iron found from half a view.";
+    sphere_coverage: T, "-", From(0.0, 1.0), [0.35],
+        "fraction of the sphere that a sphere needs; with less nothing is fitted";
+    condition_number: T, "-", Positive, [60.0],
+        "largest condition number of a fit",
+        "A full view has 3.2 for an ellipsoid and 1.2 for a sphere. Raising it accepts directions that happen to leave",
+        "a parameter open.";
+    axis_ratio: T, "-", Positive, [2.0],
+        "largest ratio of the ellipsoid's longest and shortest axis; beyond it no ellipsoid is accepted";
+    residual_std_ut: T, "microtesla", Positive, [3.0],
+        "largest standard deviation of the calibrated samples' distance from the surface",
+        "Raising it accepts disturbed surroundings.";
+    field_minimum_ut: T, "microtesla", NotNegative, [20.0],
+        "weakest mean radius",
+        "The Earth's field is 22 to 67.";
+    field_maximum_ut: T, "microtesla", Positive, [80.0],
+        "strongest mean radius",
+        "Sensors may be some percent too sensitive.";
 }
 
 /// Why a magnetometer calibration is refused. The text is one line that ends with what to do.

@@ -96,7 +96,7 @@ fn a_phone_on_a_table_is_measured_right() {
 
 /// The bias is as uncertain as it says: mean of (error / std)^2 over 200 calibrations, 3 axes.
 #[test]
-fn the_uncertainty_of_the_bias_is_honest() {
+fn the_uncertainty_of_the_bias_is_consistent() {
     let mut sum = 0.0;
     for seed in 0..200 {
         let c = World {
@@ -115,7 +115,7 @@ fn the_uncertainty_of_the_bias_is_honest() {
     assert!((sum / 600.0 - 1.0).abs() < 0.2, "{}", sum / 600.0);
 }
 
-/// 300 honest calibrations of several lengths: none may be refused by chance.
+/// 300 good calibrations of several lengths: none may be refused by chance.
 #[test]
 fn a_device_at_rest_is_not_refused() {
     for seed in 0..300 {

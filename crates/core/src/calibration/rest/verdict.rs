@@ -5,6 +5,7 @@ use core::fmt;
 use nalgebra::Vector3;
 
 use super::statistics::Statistics;
+use crate::parameters::parameters;
 use crate::scalar::{Scalar, lit};
 
 /// Standard deviations of chance that a drift may show on top of its limit.
@@ -47,67 +48,40 @@ impl fmt::Display for Sensor {
     }
 }
 
-/// Limits beyond which a calibration at rest is refused.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(
-        default,
-        deny_unknown_fields,
-        bound(
-            serialize = "T: serde::Serialize",
-            deserialize = "T: Scalar + serde::Deserialize<'de>"
-        )
-    )
-)]
-pub struct RestLimits<T> {
-    /// Fewest samples of each sensor, default 50. Raising it asks for longer recordings.
-    pub minimum_samples: u32,
-    /// Largest standard deviation of an axis, rad/s, default 0.05. Raising it accepts noisier
-    /// sensors and unsteadier tables; so for the next two.
-    pub gyroscope_std_rad_s: T,
-    /// Largest standard deviation of an axis, m/s^2, default 0.3.
-    pub accelerometer_std_m_s2: T,
-    /// Largest standard deviation of an axis, microtesla, default 5.
-    pub magnetometer_std_ut: T,
-    /// Largest change of an axis' mean from the first half to the second, rad/s, default 0.005.
-    /// Noise is allowed for on top. Raising it accepts slower motion; so for the next two.
-    pub gyroscope_drift_rad_s: T,
-    /// Largest change of an axis' mean, m/s^2, default 0.1 (0.6 degrees of tilt).
-    pub accelerometer_drift_m_s2: T,
-    /// Largest change of an axis' mean, microtesla, default 1 (some two degrees of turn).
-    pub magnetometer_drift_ut: T,
-    /// Length of the specific force at rest, m/s^2, default 9.81.
-    pub gravity_m_s2: T,
-    /// By how much the measured length may differ from it, m/s^2, default 0.5.
-    pub gravity_tolerance_m_s2: T,
-    /// Weakest magnetic field, microtesla, default 20 (the Earth's is 22 to 67).
-    pub field_minimum_ut: T,
-    /// Strongest magnetic field, microtesla, default 70.
-    pub field_maximum_ut: T,
-    /// Smallest angle between gravity's line and the field's, degrees, default 5: below it there
-    /// is no heading.
-    pub field_gravity_angle_deg: T,
-}
+parameters! {
+    /// Limits beyond which a calibration at rest is refused.
+    pub struct RestLimits;
 
-impl<T: Scalar> Default for RestLimits<T> {
-    fn default() -> Self {
-        Self {
-            minimum_samples: 50,
-            gyroscope_std_rad_s: lit(0.05),
-            accelerometer_std_m_s2: lit(0.3),
-            magnetometer_std_ut: lit(5.0),
-            gyroscope_drift_rad_s: lit(0.005),
-            accelerometer_drift_m_s2: lit(0.1),
-            magnetometer_drift_ut: lit(1.0),
-            gravity_m_s2: lit(9.81),
-            gravity_tolerance_m_s2: lit(0.5),
-            field_minimum_ut: lit(20.0),
-            field_maximum_ut: lit(70.0),
-            field_gravity_angle_deg: lit(5.0),
-        }
-    }
+    minimum_samples: u32, "-", Count(0), [50],
+        "fewest samples of each sensor",
+        "Raising it asks for longer recordings.";
+    gyroscope_std_rad_s: T, "rad/s", NotNegative, [0.05],
+        "largest standard deviation of an axis of the gyroscope",
+        "Raising it accepts noisier sensors and unsteadier tables; so for the next two.";
+    accelerometer_std_m_s2: T, "m/s^2", NotNegative, [0.3],
+        "largest standard deviation of an axis of the accelerometer";
+    magnetometer_std_ut: T, "microtesla", NotNegative, [5.0],
+        "largest standard deviation of an axis of the magnetometer";
+    gyroscope_drift_rad_s: T, "rad/s", NotNegative, [0.005],
+        "largest change of the mean of an axis of the gyroscope from the first half to the second",
+        "Noise is allowed for on top. Raising it accepts slower motion; so for the next two.";
+    accelerometer_drift_m_s2: T, "m/s^2", NotNegative, [0.1],
+        "the same of the accelerometer",
+        "0.6 degrees of tilt.";
+    magnetometer_drift_ut: T, "microtesla", NotNegative, [1.0],
+        "the same of the magnetometer",
+        "Some two degrees of turn.";
+    gravity_m_s2: T, "m/s^2", Positive, [9.81],
+        "length of the specific force at rest";
+    gravity_tolerance_m_s2: T, "m/s^2", NotNegative, [0.5],
+        "by how much the measured length may differ from it";
+    field_minimum_ut: T, "microtesla", NotNegative, [20.0],
+        "weakest magnetic field",
+        "The Earth's is 22 to 67.";
+    field_maximum_ut: T, "microtesla", Positive, [70.0],
+        "strongest magnetic field";
+    field_gravity_angle_deg: T, "degrees", From(0.0, 90.0), [5.0],
+        "smallest angle between gravity's line and the field's: below it there is no heading";
 }
 
 impl<T: Scalar> RestLimits<T> {

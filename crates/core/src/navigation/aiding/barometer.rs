@@ -1,13 +1,13 @@
-//! Height from a barometer, up to an offset that moves slowly with the weather.
+//! Barometric height, up to an offset that drifts with the weather.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E24).
 
 use nalgebra::Vector1;
 
 use crate::navigation::POSITION;
+use crate::navigation::augmented_states::{AugmentedStates, BAROMETER_OFFSET};
 use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
-use crate::navigation::side_states::{BAROMETER_OFFSET, SideStates};
 use crate::scalar::{Scalar, lit};
 
 /// Pressure at sea level in the standard atmosphere, Pa.
@@ -26,7 +26,7 @@ pub fn pressure_height<T: Scalar>(pressure_pa: T) -> Option<T> {
 /// Row of a height (m, up, of any zero) (E24).
 pub fn measurement<T: Scalar>(
     then: &Instant<T>,
-    side: &SideStates<T>,
+    side: &AugmentedStates<T>,
     height: T,
     variance: T,
 ) -> SparseMeasurement<T, 1> {

@@ -1,16 +1,16 @@
-//! Velocity in the axes of a vehicle: none sideways and up (non-holonomic constraint), and its speed from wheels
+//! Non-holonomic constraint and wheel speed, velocity in the axes of a vehicle: none sideways and up (non-holonomic constraint), and its speed from wheels
 //! or a ship's log.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E26).
 //!
 //! The unit is never mounted quite straight: 2 degrees of pitch are 0.5 m/s of false climb at 15 m/s, and pushed
-//! the height of a drive by 12 m. Pitch and yaw of the mount are therefore side states, learnt on the way.
+//! the height of a drive by 12 m. Pitch and yaw of the mount are therefore augmented states, learnt on the way.
 
 use nalgebra::{SVector, Vector3};
 
+use crate::navigation::augmented_states::{AugmentedStates, MOUNT_PITCH, MOUNT_YAW};
 use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
-use crate::navigation::side_states::{MOUNT_PITCH, MOUNT_YAW, SideStates};
 use crate::navigation::{ATTITUDE, GYROSCOPE_BIAS, VELOCITY};
 use crate::scalar::Scalar;
 
@@ -22,7 +22,7 @@ struct Axis<T: Scalar> {
 }
 
 /// Forward, right and down of the vehicle in body axes: `body_from_vehicle = Rz(yaw) Ry(pitch)`.
-fn axes<T: Scalar>(side: &SideStates<T>) -> [Axis<T>; 3] {
+fn axes<T: Scalar>(side: &AugmentedStates<T>) -> [Axis<T>; 3] {
     let (sp, cp) = side.values[MOUNT_PITCH].sin_cos();
     let (sy, cy) = side.values[MOUNT_YAW].sin_cos();
     let zero = T::zero();
@@ -49,7 +49,7 @@ fn axes<T: Scalar>(side: &SideStates<T>) -> [Axis<T>; 3] {
 /// middle of the rear axle of a car): nothing to the right, nothing down.
 pub fn non_holonomic<T: Scalar>(
     then: &Instant<T>,
-    side: &SideStates<T>,
+    side: &AugmentedStates<T>,
     reference_arm: &Vector3<T>,
     variance: T,
 ) -> SparseMeasurement<T, 2> {
@@ -60,7 +60,7 @@ pub fn non_holonomic<T: Scalar>(
         rows: [right_row, down_row],
         residual: SVector::<T, 2>::new(-right_speed, -down_speed),
         variance: SVector::<T, 2>::repeat(variance),
-        // There is no one state to blame: a long slide is believed as it is.
+        // There is no one state to blame: a long slide is accepted as it is.
         freed: [usize::MAX; 2],
     }
 }
@@ -68,7 +68,7 @@ pub fn non_holonomic<T: Scalar>(
 /// Row of a speed (m/s) along the vehicle's forward axis, negative backwards.
 pub fn speed<T: Scalar>(
     then: &Instant<T>,
-    side: &SideStates<T>,
+    side: &AugmentedStates<T>,
     reference_arm: &Vector3<T>,
     forward: T,
     variance: T,

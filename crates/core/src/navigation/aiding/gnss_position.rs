@@ -5,9 +5,9 @@
 use nalgebra::{SVector, Vector3};
 
 use super::with_turned;
+use crate::navigation::augmented_states::{AugmentedStates, GNSS_OFFSET, TIME_OFFSET};
 use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
-use crate::navigation::side_states::{GNSS_OFFSET, SideStates, TIME_OFFSET};
 use crate::navigation::{POSITION, VELOCITY};
 use crate::scalar::{Scalar, lit};
 
@@ -26,7 +26,7 @@ pub struct GnssPosition<T: Scalar> {
 /// `components` are those measured: 0 north, 1 east, 2 down.
 pub fn measurement<T: Scalar, const M: usize>(
     then: &Instant<T>,
-    side: &SideStates<T>,
+    side: &AugmentedStates<T>,
     lever_arm: &Vector3<T>,
     ned: &Vector3<T>,
     variance: &Vector3<T>,

@@ -6,9 +6,9 @@ use nalgebra::{SVector, Vector3};
 
 use super::with_turned;
 use crate::geometry::rotation;
+use crate::navigation::augmented_states::TIME_OFFSET;
 use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
-use crate::navigation::side_states::TIME_OFFSET;
 use crate::navigation::{ACCELEROMETER_BIAS, GYROSCOPE_BIAS, VELOCITY};
 use crate::scalar::Scalar;
 

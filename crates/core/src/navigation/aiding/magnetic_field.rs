@@ -1,10 +1,10 @@
-//! Where magnetic north is, from a magnetometer that also feels the iron of what carries it.
+//! Magnetic heading, from a magnetometer that also feels the iron of what carries it.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E23) and (E36).
 //!
 //! The iron of a car or of a phone's holder turns with the body: it adds a constant to the field in body axes (hard
 //! iron). Uncalibrated it is as large as the horizontal field itself, and turns the heading by tens of degrees. Here it is
-//! three of the [`SideStates`], learnt as the body turns while satellites tell the heading.
+//! three of the [`AugmentedStates`], learnt as the body turns while satellites tell the heading.
 //!
 //! The residual is the component of the levelled field across magnetic north, not its angle: it is linear in the offset
 //! however large that is. Only where the field points backwards by more than the iron can explain is it the angle.
@@ -14,9 +14,9 @@ use nalgebra::{Vector1, Vector3};
 use crate::geometry::rotation;
 use crate::kalman::SkipReason;
 use crate::navigation::ATTITUDE;
+use crate::navigation::augmented_states::{AugmentedStates, MAGNETIC_OFFSET};
 use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
-use crate::navigation::side_states::{MAGNETIC_OFFSET, SideStates};
 use crate::scalar::{Scalar, lit};
 
 /// Horizontal share of the field below which there is no magnetic north: 84 degrees of dip.
@@ -31,7 +31,7 @@ const HORIZONTAL_FLOOR: f64 = 0.25;
 /// [`SkipReason::Unobservable`] when the field is almost vertical, [`SkipReason::NotFinite`] when it is none.
 pub fn measurement<T: Scalar>(
     then: &Instant<T>,
-    side: &SideStates<T>,
+    side: &AugmentedStates<T>,
     field: &Vector3<T>,
     declination: T,
     std: T,

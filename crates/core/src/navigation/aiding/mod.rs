@@ -1,4 +1,4 @@
-//! What aids the inertial navigation, one file each: what was measured, and the rows that it makes.
+//! Aiding measurements of inertial navigation, one file each: the measurement and the rows of its Jacobian.
 //!
 //! Each file has a function from the state at the instant of validity ([`Instant`](super::history::Instant)) to a
 //! [`Measurement`](super::error_state::Measurement), free of side effects, so that its Jacobian can be held

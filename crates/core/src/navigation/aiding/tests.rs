@@ -2,20 +2,20 @@
 
 use super::*;
 use crate::geometry::so3;
+use crate::navigation::augmented_states::{
+    AUGMENTED_STATES, AugmentedStates, BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH,
+    MOUNT_YAW, TIME_OFFSET,
+};
 use crate::navigation::error_state::{SIDE, SparseMeasurement};
 use crate::navigation::history::{ImuHistory, Instant};
-use crate::navigation::side_states::{
-    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, SIDE_STATES,
-    SideStates, TIME_OFFSET,
-};
 use crate::navigation::{ErrorTransition, NavigationState, STATES};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector1, Vector3};
 use num_dual::{DualSVec64, jacobian};
 
-const ALL: usize = STATES + SIDE_STATES;
+const ALL: usize = STATES + AUGMENTED_STATES;
 const DT: f64 = 0.01;
 const GRAVITY: f64 = 9.806_65;
-/// What states are uncertain by, in threes: attitude, velocity, position, biases, side states.
+/// What states are uncertain by, in threes: attitude, velocity, position, biases, augmented states.
 const UNCERTAIN: [f64; 9] = [0.05, 0.5, 1.0, 0.1, 0.003, 1.0, 0.05, 5.0, 5.0];
 type Dual = DualSVec64<ALL>;
 type Errors = SVector<Dual, ALL>;
@@ -33,8 +33,8 @@ fn state() -> NavigationState<f64> {
     }
 }
 
-fn side() -> SideStates<f64> {
-    let mut side = SideStates::default();
+fn side() -> AugmentedStates<f64> {
+    let mut side = AugmentedStates::default();
     for (i, value) in [0.3, -0.2, 0.5, 0.02, 12.0, 0.1, -0.08, 14.0, -21.0, 9.0]
         .into_iter()
         .enumerate()
@@ -306,7 +306,7 @@ fn what_points_straight_up_has_no_heading() {
     let down = then.ned_from_body.inverse() * Vector3::z();
     assert!(heading::magnetic(&then, &down, 0.0, 1.0).is_err());
     assert!(heading::magnetic(&then, &(down * f64::NAN), 0.0, 1.0).is_err());
-    let clean = SideStates::default();
+    let clean = AugmentedStates::default();
     assert!(magnetic_field::measurement(&then, &clean, &down, 0.0, 1.0).is_err());
     let broken = down * f64::INFINITY;
     assert!(magnetic_field::measurement(&then, &clean, &broken, 0.0, 1.0).is_err());

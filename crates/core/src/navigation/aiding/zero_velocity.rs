@@ -1,4 +1,4 @@
-//! The body stands: its velocity is zero, and what the gyroscope shows is its bias.
+//! Zero-velocity and zero-rate update: at rest the velocity is zero, and what the gyroscope shows is its bias.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, (E25).
 

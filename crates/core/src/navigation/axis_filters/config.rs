@@ -1,88 +1,45 @@
 //! Settings of the filters for north, east and down. Equation numbers are those of the parent module.
 
-use crate::scalar::{Scalar, lit};
+use crate::parameters::{Choice, choices, parameters};
+use crate::scalar::Scalar;
 
-/// Which noise stands where.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
-pub enum PositionNoise {
-    /// Acceleration is off by `s_a`, positions by `s_p`, the bias walks (A7).
-    #[default]
-    Physical,
-    /// The paper's eqs 29 and 30 to the letter: `Q` with `s_p^2`, `R = s_a` (not squared), and a bias
-    /// that does not walk.
-    Printed,
-    /// The same with the names exchanged back: `Q` with `s_a^2`, `R = s_p^2`, no walk.
-    PrintedNamesSwapped,
-}
-
-/// Settings of the three filters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(
-        default,
-        deny_unknown_fields,
-        bound(
-            serialize = "T: serde::Serialize",
-            deserialize = "T: Scalar + serde::Deserialize<'de>"
-        )
-    )
-)]
-pub struct PositionAxisConfig<T> {
-    /// Effective error of the acceleration, m/s^2, default 1.5 (walking; driving 3). Raising it
-    /// follows the fixes more.
-    pub acceleration_std: T,
-    /// Random walk of the bias, m/s^2/sqrt(s), default 1e-2. Raising it follows turns faster.
-    pub bias_random_walk: T,
-    /// Error of a fix per horizontal axis, m, default 2.55: 3 m of circular error probable.
-    pub position_std: T,
-    /// Error of a fix downwards, m, default 6.
-    pub vertical_position_std: T,
-    /// Which of them stands where, default `physical`.
-    pub noise: PositionNoise,
-    /// Normalised innovation squared of north and east above which a fix is left out, default 13.8 (99.9 % of two
-    /// degrees of freedom); 0, as in the paper, believes every fix. Raising it lets outliers in.
-    pub outlier_nis: T,
-}
-
-impl<T: Scalar> Default for PositionAxisConfig<T> {
-    fn default() -> Self {
-        Self {
-            acceleration_std: lit(1.5),
-            bias_random_walk: lit(1e-2),
-            position_std: lit(2.55),
-            vertical_position_std: lit(6.0),
-            noise: PositionNoise::Physical,
-            outlier_nis: lit(13.8),
-        }
+choices! {
+    /// Which noise stands where.
+    pub enum PositionNoise {
+        /// Acceleration is off by `s_a`, positions by `s_p`, the bias walks (A7).
+        #[default]
+        Physical = "physical",
+        /// The paper's eqs 29 and 30 to the letter: `Q` with `s_p^2`, `R = s_a` (not squared), and a bias
+        /// that does not walk.
+        Printed = "printed",
+        /// The same with the names exchanged back: `Q` with `s_a^2`, `R = s_p^2`, no walk.
+        PrintedNamesSwapped = "printed-names-swapped",
     }
+}
+
+parameters! {
+    /// Parameters of the three filters.
+    pub struct PositionAxisConfig;
+
+    acceleration_std: T, "m/s^2", Above(1e-6, 1e4), [1.5],
+        "effective error of the acceleration",
+        "Walking 1.5, driving 3. Raising it follows the fixes more.";
+    bias_random_walk: T, "m/s^2/sqrt(s)", From(0.0, 1e4), [1e-2],
+        "random walk of the bias",
+        "Raising it follows turns faster.";
+    position_std: T, "m", Above(1e-6, 1e4), [2.55],
+        "error of a fix per horizontal axis",
+        "3 m of circular error probable.";
+    vertical_position_std: T, "m", Above(1e-6, 1e4), [6.0],
+        "error of a fix downwards";
+    noise: PositionNoise, "-", Words(PositionNoise::WORDS), [PositionNoise::Physical],
+        "which of them stands where";
+    outlier_nis: T, "-", From(0.0, 1e6), [13.8],
+        "normalised innovation squared of north and east above which a fix is left out; 0: none is",
+        "99.9 % of two degrees of freedom; 0 is the paper. Raising it lets outliers in.";
 }
 
 impl<T: Scalar> PositionAxisConfig<T> {
-    /// Name of the first setting that makes no sense.
-    pub fn senseless(&self) -> Option<&'static str> {
-        let positive = |x: T| x > lit(1e-6) && x <= lit(1e4);
-        if !positive(self.acceleration_std) {
-            Some("acceleration_std")
-        } else if !(self.bias_random_walk >= T::zero() && self.bias_random_walk <= lit(1e4)) {
-            Some("bias_random_walk")
-        } else if !positive(self.position_std) {
-            Some("position_std")
-        } else if !positive(self.vertical_position_std) {
-            Some("vertical_position_std")
-        } else if !(self.outlier_nis >= T::zero() && self.outlier_nis <= lit(1e6)) {
-            Some("outlier_nis")
-        } else {
-            None
-        }
-    }
-
     /// Variance of the acceleration in `Q`, and what a second adds to the variance of the bias.
     pub(super) fn process(&self, position_std: T) -> [T; 2] {
         let square = |x: T| x * x;

@@ -178,7 +178,8 @@ fn bad_samples_leave_the_state_untouched_and_bad_settings_are_named() {
         position_std: -1.0,
         ..PositionAxisConfig::<f64>::default()
     };
-    assert_eq!(PositionAxisFilters::new(config), Err("position_std"));
+    let refused = PositionAxisFilters::new(config).unwrap_err();
+    assert_eq!(refused.field, "position_std");
 }
 
 /// A day without fixes, and a day of them, in single precision.

@@ -13,7 +13,7 @@ const UP: Vector3<f64> = Vector3::new(0.0, 0.0, G);
 fn observer(pole: f64) -> Cascade<f64> {
     let config = CascadeConfig {
         pole,
-        ..CascadeConfig::default()
+        ..CascadeConfig::lab()
     };
     Cascade::new(config, UP).unwrap()
 }
@@ -23,7 +23,7 @@ fn observer(pole: f64) -> Cascade<f64> {
 fn after_one_interval(pole: f64, interval: f64, component: usize) -> Vector3<f64> {
     let identity = UnitQuaternion::identity();
     let mut f = observer(pole);
-    f.config.position_std = 100.0;
+    f.config.position_std_m = 100.0;
     f.update_position(&Vector3::zeros(), 0.0, &identity, &Vector3::zeros());
     // Small, so that the bias stays within its bound.
     let size = 1e-3;
@@ -187,7 +187,7 @@ fn circling(config: CascadeConfig<f64>, spin: f64, delay: f64, bias: Vector3<f64
 #[test]
 fn position_velocity_and_bias_are_found_on_a_path() {
     let bias = Vector3::new(0.1, -0.05, 0.08);
-    let [p, v, b] = circling(CascadeConfig::default(), 0.5, 0.0, bias);
+    let [p, v, b] = circling(CascadeConfig::lab(), 0.5, 0.0, bias);
     assert!(p < 0.1 && v < 0.1 && b < 0.05, "{p} m, {v} m/s, {b} m/s^2");
 }
 
@@ -214,7 +214,7 @@ fn the_past_is_looked_up_by_its_time() {
 #[test]
 fn a_late_position_is_compared_with_its_own_instant() {
     let bias = Vector3::zeros();
-    let [p, v, _] = circling(CascadeConfig::default(), 0.5, 0.4, bias);
+    let [p, v, _] = circling(CascadeConfig::lab(), 0.5, 0.4, bias);
     assert!(p < 0.15 && v < 0.15, "{p} m, {v} m/s");
 }
 
@@ -224,8 +224,8 @@ fn spinning_needs_the_rotation_rate_term() {
     let bias = Vector3::new(0.1, -0.05, 0.08);
     let config = CascadeConfig {
         // Without a bound on what is believed: this is about the loop.
-        position_std: 1e3,
-        ..CascadeConfig::default()
+        position_std_m: 1e3,
+        ..CascadeConfig::lab()
     };
     let [with, _, bias_with] = circling(config, 3.0, 0.0, bias);
     let without = CascadeConfig {
@@ -329,18 +329,18 @@ fn bad_samples_leave_the_state_untouched() {
         (
             CascadeConfig {
                 pole: 0.0,
-                ..CascadeConfig::default()
+                ..CascadeConfig::lab()
             },
             "pole",
         ),
         (
             CascadeConfig {
-                position_std: f64::NAN,
-                ..CascadeConfig::default()
+                position_std_m: f64::NAN,
+                ..CascadeConfig::lab()
             },
-            "position_std",
+            "position_std_m",
         ),
     ] {
-        assert_eq!(Cascade::new(config, UP).unwrap_err(), name);
+        assert_eq!(Cascade::new(config, UP).unwrap_err().field, name);
     }
 }

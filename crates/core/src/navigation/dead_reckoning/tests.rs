@@ -125,7 +125,8 @@ fn what_is_no_number_or_no_velocity_stays_out_and_the_position_says_when_it_is_w
         current_random_walk: f64::NAN,
         ..DeadReckoningConfig::default()
     };
-    assert_eq!(DeadReckoning::new(bad), Err("current_random_walk"));
+    let refused = DeadReckoning::new(bad).unwrap_err();
+    assert_eq!(refused.field, "current_random_walk");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use super::ErrorStateFilter;
 use crate::geometry::so3;
 use crate::kalman::covariance::normalized_square3;
 use crate::kalman::scalar_update::update_one_state;
-use crate::kalman::{ErrorFeedback, FollowedUpdate, Innovation, Outcome, SkipReason};
+use crate::kalman::{ErrorFeedback, ErrorListener, Innovation, Outcome, SkipReason};
 use crate::navigation::{ATTITUDE, ErrorTransition, POSITION, STATES};
 use crate::scalar::Scalar;
 
@@ -31,6 +31,7 @@ pub struct GnssCompassFix<T: Scalar> {
 
 /// What an update did.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use = "whoever is correlated with the filter's error must be told, or the joint covariance is wrong"]
 pub struct GnssCompassUpdate<T: Scalar> {
     /// Transition of the errors since the update before.
     pub transition: ErrorTransition<T>,
@@ -59,11 +60,12 @@ impl<T: Scalar> GnssCompassFix<T> {
     }
 }
 
-impl<T: Scalar> FollowedUpdate<T, STATES> for GnssCompassUpdate<T> {
-    type Transition = ErrorTransition<T>;
-
-    fn error_steps(&self) -> (&ErrorTransition<T>, &ErrorFeedback<T, STATES>) {
-        (&self.transition, &self.feedback)
+impl<T: Scalar> GnssCompassUpdate<T> {
+    /// Gives it all to a listener: the time before the correction, then the correction. None may be left out.
+    #[inline]
+    pub fn tell(&self, listener: &mut impl ErrorListener<T, STATES>) {
+        listener.propagated(&self.transition);
+        self.feedback.tell(listener);
     }
 }
 

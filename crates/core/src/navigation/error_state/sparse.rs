@@ -1,8 +1,8 @@
-//! Fusing measurements of few states: gate, scalar updates in place, and the side states with them.
+//! Fusing measurements of few states: gate, scalar updates in place, and the augmented states with them.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, section 7 (E15-E17).
 //!
-//! A row has elements for the 15 errors (0 to 14) and for the [`SideStates`] (from [`SIDE`] on). The gate looks
+//! A row has elements for the 15 errors (0 to 14) and for the [`AugmentedStates`] (from [`SIDE`] on). The gate looks
 //! at all rows at once; then they are fused one after the other, which equals the joint update exactly. When the
 //! gate has refused too often, the states that the measurement sees directly are set free first (E17): the
 //! filter was wrong, not the sensor.
@@ -18,25 +18,28 @@ use self::shrink::{column_of_lower, mirror_lower, scaled, shrink, shrink_side};
 use super::ErrorStateFilter;
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::cap_variance;
+use crate::kalman::feedback::ScaledState;
 use crate::kalman::sparse_update::SparseRow;
-use crate::kalman::{CountedGate, GateDecision, Innovation, Outcome, SkipReason};
-use crate::navigation::bias_wander::{BiasAtRest, WanderSettings};
-use crate::navigation::side_states::SideStates;
-use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, STATES};
+use crate::kalman::{
+    CountedGate, ErrorListener, GateDecision, Innovation, Outcome, ScalarCorrection, SkipReason,
+};
+use crate::navigation::augmented_states::AugmentedStates;
+use crate::navigation::gauss_markov_bias::{BiasAtRest, GaussMarkovBias};
+use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, ERRORS, GYROSCOPE_BIAS, STATES};
 use crate::scalar::{Scalar, lit};
 
 /// Most elements of a row: velocity, attitude, gyroscope bias, two mount angles, and one to spare.
 pub const ROW_ELEMENTS: usize = 12;
-/// Index of the first side state in a row.
+/// Index of the first augmented state in a row.
 pub const SIDE: usize = STATES;
-/// How many measurements in a row a gate refuses before it believes them.
-pub const REJECTIONS_BELIEVED: u8 = 5;
+/// How many measurements in a row a gate refuses before it accepts them.
+pub const REJECTIONS_ACCEPTED: u8 = 5;
 
 /// Largest variances of attitude (rad^2), velocity, position, accelerometer and gyroscope bias: beyond them
 /// nothing is known.
 const LARGEST_VARIANCES: [f64; 5] = [10.0, 1e5, 1e8, 1e2, 1.0];
 
-/// A row over the 15 errors and the side states.
+/// A row over the 15 errors and the augmented states.
 pub type Row<T> = SparseRow<T, ROW_ELEMENTS>;
 
 /// A measurement of up to three components, ready to be fused.
@@ -54,15 +57,16 @@ pub struct SparseMeasurement<T: Scalar, const M: usize> {
 
 impl<T: Scalar> ErrorStateFilter<T> {
     /// Fuses a measurement whose NIS is below `threshold` (zero: no gate). The covariance must have
-    /// [caught up](Self::catch_up).
+    /// [caught up](Self::catch_up). What it does to the errors goes to `listener`; with `()` to nobody.
     // Not inlined: on a chip its memory is then free again for what follows.
     #[inline(never)]
     pub fn fuse_sparse<const M: usize>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         measurement: &SparseMeasurement<T, M>,
         gate: &mut CountedGate,
         threshold: T,
+        listener: &mut impl ErrorListener<T, ERRORS>,
     ) -> Innovation<T> {
         const { assert!(M <= 3) };
         let used = Used::of_states(side);
@@ -71,16 +75,16 @@ impl<T: Scalar> ErrorStateFilter<T> {
             self.count_skipped();
             return Innovation::skipped(SkipReason::Numerical);
         };
-        let outcome = match gate.decide(expected.nis, threshold, REJECTIONS_BELIEVED) {
+        let outcome = match gate.decide(expected.nis, threshold, REJECTIONS_ACCEPTED) {
             GateDecision::Accept => Outcome::Fused,
             GateDecision::Inflate(_) => Outcome::Inflated,
             GateDecision::Reject => Outcome::Gated,
         };
         let record = record(&measurement.residual, &expected, outcome);
         if outcome == Outcome::Fused {
-            self.fuse_expected(side, used, measurement, &mut expected);
+            self.fuse_expected(side, used, measurement, &mut expected, listener);
         } else if outcome == Outcome::Inflated {
-            self.believe(side, used, measurement);
+            self.accept(side, used, measurement, listener);
         }
         record
     }
@@ -88,26 +92,29 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// Fuses a measurement that the gate would still refuse, with the states that it sees set free (E17).
     // Not inlined, for the same reason.
     #[inline(never)]
-    fn believe<const M: usize>(
+    fn accept<const M: usize>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         used: Used,
         measurement: &SparseMeasurement<T, M>,
+        listener: &mut impl ErrorListener<T, ERRORS>,
     ) {
+        // Noise of its own: who is correlated with the states stays so.
         self.set_free(side, measurement);
         let expected = Expected::of(&self.state.covariance, side, used, measurement);
         if let Some(mut expected) = expected {
-            self.fuse_expected(side, used, measurement, &mut expected);
+            self.fuse_expected(side, used, measurement, &mut expected, listener);
         }
     }
 
     /// Scalar updates, one row after the other (E16), and the correction into the state.
-    fn fuse_expected<const M: usize>(
+    fn fuse_expected<const M: usize, L: ErrorListener<T, ERRORS>>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         used: Used,
         measurement: &SparseMeasurement<T, M>,
         expected: &mut Expected<T, M>,
+        listener: &mut L,
     ) {
         let p = &mut self.state.covariance;
         let mut correction = Projected::zeros();
@@ -134,6 +141,14 @@ impl<T: Scalar> ErrorStateFilter<T> {
             if used.any {
                 shrink_side(side, used, ph, &gain);
             }
+            if L::LISTENS {
+                listener.corrected(&ScalarCorrection {
+                    row: *row,
+                    gain: gain.joint(),
+                    residual: known.residual,
+                    variance: T::one() / known.weight,
+                });
+            }
         }
         mirror_lower(p);
         if used.any {
@@ -143,11 +158,16 @@ impl<T: Scalar> ErrorStateFilter<T> {
         if used.any {
             side.reset(&angle);
         }
+        listener.recentred(&angle);
     }
 
     /// Keeps variances where numbers still mean something, by shrinking rows and columns alike: the matrix stays a
     /// covariance through any outage, in single precision too.
-    pub(in crate::navigation) fn limit_covariance(&mut self, side: &mut SideStates<T>) {
+    pub(in crate::navigation) fn limit_covariance(
+        &mut self,
+        side: &mut AugmentedStates<T>,
+        listener: &mut impl ErrorListener<T, ERRORS>,
+    ) {
         for state in 0..STATES {
             let variance = self.state.covariance[(state, state)];
             let limit = lit(LARGEST_VARIANCES[state / 3]);
@@ -155,12 +175,21 @@ impl<T: Scalar> ErrorStateFilter<T> {
                 let scale = (limit / variance).sqrt();
                 side.cross.row_mut(state).scale_mut(scale);
                 cap_variance(&mut self.state.covariance, state, limit);
+                listener.propagated(&ScaledState {
+                    state,
+                    factor: scale,
+                });
             }
         }
     }
 
     /// Takes the body to be level within `std` (rad): its tilt is then correlated with nothing.
-    pub(in crate::navigation) fn hold_level(&mut self, side: &mut SideStates<T>, std: T) {
+    pub(in crate::navigation) fn hold_level(
+        &mut self,
+        side: &mut AugmentedStates<T>,
+        std: T,
+        listener: &mut impl ErrorListener<T, ERRORS>,
+    ) {
         let state = &mut self.state;
         let [yaw, _, _] = rotation::to_yaw_pitch_roll(&state.ned_from_body);
         state.ned_from_body = so3::exp(&(Vector3::z() * yaw));
@@ -169,6 +198,10 @@ impl<T: Scalar> ErrorStateFilter<T> {
             state.covariance.column_mut(tilt).fill(T::zero());
             side.cross.row_mut(tilt).fill(T::zero());
             state.covariance[(tilt, tilt)] = std * std;
+            listener.propagated(&ScaledState {
+                state: tilt,
+                factor: T::zero(),
+            });
         }
     }
 
@@ -176,9 +209,9 @@ impl<T: Scalar> ErrorStateFilter<T> {
     pub(in crate::navigation) fn relax_biases(
         &mut self,
         at_rest: &mut [BiasAtRest<T>; 2],
-        settings: &[WanderSettings<T>; 2],
+        settings: &[GaussMarkovBias<T>; 2],
         dt: T,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
     ) {
         let state = &mut self.state;
         let biases = [
@@ -194,7 +227,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// Adds the square of each residual to the variance of the state it sees (E17), in that state's unit.
     fn set_free<const M: usize>(
         &mut self,
-        side: &mut SideStates<T>,
+        side: &mut AugmentedStates<T>,
         measurement: &SparseMeasurement<T, M>,
     ) {
         let freed = measurement.freed.iter().zip(&measurement.rows);

@@ -4,13 +4,13 @@
 //! now: without a new start every sample would be refused for ever, and the last position called good.
 
 use super::stillness::StillnessWindow;
-use super::{Aid, GAP_LIMIT_S, GnssIns, seconds};
+use super::{Aid, ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, seconds};
 use crate::scalar::{Scalar, lit};
 
 /// So many stamps in a row of a time long past are a clock that went back.
 const MOST_BEHIND: u8 = 8;
 
-impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Counts a stamp that is not newer than `last_ns`; those that come late by less than a gap are stragglers.
     pub(super) fn note_stamp_behind(&mut self, time_ns: i64, last_ns: i64) {
         if seconds::<T>(time_ns, last_ns) <= lit(GAP_LIMIT_S) {

@@ -1,4 +1,4 @@
-//! What became of the measurements of each aid.
+//! Counts of each aid: measurements used, gated and skipped.
 
 use crate::kalman::{Innovation, Outcome};
 use crate::scalar::{Scalar, lit};
@@ -59,7 +59,7 @@ pub struct AidCounts<T> {
     /// Not looked at: not finite, not newer, out of range, before the start.
     pub skipped: u32,
     /// Sum of the NIS of all that reached the gate, and of their degrees of freedom: near one another when the
-    /// stated noises are honest.
+    /// stated noises are consistent.
     pub nis_sum: T,
     /// See `nis_sum`.
     pub degrees_of_freedom: u32,

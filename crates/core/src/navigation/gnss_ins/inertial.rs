@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::stillness::Window;
-use super::{GAP_LIMIT_S, GnssIns, ImuSamples, seconds};
+use super::{ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, ImuSamples, seconds};
 use crate::kalman::SkipReason;
 use crate::kalman::innovation::check_vector;
 use crate::scalar::{Scalar, lit};
@@ -11,7 +11,7 @@ use crate::scalar::{Scalar, lit};
 /// Earth's mean radius, m: how gravity turns and falls with position.
 const EARTH_RADIUS_M: f64 = 6.371e6;
 
-impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Takes an angular rate (rad/s) and specific force (m/s^2) of one stamp, body axes.
     ///
     /// # Errors
@@ -52,6 +52,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             .last_imu
             .replace((time_ns, *angular_rate, *specific_force));
         let now = self.memory.now_ns.replace(time_ns);
+        // After a start from a known state the first sample stands for the time since.
+        let start = now.filter(|_| self.memory.aligning.is_none());
+        let last = last.or(start.map(|start| (start, *angular_rate, *specific_force)));
         let Some((last_ns, last_rate, last_force)) = last else {
             return Ok(());
         };
@@ -115,7 +118,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
 
     /// Takes out of a sample what the filter's plane does not know: Earth rate, Coriolis force, and gravity that
     /// turns and falls with the distance from the origin (E27).
-    fn on_the_earth(&self, rate: &Vector3<T>, force: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+    pub(super) fn on_the_earth(
+        &self,
+        rate: &Vector3<T>,
+        force: &Vector3<T>,
+    ) -> (Vector3<T>, Vector3<T>) {
         let state = self.filter.state();
         let per_metre = if self.config.earth_curvature {
             self.config.gravity / lit(EARTH_RADIUS_M)

@@ -6,11 +6,11 @@ use super::alignment::Alignment;
 use super::counts::{Aid, AidCounts};
 use super::starting::Seen;
 use super::stillness::{Quiet, StillnessWindow, Window};
-use super::{CovarianceStep, GnssIns};
-use crate::kalman::CountedGate;
-use crate::navigation::bias_wander::BiasAtRest;
+use super::{CovarianceStep, ERRORS, GnssIns};
+use crate::kalman::{CountedGate, ErrorListener};
+use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
+use crate::navigation::gauss_markov_bias::BiasAtRest;
 use crate::navigation::history::ImuHistory;
-use crate::navigation::side_states::{SIDE_STATES, SideStates};
 use crate::navigation::{ErrorTransition, NavigationState};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::Scalar;
@@ -19,7 +19,7 @@ use crate::scalar::Scalar;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
-    pub(super) side: SideStates<T>,
+    pub(super) side: AugmentedStates<T>,
     pub(super) history: ImuHistory<T, HISTORY>,
     /// What the alignment has, while it aligns.
     pub(super) aligning: Option<Alignment<T>>,
@@ -73,7 +73,7 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
     /// That of a filter that waits for its first samples.
     fn default() -> Self {
         Self {
-            side: SideStates::default(),
+            side: AugmentedStates::default(),
             history: ImuHistory::default(),
             aligning: Some(Alignment::default()),
             seen: Seen::default(),
@@ -87,11 +87,11 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             last_magnetic_ns: None,
             declination: T::zero(),
             slow_variance: Vector3::zeros(),
-            at_rest: [BiasAtRest::new(Vector3::zeros(), T::zero()); 2],
+            at_rest: [BiasAtRest::new(Vector3::zeros(), Vector3::zeros()); 2],
             last_step: CovarianceStep {
                 transition: ErrorTransition::default(),
                 bias_kept: [T::one(); 2],
-                side_kept: [T::one(); SIDE_STATES],
+                side_kept: [T::one(); AUGMENTED_STATES],
             },
             due_window: None,
             since_constraint: T::zero(),
@@ -140,7 +140,12 @@ impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
     }
 }
 
-impl<T: Scalar, const HISTORY: usize> Restorable for GnssIns<T, HISTORY> {
+/// The listener is no part of the state: restoring calls its [`ErrorListener::restarted`], for its covariance with the
+/// errors is not with those of the saved state. Who saves the listener too restores it afterwards, by
+/// [`GnssIns::listener_mut`].
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> Restorable
+    for GnssIns<T, HISTORY, L>
+{
     type State = GnssInsState<T, HISTORY>;
 
     fn save(&self) -> Self::State {
@@ -156,6 +161,7 @@ impl<T: Scalar, const HISTORY: usize> Restorable for GnssIns<T, HISTORY> {
         expect("time", !started, "there once it has started")?;
         self.filter.restore(state.navigation)?;
         self.memory = state.memory;
+        self.listener.restarted();
         Ok(())
     }
 }

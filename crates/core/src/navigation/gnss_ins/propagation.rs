@@ -1,22 +1,23 @@
-//! The covariance of a GNSS/INS brought up to its state: side states, biases that relax, gaps, and the restart.
+//! The covariance of a GNSS/INS brought up to its state: augmented states, biases that relax, gaps, and the restart.
 
 use super::alignment::{self, Alignment};
 use super::starting::Seen;
 use super::stillness::StillnessWindow;
-use super::{Aid, CovarianceStep, GnssIns, LONGEST_GAP_S, seconds};
+use super::{Aid, CovarianceStep, ERRORS, ErrorListener, GnssIns, LONGEST_GAP_S, seconds};
 use crate::kalman::CountedGate;
 use crate::navigation::ErrorTransition;
-use crate::navigation::bias_wander::WanderSettings;
-use crate::navigation::history::Instant;
-use crate::navigation::side_states::{
-    BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, SIDE_STATES, SideStates, SideStep,
+use crate::navigation::augmented_states::{
+    AUGMENTED_STATES, AugmentedStates, AugmentedStep, BAROMETER_OFFSET, GNSS_OFFSET,
+    MAGNETIC_OFFSET,
 };
+use crate::navigation::gauss_markov_bias::GaussMarkovBias;
+use crate::navigation::history::Instant;
 use crate::scalar::{Scalar, lit};
 
 /// The covariance follows the state at least so often, s.
 const COVARIANCE_INTERVAL_S: f64 = 0.1;
 
-impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Whether [`Self::settle`] has something to do: the covariance is 0.1 s behind, or a window or interval is over in
     /// which the filter constrains itself.
     pub fn is_due(&self) -> bool {
@@ -55,11 +56,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     /// Brings what is beside the filter along.
     fn follow(&mut self, transition: &ErrorTransition<T>) {
         let duration = transition.duration_s();
-        let mut step = SideStep {
-            decay: [T::one(); SIDE_STATES],
-            added: [T::zero(); SIDE_STATES],
+        let mut step = AugmentedStep {
+            decay: [T::one(); AUGMENTED_STATES],
+            added: [T::zero(); AUGMENTED_STATES],
         };
-        let kept = (-duration / self.config.position_slow_time_s).exp();
+        let kept = (-duration / self.config.position_correlation_time_s).exp();
         for i in 0..3 {
             step.decay[GNSS_OFFSET + i] = kept;
             step.added[GNSS_OFFSET + i] = self.memory.slow_variance[i] * (T::one() - kept * kept);
@@ -86,13 +87,21 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         self.memory.last_step = CovarianceStep {
             transition: *transition,
             bias_kept: [
-                kept(c.accelerometer_wander_std, c.accelerometer_wander_time_s),
-                kept(c.gyroscope_wander_std, c.gyroscope_wander_time_s),
+                kept(
+                    c.accelerometer_gauss_markov_std,
+                    c.accelerometer_gauss_markov_time_s,
+                ),
+                kept(
+                    c.gyroscope_gauss_markov_std,
+                    c.gyroscope_gauss_markov_time_s,
+                ),
             ],
             side_kept: step.decay,
         };
         self.relax_biases(duration);
-        self.filter.limit_covariance(&mut self.memory.side);
+        self.listener.propagated(&self.memory.last_step);
+        self.filter
+            .limit_covariance(&mut self.memory.side, &mut self.listener);
         if !(self.filter.state().is_usable() && self.memory.side.is_usable()) {
             self.restart();
         }
@@ -101,14 +110,14 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     fn relax_biases(&mut self, duration: T) {
         let c = &self.config;
         let settings = [
-            WanderSettings {
-                std: c.accelerometer_wander_std,
-                time_s: c.accelerometer_wander_time_s,
+            GaussMarkovBias {
+                std: c.accelerometer_gauss_markov_std,
+                time_s: c.accelerometer_gauss_markov_time_s,
                 walk: c.accelerometer_bias_random_walk,
             },
-            WanderSettings {
-                std: c.gyroscope_wander_std,
-                time_s: c.gyroscope_wander_time_s,
+            GaussMarkovBias {
+                std: c.gyroscope_gauss_markov_std,
+                time_s: c.gyroscope_gauss_markov_time_s,
                 walk: c.gyroscope_bias_random_walk,
             },
         ];
@@ -167,7 +176,8 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             None => {
                 self.hold_velocity(duration);
                 let tilt = lit(alignment::TILT_STD_ASSUMED);
-                self.filter.hold_level(&mut self.memory.side, tilt);
+                self.filter
+                    .hold_level(&mut self.memory.side, tilt, &mut self.listener);
                 self.memory.since_velocity += duration;
                 self.memory.since_constraint += duration;
                 self.constrain();
@@ -184,7 +194,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             .saturating_add(u32::from(self.memory.aligning.is_none()));
         self.memory.aligning = Some(Alignment::default());
         self.memory.seen = Seen::default();
-        self.memory.side = SideStates::default();
+        self.memory.side = AugmentedStates::default();
         self.memory.history.clear();
         self.memory.due_window = None;
         self.memory.last_fix_ns = None;

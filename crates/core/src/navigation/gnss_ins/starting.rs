@@ -3,13 +3,13 @@
 use nalgebra::{SMatrix, Vector3};
 
 use super::alignment::Aligned;
-use super::{Aid, GnssIns, seconds};
+use super::{Aid, ERRORS, ErrorListener, GnssIns, seconds};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
-use crate::navigation::bias_wander::BiasAtRest;
-use crate::navigation::side_states::{
-    GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, SideStates, TIME_OFFSET,
+use crate::navigation::augmented_states::{
+    AugmentedStates, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
 };
+use crate::navigation::gauss_markov_bias::BiasAtRest;
 use crate::navigation::{
     ACCELEROMETER_BIAS, ATTITUDE, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION,
     VELOCITY,
@@ -85,7 +85,7 @@ impl<T: Scalar> Default for Seen<T> {
     }
 }
 
-impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Sees a position during alignment; two of them make a velocity and a course.
     pub(super) fn see_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) {
         let heading = self
@@ -265,12 +265,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         if aligned.level_by_force {
             self.tie_tilt_to_bias(&mut state);
         }
-        if !self.filter.start(state) {
+        if !self.begin(&state) {
             return;
         }
-        self.memory.side = SideStates::default();
         let square = |x: T| x * x;
-        let slow = self.config.position_slow_share;
+        let slow = self.config.position_correlated_fraction;
         for i in 0..3 {
             let variance = square(slow * position_std[i]);
             self.memory.slow_variance[i] = variance;
@@ -280,6 +279,36 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
                 self.memory.side.cross[(POSITION + i, GNSS_OFFSET + i)] = -variance;
             }
         }
+        if let Some(turned_by) = aligned.heading_from_iron {
+            let iron_variance = square(self.config.magnetic_offset_std_ut);
+            for i in 0..3 {
+                self.memory.side.cross[(ATTITUDE + 2, MAGNETIC_OFFSET + i)] =
+                    turned_by[i] * iron_variance;
+            }
+        }
+        self.memory.last_fix_ns = self.memory.seen.position.map(|seen| seen.time_ns);
+    }
+
+    /// Starts, or starts again, at `time_ns` from a state that is known otherwise: kept from before, or another system's.
+    /// Nothing is aligned then. A state that is not [usable](NavigationState::is_usable) changes nothing and gives `false`.
+    pub fn start_at(&mut self, time_ns: i64, state: &NavigationState<T>) -> bool {
+        let started = self.begin(state);
+        if started {
+            self.memory.now_ns = Some(time_ns);
+            self.memory.last_imu = None;
+            self.memory.last_fix_ns = None;
+        }
+        started
+    }
+
+    /// Goes on from a state of which the augmented states know nothing yet; those who listen begin with it.
+    fn begin(&mut self, state: &NavigationState<T>) -> bool {
+        if !self.filter.start(*state) {
+            return false;
+        }
+        self.memory.side = AugmentedStates::default();
+        self.memory.slow_variance.fill(T::zero());
+        let square = |x: T| x * x;
         let time_variance = square(self.config.time_offset_std_s);
         self.memory
             .side
@@ -289,25 +318,27 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             self.memory
                 .side
                 .start(MAGNETIC_OFFSET + i, T::zero(), iron_variance);
-            if let Some(turned_by) = aligned.heading_from_iron {
-                self.memory.side.cross[(ATTITUDE + 2, MAGNETIC_OFFSET + i)] =
-                    turned_by[i] * iron_variance;
-            }
         }
         if self.config.non_holonomic || self.memory.counts[Aid::Speed as usize].skipped > 0 {
             let variance = square(self.config.mount_std);
             self.memory.side.start(MOUNT_PITCH, T::zero(), variance);
             self.memory.side.start(MOUNT_YAW, T::zero(), variance);
         }
-        let [_, _, _, (_, force_std), (_, rate_std)] = groups;
+        let variances = |first: usize| {
+            let diagonal = state.covariance.diagonal();
+            diagonal.fixed_rows::<3>(first).into_owned()
+        };
+        let (force, rate) = (state.accelerometer_bias, state.gyroscope_bias);
         self.memory.at_rest = [
-            BiasAtRest::new(state.accelerometer_bias, force_std.x),
-            BiasAtRest::new(state.gyroscope_bias, rate_std.x),
+            BiasAtRest::new(force, variances(ACCELEROMETER_BIAS)),
+            BiasAtRest::new(rate, variances(GYROSCOPE_BIAS)),
         ];
         self.memory.history.clear();
-        self.memory.last_fix_ns = self.memory.seen.position.map(|seen| seen.time_ns);
         self.memory.aligning = None;
+        self.listener.restarted();
+        true
     }
+
     /// What levels is the measured force, bias and all: `g e = (b_y, -b_x)` in level axes (E32).
     fn tie_tilt_to_bias(&self, state: &mut NavigationState<T>) {
         let axes = state.ned_from_body.to_rotation_matrix().into_inner();

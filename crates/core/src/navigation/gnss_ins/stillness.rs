@@ -1,4 +1,4 @@
-//! Whether a unit stands still, out of windows of its own samples.
+//! Standstill detection, from windows of inertial samples.
 //!
 //! A window *may* be still when the rate is that of a bias, neither rate nor force shakes more than an idling
 //! engine, and the force is as long as gravity. That is enough before the start; a car that rolls along on a smooth

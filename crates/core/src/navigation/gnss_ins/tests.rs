@@ -1,6 +1,7 @@
 //! The GNSS/INS as a whole, on motions made here: start, late fixes, outages, bad input.
 
 mod magnetometer;
+mod models;
 
 use super::*;
 use crate::geometry::rotation;
@@ -8,7 +9,7 @@ use crate::kalman::covariance::cholesky;
 use crate::kalman::{Outcome, SkipReason};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
-use crate::navigation::side_states::{MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET};
+use crate::navigation::augmented_states::{MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET};
 
 const GRAVITY: f64 = 9.806_65;
 const STILL_S: f64 = 4.0;
@@ -226,8 +227,8 @@ fn late_fixes_are_compared_with_where_the_body_was() {
         ..late
     };
     let (ins, motion) = drive(told_wrong, &longer, |_, _, _| ());
-    let std = ins.side_states().covariance[(TIME_OFFSET, TIME_OFFSET)].sqrt();
-    let offset = ins.side_states().values[TIME_OFFSET];
+    let std = ins.augmented_states().covariance[(TIME_OFFSET, TIME_OFFSET)].sqrt();
+    let offset = ins.augmented_states().values[TIME_OFFSET];
     assert!(
         (offset - 0.2).abs() < 0.02 && std < 0.02,
         "{offset} +- {std}"
@@ -274,7 +275,7 @@ fn a_mount_that_is_not_straight_is_learnt() {
     };
     let (ins, _) = drive(held, &crooked, |second, ins, _| {
         if second == 59 {
-            let values = ins.side_states().values;
+            let values = ins.augmented_states().values;
             assert!((values[MOUNT_PITCH] - mount[0]).abs() < 0.01, "{values}");
             assert!((values[MOUNT_YAW] - mount[1]).abs() < 0.02, "{values}");
         }
@@ -438,7 +439,7 @@ fn bad_input_is_counted_and_changes_nothing() {
         gravity: f64::NAN,
         ..config()
     };
-    assert_eq!(GnssIns::<f64>::new(broken).unwrap_err(), "gravity");
+    assert_eq!(GnssIns::<f64>::new(broken).unwrap_err().field, "gravity");
 }
 
 /// Fixes that came before the start.

@@ -3,18 +3,19 @@
 use nalgebra::Vector3;
 
 use super::stillness::{WINDOW_S, Window};
-use super::{Aid, GnssIns, ImuSamples, LONGEST_GAP_S, seconds};
+use super::{Aid, ERRORS, ErrorListener, GnssIns, ImuSamples, LONGEST_GAP_S, seconds};
+use crate::kalman::feedback::ScaledState;
 use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{CountedGate, Innovation, SkipReason};
-use crate::navigation::VELOCITY;
 use crate::navigation::aiding::gnss_position::{self, GnssPosition};
 use crate::navigation::aiding::gnss_velocity::{self, GnssVelocity};
 use crate::navigation::aiding::{barometer, body_velocity, heading, magnetic_field, zero_velocity};
-use crate::navigation::error_state::SparseMeasurement;
-use crate::navigation::side_states::{
+use crate::navigation::augmented_states::{
     BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
 };
+use crate::navigation::error_state::SparseMeasurement;
+use crate::navigation::{STATES, VELOCITY};
 use crate::scalar::{Scalar, lit};
 
 /// Positions further than this from the origin (m) are no fixes of this frame.
@@ -23,7 +24,7 @@ const FURTHEST_M: f64 = 1e6;
 const FASTEST_M_S: f64 = 1e3;
 /// Standard deviation of a standing body's velocity, m/s: an idling engine, a swaying boat.
 const STANDING_STD: f64 = 0.03;
-/// A window at rest is believed when the estimate is slower than so many of its standard deviations, and ...
+/// A window at rest is accepted when the estimate is slower than so many of its standard deviations, and ...
 const STANDING_SIGMAS: f64 = 3.0;
 /// ... this (m/s): what a receiver or dead reckoning may be off by.
 const STANDING_SPEED: f64 = 0.5;
@@ -65,12 +66,12 @@ fn bound<T: Scalar>(degrees_of_freedom: usize) -> T {
     lit(row.map_or(16.3, |(_, [_, _, bound])| *bound))
 }
 
-impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Takes a position.
     pub fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) -> GnssPositionUpdate<T> {
         let shares = ErrorShares {
-            white: self.config.position_white_share,
-            slow: self.config.position_slow_share,
+            white: self.config.position_uncorrelated_fraction,
+            slow: self.config.position_correlated_fraction,
         };
         self.gnss_position_with(time_ns, fix, shares)
     }
@@ -155,9 +156,11 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
     fn follow_slow_error(&mut self, slow_std: &Vector3<T>) {
         for i in 0..3 {
             let (variance, before) = (slow_std[i] * slow_std[i], self.memory.slow_variance[i]);
-            if variance < before * lit(0.25) {
-                self.memory.side.start(GNSS_OFFSET + i, T::zero(), variance);
-            } else if variance > before && before > T::zero() {
+            // The first fix after a start from a known state, or an error that is over.
+            let is_new = before <= T::zero() && variance > T::zero();
+            if is_new || variance < before * lit(0.25) {
+                self.start_side(GNSS_OFFSET + i, T::zero(), variance);
+            } else if variance > before {
                 self.memory.side.covariance[(GNSS_OFFSET + i, GNSS_OFFSET + i)] +=
                     variance - before;
             }
@@ -280,9 +283,7 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
                 if !self.memory.side.is_used(BAROMETER_OFFSET) {
                     let offset = height + then.position.z;
                     let unknown = lit::<T>(UNKNOWN_OFFSET_STD_M);
-                    self.memory
-                        .side
-                        .start(BAROMETER_OFFSET, offset, unknown * unknown);
+                    self.start_side(BAROMETER_OFFSET, offset, unknown * unknown);
                 }
                 let m = barometer::measurement(&then, &self.memory.side, height, std * std);
                 self.fuse(Aid::Barometer, &m)
@@ -320,9 +321,18 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let variance = self.config.mount_std * self.config.mount_std;
         for state in [MOUNT_PITCH, MOUNT_YAW] {
             if !self.memory.side.is_used(state) {
-                self.memory.side.start(state, T::zero(), variance);
+                self.start_side(state, T::zero(), variance);
             }
         }
+    }
+
+    /// Starts an augmented state anew, on the way.
+    fn start_side(&mut self, state: usize, value: T, variance: T) {
+        self.memory.side.start(state, value, variance);
+        self.listener.propagated(&ScaledState {
+            state: STATES + state,
+            factor: T::zero(),
+        });
     }
 
     pub(super) fn is_constraint_due(&self) -> bool {
@@ -366,8 +376,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         let m = zero_velocity::damping(&velocity, std * std * visits);
         // It cannot be wrong by more than itself: no gate.
         let mut open = CountedGate::default();
+        let (side, listener) = (&mut self.memory.side, &mut self.listener);
         self.filter
-            .fuse_sparse(&mut self.memory.side, &m, &mut open, T::zero());
+            .fuse_sparse(side, &m, &mut open, T::zero(), listener);
     }
 
     /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
@@ -393,9 +404,9 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
             let bias = self.filter.state().gyroscope_bias;
             let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
             let m = zero_velocity::rate(&window.mean_rate, &bias, window.rate_variance.max(least));
+            let (side, listener) = (&mut self.memory.side, &mut self.listener);
             let gate = &mut self.memory.standing_rate_gate;
-            self.filter
-                .fuse_sparse(&mut self.memory.side, &m, gate, bound(3));
+            self.filter.fuse_sparse(side, &m, gate, bound(3), listener);
         }
     }
 
@@ -404,9 +415,10 @@ impl<T: Scalar, const HISTORY: usize> GnssIns<T, HISTORY> {
         aid: Aid,
         measurement: &SparseMeasurement<T, M>,
     ) -> Innovation<T> {
+        let (side, listener) = (&mut self.memory.side, &mut self.listener);
         let gate = &mut self.memory.gates[aid as usize];
         self.filter
-            .fuse_sparse(&mut self.memory.side, measurement, gate, bound(M))
+            .fuse_sparse(side, measurement, gate, bound(M), listener)
     }
 
     fn fuse_or_skip<const M: usize>(

@@ -1,4 +1,4 @@
-//! The gate: an ellipse of the Schmidt innovation covariance, so that an uncertain own ship widens it.
+//! Association gate: an ellipse of the Schmidt innovation covariance, so that an uncertain own ship widens it.
 //!
 //! Equations: `docs/derivations/association.md`, section 3.
 

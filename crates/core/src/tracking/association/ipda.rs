@@ -1,4 +1,4 @@
-//! Integrated PDA: whether the target exists at all, and whether the sensor can see it just now.
+//! Integrated PDA (IPDA): whether the target exists at all, and whether the sensor can see it just now.
 //!
 //! Read first: Musicki, Evans, Stankovic, *Integrated Probabilistic Data Association*, IEEE TAC 39
 //! (1994); `docs/derivations/association.md`, section 4.

@@ -1,5 +1,6 @@
 //! Settings of the tracker and of the sensors it listens to.
 
+use crate::parameters::{ConfigError, Range};
 use crate::scalar::{Scalar, lit};
 use crate::tracking::association::ipda::ExistenceModel;
 use crate::tracking::coordinated_turn::{Motion, TurnRate};
@@ -46,6 +47,75 @@ pub struct MultiTargetConfig<T, const M: usize> {
     pub pose_limits: PoseLimits<T>,
     /// How long errors of the own ship's pose last.
     pub pose_memory: PoseMemory<T>,
+}
+
+impl<T: Scalar, const M: usize> MultiTargetConfig<T, M> {
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// The first one outside its permitted range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        for motion in &self.models.motions {
+            let density = motion.acceleration_noise_density;
+            Range::NotNegative.check("models.motions.acceleration_noise_density", density)?;
+        }
+        if !self.models.dwell_s.iter().all(|dwell| *dwell > T::zero()) {
+            let (field, range) = ("models.dwell_s", Range::Described("above 0"));
+            return Err(ConfigError { field, range });
+        }
+        let (turn, existence) = (&self.models.turn, &self.existence);
+        let probability = Range::From(0.0, 1.0);
+        for (field, value, range) in [
+            ("models.turn.std_rad_s", turn.std_rad_s, Range::NotNegative),
+            ("models.turn.time_s", turn.time_s, Range::Positive),
+            (
+                "existence.lifetime_s",
+                existence.lifetime_s,
+                Range::Positive,
+            ),
+            ("existence.visible_s", existence.visible_s, Range::Positive),
+            ("existence.hidden_s", existence.hidden_s, Range::NotNegative),
+            ("gate_sigmas", self.gate_sigmas, Range::Positive),
+            (
+                "birth_existence",
+                self.birth_existence,
+                Range::Above(0.0, 1.0),
+            ),
+            (
+                "birth_speed_std_m_s",
+                self.birth_speed_std_m_s,
+                Range::Positive,
+            ),
+            ("confirm_existence", self.confirm_existence, probability),
+            ("delete_existence", self.delete_existence, probability),
+            (
+                "delete_confirmed_existence",
+                self.delete_confirmed_existence,
+                probability,
+            ),
+            (
+                "largest_position_std_m",
+                self.largest_position_std_m,
+                Range::Positive,
+            ),
+            ("merge_sigmas", self.merge_sigmas, Range::NotNegative),
+            ("longest_gap_s", self.longest_gap_s, Range::Positive),
+        ] {
+            range.check(field, value)?;
+        }
+        let named = |error: ConfigError, [first, second]: [&'static str; 2]| ConfigError {
+            field: if first.ends_with(error.field) {
+                first
+            } else {
+                second
+            },
+            ..error
+        };
+        let limits = ["pose_limits.speed_m_s", "pose_limits.turn_rad_s"];
+        let memory = ["pose_memory.position_s", "pose_memory.heading_s"];
+        self.pose_limits.validate().map_err(|e| named(e, limits))?;
+        self.pose_memory.validate().map_err(|e| named(e, memory))
+    }
 }
 
 /// What a sensor is like.

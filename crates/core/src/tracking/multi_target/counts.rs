@@ -1,4 +1,4 @@
-//! What the tracker did and refused.
+//! Counts of what the tracker used and refused.
 
 /// Why a scan was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

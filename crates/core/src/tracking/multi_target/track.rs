@@ -12,7 +12,7 @@ use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
 use crate::tracking::detection::{CrossCovariance, Detection};
 use crate::tracking::imm::{Imm, Mode};
 
-/// How far a track is believed.
+/// Status of a track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
@@ -40,7 +40,7 @@ pub struct Track<T, const M: usize> {
     pub status: TrackStatus,
     /// Existence and visibility.
     pub existence: Existence<T>,
-    /// What the motion models believe.
+    /// The estimates of the motion models.
     pub imm: Imm<T, M>,
     /// Seconds since the track began.
     pub age_s: T,

@@ -166,7 +166,7 @@ fn calibrations(folder: &Path) -> Calibrations {
     }
 }
 
-/// On the events as they come, by the filter and in hindsight.
+/// On the events as they come, by the filter and smoothed.
 #[test]
 fn calibrated_phones_do_better_still() {
     let Some(data) = data_dir("calibrated_phones_do_better_still") else {
@@ -174,7 +174,7 @@ fn calibrated_phones_do_better_still() {
     };
     let folder = data.join("attitude/smartphone");
     let calibrations = calibrations(&folder);
-    // The calibrations of two recordings' days are kept back.
+    // The calibrations of two recordings' days are held out.
     let mut paths = recordings(&folder);
     paths.retain(|path| {
         let recording = northing_recording::open(path, &OpenOptions::default()).unwrap();
@@ -194,7 +194,7 @@ fn calibrated_phones_do_better_still() {
         };
         let compared = compare(&paths, &options, &|| {});
         let summary = compared[0].outcome.as_ref().unwrap();
-        let words = summary.field_calibration.as_ref().unwrap();
+        let words = summary.magnetometer_calibration.as_ref().unwrap();
         assert!(words.contains("magnetometer_Nexus5_d"), "{words}");
         assert_eq!(summary.magnetometer, Some(MagnetometerSource::Uncalibrated));
         let rows = statistics(&scores(&compared));
@@ -206,8 +206,8 @@ fn calibrated_phones_do_better_still() {
 
 /// Acceptance test (g) on the events as they come.
 #[test]
-fn hindsight_does_better_on_wearables() {
-    let Some(data) = data_dir("hindsight_does_better_on_wearables") else {
+fn smoothing_does_better_on_wearables() {
+    let Some(data) = data_dir("smoothing_does_better_on_wearables") else {
         return;
     };
     let run = RunOptions {

@@ -2,31 +2,38 @@
 
 use northing_core::attitude::AttitudeConfig;
 use northing_core::attitude::bounded_velocity::BoundedVelocityConfig;
-use northing_core::attitude::config::ConfigError;
 use northing_core::navigation::cascade::CascadeConfig;
+use northing_core::parameters::{Choice, ConfigError, Parameter, Range, Table, Value};
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value as Json};
 
-use super::bounded_velocity::{self, BOUNDED};
 use crate::attitude::kinds::EstimatorKind;
+use crate::by_name;
+use crate::error::EvaluationError;
 
-/// Every parameter of every estimator. As text it is one flat list of names, those of
-/// [`AttitudeConfig`], of [`BoundedVelocityConfig`] after `bounded_`, and of [`CascadeSettings`]; what is left out has its default, and unknown
-/// names are refused.
+/// Names of the bounded-velocity filter's parameters begin so ...
+pub(super) const BOUNDED: &str = "bounded_";
+/// ... and those of the position observer behind an attitude filter so.
+pub(super) const CASCADE: &str = "cascade_";
+
+/// Every parameter of every estimator. As text it is one flat list of names, those of [`AttitudeConfig`], of
+/// [`BoundedVelocityConfig`] after `bounded_`, and of [`CascadeConfig`] after `cascade_`; what is left out has its
+/// default, and unknown names are refused.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(into = "Map<String, Value>", try_from = "Map<String, Value>")]
+#[serde(into = "Map<String, Json>", try_from = "Map<String, Json>")]
 pub struct Parameters {
     /// Of the attitude filters.
     pub attitude: AttitudeConfig<f64>,
     /// Of the bounded-velocity filter.
     pub bounded_velocity: BoundedVelocityConfig<f64>,
     /// Of the position observer behind them.
-    pub cascade: CascadeSettings,
+    pub cascade: CascadeConfig<f64>,
+    /// The rotation that the position observer is fed with. Only an estimator that reconstructs one has a choice.
+    pub rotation: CascadeRotation,
 }
 
 /// Which rotation the position observer of a cascade is fed with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CascadeRotation {
     /// That of the attitude observer.
     #[default]
@@ -35,53 +42,63 @@ pub enum CascadeRotation {
     Reconstructed,
 }
 
-/// Parameters of the position observer. Names are those of the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CascadeSettings {
-    /// The triple pole, 1/s, default 1. See [`CascadeConfig::pole`].
-    #[serde(rename = "cascade_pole")]
-    pub pole: f64,
-    /// Standard deviation of a position per axis, m, default 0.1. See [`CascadeConfig::position_std`].
-    #[serde(rename = "cascade_position_std_m")]
-    pub position_std_m: f64,
-    /// The rotation, default `estimated`. Only an estimator that reconstructs one has a choice.
-    #[serde(rename = "cascade_rotation")]
-    pub rotation: CascadeRotation,
+impl Choice for CascadeRotation {
+    const ALL: &'static [(&'static str, Self)] = &[
+        ("estimated", Self::Estimated),
+        ("reconstructed", Self::Reconstructed),
+    ];
+    const WORDS: &'static [&'static str] = &["estimated", "reconstructed"];
 }
 
-impl Default for CascadeSettings {
-    /// Positions good to a decimetre ten times a second, as a laboratory has them.
-    fn default() -> Self {
-        let core = CascadeConfig::<f64>::default();
-        Self {
-            pole: core.pole,
-            position_std_m: core.position_std,
-            rotation: CascadeRotation::default(),
-        }
+const ROTATION: Parameter = Parameter {
+    name: "rotation",
+    formerly: None,
+    unit: "-",
+    range: Range::Words(CascadeRotation::WORDS),
+    meaning: "which rotation the position observer takes: the observer's or the EKF's",
+    note: "",
+    read_by: &["cascade-ekf"],
+};
+
+/// A row of a table under the name of the command line.
+pub(super) struct Row {
+    prefix: &'static str,
+    pub(super) parameter: &'static Parameter,
+}
+
+impl Row {
+    pub(super) fn name(&self) -> String {
+        format!("{}{}", self.prefix, self.parameter.name)
+    }
+
+    /// The name it had before.
+    pub(super) fn formerly(&self) -> Option<String> {
+        let old = self.parameter.formerly?;
+        Some(format!("{}{old}", self.prefix))
+    }
+
+    /// Whether it makes a difference to an estimator.
+    pub(super) fn is_read_by(&self, kind: EstimatorKind) -> bool {
+        let of_this_table = match self.prefix {
+            BOUNDED => kind == EstimatorKind::BoundedVelocity,
+            CASCADE => kind.uses_positions(),
+            _ => true,
+        };
+        let named = self.parameter.read_by;
+        let by_all = named.is_empty() && !self.prefix.is_empty();
+        of_this_table && (by_all || named.contains(&kind.name()))
     }
 }
 
-impl CascadeSettings {
-    /// Positions of a satellite receiver: one a second, good to a few metres.
-    #[must_use]
-    pub fn satellite() -> Self {
-        Self {
-            pole: 0.25,
-            position_std_m: 3.0,
-            ..Self::default()
-        }
-    }
-
-    /// As the observer takes them.
-    #[must_use]
-    pub fn config(&self) -> CascadeConfig<f64> {
-        CascadeConfig {
-            pole: self.pole,
-            position_std: self.position_std_m,
-            ..CascadeConfig::default()
-        }
-    }
+/// Every row, in the order of the tables.
+pub(super) fn rows() -> impl Iterator<Item = Row> {
+    let of = |prefix, table: &'static [Parameter]| {
+        table.iter().map(move |parameter| Row { prefix, parameter })
+    };
+    of("", AttitudeConfig::<f64>::PARAMETERS)
+        .chain(of(BOUNDED, BoundedVelocityConfig::<f64>::PARAMETERS))
+        .chain(of(CASCADE, CascadeConfig::<f64>::PARAMETERS))
+        .chain(of(CASCADE, std::slice::from_ref(&ROTATION)))
 }
 
 impl Parameters {
@@ -94,70 +111,84 @@ impl Parameters {
         }
     }
 
+    /// The value of a parameter; `None`: there is none of that name.
+    #[must_use]
+    pub fn value(&self, name: &str) -> Option<Value<f64>> {
+        if let Some(name) = name.strip_prefix(BOUNDED) {
+            self.bounded_velocity.parameter(name)
+        } else if let Some(name) = name.strip_prefix(CASCADE) {
+            let rotation = (name == ROTATION.name).then(|| Value::Word(self.rotation.word()));
+            rotation.or_else(|| self.cascade.parameter(name))
+        } else {
+            self.attitude.parameter(name)
+        }
+    }
+
+    /// Sets a parameter; on an error nothing is changed.
+    ///
+    /// # Errors
+    /// There is none of that name, or the value is outside the permitted range.
+    pub fn set(&mut self, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
+        if let Some(name) = name.strip_prefix(BOUNDED) {
+            self.bounded_velocity.set_parameter(name, value)
+        } else if let Some(name) = name.strip_prefix(CASCADE) {
+            match (name == ROTATION.name, value) {
+                (true, Value::Word(word)) => {
+                    let (field, range) = (ROTATION.name, ROTATION.range);
+                    let rotation = CascadeRotation::from_word(word);
+                    self.rotation = rotation.ok_or(ConfigError { field, range })?;
+                    Ok(())
+                }
+                _ => self.cascade.set_parameter(name, value),
+            }
+        } else {
+            self.attitude.set_parameter(name, value)
+        }
+    }
+
     /// Checks every value.
     ///
     /// # Errors
-    /// The first that makes no sense, and what was expected.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        self.attitude.validate()?;
-        self.bounded_velocity
-            .validate()
-            .map_err(|error| ConfigError {
-                field: full_name(error.field),
-                ..error
+    /// The first that is outside its range, and the range.
+    pub fn validate(&self) -> Result<(), EvaluationError> {
+        let checks = [
+            ("", self.attitude.validate()),
+            (BOUNDED, self.bounded_velocity.validate()),
+            (CASCADE, self.cascade.validate()),
+        ];
+        for (prefix, check) in checks {
+            check.map_err(|error| EvaluationError::Config {
+                name: format!("{prefix}{}", error.field),
+                range: error.range.to_string(),
             })?;
-        let (field, expected) = match self.cascade.config().senseless() {
-            None => return Ok(()),
-            Some("pole") => ("cascade_pole", "a number from 0.001 to 100"),
-            Some(_) => ("cascade_position_std_m", "a number from 1e-6 to 1e6"),
-        };
-        Err(ConfigError { field, expected })
-    }
-}
-
-/// The command line's name of a field of the bounded-velocity filter.
-fn full_name(field: &'static str) -> &'static str {
-    let names = bounded_velocity::TABLE.iter().map(|row| row.0);
-    let mut found = names.filter(|name| name.strip_prefix(BOUNDED) == Some(field));
-    found.next().unwrap_or(field)
-}
-
-/// The fields of a structure by name.
-fn fields(of: &impl Serialize) -> Map<String, Value> {
-    match serde_json::to_value(of) {
-        Ok(Value::Object(map)) => map,
-        _ => Map::new(),
+        }
+        Ok(())
     }
 }
 
 /// Every parameter as name and value.
-impl From<Parameters> for Map<String, Value> {
+impl From<Parameters> for Map<String, Json> {
     fn from(parameters: Parameters) -> Self {
-        let bounded = bounded_velocity::prefixed(fields(&parameters.bounded_velocity));
-        let parts = [
-            fields(&parameters.attitude),
-            bounded,
-            fields(&parameters.cascade),
-        ];
-        parts.into_iter().flatten().collect()
+        let entry = |row: Row| {
+            let value = parameters.value(&row.name());
+            (row.name(), value.map_or(Json::Null, by_name::json))
+        };
+        rows().map(entry).collect()
     }
 }
 
-impl TryFrom<Map<String, Value>> for Parameters {
-    type Error = serde_json::Error;
+impl TryFrom<Map<String, Json>> for Parameters {
+    type Error = EvaluationError;
 
-    fn try_from(map: Map<String, Value>) -> Result<Self, serde_json::Error> {
-        let starts = |start| move |(name, _): &(String, Value)| name.starts_with(start);
-        let (cascade, rest): (Map<_, _>, Map<_, _>) =
-            map.into_iter().partition(starts(super::CASCADE));
-        let (bounded, attitude): (Map<_, _>, Map<_, _>) =
-            rest.into_iter().partition(starts(BOUNDED));
-        let bounded = bounded_velocity::unprefixed(bounded);
-        Ok(Self {
-            attitude: serde_json::from_value(Value::Object(attitude))?,
-            bounded_velocity: serde_json::from_value(Value::Object(bounded))?,
-            cascade: serde_json::from_value(Value::Object(cascade))?,
-        })
+    fn try_from(map: Map<String, Json>) -> Result<Self, EvaluationError> {
+        let mut parameters = Self::default();
+        for (name, value) in map {
+            let old = rows().find(|row| row.formerly().is_some_and(|old| old == name));
+            let name = old.map_or(name, |row| row.name());
+            let setting = format!("{name}={}", by_name::text(&value));
+            super::apply_setting(&mut parameters, &setting)?;
+        }
+        Ok(parameters)
     }
 }
 
@@ -171,7 +202,7 @@ mod tests {
         set.attitude.accelerometer_std = 1.0 / 3.0;
         set.bounded_velocity.velocity_psd = 1.0 / 7.0;
         set.cascade.pole = 0.123_456_789_012_345_67;
-        set.cascade.rotation = CascadeRotation::Reconstructed;
+        set.rotation = CascadeRotation::Reconstructed;
         let text = serde_json::to_string(&set).unwrap();
         assert!(
             text.contains("\"cascade_rotation\":\"reconstructed\""),
@@ -188,36 +219,42 @@ mod tests {
             "{\"bounded_vel\":1}",
         ] {
             let error = serde_json::from_str::<Parameters>(unknown).unwrap_err();
-            assert!(error.to_string().contains("unknown field"), "{error}");
+            assert!(error.to_string().contains("unknown parameter"), "{error}");
         }
     }
 
     #[test]
-    fn values_of_the_observer_are_checked() {
-        let message = |pole, position_std_m| {
-            let cascade = CascadeSettings {
-                pole,
-                position_std_m,
-                ..CascadeSettings::default()
-            };
-            let set = Parameters {
-                cascade,
-                ..Parameters::default()
-            };
-            set.validate().unwrap_err().to_string()
-        };
+    fn every_parameter_is_checked_under_its_name_on_the_command_line() {
+        for (name, range) in [
+            ("cascade_pole", "from 0.001 to 100"),
+            ("bounded_velocity_psd", "above 0"),
+            ("accelerometer_std", "above 0"),
+        ] {
+            let mut set = Parameters::default();
+            match name {
+                "cascade_pole" => set.cascade.pole = 0.0,
+                "bounded_velocity_psd" => set.bounded_velocity.velocity_psd = f64::NAN,
+                _ => set.attitude.accelerometer_std = -1.0,
+            }
+            let message = set.validate().unwrap_err().to_string();
+            assert_eq!(message, format!("configuration: {name} must be {range}"));
+        }
+    }
+
+    #[test]
+    fn tables_name_estimators_that_there_are() {
+        let named = rows().flat_map(|row| row.parameter.read_by);
+        for name in named {
+            assert!(name.parse::<EstimatorKind>().is_ok(), "{name}");
+        }
+    }
+
+    #[test]
+    fn values_that_were_renamed_are_read_from_files() {
+        let set: Parameters = serde_json::from_str("{\"cascade_position_std\":2}").unwrap();
         assert_eq!(
-            message(0.0, 1.0),
-            "cascade_pole: expected a number from 0.001 to 100"
+            set.value("cascade_position_std_m"),
+            Some(Value::Number(2.0))
         );
-        let mut set = Parameters::default();
-        set.bounded_velocity.velocity_psd = 0.0;
-        let error = set.validate().unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "bounded_velocity_psd: expected a finite number above 0"
-        );
-        assert!(message(f64::NAN, 1.0).contains("cascade_pole"));
-        assert!(message(1.0, -1.0).contains("cascade_position_std_m"));
     }
 }

@@ -1,47 +1,43 @@
 //! Names, defaults, settings.
 
-use super::*;
 use northing_core::attitude::bounded_velocity::ScaleStates;
 
-#[test]
-fn table_and_configuration_name_the_same_parameters() {
-    let mut named: Vec<_> = rows().map(|row| row.0.to_owned()).collect();
-    named.sort();
-    let mut real: Vec<_> = Map::from(Parameters::default()).keys().cloned().collect();
-    real.sort();
-    assert_eq!(named, real);
-}
+use super::*;
 
 #[test]
 fn parameters_carry_the_defaults_of_each_profile() {
     let all = parameters();
     let std = all.iter().find(|p| p.name == "accelerometer_std").unwrap();
-    let expected = [AttitudeConfig::hand_held(), AttitudeConfig::default()];
+    let expected = [AttitudeConfig::hand_held(), AttitudeConfig::lab()];
     for ((_, value), config) in std.defaults.iter().zip(expected) {
         assert_eq!(value.as_f64(), Some(config.accelerometer_std));
     }
-    let named = |start: &str| all.iter().filter(|p| p.name.starts_with(start)).count();
-    let (complementary, cascade) = (named(COMPLEMENTARY), named(CASCADE));
-    let bounded = named(BOUNDED);
-    assert_eq!(parameters_of(EstimatorKind::BoundedVelocity).len(), bounded);
+}
+
+#[test]
+fn every_estimator_has_the_parameters_that_it_reads() {
     let count = |kind| parameters_of(kind).len();
-    let of_ekf = all.len() - complementary - cascade - bounded;
-    // All but the norm of four free numbers.
-    assert_eq!(count(EstimatorKind::Mekf3) + BIAS_ONLY.len() + 1, of_ekf);
-    assert_eq!(count(EstimatorKind::QuaternionEkf), of_ekf);
+    let named = |start: &str| {
+        parameters()
+            .iter()
+            .filter(|p| p.name.starts_with(start))
+            .count()
+    };
+    let (observers, position) = (named("complementary_"), named(set::CASCADE));
+    assert_eq!(count(EstimatorKind::BoundedVelocity), named(set::BOUNDED));
+    let ekf = count(EstimatorKind::QuaternionEkf);
     assert_eq!(
-        count(EstimatorKind::ComplementaryPassive),
-        complementary + 1
+        ekf,
+        parameters().len() - observers - position - named(set::BOUNDED)
     );
-    // Without a choice of rotation; with every parameter of the EKF and what a filter behind it has.
-    assert_eq!(
-        count(EstimatorKind::Cascade),
-        complementary + 1 + cascade - 1
-    );
-    assert_eq!(
-        count(EstimatorKind::CascadeEkf),
-        of_ekf + COMPLEMENTARY_BEHIND.len() + cascade
-    );
+    // Without the norm of four free numbers; without a gyroscope bias.
+    assert_eq!(count(EstimatorKind::Mekf), ekf - 1);
+    assert_eq!(count(EstimatorKind::Mekf3), ekf - 3);
+    // With the use of the magnetometer.
+    assert_eq!(count(EstimatorKind::ComplementaryPassive), observers + 1);
+    // Without a choice of rotation; with every parameter of the EKF and the three that a filter behind it has.
+    assert_eq!(count(EstimatorKind::Cascade), observers + 1 + position - 1);
+    assert_eq!(count(EstimatorKind::CascadeEkf), ekf + 3 + position);
     assert!(parameters_of(EstimatorKind::Integration).is_empty());
 }
 
@@ -72,10 +68,9 @@ fn settings_change_what_they_name_and_nothing_else() {
         magnetometer_use: northing_core::attitude::MagnetometerUse::Heading,
         ..AttitudeConfig::default()
     };
-    let cascade = CascadeSettings {
+    let cascade = CascadeConfig {
         pole: 0.5,
-        rotation: CascadeRotation::Reconstructed,
-        ..CascadeSettings::default()
+        ..CascadeConfig::default()
     };
     let bounded_velocity = BoundedVelocityConfig {
         scale_states: ScaleStates::Diagonal,
@@ -85,6 +80,7 @@ fn settings_change_what_they_name_and_nothing_else() {
         attitude,
         bounded_velocity,
         cascade,
+        rotation: CascadeRotation::Reconstructed,
     };
     assert_eq!(config, expected);
 }
@@ -95,12 +91,19 @@ fn bad_settings_say_what_was_expected_and_change_nothing() {
     let mut error = |text: &str| apply_setting(&mut config, text).unwrap_err().to_string();
     assert!(error("accelerometer_std").contains("expected NAME=VALUE"));
     let unknown = error("acc_std=1");
-    assert!(
-        unknown.contains("`acc_std`") && unknown.contains("accelerometer_std, "),
-        "{unknown}"
-    );
+    assert!(unknown.contains("`acc_std`"), "{unknown}");
     assert!(error("accelerometer_std=a").contains("expected a number"));
-    assert!(error("accelerometer_std=inf").contains("finite"));
+    assert!(error("accelerometer_std=inf").contains("expected a number above 0"));
+    let mistyped = error("acelerometer_std=1");
+    assert!(
+        mistyped.contains("did you mean `accelerometer_std`?"),
+        "{mistyped}"
+    );
+    let renamed = error("cascade_position_std=1");
+    assert!(
+        renamed.contains("it is now called `cascade_position_std_m`"),
+        "{renamed}"
+    );
     assert!(error("accelerometer_std=-1").contains("above 0"));
     let word = error("magnetometer_use=both");
     assert!(

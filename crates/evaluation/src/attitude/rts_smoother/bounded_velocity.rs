@@ -23,7 +23,7 @@ use northing_core::geometry::{rotation, so3};
 use super::{Estimate, Smoother};
 use crate::statistics::rts_step::Link;
 
-/// What is known in hindsight about the time from one node to the next.
+/// What the smoother knows about the time from one node to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SmoothedNode {
     /// How the filter's attitude has to turn, rad, axes of the reference frame.
@@ -189,7 +189,7 @@ impl Steps {
         self.recorded.len()
     }
 
-    /// Every node in hindsight, the first to the last. The last is the filter's own.
+    /// Every smoothed node, the first to the last. The last is the filter's own.
     #[must_use]
     pub fn smooth(&self) -> Vec<SmoothedNode> {
         let Some(last) = &self.now else {
@@ -279,7 +279,7 @@ impl Smoother for BoundedVelocity<f64, Steps> {
         nodes
     }
 
-    fn in_hindsight(node: &SmoothedNode, filtered: &UnitQuaternion<f64>) -> Estimate {
+    fn smoothed_estimate(node: &SmoothedNode, filtered: &UnitQuaternion<f64>) -> Estimate {
         let attitude = node.attitude(filtered);
         Estimate {
             attitude,

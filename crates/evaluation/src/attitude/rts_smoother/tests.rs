@@ -56,7 +56,7 @@ fn smoothing_lowers_the_error_by_a_third_and_stays_consistent() {
     let filter_config = AttitudeConfig {
         accelerometer_gate_nis: 0.0,
         magnetometer_gate_nis: 0.0,
-        ..AttitudeConfig::default()
+        ..AttitudeConfig::lab()
     };
     let (mut filtered, mut smoothed, mut count) = ([0.0; 3], [0.0; 3], 0.0);
     for seed in 0..50 {
@@ -64,13 +64,13 @@ fn smoothing_lowers_the_error_by_a_third_and_stays_consistent() {
         let mut recorder = Recorder::new(filter_config).unwrap();
         recorder.initialize(&start(&trial, seed));
         let first = recorder.node();
-        let hindsight = run(&trial, &mut recorder);
+        let smoothed_states = run(&trial, &mut recorder);
         assert!(recorder.steps[first..].iter().all(|step| step.propagated));
         let own = recorder.steps[first..].iter().map(|step| &step.filtered);
-        let states = own.zip(&hindsight[first..]).enumerate().skip(SETTLED);
-        for (k, (own, hindsight)) in states {
+        let states = own.zip(&smoothed_states[first..]).enumerate().skip(SETTLED);
+        for (k, (own, smoothed_states)) in states {
             let (truth, bias) = (&trial.world_from_body[k], &trial.gyroscope_bias[k]);
-            for (sum, state) in [(&mut filtered, own), (&mut smoothed, hindsight)] {
+            for (sum, state) in [(&mut filtered, own), (&mut smoothed, smoothed_states)] {
                 for (s, e) in sum.iter_mut().zip(errors(state, truth, bias)) {
                     *s += e;
                 }
@@ -99,11 +99,11 @@ fn every_node_is_at_most_as_uncertain_as_the_filter_was() {
         ..AttitudeTrialConfig::default()
     };
     let trial = AttitudeTrial::simulate(1, &config);
-    let mut recorder = Recorder::new(AttitudeConfig::default()).unwrap();
+    let mut recorder = Recorder::new(AttitudeConfig::lab()).unwrap();
     recorder.initialize(&start(&trial, 1));
-    let hindsight = run(&trial, &mut recorder);
-    assert_eq!(hindsight.len(), recorder.node() + 1);
-    for (step, smoothed) in recorder.steps.iter().zip(&hindsight).skip(1) {
+    let smoothed_states = run(&trial, &mut recorder);
+    assert_eq!(smoothed_states.len(), recorder.node() + 1);
+    for (step, smoothed) in recorder.steps.iter().zip(&smoothed_states).skip(1) {
         let filtered = &step.filtered;
         // Traces, as re-centring at an update turns the axes of the covariance.
         let attitude = |s: &SmoothedState| s.attitude_covariance().trace();
@@ -111,7 +111,10 @@ fn every_node_is_at_most_as_uncertain_as_the_filter_was() {
         assert!(attitude(smoothed) <= attitude(filtered) * (1.0 + 1e-9));
         assert!(bias(smoothed) <= bias(filtered) * (1.0 + 1e-9));
     }
-    assert_eq!(hindsight.last(), Some(&SmoothedState::of(&recorder.mekf)));
+    assert_eq!(
+        smoothed_states.last(),
+        Some(&SmoothedState::of(&recorder.mekf))
+    );
 }
 
 #[test]
@@ -121,7 +124,7 @@ fn nothing_is_carried_back_across_a_new_start() {
         ..AttitudeTrialConfig::default()
     };
     let trial = AttitudeTrial::simulate(2, &config);
-    let mut recorder = Recorder::new(AttitudeConfig::default()).unwrap();
+    let mut recorder = Recorder::new(AttitudeConfig::lab()).unwrap();
     recorder.initialize(&start(&trial, 2));
     let alone = run(&trial, &mut recorder);
     let border = recorder.node();
@@ -137,7 +140,7 @@ fn a_gap_is_a_node_of_its_own() {
         ..AttitudeTrialConfig::default()
     };
     let trial = AttitudeTrial::simulate(4, &config);
-    let mut recorder = Recorder::new(AttitudeConfig::default()).unwrap();
+    let mut recorder = Recorder::new(AttitudeConfig::lab()).unwrap();
     recorder.initialize(&start(&trial, 4));
     run(&trial, &mut recorder);
     let before = recorder.node();

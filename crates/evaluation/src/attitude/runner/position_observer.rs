@@ -7,7 +7,6 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::attitude::AttitudeEstimator;
-use northing_core::attitude::config::ConfigError;
 use northing_core::attitude::driver::AttitudeDriver;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::cascade::{Cascade, CascadeConfig, CascadeState};
@@ -62,12 +61,12 @@ impl<E: AttitudeEstimator<f64>> PositionObserver<E> {
     /// An observer that waits for attitude and positions.
     ///
     /// # Errors
-    /// A setting makes no sense.
+    /// A setting is invalid.
     pub(super) fn new(
         options: &RunOptions,
         rotation: fn(&E) -> UnitQuaternion<f64>,
     ) -> Result<Self, EvaluationError> {
-        let config = options.config.cascade.config();
+        let config = options.config.cascade;
         let up = tangent_frame(options.world_frame).up();
         let calibrated = options.calibration.as_ref().and_then(|c| c.gravity());
         let force_at_rest = up * calibrated.unwrap_or(options.driver.prior.gravity);
@@ -231,12 +230,7 @@ fn observer(
     config: CascadeConfig<f64>,
     force_at_rest: Vector3<f64>,
 ) -> Result<Cascade<f64>, EvaluationError> {
-    Cascade::new(config, force_at_rest).map_err(|field| {
-        EvaluationError::Config(ConfigError {
-            field,
-            expected: "a value that makes sense",
-        })
-    })
+    Ok(Cascade::new(config, force_at_rest)?)
 }
 
 fn seconds(from_ns: i64, to_ns: i64) -> f64 {

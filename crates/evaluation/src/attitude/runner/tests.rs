@@ -117,9 +117,9 @@ fn a_summary_has_the_keys_that_scripts_read() {
 #[test]
 fn a_stated_accelerometer_noise_three_times_too_small_is_found_out() {
     let mut options = lab(EstimatorKind::Mekf);
-    let honest = summary_of(&options);
+    let consistent = summary_of(&options);
     let sensor = |s: &RunSummary| s.verdicts[0].clone();
-    let fair = sensor(&honest).variance_factor.unwrap();
+    let fair = sensor(&consistent).variance_factor.unwrap();
     let stated = calibrated_std(&options) / 3.0;
     options.set(&format!("accelerometer_std={stated}")).unwrap();
     let found = sensor(&summary_of(&options)).variance_factor.unwrap();

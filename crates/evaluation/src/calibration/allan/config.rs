@@ -1,4 +1,4 @@
-//! How a record at rest is analysed, and which settings make no sense.
+//! How a record at rest is analysed, and which settings are invalid.
 
 use northing_recording::SensorKind;
 

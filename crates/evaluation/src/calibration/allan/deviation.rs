@@ -41,6 +41,7 @@ pub(super) fn overlapping_variance(integral: &[f64], m: usize) -> f64 {
 
 /// What kind of noise the curve shows at one averaging time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseKind {
     /// The integral is rounded: slope -1.

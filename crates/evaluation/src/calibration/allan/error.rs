@@ -9,7 +9,7 @@ pub enum AllanError {
     /// The sensor has no three axes at rest to analyse.
     #[error("`{0}` has no Allan deviation here; expected gyroscope, accelerometer or magnetometer")]
     NotASensor(&'static str),
-    /// A setting that makes no sense.
+    /// A setting that is invalid.
     #[error("{name} is {value}; expected {expected}")]
     BadSetting {
         /// The setting.

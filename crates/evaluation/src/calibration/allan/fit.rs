@@ -11,7 +11,7 @@ const FLICKER: f64 = 2.0 * std::f64::consts::LN_2 / std::f64::consts::PI;
 /// Relative error of a variance that is allowed to the model: no sensor is quite its four terms.
 const MODEL_ERROR: f64 = 0.05;
 
-/// A coefficient must lower the weighted sum of squares by this much to be believed (two standard
+/// A coefficient must lower the weighted sum of squares by this much to be accepted (two standard
 /// deviations).
 const SIGNIFICANCE: f64 = 4.0;
 
@@ -25,6 +25,7 @@ pub(super) struct Measured {
 
 /// A coefficient and its standard deviation, in the same unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Coefficient {
     /// The value.
     pub value: f64,
@@ -34,6 +35,7 @@ pub struct Coefficient {
 
 /// The four noises of a sensor at rest (A3), in its unit; `None` where the curve does not show one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct NoiseCoefficients {
     /// Q, unit s: rounding of the integral; falls with slope -1.
     pub quantisation: Option<Coefficient>,

@@ -50,6 +50,7 @@ pub(crate) const fn unit(sensor: SensorKind) -> &'static str {
 
 /// One point of the curve: root mean square of the three axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct AllanPoint {
     /// Averaging time, s.
     pub tau_s: f64,
@@ -71,6 +72,7 @@ pub struct AllanPoint {
 
 /// The lowest point of the part of the curve that can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Floor {
     /// Averaging time, s.
     pub tau_s: f64,
@@ -82,6 +84,7 @@ pub struct Floor {
 
 /// What a rest tells about a sensor's noise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct AllanReport {
     /// The sensor.
     pub sensor: SensorKind,

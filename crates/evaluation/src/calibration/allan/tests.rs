@@ -1,4 +1,4 @@
-//! Tests of the Allan deviation: the definition, known noise recovered, honest bounds, refusals.
+//! Tests of the Allan deviation: the definition, known noise recovered, consistent bounds, refusals.
 
 use super::*;
 use approx::assert_relative_eq;
@@ -144,7 +144,7 @@ fn white_noise_and_random_walk_are_recovered() {
 
 /// Over 60 records: are errors as large as stated, and do 95 % bounds hold 95 %?
 #[test]
-fn coefficients_and_bounds_are_honest() {
+fn coefficients_and_bounds_are_consistent() {
     let (mut squares, mut seen, mut inside, mut points) = ([0.0; 2], [0.0; 2], 0, 0);
     for seed in 0..60 {
         let report = report(&gyroscope(100 + seed, 600, N, 4.0 * K));
@@ -224,7 +224,7 @@ fn a_flat_floor_is_bias_instability_and_gives_the_filter_a_walk() {
     let b = report.coefficients.bias_instability.expect("a floor");
     assert_relative_eq!(b.value * 0.664, report.floor.deviation, max_relative = 0.2);
     assert!(report.floor.is_reached);
-    let mut config = AttitudeConfig::default();
+    let mut config = AttitudeConfig::lab();
     let said = report.fill(&mut config);
     assert_relative_eq!(config.gyroscope_noise_density, 1e-3, max_relative = 0.1);
     // The walk's line meets the floor at some seconds.
@@ -235,13 +235,13 @@ fn a_flat_floor_is_bias_instability_and_gives_the_filter_a_walk() {
 
 #[test]
 fn a_filter_is_filled_with_what_the_record_shows() {
-    let mut config = AttitudeConfig::default();
+    let mut config = AttitudeConfig::lab();
     let said = report(&gyroscope(1, 3600, N, K)).fill(&mut config);
     assert_relative_eq!(config.gyroscope_noise_density, N, max_relative = 0.05);
     assert_relative_eq!(config.gyroscope_bias_random_walk, K, max_relative = 0.4);
     assert!(said[0].starts_with("gyroscope_noise_density = ") && said[1].contains("rise"));
 
-    let mut config = AttitudeConfig::default();
+    let mut config = AttitudeConfig::lab();
     let before = config.gyroscope_bias_random_walk;
     let short = report(&gyroscope(2, 120, N, 0.0));
     let said = short.fill(&mut config);
@@ -388,7 +388,7 @@ fn what_is_no_rest_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn settings_that_make_no_sense_are_named() {
+fn settings_that_are_invalid_are_named() {
     let samples = gyroscope(1, 60, N, 0.0);
     let refused = |config| analyze(&samples, &config).unwrap_err().to_string();
     let default = AllanConfig::default();
@@ -435,9 +435,9 @@ fn an_accelerometer_has_its_own_unit_and_fills_nothing() {
         "{}",
         report.sentences[0]
     );
-    let mut settings = AttitudeConfig::default();
+    let mut settings = AttitudeConfig::lab();
     let said = report.fill(&mut settings);
-    assert_eq!(settings, AttitudeConfig::default());
+    assert_eq!(settings, AttitudeConfig::lab());
     assert!(said[0].contains("unchanged"));
 }
 

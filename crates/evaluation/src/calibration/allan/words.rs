@@ -78,7 +78,7 @@ fn floor(report: &AllanReport) -> String {
         ),
         _ => format!(
             "The curve still falls where the record ends, {value} at tau = {tau} s: the bias is steadier than \
-             that, and how it wanders cannot be seen."
+             that, and how it drifts cannot be seen."
         ),
     }
 }

@@ -32,7 +32,7 @@ impl Session<'_> {
         let against = if counts.scored_at_reference {
             "reference"
         } else {
-            "withheld fixes"
+            "held-out fixes"
         };
         let heading = self.scorer.heading_score();
         let mut issues = self.navigator.issues();
@@ -62,7 +62,7 @@ impl Session<'_> {
             origin: Some(Origin::from(frame.origin())),
             scored_against: scored.then_some(against),
             position,
-            velocity_rmse_mps: self.scorer.velocity_rmse(),
+            velocity_rmse_m_s: self.scorer.velocity_rmse(),
             heading_rmse_deg: heading.map(|h| h.rmse_deg),
             tilt_rmse_deg: self.scorer.tilt_rmse_deg(),
             heading,

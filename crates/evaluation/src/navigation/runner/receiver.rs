@@ -1,13 +1,13 @@
-//! A run's fixes: which are used, how wrong each may be, which are kept back.
+//! A run's fixes: which are used, the noise of each, which are held out.
 
 use nalgebra::Vector3;
 use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_recording::{GnssPosition, GnssQuality, GnssVelocity};
 
 use super::Session;
-use crate::navigation::hindsight::Scored;
 use crate::navigation::navigator::{Aid, AidKind};
 use crate::navigation::score::{LastFix, seconds_between};
+use crate::navigation::smoothed::Scored;
 
 /// Error of a range to a satellite, m: with a dilution of 1 half the fixes are within 3 m.
 const RANGE_ERROR_M: f64 = 3.6;
@@ -38,13 +38,13 @@ impl Session<'_> {
             .is_multiple_of(u64::from(self.options.gnss_every));
         self.fix_index += 1;
         let left_out = self.options.without.contains(&AidKind::GnssPosition);
-        self.withheld = thinned || left_out || self.scorer.in_outage(time_ns);
-        self.observer.fix(time_ns, &ned, !self.withheld);
+        self.held_out = thinned || left_out || self.scorer.in_outage(time_ns);
+        self.observer.fix(time_ns, &ned, !self.held_out);
         let std = position_std(fix);
         let vertical = fix.height_m.is_some();
         let latencies = &self.options.parameters.error_state;
         let valid_ns = before(time_ns, latencies.position_latency_s);
-        if self.withheld {
+        if self.held_out {
             if !self.has_reference {
                 self.score_position(valid_ns, &ned, std.x.max(std.y), vertical);
             }
@@ -112,12 +112,12 @@ impl Session<'_> {
         if !self.has_reference {
             let latencies = &self.options.parameters.error_state;
             let valid_ns = before(time_ns, latencies.velocity_latency_s);
-            if self.withheld {
+            if self.held_out {
                 self.score(Scored::Velocity(valid_ns, ned, vertical));
             }
             self.score(Scored::Course(valid_ns, ned, self.turn_rate));
         }
-        if self.withheld {
+        if self.held_out {
             return;
         }
         if let Some(last) = &mut self.last_fix

@@ -1,4 +1,4 @@
-//! A run's scores: at once with the estimate of now, or in hindsight.
+//! A run's scores: at once with the filter's estimate, or later with the smoothed one.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::earth::wgs84::Geodetic;
@@ -7,10 +7,10 @@ use northing_core::geometry::rotation::from_matrix;
 use northing_recording::{GnssPosition, Reference, WorldFrame};
 
 use super::Session;
-use crate::navigation::hindsight::{self, Scored};
 use crate::navigation::navigator::NavigationEstimate;
 use crate::navigation::observer::ScoredPoint;
 use crate::navigation::score::ScorePoint;
+use crate::navigation::smoothed::{self, Scored};
 
 impl Session<'_> {
     pub(super) fn reference_position(&mut self, time_ns: i64, place: &GnssPosition) {
@@ -48,7 +48,7 @@ impl Session<'_> {
         self.score(Scored::Position(point));
     }
 
-    /// Scores with the estimate of now, or keeps it for hindsight.
+    /// Scores with the estimate of now, or keeps it for the smoother.
     pub(super) fn score(&mut self, scored: Scored) {
         if self.options.smooth {
             self.kept.push(scored);
@@ -72,12 +72,12 @@ impl Session<'_> {
         }
     }
 
-    /// Scores and shows what the estimates know once they have looked back.
-    pub(super) fn look_back(&mut self) {
+    /// Scores and shows the smoothed estimates.
+    pub(super) fn smooth(&mut self) {
         let nodes = self.navigator.smoothed();
         for scored in core::mem::take(&mut self.kept) {
             let time_ns = scored.time_ns().unwrap_or_default();
-            self.score_with(&scored, hindsight::at(&nodes, time_ns).as_ref());
+            self.score_with(&scored, smoothed::at(&nodes, time_ns).as_ref());
         }
         if self.observer.interval_ns() < i64::MAX {
             for node in &nodes {

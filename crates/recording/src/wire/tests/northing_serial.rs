@@ -160,7 +160,7 @@ fn what_is_unknown_is_left_out_and_what_is_damaged_is_said() {
         orientation,
     ];
     assert_eq!(kinds, expected);
-    // The board itself does not believe it any more, and says so.
+    // The board itself does not trust it any more, and says so.
     assert_eq!(navigation(&out).unwrap().validity, Validity::Invalid);
     let whole = sentence(FRAME);
     for place in 1..whole.len() - 2 {

@@ -215,7 +215,7 @@ fn one_bad_reading_costs_only_itself() {
     assert_eq!(vectors(&out, SensorKind::Gyroscope).len(), 3);
     for part in [
         "no time",
-        "is not believed",
+        "is not plausible",
         "a number is missing",
         "An orientation was left out",
     ] {

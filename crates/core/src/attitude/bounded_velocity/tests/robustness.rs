@@ -55,7 +55,7 @@ fn a_compass_finds_and_keeps_the_heading() {
         let config = BoundedVelocityConfig {
             compass_std: 0.1,
             compass_correlation_time_s: 0.0,
-            ..BoundedVelocityConfig::default()
+            ..BoundedVelocityConfig::lab()
         };
         BoundedVelocity::new(config).unwrap()
     });

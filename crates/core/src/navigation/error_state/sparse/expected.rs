@@ -1,33 +1,33 @@
 //! What a measurement of few states is expected to be off by: projections, their covariance, its factors, the NIS.
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 
 use super::shrink::{add_scaled, scaled};
 use super::{Row, SIDE, SparseMeasurement};
-use crate::navigation::STATES;
-use crate::navigation::side_states::{SIDE_STATES, SideStates};
+use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
+use crate::navigation::{ERRORS, STATES};
 use crate::scalar::Scalar;
 
-/// `P H^T` for one row, or a gain, or a correction: over the errors and the side states.
+/// `P H^T` for one row, or a gain, or a correction: over the errors and the augmented states.
 #[derive(Clone, Copy)]
 pub(super) struct Projected<T: Scalar> {
     pub(super) error: [T; STATES],
-    pub(super) side: [T; SIDE_STATES],
+    pub(super) side: [T; AUGMENTED_STATES],
 }
 
 impl<T: Scalar> Projected<T> {
     pub(super) fn zeros() -> Self {
         Self {
             error: [T::zero(); STATES],
-            side: [T::zero(); SIDE_STATES],
+            side: [T::zero(); AUGMENTED_STATES],
         }
     }
 
-    /// Of a row; side states that are not `used` cost nothing.
+    /// Of a row; augmented states that are not `used` cost nothing.
     pub(super) fn of(
         row: &Row<T>,
         p: &SMatrix<T, STATES, STATES>,
-        side: &SideStates<T>,
+        side: &AugmentedStates<T>,
         used: Used,
     ) -> Self {
         let mut projected = Self::zeros();
@@ -62,6 +62,17 @@ impl<T: Scalar> Projected<T> {
             .unwrap_or_else(T::zero)
     }
 
+    /// Both in one.
+    pub(super) fn joint(&self) -> SVector<T, ERRORS> {
+        let mut joint = SVector::<T, ERRORS>::zeros();
+        let parts = self.error.iter().chain(&self.side);
+        joint
+            .iter_mut()
+            .zip(parts)
+            .for_each(|(out, value)| *out = *value);
+        joint
+    }
+
     /// `factor self`.
     pub(super) fn times(&self, factor: T, used: Used) -> Self {
         let mut product = *self;
@@ -81,33 +92,33 @@ impl<T: Scalar> Projected<T> {
     }
 }
 
-/// Which side states are in use.
+/// Which augmented states are in use.
 #[derive(Clone, Copy)]
 pub(super) struct Used {
-    pub(super) each: [bool; SIDE_STATES],
+    pub(super) each: [bool; AUGMENTED_STATES],
     pub(super) any: bool,
 }
 
 impl Used {
-    pub(super) fn of_states<T: Scalar>(side: &SideStates<T>) -> Self {
+    pub(super) fn of_states<T: Scalar>(side: &AugmentedStates<T>) -> Self {
         let each = core::array::from_fn(|j| side.is_used(j));
         let any = each.contains(&true);
         Self { each, any }
     }
 
     /// The elements that belong to states in use.
-    fn of<T>(self, elements: &mut [T; SIDE_STATES]) -> impl Iterator<Item = (usize, &mut T)> {
+    fn of<T>(self, elements: &mut [T; AUGMENTED_STATES]) -> impl Iterator<Item = (usize, &mut T)> {
         let all = elements.iter_mut().enumerate();
-        all.take(if self.any { SIDE_STATES } else { 0 })
+        all.take(if self.any { AUGMENTED_STATES } else { 0 })
             .filter(move |(j, _)| self.each.get(*j).is_some_and(|used| *used))
     }
 
-    /// Covariance of the errors and of the side states with the side state at place `state` of a row.
+    /// Covariance of the errors and of the augmented states with the augmented state at place `state` of a row.
     fn columns<T: Scalar>(
         self,
-        side: &SideStates<T>,
+        side: &AugmentedStates<T>,
         state: usize,
-    ) -> Option<(&[T; STATES], &[T; SIDE_STATES])> {
+    ) -> Option<(&[T; STATES], &[T; AUGMENTED_STATES])> {
         let j = state.checked_sub(SIDE)?;
         let used = self.each.get(j).is_some_and(|used| *used);
         let columns = side.cross.data.0.get(j).zip(side.covariance.data.0.get(j));
@@ -144,7 +155,7 @@ impl<T: Scalar, const M: usize> Expected<T, M> {
     /// (E15); `None` when the covariance of the residual is none, or the residual not finite.
     pub(super) fn of(
         p: &SMatrix<T, STATES, STATES>,
-        side: &SideStates<T>,
+        side: &AugmentedStates<T>,
         used: Used,
         measurement: &SparseMeasurement<T, M>,
     ) -> Option<Self> {

@@ -7,10 +7,10 @@ use nalgebra::SMatrix;
 
 use super::expected::{Projected, Used};
 use crate::navigation::STATES;
-use crate::navigation::side_states::SideStates;
+use crate::navigation::augmented_states::AugmentedStates;
 use crate::scalar::{Scalar, lit};
 
-/// Least variance of a side state in use.
+/// Least variance of an augmented state in use.
 const LEAST_SIDE_VARIANCE: f64 = 1e-14;
 
 /// `P -= K (P H^T)^T` in the lower triangle.
@@ -64,9 +64,9 @@ pub(super) fn column_of_lower<T: Scalar>(
     column
 }
 
-/// The same for the side states in use: their covariance with the errors, and their own.
+/// The same for the augmented states in use: their covariance with the errors, and their own.
 pub(super) fn shrink_side<T: Scalar>(
-    side: &mut SideStates<T>,
+    side: &mut AugmentedStates<T>,
     used: Used,
     ph: &Projected<T>,
     gain: &Projected<T>,
@@ -91,7 +91,7 @@ pub(super) fn shrink_side<T: Scalar>(
                 *image = value;
             }
         }
-        // A side state does not go out of use by being known well.
+        // An augmented state does not go out of use by being known well.
         if let Some(variance) = side.covariance.get_mut((j, j)) {
             *variance = variance.max(lit(LEAST_SIDE_VARIANCE));
         }

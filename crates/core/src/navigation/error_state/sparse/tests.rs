@@ -2,13 +2,13 @@
 
 use super::*;
 use crate::kalman::covariance::cholesky;
-use crate::navigation::side_states::SIDE_STATES;
-use crate::navigation::side_states::SideStep;
+use crate::navigation::augmented_states::AUGMENTED_STATES;
+use crate::navigation::augmented_states::AugmentedStep;
 use crate::navigation::{ErrorStateConfig, ErrorTransition, NavigationState};
 use approx::assert_relative_eq;
 use nalgebra::SMatrix;
 
-const ALL: usize = STATES + SIDE_STATES;
+const ALL: usize = STATES + AUGMENTED_STATES;
 type Joint = SMatrix<f64, ALL, ALL>;
 type JointVector = SVector<f64, ALL>;
 
@@ -16,8 +16,8 @@ fn spread(i: usize, j: usize) -> f64 {
     ((i * 7 + j * 3) as f64).sin()
 }
 
-/// A filter and side states whose joint covariance is a full random one.
-fn start() -> (ErrorStateFilter<f64>, SideStates<f64>, Joint) {
+/// A filter and augmented states whose joint covariance is a full random one.
+fn start() -> (ErrorStateFilter<f64>, AugmentedStates<f64>, Joint) {
     let a = Joint::from_fn(spread);
     let scale =
         JointVector::from_fn(|i, _| [0.02, 0.3, 1.5, 0.05, 0.003, 1.0, 0.03, 2.0, 2.0][i / 3]);
@@ -33,32 +33,32 @@ fn start() -> (ErrorStateFilter<f64>, SideStates<f64>, Joint) {
         pending: ErrorTransition::default(),
         skipped: 0,
     };
-    let side = SideStates {
+    let side = AugmentedStates {
         values: SVector::from_fn(|i, _| 0.1 * i as f64),
         cross: joint
-            .fixed_view::<STATES, SIDE_STATES>(0, SIDE)
+            .fixed_view::<STATES, AUGMENTED_STATES>(0, SIDE)
             .into_owned(),
         covariance: joint
-            .fixed_view::<SIDE_STATES, SIDE_STATES>(SIDE, SIDE)
+            .fixed_view::<AUGMENTED_STATES, AUGMENTED_STATES>(SIDE, SIDE)
             .into_owned(),
     };
     let filter = ErrorStateFilter::new(ErrorStateConfig::default(), state).unwrap();
     (filter, side, joint)
 }
 
-fn joint_of(filter: &ErrorStateFilter<f64>, side: &SideStates<f64>) -> Joint {
+fn joint_of(filter: &ErrorStateFilter<f64>, side: &AugmentedStates<f64>) -> Joint {
     let mut joint = Joint::zeros();
     joint
         .fixed_view_mut::<STATES, STATES>(0, 0)
         .copy_from(&filter.state().covariance);
     joint
-        .fixed_view_mut::<STATES, SIDE_STATES>(0, SIDE)
+        .fixed_view_mut::<STATES, AUGMENTED_STATES>(0, SIDE)
         .copy_from(&side.cross);
     joint
-        .fixed_view_mut::<SIDE_STATES, STATES>(SIDE, 0)
+        .fixed_view_mut::<AUGMENTED_STATES, STATES>(SIDE, 0)
         .copy_from(&side.cross.transpose());
     joint
-        .fixed_view_mut::<SIDE_STATES, SIDE_STATES>(SIDE, SIDE)
+        .fixed_view_mut::<AUGMENTED_STATES, AUGMENTED_STATES>(SIDE, SIDE)
         .copy_from(&side.covariance);
     joint
 }
@@ -105,7 +105,7 @@ fn sequential_scalars_equal_the_dense_joseph_form() {
     let plus = g * (left * joint * left.transpose() + k * r * k.transpose()) * g.transpose();
 
     let mut gate = CountedGate::default();
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 16.3);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 16.3, &mut ());
     assert_eq!(innovation.outcome, Outcome::Fused);
     assert_relative_eq!(innovation.covariance, s, epsilon = 1e-10);
     let nis = (m.residual.transpose() * s.try_inverse().unwrap() * m.residual)[0];
@@ -119,7 +119,7 @@ fn sequential_scalars_equal_the_dense_joseph_form() {
     );
     assert_relative_eq!(
         side.values - values,
-        d.fixed_rows::<SIDE_STATES>(SIDE).into_owned(),
+        d.fixed_rows::<AUGMENTED_STATES>(SIDE).into_owned(),
         epsilon = 1e-10
     );
     let after = filter.state();
@@ -133,14 +133,14 @@ fn sequential_scalars_equal_the_dense_joseph_form() {
 }
 
 #[test]
-fn side_states_propagate_as_the_joint_covariance_does() {
+fn augmented_states_propagate_as_the_joint_covariance_does() {
     let (mut filter, mut side, joint) = start();
     for _ in 0..10 {
         let (rate, force) = (Vector3::new(0.1, 0.2, -0.3), Vector3::new(0.5, 0.2, -9.7));
         filter.propagate(&rate, &force, 0.01).unwrap();
     }
     let transition = filter.catch_up();
-    let step = SideStep {
+    let step = AugmentedStep {
         decay: core::array::from_fn(|i| 1.0 - 0.05 * i as f64),
         added: core::array::from_fn(|i| 0.01 * i as f64),
     };
@@ -149,20 +149,20 @@ fn side_states_propagate_as_the_joint_covariance_does() {
     let mut phi = Joint::identity();
     phi.fixed_view_mut::<STATES, STATES>(0, 0)
         .copy_from(&transition.to_matrix());
-    for i in 0..SIDE_STATES {
+    for i in 0..AUGMENTED_STATES {
         phi[(SIDE + i, SIDE + i)] = step.decay[i];
     }
     let mut dense = phi * joint * phi.transpose();
-    for i in 0..SIDE_STATES {
+    for i in 0..AUGMENTED_STATES {
         dense[(SIDE + i, SIDE + i)] += step.added[i];
     }
     let now = joint_of(&filter, &side);
     let cross = dense
-        .fixed_view::<STATES, SIDE_STATES>(0, SIDE)
+        .fixed_view::<STATES, AUGMENTED_STATES>(0, SIDE)
         .into_owned();
     assert_relative_eq!(side.cross, cross, epsilon = 1e-12);
     let own = dense
-        .fixed_view::<SIDE_STATES, SIDE_STATES>(SIDE, SIDE)
+        .fixed_view::<AUGMENTED_STATES, AUGMENTED_STATES>(SIDE, SIDE)
         .into_owned();
     assert_relative_eq!(side.covariance, own, epsilon = 1e-12);
     assert_relative_eq!(side.values[6], values[6] * step.decay[6], epsilon = 1e-12);
@@ -173,15 +173,15 @@ fn side_states_propagate_as_the_joint_covariance_does() {
 fn states_that_are_not_in_use_change_nothing() {
     let (filter, _, _) = start();
     let (mut with, mut without) = (filter, filter);
-    let mut side = SideStates::default();
+    let mut side = AugmentedStates::default();
     let mut m = measurement();
-    with.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0);
-    assert_eq!(side, SideStates::default());
+    with.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0, &mut ());
+    assert_eq!(side, AugmentedStates::default());
     for row in &mut m.rows {
         let kept = row.elements().iter().filter(|(state, _)| *state < SIDE);
         *row = kept.fold(Row::default(), |row, (state, h)| row.with(*state, *h));
     }
-    without.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0);
+    without.fuse_sparse(&mut side, &m, &mut CountedGate::default(), 0.0, &mut ());
     assert_eq!(with, without);
 }
 
@@ -196,12 +196,12 @@ fn outliers_are_refused_five_times_and_then_believed_with_the_state_set_free() {
     };
     let mut gate = CountedGate::default();
     let before = *filter.state();
-    for _ in 0..REJECTIONS_BELIEVED {
-        let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+    for _ in 0..REJECTIONS_ACCEPTED {
+        let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
         assert_eq!(innovation.outcome, Outcome::Gated);
         assert_eq!(*filter.state(), before);
     }
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
     assert_eq!(innovation.outcome, Outcome::Inflated);
     let moved = filter.state().position - before.position;
     assert!(
@@ -213,11 +213,11 @@ fn outliers_are_refused_five_times_and_then_believed_with_the_state_set_free() {
     // What cannot be fused is skipped, and changes nothing.
     let before = *filter.state();
     m.variance.fill(-1.0);
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
     assert_eq!(innovation.outcome, Outcome::Skipped(SkipReason::Numerical));
     m.variance.fill(1.0);
     m.residual.x = f64::NAN;
-    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8);
+    let innovation = filter.fuse_sparse(&mut side, &m, &mut gate, 13.8, &mut ());
     assert_eq!(innovation.outcome, Outcome::Skipped(SkipReason::Numerical));
     assert_eq!(filter.state().covariance, before.covariance);
     assert_eq!(filter.state().skipped, before.skipped + 2);
@@ -228,7 +228,7 @@ fn variances_stay_within_numbers_and_correlations_with_them() {
     let (mut filter, mut side, _) = start();
     filter.state.covariance *= 1e9;
     side.cross *= 1e9_f64.sqrt();
-    filter.limit_covariance(&mut side);
+    filter.limit_covariance(&mut side, &mut ());
     let p = filter.state().covariance;
     for i in 0..STATES {
         assert!(p[(i, i)] <= LARGEST_VARIANCES[i / 3] * (1.0 + 1e-12));

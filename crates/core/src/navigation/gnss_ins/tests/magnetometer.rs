@@ -1,7 +1,7 @@
 //! A magnetometer with iron around it: how it starts, and what it learns.
 
 use super::*;
-use crate::navigation::side_states::MAGNETIC_OFFSET;
+use crate::navigation::augmented_states::MAGNETIC_OFFSET;
 
 #[test]
 fn iron_around_the_magnetometer_is_learnt_and_does_not_turn_the_heading() {
@@ -21,19 +21,22 @@ fn iron_around_the_magnetometer_is_learnt_and_does_not_turn_the_heading() {
         ..config()
     };
     let (ins, learnt) = heading_error(told);
-    let found = ins.side_states().values.fixed_rows::<3>(MAGNETIC_OFFSET);
+    let found = ins
+        .augmented_states()
+        .values
+        .fixed_rows::<3>(MAGNETIC_OFFSET);
     assert!(learnt < 0.03, "{learnt}");
     assert!((found.xy() - iron.xy()).norm() < 4.0, "{found}");
     assert!(ins.counts(Aid::Magnetometer).fused > 15);
     let skipped = ins.counts(Aid::Magnetometer).skipped;
     assert!(skipped > 1000, "one in five seconds counts: {skipped}");
     // Taken for the Earth's, ten times a second: what this is for.
-    let believed = GnssInsConfig {
+    let accepted = GnssInsConfig {
         magnetic_offset_std_ut: 0.0,
         magnetic_interval_s: 0.0,
         ..told
     };
-    let (_, turned) = heading_error(believed);
+    let (_, turned) = heading_error(accepted);
     assert!(turned > 5.0 * learnt && turned > 0.2, "{turned}");
 }
 

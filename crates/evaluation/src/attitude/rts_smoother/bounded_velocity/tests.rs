@@ -16,13 +16,13 @@ fn config() -> BoundedVelocityConfig<f64> {
         initial_hard_iron_std_ut: 2.0,
         initial_gyroscope_bias_std: 0.02,
         prediction_s: 0.0,
-        ..BoundedVelocityConfig::default()
+        ..BoundedVelocityConfig::lab()
     }
 }
 
 /// What the simulated sensors really are, so that the covariance has to be right: white noise alone,
 /// a field as stated, a device that does not move away.
-fn honest() -> BoundedVelocityConfig<f64> {
+fn consistent() -> BoundedVelocityConfig<f64> {
     let simulated = AttitudeTrialConfig::default();
     let density = |std: f64| std / simulated.rate_hz.sqrt();
     BoundedVelocityConfig {
@@ -112,18 +112,18 @@ fn errors(
 
 #[test]
 fn smoothing_lowers_the_error_and_stays_consistent() {
-    // While the filter still converges, hindsight wins too easily.
+    // While the filter still converges, the smoother wins too easily.
     const SETTLED: usize = 200;
     let (mut filtered, mut smoothed, mut count) = ([0.0; 2], [0.0; 2], 0.0);
     for seed in 0..24 {
         let trial = trial(seed, 40.0);
-        let mut recorder = started(&trial, seed, honest());
+        let mut recorder = started(&trial, seed, consistent());
         let known = run(&trial, &mut recorder);
         let nodes = recorder.smooth();
         for (known, truth) in known.iter().zip(&trial.world_from_body[1..]).skip(SETTLED) {
             let node = &nodes[known.node];
-            let hindsight = Recorder::in_hindsight(node, &known.attitude);
-            let (attitude, covariance) = (hindsight.attitude, hindsight.attitude_covariance);
+            let estimate = Recorder::smoothed_estimate(node, &known.attitude);
+            let (attitude, covariance) = (estimate.attitude, estimate.attitude_covariance);
             for (sum, e) in [
                 (
                     &mut filtered,
@@ -144,7 +144,7 @@ fn smoothing_lowers_the_error_and_stays_consistent() {
     assert!((0.9..1.1).contains(&nees[1]), "{nees:?}");
 }
 
-/// Scale and hard iron without walk, and the bias, are constants: hindsight knows them at every
+/// Scale and hard iron without walk, and the bias, are constants: the smoother knows them at every
 /// node as at the last.
 #[test]
 fn what_does_not_change_is_known_from_the_first_node_as_at_the_last() {
@@ -176,7 +176,7 @@ fn the_last_node_is_the_filters_and_no_node_is_less_certain_than_the_filter_was(
     let known = run(&trial, &mut recorder);
     let nodes = recorder.smooth();
     assert_eq!(nodes.len(), recorder.node() + 1);
-    let last = Recorder::in_hindsight(nodes.last().unwrap(), &recorder.attitude());
+    let last = Recorder::smoothed_estimate(nodes.last().unwrap(), &recorder.attitude());
     let (bias, bias_covariance) = recorder.gyroscope_bias().unwrap();
     assert_relative_eq!(last.attitude, recorder.attitude(), epsilon = 1e-14);
     let own = recorder.attitude_covariance().unwrap();

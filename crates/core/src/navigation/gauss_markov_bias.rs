@@ -1,4 +1,4 @@
-//! Biases that wander: a value at rest that hardly moves, and about it an offset that comes and goes.
+//! First-order Gauss-Markov biases about a value at rest that hardly moves: offsets that come and go.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, section 10 (E28-E30).
 //!
@@ -13,12 +13,12 @@ use nalgebra::{SMatrix, Vector3};
 use super::STATES;
 use crate::scalar::{Scalar, lit};
 
-/// How the bias of a sensor wanders.
+/// The first-order Gauss-Markov bias of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct WanderSettings<T> {
-    /// Standard deviation about the value at rest; zero: it does not wander, it only walks.
+pub(super) struct GaussMarkovBias<T> {
+    /// Standard deviation about the value at rest; zero: none, the bias only walks.
     pub(super) std: T,
-    /// For how long an offset lasts, s.
+    /// Correlation time, s.
     pub(super) time_s: T,
     /// Random walk of the value at rest, a square root of a second.
     pub(super) walk: T,
@@ -37,18 +37,15 @@ impl<T: Scalar> BiasAtRest<T> {
         self.value.iter().chain(&self.variance)
     }
 
-    /// Known to a standard deviation.
-    pub(super) fn new(value: Vector3<T>, std: T) -> Self {
-        Self {
-            value,
-            variance: Vector3::repeat(std * std),
-        }
+    /// Known to these variances.
+    pub(super) fn new(value: Vector3<T>, variance: Vector3<T>) -> Self {
+        Self { value, variance }
     }
 
     /// Lets `dt` seconds pass for the bias whose errors are the states from `first` on.
     pub(super) fn relax<const C: usize>(
         &mut self,
-        settings: &WanderSettings<T>,
+        settings: &GaussMarkovBias<T>,
         dt: T,
         (first, bias): (usize, &mut Vector3<T>),
         covariance: &mut SMatrix<T, STATES, STATES>,
@@ -57,13 +54,13 @@ impl<T: Scalar> BiasAtRest<T> {
         if settings.std <= T::zero() {
             return;
         }
-        let wander = settings.std * settings.std;
+        let stationary = settings.std * settings.std;
         let share = dt / settings.time_s;
         let kept = (-share).exp();
         for i in 0..3 {
             let state = first + i;
             // The mean of many independent offsets (E29): one a correlation time.
-            let seen = self.variance[i] + covariance[(state, state)].max(T::zero()) + wander;
+            let seen = self.variance[i] + covariance[(state, state)].max(T::zero()) + stationary;
             let gain = self.variance[i] / seen * share.min(lit(1.0));
             let rest = self.value[i] + (bias[i] - self.value[i]) * gain;
             let left = self.variance[i] * (T::one() - gain) + settings.walk * settings.walk * dt;
@@ -73,7 +70,7 @@ impl<T: Scalar> BiasAtRest<T> {
             covariance.row_mut(state).scale_mut(kept);
             covariance.column_mut(state).scale_mut(kept);
             cross.row_mut(state).scale_mut(kept);
-            covariance[(state, state)] += (wander + left) * (T::one() - kept * kept);
+            covariance[(state, state)] += (stationary + left) * (T::one() - kept * kept);
         }
     }
 }

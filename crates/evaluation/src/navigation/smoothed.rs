@@ -1,4 +1,4 @@
-//! Scores in hindsight: what a run scores is kept until the estimates have looked back.
+//! Scores of RTS-smoothed estimates: what a run scores is kept until the estimates are smoothed.
 
 use nalgebra::{UnitQuaternion, Vector3};
 

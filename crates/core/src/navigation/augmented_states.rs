@@ -1,10 +1,10 @@
-//! States beside the 15 errors that only some measurements see: a receiver's slow position error and time
+//! Augmented states: those beside the 15 errors that only some measurements see: a receiver's correlated position error and time
 //! offset, a barometer's offset, the angles at which a unit is mounted in its vehicle, the iron around a magnetometer.
 //!
 //! *Read first:* `docs/derivations/error_state.md`, section 7 (E14, E15).
 //!
 //! None of them drives the 15 errors and none is driven by them, so the joint covariance is the filter's own,
-//! the block between (`cross`), and a small one here; each propagates by itself. A side state of variance zero
+//! the block between (`cross`), and a small one here; each propagates by itself. An augmented state of variance zero
 //! is not in use: it costs next to nothing and nothing changes it.
 //!
 //! Cost: 60 multiplications a catch-up for each state in use, 30 an update.
@@ -17,9 +17,9 @@ use crate::kalman::feedback::reset_rows;
 use crate::restorable::{InvalidState, covariance, finite};
 use crate::scalar::Scalar;
 
-/// Number of side states.
-pub const SIDE_STATES: usize = 10;
-/// First of the three slow errors of the receiver's positions (m, NED).
+/// Number of augmented states.
+pub const AUGMENTED_STATES: usize = 10;
+/// First of the three correlated errors of the receiver's positions (m, NED).
 pub const GNSS_OFFSET: usize = 0;
 /// How much later than its stamp says, less the latency of the settings, a fix is valid for (s): positive is late.
 pub const TIME_OFFSET: usize = 3;
@@ -32,28 +32,28 @@ pub const MOUNT_YAW: usize = 6;
 /// First of the three components of what the iron around a magnetometer adds to the field (microtesla, body axes).
 pub const MAGNETIC_OFFSET: usize = 7;
 
-/// Values and covariance of the side states.
+/// Values and covariance of the augmented states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SideStates<T: Scalar> {
+pub struct AugmentedStates<T: Scalar> {
     /// Their estimates.
-    pub values: SVector<T, SIDE_STATES>,
+    pub values: SVector<T, AUGMENTED_STATES>,
     /// Covariance of the filter's errors with theirs.
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
-    pub cross: SMatrix<T, STATES, SIDE_STATES>,
+    pub cross: SMatrix<T, STATES, AUGMENTED_STATES>,
     /// Their covariance.
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
-    pub covariance: SMatrix<T, SIDE_STATES, SIDE_STATES>,
+    pub covariance: SMatrix<T, AUGMENTED_STATES, AUGMENTED_STATES>,
 }
 
-/// How a side state goes on over an interval: it shrinks by `decay` and `added` comes to its variance.
+/// How an augmented state goes on over an interval: it shrinks by `decay` and `added` comes to its variance.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct SideStep<T> {
-    pub(super) decay: [T; SIDE_STATES],
-    pub(super) added: [T; SIDE_STATES],
+pub(super) struct AugmentedStep<T> {
+    pub(super) decay: [T; AUGMENTED_STATES],
+    pub(super) added: [T; AUGMENTED_STATES],
 }
 
-impl<T: Scalar> Default for SideStates<T> {
+impl<T: Scalar> Default for AugmentedStates<T> {
     /// None is in use.
     fn default() -> Self {
         Self {
@@ -64,8 +64,8 @@ impl<T: Scalar> Default for SideStates<T> {
     }
 }
 
-impl<T: Scalar> SideStates<T> {
-    /// Whether a side state is in use.
+impl<T: Scalar> AugmentedStates<T> {
+    /// Whether an augmented state is in use.
     #[inline]
     pub fn is_used(&self, state: usize) -> bool {
         self.covariance
@@ -75,7 +75,7 @@ impl<T: Scalar> SideStates<T> {
 
     /// Starts one anew: correlated with nothing.
     pub fn start(&mut self, state: usize, value: T, variance: T) {
-        if state >= SIDE_STATES {
+        if state >= AUGMENTED_STATES {
             return;
         }
         self.values[state] = value;
@@ -101,8 +101,8 @@ impl<T: Scalar> SideStates<T> {
     }
 
     /// Goes on over an interval (E14).
-    pub(super) fn propagate(&mut self, transition: &ErrorTransition<T>, step: &SideStep<T>) {
-        for j in 0..SIDE_STATES {
+    pub(super) fn propagate(&mut self, transition: &ErrorTransition<T>, step: &AugmentedStep<T>) {
+        for j in 0..AUGMENTED_STATES {
             if !self.is_used(j) {
                 continue;
             }
@@ -112,12 +112,12 @@ impl<T: Scalar> SideStates<T> {
             self.cross.set_column(j, &(column * step.decay[j]));
             self.values[j] *= step.decay[j];
         }
-        for j in 0..SIDE_STATES {
-            for i in 0..SIDE_STATES {
+        for j in 0..AUGMENTED_STATES {
+            for i in 0..AUGMENTED_STATES {
                 self.covariance[(i, j)] *= step.decay[i] * step.decay[j];
             }
         }
-        for j in 0..SIDE_STATES {
+        for j in 0..AUGMENTED_STATES {
             self.covariance[(j, j)] += step.added[j];
         }
     }

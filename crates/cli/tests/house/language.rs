@@ -1,0 +1,175 @@
+//! The language: words that `docs/glossary.md` retires do not stand where people look for a term.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::{README, check, files, index, root};
+
+const GLOSSARY: &str = include_str!("../../../../docs/glossary.md");
+
+/// The last table of the glossary: what is retired, and what is said instead.
+fn retired(glossary: &str) -> Vec<(Vec<String>, &str)> {
+    let section = glossary
+        .split("\n## Retired words")
+        .nth(1)
+        .unwrap_or_default();
+    let rows = section.lines().filter(|line| line.starts_with("| "));
+    let cells = rows
+        .skip(1)
+        .filter_map(|row| row.trim_matches('|').split_once('|'));
+    cells.map(|(old, new)| (words(old), new.trim())).collect()
+}
+
+/// The words of a text or of names in it: lower case, `CamelCase` and `snake_case` taken apart.
+fn words(text: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut before = ' ';
+    for c in text.chars() {
+        if !c.is_ascii_alphanumeric() || (c.is_ascii_uppercase() && before.is_ascii_lowercase()) {
+            words.push(String::new());
+        }
+        if c.is_ascii_alphanumeric() {
+            words.last_mut().unwrap().push(c.to_ascii_lowercase());
+        }
+        before = c;
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+/// Retired words in a text, with what to say instead.
+fn old_words(text: &str) -> Vec<String> {
+    let text = words(text);
+    let stands = |old: &[String]| text.windows(old.len()).any(|part| part == old);
+    let found = retired(GLOSSARY).into_iter().filter(|(old, _)| stands(old));
+    found
+        .map(|(old, new)| format!("`{}`: say {new}", old.join(" ")))
+        .collect()
+}
+
+#[test]
+fn a_retired_word_is_seen_and_good_english_is_not() {
+    assert!(retired(GLOSSARY).len() > 30);
+    for bad in [
+        "R is honest",
+        "fixes that are\n  withheld",
+        "SideStates",
+        "position_white_share",
+        "rate_dps",
+        "PoseMemory",
+    ] {
+        assert_eq!(old_words(bad).len(), 1, "{bad}");
+    }
+    for good in [
+        "held-out fixes",
+        "beside the states",
+        "a field",
+        "calibrate magnetometer",
+        "honestly",
+    ] {
+        assert_eq!(old_words(good), [""; 0], "{good}");
+    }
+}
+
+/// What the program says to `arguments`, on standard output.
+fn said(arguments: &[&str]) -> String {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_northing"));
+    let output = program.args(arguments).arg("--help").output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {output:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The commands below one, as its help lists them.
+pub(crate) fn commands(path: &[&str]) -> Vec<String> {
+    let help = said(path);
+    let list = help.split("\nCommands:\n").nth(1).unwrap_or_default();
+    let rows = list.lines().take_while(|line| !line.is_empty());
+    let names = rows.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let names = names.filter_map(|line| line.split_whitespace().next());
+    names.map(str::to_owned).collect()
+}
+
+/// Complaints about the help of a command and of all below it.
+fn complaints_about_help(path: &[&str]) -> Vec<String> {
+    let name = path.join(" ");
+    let mut complaints = old_words(&said(path));
+    complaints
+        .iter_mut()
+        .for_each(|old| *old = format!("northing {name} --help: {old}"));
+    for command in commands(path) {
+        let below = [path, &[&command]].concat();
+        complaints.extend(complaints_about_help(&below));
+    }
+    complaints
+}
+
+#[test]
+fn help_and_front_pages_use_the_terms_of_the_glossary() {
+    let mut complaints = complaints_about_help(&[]);
+    for (page, text) in [
+        ("README.md", README),
+        ("first lines of files", &index::fresh()),
+    ] {
+        complaints.extend(
+            old_words(text)
+                .into_iter()
+                .map(|old| format!("{page}: {old}")),
+        );
+    }
+    assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
+}
+
+/// Public names of a source file: items, and fields, which are keys of what is serialised.
+fn public_names(source: &str) -> Vec<&str> {
+    let product = source
+        .split("#[cfg(test)]\nmod tests {")
+        .next()
+        .unwrap_or_default();
+    let lines = product.lines().map(str::trim_start);
+    let after = lines.filter_map(|line| line.strip_prefix("pub "));
+    let kinds = [
+        "const fn ",
+        "async fn ",
+        "fn ",
+        "const ",
+        "static ",
+        "struct ",
+        "enum ",
+        "trait ",
+        "type ",
+        "mod ",
+    ];
+    after
+        .filter(|line| !line.starts_with("use "))
+        .map(|line| {
+            let name = kinds
+                .iter()
+                .find_map(|kind| line.strip_prefix(kind))
+                .unwrap_or(line);
+            name.split(|c: char| !c.is_alphanumeric() && c != '_')
+                .next()
+                .unwrap_or_default()
+        })
+        .collect()
+}
+
+fn old_names(_: &Path, source: &str) -> Vec<String> {
+    let names = public_names(source).into_iter();
+    let complaints = names.flat_map(|name| {
+        old_words(name)
+            .into_iter()
+            .map(move |old| format!("{name}, {old}"))
+    });
+    complaints.collect()
+}
+
+#[test]
+fn public_names_use_the_terms_of_the_glossary() {
+    let mut sources = files(&root().join("crates"), ".rs");
+    sources.retain(|path| path.components().any(|part| part.as_os_str() == "src"));
+    check(sources, 100, old_names);
+
+    let bad = "pub struct SideStates {\n    pub rate_dps: f64,\n}\nfn honest() {}\npub const fn look_back() {}";
+    assert_eq!(public_names(bad), ["SideStates", "rate_dps", "look_back"]);
+    assert_eq!(old_names(Path::new("x.rs"), bad).len(), 3);
+}

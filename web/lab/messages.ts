@@ -1,0 +1,470 @@
+// Made from the program's types by a test of `crates/live/src/protocol.rs`; not to be edited.
+import type { Settings, SettingValue } from "./protocol";
+
+export type Action = "add" | "remove";
+
+export type Allan = {
+  request: unknown,
+  id: string,
+  sensor: SensorKind,
+  state: AllanState,
+  text: string | null,
+  report: AllanReport | null,
+  fill: Fill | null, };
+
+export type AllanPoint = {
+  tau_s: number,
+  cluster_samples: number,
+  deviation: number,
+  lower: number,
+  upper: number,
+  axis_deviations: [number, number, number],
+  degrees_of_freedom: number,
+  kind: NoiseKind, };
+
+export type AllanReport = {
+  sensor: SensorKind,
+  unit: string,
+  duration_s: number,
+  rate_hz: number,
+  samples: number,
+  filled_samples: number,
+  ignored_samples: number,
+  curve: Array<AllanPoint>,
+  coefficients: NoiseCoefficients,
+  axis_coefficients: [NoiseCoefficients, NoiseCoefficients, NoiseCoefficients],
+  floor: Floor,
+  trusted_tau_s: number,
+  worst_misfit: number,
+  sentences: Array<string>, };
+
+export type AllanState = "done" | "refused";
+
+export type Calibration = {
+  device: string,
+  state: CalibrationState,
+  progress: number,
+  remaining_s: number,
+  verdict: Remark | null,
+  result: RestNumbers | null,
+  samples: { [key in string]: Series } | null, };
+
+export type CalibrationState = "running" | "done" | "refused";
+
+export type Coefficient = {
+  value: number,
+  std: number, };
+
+export type Coverage = {
+  cells: Array<boolean>,
+  slices: number,
+  sectors: number,
+  fraction: number, };
+
+export type Curve = {
+  request: unknown,
+  id: string,
+  curve: CurveColumns, };
+
+export type CurveColumns = {
+  parameter: string,
+  values: Array<number>,
+  nis_acc: Array<number | null>,
+  nis_mag: Array<number | null>,
+  error_deg: Array<number | null>, };
+
+export type DeviceStatus = {
+  id: string,
+  name: string,
+  source: string,
+  connected: boolean,
+  under_way: UnderWay | null,
+  lost: number,
+  duplicated_batches: number,
+  settings: Settings | null,
+  use: SensorUse | null,
+  estimates: { [key in string]: Estimate },
+  health: Array<Remark>,
+  rates_hz: { [key in string]: number },
+  resolution: { [key in string]: number },
+  received: number,
+  duplicated: number,
+  refused: number,
+  late: number,
+  duration_s: number,
+  estimators: Array<EstimatorKind>,
+  is_calibrating: boolean,
+  is_experimenting: boolean,
+  is_turned: boolean,
+  is_calibrated: boolean,
+  magnetometer: MagnetometerFit | null, };
+
+export type Disturbance = "none" | "acceleration" | "magnetic" | "both";
+
+export type ErrorSummary = {
+  total_rmse: number,
+  heading_rmse: number,
+  inclination_rmse: number,
+  scored_samples: number,
+  not_finite_samples?: number, };
+
+export type Estimate = {
+  q: [number, number, number, number],
+  std_deg: [number, number, number] | null,
+  angles_deg: [number, number, number],
+  bias_deg_s: [number, number, number] | null,
+  surroundings?: Surroundings, };
+
+export type EstimatorKind = "integration" | "mekf3" | "mekf" | "bounded-velocity" | "usque" | "quaternion-ekf" | "complementary" | "complementary-passive" | "complementary-direct" | "cascade" | "cascade-ekf" | "device";
+
+export type EstimatorLine = {
+  name: EstimatorKind,
+  summary: string, };
+
+export type Experiment = {
+  device: string,
+  id: string,
+  state: ExperimentState,
+  progress: number,
+  remaining_s: number,
+  result: ExperimentResult | null, };
+
+export type ExperimentResult = {
+  summary: { [key in string]: RunSummary },
+  final: { [key in string]: FinalSummary | null },
+  settings: Settings,
+  hash: string,
+  origin: string, };
+
+export type ExperimentRow = {
+  id: string,
+  device: string,
+  device_id: string,
+  name: string,
+  at: string,
+  duration_s: number,
+  settings: Settings,
+  results: { [key in string]: ResultCell }, };
+
+export type ExperimentState = "running" | "done";
+
+export type Fill = {
+  settings: Settings,
+  said: Array<string>, };
+
+export type FinalSummary = {
+  calculated_error_deg: number,
+  calculated_error_wxyz: [number, number, number, number],
+  estimated_error_deg: number | null,
+  estimated_error_wxyz: [number, number, number, number] | null,
+  estimated_std_deg: [number, number, number] | null,
+  normalised_square: number | null,
+  verdict: FinalVerdict | null,
+  sentence: string, };
+
+export type FinalVerdict = "consistent" | "optimistic" | "pessimistic";
+
+export type Floor = {
+  tau_s: number,
+  deviation: number,
+  is_reached: boolean, };
+
+export type Frame = {
+  device: string,
+  t_s: number,
+  estimates: { [key in string]: Estimate },
+  truth: TruthPose | null,
+  between_deg: { [key in string]: number },
+  rate_rad_s: [number, number, number],
+  innovations: Array<InnovationPoint>,
+  lamp: Array<Lamp>, };
+
+export type Gaps = {
+  count: number,
+  limit_s: number,
+  longest_s: number,
+  longest_start_s: number, };
+
+export type Hello = {
+  version: string,
+  phone_urls: Array<string>,
+  ingest_urls: Array<string>,
+  qr_svg: string,
+  estimators: Array<EstimatorLine>,
+  parameters: Array<Parameter>,
+  fingerprint: string,
+  features: Array<string>,
+  name: string,
+  input_kinds: Array<InputKindLine>,
+  inputs: Array<InputStatus>, };
+
+export type InnovationPoint = {
+  sensor: SensorKind,
+  t_s: number,
+  residual: [number, number, number],
+  std: [number, number, number],
+  nis: number,
+  dof: number,
+  outcome: "fused" | "inflated" | "gated" | "skipped", };
+
+export type InputKind = "sensorserver" | "linkoping" | "phyphox" | "razor" | "northing" | "hyperimu" | "sensorstreamer";
+
+export type InputKindLine = {
+  kind: InputKind,
+  title: string,
+  hint: string,
+  example: string, };
+
+export type InputState = "connecting" | "connected" | "waiting" | "failed";
+
+export type InputStatus = {
+  id: string,
+  kind: InputKind,
+  address: string,
+  state: InputState,
+  text: string, };
+
+export type Lamp = {
+  sensor: SensorKind,
+  tone: Tone,
+  text: string,
+  nis_mean: number,
+  nis_expected: number, };
+
+export type Listed = {
+  name: string,
+  bytes: number,
+  start: string | null,
+  devices: Array<string>,
+  finished: boolean, };
+
+export type Magnetometer = {
+  device: string,
+  state: MagnetometerState,
+  verdict: Remark | null,
+  fit: MagnetometerFit | null,
+  coverage?: Coverage,
+  points?: Array<[number, number, number]>,
+  samples?: number,
+  hint?: string, };
+
+export type MagnetometerAction = "start" | "finish" | "cancel" | "discard";
+
+export type MagnetometerFit = {
+  model: "ellipsoid" | "sphere",
+  hard_iron_ut: [number, number, number],
+  soft_iron: [[number, number, number], [number, number, number], [number, number, number]],
+  field_strength_ut: number,
+  radius_ut: number,
+  residual_std_ut: number | null,
+  uncalibrated_norm_std_ut: number | null, };
+
+export type MagnetometerSource = "device" | "uncalibrated";
+
+export type MagnetometerState = "running" | "done" | "idle";
+
+export type Motion = "gentle" | "brisk" | "tumble" | "rest";
+
+export type NisOf<V> = {
+  accelerometer: V | null,
+  magnetometer: V | null,
+  compass: V | null, };
+
+export type NisSummary = {
+  mean: number,
+  median: number,
+  degrees_of_freedom: number,
+  samples: number,
+  share_above_95: number,
+  share_above_99: number,
+  lag1_autocorrelation: number, };
+
+export type NoiseCoefficients = {
+  quantisation: Coefficient | null,
+  noise_density: Coefficient | null,
+  bias_instability: Coefficient | null,
+  random_walk: Coefficient | null, };
+
+export type NoiseKind = "quantisation" | "white" | "bias-instability" | "random-walk";
+
+export type NoiseVerdict = "honest" | "too-small" | "too-large" | "outliers" | "too-few";
+
+export type Parameter = {
+  name: string,
+  unit: string,
+  range: string,
+  meaning: string,
+  default: Record<string, SettingValue>, };
+
+export type PerSensor<V> = {
+  gyroscope: V,
+  accelerometer: V,
+  magnetometer: V,
+  compass: V, };
+
+export type PositionRms = {
+  horizontal: number,
+  vertical: number, };
+
+export type PositionSummary = {
+  updates: UpdateCounts,
+  innovation_rms_m: PositionRms | null,
+  accelerometer_bias_m_s2: [number, number, number], };
+
+export type Profile = "hand-held" | "lab";
+
+export type RecordingState = "off" | "idle" | "on" | "failed";
+
+export type RecordingStatus = {
+  state: RecordingState,
+  file: string | null,
+  bytes: number,
+  seconds: number,
+  text: string, };
+
+export type Remark = {
+  tone: Tone,
+  text: string, };
+
+export type Request = { "type": "virtual_phone",
+  action: Action,
+  motion?: Motion,
+  disturbance?: Disturbance,
+  seed?: number | null,
+  hard_iron_ut?: [number, number, number],
+  device?: string | null, } | { "type": "calibrate",
+  device: string,
+  seconds: number, } | { "type": "experiment",
+  device: string,
+  seconds: number,
+  name: string, } | { "type": "stop",
+  device: string, } | { "type": "settings",
+  device: string,
+  settings: Settings,
+  profile?: string | null, } | { "type": "sensors",
+  device: string,
+  use: SensorUse, } | { "type": "estimators",
+  device: string,
+  use: Array<EstimatorKind>, } | { "type": "display_rate",
+  hz: number, } | { "type": "what_if",
+  id: string,
+  settings: Settings,
+  curve?: string | null, } | { "type": "calibrate_magnetometer",
+  device: string,
+  action: MagnetometerAction, } | { "type": "allan",
+  id: string,
+  sensor: string, } | { "type": "remove",
+  device: string, } | { "type": "input",
+  action: Action,
+  kind?: InputKind | null,
+  address?: string,
+  id?: string | null, } | { "type": "rename",
+  device: string,
+  name: string, };
+
+export type RestNumbers = {
+  gyroscope_samples: number,
+  gyroscope_bias_rad_s: [number, number, number],
+  gyroscope_bias_std_rad_s: [number, number, number],
+  gyroscope_std_rad_s: [number, number, number],
+  accelerometer_samples: number,
+  specific_force_m_s2: [number, number, number] | null,
+  accelerometer_std_m_s2: [number, number, number] | null,
+  magnetometer_samples: number,
+  magnetic_field_ut: [number, number, number] | null,
+  magnetometer_std_ut: [number, number, number] | null, };
+
+export type ResultCell = {
+  calculated_error_deg: number | null,
+  estimated_error_deg: number | null,
+  verdict: FinalVerdict | null,
+  nis_acc: number | null,
+  nis_mag: number | null,
+  nis_compass: number | null,
+  error_deg: number | null, };
+
+export type RunSummary = {
+  estimator: EstimatorKind,
+  recording: string,
+  duration_s: number,
+  samples: number,
+  updates: PerSensor<UpdateCounts>,
+  error_deg: ErrorSummary | null,
+  nees_mean: number | null,
+  nis_mean: NisOf<number>,
+  final: FinalSummary | null,
+  nis: NisOf<NisSummary>,
+  verdicts: Array<SensorVerdict>,
+  unobservable: Array<string>,
+  profile: Profile | null,
+  magnetometer?: MagnetometerSource,
+  hard_iron_prior_ut?: number,
+  calibration: string | null,
+  field_calibration?: string,
+  smoothed: boolean,
+  estimates: number,
+  first_estimate_s: number | null,
+  gaps: Gaps,
+  position?: PositionSummary,
+  samples_per_sensor: { [key in SensorKind]?: number },
+  issues: Array<string>, };
+
+export type SensorKind = "gyroscope" | "accelerometer" | "magnetometer" | "magnetometer-uncalibrated" | "device-gyroscope-bias" | "device-orientation" | "reference" | "position" | "velocity" | "pressure" | "compass-heading" | "gnss-position" | "gnss-velocity" | "forward-speed" | "water-velocity" | "true-heading" | "device-navigation" | "reference-position" | "reference-velocity";
+
+export type SensorUse = {
+  gyroscope: boolean,
+  accelerometer: boolean,
+  magnetometer: boolean,
+  compass?: boolean, };
+
+export type SensorVerdict = {
+  sensor: SensorKind,
+  verdict: NoiseVerdict,
+  variance_factor: number | null,
+  mean_nis_band: [number, number],
+  sentences: Array<string>, };
+
+export type Series = {
+  t_s: Array<number>, x: Array<number>, y: Array<number>, z: Array<number>, };
+
+export type Surroundings = {
+  hard_iron_ut: [number, number, number] | null,
+  hard_iron_std_ut: [number, number, number] | null,
+  field_variance_factor: number | null,
+  is_resting: boolean, };
+
+export type ToPage = { "type": "hello" } & Hello | { "type": "devices",
+  devices: Array<DeviceStatus>, } | { "type": "frame" } & Frame | { "type": "calibration" } & Calibration | { "type": "experiment" } & Experiment | { "type": "experiments",
+  rows: Array<ExperimentRow>, } | { "type": "what_if" } & WhatIf | { "type": "curve" } & Curve | { "type": "magnetometer" } & Magnetometer | { "type": "allan" } & Allan | { "type": "recording" } & RecordingStatus | { "type": "inputs",
+  inputs: Array<InputStatus>, } | { "type": "error",
+  text: string,
+  request: unknown, };
+
+export type Tone = "good" | "info" | "warn" | "bad";
+
+export type TraceColumns = {
+  t_s: Array<number>,
+  angles_deg: Array<[number, number, number]>,
+  std_deg: Array<[number, number, number]> | null,
+  error_deg: Array<number> | null, };
+
+export type TruthPose = {
+  q: [number, number, number, number], };
+
+export type UnderWay = { "what": "calibration",
+  remaining_s: number, } | { "what": "experiment",
+  remaining_s: number, };
+
+export type UpdateCounts = {
+  fused: number,
+  gated: number,
+  skipped: number,
+  inflated: number,
+  skipped_because: { [key in string]: number }, };
+
+export type WhatIf = {
+  request: unknown,
+  id: string,
+  elapsed_ms: number,
+  results: { [key in string]: RunSummary },
+  trace: TraceColumns, };
