@@ -10,7 +10,7 @@ use std::time::Instant as Clock;
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use northing_core::kalman::CountedGate;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
-use northing_core::navigation::error_state::{Measurement, Row};
+use northing_core::navigation::error_state::{Row, SparseMeasurement};
 use northing_core::navigation::gnss_ins::{GnssIns, GnssInsConfig};
 use northing_core::navigation::{
     AugmentedStates, ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState,
@@ -80,7 +80,7 @@ fn propagation() -> [f64; 2] {
 
 fn update() -> [f64; 2] {
     let start = filter();
-    let measurement = Measurement {
+    let measurement = SparseMeasurement {
         rows: [6, 7, 8].map(Row::of_state),
         residual: Vector3::zeros(),
         variance: Vector3::repeat(1.0),

@@ -9,7 +9,7 @@ use northing_core::navigation::{
 };
 use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::{
-    ConstantVelocity, Conversion, ConvertedMeasurement, Coupling, OwnShip, PoseAsKnown,
+    ConstantVelocity, Conversion, ConvertedMeasurement, Coupling, NavigationPose, PoseAsKnown,
     RadarDetection, RadarNoise, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 
@@ -65,10 +65,10 @@ type Start = (
 fn start() -> Start {
     let filter = navigation();
     let (covariance, rows) = (filter.state().covariance, filter.pose_from_error());
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: filter.pose(),
         covariance: &covariance,
-        pose_from_error: &rows,
+        pose_from_error: rows,
     };
     let Ok((mut track, cross)) = one_point(&DETECTION, &config().radar, 8.0, &own) else {
         unreachable!("the detection is good");
@@ -100,10 +100,10 @@ fn gnss_compass_fix(bencher: Bencher<'_, '_>) {
 fn schmidt_update(bencher: Bencher<'_, '_>) {
     let (track, cross, covariance, rows) = start();
     let tracker = SchmidtKalman::new(config(), Coupling::Exact, track, cross).unwrap();
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: Vector3::zeros(),
         covariance: &covariance,
-        pose_from_error: &rows,
+        pose_from_error: rows,
     };
     bencher.bench_local(|| {
         let mut tracker = black_box(tracker);

@@ -4,6 +4,29 @@
 //! with an uncertainty that can be trusted. The same code runs on a microcontroller, behind the
 //! lab and in Monte-Carlo campaigns.
 //!
+//! # The three questions
+//!
+//! ```
+//! use northing_core::attitude::{AttitudeConfig, AttitudeDriver, DriverConfig, Mekf};
+//! use northing_core::nalgebra::Vector3;
+//!
+//! // Which way does it point: samples with their stamps in, attitude and covariance out.
+//! let filter = Mekf::<f64>::new(AttitudeConfig::default())?;
+//! let mut driver = AttitudeDriver::new(filter, DriverConfig::default());
+//! for time_ns in (0..1_000_000_000).step_by(10_000_000) {
+//!     driver.gyroscope(time_ns, &Vector3::zeros());
+//!     driver.accelerometer(time_ns, &Vector3::new(0.0, 0.0, 9.81));
+//! }
+//! let (attitude, covariance) = (driver.attitude(), driver.attitude_covariance());
+//! assert!(attitude.unwrap().angle() < 1e-6 && covariance.unwrap().trace() > 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Where is it: [`navigation::GnssIns`], as in its [example](navigation::gnss_ins). Where are the others:
+//! [`tracking::SchmidtKalman`] beside a [`navigation::ErrorStateFilter`], and [`tracking::MultiTargetTracker`]. Each has a
+//! program of at most 40 lines in the folder `examples`: `attitude`, `gnss_ins`, `schmidt_tracking`, and `attitude_f32`
+//! for a chip.
+//!
 //! | folder | what is in it |
 //! |---|---|
 //! | [`earth`] | WGS-84, local tangent frames, gravity, Earth rate |
@@ -40,11 +63,15 @@ pub mod geometry;
 pub mod kalman;
 pub mod navigation;
 pub mod parameters;
+mod restorable;
 mod scalar;
+#[cfg(feature = "serde")]
+mod serialization;
 pub mod tracking;
 
 pub use nalgebra;
 pub use parameters::ConfigError;
+pub use restorable::{InvalidState, Restorable};
 pub use scalar::Scalar;
 
 /// The example of the README, so that it compiles and does what it says.

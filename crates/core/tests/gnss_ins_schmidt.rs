@@ -5,6 +5,7 @@
 
 use approx::assert_relative_eq;
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use northing_core::Restorable as _;
 use northing_core::kalman::{ErrorListener, ErrorPropagation, Outcome, ScalarCorrection};
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
@@ -17,7 +18,7 @@ use northing_core::navigation::{
 use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::radar::PredictedDetection;
 use northing_core::tracking::{
-    ConstantVelocity, Coupling, OwnShip, RadarDetection, RadarNoise, SchmidtKalman, TrackEstimate,
+    ConstantVelocity, Coupling, RadarDetection, RadarNoise, SchmidtKalman, TrackEstimate,
     TrackerConfig,
 };
 use rand::{RngExt as _, SeedableRng as _};
@@ -228,20 +229,13 @@ fn fix_std() -> Vector3<f64> {
     Vector3::new(2.0, 2.0, 4.0)
 }
 
-fn own_ship(own: &PoseWithErrors<f64>) -> OwnShip<'_, f64, ERRORS> {
-    OwnShip {
-        pose: own.pose,
-        covariance: &own.covariance,
-        pose_from_error: &own.pose_from_error,
-    }
-}
-
 fn tracker(
     own: &PoseWithErrors<f64>,
     coupling: Coupling,
     detection: &RadarDetection<f64>,
 ) -> Tracker {
-    let (track, cross) = one_point(detection, &RADAR, TARGET_SPEED_STD, &own_ship(own)).unwrap();
+    let (track, cross) =
+        one_point(detection, &RADAR, TARGET_SPEED_STD, &own.navigation_pose()).unwrap();
     SchmidtKalman::new(tracker_config(), coupling, track, cross).unwrap()
 }
 
@@ -271,7 +265,7 @@ fn consistency(runs: u64, scans: usize) -> Vec<[f64; 4]> {
             let (own, trackers) = ins.pose_and_listener().unwrap();
             for (tracker, nees) in trackers.iter_mut().flatten().zip(&mut sum[1..]) {
                 tracker.predict(1.0).unwrap();
-                let innovation = tracker.update(&detection, &own_ship(&own));
+                let innovation = tracker.update(&detection, &own.navigation_pose());
                 // The open loop loses the sign of its covariance.
                 let fused = innovation.outcome == Outcome::Fused;
                 assert!(fused || tracker.coupling() == Coupling::OpenLoop);
@@ -630,7 +624,7 @@ fn the_joint_covariance_equals_that_of_the_dense_filter() {
         let track = *tracker.track();
         assert!(
             tracker
-                .update(&detection, &own_ship(&own))
+                .update(&detection, &own.navigation_pose())
                 .outcome
                 .is_fused()
         );
@@ -659,4 +653,33 @@ fn the_joint_covariance_equals_that_of_the_dense_filter() {
         .abs()
         .max();
     assert!(iron > 0.1 && slow > 0.1, "{iron} {slow}");
+}
+
+/// A restored state has errors of its own: who listens is no longer correlated with them, unless restored too.
+#[test]
+fn a_restored_navigation_keeps_only_a_listener_that_is_restored_too() {
+    let mut world = World::new(7);
+    let mut ins = GnssIns::<f64, 32, Option<Tracker>>::listened_to(config(), None).unwrap();
+    assert!(ins.start_at(world.time_ns, &world.start()));
+    let detection = world.detection();
+    let (own, listener) = ins.pose_and_listener().unwrap();
+    *listener = Some(tracker(&own, Coupling::Exact, &detection));
+    let (saved, tracker) = (ins.save(), ins.listener().unwrap().save());
+    assert!(tracker.cross.norm() > 0.1);
+
+    let mut broken = saved;
+    broken.navigation.velocity.x = f64::NAN;
+    assert!(ins.restore(broken).is_err());
+    assert_eq!(ins.listener().unwrap().save(), tracker);
+
+    ins.restore(saved).unwrap();
+    let left = ins.listener().unwrap().save();
+    assert_eq!((left.track, left.cross.norm()), (tracker.track, 0.0));
+    ins.listener_mut()
+        .as_mut()
+        .unwrap()
+        .restore(tracker)
+        .unwrap();
+    assert_eq!(ins.save(), saved);
+    assert_eq!(ins.listener().unwrap().save(), tracker);
 }

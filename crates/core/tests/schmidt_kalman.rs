@@ -4,6 +4,7 @@
 
 use approx::assert_relative_eq;
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use northing_core::Restorable as _;
 use northing_core::kalman::{Outcome, SkipReason};
 use northing_core::navigation::{
     ErrorStateConfig, ErrorStateFilter, ErrorTransition, GnssCompassFix, NavigationState,
@@ -12,8 +13,8 @@ use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::own_ship::PoseMemory;
 use northing_core::tracking::radar::PredictedDetection;
 use northing_core::tracking::{
-    BlackBoxSchmidt, ConstantVelocity, Coupling, JointEkf, OwnShip, RadarDetection, RadarNoise,
-    SchmidtKalman, TrackEstimate, TrackerConfig,
+    BlackBoxSchmidt, ConstantVelocity, Coupling, JointEkf, NavigationPose, RadarDetection,
+    RadarNoise, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::StandardNormal;
@@ -134,10 +135,10 @@ impl World {
     fn start_track(&mut self) -> (TrackEstimate<f64>, SMatrix<f64, 15, 4>) {
         let rows = self.navigation.pose_from_error();
         let covariance = self.navigation.state().covariance;
-        let own = OwnShip {
+        let own = NavigationPose {
             pose: self.navigation.pose(),
             covariance: &covariance,
-            pose_from_error: &rows,
+            pose_from_error: rows,
         };
         let detection = self.detection();
         one_point(&detection, &RADAR, 8.0, &own).unwrap()
@@ -181,19 +182,17 @@ fn run(coupling: Coupling, seed: u64) -> (f64, f64) {
     let mut nees = 0.0;
     for scan in 0..60 {
         for k in 0..5 {
-            let update = world.interval(5 * scan + k);
-            tracker.navigation_propagated(&update.transition);
-            tracker.navigation_corrected(&update.feedback);
+            world.interval(5 * scan + k).tell(&mut tracker);
         }
         world.step_target();
         tracker.predict(1.0).unwrap();
         let detection = world.detection();
         let covariance = world.navigation.state().covariance;
         let rows = world.navigation.pose_from_error();
-        let own = OwnShip {
+        let own = NavigationPose {
             pose: world.navigation.pose(),
             covariance: &covariance,
-            pose_from_error: &rows,
+            pose_from_error: rows,
         };
         tracker.update(&detection, &own);
         smallest = smallest.min(smallest_eigenvalue(&joint(&tracker, &covariance)));
@@ -250,10 +249,11 @@ fn prediction_and_update_equal_the_dense_schmidt_filter() {
     let mut world = World::new(11);
     let start = full_joint(&world.navigation.state().covariance);
     let covariance: M15 = start.fixed_view::<15, 15>(4, 4).into_owned();
-    world.navigation.restore(NavigationState {
+    let state = NavigationState {
         covariance,
         ..*world.navigation.state()
-    });
+    };
+    world.navigation.restore(state).unwrap();
     let track = TrackEstimate {
         state: world.target + Vector4::new(30.0, -2.0, 20.0, 3.0),
         covariance: start.fixed_view::<4, 4>(0, 0).into_owned(),
@@ -282,10 +282,10 @@ fn prediction_and_update_equal_the_dense_schmidt_filter() {
     );
 
     let rows = world.navigation.pose_from_error();
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: world.navigation.pose(),
         covariance: &covariance,
-        pose_from_error: &rows,
+        pose_from_error: rows,
     };
     let detection = world.detection();
     let predicted = PredictedDetection::new(&tracker.track().state, &own.pose).unwrap();
@@ -351,30 +351,30 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
     let before = tracker;
     let covariance = world.navigation.state().covariance;
     let rows = world.navigation.pose_from_error();
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: world.navigation.pose(),
         covariance: &covariance,
-        pose_from_error: &rows,
+        pose_from_error: rows,
     };
     let detection = world.detection();
     let nan = RadarDetection {
         range: f64::NAN,
         ..detection
     };
-    let over_us = OwnShip {
+    let over_us = NavigationPose {
         pose: Vector3::new(track.state[0], track.state[2], 0.0),
         ..own
     };
-    let jumped = OwnShip {
+    let jumped = NavigationPose {
         pose: own.pose + Vector3::new(1e5, 0.0, 0.0),
         ..own
     };
     let negative = -covariance;
-    let not_positive = OwnShip {
+    let not_positive = NavigationPose {
         covariance: &negative,
         ..own
     };
-    let nowhere = OwnShip {
+    let nowhere = NavigationPose {
         pose: Vector3::repeat(f64::NAN),
         ..own
     };
@@ -411,10 +411,10 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
 #[test]
 fn the_black_box_equals_the_exact_tracker_when_its_times_are_right() {
     let covariance = nalgebra::Matrix3::from_diagonal(&Vector3::new(2.0, 2.0, 0.001));
-    let own = OwnShip {
+    let own = NavigationPose {
         pose: Vector3::new(1.0, 2.0, 0.1),
         covariance: &covariance,
-        pose_from_error: &nalgebra::Matrix3::identity(),
+        pose_from_error: nalgebra::Matrix3::identity(),
     };
     let detection = RadarDetection {
         range: 1000.0,

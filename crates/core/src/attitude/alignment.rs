@@ -7,11 +7,11 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::config::AttitudeConfig;
 use super::vector_sensor::References;
-use super::{InitialState, wahba};
+use super::{InitialState, StartUncertainty, wahba};
 use crate::geometry::{frames::TangentFrame, rotation};
 use crate::kalman::innovation::check_vector;
+use crate::restorable::{InvalidState, finite, unit};
 use crate::scalar::{Scalar, lit};
 
 /// No specific force at a start is stronger (m/s^2): 50 g.
@@ -21,6 +21,7 @@ const STRONGEST_FIELD_UT: f64 = 3000.0;
 
 /// What is known beforehand, from a calibration or from a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Prior<T: Scalar> {
     /// The frame that the estimate shall refer to.
     pub frame: TangentFrame,
@@ -48,15 +49,18 @@ impl<T: Scalar> Default for Prior<T> {
 
 /// Gathers samples until there is enough to start from.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Alignment<T: Scalar> {
     prior: Prior<T>,
     /// Attitude now, relative to the first instant.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     first_from_now: UnitQuaternion<T>,
     specific_force: Mean<T>,
     magnetic_field: Mean<T>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Mean<T: Scalar> {
     sum: Vector3<T>,
     count: u32,
@@ -90,6 +94,23 @@ impl<T: Scalar> Alignment<T> {
             specific_force: Mean::empty(),
             magnetic_field: Mean::empty(),
         }
+    }
+
+    /// Whether a saved one can be continued from.
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        unit("alignment", &self.first_from_now)?;
+        let sums = self
+            .specific_force
+            .sum
+            .iter()
+            .chain(&self.magnetic_field.sum);
+        let prior = &self.prior;
+        let known = prior.field_horizontal_down_ut.iter().flatten();
+        let bias = prior.gyroscope_bias.iter().chain(&prior.gyroscope_bias_std);
+        finite(
+            "alignment",
+            sums.chain(known).chain(bias).chain([&prior.gravity]),
+        )
     }
 
     /// Whether a vector can be a specific force (m/s^2): finite, not zero, not absurdly long.
@@ -134,13 +155,13 @@ impl<T: Scalar> Alignment<T> {
     /// so the start knows it as well as its tilt, and what grows from there is the drift. (An unknown
     /// heading would have to be stated as a huge variance, which leaks through the linearisation into
     /// invented headings.) Without an accelerometer the whole attitude is unknown.
-    pub fn finish(&self, config: &AttitudeConfig<T>) -> InitialState<T> {
+    pub fn finish(&self, start: &StartUncertainty<T>) -> InitialState<T> {
         let frame = self.prior.frame;
         let force = self.specific_force.value();
         let field = self.magnetic_field.value();
-        let unknown = config.maximum_attitude_std;
+        let unknown = start.unknown_std;
         let gravity_up = frame.specific_force_at_rest(self.prior.gravity);
-        let (tilt, heading) = (config.initial_tilt_std, config.initial_heading_std);
+        let (tilt, heading) = (start.tilt_std, start.heading_std);
         let (ref_from_first, tilt_std, heading_std) = match (force, field) {
             (Some(f), Some(m)) => match wahba::triad(&f, &m, &frame.up(), &frame.north()) {
                 Some(q) => (q, tilt, heading),
@@ -161,7 +182,7 @@ impl<T: Scalar> Alignment<T> {
             gyroscope_bias_std: self
                 .prior
                 .gyroscope_bias_std
-                .unwrap_or(config.initial_gyroscope_bias_std),
+                .unwrap_or(start.gyroscope_bias_std),
             north_known: false,
             references: References {
                 specific_force: gravity_up,
@@ -199,11 +220,12 @@ pub fn level_covariance<T: Scalar>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attitude::AttitudeConfig;
     use crate::geometry::so3;
     use approx::assert_relative_eq;
 
-    fn config() -> AttitudeConfig<f64> {
-        AttitudeConfig::lab()
+    fn config() -> StartUncertainty<f64> {
+        StartUncertainty::of(&AttitudeConfig::lab())
     }
 
     /// GIVEN a device that turns while it is aligned WHEN samples are exact THEN so is the start.

@@ -33,7 +33,7 @@
 mod angles;
 mod config;
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix2, Matrix3, UnitQuaternion, Vector3};
 
 use angles::Tilt;
 pub use angles::{tilt_compensated_heading, tilt_of};
@@ -44,6 +44,7 @@ pub use crate::geometry::trigonometry::wrap;
 use crate::kalman::innovation::{check_within, checked_norm_squared};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::parameters::{ConfigError, Range};
+use crate::restorable::{InvalidState, Restorable, covariance, expect, finite};
 use crate::scalar::{Scalar, lit};
 
 /// Standard gravity, m/s^2: what the accelerometer's gate compares with.
@@ -55,6 +56,7 @@ const LARGEST_VARIANCE: f64 = 3.24;
 
 /// One axis: angle (rad), bias (rad/s), and their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AngleFilter<T> {
     /// Angle in `[-pi, pi)`, rad.
     pub angle: T,
@@ -134,6 +136,46 @@ pub struct AxisFilters<T> {
     noise: [T; 3],
     /// Of the roll and pitch as they are, once somebody has asked.
     tilt: Option<Tilt<T>>,
+}
+
+/// Everything that the filters remember.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct AxisFiltersState<T> {
+    /// Roll, pitch, yaw.
+    pub axes: [AngleFilter<T>; 3],
+    /// Interval of the last propagation, s.
+    pub last_dt: T,
+}
+
+impl<T: Scalar> Restorable for AxisFilters<T> {
+    type State = AxisFiltersState<T>;
+
+    fn save(&self) -> Self::State {
+        AxisFiltersState {
+            axes: self.axes,
+            last_dt: self.last_dt,
+        }
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        for axis in &state.axes {
+            finite("angle and bias", [&axis.angle, &axis.bias])?;
+            let [angle, cross, bias] = axis.covariance;
+            covariance("covariance", &Matrix2::new(angle, cross, cross, bias))?;
+        }
+        let usual = state.last_dt > T::zero() && state.last_dt <= lit(LONGEST_STEP_S);
+        expect(
+            "last interval",
+            usual,
+            "above zero and at most the longest step",
+        )?;
+        self.axes = state.axes;
+        self.last_dt = state.last_dt;
+        self.noise = self.config.noise(state.last_dt);
+        self.tilt = None;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> AxisFilters<T> {

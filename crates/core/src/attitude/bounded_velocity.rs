@@ -61,11 +61,12 @@ pub mod updates;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::cap_variance;
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
 pub use config::{BoundedVelocityConfig, ScaleStates};
 use layout::{ATTITUDE, BIAS};
@@ -119,13 +120,12 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         &self.config
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &BoundedVelocityState<T> {
         &self.state
     }
 
-    /// Continues from a saved state.
-    pub fn restore(&mut self, state: BoundedVelocityState<T>) {
+    fn begin(&mut self, state: BoundedVelocityState<T>) {
         self.state = state;
         self.tell(Moment::Started);
     }
@@ -198,12 +198,26 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
     }
 }
 
+impl<T: Scalar, O: StepObserver<T>> Restorable for BoundedVelocity<T, O> {
+    type State = BoundedVelocityState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.begin(state);
+        Ok(())
+    }
+}
+
 impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, O> {
     fn initialize(&mut self, initial: &InitialState<T>) {
         if initial.is_usable()
             && let Some(state) = BoundedVelocityState::start(&self.config, initial)
         {
-            self.restore(state);
+            self.begin(state);
         }
     }
 
@@ -276,6 +290,10 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         let p = self.state.covariance.fixed_view::<3, 3>(BIAS, BIAS);
         Some((self.state.gyroscope_bias, p.into_owned()))
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        StartUncertainty::of(&self.config.alignment_settings())
     }
 
     /// The rate whose corrected value is zero, to first order in the scale.

@@ -37,11 +37,14 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::config::{AttitudeConfig, MagnetometerUse};
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, wahba};
+use super::{
+    AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, wahba,
+};
 use crate::geometry::{rotation, so3};
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, finite, not_negative, unit};
 use crate::scalar::{Scalar, lit};
 
 /// A correction never stands for more than this, s: after a gap a sample is one sample.
@@ -59,6 +62,8 @@ const NUDGE_RAD: f64 = 1e-3;
 
 /// Where the correction comes from, and in which frame the rate is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum ComplementaryForm {
     /// Each vector by itself (O1): no attitude is put together, one vector is enough.
     Explicit,
@@ -70,6 +75,7 @@ pub enum ComplementaryForm {
 
 /// One vector sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Vector<T: Scalar> {
     /// What it measures in the reference frame: direction and length.
     reference: Option<(Vector3<T>, T)>,
@@ -82,6 +88,27 @@ struct Vector<T: Scalar> {
     since: T,
 }
 
+/// Everything that a complementary filter remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ComplementaryState<T: Scalar> {
+    /// `ref_from_body`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
+    pub attitude: UnitQuaternion<T>,
+    /// Gyroscope bias, rad/s, body axes.
+    pub gyroscope_bias: Vector3<T>,
+    /// Rotation vector (rad, body axes) by which the vectors correct with the next gyroscope sample.
+    pending: Vector3<T>,
+    accelerometer: Vector<T>,
+    magnetometer: Vector<T>,
+    /// The last direction of the field, carried along with the body, for TRIAD.
+    field_body: Option<Vector3<T>>,
+    /// `R_y R^T`, reference frame: the direct form's rate is carried by it.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
+    measured_from_estimated: UnitQuaternion<T>,
+    since_compass: T,
+}
+
 /// A complementary filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Complementary<T: Scalar> {
@@ -90,17 +117,8 @@ pub struct Complementary<T: Scalar> {
     bias_gain: T,
     bias_limit: T,
     magnetometer_use: MagnetometerUse,
-    attitude: UnitQuaternion<T>,
-    gyroscope_bias: Vector3<T>,
-    /// Rotation vector (rad, body axes) by which the vectors correct with the next gyroscope sample.
-    pending: Vector3<T>,
-    accelerometer: Vector<T>,
-    magnetometer: Vector<T>,
-    /// The last direction of the field, carried along with the body, for TRIAD.
-    field_body: Option<Vector3<T>>,
-    /// `R_y R^T`, reference frame: the direct form's rate is carried by it.
-    measured_from_estimated: UnitQuaternion<T>,
-    since_compass: T,
+    start: StartUncertainty<T>,
+    state: ComplementaryState<T>,
 }
 
 /// A sample that counts.
@@ -116,6 +134,15 @@ struct Taken<T: Scalar> {
 }
 
 impl<T: Scalar> Vector<T> {
+    fn numbers(&self) -> impl Iterator<Item = &T> {
+        let reference = self
+            .reference
+            .iter()
+            .flat_map(|(v, norm)| v.iter().chain([norm]));
+        let bounds = self.shares.iter().chain(&self.squares);
+        reference.chain(bounds).chain([&self.weight, &self.since])
+    }
+
     fn new(weight: T, shortest: T, longest: T) -> Self {
         Self {
             reference: None,
@@ -165,6 +192,27 @@ impl<T: Scalar> Vector<T> {
     }
 }
 
+impl<T: Scalar> Restorable for Complementary<T> {
+    type State = ComplementaryState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        unit("attitude", &state.attitude)?;
+        unit("measured attitude", &state.measured_from_estimated)?;
+        finite("gyroscope bias", &state.gyroscope_bias)?;
+        finite("pending correction", &state.pending)?;
+        finite("field", state.field_body.iter().flatten())?;
+        finite("accelerometer", state.accelerometer.numbers())?;
+        finite("magnetometer", state.magnetometer.numbers())?;
+        not_negative("time since the compass", [&state.since_compass])?;
+        self.state = state;
+        Ok(())
+    }
+}
+
 impl<T: Scalar> Complementary<T> {
     /// A filter at the identity, without references: it takes vectors after
     /// [`AttitudeEstimator::initialize`].
@@ -185,18 +233,21 @@ impl<T: Scalar> Complementary<T> {
             bias_gain: config.complementary_bias_gain,
             bias_limit: config.complementary_bias_limit,
             magnetometer_use: config.magnetometer_use,
-            attitude: UnitQuaternion::identity(),
-            gyroscope_bias: Vector3::zeros(),
-            pending: Vector3::zeros(),
-            accelerometer: Vector::new(
-                weights.0,
-                lit(LEAST_GRAVITY),
-                lit(super::vector_sensor::LONGEST),
-            ),
-            magnetometer: Vector::new(weights.1, field.0, field.1),
-            field_body: None,
-            measured_from_estimated: UnitQuaternion::identity(),
-            since_compass: T::zero(),
+            start: StartUncertainty::of(&config),
+            state: ComplementaryState {
+                attitude: UnitQuaternion::identity(),
+                gyroscope_bias: Vector3::zeros(),
+                pending: Vector3::zeros(),
+                accelerometer: Vector::new(
+                    weights.0,
+                    lit(LEAST_GRAVITY),
+                    lit(super::vector_sensor::LONGEST),
+                ),
+                magnetometer: Vector::new(weights.1, field.0, field.1),
+                field_body: None,
+                measured_from_estimated: UnitQuaternion::identity(),
+                since_compass: T::zero(),
+            },
         })
     }
 
@@ -220,36 +271,39 @@ impl<T: Scalar> Complementary<T> {
     /// `tau` is the interval (s) times the vector's weight.
     #[inline(always)]
     fn correct(&mut self, error: &Vector3<T>, interval: T) {
-        self.pending += error * (self.attitude_gain * interval);
+        self.state.pending += error * (self.attitude_gain * interval);
         let limit = self.bias_limit;
-        self.gyroscope_bias -= error * (self.bias_gain * interval);
-        if self.gyroscope_bias.iter().any(|b| b.abs() > limit) {
-            self.gyroscope_bias.apply(|b| *b = b.max(-limit).min(limit));
+        self.state.gyroscope_bias -= error * (self.bias_gain * interval);
+        if self.state.gyroscope_bias.iter().any(|b| b.abs() > limit) {
+            self.state
+                .gyroscope_bias
+                .apply(|b| *b = b.max(-limit).min(limit));
         }
     }
 
     /// The attitude that gravity and a fresh field give; with gravity alone the estimate, levelled.
     fn reconstruct(&self, up_body: &Vector3<T>, up: &Vector3<T>) -> UnitQuaternion<T> {
-        let fresh = self.magnetometer.since <= lit(OLDEST_FIELD_S);
-        let field = self.field_body.filter(|_| fresh);
-        let both = field.zip(self.magnetometer.reference);
+        let fresh = self.state.magnetometer.since <= lit(OLDEST_FIELD_S);
+        let field = self.state.field_body.filter(|_| fresh);
+        let both = field.zip(self.state.magnetometer.reference);
         both.and_then(|(body, (reference, _))| wahba::triad(up_body, &body, up, &reference))
             .unwrap_or_else(|| {
-                let predicted = self.attitude.inverse() * up;
-                self.attitude * wahba::level(up_body, &predicted)
+                let predicted = self.state.attitude.inverse() * up;
+                self.state.attitude * wahba::level(up_body, &predicted)
             })
     }
 
     /// The error of the passive and the direct form (O2), body axes.
     fn passive_error(&mut self, up_body: &Vector3<T>, up: &Vector3<T>) -> Vector3<T> {
         let measured = self.reconstruct(up_body, up);
-        self.measured_from_estimated = rotation::renormalize(&(measured * self.attitude.inverse()));
+        self.state.measured_from_estimated =
+            rotation::renormalize(&(measured * self.state.attitude.inverse()));
         self.error_against(&measured)
     }
 
     /// `vex(P_a(R^T R_y))` (O2), body axes; half a turn away it leaves that place first.
     fn error_against(&mut self, measured: &UnitQuaternion<T>) -> Vector3<T> {
-        let relative = self.attitude.inverse() * measured;
+        let relative = self.state.attitude.inverse() * measured;
         let (cos_half, imaginary) = (relative.w, relative.imag());
         // The trace of a rotation by `a` is 1 + 2 cos a = 4 cos^2(a/2) - 1.
         if lit::<T>(4.0) * cos_half * cos_half - T::one() < lit(OPPOSITE) {
@@ -275,14 +329,15 @@ impl<T: Scalar> Complementary<T> {
     /// Leaves an unstable rest half a turn away.
     fn nudge(&mut self, axis: &Vector3<T>) {
         if let Some(axis) = axis.try_normalize(lit(1e-6)) {
-            self.attitude = rotation::turned(&self.attitude, &(axis * lit::<T>(NUDGE_RAD)));
+            self.state.attitude =
+                rotation::turned(&self.state.attitude, &(axis * lit::<T>(NUDGE_RAD)));
         }
     }
 
     /// Up in body axes as estimated; `None` before the start.
     fn up_body(&self) -> Option<Vector3<T>> {
-        let (up, _) = self.accelerometer.reference?;
-        Some(self.attitude.inverse() * up)
+        let (up, _) = self.state.accelerometer.reference?;
+        Some(self.state.attitude.inverse() * up)
     }
 }
 
@@ -304,52 +359,56 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         if !initial.is_usable() {
             return;
         }
-        self.attitude = initial.attitude;
-        self.gyroscope_bias = initial.gyroscope_bias;
-        self.pending = Vector3::zeros();
-        self.accelerometer
+        self.state.attitude = initial.attitude;
+        self.state.gyroscope_bias = initial.gyroscope_bias;
+        self.state.pending = Vector3::zeros();
+        self.state
+            .accelerometer
             .start(Some(initial.references.specific_force));
-        self.magnetometer.start(initial.references.magnetic_field);
-        self.field_body = None;
-        self.measured_from_estimated = UnitQuaternion::identity();
-        self.since_compass = T::zero();
+        self.state
+            .magnetometer
+            .start(initial.references.magnetic_field);
+        self.state.field_body = None;
+        self.state.measured_from_estimated = UnitQuaternion::identity();
+        self.state.since_compass = T::zero();
     }
 
     #[inline(always)]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
-        let rate = match checked_rate(angular_rate, &self.gyroscope_bias, dt) {
+        let rate = match checked_rate(angular_rate, &self.state.gyroscope_bias, dt) {
             Ok(Some(rate)) => rate,
             Ok(None) => return Propagation::Done,
             Err(reason) => return Propagation::Skipped(reason),
         };
         let turn = rate * dt;
         let carried = if self.form == ComplementaryForm::Direct {
-            let by_measured = self.measured_from_estimated * (self.attitude * turn);
-            self.attitude.inverse() * by_measured
+            let by_measured = self.state.measured_from_estimated * (self.state.attitude * turn);
+            self.state.attitude.inverse() * by_measured
         } else {
             turn
         };
-        self.attitude = rotation::turned(&self.attitude, &(carried + self.pending));
-        self.pending = Vector3::zeros();
-        if let Some(field) = &mut self.field_body {
+        self.state.attitude =
+            rotation::turned(&self.state.attitude, &(carried + self.state.pending));
+        self.state.pending = Vector3::zeros();
+        if let Some(field) = &mut self.state.field_body {
             *field = so3::exp(&-turn) * *field;
         }
-        self.accelerometer.since += dt;
-        self.magnetometer.since += dt;
-        self.since_compass += dt;
+        self.state.accelerometer.since += dt;
+        self.state.magnetometer.since += dt;
+        self.state.since_compass += dt;
         Propagation::Done
     }
 
     #[inline(always)]
     fn update_accelerometer(&mut self, specific_force: &Vector3<T>) -> Innovation<T> {
-        let taken = match self.accelerometer.take(specific_force) {
+        let taken = match self.state.accelerometer.take(specific_force) {
             Ok(taken) => taken,
             Err(reason) => return Innovation::skipped(reason),
         };
-        let predicted = self.attitude.inverse() * taken.reference;
+        let predicted = self.state.attitude.inverse() * taken.reference;
         if self.form == ComplementaryForm::Explicit {
             let error = self.vector_error(&taken.measured, &predicted);
-            self.correct(&error, taken.interval * self.accelerometer.weight);
+            self.correct(&error, taken.interval * self.state.accelerometer.weight);
         } else {
             let error = self.passive_error(&taken.measured, &taken.reference);
             self.correct(&error, taken.interval);
@@ -359,14 +418,14 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
 
     #[inline(always)]
     fn update_magnetometer(&mut self, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        let taken = match self.magnetometer.take(magnetic_field) {
+        let taken = match self.state.magnetometer.take(magnetic_field) {
             Ok(taken) => taken,
             Err(reason) => return Innovation::skipped(reason),
         };
-        let predicted = self.attitude.inverse() * taken.reference;
+        let predicted = self.state.attitude.inverse() * taken.reference;
         let record = unweighed(magnetic_field - predicted * taken.norm);
         if self.form != ComplementaryForm::Explicit {
-            self.field_body = Some(taken.measured);
+            self.state.field_body = Some(taken.measured);
             return record;
         }
         let mut error = self.vector_error(&taken.measured, &predicted);
@@ -375,25 +434,25 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         {
             error = up * error.dot(&up);
         }
-        self.correct(&error, taken.interval * self.magnetometer.weight);
+        self.correct(&error, taken.interval * self.state.magnetometer.weight);
         record
     }
 
     fn update_compass(&mut self, heading: &CompassHeading<T>) -> Innovation<T> {
         // A magnetic reference says where north is; two norths would pull against each other.
-        if self.magnetometer.reference.is_some() {
+        if self.state.magnetometer.reference.is_some() {
             return Innovation::skipped(SkipReason::NotUsed);
         }
         let Some(up) = self.up_body() else {
             return Innovation::skipped(SkipReason::NotInitialized);
         };
-        let measured = match heading.measure(&self.attitude) {
+        let measured = match heading.measure(&self.state.attitude) {
             Ok(measured) => measured,
             Err(reason) => return Innovation::skipped(reason),
         };
-        let interval = self.since_compass.min(lit(LONGEST_STEP_S));
-        self.since_compass = T::zero();
-        let error = up * (measured.residual.sin() * self.magnetometer.weight);
+        let interval = self.state.since_compass.min(lit(LONGEST_STEP_S));
+        self.state.since_compass = T::zero();
+        let error = up * (measured.residual.sin() * self.state.magnetometer.weight);
         self.correct(&error, interval);
         unweighed(Vector3::new(measured.residual, T::zero(), T::zero()))
     }
@@ -401,7 +460,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
     fn add_attitude_variance(&mut self, _variance: T) {}
 
     fn attitude(&self) -> UnitQuaternion<T> {
-        self.attitude
+        self.state.attitude
     }
 
     fn attitude_covariance(&self) -> Option<Matrix3<T>> {
@@ -412,8 +471,12 @@ impl<T: Scalar> AttitudeEstimator<T> for Complementary<T> {
         None
     }
 
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        self.start
+    }
+
     fn rate_at_rest(&self) -> Vector3<T> {
-        self.gyroscope_bias
+        self.state.gyroscope_bias
     }
 }
 

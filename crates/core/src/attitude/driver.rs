@@ -20,14 +20,15 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::alignment::{Alignment, Prior};
-use super::config::AttitudeConfig;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::{Innovation, SkipReason};
+use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit};
 
 /// Settings of a driver.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DriverConfig<T: Scalar> {
     /// Seconds of samples that are averaged for the start, default 0.5. Raising it averages noise
     /// and vibration, and starts later.
@@ -57,7 +58,13 @@ pub struct AttitudeDriver<T: Scalar, E> {
     /// The estimator that is driven.
     pub estimator: E,
     config: DriverConfig<T>,
-    settings: AttitudeConfig<T>,
+    memory: DriverMemory<T>,
+}
+
+/// What a driver remembers beside its estimator: times, the last rate, the alignment under way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct DriverMemory<T: Scalar> {
     aligning: Option<Aligning<T>>,
     started: bool,
     has_force: bool,
@@ -76,19 +83,10 @@ pub struct AttitudeDriver<T: Scalar, E> {
     last_heading_ns: Option<i64>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Aligning<T: Scalar> {
-    alignment: Alignment<T>,
-    since_ns: i64,
-}
-
-impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
-    /// Drives `estimator`; `settings` says how uncertain the start is.
-    pub fn new(estimator: E, settings: AttitudeConfig<T>, config: DriverConfig<T>) -> Self {
+impl<T: Scalar> Default for DriverMemory<T> {
+    /// Nothing has been seen.
+    fn default() -> Self {
         Self {
-            estimator,
-            config,
-            settings,
             aligning: None,
             started: false,
             has_force: false,
@@ -103,28 +101,105 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             last_heading_ns: None,
         }
     }
+}
+
+/// State of a driver and of its estimator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: serde::Serialize, S: serde::Serialize",
+        deserialize = "T: serde::Deserialize<'de>, S: serde::Deserialize<'de>"
+    ))
+)]
+pub struct DriverState<T: Scalar, S> {
+    /// Of the estimator.
+    pub estimator: S,
+    /// Of the driver.
+    pub driver: DriverMemory<T>,
+}
+
+impl<T: Scalar, E: AttitudeEstimator<T> + Restorable> Restorable for AttitudeDriver<T, E> {
+    type State = DriverState<T, E::State>;
+
+    fn save(&self) -> Self::State {
+        DriverState {
+            estimator: self.estimator.save(),
+            driver: self.memory,
+        }
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        let memory = &state.driver;
+        let start = memory.start.as_ref();
+        expect("start", start.is_none_or(InitialState::is_usable), "finite")?;
+        let references = start.map(|start| &start.references);
+        let field = references.iter().flat_map(|r| &r.magnetic_field).flatten();
+        let force = references.iter().flat_map(|r| &r.specific_force);
+        finite("references", force.chain(field))?;
+        let rate = memory.last_rate.iter().flat_map(|(_, rate)| rate);
+        finite("rates", rate.chain(&memory.passed_on))?;
+        if let Some(aligning) = &memory.aligning {
+            aligning.alignment.check()?;
+        }
+        self.estimator.restore(state.estimator)?;
+        self.memory = state.driver;
+        Ok(())
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Aligning<T: Scalar> {
+    alignment: Alignment<T>,
+    since_ns: i64,
+}
+
+impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
+    /// Drives `estimator`, which says itself how uncertain a start is.
+    pub fn new(estimator: E, config: DriverConfig<T>) -> Self {
+        Self {
+            estimator,
+            config,
+            memory: DriverMemory::default(),
+        }
+    }
 
     /// Starts from a known state instead of aligning; takes effect at once.
     pub fn start_from(&mut self, initial: &InitialState<T>) {
         self.start_at(initial);
-        self.has_force = true;
-        self.has_field = initial.references.magnetic_field.is_some();
-        self.aligning = None;
+        self.memory.has_force = true;
+        self.memory.has_field = initial.references.magnetic_field.is_some();
+        self.memory.aligning = None;
     }
 
     /// Whether the estimator has started.
     pub fn is_started(&self) -> bool {
-        self.started
+        self.memory.started
     }
 
     /// Whether a compass has said where north is since the estimator started.
     pub fn knows_north(&self) -> bool {
-        self.has_heading
+        self.memory.has_heading
     }
 
     /// The estimate, once started.
     pub fn attitude(&self) -> Option<UnitQuaternion<T>> {
-        self.started.then(|| self.estimator.attitude())
+        self.memory.started.then(|| self.estimator.attitude())
+    }
+
+    /// Covariance (rad^2) of the local attitude error in body axes, once started; `None` also for estimators that
+    /// make no statement about their error.
+    pub fn attitude_covariance(&self) -> Option<Matrix3<T>> {
+        let started = self.memory.started.then_some(&self.estimator)?;
+        started.attitude_covariance()
+    }
+
+    /// Gyroscope bias (rad/s, body axes) and its covariance, once started; `None` when it is not estimated.
+    pub fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
+        let started = self.memory.started.then_some(&self.estimator)?;
+        started.gyroscope_bias()
     }
 
     /// Takes an angular rate (rad/s).
@@ -133,36 +208,42 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             return Propagation::Skipped(SkipReason::NotFinite);
         }
         if self
+            .memory
             .last_rate
             .is_some_and(|(last_ns, _)| time_ns <= last_ns)
         {
             return Propagation::Skipped(SkipReason::NotNewer);
         }
         self.forget_the_future(time_ns);
-        match self.last_rate {
+        match self.memory.last_rate {
             Some((last_ns, _)) if self.is_gap(last_ns, time_ns) => self.advance_to(time_ns),
             Some((last_ns, last)) => self.finish_interval(last_ns, &last, time_ns, angular_rate),
             None => self.advance_to(time_ns),
         }
-        self.last_rate = Some((time_ns, *angular_rate));
+        self.memory.last_rate = Some((time_ns, *angular_rate));
         self.finish_alignment(time_ns);
         Propagation::Done
     }
 
     /// Takes a specific force (m/s^2).
     pub fn accelerometer(&mut self, time_ns: i64, specific_force: &Vector3<T>) -> Innovation<T> {
-        if self.last_force_ns.is_some_and(|last| time_ns <= last) {
+        if self
+            .memory
+            .last_force_ns
+            .is_some_and(|last| time_ns <= last)
+        {
             return Innovation::skipped(SkipReason::NotNewer);
         }
-        self.last_force_ns = Some(time_ns);
+        self.memory.last_force_ns = Some(time_ns);
         self.advance_to(time_ns);
-        let appeared = self.started && !self.has_force && Alignment::is_force(specific_force);
+        let appeared =
+            self.memory.started && !self.memory.has_force && Alignment::is_force(specific_force);
         if let Some(aligning) = self.alignment_at(time_ns, appeared)
             && aligning.alignment.add_specific_force(specific_force)
         {
-            self.has_force = true;
+            self.memory.has_force = true;
         }
-        if !self.started {
+        if !self.memory.started {
             return Innovation::skipped(SkipReason::NotInitialized);
         }
         self.estimator.update_accelerometer(specific_force)
@@ -170,21 +251,25 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
 
     /// Takes a magnetic field (microtesla).
     pub fn magnetometer(&mut self, time_ns: i64, magnetic_field: &Vector3<T>) -> Innovation<T> {
-        if self.last_field_ns.is_some_and(|last| time_ns <= last) {
+        if self
+            .memory
+            .last_field_ns
+            .is_some_and(|last| time_ns <= last)
+        {
             return Innovation::skipped(SkipReason::NotNewer);
         }
-        self.last_field_ns = Some(time_ns);
+        self.memory.last_field_ns = Some(time_ns);
         self.advance_to(time_ns);
-        let appeared = self.started
-            && !self.has_field
-            && self.has_force
+        let appeared = self.memory.started
+            && !self.memory.has_field
+            && self.memory.has_force
             && Alignment::is_field(magnetic_field);
         if let Some(aligning) = self.alignment_at(time_ns, appeared)
             && aligning.alignment.add_magnetic_field(magnetic_field)
         {
-            self.has_field = true;
+            self.memory.has_field = true;
         }
-        if !self.started {
+        if !self.memory.started {
             return Innovation::skipped(SkipReason::NotInitialized);
         }
         self.estimator.update_magnetometer(magnetic_field)
@@ -193,15 +278,19 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// Takes a heading of the device's top axis, clockwise from north, with its standard deviation
     /// (rad). See [`CompassHeading`].
     pub fn compass(&mut self, time_ns: i64, heading: T, std: T) -> Innovation<T> {
-        if self.last_heading_ns.is_some_and(|last| time_ns <= last) {
+        if self
+            .memory
+            .last_heading_ns
+            .is_some_and(|last| time_ns <= last)
+        {
             return Innovation::skipped(SkipReason::NotNewer);
         }
-        self.last_heading_ns = Some(time_ns);
+        self.memory.last_heading_ns = Some(time_ns);
         self.advance_to(time_ns);
-        if !self.started {
+        if !self.memory.started {
             return Innovation::skipped(SkipReason::NotInitialized);
         }
-        if !self.has_force {
+        if !self.memory.has_force {
             // Without up there is no horizon on which to measure it.
             return Innovation::skipped(SkipReason::Unobservable);
         }
@@ -211,7 +300,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             heading,
             std,
         };
-        if self.has_field || self.has_heading {
+        if self.memory.has_field || self.memory.has_heading {
             return self.estimator.update_compass(&measured);
         }
         Innovation::skipped(match self.turn_to(&measured) {
@@ -223,7 +312,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// Turns the estimate about up until it agrees with the compass. Tilt and bias stay as they
     /// are; what is said about the heading is the compass's uncertainty (M17h).
     fn turn_to(&mut self, measured: &CompassHeading<T>) -> Result<(), SkipReason> {
-        let Some(start) = self.start else {
+        let Some(start) = self.memory.start else {
             return Err(SkipReason::NotInitialized);
         };
         let before = self.estimator.attitude();
@@ -232,7 +321,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let up_body = before.inverse() * up;
         let covariance = self.estimator.attitude_covariance();
         let level = Matrix3::identity() - up_body * up_body.transpose();
-        let std = measured.std.max(self.settings.compass_std);
+        let std = measured
+            .std
+            .max(self.estimator.start_uncertainty().compass_std);
         let covariance = level * covariance.unwrap_or(start.attitude_covariance) * level
             + up_body * up_body.transpose() * (std * std);
         let (bias, bias_std) = match self.estimator.gyroscope_bias() {
@@ -252,21 +343,21 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
 
     fn start_at(&mut self, initial: &InitialState<T>) {
         self.estimator.initialize(initial);
-        self.start = Some(*initial);
-        self.started = true;
-        self.has_heading = initial.north_known;
+        self.memory.start = Some(*initial);
+        self.memory.started = true;
+        self.memory.has_heading = initial.north_known;
     }
 
     /// The alignment under way; begins one at the very start, and again when a sensor `appeared`.
     fn alignment_at(&mut self, time_ns: i64, appeared: bool) -> Option<&mut Aligning<T>> {
-        if self.aligning.is_none() && (!self.started || appeared) {
+        if self.memory.aligning.is_none() && (!self.memory.started || appeared) {
             let alignment = Alignment::new(self.config.prior);
-            self.aligning = Some(Aligning {
+            self.memory.aligning = Some(Aligning {
                 alignment,
                 since_ns: time_ns,
             });
         }
-        self.aligning.as_mut()
+        self.memory.aligning.as_mut()
     }
 
     /// Starts the estimator once the alignment has gathered for long enough. Without any
@@ -279,7 +370,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         else {
             return;
         };
-        let patience = if self.has_force {
+        let patience = if self.memory.has_force {
             lit(1.0)
         } else {
             lit::<T>(4.0)
@@ -287,37 +378,48 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if seconds::<T>(since_ns, time_ns) < self.config.alignment_s * patience {
             return;
         }
-        let mut initial = alignment.finish(&self.settings);
-        if self.started
+        let mut initial = alignment.finish(&self.estimator.start_uncertainty());
+        if self.memory.started
             && let Some((bias, covariance)) = self.estimator.gyroscope_bias()
         {
             initial.gyroscope_bias = bias;
             initial.gyroscope_bias_std = covariance.diagonal().max().max(T::zero()).sqrt();
         }
         self.start_at(&initial);
-        self.aligning = None;
+        self.memory.aligning = None;
     }
 
     fn alignment_or_begin(&mut self, time_ns: i64) -> &Option<Aligning<T>> {
         self.alignment_at(time_ns, false);
-        &self.aligning
+        &self.memory.aligning
     }
 
     /// Takes back stamps that lie further ahead of a gyroscope sample than a gap.
     fn forget_the_future(&mut self, time_ns: i64) {
-        if self.now_ns.is_some_and(|now| self.is_gap(time_ns, now)) {
-            self.now_ns = Some(self.last_rate.map_or(time_ns, |(last_ns, _)| last_ns));
-            self.passed_on = Vector3::zeros();
+        if self
+            .memory
+            .now_ns
+            .is_some_and(|now| self.is_gap(time_ns, now))
+        {
+            self.memory.now_ns = Some(
+                self.memory
+                    .last_rate
+                    .map_or(time_ns, |(last_ns, _)| last_ns),
+            );
+            self.memory.passed_on = Vector3::zeros();
         }
-        for last in [&mut self.last_force_ns, &mut self.last_field_ns] {
+        for last in [
+            &mut self.memory.last_force_ns,
+            &mut self.memory.last_field_ns,
+        ] {
             let ahead = |last: i64| seconds::<T>(time_ns, last) > self.config.gap_limit_s;
             if last.is_some_and(ahead) {
                 *last = None;
             }
         }
-        let since = self.aligning.map(|aligning| aligning.since_ns);
+        let since = self.memory.aligning.map(|aligning| aligning.since_ns);
         if since.is_some_and(|since| self.is_gap(time_ns, since)) {
-            self.aligning = None;
+            self.memory.aligning = None;
         }
     }
 
@@ -327,15 +429,15 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
 
     /// Moves the state to `time_ns` with the last rate held, or blindly where that is too old.
     fn advance_to(&mut self, time_ns: i64) {
-        let Some(now) = self.now_ns else {
-            self.now_ns = Some(time_ns);
+        let Some(now) = self.memory.now_ns else {
+            self.memory.now_ns = Some(time_ns);
             return;
         };
         if time_ns <= now {
             return;
         }
-        self.now_ns = Some(time_ns);
-        let held_until = match self.last_rate {
+        self.memory.now_ns = Some(time_ns);
+        let held_until = match self.memory.last_rate {
             Some((last_ns, rate)) => {
                 let limit = last_ns.saturating_add(nanoseconds(self.config.gap_limit_s));
                 let until = time_ns.min(limit).max(now);
@@ -355,19 +457,19 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         time_ns: i64,
         rate: &Vector3<T>,
     ) {
-        let now = self.now_ns.unwrap_or(last_ns).max(last_ns);
+        let now = self.memory.now_ns.unwrap_or(last_ns).max(last_ns);
         let remaining: T = seconds(now, time_ns);
         if remaining <= T::zero() {
             return;
         }
-        self.now_ns = Some(time_ns);
+        self.memory.now_ns = Some(time_ns);
         let whole: T = seconds(last_ns, time_ns);
         // What the mean of both rates turns more than the last one held, applied over what is left
         // of the interval; a sliver of it is not asked to turn at an absurd rate, it passes the
         // rest on to the next interval.
-        let missing = (rate - last) * (lit::<T>(0.5) * whole) + self.passed_on;
+        let missing = (rate - last) * (lit::<T>(0.5) * whole) + self.memory.passed_on;
         let extra = missing / remaining.max(whole * lit(0.25));
-        self.passed_on = missing - extra * remaining;
+        self.memory.passed_on = missing - extra * remaining;
         self.propagate(&(last + extra), remaining);
     }
 
@@ -375,10 +477,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if dt <= T::zero() {
             return;
         }
-        if let Some(aligning) = &mut self.aligning {
+        if let Some(aligning) = &mut self.memory.aligning {
             aligning.alignment.propagate(rate, dt);
         }
-        if self.started {
+        if self.memory.started {
             self.estimator.propagate(rate, dt);
         }
     }
@@ -386,7 +488,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// Holds the attitude over a time without rates and lets its variance grow, in steps no longer
     /// than the gap limit.
     fn propagate_blindly(&mut self, total: T) {
-        if total <= T::zero() || !self.started {
+        if total <= T::zero() || !self.memory.started {
             return;
         }
         let walk = self.config.gap_angle_random_walk;

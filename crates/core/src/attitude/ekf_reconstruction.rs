@@ -24,12 +24,13 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::complementary::{Complementary, ComplementaryForm};
+use super::complementary::{Complementary, ComplementaryForm, ComplementaryState};
 use super::config::AttitudeConfig;
-use super::quaternion_ekf::QuaternionEkf;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use super::quaternion_ekf::{QuaternionEkf, QuaternionEkfState};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::kalman::Innovation;
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 
 /// The EKF and the observer behind it.
@@ -64,6 +65,35 @@ impl<T: Scalar> EkfReconstruction<T> {
     /// The observer that follows it.
     pub fn observer(&self) -> &Complementary<T> {
         &self.observer
+    }
+}
+
+/// Everything that the pair remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct EkfReconstructionState<T: Scalar> {
+    /// Of the filter that reconstructs the rotation.
+    pub ekf: QuaternionEkfState<T>,
+    /// Of the observer that follows it.
+    pub observer: ComplementaryState<T>,
+}
+
+impl<T: Scalar> Restorable for EkfReconstruction<T> {
+    type State = EkfReconstructionState<T>;
+
+    fn save(&self) -> Self::State {
+        EkfReconstructionState {
+            ekf: self.ekf.save(),
+            observer: self.observer.save(),
+        }
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        let mut observer = self.observer;
+        observer.restore(state.observer)?;
+        self.ekf.restore(state.ekf)?;
+        self.observer = observer;
+        Ok(())
     }
 }
 
@@ -109,6 +139,10 @@ impl<T: Scalar> AttitudeEstimator<T> for EkfReconstruction<T> {
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         None
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        self.ekf.start_uncertainty()
     }
 
     fn rate_at_rest(&self) -> Vector3<T> {

@@ -16,6 +16,7 @@ use crate::scalar::{Scalar, lit};
 
 /// The reference a heading is measured against.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HeadingReference<T: Scalar> {
     /// Unit vector up in the reference frame.
     pub up: Vector3<T>,
@@ -25,6 +26,13 @@ pub struct HeadingReference<T: Scalar> {
     pub horizontal_ut: T,
     /// Upward strength of the field, microtesla (negative on the northern hemisphere).
     pub upward_ut: T,
+}
+
+impl<T: Scalar> HeadingReference<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let strengths = [&self.horizontal_ut, &self.upward_ut];
+        self.up.iter().chain(&self.north).chain(strengths)
+    }
 }
 
 /// The top axis must keep at least this share of its length on the horizon (60 deg of elevation at

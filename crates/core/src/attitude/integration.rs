@@ -7,25 +7,61 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use super::StartUncertainty;
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use super::{AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::{Innovation, SkipReason};
+use crate::restorable::{InvalidState, Restorable, finite, unit};
 use crate::scalar::Scalar;
+
+/// Everything that the integration remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct IntegrationState<T: Scalar> {
+    /// `ref_from_body`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
+    pub attitude: UnitQuaternion<T>,
+    /// Gyroscope bias, rad/s, body axes: a constant of the start.
+    pub gyroscope_bias: Vector3<T>,
+}
 
 /// Attitude by integration of the angular rate, less a constant bias.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Integration<T: Scalar> {
-    attitude: UnitQuaternion<T>,
-    gyroscope_bias: Vector3<T>,
+    start: StartUncertainty<T>,
+    state: IntegrationState<T>,
 }
 
 impl<T: Scalar> Default for Integration<T> {
     fn default() -> Self {
-        Self {
+        Self::new(StartUncertainty::of(&AttitudeConfig::default()))
+    }
+}
+
+impl<T: Scalar> Integration<T> {
+    /// At the identity. It makes no use of `start` but to tell a driver.
+    pub fn new(start: StartUncertainty<T>) -> Self {
+        let state = IntegrationState {
             attitude: UnitQuaternion::identity(),
             gyroscope_bias: Vector3::zeros(),
-        }
+        };
+        Self { start, state }
+    }
+}
+
+impl<T: Scalar> Restorable for Integration<T> {
+    type State = IntegrationState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        unit("attitude", &state.attitude)?;
+        finite("gyroscope bias", &state.gyroscope_bias)?;
+        self.state = state;
+        Ok(())
     }
 }
 
@@ -34,16 +70,16 @@ impl<T: Scalar> AttitudeEstimator<T> for Integration<T> {
         if !initial.is_usable() {
             return;
         }
-        self.attitude = initial.attitude;
-        self.gyroscope_bias = initial.gyroscope_bias;
+        self.state.attitude = initial.attitude;
+        self.state.gyroscope_bias = initial.gyroscope_bias;
     }
 
     #[inline]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
-        match checked_rate(angular_rate, &self.gyroscope_bias, dt) {
+        match checked_rate(angular_rate, &self.state.gyroscope_bias, dt) {
             Ok(Some(rate)) => {
-                let turned = self.attitude * so3::exp(&(rate * dt));
-                self.attitude = rotation::renormalize(&turned);
+                let turned = self.state.attitude * so3::exp(&(rate * dt));
+                self.state.attitude = rotation::renormalize(&turned);
                 Propagation::Done
             }
             Ok(None) => Propagation::Done,
@@ -66,7 +102,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Integration<T> {
     fn add_attitude_variance(&mut self, _variance: T) {}
 
     fn attitude(&self) -> UnitQuaternion<T> {
-        self.attitude
+        self.state.attitude
     }
 
     fn attitude_covariance(&self) -> Option<Matrix3<T>> {
@@ -77,8 +113,12 @@ impl<T: Scalar> AttitudeEstimator<T> for Integration<T> {
         None
     }
 
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        self.start
+    }
+
     fn rate_at_rest(&self) -> Vector3<T> {
-        self.gyroscope_bias
+        self.state.gyroscope_bias
     }
 }
 

@@ -11,10 +11,12 @@ use super::heading::{CompassHeading, Heading, HeadingReference};
 use super::vector_sensor::{References, VectorSensor, Weighed};
 use crate::kalman::innovation::{Innovation, SkipReason};
 use crate::kalman::scalar_update::{update_cross_product, update_leading3};
+use crate::restorable::{InvalidState, finite};
 use crate::scalar::Scalar;
 
 /// Accelerometer and magnetometer as a filter sees them; part of a filter's state.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VectorSensors<T: Scalar> {
     /// Reference, gate and history of the accelerometer.
     pub accelerometer: VectorSensor<T>,
@@ -27,9 +29,20 @@ pub struct VectorSensors<T: Scalar> {
     magnetometer_use: MagnetometerUse,
 }
 
+impl<T: Scalar> VectorSensors<T> {
+    /// Whether a saved one can be continued from.
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        self.accelerometer.check("accelerometer")?;
+        self.magnetometer.check("magnetometer")?;
+        self.compass.check("compass")?;
+        let heading = self.heading.iter().flat_map(HeadingReference::numbers);
+        finite("heading reference", heading)
+    }
+}
+
 /// One measurement, ready for scalar updates on the local attitude error.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measurement<T: Scalar> {
+pub struct LinearMeasurement<T: Scalar> {
     /// The record to return.
     pub innovation: Innovation<T>,
     /// Rows on the attitude error; as many count as the innovation has degrees of freedom.
@@ -40,7 +53,7 @@ pub struct Measurement<T: Scalar> {
     pub variance: Option<T>,
 }
 
-impl<T: Scalar> Measurement<T> {
+impl<T: Scalar> LinearMeasurement<T> {
     fn skipped(reason: SkipReason) -> Self {
         let innovation = Innovation::skipped(reason);
         Self {
@@ -132,7 +145,7 @@ impl<T: Scalar> VectorSensors<T> {
         attitude: &UnitQuaternion<T>,
         p: &Matrix3<T>,
         measured: &Vector3<T>,
-    ) -> Measurement<T> {
+    ) -> LinearMeasurement<T> {
         vector(&mut self.accelerometer, attitude, p, measured)
     }
 
@@ -143,7 +156,7 @@ impl<T: Scalar> VectorSensors<T> {
         attitude: &UnitQuaternion<T>,
         p: &Matrix3<T>,
         measured: &Vector3<T>,
-    ) -> Measurement<T> {
+    ) -> LinearMeasurement<T> {
         match self.magnetometer_use {
             MagnetometerUse::Vector => vector(&mut self.magnetometer, attitude, p, measured),
             MagnetometerUse::Heading => heading(
@@ -166,7 +179,7 @@ impl<T: Scalar> VectorSensors<T> {
         attitude: &UnitQuaternion<T>,
         p: &Matrix3<T>,
         measured: &CompassHeading<T>,
-    ) -> Measurement<T> {
+    ) -> LinearMeasurement<T> {
         match measured.measure(attitude) {
             Ok(heading) => {
                 let variance = heading.variance.max(self.compass.variance());
@@ -179,7 +192,7 @@ impl<T: Scalar> VectorSensors<T> {
                     p,
                 )
             }
-            Err(reason) => Measurement::skipped(reason),
+            Err(reason) => LinearMeasurement::skipped(reason),
         }
     }
 }
@@ -191,10 +204,10 @@ fn vector<T: Scalar>(
     attitude: &UnitQuaternion<T>,
     p: &Matrix3<T>,
     measured: &Vector3<T>,
-) -> Measurement<T> {
+) -> LinearMeasurement<T> {
     let reference = match sensor.reference_for(measured) {
         Ok(reference) => reference,
-        Err(reason) => return Measurement::skipped(reason),
+        Err(reason) => return LinearMeasurement::skipped(reason),
     };
     let v = attitude.inverse() * reference;
     let zero = T::zero();
@@ -209,7 +222,7 @@ fn vector<T: Scalar>(
         innovation,
         variance,
     } = sensor.weigh(measured - v, &predicted, variance);
-    Measurement {
+    LinearMeasurement {
         innovation,
         rows,
         predicted: Some(v),
@@ -243,13 +256,13 @@ fn heading<T: Scalar>(
     attitude: &UnitQuaternion<T>,
     p: &Matrix3<T>,
     measured: &Vector3<T>,
-) -> Measurement<T> {
+) -> LinearMeasurement<T> {
     if let Err(reason) = sensor.reference_for(measured) {
-        return Measurement::skipped(reason);
+        return LinearMeasurement::skipped(reason);
     }
     match reference.and_then(|r| r.measure(attitude, measured, sensor)) {
         Some(heading) => scalar(sensor, &heading, p),
-        None => Measurement::skipped(SkipReason::Unobservable),
+        None => LinearMeasurement::skipped(SkipReason::Unobservable),
     }
 }
 
@@ -259,7 +272,7 @@ fn scalar<T: Scalar>(
     sensor: &mut VectorSensor<T>,
     heading: &Heading<T>,
     p: &Matrix3<T>,
-) -> Measurement<T> {
+) -> LinearMeasurement<T> {
     let Heading {
         residual,
         variance,
@@ -270,7 +283,7 @@ fn scalar<T: Scalar>(
         variance,
     } = sensor.weigh_scalar(residual, row.dot(&(p * row)), variance);
     let rows = [row, Vector3::zeros(), Vector3::zeros()];
-    Measurement {
+    LinearMeasurement {
         innovation,
         rows,
         predicted: None,

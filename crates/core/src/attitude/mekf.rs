@@ -1,4 +1,4 @@
-//! Multiplicative extended Kalman filter with gyroscope bias: the default attitude estimator.
+//! Multiplicative extended Kalman filter with gyroscope bias: six error states.
 //!
 //! Read first: Markley, *Attitude error representations for Kalman filtering* (2003); Utrera &
 //! Vazquez (2021), eqs 18-27; `docs/derivations/mekf.md`, whose equation numbers (M..) stand at
@@ -26,26 +26,41 @@
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
 use super::config::AttitudeConfig;
-use super::measurement::{Measurement, VectorSensors};
+use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
+use super::{
+    AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, propagation,
+};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::cap_variance;
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MekfState<T: Scalar> {
     /// `ref_from_body`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub attitude: UnitQuaternion<T>,
     /// Gyroscope bias, rad/s, body axes.
     pub gyroscope_bias: Vector3<T>,
     /// Covariance of `[attitude error (rad, body axes), bias error (rad/s)]`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix6<T>,
     /// References, gates and histories of accelerometer and magnetometer.
     pub sensors: VectorSensors<T>,
+}
+
+impl<T: Scalar> MekfState<T> {
+    fn check(&self) -> Result<(), InvalidState> {
+        unit("attitude", &self.attitude)?;
+        finite("gyroscope bias", &self.gyroscope_bias)?;
+        covariance("covariance", &self.covariance)?;
+        self.sensors.check()
+    }
 }
 
 /// The filter.
@@ -84,14 +99,9 @@ impl<T: Scalar> Mekf<T> {
         &self.config
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &MekfState<T> {
         &self.state
-    }
-
-    /// Continues from a saved state.
-    pub fn restore(&mut self, state: MekfState<T>) {
-        self.state = state;
     }
 
     /// The error-state transition over `dt` from the present state: what a smoother needs.
@@ -102,7 +112,7 @@ impl<T: Scalar> Mekf<T> {
     /// Fuses one linearised measurement (M12), injects the correction (M13) and re-centres the
     /// covariance at the corrected attitude (M14).
     #[inline]
-    fn update(&mut self, measurement: &Measurement<T>) -> Innovation<T> {
+    fn update(&mut self, measurement: &LinearMeasurement<T>) -> Innovation<T> {
         if measurement.variance.is_none() {
             return measurement.innovation;
         }
@@ -149,6 +159,20 @@ fn reset<T: Scalar>(p: &mut Matrix6<T>, a: &Vector3<T>) {
             p[(i, j + 3)] = cross[(i, j)];
             p[(j + 3, i)] = cross[(i, j)];
         }
+    }
+}
+
+impl<T: Scalar> Restorable for Mekf<T> {
+    type State = MekfState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.state = state;
+        Ok(())
     }
 }
 
@@ -245,6 +269,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         let p = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
         Some((self.state.gyroscope_bias, p))
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        StartUncertainty::of(&self.config)
     }
 
     fn rate_at_rest(&self) -> Vector3<T> {

@@ -19,26 +19,41 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::config::AttitudeConfig;
-use super::measurement::{Measurement, VectorSensors};
+use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
+use super::{
+    AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, propagation,
+};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Mekf3State<T: Scalar> {
     /// `ref_from_body`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub attitude: UnitQuaternion<T>,
     /// Gyroscope bias, rad/s: a constant from the calibration.
     pub gyroscope_bias: Vector3<T>,
     /// Covariance of the attitude error, rad^2, body axes.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix3<T>,
     /// References, gates and histories of accelerometer and magnetometer.
     pub sensors: VectorSensors<T>,
+}
+
+impl<T: Scalar> Mekf3State<T> {
+    fn check(&self) -> Result<(), InvalidState> {
+        unit("attitude", &self.attitude)?;
+        finite("gyroscope bias", &self.gyroscope_bias)?;
+        covariance("covariance", &self.covariance)?;
+        self.sensors.check()
+    }
 }
 
 /// The filter.
@@ -70,14 +85,9 @@ impl<T: Scalar> Mekf3<T> {
         &self.config
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &Mekf3State<T> {
         &self.state
-    }
-
-    /// Continues from a saved state.
-    pub fn restore(&mut self, state: Mekf3State<T>) {
-        self.state = state;
     }
 
     /// The paper's joint update: both sensors stacked and linearised at the same attitude
@@ -104,7 +114,7 @@ impl<T: Scalar> Mekf3<T> {
     }
 
     /// (24)-(27) as scalar updates from one linearisation point, which equals the stacked form.
-    fn fuse(&mut self, measurements: [Option<&Measurement<T>>; 2]) -> bool {
+    fn fuse(&mut self, measurements: [Option<&LinearMeasurement<T>>; 2]) -> bool {
         let mut covariance = self.state.covariance;
         let mut a = Vector3::zeros();
         let mut fusable = measurements
@@ -123,7 +133,7 @@ impl<T: Scalar> Mekf3<T> {
         true
     }
 
-    fn update(&mut self, measurement: Measurement<T>) -> Innovation<T> {
+    fn update(&mut self, measurement: LinearMeasurement<T>) -> Innovation<T> {
         let fused = self.fuse([Some(&measurement), None]);
         measurement.conclude(fused)
     }
@@ -133,6 +143,20 @@ impl<T: Scalar> Mekf3<T> {
         for i in 0..3 {
             cap_variance(&mut self.state.covariance, i, limit);
         }
+    }
+}
+
+impl<T: Scalar> Restorable for Mekf3<T> {
+    type State = Mekf3State<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.state = state;
+        Ok(())
     }
 }
 
@@ -226,6 +250,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         None
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        StartUncertainty::of(&self.config)
     }
 
     fn rate_at_rest(&self) -> Vector3<T> {

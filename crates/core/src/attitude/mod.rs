@@ -41,16 +41,30 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::kalman::{Innovation, SkipReason};
 use crate::scalar::Scalar;
+pub use alignment::Prior;
+pub use axis_filters::{AxisFilters, AxisFiltersConfig};
+pub use bounded_velocity::{BoundedVelocity, BoundedVelocityConfig};
+pub use complementary::{Complementary, ComplementaryForm};
 pub use config::{AttitudeConfig, MagnetometerUse, ProcessNoise, QuaternionNorm};
+pub use driver::{AttitudeDriver, DriverConfig, DriverState};
+pub use ekf_reconstruction::EkfReconstruction;
 pub use heading::CompassHeading;
+pub use integration::Integration;
+pub use mekf::{Mekf, MekfState};
+pub use mekf3::Mekf3;
+pub use quaternion_ekf::QuaternionEkf;
+pub use usque::Usque;
 pub use vector_sensor::References;
 
 /// The state an estimator starts from.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct InitialState<T: Scalar> {
     /// `ref_from_body` at the start.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub attitude: UnitQuaternion<T>,
     /// Covariance (rad^2) of the local attitude error, in body axes.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub attitude_covariance: Matrix3<T>,
     /// Gyroscope bias (rad/s), body axes.
     pub gyroscope_bias: Vector3<T>,
@@ -75,6 +89,35 @@ impl<T: Scalar> InitialState<T> {
     }
 }
 
+/// How uncertain an attitude estimator is at its start, standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct StartUncertainty<T> {
+    /// Of roll and pitch, rad.
+    pub tilt_std: T,
+    /// Of the heading, where a magnetometer gave it, rad.
+    pub heading_std: T,
+    /// Of an attitude about which nothing is known, rad.
+    pub unknown_std: T,
+    /// Of each component of the gyroscope bias, rad/s, where no calibration says better.
+    pub gyroscope_bias_std: T,
+    /// Least of a compass heading, rad.
+    pub compass_std: T,
+}
+
+impl<T: Scalar> StartUncertainty<T> {
+    /// What a configuration says of it.
+    pub fn of(config: &AttitudeConfig<T>) -> Self {
+        Self {
+            tilt_std: config.initial_tilt_std,
+            heading_std: config.initial_heading_std,
+            unknown_std: config.maximum_attitude_std,
+            gyroscope_bias_std: config.initial_gyroscope_bias_std,
+            compass_std: config.compass_std,
+        }
+    }
+}
+
 /// What a propagation did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Propagation {
@@ -82,6 +125,15 @@ pub enum Propagation {
     Done,
     /// The sample was refused and the state is untouched.
     Skipped(SkipReason),
+}
+
+impl Propagation {
+    /// Whether the state moved on.
+    #[inline]
+    #[must_use]
+    pub const fn is_done(self) -> bool {
+        matches!(self, Self::Done)
+    }
 }
 
 /// What all attitude estimators can do.
@@ -118,6 +170,9 @@ pub trait AttitudeEstimator<T: Scalar> {
 
     /// Gyroscope bias (rad/s, body axes) and its covariance; `None` when it is not estimated.
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)>;
+
+    /// How uncertain a start is by its settings: what a driver aligns with.
+    fn start_uncertainty(&self) -> StartUncertainty<T>;
 
     /// The angular rate (rad/s, as the gyroscope would give it) that means no rotation: the bias
     /// that the estimator removes, estimated or constant.

@@ -44,14 +44,17 @@ use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, SMatrix, SVector
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::config::{AttitudeConfig, QuaternionNorm};
-use super::measurement::{Measurement, VectorSensors};
+use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, propagation};
+use super::{
+    AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, propagation,
+};
 use crate::geometry::so3;
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::kalman::scalar_update::update_full;
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
 /// A 7 by 7 matrix on `[w, x, y, z, bias]`.
@@ -60,16 +63,31 @@ type Vector7<T> = SVector<T, 7>;
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct QuaternionEkfState<T: Scalar> {
     /// `ref_from_body`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub attitude: UnitQuaternion<T>,
     /// Gyroscope bias, rad/s, body axes.
     pub gyroscope_bias: Vector3<T>,
     /// Covariance of `[quaternion error (w, x, y, z), bias error (rad/s)]`; singular along the
     /// quaternion.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix7<T>,
     /// References, gates and histories of accelerometer and magnetometer.
     pub sensors: VectorSensors<T>,
+}
+
+impl<T: Scalar> QuaternionEkfState<T> {
+    fn check(&self) -> Result<(), InvalidState> {
+        unit("attitude", &self.attitude)?;
+        finite("gyroscope bias", &self.gyroscope_bias)?;
+        finite("covariance", &self.covariance)?;
+        // Singular along the quaternion, and rounding there has any sign.
+        let reduced = reduce(&self.attitude, &self.covariance);
+        covariance("covariance", &reduced)?;
+        self.sensors.check()
+    }
 }
 
 /// The filter.
@@ -109,14 +127,9 @@ impl<T: Scalar> QuaternionEkf<T> {
         &self.config
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &QuaternionEkfState<T> {
         &self.state
-    }
-
-    /// Continues from a saved state.
-    pub fn restore(&mut self, state: QuaternionEkfState<T>) {
-        self.state = state;
     }
 
     /// Covariance of `[attitude error (rad, body axes), bias error (rad/s)]`: what the other
@@ -134,7 +147,7 @@ impl<T: Scalar> QuaternionEkf<T> {
     /// on the local error, `h dq = 2 (Xi row) . dq`.
     fn update(
         &mut self,
-        measurement: Measurement<T>,
+        measurement: LinearMeasurement<T>,
         reference: Option<Vector3<T>>,
     ) -> Innovation<T> {
         let q = wxyz(&self.state.attitude);
@@ -169,7 +182,7 @@ impl<T: Scalar> QuaternionEkf<T> {
     /// Fuses a vector component by component, each linearised where the last one led.
     fn update_free(
         &mut self,
-        measurement: &Measurement<T>,
+        measurement: &LinearMeasurement<T>,
         reference: &Vector3<T>,
     ) -> Innovation<T> {
         let start = wxyz(&self.state.attitude);
@@ -366,6 +379,20 @@ fn add_process_noise<T: Scalar>(p: &mut Matrix7<T>, q: &Vector4<T>, [q11, q12, q
     }
 }
 
+impl<T: Scalar> Restorable for QuaternionEkf<T> {
+    type State = QuaternionEkfState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.state = state;
+        Ok(())
+    }
+}
+
 impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {
         if !initial.is_usable() {
@@ -456,6 +483,10 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         let p = self.state.covariance.fixed_view::<3, 3>(4, 4).into_owned();
         Some((self.state.gyroscope_bias, p))
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        StartUncertainty::of(&self.config)
     }
 
     fn rate_at_rest(&self) -> Vector3<T> {

@@ -52,16 +52,17 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
 use super::config::{AttitudeConfig, MagnetometerUse};
-use super::measurement::{Measurement, VectorSensors};
+use super::measurement::{LinearMeasurement, VectorSensors};
 use super::propagation::checked_rate;
 use super::vector_sensor::VectorSensor;
-use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{cap_variance, cholesky, mirror_upper};
 use crate::kalman::innovation::Outcome;
 use crate::kalman::scalar_update::update_leading3;
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
 mod rodrigues;
@@ -79,17 +80,29 @@ const CENTRE: f64 = 1.0 / SPREAD;
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct UsqueState<T: Scalar> {
     /// `ref_from_body`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub attitude: UnitQuaternion<T>,
     /// Gyroscope bias, rad/s, body axes.
     pub gyroscope_bias: Vector3<T>,
     /// Covariance of `[attitude error (rad, body axes), bias error (rad/s)]`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix6<T>,
     /// References, gates and histories of accelerometer and magnetometer.
     pub sensors: VectorSensors<T>,
     /// How often the covariance had lost its positivity and was reset to its diagonal.
     pub covariance_resets: u32,
+}
+
+impl<T: Scalar> UsqueState<T> {
+    fn check(&self) -> Result<(), InvalidState> {
+        unit("attitude", &self.attitude)?;
+        finite("gyroscope bias", &self.gyroscope_bias)?;
+        covariance("covariance", &self.covariance)?;
+        self.sensors.check()
+    }
 }
 
 /// The filter.
@@ -130,14 +143,9 @@ impl<T: Scalar> Usque<T> {
         &self.config
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &UsqueState<T> {
         &self.state
-    }
-
-    /// Continues from a saved state.
-    pub fn restore(&mut self, state: UsqueState<T>) {
-        self.state = state;
     }
 
     /// The factor of the covariance plus `added` on its diagonal, times `sqrt(6 + lambda)`.
@@ -305,7 +313,7 @@ impl<T: Scalar> Usque<T> {
     }
 
     /// A heading is one linear number: a Kalman update as in the MEKF.
-    fn update_scalar(&mut self, measurement: &Measurement<T>) -> Innovation<T> {
+    fn update_scalar(&mut self, measurement: &LinearMeasurement<T>) -> Innovation<T> {
         let (mut covariance, mut correction) = (self.state.covariance, Vector6::zeros());
         let fused = measurement.variance.is_some()
             && measurement
@@ -345,6 +353,20 @@ fn recentred<T: Scalar>(covariance: &Matrix6<T>, p: &Vector3<T>) -> Matrix6<T> {
     result.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
     mirror_upper(&mut result);
     result
+}
+
+impl<T: Scalar> Restorable for Usque<T> {
+    type State = UsqueState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.state = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
@@ -439,6 +461,10 @@ impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
         let p = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
         Some((self.state.gyroscope_bias, p))
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<T> {
+        StartUncertainty::of(&self.config)
     }
 
     fn rate_at_rest(&self) -> Vector3<T> {

@@ -12,6 +12,7 @@ use super::config::AttitudeConfig;
 use crate::kalman::covariance::normalized_square3;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Gate, GateDecision, GateState, Innovation, Outcome, SkipReason};
+use crate::restorable::{InvalidState, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 
 /// A sample this many times longer than its reference was not measured: 50 g, 2.5 millitesla.
@@ -19,6 +20,7 @@ pub const LONGEST: f64 = 50.0;
 
 /// What the vector sensors measure in the reference frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct References<T: Scalar> {
     /// Specific force at rest (m/s^2): gravity's length, pointing up.
     pub specific_force: Vector3<T>,
@@ -28,6 +30,7 @@ pub struct References<T: Scalar> {
 
 /// One vector sensor as a filter sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VectorSensor<T: Scalar> {
     reference: Option<Vector3<T>>,
     reference_norm: T,
@@ -99,6 +102,28 @@ impl<T: Scalar> VectorSensor<T> {
         self.reference_norm = self.reference.map_or(T::zero(), |r| r.norm());
         self.gate_state = GateState::default();
         self.since_fused = -T::one();
+    }
+
+    /// Whether a saved one can be continued from; `part` names the sensor.
+    pub(super) fn check(&self, part: &'static str) -> Result<(), InvalidState> {
+        finite(part, self.reference.iter().flatten())?;
+        finite(part, [&self.since_fused])?;
+        let Gate {
+            nis_threshold,
+            timeout_s,
+        } = &self.gate;
+        not_negative(
+            part,
+            [
+                &self.reference_norm,
+                &self.variance,
+                nis_threshold,
+                timeout_s,
+                &self.gate_state.rejecting_for_s(),
+                &self.correlation_time,
+                &self.norm_gain,
+            ],
+        )
     }
 
     /// Lets `dt` seconds pass.

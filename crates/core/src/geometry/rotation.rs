@@ -31,6 +31,48 @@ pub fn from_wxyz<T: Scalar>(wxyz: [T; 4]) -> Option<UnitQuaternion<T>> {
     Some(UnitQuaternion::new_unchecked(q / norm))
 }
 
+/// `serde(with)` for a quaternion at a border: w, x, y, z.
+///
+/// A state continues to the bit, so the numbers are those of the filter: the sign stays (a covariance of the four
+/// components depends on it), and nothing is normalised. What is no unit quaternion is refused.
+#[cfg(feature = "serde")]
+pub mod wxyz {
+    use nalgebra::{Quaternion, UnitQuaternion};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+    use crate::scalar::{Scalar, lit};
+
+    /// Writes w, x, y, z.
+    ///
+    /// # Errors
+    /// Those of the format.
+    pub fn serialize<T, S>(q: &UnitQuaternion<T>, serializer: S) -> Result<S::Ok, S::Error>
+    where
+        T: Scalar + Serialize,
+        S: Serializer,
+    {
+        [q.w, q.i, q.j, q.k].serialize(serializer)
+    }
+
+    /// Reads w, x, y, z.
+    ///
+    /// # Errors
+    /// Those of the format, and a norm that is more than a thousandth from one.
+    pub fn deserialize<'de, T, D>(deserializer: D) -> Result<UnitQuaternion<T>, D::Error>
+    where
+        T: Scalar + Deserialize<'de>,
+        D: Deserializer<'de>,
+    {
+        let [w, x, y, z] = <[T; 4]>::deserialize(deserializer)?;
+        let q = Quaternion::new(w, x, y, z);
+        if (q.norm() - T::one()).abs() <= lit(1e-3) {
+            Ok(UnitQuaternion::new_unchecked(q))
+        } else {
+            Err(D::Error::custom("not a unit quaternion w, x, y, z"))
+        }
+    }
+}
+
 /// Angle in `[0, pi]` (rad) of the rotation between two attitudes.
 #[inline]
 pub fn angle_between<T: Scalar>(a: &UnitQuaternion<T>, b: &UnitQuaternion<T>) -> T {

@@ -52,6 +52,32 @@ pub fn cholesky<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> Option<SMatr
     Some(l)
 }
 
+/// Whether a matrix is finite, symmetric and positive semidefinite, each up to `tolerance` as a correlation: with so
+/// much added to the unit diagonal of the correlation matrix it has a Cholesky factor. Variances of zero pass.
+pub fn is_covariance<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>, tolerance: T) -> bool {
+    let variances = p.diagonal();
+    if !variances.iter().all(|v| v.is_finite() && *v >= T::zero()) {
+        return false;
+    }
+    let std = variances.map(|v| v.sqrt());
+    let mut correlation = SMatrix::<T, N, N>::from_diagonal_element(T::one() + tolerance);
+    for i in 0..N {
+        for j in 0..i {
+            let (lower, scale) = (p[(i, j)], std[i] * std[j]);
+            // Not below: what is not a number must not pass.
+            if !((lower - p[(j, i)]).abs() <= tolerance * scale) {
+                return false;
+            }
+            if scale > T::zero() {
+                correlation[(i, j)] = lower / scale;
+            } else if lower != T::zero() {
+                return false;
+            }
+        }
+    }
+    cholesky(&correlation).is_some()
+}
+
 /// `x^T P^-1 x` for a positive definite `P` (NIS, NEES); `None` when `P` is not.
 #[inline]
 pub fn normalized_square<T: Scalar, const N: usize>(

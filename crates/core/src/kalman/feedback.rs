@@ -153,8 +153,8 @@ impl<T: Scalar, const N: usize, L: ErrorListener<T, N>> ErrorListener<T, N> for 
 
 /// All that one update did to the error of a filter: up to [`MOST_CORRECTIONS`] scalar
 /// corrections, then the reset of the attitude error (states 0 to 2) at the corrected attitude.
-#[must_use = "who is correlated with this filter's error has to follow it"]
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use = "whoever is correlated with the filter's error must be told, or the joint covariance is wrong"]
 pub struct ErrorFeedback<T: Scalar, const N: usize> {
     corrections: [ScalarCorrection<T, N>; MOST_CORRECTIONS],
     count: usize,
@@ -287,11 +287,15 @@ pub fn reset_covariance<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>, d: 
 
 /// What an observer outside has learnt about a filter's error: a joint estimator's correction.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[must_use = "the navigation filter must be given it, or both believe different things"]
 pub struct OutsideCorrection<T: Scalar, const N: usize> {
     /// The correction of the error state, `K nu`.
     pub correction: SVector<T, N>,
     /// Its gain `K` for the two components of the measurement.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub gain: SMatrix<T, N, 2>,
     /// Covariance `S` of the innovation: the filter's covariance shrinks by `K S K^T`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub innovation_covariance: Matrix2<T>,
 }

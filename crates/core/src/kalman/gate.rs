@@ -10,6 +10,7 @@ use crate::scalar::Scalar;
 
 /// A gate's settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gate<T> {
     /// NIS above which a measurement is refused; zero turns the gate off.
     pub nis_threshold: T,
@@ -19,6 +20,7 @@ pub struct Gate<T> {
 
 /// How long a gate has been refusing.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct GateState<T> {
     rejecting: bool,
     rejecting_for_s: T,
@@ -80,6 +82,7 @@ impl<T: Scalar> Gate<T> {
 /// A gate for measurements that come seldom: it refuses a number of them in a row, and then believes
 /// them instead of the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CountedGate {
     rejected: u8,
 }

@@ -8,12 +8,21 @@ use crate::scalar::{Scalar, lit};
 
 /// What one measurement of up to three components told the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct Innovation<T> {
     /// Measured minus predicted, in the unit of the sensor (rad for a heading). Components beyond
     /// [`Self::degrees_of_freedom`] are zero.
     pub residual: Vector3<T>,
     /// Covariance `S = H P H^T + R` that the filter expected of the residual; components beyond
     /// the degrees of freedom are zero.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix3<T>,
     /// Normalised innovation squared, `residual^T S^-1 residual`: chi-square distributed with
     /// [`Self::degrees_of_freedom`] when the tuning is consistent.
@@ -27,6 +36,8 @@ pub struct Innovation<T> {
 
 /// What a filter did with a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Outcome {
     /// Used with its stated noise.
     Fused,
@@ -48,6 +59,8 @@ impl Outcome {
 
 /// Why a measurement was not looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum SkipReason {
     /// A component is NaN or infinite.
     NotFinite,
@@ -94,6 +107,14 @@ impl SkipReason {
         }
     }
 }
+
+impl core::fmt::Display for SkipReason {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.description())
+    }
+}
+
+impl core::error::Error for SkipReason {}
 
 impl<T: Scalar> Innovation<T> {
     /// A measurement that was not looked at.

@@ -5,6 +5,7 @@ pub mod covariance;
 pub mod feedback;
 pub mod gate;
 pub mod innovation;
+mod navigation_pose;
 pub mod scalar_update;
 pub(crate) mod shear;
 pub mod sparse_update;
@@ -14,3 +15,4 @@ pub use feedback::{
 };
 pub use gate::{CountedGate, Gate, GateDecision, GateState};
 pub use innovation::{Innovation, Outcome, SkipReason};
+pub use navigation_pose::NavigationPose;

@@ -14,6 +14,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use super::{ErrorTransition, STATES};
 use crate::kalman::ErrorPropagation;
 use crate::kalman::feedback::reset_rows;
+use crate::restorable::{InvalidState, covariance, finite};
 use crate::scalar::Scalar;
 
 /// Number of augmented states.
@@ -33,12 +34,15 @@ pub const MAGNETIC_OFFSET: usize = 7;
 
 /// Values and covariance of the augmented states.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AugmentedStates<T: Scalar> {
     /// Their estimates.
     pub values: SVector<T, AUGMENTED_STATES>,
     /// Covariance of the filter's errors with theirs.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub cross: SMatrix<T, STATES, AUGMENTED_STATES>,
     /// Their covariance.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: SMatrix<T, AUGMENTED_STATES, AUGMENTED_STATES>,
 }
 
@@ -87,6 +91,13 @@ impl<T: Scalar> AugmentedStates<T> {
             && self.cross.norm_squared().is_finite()
             && self.covariance.norm_squared().is_finite()
             && self.covariance.diagonal().iter().all(|v| *v >= T::zero())
+    }
+
+    /// Whether a saved one can be continued from.
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        finite("augmented states", &self.values)?;
+        finite("cross-covariance", &self.cross)?;
+        covariance("covariance of the augmented states", &self.covariance)
     }
 
     /// Goes on over an interval (E14).

@@ -38,6 +38,7 @@ use crate::kalman::{Innovation, Outcome, SkipReason};
 pub use crate::navigation::validity::Validity;
 use crate::navigation::validity::ValidityLimits;
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, covariance, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval of a propagation, s.
@@ -49,15 +50,18 @@ const OUTLIERS_ACCEPTED: u8 = 5;
 
 /// One axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PositionAxis<T: Scalar> {
     /// Position (m), velocity (m/s), bias of the navigation acceleration (m/s^2).
     pub state: Vector3<T>,
     /// Covariance of the state.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix3<T>,
 }
 
 /// The covariance of axes with equal settings, and its noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Uncertainty<T> {
     covariance: AxisCovariance<T>,
     /// What a step of the last length adds.
@@ -85,10 +89,10 @@ impl<T: Scalar> Uncertainty<T> {
     }
 }
 
-/// The three filters: north, east, down.
+/// Everything that the filters remember: save it, restore it, and they continue exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PositionAxisFilters<T: Scalar> {
-    config: PositionAxisConfig<T>,
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PositionAxesState<T: Scalar> {
     position: Vector3<T>,
     velocity: Vector3<T>,
     /// Of the navigation acceleration.
@@ -105,6 +109,37 @@ pub struct PositionAxisFilters<T: Scalar> {
     outliers: u8,
 }
 
+/// The three filters: north, east, down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionAxisFilters<T: Scalar> {
+    config: PositionAxisConfig<T>,
+    state: PositionAxesState<T>,
+}
+
+impl<T: Scalar> Restorable for PositionAxisFilters<T> {
+    type State = PositionAxesState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        finite("position", &state.position)?;
+        finite("velocity", &state.velocity)?;
+        finite("bias", &state.bias)?;
+        for axes in [&state.horizontal, &state.vertical] {
+            covariance("covariance", &axes.covariance.matrix())?;
+            not_negative("process noise", axes.process.numbers())?;
+            let noise = axes.process_noise.iter().chain([&axes.position_noise]);
+            not_negative("noise", noise)?;
+        }
+        let last_dt = [&state.last_dt];
+        not_negative("times", state.since_fix.iter().chain(last_dt))?;
+        self.state = state;
+        Ok(())
+    }
+}
+
 impl<T: Scalar> PositionAxisFilters<T> {
     /// Filters that wait for their first fix.
     ///
@@ -114,22 +149,24 @@ impl<T: Scalar> PositionAxisFilters<T> {
         config.validate()?;
         Ok(Self {
             config,
-            position: Vector3::zeros(),
-            velocity: Vector3::zeros(),
-            bias: Vector3::zeros(),
-            horizontal: Uncertainty::of(&config, config.position_std),
-            vertical: Uncertainty::of(&config, config.vertical_position_std),
-            last_dt: lit(USUAL_STEP_S),
-            since_fix: None,
-            last_fix: None,
-            outliers: 0,
+            state: PositionAxesState {
+                position: Vector3::zeros(),
+                velocity: Vector3::zeros(),
+                bias: Vector3::zeros(),
+                horizontal: Uncertainty::of(&config, config.position_std),
+                vertical: Uncertainty::of(&config, config.vertical_position_std),
+                last_dt: lit(USUAL_STEP_S),
+                since_fix: None,
+                last_fix: None,
+                outliers: 0,
+            },
         })
     }
 
     /// North, east and down, each with its covariance; meaningless while [`Validity::Aligning`].
     pub fn axes(&self) -> [PositionAxis<T>; 3] {
-        let (s, v, b) = (&self.position, &self.velocity, &self.bias);
-        let across = self.horizontal.covariance.matrix();
+        let (s, v, b) = (&self.state.position, &self.state.velocity, &self.state.bias);
+        let across = self.state.horizontal.covariance.matrix();
         let axis = |s: T, v: T, b: T, covariance: Matrix3<T>| PositionAxis {
             state: Vector3::new(s, v, b),
             covariance,
@@ -137,23 +174,23 @@ impl<T: Scalar> PositionAxisFilters<T> {
         [
             axis(s.x, v.x, b.x, across),
             axis(s.y, v.y, b.y, across),
-            axis(s.z, v.z, b.z, self.vertical.covariance.matrix()),
+            axis(s.z, v.z, b.z, self.state.vertical.covariance.matrix()),
         ]
     }
 
     /// Position, m.
     pub fn position(&self) -> Vector3<T> {
-        self.position
+        self.state.position
     }
 
     /// Velocity, m/s.
     pub fn velocity(&self) -> Vector3<T> {
-        self.velocity
+        self.state.velocity
     }
 
     /// What the position is worth.
     pub fn validity(&self) -> Validity {
-        ValidityLimits::default().judge(self.since_fix, self.horizontal.covariance.ss)
+        ValidityLimits::default().judge(self.state.since_fix, self.state.horizontal.covariance.ss)
     }
 
     /// Moves on by `dt` seconds with the specific force (m/s^2, body axes forward, right, down) at the
@@ -193,7 +230,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
             return Err(SkipReason::NotFinite);
         }
         // One that was good for the last step is good for this one.
-        if dt != self.last_dt {
+        if dt != self.state.last_dt {
             if !dt.is_finite() {
                 return Err(SkipReason::NotFinite);
             }
@@ -203,30 +240,30 @@ impl<T: Scalar> PositionAxisFilters<T> {
             if dt <= T::zero() {
                 return Ok(());
             }
-            self.last_dt = dt;
+            self.state.last_dt = dt;
             let ones = AxisProcess::of_ones_over(dt);
-            for axes in [&mut self.horizontal, &mut self.vertical] {
+            for axes in [&mut self.state.horizontal, &mut self.state.vertical] {
                 axes.process = ones.scaled(axes.process_noise);
             }
         }
-        let Some(since) = self.since_fix else {
+        let Some(since) = self.state.since_fix else {
             return Ok(());
         };
         let mut acceleration = *specific_force;
         acceleration.z += gravity;
         self.move_on(&acceleration, dt);
-        self.since_fix = Some((since + dt).min(lit(1e6)));
+        self.state.since_fix = Some((since + dt).min(lit(1e6)));
         Ok(())
     }
 
     /// (A6) and (A7).
     fn move_on(&mut self, acceleration: &Vector3<T>, dt: T) {
         let half = dt * lit(0.5);
-        let before = self.velocity;
-        self.velocity += (acceleration - self.bias) * dt;
+        let before = self.state.velocity;
+        self.state.velocity += (acceleration - self.state.bias) * dt;
         // With the mean velocity, v T + u T^2/2.
-        self.position += (before + self.velocity) * half;
-        for axes in [&mut self.horizontal, &mut self.vertical] {
+        self.state.position += (before + self.state.velocity) * half;
+        for axes in [&mut self.state.horizontal, &mut self.state.vertical] {
             axes.covariance.propagate(dt, &axes.process);
         }
     }
@@ -238,11 +275,11 @@ impl<T: Scalar> PositionAxisFilters<T> {
         if let Err(reason) = check_within(position, lit(1e8)) {
             return Innovation::skipped(reason);
         }
-        if self.last_fix.is_some_and(|last| number <= last) {
+        if self.state.last_fix.is_some_and(|last| number <= last) {
             return Innovation::skipped(SkipReason::NotNewer);
         }
-        self.last_fix = Some(number);
-        if self.since_fix.is_none() {
+        self.state.last_fix = Some(number);
+        if self.state.since_fix.is_none() {
             self.start(position);
             return self.look_at(position).record(Outcome::Fused);
         }
@@ -251,14 +288,15 @@ impl<T: Scalar> PositionAxisFilters<T> {
         if limit > T::zero() && fix.jump > limit {
             return self.outlier(position, &fix);
         }
-        self.outliers = 0;
+        self.state.outliers = 0;
         self.correct(&fix);
         fix.record(Outcome::Fused)
     }
 
     fn look_at(&self, position: &Vector3<T>) -> FixInnovation<T> {
-        let residual = position - self.position;
-        let variances = [&self.horizontal, &self.vertical].map(Uncertainty::of_innovation);
+        let residual = position - self.state.position;
+        let variances =
+            [&self.state.horizontal, &self.state.vertical].map(Uncertainty::of_innovation);
         let inverses = variances.map(|variance| T::one() / variance);
         let [across, _] = inverses;
         FixInnovation {
@@ -271,37 +309,37 @@ impl<T: Scalar> PositionAxisFilters<T> {
 
     fn correct(&mut self, fix: &FixInnovation<T>) {
         let [across, down] = fix.inverses;
-        let (horizontal, vertical) = (&mut self.horizontal, &mut self.vertical);
+        let (horizontal, vertical) = (&mut self.state.horizontal, &mut self.state.vertical);
         let r = horizontal.position_noise;
         let across = horizontal.covariance.update(r, across);
         let down = vertical.covariance.update(vertical.position_noise, down);
         let (x, y, z) = (fix.residual.x, fix.residual.y, fix.residual.z);
         let by = |across: T, down: T| Vector3::new(across * x, across * y, down * z);
-        self.position += by(across.x, down.x);
-        self.velocity += by(across.y, down.y);
-        self.bias += by(across.z, down.z);
-        self.since_fix = Some(T::zero());
+        self.state.position += by(across.x, down.x);
+        self.state.velocity += by(across.y, down.y);
+        self.state.bias += by(across.z, down.z);
+        self.state.since_fix = Some(T::zero());
     }
 
     fn outlier(&mut self, position: &Vector3<T>, fix: &FixInnovation<T>) -> Innovation<T> {
-        if self.outliers >= OUTLIERS_ACCEPTED {
+        if self.state.outliers >= OUTLIERS_ACCEPTED {
             self.start(position);
             fix.record(Outcome::Inflated)
         } else {
-            self.outliers += 1;
+            self.state.outliers += 1;
             fix.record(Outcome::Gated)
         }
     }
 
     fn start(&mut self, position: &Vector3<T>) {
-        self.position = *position;
-        self.velocity = Vector3::zeros();
-        self.bias = Vector3::zeros();
-        for axes in [&mut self.horizontal, &mut self.vertical] {
+        self.state.position = *position;
+        self.state.velocity = Vector3::zeros();
+        self.state.bias = Vector3::zeros();
+        for axes in [&mut self.state.horizontal, &mut self.state.vertical] {
             axes.covariance = AxisCovariance::starting_at(axes.position_noise);
         }
-        self.since_fix = Some(T::zero());
-        self.outliers = 0;
+        self.state.since_fix = Some(T::zero());
+        self.state.outliers = 0;
     }
 }
 

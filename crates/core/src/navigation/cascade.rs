@@ -33,6 +33,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::parameters::{ConfigError, Range, parameters};
+use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit};
 
 /// A shorter interval between positions counts as this, s: rates of change over nearly no time are
@@ -77,6 +78,7 @@ parameters! {
 
 /// What is estimated.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CascadeState<T: Scalar> {
     /// Position in the reference frame, m.
     pub position: Vector3<T>,
@@ -86,11 +88,10 @@ pub struct CascadeState<T: Scalar> {
     pub accelerometer_bias: Vector3<T>,
 }
 
-/// The observer. See the [module](self).
+/// Everything that the observer remembers: save it, restore it, and it continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cascade<T: Scalar> {
-    config: CascadeConfig<T>,
-    force_at_rest: Vector3<T>,
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct CascadeMemory<T: Scalar> {
     state: CascadeState<T>,
     past: Past<T>,
     /// Seconds from the instant of the last position that was used to now; `None` before the first one.
@@ -100,10 +101,20 @@ pub struct Cascade<T: Scalar> {
     outliers: u8,
 }
 
+/// The observer. See the [module](self).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cascade<T: Scalar> {
+    config: CascadeConfig<T>,
+    force_at_rest: Vector3<T>,
+    memory: CascadeMemory<T>,
+}
+
 /// Positions of the last seconds, newest first.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Past<T: Scalar> {
     /// Each with the seconds from the entry before it.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     entries: [(Vector3<T>, T); PAST],
     count: usize,
     /// Seconds since the newest entry.
@@ -160,6 +171,35 @@ impl<T: Scalar> Past<T> {
     }
 }
 
+impl<T: Scalar> Restorable for Cascade<T> {
+    type State = CascadeMemory<T>;
+
+    fn save(&self) -> Self::State {
+        self.memory
+    }
+
+    fn restore(&mut self, memory: Self::State) -> Result<(), InvalidState> {
+        let (state, past) = (&memory.state, &memory.past);
+        finite("position", &state.position)?;
+        finite("velocity", &state.velocity)?;
+        finite("accelerometer bias", &state.accelerometer_bias)?;
+        let entries = past.entries.iter();
+        finite(
+            "past",
+            entries.flat_map(|(position, dt)| position.iter().chain([dt])),
+        )?;
+        expect(
+            "past",
+            past.count <= PAST,
+            "of the length of the observer's",
+        )?;
+        let times = [&past.since, &memory.since_seen];
+        finite("times", memory.since_position.iter().chain(times))?;
+        self.memory = memory;
+        Ok(())
+    }
+}
+
 impl<T: Scalar> Cascade<T> {
     /// An observer that waits for its first position. `force_at_rest` is the specific force of a
     /// body at rest in the reference frame (m/s^2): `[0, 0, g]` in ENU, `[0, 0, -g]` in NED.
@@ -177,21 +217,23 @@ impl<T: Scalar> Cascade<T> {
         Ok(Self {
             config,
             force_at_rest,
-            state: CascadeState {
-                position: Vector3::zeros(),
-                velocity: Vector3::zeros(),
-                accelerometer_bias: Vector3::zeros(),
+            memory: CascadeMemory {
+                state: CascadeState {
+                    position: Vector3::zeros(),
+                    velocity: Vector3::zeros(),
+                    accelerometer_bias: Vector3::zeros(),
+                },
+                past: Past::starting_at(Vector3::zeros()),
+                since_position: None,
+                since_seen: T::zero(),
+                outliers: 0,
             },
-            past: Past::starting_at(Vector3::zeros()),
-            since_position: None,
-            since_seen: T::zero(),
-            outliers: 0,
         })
     }
 
     /// The estimate; `None` before the first position.
     pub fn state(&self) -> Option<&CascadeState<T>> {
-        self.since_position.map(|_| &self.state)
+        self.memory.since_position.map(|_| &self.memory.state)
     }
 
     /// Moves on by `dt` seconds with the specific force (m/s^2, body axes) that held over them, at
@@ -206,16 +248,17 @@ impl<T: Scalar> Cascade<T> {
         dt: T,
     ) -> Result<(), SkipReason> {
         check_inertial(ref_from_body, specific_force, dt)?;
-        let Some(since) = self.since_position.filter(|_| dt > T::zero()) else {
+        let Some(since) = self.memory.since_position.filter(|_| dt > T::zero()) else {
             return Ok(());
         };
-        let felt = specific_force - self.state.accelerometer_bias;
+        let felt = specific_force - self.memory.state.accelerometer_bias;
         let acceleration = ref_from_body * felt - self.force_at_rest;
-        self.state.position += self.state.velocity * dt + acceleration * (dt * dt * lit::<T>(0.5));
-        self.state.velocity += acceleration * dt;
-        self.past.advance(dt, &self.state.position);
-        self.since_position = Some(since + dt);
-        self.since_seen += dt;
+        self.memory.state.position +=
+            self.memory.state.velocity * dt + acceleration * (dt * dt * lit::<T>(0.5));
+        self.memory.state.velocity += acceleration * dt;
+        self.memory.past.advance(dt, &self.memory.state.position);
+        self.memory.since_position = Some(since + dt);
+        self.memory.since_seen += dt;
         Ok(())
     }
 
@@ -233,23 +276,23 @@ impl<T: Scalar> Cascade<T> {
         if let Err(reason) = check_fix(position, age, ref_from_body, angular_rate) {
             return Innovation::skipped(reason);
         }
-        let Some(since) = self.since_position else {
+        let Some(since) = self.memory.since_position else {
             self.start(position, age);
             return unweighed(Vector3::zeros(), Outcome::Fused);
         };
         // Rounding of two clocks is no progress; an outlier that is held counts once, too.
-        if self.since_seen - age < lit(1e-3) {
+        if self.memory.since_seen - age < lit(1e-3) {
             return Innovation::skipped(SkipReason::NotNewer);
         }
         let interval = since - age;
-        let Some(then) = self.past.before(age, &self.state.position) else {
+        let Some(then) = self.memory.past.before(age, &self.memory.state.position) else {
             return Innovation::skipped(SkipReason::OutOfRange);
         };
-        self.since_seen = age;
+        self.memory.since_seen = age;
         let error = position - then;
         let is_outlier = error.norm() > self.config.position_std_m * lit(OUTLIER_STDS);
-        if is_outlier && self.outliers < OUTLIERS_ACCEPTED {
-            self.outliers += 1;
+        if is_outlier && self.memory.outliers < OUTLIERS_ACCEPTED {
+            self.memory.outliers += 1;
             return unweighed(error, Outcome::Gated);
         }
         let outcome = if is_outlier {
@@ -257,19 +300,19 @@ impl<T: Scalar> Cascade<T> {
         } else {
             Outcome::Fused
         };
-        self.outliers = 0;
-        self.since_position = Some(age);
+        self.memory.outliers = 0;
+        self.memory.since_position = Some(age);
         self.correct(&error, interval, ref_from_body, angular_rate);
         unweighed(error, outcome)
     }
 
     fn start(&mut self, position: &Vector3<T>, age: T) {
-        self.state.position = *position;
-        self.state.velocity = Vector3::zeros();
-        self.past = Past::starting_at(*position);
-        self.since_position = Some(age);
-        self.since_seen = age;
-        self.outliers = 0;
+        self.memory.state.position = *position;
+        self.memory.state.velocity = Vector3::zeros();
+        self.memory.past = Past::starting_at(*position);
+        self.memory.since_position = Some(age);
+        self.memory.since_seen = age;
+        self.memory.outliers = 0;
     }
 
     /// All three discrete poles at `theta` (O10).
@@ -284,18 +327,18 @@ impl<T: Scalar> Cascade<T> {
         let theta = (-self.config.pole * interval).exp();
         let rest = T::one() - theta;
         let shift = error * (T::one() - theta * theta * theta);
-        self.state.position += shift;
-        self.past.shift(&shift);
+        self.memory.state.position += shift;
+        self.memory.past.shift(&shift);
         let velocity_gain = lit::<T>(1.5) * (T::one() - theta * theta) * rest / interval;
-        self.state.velocity += error * velocity_gain;
+        self.memory.state.velocity += error * velocity_gain;
         let bias_gain = rest * rest * rest / (interval * interval);
         let mut body = ref_from_body.inverse() * error;
         if self.config.rotation_rate_term {
             body += angular_rate.cross(&body) / (self.config.pole * lit(3.0));
         }
         let limit = self.config.bias_limit;
-        let bias = self.state.accelerometer_bias - body * bias_gain;
-        self.state.accelerometer_bias = bias.map(|b| b.max(-limit).min(limit));
+        let bias = self.memory.state.accelerometer_bias - body * bias_gain;
+        self.memory.state.accelerometer_bias = bias.map(|b| b.max(-limit).min(limit));
     }
 }
 

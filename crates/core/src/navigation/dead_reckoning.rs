@@ -32,6 +32,7 @@ use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::scalar_update::update_one_state;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::parameters::{ConfigError, parameters};
+use crate::restorable::{InvalidState, Restorable, covariance, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 
 /// Longest interval of a propagation, s.
@@ -66,10 +67,12 @@ parameters! {
 
 /// Everything the filter remembers.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DeadReckoningState<T: Scalar> {
     /// Position north, east (m), current north, east (m/s).
     pub state: Vector4<T>,
     /// Covariance of the state.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix4<T>,
     /// Last velocity through the water, north, east, m/s; zero before the first.
     pub water_velocity: Vector2<T>,
@@ -86,6 +89,23 @@ pub struct DeadReckoningState<T: Scalar> {
 pub struct DeadReckoning<T: Scalar> {
     config: DeadReckoningConfig<T>,
     state: DeadReckoningState<T>,
+}
+
+impl<T: Scalar> Restorable for DeadReckoning<T> {
+    type State = DeadReckoningState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        finite("position and current", &state.state)?;
+        covariance("covariance", &state.covariance)?;
+        finite("velocity through the water", &state.water_velocity)?;
+        not_negative("time since the last fix", &state.since_fix_s)?;
+        self.state = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> DeadReckoning<T> {
@@ -108,20 +128,9 @@ impl<T: Scalar> DeadReckoning<T> {
         })
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &DeadReckoningState<T> {
         &self.state
-    }
-
-    /// Continues from a saved state; one with numbers that are not finite changes nothing and gives `false`.
-    pub fn restore(&mut self, state: DeadReckoningState<T>) -> bool {
-        let usable = state.state.norm_squared().is_finite()
-            && state.covariance.norm_squared().is_finite()
-            && state.water_velocity.norm_squared().is_finite();
-        if usable {
-            self.state = state;
-        }
-        usable
     }
 
     /// Position north, east, m.

@@ -34,21 +34,23 @@
 
 mod aiding;
 mod sparse;
+mod state;
 
-use nalgebra::{SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
 pub use aiding::{GnssCompassFix, GnssCompassUpdate};
-pub use sparse::{Measurement, REJECTIONS_ACCEPTED, ROW_ELEMENTS, Row, SIDE};
+pub use sparse::{REJECTIONS_ACCEPTED, ROW_ELEMENTS, Row, SIDE, SparseMeasurement};
+pub use state::NavigationState;
 
 use super::transition::{ErrorTransition, ProcessNoise};
 use super::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION, STATES, VELOCITY};
 use crate::geometry::{rotation, so3};
-use crate::kalman::covariance::mirror_upper;
 use crate::kalman::feedback::reset_covariance;
 use crate::kalman::innovation::check_vector;
 use crate::kalman::shear::times;
-use crate::kalman::{OutsideCorrection, SkipReason};
+use crate::kalman::{NavigationPose, OutsideCorrection, SkipReason};
 use crate::parameters::{ConfigError, Range, parameters};
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
 
 /// Largest angular rate (rad/s) and specific force (m/s^2) that a sensor can have measured.
@@ -80,56 +82,25 @@ parameters! {
         "Its effect is a fraction of a per cent.";
 }
 
-/// Everything the filter remembers: save it, restore it, and it continues exactly.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NavigationState<T: Scalar> {
-    /// Attitude, `ned_from_body`.
-    pub ned_from_body: UnitQuaternion<T>,
-    /// Velocity, m/s, NED.
-    pub velocity: Vector3<T>,
-    /// Position, m, NED from the origin of the tangent plane.
-    pub position: Vector3<T>,
-    /// Accelerometer bias, m/s^2, body axes.
-    pub accelerometer_bias: Vector3<T>,
-    /// Gyroscope bias, rad/s, body axes.
-    pub gyroscope_bias: Vector3<T>,
-    /// Covariance of `[dpsi, dv, dp, db_a, db_g]` at the last update or
-    /// [`ErrorStateFilter::catch_up`].
-    pub covariance: SMatrix<T, STATES, STATES>,
-    /// Transition of the errors since then.
-    pub pending: ErrorTransition<T>,
-    /// Inertial samples and fixes that were refused.
-    pub skipped: u32,
-}
-
-impl<T: Scalar> NavigationState<T> {
-    /// Whether every number is finite and no variance negative.
-    pub fn is_usable(&self) -> bool {
-        let variances = self.covariance.diagonal();
-        let vectors = [
-            &self.velocity,
-            &self.position,
-            &self.accelerometer_bias,
-            &self.gyroscope_bias,
-        ];
-        self.ned_from_body.as_ref().norm_squared().is_finite()
-            && vectors.iter().all(|v| v.norm_squared().is_finite())
-            && self.covariance.norm_squared().is_finite()
-            && variances.iter().all(|v| *v >= T::zero())
-    }
-
-    /// The covariance symmetric to the bit, as every step of the filter leaves it; the upper triangle counts.
-    fn with_symmetric_covariance(mut self) -> Self {
-        mirror_upper(&mut self.covariance);
-        self
-    }
-}
-
 /// The filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorStateFilter<T: Scalar> {
     config: ErrorStateConfig<T>,
     state: NavigationState<T>,
+}
+
+impl<T: Scalar> Restorable for ErrorStateFilter<T> {
+    type State = NavigationState<T>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.state = state.with_symmetric_covariance();
+        Ok(())
+    }
 }
 
 impl<T: Scalar> ErrorStateFilter<T> {
@@ -160,13 +131,23 @@ impl<T: Scalar> ErrorStateFilter<T> {
         &self.config
     }
 
-    /// The state, to save or to look at.
+    /// The state, to look at.
     pub fn state(&self) -> &NavigationState<T> {
         &self.state
     }
 
-    /// Continues from a saved state; one that is not usable changes nothing and gives `false`.
-    pub fn restore(&mut self, state: NavigationState<T>) -> bool {
+    /// Pose of the last inertial sample with the covariance of the errors, as of the last [`Self::catch_up`]: for a tracker.
+    pub fn navigation_pose(&self) -> NavigationPose<'_, T, STATES> {
+        NavigationPose {
+            pose: self.pose(),
+            covariance: &self.state.covariance,
+            pose_from_error: self.pose_from_error(),
+        }
+    }
+
+    /// Starts from a state that was just made; one that is not usable changes nothing and gives `false`.
+    #[must_use]
+    pub(super) fn start(&mut self, state: NavigationState<T>) -> bool {
         let usable = state.is_usable();
         if usable {
             self.state = state.with_symmetric_covariance();

@@ -26,12 +26,17 @@ pub(super) struct GaussMarkovBias<T> {
 
 /// The value at rest of one sensor's bias.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct BiasAtRest<T: Scalar> {
     value: Vector3<T>,
     variance: Vector3<T>,
 }
 
 impl<T: Scalar> BiasAtRest<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        self.value.iter().chain(&self.variance)
+    }
+
     /// Known to these variances.
     pub(super) fn new(value: Vector3<T>, variance: Vector3<T>) -> Self {
         Self { value, variance }

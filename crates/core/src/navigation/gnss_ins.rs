@@ -51,7 +51,9 @@ mod clock;
 mod config;
 mod counts;
 mod inertial;
+mod memory;
 mod propagation;
+mod solution;
 mod starting;
 mod stillness;
 mod updates;
@@ -63,20 +65,17 @@ use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 pub use config::{GnssInsConfig, ImuSamples};
 pub use counts::{Aid, AidCounts};
+pub use memory::GnssInsState;
 pub use updates::{ErrorShares, GnssPositionUpdate};
 
-use self::alignment::Alignment;
-use self::starting::Seen;
-use self::stillness::{Quiet, StillnessWindow, Window};
+use self::memory::Memory;
 use super::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
-use super::gauss_markov_bias::BiasAtRest;
-use super::history::ImuHistory;
 use super::validity::Validity;
 use super::{
     ACCELEROMETER_BIAS, ERRORS, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION, STATES,
 };
-use crate::kalman::{CountedGate, ErrorListener, ErrorPropagation};
+use crate::kalman::{ErrorListener, ErrorPropagation, NavigationPose};
 use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
@@ -88,12 +87,14 @@ pub const LONGEST_GAP_S: f64 = 10.0;
 /// How the errors went on over one step of the covariance: the 15 by the transition, then the biases and the side
 /// states shrunk.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CovarianceStep<T: Scalar> {
     /// Of the 15 errors.
     pub transition: ErrorTransition<T>,
     /// What is left of the accelerometer's and of the gyroscope's bias error.
     pub bias_kept: [T; 2],
     /// What is left of the augmented states.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     pub side_kept: [T; AUGMENTED_STATES],
 }
 
@@ -127,50 +128,23 @@ pub struct PoseWithErrors<T: Scalar> {
     pub pose_from_error: SMatrix<T, 3, ERRORS>,
 }
 
+impl<T: Scalar> PoseWithErrors<T> {
+    /// As trackers take it.
+    pub fn navigation_pose(&self) -> NavigationPose<'_, T, ERRORS> {
+        NavigationPose {
+            pose: self.pose,
+            covariance: &self.covariance,
+            pose_from_error: self.pose_from_error,
+        }
+    }
+}
+
 /// The GNSS/INS; `HISTORY` samples are kept to look back by. The listener `L` follows its errors; `()` for nobody.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GnssIns<T: Scalar, const HISTORY: usize = 32, L = ()> {
     config: GnssInsConfig<T>,
     filter: ErrorStateFilter<T>,
-    side: AugmentedStates<T>,
-    history: ImuHistory<T, HISTORY>,
-    /// What the alignment has, while it aligns.
-    aligning: Option<Alignment<T>>,
-    seen: Seen<T>,
-    window: StillnessWindow<T>,
-    quiet: Quiet<T>,
-    /// Windows at rest in a row.
-    still_windows: u32,
-    /// Until when the receiver's last velocity says that it stands.
-    stands_until_ns: Option<i64>,
-    /// Time of the state.
-    now_ns: Option<i64>,
-    last_imu: Option<(i64, Vector3<T>, Vector3<T>)>,
-    last_fix_ns: Option<i64>,
-    /// Stamp of the last magnetic field that was fused.
-    last_magnetic_ns: Option<i64>,
-    /// Magnetic declination where the settings have none.
-    declination: T,
-    /// Variance that the receiver's slow error is held to have, m^2.
-    slow_variance: Vector3<T>,
-    /// Values at rest of the accelerometer's and the gyroscope's bias.
-    at_rest: [BiasAtRest<T>; 2],
-    last_step: CovarianceStep<T>,
-    /// A finished window that has not been used yet.
-    due_window: Option<Window<T>>,
-    since_constraint: T,
-    /// Seconds since something measured the velocity.
-    since_velocity: T,
-    gates: [CountedGate; Aid::ALL.len()],
-    /// That of the angular rate at rest: its refusals are not those of the velocity.
-    standing_rate_gate: CountedGate,
-    counts: [AidCounts<T>; Aid::ALL.len()],
-    stamps: [Option<i64>; Aid::ALL.len()],
-    imu_skipped: u32,
-    /// Stamps in a row that are of a time long past.
-    behind: u8,
-    gaps: u32,
-    restarts: u32,
+    memory: Memory<T, HISTORY>,
     listener: L,
 }
 
@@ -222,37 +196,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         Ok(Self {
             config,
             filter: ErrorStateFilter::new(settings, nowhere)?,
-            side: AugmentedStates::default(),
-            history: ImuHistory::default(),
-            aligning: Some(Alignment::default()),
-            seen: Seen::default(),
-            window: StillnessWindow::default(),
-            quiet: Quiet::default(),
-            still_windows: 0,
-            stands_until_ns: None,
-            now_ns: None,
-            last_imu: None,
-            last_fix_ns: None,
-            last_magnetic_ns: None,
-            declination: T::zero(),
-            slow_variance: Vector3::zeros(),
-            at_rest: [BiasAtRest::new(Vector3::zeros(), Vector3::zeros()); 2],
-            last_step: CovarianceStep {
-                transition: ErrorTransition::default(),
-                bias_kept: [T::one(); 2],
-                side_kept: [T::one(); AUGMENTED_STATES],
-            },
-            due_window: None,
-            since_constraint: T::zero(),
-            since_velocity: T::zero(),
-            gates: [CountedGate::default(); Aid::ALL.len()],
-            standing_rate_gate: CountedGate::default(),
-            counts: [AidCounts::default(); Aid::ALL.len()],
-            stamps: [None; Aid::ALL.len()],
-            imu_skipped: 0,
-            behind: 0,
-            gaps: 0,
-            restarts: 0,
+            memory: Memory::default(),
             listener,
         })
     }
@@ -271,14 +215,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// Pose and errors of this instant, with the covariance brought up to it, and the listener, to fuse what was seen from
     /// there; `None` before the start.
     pub fn pose_and_listener(&mut self) -> Option<(PoseWithErrors<T>, &mut L)> {
-        if self.aligning.is_none() {
+        if self.memory.aligning.is_none() {
             self.catch_up();
         }
-        if self.aligning.is_some() {
+        if self.memory.aligning.is_some() {
             return None;
         }
         let mut covariance = SMatrix::<T, ERRORS, ERRORS>::zeros();
-        let (own, side) = (&self.filter.state().covariance, &self.side);
+        let (own, side) = (&self.filter.state().covariance, &self.memory.side);
         covariance
             .fixed_view_mut::<STATES, STATES>(0, 0)
             .copy_from(own);
@@ -311,44 +255,44 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// The state once it has started: position, velocity, attitude and biases at [`Self::time_ns`]. Its covariance
     /// is at most 0.1 s older.
     pub fn state(&self) -> Option<&NavigationState<T>> {
-        self.aligning.is_none().then(|| self.filter.state())
+        self.memory.aligning.is_none().then(|| self.filter.state())
     }
 
     /// The states beside: the receiver's slow error, time offset, barometer's offset, mount angles, the
     /// magnetometer's iron.
     pub fn augmented_states(&self) -> &AugmentedStates<T> {
-        &self.side
+        &self.memory.side
     }
 
     /// Tells the magnetic declination (rad, east positive) of the place; one in the settings stands above it, and what is
     /// not an angle changes nothing. To be told before the start: a heading that began from a magnetometer stays where it is.
     pub fn set_declination(&mut self, declination: T) {
         if declination.abs() <= lit(4.0) {
-            self.declination = declination;
+            self.memory.declination = declination;
         }
     }
 
     /// Time of the state, ns.
     pub fn time_ns(&self) -> Option<i64> {
-        self.now_ns
+        self.memory.now_ns
     }
 
     /// Angular rate of the last sample as it was measured, rad/s, body axes.
     pub fn angular_rate(&self) -> Option<&Vector3<T>> {
-        self.last_imu.as_ref().map(|(_, rate, _)| rate)
+        self.memory.last_imu.as_ref().map(|(_, rate, _)| rate)
     }
 
     /// Stamp of the last position that was fused, ns.
     pub fn last_fix_ns(&self) -> Option<i64> {
-        self.last_fix_ns
+        self.memory.last_fix_ns
     }
 
     /// What the position is worth.
     pub fn validity(&self) -> Validity {
-        let Some((state, now)) = self.state().zip(self.now_ns) else {
+        let Some((state, now)) = self.state().zip(self.memory.now_ns) else {
             return Validity::Aligning;
         };
-        let since = self.last_fix_ns.map(|fix| seconds(fix, now));
+        let since = self.memory.last_fix_ns.map(|fix| seconds(fix, now));
         let p = &state.covariance;
         let north = p[(POSITION, POSITION)];
         let east = p[(POSITION + 1, POSITION + 1)];
@@ -368,27 +312,27 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// What became of the measurements of an aid.
     pub fn counts(&self, aid: Aid) -> &AidCounts<T> {
-        &self.counts[aid as usize]
+        &self.memory.counts[aid as usize]
     }
 
     /// Inertial samples refused: not finite, not newer, out of range.
     pub fn imu_skipped(&self) -> u32 {
-        self.imu_skipped
+        self.memory.imu_skipped
     }
 
     /// Gaps of more than [`GAP_LIMIT_S`] between inertial samples.
     pub fn gaps(&self) -> u32 {
-        self.gaps
+        self.memory.gaps
     }
 
     /// How often it had to start again: after [`LONGEST_GAP_S`], a clock that went back, or a covariance that was none.
     pub fn restarts(&self) -> u32 {
-        self.restarts
+        self.memory.restarts
     }
 
     /// Whether the unit was found at rest in the last half second.
     pub fn is_still(&self) -> bool {
-        self.still_windows > 0
+        self.memory.still_windows > 0
     }
 }
 

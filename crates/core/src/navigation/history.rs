@@ -10,10 +10,12 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::NavigationState;
 use crate::geometry::so3;
+use crate::restorable::{InvalidState, expect};
 use crate::scalar::{Scalar, lit};
 
 /// One sample: what held over `dt`, as it was given to the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Step<T: Scalar> {
     angular_rate: Vector3<T>,
     specific_force: Vector3<T>,
@@ -22,7 +24,16 @@ struct Step<T: Scalar> {
 
 /// The last samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct ImuHistory<T: Scalar, const N: usize> {
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     steps: [Step<T>; N],
     next: usize,
     len: usize,
@@ -75,6 +86,17 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
             self.next = (self.next + 1) % N;
             self.len = (self.len + 1).min(N);
         }
+    }
+
+    /// Whether a saved one can be continued from.
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        let numbers = |step: &Step<T>| {
+            let vectors = step.angular_rate.norm_squared() + step.specific_force.norm_squared();
+            vectors.is_finite() && step.dt.is_finite()
+        };
+        expect("history", self.steps.iter().all(numbers), "finite")?;
+        let in_place = self.len <= N && self.next < N.max(1);
+        expect("history", in_place, "of the length of the filter's")
     }
 
     /// Forgets all: the state has moved by other means.

@@ -25,11 +25,16 @@ pub mod history;
 pub mod transition;
 pub mod validity;
 
+pub use aiding::gnss_position::GnssPosition;
+pub use aiding::gnss_velocity::GnssVelocity;
 pub use augmented_states::AugmentedStates;
+pub use axis_filters::{PositionAxisConfig, PositionAxisFilters};
 pub use cascade::{Cascade, CascadeConfig, CascadeState};
 pub use dead_reckoning::{DeadReckoning, DeadReckoningConfig, DeadReckoningState};
-pub use error_state::{ErrorStateConfig, ErrorStateFilter, GnssCompassFix, NavigationState};
-pub use gnss_ins::{GnssIns, GnssInsConfig};
+pub use error_state::{
+    ErrorStateConfig, ErrorStateFilter, GnssCompassFix, GnssCompassUpdate, NavigationState,
+};
+pub use gnss_ins::{Aid, GnssIns, GnssInsConfig, GnssInsState, GnssPositionUpdate};
 pub use transition::ErrorTransition;
 pub use validity::{Validity, ValidityLimits};
 

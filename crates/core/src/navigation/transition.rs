@@ -32,6 +32,7 @@ use crate::scalar::{Scalar, lit};
 /// over an interval.
 #[must_use = "who is correlated with this filter's error has to follow it"]
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ErrorTransition<T: Scalar> {
     duration: T,
     /// Whether it is that of one sample, whose position is the trapezoid of the velocity.
@@ -41,12 +42,16 @@ pub struct ErrorTransition<T: Scalar> {
     /// `e`: position from attitude is `[e]x`.
     position_from_attitude: Vector3<T>,
     /// `B`: attitude from gyroscope bias, and velocity from accelerometer bias.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     integrated_axes: Matrix3<T>,
     /// `D`: velocity from gyroscope bias.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     velocity_from_gyroscope_bias: Matrix3<T>,
     /// `F`: position from accelerometer bias.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     position_from_accelerometer_bias: Matrix3<T>,
     /// `E`: position from gyroscope bias.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     position_from_gyroscope_bias: Matrix3<T>,
 }
 
@@ -77,6 +82,19 @@ fn cross_columns<T: Scalar>(v: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
 }
 
 impl<T: Scalar> ErrorTransition<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let vectors = self.velocity_from_attitude.iter();
+        let blocks = [
+            &self.integrated_axes,
+            &self.velocity_from_gyroscope_bias,
+            &self.position_from_accelerometer_bias,
+            &self.position_from_gyroscope_bias,
+        ];
+        let vectors = vectors.chain(&self.position_from_attitude);
+        let blocks = blocks.into_iter().flatten();
+        vectors.chain(blocks).chain([&self.duration])
+    }
+
     /// Length of the interval, s.
     #[inline]
     pub fn duration_s(&self) -> T {

@@ -8,6 +8,8 @@ use crate::scalar::Scalar;
 
 /// What a position is worth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Validity {
     /// There is no position yet.
     Aligning,

@@ -9,11 +9,14 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::own_ship::PoseMemory;
+use super::schmidt_kalman::SchmidtKalmanState;
 use super::{
-    Coupling, OwnShip, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig, check_step,
+    Coupling, NavigationPose, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
+    check_step,
 };
-use crate::kalman::{ErrorPropagation, Innovation, SkipReason};
+use crate::kalman::{ErrorListener as _, ErrorPropagation, Innovation, SkipReason};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, covariance, not_negative};
 use crate::scalar::Scalar;
 
 /// The tracker.
@@ -23,6 +26,40 @@ pub struct BlackBoxSchmidt<T: Scalar> {
     memory: PoseMemory<T>,
     before: Matrix3<T>,
     since_update: T,
+}
+
+/// Everything that the tracker remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct BlackBoxState<T: Scalar> {
+    /// Target, and its covariance with the pose error.
+    pub tracker: SchmidtKalmanState<T, 3>,
+    /// Covariance of the pose at the last scan.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
+    pub pose_covariance: Matrix3<T>,
+    /// Seconds since the last scan.
+    pub since_update_s: T,
+}
+
+impl<T: Scalar> Restorable for BlackBoxSchmidt<T> {
+    type State = BlackBoxState<T>;
+
+    fn save(&self) -> Self::State {
+        BlackBoxState {
+            tracker: self.inner.save(),
+            pose_covariance: self.before,
+            since_update_s: self.since_update,
+        }
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        covariance("covariance of the pose", &state.pose_covariance)?;
+        not_negative("time since the last scan", [&state.since_update_s])?;
+        self.inner.restore(state.tracker)?;
+        self.before = state.pose_covariance;
+        self.since_update = state.since_update_s;
+        Ok(())
+    }
 }
 
 /// What remains of each pose error.
@@ -91,13 +128,13 @@ impl<T: Scalar> BlackBoxSchmidt<T> {
         let remains = self
             .memory
             .factors(&self.before, pose_covariance, self.since_update);
-        self.inner.navigation_propagated(&Remains(remains));
+        self.inner.propagated(&Remains(remains));
         self.before = *pose_covariance;
         self.since_update = T::zero();
-        let own = OwnShip {
+        let own = NavigationPose {
             pose: *pose,
             covariance: pose_covariance,
-            pose_from_error: &Matrix3::identity(),
+            pose_from_error: Matrix3::identity(),
         };
         self.inner.update(detection, &own)
     }

@@ -16,6 +16,7 @@ use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 
 /// How the own ship moved since the last scan.
@@ -34,6 +35,20 @@ pub struct OwnIncrement<T: Scalar> {
 pub struct BodyFrameTracker<T: Scalar> {
     config: TrackerConfig<T>,
     track: TrackEstimate<T>,
+}
+
+impl<T: Scalar> Restorable for BodyFrameTracker<T> {
+    type State = TrackEstimate<T>;
+
+    fn save(&self) -> Self::State {
+        self.track
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.track = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> BodyFrameTracker<T> {

@@ -35,6 +35,11 @@ pub(super) fn predict_columns<T: Scalar, const N: usize>(rows: &mut SMatrix<T, N
 }
 
 impl<T: Scalar> ConstantVelocity<T> {
+    /// With this standard deviation of the acceleration, m/s^2 per axis.
+    pub fn new(acceleration_std: T) -> Self {
+        Self { acceleration_std }
+    }
+
     /// Moves the target on by `dt` seconds: `x <- F x`, `P <- F P F^T + Q`.
     #[inline]
     pub fn predict(&self, track: &mut TrackEstimate<T>, dt: T) {

@@ -15,10 +15,13 @@ use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
 
 /// How a detection becomes a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Conversion {
     /// Linearised at the measurement, as in the paper.
     Linearized,
@@ -33,6 +36,20 @@ pub struct ConvertedMeasurement<T: Scalar> {
     config: TrackerConfig<T>,
     conversion: Conversion,
     track: TrackEstimate<T>,
+}
+
+impl<T: Scalar> Restorable for ConvertedMeasurement<T> {
+    type State = TrackEstimate<T>;
+
+    fn save(&self) -> Self::State {
+        self.track
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.track = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> ConvertedMeasurement<T> {

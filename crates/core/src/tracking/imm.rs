@@ -24,23 +24,43 @@ use crate::scalar::Scalar;
 
 /// One motion model's belief about a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct Mode<T> {
     /// Probability that the target moves like this now.
     pub probability: T,
     /// `[north, north velocity, east, east velocity, turn rate]` in m, m/s, rad/s.
     pub state: TargetState<T>,
     /// Covariance of the state.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: TargetCovariance<T>,
     /// Covariance of the state's error with the own ship's.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub cross: CrossCovariance<T>,
 }
 
 /// The models and how targets switch between them.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct Models<T, const M: usize> {
     /// The motion models.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     pub motions: [Motion<T>; M],
     /// Mean time a target stays in each model, s.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     pub dwell_s: [T; M],
     /// The turn rate of all models.
     pub turn: TurnRate<T>,
@@ -48,8 +68,17 @@ pub struct Models<T, const M: usize> {
 
 /// A target under several motion models at once.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct Imm<T, const M: usize> {
     /// One belief a model; the probabilities sum to one.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     pub modes: [Mode<T>; M],
 }
 

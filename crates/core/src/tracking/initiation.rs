@@ -8,7 +8,7 @@
 use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::radar::DetectedPosition;
-use super::{OwnShip, RadarDetection, RadarNoise, TrackEstimate};
+use super::{NavigationPose, RadarDetection, RadarNoise, TrackEstimate};
 use crate::kalman::SkipReason;
 use crate::scalar::Scalar;
 
@@ -21,7 +21,7 @@ pub fn one_point<T: Scalar, const N: usize>(
     detection: &RadarDetection<T>,
     noise: &RadarNoise<T>,
     velocity_std: T,
-    own: &OwnShip<'_, T, N>,
+    own: &NavigationPose<'_, T, N>,
 ) -> Result<(TrackEstimate<T>, SMatrix<T, N, 4>), SkipReason> {
     detection.check()?;
     own.check()?;
@@ -68,20 +68,20 @@ mod tests {
             let error = scene.draw_error();
             let true_pose = Vector3::new(10.0, -20.0, 0.4);
             let detection = scene.detect(&target, &true_pose, &noise);
-            let own = OwnShip {
+            let own = NavigationPose {
                 pose: true_pose - error,
                 covariance: &covariance,
-                pose_from_error: &SMatrix::identity(),
+                pose_from_error: SMatrix::identity(),
             };
             let (track, _) = one_point(&detection, &noise, 3.0, &own).unwrap();
             let off = target - track.state;
             sums.0 += off * off.transpose() / f64::from(n);
             sums.1 += error * off.transpose() / f64::from(n);
         }
-        let own = OwnShip {
+        let own = NavigationPose {
             pose: Vector3::new(10.0, -20.0, 0.4),
             covariance: &covariance,
-            pose_from_error: &SMatrix::identity(),
+            pose_from_error: SMatrix::identity(),
         };
         let detection = scene.detect_exactly(&target, &own.pose);
         let (track, cross) = one_point(&detection, &noise, 3.0, &own).unwrap();
@@ -113,10 +113,10 @@ mod tests {
         };
         let covariance = nalgebra::Matrix3::<f64>::identity();
         let rows = nalgebra::Matrix3::identity();
-        let own = OwnShip {
+        let own = NavigationPose {
             pose: Vector3::zeros(),
             covariance: &covariance,
-            pose_from_error: &rows,
+            pose_from_error: rows,
         };
         let bad = RadarDetection {
             range: f64::NAN,
@@ -131,7 +131,7 @@ mod tests {
             SkipReason::OutOfRange
         );
         let negative = -covariance;
-        let own = OwnShip {
+        let own = NavigationPose {
             covariance: &negative,
             ..own
         };

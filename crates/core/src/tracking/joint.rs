@@ -6,17 +6,33 @@
 
 use nalgebra::{SMatrix, Vector3};
 
-use super::{Coupling, OwnShip, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig};
+use super::schmidt_kalman::SchmidtKalmanState;
+use super::{
+    Coupling, NavigationPose, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
+};
 use crate::kalman::{
     ErrorListener, ErrorPropagation, Innovation, OutsideCorrection, ScalarCorrection, SkipReason,
 };
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 
 /// The tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointEkf<T: Scalar, const N: usize> {
     inner: SchmidtKalman<T, N>,
+}
+
+impl<T: Scalar, const N: usize> Restorable for JointEkf<T, N> {
+    type State = SchmidtKalmanState<T, N>;
+
+    fn save(&self) -> Self::State {
+        self.inner.save()
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        self.inner.restore(state)
+    }
 }
 
 impl<T: Scalar, const N: usize> JointEkf<T, N> {
@@ -51,7 +67,7 @@ impl<T: Scalar, const N: usize> JointEkf<T, N> {
     pub fn update(
         &mut self,
         detection: &RadarDetection<T>,
-        own: &OwnShip<'_, T, N>,
+        own: &NavigationPose<'_, T, N>,
     ) -> (Innovation<T>, Option<OutsideCorrection<T, N>>) {
         let (innovation, told) = self.inner.update_and_tell(detection, own);
         let outside = told.map(|told| {

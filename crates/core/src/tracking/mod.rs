@@ -7,7 +7,7 @@
 //!
 //! | tracker | file | own pose | when |
 //! |---|---|---|---|
-//! | [`PoseAsKnown`] | `pose_as_known.rs` | taken as exact | the yardsticks: true pose, and uncompensated |
+//! | [`PoseAsKnown`] | `pose_as_known.rs` | taken as exact | the baselines: true pose, and uncompensated |
 //! | [`ConvertedMeasurement`] | `converted_measurement.rs` | its covariance inflates the noise | only pose covariance, no correlation wanted |
 //! | [`SchmidtKalman`] | `schmidt_kalman.rs` | cross-covariance carried along | the default: exact, or with feed-forward |
 //! | [`BlackBoxSchmidt`] | `black_box.rs` | cross-covariance with an assumed correlation time | the navigation shows its pose only |
@@ -26,7 +26,11 @@
 //!
 //! How close they will come, and how likely too close: [`collision`].
 //!
-//! State of a target: `[north, v_north, east, v_east]` (m, m/s). Pose of the own ship: `[north,
+//! # States of a target
+//!
+//! Trackers of one target, on a straight course: `[north, v_north, east, v_east]` (m, m/s; [`TrackEstimate`]).
+//! Those of many targets, which turn: the same four and the turn rate (rad/s, clockwise as a heading;
+//! [`coordinated_turn::TargetState`], [`imm::Mode`]), so the first four mean the same in both. Pose of the own ship: `[north,
 //! east, heading]`, heading clockwise from north, rad. Derivation of it all:
 //! `docs/derivations/schmidt_kalman.md`.
 
@@ -48,27 +52,37 @@ pub mod radar;
 pub mod schmidt_kalman;
 mod update;
 
+pub use crate::kalman::NavigationPose;
 pub use black_box::BlackBoxSchmidt;
 pub use body_frame::BodyFrameTracker;
+pub use collision::ClosestApproach;
 pub use constant_velocity::ConstantVelocity;
 pub use converted_measurement::{Conversion, ConvertedMeasurement};
+pub use detection::{Detection, DetectionNoise};
 pub use joint::JointEkf;
+pub use multi_target::{
+    MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackStatus,
+};
+pub use own_ship::{OwnShip, PoseMemory};
 pub use pose_as_known::PoseAsKnown;
 pub use radar::{RadarDetection, RadarNoise};
 pub use schmidt_kalman::{Coupling, SchmidtKalman};
 
-use nalgebra::{Matrix3, Matrix4, SMatrix, Vector3, Vector4};
+use nalgebra::{Matrix4, Vector4};
 
 use crate::kalman::SkipReason;
 use crate::parameters::{ConfigError, Range};
+use crate::restorable::{InvalidState, covariance, finite};
 use crate::scalar::{Scalar, lit};
 
 /// Where a target is and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TrackEstimate<T: Scalar> {
     /// `[north, v_north, east, v_east]`, m and m/s.
     pub state: Vector4<T>,
     /// Covariance of the state.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix4<T>,
 }
 
@@ -79,34 +93,16 @@ impl<T: Scalar> TrackEstimate<T> {
             && self.covariance.norm_squared().is_finite()
             && self.covariance.diagonal().iter().all(|v| *v >= T::zero())
     }
-}
 
-/// What a tracker is told about the own ship: its pose, and the error of its navigation.
-#[derive(Debug, Clone, Copy)]
-pub struct OwnShip<'a, T: Scalar, const N: usize> {
-    /// `[north, east, heading]`, m and rad.
-    pub pose: Vector3<T>,
-    /// Covariance of the navigation filter's error states.
-    pub covariance: &'a SMatrix<T, N, N>,
-    /// The rows that make the pose error from those states.
-    pub pose_from_error: &'a SMatrix<T, 3, N>,
-}
-
-impl<T: Scalar, const N: usize> OwnShip<'_, T, N> {
-    /// Covariance of the pose.
-    pub fn pose_covariance(&self) -> Matrix3<T> {
-        self.pose_from_error * self.covariance * self.pose_from_error.transpose()
+    /// Standard deviations of `[north, v_north, east, v_east]`, m and m/s.
+    pub fn std(&self) -> Vector4<T> {
+        self.covariance.diagonal().map(|v| v.max(T::zero()).sqrt())
     }
 
-    /// Refuses what cannot be a pose with its covariance.
-    fn check(&self) -> Result<(), SkipReason> {
-        if !self.pose.norm_squared().is_finite() || !self.covariance.norm_squared().is_finite() {
-            Err(SkipReason::NotFinite)
-        } else if self.covariance.diagonal().iter().any(|v| *v < T::zero()) {
-            Err(SkipReason::Numerical)
-        } else {
-            Ok(())
-        }
+    /// Whether a saved one can be continued from.
+    fn check(&self) -> Result<(), InvalidState> {
+        finite("track", &self.state)?;
+        covariance("covariance of the track", &self.covariance)
     }
 }
 

@@ -18,7 +18,7 @@ mod counts;
 mod track;
 mod update;
 
-pub use config::{ScanSensor, TrackerConfig};
+pub use config::{MultiTargetConfig, ScanSensor};
 pub use counts::{ScanError, TrackerCounts};
 pub use track::{Track, TrackStatus};
 
@@ -28,6 +28,7 @@ use super::association::jipda::{Association, associate};
 use super::detection::Detection;
 use super::own_ship::OwnShip;
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, covariance, expect, finite};
 use crate::scalar::{Scalar, lit};
 
 /// One scan: everything one sensor reports at one instant.
@@ -46,16 +47,73 @@ pub struct Scan<'a, T> {
 /// The tracker: `M` motion models a target, at most `N` targets, at most `D` detections a scan.
 #[derive(Debug, Clone)]
 pub struct MultiTargetTracker<T, const M: usize, const N: usize, const D: usize> {
-    config: TrackerConfig<T, M>,
+    config: MultiTargetConfig<T, M>,
+    state: MultiTargetState<T, M, N>,
+    weights: [Association<T, D>; N],
+    marginals: [Association<T, D>; N],
+}
+
+/// Everything that the tracker remembers: save it, restore it, and it continues exactly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
+pub struct MultiTargetState<T, const M: usize, const N: usize> {
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
     tracks: [Option<Track<T, M>>; N],
     /// Time of the last scan and the covariance of the pose then.
-    last: Option<(T, Matrix3<T>)>,
+    last: Option<LastScan<T>>,
     /// The last pose that came with a good time, of a refused scan too, and its time.
     pose: Option<(T, OwnShip<T>)>,
     next_id: u32,
     counts: TrackerCounts,
-    weights: [Association<T, D>; N],
-    marginals: [Association<T, D>; N],
+}
+
+/// Time of a scan (s), and the covariance of the pose then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
+struct LastScan<T> {
+    time_s: T,
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
+    covariance: Matrix3<T>,
+}
+
+impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
+    for MultiTargetTracker<T, M, N, D>
+{
+    type State = MultiTargetState<T, M, N>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        for track in state.tracks.iter().flatten() {
+            track.check()?;
+        }
+        if let Some(last) = &state.last {
+            finite("time of the last scan", [&last.time_s])?;
+            covariance("covariance of the pose", &last.covariance)?;
+        }
+        if let Some((time_s, pose)) = &state.pose {
+            finite("time of the last pose", [time_s])?;
+            expect("pose", pose.is_valid(), "finite, with a covariance")?;
+        }
+        self.state = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTracker<T, M, N, D> {
@@ -63,15 +121,17 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     ///
     /// # Errors
     /// The first setting outside its permitted range.
-    pub fn new(config: TrackerConfig<T, M>) -> Result<Self, ConfigError> {
+    pub fn new(config: MultiTargetConfig<T, M>) -> Result<Self, ConfigError> {
         config.validate()?;
         Ok(Self {
             config,
-            tracks: [None; N],
-            last: None,
-            pose: None,
-            next_id: 1,
-            counts: TrackerCounts::default(),
+            state: MultiTargetState {
+                tracks: [None; N],
+                last: None,
+                pose: None,
+                next_id: 1,
+                counts: TrackerCounts::default(),
+            },
             weights: [Association::missed(T::one()); N],
             marginals: [Association::missed(T::one()); N],
         })
@@ -79,12 +139,12 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     /// Every track, tentative ones too.
     pub fn tracks(&self) -> impl Iterator<Item = &Track<T, M>> {
-        self.tracks.iter().flatten()
+        self.state.tracks.iter().flatten()
     }
 
     /// What was done and what was refused so far.
     pub fn counts(&self) -> &TrackerCounts {
-        &self.counts
+        &self.state.counts
     }
 
     /// Takes one scan.
@@ -93,17 +153,19 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     /// A scan whose time is not finite or before the last, or whose pose is not finite, has no
     /// covariance or has jumped, moves no track and is counted. Single bad detections are skipped and counted.
     pub fn scan(&mut self, scan: &Scan<'_, T>) -> Result<(), ScanError> {
-        let dt = self.admit(scan).inspect_err(|e| self.counts.refuse(*e))?;
-        self.counts.scans += 1;
+        let dt = self
+            .admit(scan)
+            .inspect_err(|e| self.state.counts.refuse(*e))?;
+        self.state.counts.scans += 1;
         self.predict(scan, dt);
         let count = scan.detections.len().min(D);
-        self.counts.detections_beyond_capacity += (scan.detections.len() - count) as u64;
+        self.state.counts.detections_beyond_capacity += (scan.detections.len() - count) as u64;
         let detections = &scan.detections[..count];
         let invalid = detections.iter().filter(|d| !d.is_valid()).count();
-        self.counts.detections_invalid += invalid as u64;
+        self.state.counts.detections_invalid += invalid as u64;
         self.weigh(scan, detections);
         let effort = associate(&self.weights, &mut self.marginals);
-        self.counts.approximate_clusters += u64::from(effort.approximate_clusters);
+        self.state.counts.approximate_clusters += u64::from(effort.approximate_clusters);
         self.update(scan, detections);
         self.remove();
         if scan.sensor.initiates {
@@ -120,52 +182,65 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         if !scan.own_ship.is_valid() {
             return Err(ScanError::PoseInvalid);
         }
-        let dt = self.last.map_or(T::zero(), |(t, _)| scan.time_s - t);
+        let dt = self
+            .state
+            .last
+            .map_or(T::zero(), |last| scan.time_s - last.time_s);
         if dt < T::zero() {
             return Err(ScanError::TimeGoesBack);
         }
         if dt > self.config.longest_gap_s {
             return Err(ScanError::TimeInFuture);
         }
-        let came_from = self.pose.replace((scan.time_s, *scan.own_ship));
+        let came_from = self.state.pose.replace((scan.time_s, *scan.own_ship));
         let limits = &self.config.pose_limits;
         if came_from.is_some_and(|(t, from)| {
             !limits.allow(&from, scan.own_ship, (scan.time_s - t).max(T::zero()))
         }) {
             // A navigation filter that was set anew has errors of its own: no target shares them.
-            self.last = self.last.map(|(t, _)| (t, Matrix3::zeros()));
+            self.state.last = self.state.last.map(|last| LastScan {
+                covariance: Matrix3::zeros(),
+                ..last
+            });
             return Err(ScanError::PoseJumps);
         }
         Ok(dt)
     }
 
     fn predict(&mut self, scan: &Scan<'_, T>, dt: T) {
-        let kept = self.last.map_or_else(Vector3::zeros, |(_, before)| {
+        let kept = self.state.last.map_or_else(Vector3::zeros, |last| {
             let memory = &self.config.pose_memory;
-            memory.factors(&before, &scan.own_ship.covariance, dt)
+            memory.factors(&last.covariance, &scan.own_ship.covariance, dt)
         });
-        for track in self.tracks.iter_mut().flatten() {
+        for track in self.state.tracks.iter_mut().flatten() {
             track.imm.predict(&self.config.models, dt, &kept);
             track.existence.predict(&self.config.existence, dt);
             track.age_s += dt;
             track.silent_s += dt;
         }
-        self.last = Some((scan.time_s, scan.own_ship.covariance));
+        self.state.last = Some(LastScan {
+            time_s: scan.time_s,
+            covariance: scan.own_ship.covariance,
+        });
     }
 
     fn weigh(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
-        for (track, weight) in self.tracks.iter().zip(&mut self.weights) {
+        for (track, weight) in self.state.tracks.iter().zip(&mut self.weights) {
             *weight = match track {
-                Some(track) => {
-                    update::weigh(track, scan, detections, &self.config, &mut self.counts)
-                }
+                Some(track) => update::weigh(
+                    track,
+                    scan,
+                    detections,
+                    &self.config,
+                    &mut self.state.counts,
+                ),
                 None => Association::missed(T::one()),
             };
         }
     }
 
     fn update(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
-        for (slot, marginal) in self.tracks.iter_mut().zip(&self.marginals) {
+        for (slot, marginal) in self.state.tracks.iter_mut().zip(&self.marginals) {
             let Some(track) = slot else { continue };
             update::update(track, scan, detections, marginal, &self.config);
             track.confirm(&self.config);
@@ -175,23 +250,23 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     /// Removes what does not exist any more, what has grown meaningless, and the younger of two
     /// tracks that have become one.
     fn remove(&mut self) {
-        for slot in &mut self.tracks {
+        for slot in &mut self.state.tracks {
             if slot.as_ref().is_some_and(|t| t.is_over(&self.config)) {
                 let confirmed = slot
                     .take()
                     .is_some_and(|t| t.status == TrackStatus::Confirmed);
-                self.counts.deleted_confirmed += u64::from(confirmed);
+                self.state.counts.deleted_confirmed += u64::from(confirmed);
             }
         }
         for i in 0..N {
             for j in 0..i {
-                let (Some(a), Some(b)) = (&self.tracks[i], &self.tracks[j]) else {
+                let (Some(a), Some(b)) = (&self.state.tracks[i], &self.state.tracks[j]) else {
                     continue;
                 };
                 if a.is_same_as(b, &self.config) {
                     let loser = if a.is_senior_to(b) { j } else { i };
-                    self.tracks[loser] = None;
-                    self.counts.merged += 1;
+                    self.state.tracks[loser] = None;
+                    self.state.counts.merged += 1;
                 }
             }
         }
@@ -203,22 +278,23 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             let taken = self
                 .marginals
                 .iter()
-                .zip(&self.tracks)
+                .zip(&self.state.tracks)
                 .filter(|(_, t)| t.is_some())
                 .fold(T::zero(), |sum, (m, _)| sum + m.detections[j]);
             if taken > lit(0.5) {
                 continue;
             }
-            let Some(track) = track::initiate(detection, scan, &self.config, self.next_id) else {
+            let Some(track) = track::initiate(detection, scan, &self.config, self.state.next_id)
+            else {
                 continue;
             };
-            match self.tracks.iter_mut().find(|t| t.is_none()) {
+            match self.state.tracks.iter_mut().find(|t| t.is_none()) {
                 Some(slot) => {
                     *slot = Some(track);
-                    self.next_id = self.next_id.wrapping_add(1);
-                    self.counts.initiated += 1;
+                    self.state.next_id = self.state.next_id.wrapping_add(1);
+                    self.state.counts.initiated += 1;
                 }
-                None => self.counts.tracks_beyond_capacity += 1,
+                None => self.state.counts.tracks_beyond_capacity += 1,
             }
         }
     }

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::detection::wrap_angle;
-use crate::kalman::covariance::cholesky;
+use crate::kalman::covariance::is_covariance;
 use crate::parameters::parameters;
 use crate::scalar::{Scalar, lit};
 
@@ -16,6 +16,14 @@ use crate::scalar::{Scalar, lit};
 ///
 /// Order of the components everywhere: north, east, heading.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct OwnShip<T> {
     /// Position north, m.
     pub north_m: T,
@@ -24,6 +32,7 @@ pub struct OwnShip<T> {
     /// Heading clockwise from north, rad. Zero for detections that are stated in north-east axes.
     pub heading_rad: T,
     /// Covariance of the error (true minus estimate) of north (m), east (m) and heading (rad).
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Matrix3<T>,
 }
 
@@ -85,37 +94,10 @@ impl<T: Scalar> OwnShip<T> {
 
     /// Whether pose and covariance are finite, the covariance symmetric and not negative.
     pub fn is_valid(&self) -> bool {
-        let finite = self.north_m.is_finite()
-            && self.east_m.is_finite()
-            && self.heading_rad.is_finite()
-            && self.covariance.iter().all(|x| x.is_finite());
-        finite && is_positive_semidefinite(&self.covariance)
+        let finite =
+            self.north_m.is_finite() && self.east_m.is_finite() && self.heading_rad.is_finite();
+        finite && is_covariance(&self.covariance, lit(1e-6))
     }
-}
-
-/// Symmetric and positive semidefinite up to rounding: a relative jitter makes zero variances pass.
-fn is_positive_semidefinite<T: Scalar>(p: &Matrix3<T>) -> bool {
-    let d = p.diagonal();
-    if d.iter().any(|v| *v < T::zero()) {
-        return false;
-    }
-    let mut scaled = Matrix3::identity();
-    for i in 0..3 {
-        for j in 0..i {
-            let root = (d[i] * d[j]).sqrt();
-            let lower = p[(i, j)];
-            if (lower - p[(j, i)]).abs() > lit::<T>(1e-6) * root {
-                return false;
-            }
-            if root > T::zero() {
-                scaled[(i, j)] = lower / root;
-                scaled[(j, i)] = scaled[(i, j)];
-            } else if lower.abs() > T::zero() {
-                return false;
-            }
-        }
-    }
-    cholesky(&(scaled + Matrix3::identity() * lit::<T>(1e-6))).is_some()
 }
 
 impl<T: Scalar> PoseMemory<T> {

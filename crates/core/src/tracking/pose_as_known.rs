@@ -8,6 +8,7 @@ use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
 use nalgebra::Vector3;
 
@@ -16,6 +17,20 @@ use nalgebra::Vector3;
 pub struct PoseAsKnown<T: Scalar> {
     config: TrackerConfig<T>,
     track: TrackEstimate<T>,
+}
+
+impl<T: Scalar> Restorable for PoseAsKnown<T> {
+    type State = TrackEstimate<T>;
+
+    fn save(&self) -> Self::State {
+        self.track
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.check()?;
+        self.track = state;
+        Ok(())
+    }
 }
 
 impl<T: Scalar> PoseAsKnown<T> {

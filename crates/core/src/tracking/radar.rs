@@ -18,6 +18,7 @@ const FARTHEST_M: f64 = 1e7;
 
 /// One detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RadarDetection<T> {
     /// Distance, m.
     pub range: T,
@@ -40,6 +41,14 @@ pub struct RadarNoise<T> {
 }
 
 impl<T: Scalar> RadarNoise<T> {
+    /// Standard deviations of range (m) and bearing (rad).
+    pub fn new(range_std: T, bearing_std: T) -> Self {
+        Self {
+            range_std,
+            bearing_std,
+        }
+    }
+
     /// Covariance of range and bearing.
     #[inline]
     pub fn covariance(&self) -> Matrix2<T> {
@@ -54,6 +63,11 @@ impl<T: Scalar> RadarNoise<T> {
 }
 
 impl<T: Scalar> RadarDetection<T> {
+    /// Distance (m) and direction (rad, clockwise from the own ship's bow).
+    pub fn new(range: T, bearing: T) -> Self {
+        Self { range, bearing }
+    }
+
     /// Refuses what no radar can have seen.
     pub(super) fn check(&self) -> Result<(), SkipReason> {
         if !(self.range.is_finite() && self.bearing.is_finite()) {

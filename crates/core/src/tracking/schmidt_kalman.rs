@@ -15,11 +15,13 @@
 //! |---|---|---|
 //! | `x`, `P_t` | `track` | target |
 //! | `X^T` | `cross` (`N` by 4) | covariance of navigation error and target |
-//! | `P_o`, `T` | [`OwnShip`] | from the navigation, never touched |
+//! | `P_o`, `T` | [`NavigationPose`] | from the navigation, never touched |
 //!
 //! Between scans the cross-covariance follows the navigation error wherever that filter takes it:
-//! `X <- F X M^T`, with `M` the product of what [`SchmidtKalman::navigation_propagated`] and
-//! [`SchmidtKalman::navigation_corrected`] are given; as the listener of a `GnssIns` it follows by itself. The paper multiplies by the open-loop
+//! `X <- F X M^T`, with `M` the product of all that it hears as an [`ErrorListener`]: built into a
+//! [`GnssIns`](crate::navigation::GnssIns) it hears everything by itself, and an
+//! [`ErrorStateFilter`](crate::navigation::ErrorStateFilter) hands it out step by step
+//! ([`GnssCompassUpdate::tell`](crate::navigation::GnssCompassUpdate::tell)). The paper multiplies by the open-loop
 //! transition alone ([`Coupling::OpenLoop`]): it believes that a heading error persists which the
 //! navigation has long corrected, and the joint covariance loses its sign. [`Coupling::FeedForward`]
 //! goes further than the exact recursion: what the compass tells about the heading moves the target,
@@ -31,19 +33,21 @@
 use nalgebra::{Matrix2, SMatrix, Vector3};
 
 use super::constant_velocity::predict_columns;
+use super::initiation::one_point;
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
-use super::{OwnShip, RadarDetection, TrackEstimate, TrackerConfig, check_step};
+use super::{NavigationPose, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
 use crate::kalman::feedback::reset_rows;
-use crate::kalman::{
-    ErrorFeedback, ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason,
-};
+use crate::kalman::{ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason};
 use crate::parameters::ConfigError;
+use crate::restorable::{InvalidState, Restorable, finite};
 use crate::scalar::Scalar;
 
 /// What the cross-covariance follows between scans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Coupling {
     /// The closed loop of the navigation: exact.
     Exact,
@@ -59,8 +63,33 @@ pub enum Coupling {
 pub struct SchmidtKalman<T: Scalar, const N: usize> {
     config: TrackerConfig<T>,
     coupling: Coupling,
-    track: TrackEstimate<T>,
-    cross: SMatrix<T, N, 4>,
+    state: SchmidtKalmanState<T, N>,
+}
+
+/// Everything that the tracker remembers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SchmidtKalmanState<T: Scalar, const N: usize> {
+    /// The target.
+    pub track: TrackEstimate<T>,
+    /// Covariance of the navigation error (rows) with the target's state (columns).
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
+    pub cross: SMatrix<T, N, 4>,
+}
+
+impl<T: Scalar, const N: usize> Restorable for SchmidtKalman<T, N> {
+    type State = SchmidtKalmanState<T, N>;
+
+    fn save(&self) -> Self::State {
+        self.state
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.track.check()?;
+        finite("cross-covariance", &state.cross)?;
+        self.state = state;
+        Ok(())
+    }
 }
 
 /// What an update did, for a joint estimator: gain of the navigation's states, and `S`.
@@ -91,9 +120,23 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         Ok(Self {
             config,
             coupling,
-            track,
-            cross,
+            state: SchmidtKalmanState { track, cross },
         })
+    }
+
+    /// Starts a track from its first detection ([`super::initiation::one_point`]): it stands where it was seen, give or
+    /// take a speed of `velocity_std` (m/s) on each axis. Its coupling is [`Coupling::Exact`].
+    ///
+    /// # Errors
+    /// Why detection, pose or standard deviation is refused.
+    pub fn from_detection(
+        config: TrackerConfig<T>,
+        detection: &RadarDetection<T>,
+        velocity_std: T,
+        own: &NavigationPose<'_, T, N>,
+    ) -> Result<Self, SkipReason> {
+        let (track, cross) = one_point(detection, &config.radar, velocity_std, own)?;
+        Self::new(config, Coupling::Exact, track, cross).map_err(|_| SkipReason::OutOfRange)
     }
 
     /// What the cross-covariance follows.
@@ -103,25 +146,12 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
 
     /// The target.
     pub fn track(&self) -> &TrackEstimate<T> {
-        &self.track
+        &self.state.track
     }
 
     /// Covariance of the navigation error (rows) with the target's state (columns).
     pub fn cross_covariance(&self) -> &SMatrix<T, N, 4> {
-        &self.cross
-    }
-
-    /// The navigation filter has propagated its covariance (S5).
-    #[inline]
-    pub fn navigation_propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
-        transition.map_rows(&mut self.cross);
-    }
-
-    /// The navigation filter has corrected itself (S6). With feed-forward the correction moves the
-    /// target by `K_t nu`, `K_t = X H^T S^-1` (S12).
-    #[inline]
-    pub fn navigation_corrected(&mut self, feedback: &ErrorFeedback<T, N>) {
-        feedback.tell(self);
+        &self.state.cross
     }
 
     /// Moves the target on by `dt` seconds: `X <- F X` (S8).
@@ -130,9 +160,24 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.track, dt);
-        predict_columns(&mut self.cross, dt);
+        self.config.motion.predict(&mut self.state.track, dt);
+        predict_columns(&mut self.state.cross, dt);
         Ok(())
+    }
+
+    /// Takes a detection made `dt` seconds after the last one: moves the target on (S8) and fuses (S9). The
+    /// navigation's covariance must have caught up, and the tracker must have been told. A `dt` that is refused changes
+    /// nothing.
+    pub fn scan(
+        &mut self,
+        dt: T,
+        detection: &RadarDetection<T>,
+        own: &NavigationPose<'_, T, N>,
+    ) -> Innovation<T> {
+        match self.predict(dt) {
+            Ok(()) => self.update(detection, own),
+            Err(reason) => Innovation::skipped(reason),
+        }
     }
 
     /// Fuses a detection (S9). The navigation stays as it is.
@@ -140,7 +185,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     pub fn update(
         &mut self,
         detection: &RadarDetection<T>,
-        own: &OwnShip<'_, T, N>,
+        own: &NavigationPose<'_, T, N>,
     ) -> Innovation<T> {
         self.update_and_tell(detection, own).0
     }
@@ -150,12 +195,12 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     pub(super) fn update_and_tell(
         &mut self,
         detection: &RadarDetection<T>,
-        own: &OwnShip<'_, T, N>,
+        own: &NavigationPose<'_, T, N>,
     ) -> (Innovation<T>, Option<OwnPart<T, N>>) {
         let predicted = detection
             .check()
             .and_then(|()| own.check())
-            .and_then(|()| PredictedDetection::new(&self.track.state, &own.pose));
+            .and_then(|()| PredictedDetection::new(&self.state.track.state, &own.pose));
         let predicted = match predicted {
             Ok(predicted) => predicted,
             Err(reason) => return (Innovation::skipped(reason), None),
@@ -163,20 +208,21 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         let h_t = &predicted.by_target;
         let h_o = predicted.by_pose * own.pose_from_error;
         // a = P_t H_t^T + X H_o^T,  o = X^T H_t^T + P_o H_o^T,  S = H_t a + H_o o + R
-        let target = self.track.covariance * h_t.transpose() + self.cross.tr_mul(&h_o.transpose());
-        let navigation = self.cross * h_t.transpose() + own.covariance * h_o.transpose();
+        let target = self.state.track.covariance * h_t.transpose()
+            + self.state.cross.tr_mul(&h_o.transpose());
+        let navigation = self.state.cross * h_t.transpose() + own.covariance * h_o.transpose();
         let s = h_t * target + h_o * navigation + self.config.radar.covariance();
         let measured = Measured {
             residual: predicted.residual(detection),
             covariance: symmetric2(&s),
             target,
         };
-        let (innovation, gain) = measured.fuse(&mut self.track, self.config.gate_nis);
+        let (innovation, gain) = measured.fuse(&mut self.state.track, self.config.gate_nis);
         let Some(gain) = gain else {
             return (innovation, None);
         };
         // X <- X - K o^T
-        self.cross -= navigation * gain.transpose();
+        self.state.cross -= navigation * gain.transpose();
         let told = super::update::inverse2(&measured.covariance).map(|inverse| OwnPart {
             covariance: navigation,
             innovation_covariance: measured.covariance,
@@ -186,39 +232,42 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     }
 }
 
-/// A navigation that has the tracker for its listener keeps the cross-covariance exact by itself.
+/// The cross-covariance goes where the navigation filter takes its errors: exact, as long as nothing is left out.
 impl<T: Scalar, const N: usize> ErrorListener<T, N> for SchmidtKalman<T, N> {
+    /// The navigation filter has propagated its covariance (S5).
     #[inline]
     fn propagated(&mut self, transition: &impl ErrorPropagation<T, N>) {
-        self.navigation_propagated(transition);
+        transition.map_rows(&mut self.state.cross);
     }
 
+    /// The navigation filter has corrected itself (S6). With feed-forward the correction moves the target by `K_t nu`,
+    /// `K_t = X H^T S^-1` (S12).
     #[inline]
     fn corrected<const E: usize>(&mut self, correction: &ScalarCorrection<T, N, E>) {
         if self.coupling == Coupling::OpenLoop {
             return;
         }
         if self.coupling == Coupling::FeedForward {
-            let known = correction.measured(&self.cross);
+            let known = correction.measured(&self.state.cross);
             let gain = known / correction.variance;
-            self.track.state += gain * correction.residual;
-            self.track.covariance -= gain * known.transpose();
+            self.state.track.state += gain * correction.residual;
+            self.state.track.covariance -= gain * known.transpose();
         }
-        correction.map_rows(&mut self.cross);
+        correction.map_rows(&mut self.state.cross);
     }
 
     #[inline]
     fn recentred(&mut self, angle: &Vector3<T>) {
         if self.coupling == Coupling::FeedForward {
-            symmetrize(&mut self.track.covariance);
+            symmetrize(&mut self.state.track.covariance);
         }
         if self.coupling != Coupling::OpenLoop {
-            reset_rows(&mut self.cross, angle);
+            reset_rows(&mut self.state.cross, angle);
         }
     }
 
     /// The new errors have nothing to do with those under which the target was seen (S18).
     fn restarted(&mut self) {
-        self.cross.fill(T::zero());
+        self.state.cross.fill(T::zero());
     }
 }

@@ -12,7 +12,9 @@ use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
 use northing_core::attitude::quaternion_ekf::QuaternionEkf;
 use northing_core::attitude::usque::Usque;
-use northing_core::attitude::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use northing_core::attitude::{
+    AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty,
+};
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
@@ -254,7 +256,9 @@ impl AnyEstimator {
         let config = &parameters.attitude;
         let complementary = |form| Complementary::new(form, *config).map(Self::Complementary);
         Ok(Some(match kind {
-            EstimatorKind::Integration => Self::Integration(Integration::default()),
+            EstimatorKind::Integration => {
+                Self::Integration(Integration::new(StartUncertainty::of(config)))
+            }
             EstimatorKind::Mekf3 => Self::Mekf3(Mekf3::new(*config)?),
             EstimatorKind::Mekf => Self::Mekf(Mekf::new(*config)?),
             EstimatorKind::BoundedVelocity => {
@@ -336,6 +340,10 @@ impl AttitudeEstimator<f64> for AnyEstimator {
 
     fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         each!(self, e => e.gyroscope_bias())
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<f64> {
+        each!(self, e => e.start_uncertainty())
     }
 
     fn rate_at_rest(&self) -> Vector3<f64> {

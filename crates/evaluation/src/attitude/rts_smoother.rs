@@ -34,7 +34,7 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use northing_core::ConfigError;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::{
-    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation,
+    AttitudeConfig, AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty,
 };
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::Innovation;
@@ -258,6 +258,10 @@ impl AttitudeEstimator<f64> for Recorder {
 
     fn gyroscope_bias(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         self.mekf.gyroscope_bias()
+    }
+
+    fn start_uncertainty(&self) -> StartUncertainty<f64> {
+        self.mekf.start_uncertainty()
     }
 
     fn rate_at_rest(&self) -> Vector3<f64> {

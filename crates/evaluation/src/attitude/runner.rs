@@ -332,8 +332,7 @@ fn begun<E: AttitudeEstimator<f64>>(
     settings: DriverConfig<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let alignment = config.alignment(options.estimator);
-    let mut driver = AttitudeDriver::new(make(config)?, alignment, settings);
+    let mut driver = AttitudeDriver::new(make(config)?, settings);
     if let Some(start) = &options.start {
         driver.start_from(start);
     }
@@ -359,8 +358,7 @@ fn started<E: AttitudeEstimator<f64>>(
 ) -> Result<Phase<E>, EvaluationError> {
     let config = calibrated_start::calibrated_config(options, calibration);
     let settings = calibrated_start::calibrated_driver(options, calibration);
-    let alignment = config.alignment(options.estimator);
-    let mut driver = AttitudeDriver::new(make(&config)?, alignment, settings);
+    let mut driver = AttitudeDriver::new(make(&config)?, settings);
     let noise = &config.attitude;
     driver.start_from(&calibrated_start::state_at_rest(
         calibration,

@@ -5,7 +5,7 @@ use std::time::Instant;
 use nalgebra::{Matrix2, Vector2};
 use northing_core::tracking::detection::{Detection, DetectionNoise};
 use northing_core::tracking::multi_target::{
-    MultiTargetTracker, Scan, ScanSensor, TrackStatus, TrackerConfig,
+    MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, TrackStatus,
 };
 use northing_core::tracking::own_ship::{OwnShip, PoseMemory};
 use northing_recording::tracking::{
@@ -132,7 +132,7 @@ impl<'a> Runner<'a> {
             .map(|(name, settings)| used(name, settings).then(|| sensor(settings)))
             .collect();
         let names = each.zip(&sensors).filter(|(_, sensor)| sensor.is_some());
-        let mut config = TrackerConfig::default();
+        let mut config = MultiTargetConfig::default();
         if options.tracker == TrackerKind::Converted {
             config.pose_memory = PoseMemory {
                 position_s: 0.0,

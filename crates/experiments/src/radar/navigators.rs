@@ -8,7 +8,7 @@ use northing_core::navigation::{
     ERRORS, ErrorStateConfig, ErrorStateFilter, ErrorTransition, GnssCompassFix, GnssIns,
     GnssInsConfig, NavigationState, STATES,
 };
-use northing_core::tracking::OwnShip;
+use northing_core::tracking::NavigationPose;
 use northing_simulation::scenario::TrackingRun;
 use northing_simulation::scenario::world::TrackingWorld;
 
@@ -63,11 +63,11 @@ impl<const N: usize> Scan<N> {
         }
     }
 
-    pub(super) fn own_ship(&self) -> OwnShip<'_, f64, N> {
-        OwnShip {
+    pub(super) fn own_ship(&self) -> NavigationPose<'_, f64, N> {
+        NavigationPose {
             pose: self.pose,
             covariance: &self.covariance,
-            pose_from_error: &self.pose_from_error,
+            pose_from_error: self.pose_from_error,
         }
     }
 }
@@ -185,15 +185,19 @@ impl Navigator<STATES> for PaperNavigator {
     }
 
     fn fix(&mut self, fix: Option<&GnssCompassFix<f64>>) {
-        let update = fix.map(|fix| self.filter.update_gnss_compass(fix));
-        let transition = update
-            .as_ref()
-            .map_or_else(|| self.filter.catch_up(), |update| update.transition);
+        let transition = match fix {
+            Some(fix) => {
+                let update = self.filter.update_gnss_compass(fix);
+                update.tell(&mut self.followers);
+                update.transition
+            }
+            None => {
+                let transition = self.filter.catch_up();
+                self.followers.propagated(&transition);
+                transition
+            }
+        };
         self.since_scan = self.since_scan.then(&transition);
-        self.followers.propagated(&transition);
-        if let Some(update) = &update {
-            update.feedback.tell(&mut self.followers);
-        }
     }
 
     fn scan(&mut self) -> (Scan<STATES>, &mut Followers<STATES>) {

@@ -3,7 +3,9 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::bounded_velocity::BoundedVelocityState;
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
-use northing_core::attitude::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use northing_core::attitude::{
+    AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty,
+};
 use northing_core::kalman::Innovation;
 use northing_evaluation::EvaluationError;
 use northing_evaluation::attitude::kinds::{AnyEstimator, EstimatorKind};
@@ -65,6 +67,10 @@ impl AttitudeEstimator<f64> for Rebuildable {
         self.inner.gyroscope_bias()
     }
 
+    fn start_uncertainty(&self) -> StartUncertainty<f64> {
+        self.inner.start_uncertainty()
+    }
+
     fn rate_at_rest(&self) -> Vector3<f64> {
         self.inner.rate_at_rest()
     }
@@ -93,7 +99,7 @@ impl Track {
             let estimator = Rebuildable { inner, start: None };
             Self {
                 kind,
-                driver: AttitudeDriver::new(estimator, config.alignment(kind), driver),
+                driver: AttitudeDriver::new(estimator, driver),
             }
         }))
     }

@@ -26,6 +26,7 @@ pub type Correction<T> = SVector<T, CAPACITY>;
 
 /// The states in use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Layout {
     scale: ScaleStates,
     field: Option<usize>,
@@ -53,6 +54,18 @@ impl Layout {
             hard_iron,
             len,
         }
+    }
+
+    /// Whether the blocks stand where [`Self::new`] puts them.
+    pub(super) fn is_valid(&self) -> bool {
+        let mut len = SCALE + scale_len(self.scale);
+        let mut follows = |block: Option<usize>, size: usize| {
+            let first = len;
+            len += block.map_or(0, |_| size);
+            block.is_none_or(|block| block == first)
+        };
+        let in_place = follows(self.field, 2) && follows(self.hard_iron, 3);
+        in_place && len == self.len
     }
 
     /// Which errors of the scale are states.

@@ -14,11 +14,14 @@ use crate::scalar::Scalar;
 
 /// What has come together since the covariance was last propagated.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sums<T: Scalar> {
     /// `sum R dt`, s: what a bias does to the attitude (B5).
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub rotation: Matrix3<T>,
     /// `sum (R_c w_k) dt`, rad: what each element of the scale matrix does to it (B5). With the
     /// diagonal only, the first three columns.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub turn: SMatrix<T, 3, 9>,
     /// `sum R f dt`, m/s: what a tilt does to the velocity (B5).
     pub velocity: Vector3<T>,
@@ -44,6 +47,15 @@ impl<T: Scalar> Default for Sums<T> {
 }
 
 impl<T: Scalar> Sums<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let scalars = [&self.time, &self.angle_variance, &self.velocity_variance];
+        self.rotation
+            .iter()
+            .chain(&self.turn)
+            .chain(&self.velocity)
+            .chain(scalars)
+    }
+
     /// Adds an interval: `level_from_body` in its middle, the rate (rad/s) as measured, seconds, and
     /// the density of the angle noise.
     #[inline]

@@ -9,6 +9,7 @@ use crate::scalar::{Scalar, lit};
 
 /// The detector's memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RestDetector<T: Scalar> {
     angular_rate: Option<Vector3<T>>,
     specific_force: Option<Vector3<T>>,
@@ -30,6 +31,11 @@ impl<T: Scalar> Default for RestDetector<T> {
 }
 
 impl<T: Scalar> RestDetector<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let means = self.angular_rate.iter().chain(&self.specific_force);
+        means.flatten().chain([&self.still_for])
+    }
+
     /// Whether the device rests.
     #[inline]
     pub fn is_resting(&self) -> bool {

@@ -10,6 +10,7 @@ use crate::attitude::InitialState;
 use crate::attitude::vector_sensor::{References, VectorSensor};
 use crate::geometry::rotation;
 use crate::kalman::innovation::check_vector;
+use crate::restorable::{InvalidState, covariance, expect, finite, not_negative, unit};
 use crate::scalar::{Scalar, lit};
 
 /// The square of the acceleration that is taken for the mean before there is one, (m/s^2)^2.
@@ -17,14 +18,18 @@ const INITIAL_SQUARE_ACCELERATION: f64 = 1.0;
 
 /// Save it, restore it, and the filter continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BoundedVelocityState<T: Scalar> {
     /// Attitude in level axes: east, (magnetic) north, up.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub level_from_body: UnitQuaternion<T>,
     /// The reference frame in level axes: a constant of the start.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub ref_from_level: UnitQuaternion<T>,
     /// Gyroscope bias, rad/s, body axes.
     pub gyroscope_bias: Vector3<T>,
     /// Errors of the gyroscope's scale and alignment, `w = w_m + M w_m - b`.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub scale: Matrix3<T>,
     /// Horizontal velocity, m/s, east and north: what is left of the bounded motion.
     pub velocity: Vector2<T>,
@@ -33,6 +38,7 @@ pub struct BoundedVelocityState<T: Scalar> {
     /// Hard iron, microtesla, body axes.
     pub hard_iron_ut: Vector3<T>,
     /// Covariance of the error states that [`Self::layout`] places.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub covariance: Covariance<T>,
     /// Which error states there are.
     pub layout: Layout,
@@ -72,6 +78,44 @@ impl<T: Scalar> BoundedVelocityState<T> {
         let variance = |i: usize| self.covariance.get((first + i, first + i)).copied();
         let std = |i: usize| variance(i).map(|v| v.max(T::zero()).sqrt());
         Some(Vector3::new(std(0)?, std(1)?, std(2)?))
+    }
+
+    /// Whether it can be continued from.
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        unit("level_from_body", &self.level_from_body)?;
+        unit("ref_from_level", &self.ref_from_level)?;
+        covariance("covariance", &self.covariance)?;
+        expect("layout", self.layout.is_valid(), "that of its blocks")?;
+        self.compass.check("compass")?;
+        let vectors = [
+            &self.gyroscope_bias,
+            &self.hard_iron_ut,
+            &self.angular_rate,
+            &self.initial_bias,
+            &self.rate_sum,
+        ];
+        finite("vectors", vectors.into_iter().flatten())?;
+        finite(
+            "velocity and field",
+            self.velocity.iter().chain(&self.field_ut),
+        )?;
+        finite("scale", &self.scale)?;
+        finite("sums", self.sums.numbers())?;
+        finite("rest", self.rest.numbers())?;
+        not_negative(
+            "times and sizes",
+            [
+                &self.mean_square_acceleration,
+                &self.field_variance_factor,
+                &self.field_weight,
+                &self.since_force,
+                &self.since_velocity_update,
+                &self.since_field,
+                &self.since_field_update,
+                &self.gravity,
+                &self.initial_field_strength_ut,
+            ],
+        )
     }
 
     /// Before the start: the identity, as uncertain as it gets, and no references.

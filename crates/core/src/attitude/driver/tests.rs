@@ -1,6 +1,7 @@
 //! Stamps, gaps, mean rates and late sensors.
 
 use super::*;
+use crate::attitude::AttitudeConfig;
 use crate::attitude::integration::Integration;
 use crate::attitude::mekf::Mekf;
 use crate::geometry::{rotation, so3};
@@ -13,11 +14,7 @@ type MekfDriver = AttitudeDriver<f64, Mekf<f64>>;
 
 fn mekf() -> MekfDriver {
     let settings = AttitudeConfig::lab();
-    AttitudeDriver::new(
-        Mekf::new(settings).unwrap(),
-        settings,
-        DriverConfig::default(),
-    )
+    AttitudeDriver::new(Mekf::new(settings).unwrap(), DriverConfig::default())
 }
 
 fn up() -> Vector3<f64> {
@@ -91,11 +88,7 @@ fn an_interval_turns_with_the_mean_of_its_two_rates_whatever_comes_between() {
         },
     };
     let turned = |between: &[i64]| {
-        let mut driver = AttitudeDriver::new(
-            Integration::default(),
-            AttitudeConfig::lab(),
-            DriverConfig::default(),
-        );
+        let mut driver = AttitudeDriver::new(Integration::default(), DriverConfig::default());
         driver.start_from(&start);
         driver.gyroscope(0, &Vector3::new(0.0, 0.0, 1.0));
         for t in between {
@@ -214,8 +207,7 @@ fn a_gap_is_held_with_a_constant_bias_too() {
     };
     let settings = AttitudeConfig::lab();
     fn held<E: AttitudeEstimator<f64>>(estimator: E, start: &InitialState<f64>) -> f64 {
-        let mut driver =
-            AttitudeDriver::new(estimator, AttitudeConfig::lab(), DriverConfig::default());
+        let mut driver = AttitudeDriver::new(estimator, DriverConfig::default());
         driver.start_from(start);
         driver.gyroscope(0, &start.gyroscope_bias);
         driver.gyroscope(60_000 * MS, &start.gyroscope_bias);
@@ -242,11 +234,7 @@ fn a_gap_is_held_with_a_constant_bias_too() {
 fn a_sliver_of_an_interval_adds_no_noise() {
     let settings = AttitudeConfig::hand_held();
     let variance = |between: &[i64]| {
-        let mut driver = AttitudeDriver::new(
-            Mekf::new(settings).unwrap(),
-            settings,
-            DriverConfig::default(),
-        );
+        let mut driver = AttitudeDriver::new(Mekf::new(settings).unwrap(), DriverConfig::default());
         driver.start_from(&InitialState {
             attitude: UnitQuaternion::identity(),
             attitude_covariance: nalgebra::Matrix3::identity() * 1e-8,

@@ -196,7 +196,7 @@ fn a_saved_state_continues_exactly() {
         if count == 200 {
             let saved = *split.state();
             split = Mekf::new(*whole.config()).unwrap();
-            split.restore(saved);
+            split.restore(saved).unwrap();
         }
     });
     assert_eq!(whole.state(), split.state());

@@ -130,7 +130,7 @@ fn bad_samples_leave_the_state_untouched_and_say_why() {
 fn a_saved_state_continues_exactly() {
     check_reproducible(make, |f| {
         let mut other = make(*f.config());
-        other.restore(*f.state());
+        other.restore(f.save()).unwrap();
         other
     });
 }

@@ -6,7 +6,7 @@ use nalgebra::Vector1;
 
 use crate::navigation::POSITION;
 use crate::navigation::augmented_states::{AugmentedStates, BAROMETER_OFFSET};
-use crate::navigation::error_state::{Measurement, Row, SIDE};
+use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::scalar::{Scalar, lit};
 
@@ -29,9 +29,9 @@ pub fn measurement<T: Scalar>(
     side: &AugmentedStates<T>,
     height: T,
     variance: T,
-) -> Measurement<T, 1> {
+) -> SparseMeasurement<T, 1> {
     let predicted = -then.position.z + side.values[BAROMETER_OFFSET];
-    Measurement {
+    SparseMeasurement {
         rows: [Row::default()
             .with(POSITION + 2, -T::one())
             .with(SIDE + BAROMETER_OFFSET, T::one())],

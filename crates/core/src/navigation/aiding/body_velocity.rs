@@ -9,7 +9,7 @@
 use nalgebra::{SVector, Vector3};
 
 use crate::navigation::augmented_states::{AugmentedStates, MOUNT_PITCH, MOUNT_YAW};
-use crate::navigation::error_state::{Measurement, Row, SIDE};
+use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::navigation::{ATTITUDE, GYROSCOPE_BIAS, VELOCITY};
 use crate::scalar::Scalar;
@@ -52,11 +52,11 @@ pub fn non_holonomic<T: Scalar>(
     side: &AugmentedStates<T>,
     reference_arm: &Vector3<T>,
     variance: T,
-) -> Measurement<T, 2> {
+) -> SparseMeasurement<T, 2> {
     let [_, right, down] = axes(side);
     let (right_row, right_speed) = along(then, &right, reference_arm);
     let (down_row, down_speed) = along(then, &down, reference_arm);
-    Measurement {
+    SparseMeasurement {
         rows: [right_row, down_row],
         residual: SVector::<T, 2>::new(-right_speed, -down_speed),
         variance: SVector::<T, 2>::repeat(variance),
@@ -72,10 +72,10 @@ pub fn speed<T: Scalar>(
     reference_arm: &Vector3<T>,
     forward: T,
     variance: T,
-) -> Measurement<T, 1> {
+) -> SparseMeasurement<T, 1> {
     let [axis, _, _] = axes(side);
     let (row, predicted) = along(then, &axis, reference_arm);
-    Measurement {
+    SparseMeasurement {
         rows: [row],
         residual: SVector::<T, 1>::new(forward - predicted),
         variance: SVector::<T, 1>::new(variance),

@@ -6,7 +6,7 @@ use nalgebra::{SVector, Vector3};
 
 use super::with_turned;
 use crate::navigation::augmented_states::{AugmentedStates, GNSS_OFFSET, TIME_OFFSET};
-use crate::navigation::error_state::{Measurement, Row, SIDE};
+use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::navigation::{POSITION, VELOCITY};
 use crate::scalar::{Scalar, lit};
@@ -31,7 +31,7 @@ pub fn measurement<T: Scalar, const M: usize>(
     ned: &Vector3<T>,
     variance: &Vector3<T>,
     components: [usize; M],
-) -> Measurement<T, M> {
+) -> SparseMeasurement<T, M> {
     let axes = then.ned_from_body;
     let arm = axes * lever_arm;
     let antenna_velocity = then.velocity + axes * then.angular_rate.cross(lever_arm);
@@ -45,7 +45,7 @@ pub fn measurement<T: Scalar, const M: usize>(
             .with(SIDE + TIME_OFFSET, -antenna_velocity[i]);
         with_turned(row, &turned, i)
     };
-    Measurement {
+    SparseMeasurement {
         rows: components.map(row),
         residual: SVector::from(components.map(|i| ned[i] - predicted[i])),
         variance: SVector::from(components.map(|i| variance[i])),

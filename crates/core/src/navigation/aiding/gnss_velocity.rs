@@ -7,7 +7,7 @@ use nalgebra::{SVector, Vector3};
 use super::with_turned;
 use crate::geometry::rotation;
 use crate::navigation::augmented_states::TIME_OFFSET;
-use crate::navigation::error_state::{Measurement, Row, SIDE};
+use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::navigation::{ACCELEROMETER_BIAS, GYROSCOPE_BIAS, VELOCITY};
 use crate::scalar::Scalar;
@@ -30,7 +30,7 @@ pub fn measurement<T: Scalar, const M: usize>(
     ned: &Vector3<T>,
     variance: &Vector3<T>,
     components: [usize; M],
-) -> Measurement<T, M> {
+) -> SparseMeasurement<T, M> {
     let axes = rotation::to_matrix(&then.ned_from_body);
     let swinging = then.angular_rate.cross(lever_arm);
     let swing = axes * swinging;
@@ -51,7 +51,7 @@ pub fn measurement<T: Scalar, const M: usize>(
         }
         with_turned(row, &turned, i)
     };
-    Measurement {
+    SparseMeasurement {
         rows: components.map(row),
         residual: SVector::from(components.map(|i| ned[i] - predicted[i])),
         variance: SVector::from(components.map(|i| variance[i])),

@@ -11,7 +11,7 @@ use nalgebra::{Vector1, Vector3};
 use crate::geometry::rotation;
 use crate::kalman::SkipReason;
 use crate::navigation::ATTITUDE;
-use crate::navigation::error_state::{Measurement, Row};
+use crate::navigation::error_state::{Row, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::scalar::{Scalar, lit};
 
@@ -31,7 +31,7 @@ pub fn measurement<T: Scalar>(
     then: &Instant<T>,
     heading: T,
     variance: T,
-) -> Result<Measurement<T, 1>, SkipReason> {
+) -> Result<SparseMeasurement<T, 1>, SkipReason> {
     let forward = rotation::forward(&then.ned_from_body);
     let horizontal = forward.x * forward.x + forward.y * forward.y;
     if horizontal < lit(LEAST_HORIZONTAL) {
@@ -55,7 +55,7 @@ pub fn magnetic<T: Scalar>(
     field: &Vector3<T>,
     declination: T,
     variance: T,
-) -> Result<Measurement<T, 1>, SkipReason> {
+) -> Result<SparseMeasurement<T, 1>, SkipReason> {
     let m = then.ned_from_body * field;
     let total = m.norm_squared();
     let horizontal = m.x * m.x + m.y * m.y;
@@ -75,8 +75,8 @@ pub fn magnetic<T: Scalar>(
     Ok(one(row, residual, variance))
 }
 
-fn one<T: Scalar>(row: Row<T>, residual: T, variance: T) -> Measurement<T, 1> {
-    Measurement {
+fn one<T: Scalar>(row: Row<T>, residual: T, variance: T) -> SparseMeasurement<T, 1> {
+    SparseMeasurement {
         rows: [row],
         residual: Vector1::new(residual),
         variance: Vector1::new(variance),

@@ -15,7 +15,7 @@ use crate::geometry::rotation;
 use crate::kalman::SkipReason;
 use crate::navigation::ATTITUDE;
 use crate::navigation::augmented_states::{AugmentedStates, MAGNETIC_OFFSET};
-use crate::navigation::error_state::{Measurement, Row, SIDE};
+use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::scalar::{Scalar, lit};
 
@@ -35,7 +35,7 @@ pub fn measurement<T: Scalar>(
     field: &Vector3<T>,
     declination: T,
     std: T,
-) -> Result<Measurement<T, 1>, SkipReason> {
+) -> Result<SparseMeasurement<T, 1>, SkipReason> {
     let axes = rotation::to_matrix(&then.ned_from_body);
     let offset = side.values.fixed_rows::<3>(MAGNETIC_OFFSET);
     let m = axes * (field - offset);
@@ -76,7 +76,7 @@ pub fn measurement<T: Scalar>(
     for (i, h) in seen.iter().enumerate() {
         row = row.with(SIDE + MAGNETIC_OFFSET + i, *h);
     }
-    Ok(Measurement {
+    Ok(SparseMeasurement {
         rows: [row],
         residual: Vector1::new(residual),
         variance: Vector1::new(std * std),

@@ -6,7 +6,7 @@ use crate::navigation::augmented_states::{
     AUGMENTED_STATES, AugmentedStates, BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH,
     MOUNT_YAW, TIME_OFFSET,
 };
-use crate::navigation::error_state::{Measurement, SIDE};
+use crate::navigation::error_state::{SIDE, SparseMeasurement};
 use crate::navigation::history::{ImuHistory, Instant};
 use crate::navigation::{ErrorTransition, NavigationState, STATES};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector1, Vector3};
@@ -96,7 +96,7 @@ fn side_value(x: &Errors, i: usize) -> Dual {
 /// Rows of a measurement against the derivative of what it measures; `loose` is how far first order in the age may
 /// be off, relative to what the row sees of the uncertain states.
 fn check<const M: usize>(
-    made: &Measurement<f64, M>,
+    made: &SparseMeasurement<f64, M>,
     exact: impl Fn(&Errors) -> SVector<Dual, M>,
     loose: f64,
 ) {

@@ -4,13 +4,13 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::navigation::error_state::{Measurement, Row};
+use crate::navigation::error_state::{Row, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::navigation::{GYROSCOPE_BIAS, VELOCITY};
 use crate::scalar::Scalar;
 
 /// Rows of a velocity that is zero.
-pub fn velocity<T: Scalar>(then: &Instant<T>, variance: T) -> Measurement<T, 3> {
+pub fn velocity<T: Scalar>(then: &Instant<T>, variance: T) -> SparseMeasurement<T, 3> {
     of_states(VELOCITY, &-then.velocity, variance)
 }
 
@@ -20,13 +20,13 @@ pub fn rate<T: Scalar>(
     mean_rate: &Vector3<T>,
     bias: &Vector3<T>,
     variance: T,
-) -> Measurement<T, 3> {
+) -> SparseMeasurement<T, 3> {
     of_states(GYROSCOPE_BIAS, &(mean_rate - bias), variance)
 }
 
 /// Rows of a prior: horizontally the velocity is zero, give or take `variance` (E31).
-pub fn damping<T: Scalar>(velocity: &Vector3<T>, variance: T) -> Measurement<T, 2> {
-    Measurement {
+pub fn damping<T: Scalar>(velocity: &Vector3<T>, variance: T) -> SparseMeasurement<T, 2> {
+    SparseMeasurement {
         rows: core::array::from_fn(|i| Row::of_state(VELOCITY + i)),
         residual: -velocity.xy(),
         variance: Vector2::repeat(variance),
@@ -34,8 +34,12 @@ pub fn damping<T: Scalar>(velocity: &Vector3<T>, variance: T) -> Measurement<T, 
     }
 }
 
-fn of_states<T: Scalar>(first: usize, residual: &Vector3<T>, variance: T) -> Measurement<T, 3> {
-    Measurement {
+fn of_states<T: Scalar>(
+    first: usize,
+    residual: &Vector3<T>,
+    variance: T,
+) -> SparseMeasurement<T, 3> {
+    SparseMeasurement {
         rows: core::array::from_fn(|i| Row::of_state(first + i)),
         residual: *residual,
         variance: Vector3::repeat(variance),

@@ -10,6 +10,7 @@ const LARGEST: [f64; 3] = [1e10, 1e6, 100.0];
 
 /// The upper triangle; `s` position, `v` velocity, `b` bias.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct AxisCovariance<T> {
     pub(super) ss: T,
     sv: T,
@@ -21,6 +22,7 @@ pub(super) struct AxisCovariance<T> {
 
 /// What a step of one length adds (A7).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct AxisProcess<T> {
     ss: T,
     sv: T,
@@ -29,6 +31,10 @@ pub(super) struct AxisProcess<T> {
 }
 
 impl<T: Scalar> AxisProcess<T> {
+    pub(super) fn numbers(&self) -> [&T; 4] {
+        [&self.ss, &self.sv, &self.vv, &self.bb]
+    }
+
     /// Of an acceleration with a variance of one, held over `dt` seconds, and a bias that walks as much.
     pub(super) fn of_ones_over(dt: T) -> Self {
         let vv = dt * dt;

@@ -28,18 +28,18 @@ fn after_one_interval(pole: f64, interval: f64, component: usize) -> Vector3<f64
     // Small, so that the bias stays within its bound.
     let size = 1e-3;
     match component {
-        0 => f.state.position.x = size,
-        1 => f.state.velocity.x = size,
-        _ => f.state.accelerometer_bias.x = size,
+        0 => f.memory.state.position.x = size,
+        1 => f.memory.state.velocity.x = size,
+        _ => f.memory.state.accelerometer_bias.x = size,
     }
     for _ in 0..10 {
         f.propagate(&identity, &UP, interval / 10.0).unwrap();
     }
     f.update_position(&Vector3::zeros(), 0.0, &identity, &Vector3::zeros());
     Vector3::new(
-        f.state.position.x,
-        f.state.velocity.x,
-        f.state.accelerometer_bias.x,
+        f.memory.state.position.x,
+        f.memory.state.velocity.x,
+        f.memory.state.accelerometer_bias.x,
     ) / size
 }
 
@@ -198,14 +198,14 @@ fn the_past_is_looked_up_by_its_time() {
         let identity = UnitQuaternion::identity();
         let mut f = observer(1.0);
         f.update_position(&Vector3::zeros(), 0.0, &identity, &Vector3::zeros());
-        f.state.velocity.x = 2.0;
+        f.memory.state.velocity.x = 2.0;
         let steps = (2.0_f64 / dt).round() as usize;
         for _ in 0..steps {
             f.propagate(&identity, &UP, dt).unwrap();
         }
-        let now = f.state.position;
+        let now = f.memory.state.position;
         for age in [0.0, 0.07, 0.5, 1.1] {
-            let then = f.past.before(age, &now).unwrap();
+            let then = f.memory.past.before(age, &now).unwrap();
             assert_relative_eq!(now.x - then.x, 2.0 * age, epsilon = 1e-9);
         }
     }

@@ -110,10 +110,11 @@ fn what_is_no_number_or_no_velocity_stays_out_and_the_position_says_when_it_is_w
         assert!(!filter.update_velocity(&position, std).outcome.is_fused());
     }
     assert_eq!(*filter.state(), before);
-    assert!(!filter.restore(DeadReckoningState {
+    let broken = DeadReckoningState {
         state: Vector4::repeat(f64::NAN),
         ..before
-    }));
+    };
+    assert!(filter.restore(broken).is_err());
     for _ in 0..1801 {
         filter.propagate(1.0).unwrap();
     }

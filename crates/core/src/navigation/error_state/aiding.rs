@@ -11,7 +11,7 @@ use super::ErrorStateFilter;
 use crate::geometry::so3;
 use crate::kalman::covariance::normalized_square3;
 use crate::kalman::scalar_update::update_one_state;
-use crate::kalman::{ErrorFeedback, Innovation, Outcome, SkipReason};
+use crate::kalman::{ErrorFeedback, ErrorListener, Innovation, Outcome, SkipReason};
 use crate::navigation::{ATTITUDE, ErrorTransition, POSITION, STATES};
 use crate::scalar::Scalar;
 
@@ -31,6 +31,7 @@ pub struct GnssCompassFix<T: Scalar> {
 
 /// What an update did.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use = "whoever is correlated with the filter's error must be told, or the joint covariance is wrong"]
 pub struct GnssCompassUpdate<T: Scalar> {
     /// Transition of the errors since the update before.
     pub transition: ErrorTransition<T>,
@@ -40,6 +41,32 @@ pub struct GnssCompassUpdate<T: Scalar> {
     pub position: Innovation<T>,
     /// The attitude's part, rad, NED axes: what the position had not told yet.
     pub attitude: Innovation<T>,
+}
+
+impl<T: Scalar> GnssCompassFix<T> {
+    /// A position (m, NED) and an attitude (`ned_from_body`), each with one standard deviation for all axes (m, rad).
+    pub fn new(
+        position: Vector3<T>,
+        position_std: T,
+        ned_from_body: UnitQuaternion<T>,
+        attitude_std: T,
+    ) -> Self {
+        Self {
+            position,
+            position_std: Vector3::repeat(position_std),
+            ned_from_body,
+            attitude_std: Vector3::repeat(attitude_std),
+        }
+    }
+}
+
+impl<T: Scalar> GnssCompassUpdate<T> {
+    /// Gives it all to a listener: the time before the correction, then the correction. None may be left out.
+    #[inline]
+    pub fn tell(&self, listener: &mut impl ErrorListener<T, STATES>) {
+        listener.propagated(&self.transition);
+        self.feedback.tell(listener);
+    }
 }
 
 impl<T: Scalar> ErrorStateFilter<T> {

@@ -44,7 +44,7 @@ pub type Row<T> = SparseRow<T, ROW_ELEMENTS>;
 
 /// A measurement of up to three components, ready to be fused.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measurement<T: Scalar, const M: usize> {
+pub struct SparseMeasurement<T: Scalar, const M: usize> {
     /// What each component sees.
     pub rows: [Row<T>; M],
     /// Measured minus predicted.
@@ -63,7 +63,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     pub fn fuse_sparse<const M: usize>(
         &mut self,
         side: &mut AugmentedStates<T>,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
         gate: &mut CountedGate,
         threshold: T,
         listener: &mut impl ErrorListener<T, ERRORS>,
@@ -96,7 +96,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         &mut self,
         side: &mut AugmentedStates<T>,
         used: Used,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
         listener: &mut impl ErrorListener<T, ERRORS>,
     ) {
         // Noise of its own: who is correlated with the states stays so.
@@ -112,7 +112,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         &mut self,
         side: &mut AugmentedStates<T>,
         used: Used,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
         expected: &mut Expected<T, M>,
         listener: &mut L,
     ) {
@@ -228,7 +228,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     fn set_free<const M: usize>(
         &mut self,
         side: &mut AugmentedStates<T>,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
     ) {
         let freed = measurement.freed.iter().zip(&measurement.rows);
         for ((state, row), residual) in freed.zip(measurement.residual.iter()) {

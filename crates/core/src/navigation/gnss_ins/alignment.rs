@@ -10,6 +10,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::stillness::Window;
 use crate::geometry::{rotation, so3};
 use crate::navigation::aiding::heading::wrapped;
+use crate::restorable::{InvalidState, finite, unit};
 use crate::scalar::{Scalar, lit};
 
 /// Tilt after levelling at rest (rad), beside what the accelerometer's bias does to it: noise, and a vehicle that sways.
@@ -33,8 +34,10 @@ const BIAS_STD_AT_REST: f64 = 0.002;
 
 /// The attitude on the way to a start.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Alignment<T: Scalar> {
     /// Attitude against level axes of arbitrary heading.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     level_from_body: UnitQuaternion<T>,
     /// Standard deviation of its tilt; `None` until levelled.
     tilt_std: Option<T>,
@@ -54,6 +57,7 @@ pub(super) struct Alignment<T: Scalar> {
 
 /// What a magnetometer tells of the heading.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct MagneticNorth<T: Scalar> {
     /// Angle from arbitrary to magnetic north, rad.
     angle: T,
@@ -95,6 +99,20 @@ pub(super) struct Aligned<T: Scalar> {
 }
 
 impl<T: Scalar> Alignment<T> {
+    /// Whether a saved one can be continued from.
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        unit("alignment", &self.level_from_body)?;
+        let magnetic = self.magnetic.iter();
+        let magnetic = magnetic.flat_map(|m| m.iron.iter().chain([&m.angle, &m.std]));
+        let vectors = self
+            .bias
+            .iter()
+            .chain(&self.force_sum)
+            .chain([&self.force_time]);
+        let angles = self.heading.iter().flatten().chain(&self.tilt_std);
+        finite("alignment", vectors.chain(angles).chain(magnetic))
+    }
+
     /// Takes a sample that held over `dt`.
     pub(super) fn propagate(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
         let turn = so3::exp(&((rate - self.bias) * dt));

@@ -16,8 +16,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if seconds::<T>(time_ns, last_ns) <= lit(GAP_LIMIT_S) {
             return;
         }
-        self.behind += 1;
-        if self.behind >= MOST_BEHIND {
+        self.memory.behind += 1;
+        if self.memory.behind >= MOST_BEHIND {
             self.forget_time();
         }
     }
@@ -25,12 +25,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// Starts again with a clock of which nothing is known.
     fn forget_time(&mut self) {
         self.restart();
-        self.behind = 0;
-        self.now_ns = None;
-        self.last_imu = None;
-        self.stands_until_ns = None;
-        self.stamps = [None; Aid::ALL.len()];
-        self.window = StillnessWindow::default();
-        self.still_windows = 0;
+        self.memory.behind = 0;
+        self.memory.now_ns = None;
+        self.memory.last_imu = None;
+        self.memory.stands_until_ns = None;
+        self.memory.stamps = [None; Aid::ALL.len()];
+        self.memory.window = StillnessWindow::default();
+        self.memory.still_windows = 0;
     }
 }

@@ -48,6 +48,7 @@ impl Aid {
 
 /// What became of the measurements of one aid.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AidCounts<T> {
     /// Used with their stated noise.
     pub fused: u32,

@@ -22,7 +22,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         angular_rate: &Vector3<T>,
         specific_force: &Vector3<T>,
     ) -> Result<(), SkipReason> {
-        let newer = self.last_imu.is_none_or(|(last, _, _)| time_ns > last);
+        let newer = self
+            .memory
+            .last_imu
+            .is_none_or(|(last, _, _)| time_ns > last);
         let checked = check_vector(angular_rate, T::zero(), lit(100.0))
             .and_then(|()| check_vector(specific_force, T::zero(), lit(1e3)))
             .and(if newer {
@@ -37,19 +40,20 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             Err(SkipReason::NotUsed)
         });
         if let Err(reason) = checked {
-            self.imu_skipped = self.imu_skipped.saturating_add(1);
-            if let (SkipReason::NotNewer, Some((last, _, _))) = (reason, self.last_imu) {
+            self.memory.imu_skipped = self.memory.imu_skipped.saturating_add(1);
+            if let (SkipReason::NotNewer, Some((last, _, _))) = (reason, self.memory.last_imu) {
                 self.note_stamp_behind(time_ns, last);
             }
             return Err(reason);
         }
-        self.behind = 0;
+        self.memory.behind = 0;
         let last = self
+            .memory
             .last_imu
             .replace((time_ns, *angular_rate, *specific_force));
-        let now = self.now_ns.replace(time_ns);
+        let now = self.memory.now_ns.replace(time_ns);
         // After a start from a known state the first sample stands for the time since.
-        let start = now.filter(|_| self.aligning.is_none());
+        let start = now.filter(|_| self.memory.aligning.is_none());
         let last = last.or(start.map(|start| (start, *angular_rate, *specific_force)));
         let Some((last_ns, last_rate, last_force)) = last else {
             return Ok(());
@@ -74,8 +78,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Moves on by `dt` with a rate and force that held over it.
     fn step(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
-        let window = self.window.add(rate, force, self.config.gravity, dt);
-        if let Some(alignment) = &mut self.aligning {
+        let window = self.memory.window.add(rate, force, self.config.gravity, dt);
+        if let Some(alignment) = &mut self.memory.aligning {
             alignment.propagate(rate, force, dt);
             if let Some(window) = &window {
                 alignment.window(window);
@@ -86,27 +90,27 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             return;
         }
         if let Some(window) = &window {
-            let stands = self.stands_until_ns >= self.now_ns && window.may_be_still;
+            let stands = self.memory.stands_until_ns >= self.memory.now_ns && window.may_be_still;
             self.see_window(window, stands);
         }
         let (rate, force) = self.on_the_earth(rate, force);
         // Cannot be refused: checked above, and the interval is positive and short.
         if self.filter.propagate(&rate, &force, dt).is_ok() {
-            self.history.push(&rate, &force, dt);
+            self.memory.history.push(&rate, &force, dt);
         }
-        self.since_velocity += dt;
-        self.since_constraint += dt;
-        self.due_window = window.or(self.due_window);
+        self.memory.since_velocity += dt;
+        self.memory.since_constraint += dt;
+        self.memory.due_window = window.or(self.memory.due_window);
     }
 
     /// Counts windows at rest, and learns from those in which it is `known` to stand.
     fn see_window(&mut self, window: &Window<T>, known: bool) {
         if known {
-            self.quiet.learn(window);
+            self.memory.quiet.learn(window);
         }
-        let still = known || self.quiet.agrees(window);
-        self.still_windows = if still {
-            self.still_windows.saturating_add(1)
+        let still = known || self.memory.quiet.agrees(window);
+        self.memory.still_windows = if still {
+            self.memory.still_windows.saturating_add(1)
         } else {
             0
         };

@@ -22,7 +22,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// which the filter constrains itself.
     pub fn is_due(&self) -> bool {
         let behind = self.pending_s() >= lit(COVARIANCE_INTERVAL_S);
-        self.aligning.is_none() && (behind || self.due_window.is_some() || self.is_constraint_due())
+        self.memory.aligning.is_none()
+            && (behind || self.memory.due_window.is_some() || self.is_constraint_due())
     }
 
     /// Brings the covariance up to the state if it is due, and applies what the filter knows without being told. The
@@ -41,7 +42,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// The last step of the covariance: how the errors went on over it.
     pub fn last_step(&self) -> &CovarianceStep<T> {
-        &self.last_step
+        &self.memory.last_step
     }
 
     /// Brings the covariance up to the state.
@@ -62,19 +63,19 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let kept = (-duration / self.config.position_correlation_time_s).exp();
         for i in 0..3 {
             step.decay[GNSS_OFFSET + i] = kept;
-            step.added[GNSS_OFFSET + i] = self.slow_variance[i] * (T::one() - kept * kept);
+            step.added[GNSS_OFFSET + i] = self.memory.slow_variance[i] * (T::one() - kept * kept);
         }
-        if self.side.is_used(BAROMETER_OFFSET) {
+        if self.memory.side.is_used(BAROMETER_OFFSET) {
             let walk = self.config.barometer_offset_random_walk;
             step.added[BAROMETER_OFFSET] = walk * walk * duration;
         }
-        if self.side.is_used(MAGNETIC_OFFSET) {
+        if self.memory.side.is_used(MAGNETIC_OFFSET) {
             let walk = self.config.magnetic_offset_random_walk_ut;
             for i in 0..3 {
                 step.added[MAGNETIC_OFFSET + i] = walk * walk * duration;
             }
         }
-        self.side.propagate(transition, &step);
+        self.memory.side.propagate(transition, &step);
         let kept = |std: T, time: T| {
             if std > T::zero() {
                 (-duration / time).exp()
@@ -83,7 +84,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             }
         };
         let c = &self.config;
-        self.last_step = CovarianceStep {
+        self.memory.last_step = CovarianceStep {
             transition: *transition,
             bias_kept: [
                 kept(
@@ -98,10 +99,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             side_kept: step.decay,
         };
         self.relax_biases(duration);
-        self.listener.propagated(&self.last_step);
+        self.listener.propagated(&self.memory.last_step);
         self.filter
-            .limit_covariance(&mut self.side, &mut self.listener);
-        if !(self.filter.state().is_usable() && self.side.is_usable()) {
+            .limit_covariance(&mut self.memory.side, &mut self.listener);
+        if !(self.filter.state().is_usable() && self.memory.side.is_usable()) {
             self.restart();
         }
     }
@@ -120,22 +121,26 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
                 walk: c.gyroscope_bias_random_walk,
             },
         ];
-        self.filter
-            .relax_biases(&mut self.at_rest, &settings, duration, &mut self.side);
+        self.filter.relax_biases(
+            &mut self.memory.at_rest,
+            &settings,
+            duration,
+            &mut self.memory.side,
+        );
     }
 
     /// Goes on over a time without inertial samples: the velocity is held and everything grows uncertain.
     pub(super) fn bridge(&mut self, duration: T) {
-        self.gaps = self.gaps.saturating_add(1);
-        self.history.clear();
-        self.window = StillnessWindow::default();
-        self.still_windows = 0;
+        self.memory.gaps = self.memory.gaps.saturating_add(1);
+        self.memory.history.clear();
+        self.memory.window = StillnessWindow::default();
+        self.memory.still_windows = 0;
         if duration > lit(LONGEST_GAP_S) {
             self.restart();
-        } else if self.aligning.is_some() {
+        } else if self.memory.aligning.is_some() {
             // North is another arbitrary one: what was seen against the old one is over.
-            self.aligning = Some(Alignment::default());
-            self.seen = Seen::default();
+            self.memory.aligning = Some(Alignment::default());
+            self.memory.seen = Seen::default();
         } else if duration > T::zero() {
             self.hold_velocity(duration);
         }
@@ -153,28 +158,28 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Moves the time on where there is no inertial unit.
     pub(super) fn go_on_without_samples(&mut self, time_ns: i64) {
-        let now = self.now_ns.unwrap_or(time_ns);
+        let now = self.memory.now_ns.unwrap_or(time_ns);
         let duration: T = seconds(now, time_ns);
-        if duration <= T::zero() && self.now_ns.is_some() {
+        if duration <= T::zero() && self.memory.now_ns.is_some() {
             if duration < T::zero() {
                 self.note_stamp_behind(time_ns, now);
             }
             return;
         }
-        self.behind = 0;
-        self.now_ns = Some(time_ns);
+        self.memory.behind = 0;
+        self.memory.now_ns = Some(time_ns);
         if duration > lit(LONGEST_GAP_S) {
             self.restart();
         }
-        match &mut self.aligning {
+        match &mut self.memory.aligning {
             Some(alignment) => alignment.assume_level(),
             None => {
                 self.hold_velocity(duration);
                 let tilt = lit(alignment::TILT_STD_ASSUMED);
                 self.filter
-                    .hold_level(&mut self.side, tilt, &mut self.listener);
-                self.since_velocity += duration;
-                self.since_constraint += duration;
+                    .hold_level(&mut self.memory.side, tilt, &mut self.listener);
+                self.memory.since_velocity += duration;
+                self.memory.since_constraint += duration;
                 self.constrain();
                 self.damp(duration);
             }
@@ -183,25 +188,27 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Forgets the state and aligns again.
     pub(super) fn restart(&mut self) {
-        self.restarts = self
+        self.memory.restarts = self
+            .memory
             .restarts
-            .saturating_add(u32::from(self.aligning.is_none()));
-        self.aligning = Some(Alignment::default());
-        self.seen = Seen::default();
-        self.side = AugmentedStates::default();
-        self.history.clear();
-        self.due_window = None;
-        self.last_fix_ns = None;
-        self.last_magnetic_ns = None;
-        self.gates = [CountedGate::default(); Aid::ALL.len()];
-        self.standing_rate_gate = CountedGate::default();
+            .saturating_add(u32::from(self.memory.aligning.is_none()));
+        self.memory.aligning = Some(Alignment::default());
+        self.memory.seen = Seen::default();
+        self.memory.side = AugmentedStates::default();
+        self.memory.history.clear();
+        self.memory.due_window = None;
+        self.memory.last_fix_ns = None;
+        self.memory.last_magnetic_ns = None;
+        self.memory.gates = [CountedGate::default(); Aid::ALL.len()];
+        self.memory.standing_rate_gate = CountedGate::default();
     }
 
     /// The state when a measurement was valid whose stamp is `time_ns` and which is `latency` late.
     pub(super) fn instant(&self, time_ns: i64, latency: T) -> Instant<T> {
-        let now = self.now_ns.unwrap_or(time_ns);
+        let now = self.memory.now_ns.unwrap_or(time_ns);
         let age = seconds::<T>(time_ns, now) + latency;
-        self.history
+        self.memory
+            .history
             .at(self.filter.state(), self.config.gravity, age)
     }
 }

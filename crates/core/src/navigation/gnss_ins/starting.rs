@@ -37,6 +37,7 @@ const UNKNOWN_VELOCITY_STD: f64 = 10.0;
 
 /// A fix and when it was taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Stamped<T: Scalar> {
     time_ns: i64,
     ned: Vector3<T>,
@@ -47,6 +48,7 @@ struct Stamped<T: Scalar> {
 
 /// The last fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Seen<T: Scalar> {
     /// Stamp of the first position.
     first_ns: Option<i64>,
@@ -56,6 +58,19 @@ pub(super) struct Seen<T: Scalar> {
     velocity: Option<Stamped<T>>,
     /// Velocity from the last two positions.
     difference: Option<Stamped<T>>,
+}
+
+impl<T: Scalar> Seen<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let fixes = [
+            &self.position,
+            &self.anchor,
+            &self.velocity,
+            &self.difference,
+        ];
+        let fixes = fixes.into_iter().flatten();
+        fixes.flat_map(|fix| fix.ned.iter().chain(&fix.std).chain(&fix.heading))
+    }
 }
 
 impl<T: Scalar> Default for Seen<T> {
@@ -73,21 +88,25 @@ impl<T: Scalar> Default for Seen<T> {
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Sees a position during alignment; two of them make a velocity and a course.
     pub(super) fn see_position(&mut self, time_ns: i64, fix: &GnssPosition<T>) {
-        let heading = self.aligning.as_ref().and_then(|a| a.arbitrary_heading());
+        let heading = self
+            .memory
+            .aligning
+            .as_ref()
+            .and_then(|a| a.arbitrary_heading());
         let fresh = Stamped {
             time_ns,
             ned: fix.ned,
             std: fix.std,
             heading,
         };
-        self.seen.first_ns.get_or_insert(time_ns);
-        self.seen.position = Some(fresh);
-        let anchor = *self.seen.anchor.get_or_insert(fresh);
+        self.memory.seen.first_ns.get_or_insert(time_ns);
+        self.memory.seen.position = Some(fresh);
+        let anchor = *self.memory.seen.anchor.get_or_insert(fresh);
         let passed: T = seconds(anchor.time_ns, time_ns);
         let drawn = passed > lit(0.05) && self.see_chord(&anchor, &fresh, passed);
         let backwards = passed < T::zero();
         if drawn || backwards || passed >= lit(LONGEST_CHORD_S) || anchor.heading.is_none() {
-            self.seen.anchor = Some(fresh);
+            self.memory.seen.anchor = Some(fresh);
         }
     }
 
@@ -96,7 +115,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let chord = after.ned - before.ned;
         let std = (before.std + after.std) * lit::<T>(core::f64::consts::FRAC_1_SQRT_2);
         if dt < lit(LONGEST_DIFFERENCE_S) {
-            self.seen.difference = Some(Stamped {
+            self.memory.seen.difference = Some(Stamped {
                 time_ns: after.time_ns,
                 ned: chord / dt,
                 // Twice: the vehicle may also have changed its speed.
@@ -122,13 +141,17 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Sees a velocity during alignment.
     pub(super) fn see_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) {
-        let heading = self.aligning.as_ref().and_then(|a| a.arbitrary_heading());
+        let heading = self
+            .memory
+            .aligning
+            .as_ref()
+            .and_then(|a| a.arbitrary_heading());
         let mut std = fix.std;
         let mut ned = fix.ned;
         if !fix.has_vertical {
             (ned.z, std.z) = (T::zero(), T::one());
         }
-        self.seen.velocity = Some(Stamped {
+        self.memory.seen.velocity = Some(Stamped {
             time_ns,
             ned,
             std,
@@ -146,7 +169,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     fn see_course(&mut self, course: T, arbitrary: T, std: T) {
         let slip = self.config.course_std;
         let std = (std * std + slip * slip).sqrt();
-        if let Some(alignment) = &mut self.aligning {
+        if let Some(alignment) = &mut self.memory.aligning {
             alignment.offset(course - arbitrary, std);
         }
     }
@@ -155,14 +178,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub(super) fn see_magnetic_field(&mut self, field: &Vector3<T>) {
         let std = self.config.magnetic_heading_std;
         let iron_std = self.config.magnetic_offset_std_ut;
-        if let Some(alignment) = &mut self.aligning {
+        if let Some(alignment) = &mut self.memory.aligning {
             alignment.magnetic_field(field, std, iron_std);
         }
     }
 
     /// Starts when level, heading and position are known.
     pub(super) fn try_to_start(&mut self) {
-        let (Some(alignment), Some(now)) = (&mut self.aligning, self.now_ns) else {
+        let (Some(alignment), Some(now)) = (&mut self.memory.aligning, self.memory.now_ns) else {
             return;
         };
         if let Some([heading, std]) = self.config.initial_heading {
@@ -171,12 +194,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let fresh = |seen: Option<Stamped<T>>| {
             seen.filter(|seen| seconds::<T>(seen.time_ns, now) < lit(FRESH_S))
         };
-        let first = self.seen.first_ns;
+        let first = self.memory.seen.first_ns;
         let waits = first.is_none_or(|first| seconds::<T>(first, now) < lit(COURSE_PATIENCE_S));
         let trusted = waits.then_some(self.config.course_std);
-        let declination = self.config.declination.unwrap_or(self.declination);
+        let declination = self.config.declination.unwrap_or(self.memory.declination);
         let aligned = alignment.finish(declination, trusted);
-        let Some((aligned, position)) = aligned.zip(fresh(self.seen.position)) else {
+        let Some((aligned, position)) = aligned.zip(fresh(self.memory.seen.position)) else {
             return;
         };
         let standing = Stamped {
@@ -189,7 +212,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             std: Vector3::repeat(lit(UNKNOWN_VELOCITY_STD)),
             ..standing
         };
-        let receiver = fresh(self.seen.velocity).or(fresh(self.seen.difference));
+        let receiver = fresh(self.memory.seen.velocity).or(fresh(self.memory.seen.difference));
         let moves = receiver.is_some_and(|seen| {
             seen.ned.norm() > (seen.std.norm() + seen.std.norm()).max(lit(STANDING_SPEED))
         });
@@ -249,20 +272,21 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let slow = self.config.position_correlated_fraction;
         for i in 0..3 {
             let variance = square(slow * position_std[i]);
-            self.slow_variance[i] = variance;
+            self.memory.slow_variance[i] = variance;
             if variance > T::zero() {
-                self.side.start(GNSS_OFFSET + i, T::zero(), variance);
+                self.memory.side.start(GNSS_OFFSET + i, T::zero(), variance);
                 // The position was taken from the receiver: what that is off by, this is too.
-                self.side.cross[(POSITION + i, GNSS_OFFSET + i)] = -variance;
+                self.memory.side.cross[(POSITION + i, GNSS_OFFSET + i)] = -variance;
             }
         }
         if let Some(turned_by) = aligned.heading_from_iron {
             let iron_variance = square(self.config.magnetic_offset_std_ut);
             for i in 0..3 {
-                self.side.cross[(ATTITUDE + 2, MAGNETIC_OFFSET + i)] = turned_by[i] * iron_variance;
+                self.memory.side.cross[(ATTITUDE + 2, MAGNETIC_OFFSET + i)] =
+                    turned_by[i] * iron_variance;
             }
         }
-        self.last_fix_ns = self.seen.position.map(|seen| seen.time_ns);
+        self.memory.last_fix_ns = self.memory.seen.position.map(|seen| seen.time_ns);
     }
 
     /// Starts, or starts again, at `time_ns` from a state that is known otherwise: kept from before, or another system's.
@@ -270,44 +294,47 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub fn start_at(&mut self, time_ns: i64, state: &NavigationState<T>) -> bool {
         let started = self.begin(state);
         if started {
-            self.now_ns = Some(time_ns);
-            self.last_imu = None;
-            self.last_fix_ns = None;
+            self.memory.now_ns = Some(time_ns);
+            self.memory.last_imu = None;
+            self.memory.last_fix_ns = None;
         }
         started
     }
 
     /// Goes on from a state of which the augmented states know nothing yet; those who listen begin with it.
     fn begin(&mut self, state: &NavigationState<T>) -> bool {
-        if !self.filter.restore(*state) {
+        if !self.filter.start(*state) {
             return false;
         }
-        self.side = AugmentedStates::default();
-        self.slow_variance.fill(T::zero());
+        self.memory.side = AugmentedStates::default();
+        self.memory.slow_variance.fill(T::zero());
         let square = |x: T| x * x;
         let time_variance = square(self.config.time_offset_std_s);
-        self.side.start(TIME_OFFSET, T::zero(), time_variance);
+        self.memory
+            .side
+            .start(TIME_OFFSET, T::zero(), time_variance);
         let iron_variance = square(self.config.magnetic_offset_std_ut);
         for i in 0..3 {
-            self.side
+            self.memory
+                .side
                 .start(MAGNETIC_OFFSET + i, T::zero(), iron_variance);
         }
-        if self.config.non_holonomic || self.counts[Aid::Speed as usize].skipped > 0 {
+        if self.config.non_holonomic || self.memory.counts[Aid::Speed as usize].skipped > 0 {
             let variance = square(self.config.mount_std);
-            self.side.start(MOUNT_PITCH, T::zero(), variance);
-            self.side.start(MOUNT_YAW, T::zero(), variance);
+            self.memory.side.start(MOUNT_PITCH, T::zero(), variance);
+            self.memory.side.start(MOUNT_YAW, T::zero(), variance);
         }
         let variances = |first: usize| {
             let diagonal = state.covariance.diagonal();
             diagonal.fixed_rows::<3>(first).into_owned()
         };
         let (force, rate) = (state.accelerometer_bias, state.gyroscope_bias);
-        self.at_rest = [
+        self.memory.at_rest = [
             BiasAtRest::new(force, variances(ACCELEROMETER_BIAS)),
             BiasAtRest::new(rate, variances(GYROSCOPE_BIAS)),
         ];
-        self.history.clear();
-        self.aligning = None;
+        self.memory.history.clear();
+        self.memory.aligning = None;
         self.listener.restarted();
         true
     }

@@ -33,6 +33,7 @@ const LEAST_SHARE: f64 = 0.05;
 
 /// The window under way.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct StillnessWindow<T: Scalar> {
     duration: T,
     samples: u32,
@@ -43,6 +44,7 @@ pub(super) struct StillnessWindow<T: Scalar> {
 
 /// What a finished window said.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Window<T: Scalar> {
     /// Mean rate (rad/s) and specific force (m/s^2), body axes.
     pub(super) mean_rate: Vector3<T>,
@@ -57,9 +59,35 @@ pub(super) struct Window<T: Scalar> {
 
 /// How much each axis shakes while the vehicle stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Quiet<T: Scalar> {
     variances: [Vector3<T>; 2],
     windows: u32,
+}
+
+impl<T: Scalar> StillnessWindow<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let vectors = [&self.origin, &self.sums, &self.squares];
+        vectors
+            .into_iter()
+            .flatten()
+            .flatten()
+            .chain([&self.duration])
+    }
+}
+
+impl<T: Scalar> Window<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let means = self.mean_rate.iter().chain(&self.mean_force);
+        let variances = self.variances.iter().flatten();
+        means.chain(variances).chain([&self.rate_variance])
+    }
+}
+
+impl<T: Scalar> Quiet<T> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        self.variances.iter().flatten()
+    }
 }
 
 impl<T: Scalar> Default for Quiet<T> {

@@ -14,7 +14,7 @@ use crate::navigation::aiding::{barometer, body_velocity, heading, magnetic_fiel
 use crate::navigation::augmented_states::{
     BAROMETER_OFFSET, GNSS_OFFSET, MAGNETIC_OFFSET, MOUNT_PITCH, MOUNT_YAW, TIME_OFFSET,
 };
-use crate::navigation::error_state::Measurement;
+use crate::navigation::error_state::SparseMeasurement;
 use crate::navigation::{STATES, VELOCITY};
 use crate::scalar::{Scalar, lit};
 
@@ -85,7 +85,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     ) -> GnssPositionUpdate<T> {
         let checked = check_fix(&fix.ned, &fix.std, FURTHEST_M)
             .and_then(|()| self.accept(Aid::GnssPosition, time_ns));
-        if checked.is_ok() && self.aligning.is_some() {
+        if checked.is_ok() && self.memory.aligning.is_some() {
             self.see_position(time_ns, fix);
             if self.config.imu_samples == ImuSamples::None {
                 self.try_to_start();
@@ -99,11 +99,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
                 vertical: Innovation::skipped(reason),
             },
         };
-        self.counts[Aid::GnssPosition as usize].count(&update.horizontal);
-        self.counts[Aid::GnssHeight as usize].count(&update.vertical);
+        self.memory.counts[Aid::GnssPosition as usize].count(&update.horizontal);
+        self.memory.counts[Aid::GnssHeight as usize].count(&update.vertical);
         if update.horizontal.outcome.is_fused() {
-            self.since_velocity = T::zero();
-            self.last_fix_ns = Some(time_ns);
+            self.memory.since_velocity = T::zero();
+            self.memory.last_fix_ns = Some(time_ns);
         }
         update
     }
@@ -144,26 +144,27 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         ned: &Vector3<T>,
         variance: &Vector3<T>,
         components: [usize; M],
-    ) -> Measurement<T, M> {
-        let latency = self.config.position_latency_s + self.side.values[TIME_OFFSET];
+    ) -> SparseMeasurement<T, M> {
+        let latency = self.config.position_latency_s + self.memory.side.values[TIME_OFFSET];
         let then = self.instant(time_ns, latency);
         let arm = Vector3::from(self.config.lever_arm_m);
-        gnss_position::measurement(&then, &self.side, &arm, ned, variance, components)
+        gnss_position::measurement(&then, &self.memory.side, &arm, ned, variance, components)
     }
 
     /// Holds the receiver's slow error to the standard deviation that it states now. When that falls by half
     /// (a float solution that is fixed), the error of before is over.
     fn follow_slow_error(&mut self, slow_std: &Vector3<T>) {
         for i in 0..3 {
-            let (variance, before) = (slow_std[i] * slow_std[i], self.slow_variance[i]);
+            let (variance, before) = (slow_std[i] * slow_std[i], self.memory.slow_variance[i]);
             // The first fix after a start from a known state, or an error that is over.
             let is_new = before <= T::zero() && variance > T::zero();
             if is_new || variance < before * lit(0.25) {
                 self.start_side(GNSS_OFFSET + i, T::zero(), variance);
             } else if variance > before {
-                self.side.covariance[(GNSS_OFFSET + i, GNSS_OFFSET + i)] += variance - before;
+                self.memory.side.covariance[(GNSS_OFFSET + i, GNSS_OFFSET + i)] +=
+                    variance - before;
             }
-            self.slow_variance[i] = variance;
+            self.memory.slow_variance[i] = variance;
         }
     }
 
@@ -174,8 +175,9 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if checked.is_ok() {
             let slow = lit::<T>(RECEIVER_STANDS_M_S) + fix.std.max();
             let stands = fix.ned.norm() < slow;
-            self.stands_until_ns = stands.then(|| time_ns.saturating_add(RECEIVER_STANDS_NS));
-            if self.aligning.is_some() {
+            self.memory.stands_until_ns =
+                stands.then(|| time_ns.saturating_add(RECEIVER_STANDS_NS));
+            if self.memory.aligning.is_some() {
                 self.see_velocity(time_ns, fix);
             }
         }
@@ -183,15 +185,15 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             Ok(()) => self.fuse_velocity(time_ns, fix),
             Err(reason) => Innovation::skipped(reason),
         };
-        self.counts[Aid::GnssVelocity as usize].count(&innovation);
+        self.memory.counts[Aid::GnssVelocity as usize].count(&innovation);
         if innovation.outcome.is_fused() {
-            self.since_velocity = T::zero();
+            self.memory.since_velocity = T::zero();
         }
         innovation
     }
 
     fn fuse_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) -> Innovation<T> {
-        let latency = self.config.velocity_latency_s + self.side.values[TIME_OFFSET];
+        let latency = self.config.velocity_latency_s + self.memory.side.values[TIME_OFFSET];
         let then = self.instant(time_ns, latency);
         let arm = Vector3::from(self.config.lever_arm_m);
         let floor = self.config.velocity_std_floor_m_s;
@@ -210,7 +212,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub fn heading(&mut self, time_ns: i64, heading: T, std: T) -> Innovation<T> {
         let checked =
             check_scalar(heading, std, 100.0).and_then(|()| self.accept(Aid::Heading, time_ns));
-        if let (Ok(()), Some(alignment)) = (checked, &mut self.aligning) {
+        if let (Ok(()), Some(alignment)) = (checked, &mut self.memory.aligning) {
             alignment.heading(heading, std);
         }
         let innovation = match checked.and_then(|()| self.make_ready()) {
@@ -221,7 +223,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             }
             Err(reason) => Innovation::skipped(reason),
         };
-        self.counts[Aid::Heading as usize].count(&innovation);
+        self.memory.counts[Aid::Heading as usize].count(&innovation);
         innovation
     }
 
@@ -239,7 +241,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             Ok(()) => self.fuse_magnetic_field(time_ns, magnetic_field),
             Err(reason) => Innovation::skipped(reason),
         };
-        self.counts[Aid::Magnetometer as usize].count(&innovation);
+        self.memory.counts[Aid::Magnetometer as usize].count(&innovation);
         innovation
     }
 
@@ -251,20 +253,20 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let interval = self.config.magnetic_interval_s;
         // Half a millisecond early is in time: stamps jitter.
         let due = |last: i64| seconds::<T>(last, time_ns).abs() + lit(5e-4) >= interval;
-        self.last_magnetic_ns.is_none_or(due)
+        self.memory.last_magnetic_ns.is_none_or(due)
     }
 
     fn fuse_magnetic_field(&mut self, time_ns: i64, field: &Vector3<T>) -> Innovation<T> {
         let then = self.instant(time_ns, T::zero());
-        let declination = self.config.declination.unwrap_or(self.declination);
+        let declination = self.config.declination.unwrap_or(self.memory.declination);
         let std = self.config.magnetic_heading_std;
-        let made = if self.side.is_used(MAGNETIC_OFFSET) {
-            magnetic_field::measurement(&then, &self.side, field, declination, std)
+        let made = if self.memory.side.is_used(MAGNETIC_OFFSET) {
+            magnetic_field::measurement(&then, &self.memory.side, field, declination, std)
         } else {
             heading::magnetic(&then, field, declination, std * std)
         };
         if made.is_ok() {
-            self.last_magnetic_ns = Some(time_ns);
+            self.memory.last_magnetic_ns = Some(time_ns);
         }
         self.fuse_or_skip(Aid::Magnetometer, made)
     }
@@ -278,17 +280,17 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let innovation = match ready {
             Ok(()) => {
                 let then = self.instant(time_ns, T::zero());
-                if !self.side.is_used(BAROMETER_OFFSET) {
+                if !self.memory.side.is_used(BAROMETER_OFFSET) {
                     let offset = height + then.position.z;
                     let unknown = lit::<T>(UNKNOWN_OFFSET_STD_M);
                     self.start_side(BAROMETER_OFFSET, offset, unknown * unknown);
                 }
-                let m = barometer::measurement(&then, &self.side, height, std * std);
+                let m = barometer::measurement(&then, &self.memory.side, height, std * std);
                 self.fuse(Aid::Barometer, &m)
             }
             Err(reason) => Innovation::skipped(reason),
         };
-        self.counts[Aid::Barometer as usize].count(&innovation);
+        self.memory.counts[Aid::Barometer as usize].count(&innovation);
         innovation
     }
 
@@ -303,14 +305,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
                 self.use_mount();
                 let then = self.instant(time_ns, T::zero());
                 let arm = Vector3::from(self.config.vehicle_arm_m);
-                let m = body_velocity::speed(&then, &self.side, &arm, forward, std * std);
+                let m = body_velocity::speed(&then, &self.memory.side, &arm, forward, std * std);
                 self.fuse(Aid::Speed, &m)
             }
             Err(reason) => Innovation::skipped(reason),
         };
-        self.counts[Aid::Speed as usize].count(&innovation);
+        self.memory.counts[Aid::Speed as usize].count(&innovation);
         if innovation.outcome.is_fused() {
-            self.since_velocity = T::zero();
+            self.memory.since_velocity = T::zero();
         }
         innovation
     }
@@ -318,7 +320,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     fn use_mount(&mut self) {
         let variance = self.config.mount_std * self.config.mount_std;
         for state in [MOUNT_PITCH, MOUNT_YAW] {
-            if !self.side.is_used(state) {
+            if !self.memory.side.is_used(state) {
                 self.start_side(state, T::zero(), variance);
             }
         }
@@ -326,7 +328,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Starts an augmented state anew, on the way.
     fn start_side(&mut self, state: usize, value: T, variance: T) {
-        self.side.start(state, value, variance);
+        self.memory.side.start(state, value, variance);
         self.listener.propagated(&ScaledState {
             state: STATES + state,
             factor: T::zero(),
@@ -334,36 +336,39 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     }
 
     pub(super) fn is_constraint_due(&self) -> bool {
-        self.config.non_holonomic && self.since_constraint >= lit(CONSTRAINT_INTERVAL_S)
+        self.config.non_holonomic && self.memory.since_constraint >= lit(CONSTRAINT_INTERVAL_S)
     }
 
     /// What the filter knows without being told: that it stands, that it does not slide, that it is no rocket.
     pub(super) fn constrain(&mut self) {
-        if let Some(window) = self.due_window.take() {
+        if let Some(window) = self.memory.due_window.take() {
             // The first window at rest may have begun before the stop.
-            if self.config.zero_velocity && self.still_windows > 1 {
+            if self.config.zero_velocity && self.memory.still_windows > 1 {
                 self.stand(&window);
             }
             self.damp(lit(WINDOW_S));
         }
-        if self.is_constraint_due() && self.aligning.is_none() {
-            self.since_constraint = T::zero();
+        if self.is_constraint_due() && self.memory.aligning.is_none() {
+            self.memory.since_constraint = T::zero();
             self.use_mount();
             let state = self.filter.state();
-            let then = self.history.at(state, self.config.gravity, T::zero());
+            let then = self
+                .memory
+                .history
+                .at(state, self.config.gravity, T::zero());
             let arm = Vector3::from(self.config.vehicle_arm_m);
             let std = self.config.non_holonomic_std_m_s;
-            let m = body_velocity::non_holonomic(&then, &self.side, &arm, std * std);
+            let m = body_velocity::non_holonomic(&then, &self.memory.side, &arm, std * std);
             let innovation = self.fuse(Aid::NonHolonomic, &m);
-            self.counts[Aid::NonHolonomic as usize].count(&innovation);
+            self.memory.counts[Aid::NonHolonomic as usize].count(&innovation);
         }
     }
 
     /// Pulls the velocity towards zero as weakly as its prior says over `duration`, when nothing has measured it (E31).
     pub(super) fn damp(&mut self, duration: T) {
         let std = self.config.damping_speed_m_s;
-        let measured = self.since_velocity <= lit(DAMPED_AFTER_S);
-        if measured || std <= T::zero() || duration <= T::zero() || self.aligning.is_some() {
+        let measured = self.memory.since_velocity <= lit(DAMPED_AFTER_S);
+        if measured || std <= T::zero() || duration <= T::zero() || self.memory.aligning.is_some() {
             return;
         }
         let visits = self.config.damping_time_s / duration;
@@ -371,14 +376,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let m = zero_velocity::damping(&velocity, std * std * visits);
         // It cannot be wrong by more than itself: no gate.
         let mut open = CountedGate::default();
-        let (side, listener) = (&mut self.side, &mut self.listener);
+        let (side, listener) = (&mut self.memory.side, &mut self.listener);
         self.filter
             .fuse_sparse(side, &m, &mut open, T::zero(), listener);
     }
 
     /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
     fn stand(&mut self, window: &Window<T>) {
-        if self.aligning.is_some() {
+        if self.memory.aligning.is_some() {
             return;
         }
         let state = self.filter.state();
@@ -388,23 +393,30 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if state.velocity.norm() > slow {
             return;
         }
-        let then = self.history.at(state, self.config.gravity, T::zero());
+        let then = self
+            .memory
+            .history
+            .at(state, self.config.gravity, T::zero());
         let m = zero_velocity::velocity(&then, lit(STANDING_STD * STANDING_STD));
         let innovation = self.fuse(Aid::ZeroVelocity, &m);
-        self.counts[Aid::ZeroVelocity as usize].count(&innovation);
+        self.memory.counts[Aid::ZeroVelocity as usize].count(&innovation);
         if innovation.outcome.is_fused() {
             let bias = self.filter.state().gyroscope_bias;
             let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
             let m = zero_velocity::rate(&window.mean_rate, &bias, window.rate_variance.max(least));
-            let (side, listener) = (&mut self.side, &mut self.listener);
-            let gate = &mut self.standing_rate_gate;
+            let (side, listener) = (&mut self.memory.side, &mut self.listener);
+            let gate = &mut self.memory.standing_rate_gate;
             self.filter.fuse_sparse(side, &m, gate, bound(3), listener);
         }
     }
 
-    fn fuse<const M: usize>(&mut self, aid: Aid, measurement: &Measurement<T, M>) -> Innovation<T> {
-        let (side, listener) = (&mut self.side, &mut self.listener);
-        let gate = &mut self.gates[aid as usize];
+    fn fuse<const M: usize>(
+        &mut self,
+        aid: Aid,
+        measurement: &SparseMeasurement<T, M>,
+    ) -> Innovation<T> {
+        let (side, listener) = (&mut self.memory.side, &mut self.listener);
+        let gate = &mut self.memory.gates[aid as usize];
         self.filter
             .fuse_sparse(side, measurement, gate, bound(M), listener)
     }
@@ -412,7 +424,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     fn fuse_or_skip<const M: usize>(
         &mut self,
         aid: Aid,
-        made: Result<Measurement<T, M>, SkipReason>,
+        made: Result<SparseMeasurement<T, M>, SkipReason>,
     ) -> Innovation<T> {
         match made {
             Ok(measurement) => self.fuse(aid, &measurement),
@@ -422,7 +434,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Takes the stamp of a measurement: it must be newer than its sensor's last and near the present.
     fn accept(&mut self, aid: Aid, time_ns: i64) -> Result<(), SkipReason> {
-        let stamp = &mut self.stamps[aid as usize];
+        let stamp = &mut self.memory.stamps[aid as usize];
         let ahead = |last: i64| seconds::<T>(time_ns, last) > lit(LONGEST_GAP_S);
         if stamp.is_some_and(|last| time_ns <= last && !ahead(last)) {
             return Err(SkipReason::NotNewer);
@@ -431,7 +443,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if self.config.imu_samples == ImuSamples::None {
             self.go_on_without_samples(time_ns);
         }
-        match self.now_ns {
+        match self.memory.now_ns {
             None => Err(SkipReason::NotInitialized),
             Some(now) if seconds::<T>(now, time_ns).abs() > T::one() => Err(SkipReason::TooLate),
             Some(_) => Ok(()),
@@ -440,10 +452,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Brings the covariance up to the state, if there is one.
     fn make_ready(&mut self) -> Result<(), SkipReason> {
-        if self.aligning.is_none() {
+        if self.memory.aligning.is_none() {
             self.catch_up();
         }
-        match self.aligning {
+        match self.memory.aligning {
             None => Ok(()),
             Some(_) => Err(SkipReason::NotInitialized),
         }

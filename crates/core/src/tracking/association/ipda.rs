@@ -18,6 +18,7 @@ use crate::scalar::{Scalar, lit};
 
 /// Probabilities of a target's existence and visibility.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Existence<T> {
     /// Probability that there is a target.
     pub existence: T,

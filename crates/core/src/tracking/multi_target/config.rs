@@ -10,7 +10,15 @@ use crate::tracking::own_ship::{PoseLimits, PoseMemory};
 
 /// Settings of the tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackerConfig<T, const M: usize> {
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
+pub struct MultiTargetConfig<T, const M: usize> {
     /// Motion models and how targets switch between them.
     pub models: Models<T, M>,
     /// Appearing, hiding, disappearing.
@@ -41,7 +49,7 @@ pub struct TrackerConfig<T, const M: usize> {
     pub pose_memory: PoseMemory<T>,
 }
 
-impl<T: Scalar, const M: usize> TrackerConfig<T, M> {
+impl<T: Scalar, const M: usize> MultiTargetConfig<T, M> {
     /// Checks every setting.
     ///
     /// # Errors
@@ -131,7 +139,7 @@ pub struct ScanSensor<T> {
 }
 
 /// One setting for boats and small ships seen by radar: straight, turning, and manoeuvring hard.
-impl<T: Scalar> Default for TrackerConfig<T, 3> {
+impl<T: Scalar> Default for MultiTargetConfig<T, 3> {
     fn default() -> Self {
         Self {
             models: Models {

@@ -2,6 +2,8 @@
 
 /// Why a scan was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum ScanError {
     /// Its time is NaN or infinite.
     TimeNotFinite,
@@ -38,6 +40,7 @@ impl core::error::Error for ScanError {}
 
 /// Counters since the tracker was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TrackerCounts {
     /// Scans used.
     pub scans: u64,

@@ -71,7 +71,7 @@ fn confirmed(tracker: &Tracker) -> Vec<Track<f64, 3>> {
 fn crossing_targets_keep_their_tracks_in_clutter() {
     let mut rng = Pcg64Mcg::seed_from_u64(11);
     let own = OwnShip::exact(0.0, 0.0, 0.0).with_std(2.0, 2.0, 0.01);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     let at = |t: f64| {
         [
             Vector2::new(300.0 + 4.0 * t, 200.0),
@@ -110,7 +110,7 @@ fn crossing_targets_keep_their_tracks_in_clutter() {
 fn joint_covariance_with_the_own_ship_stays_positive() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let own = OwnShip::exact(0.0, 0.0, 0.0).with_std(3.0, 3.0, 0.05);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     for k in 0..80 {
         let t = 1.5 * f64::from(k);
         let target = [Vector2::new(
@@ -142,7 +142,7 @@ fn joint_covariance_with_the_own_ship_stays_positive() {
 #[test]
 fn a_new_track_knows_what_it_shares_with_the_own_ship() {
     let own = OwnShip::exact(10.0, 20.0, 0.2).with_std(3.0, 4.0, 0.05);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     tracker
         .scan(&scan(0.0, &own, &[radar(200.0, 0.3)]))
         .unwrap();
@@ -155,7 +155,7 @@ fn a_new_track_knows_what_it_shares_with_the_own_ship() {
     assert_relative_eq!(mode.cross[(0, 2)], -e * 0.0025, epsilon = 1e-9);
     assert_relative_eq!(mode.cross[(2, 2)], n * 0.0025, epsilon = 1e-9);
     // an exact own ship leaves only the sensor's own uncertainty
-    let mut sure = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut sure = Tracker::new(MultiTargetConfig::default()).unwrap();
     let exact = OwnShip::exact(10.0, 20.0, 0.2);
     sure.scan(&scan(0.0, &exact, &[radar(200.0, 0.3)])).unwrap();
     let difference = mode.covariance - sure.tracks().next().unwrap().estimate().covariance;
@@ -166,7 +166,7 @@ fn a_new_track_knows_what_it_shares_with_the_own_ship() {
 #[test]
 fn a_target_that_is_gone_is_deleted_and_a_hidden_one_survives() {
     let own = OwnShip::exact(0.0, 0.0, 0.0);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     for k in 0..12 {
         let detections = [radar(200.0, 0.3)];
         tracker
@@ -193,7 +193,7 @@ fn bearings_refine_and_never_initiate() {
         ..RADAR
     };
     let own = OwnShip::exact(0.0, 0.0, 0.0);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     let bearing = [Detection::Bearing { bearing_rad: 0.3 }];
     let look = |t| Scan {
         time_s: t,
@@ -230,7 +230,7 @@ fn an_ais_report_of_one_ship_says_nothing_against_the_others() {
         ..RADAR
     };
     let own = OwnShip::exact(0.0, 0.0, 0.0).with_std(5.0, 5.0, 0.05);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     for k in 0..8 {
         let detections = [radar(200.0, 0.3)];
         tracker
@@ -259,7 +259,7 @@ fn an_ais_report_of_one_ship_says_nothing_against_the_others() {
 #[test]
 fn bad_scans_change_nothing_and_are_counted() {
     let own = OwnShip::exact(0.0, 0.0, 0.0);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     tracker
         .scan(&scan(10.0, &own, &[radar(200.0, 0.3)]))
         .unwrap();
@@ -297,7 +297,7 @@ fn bad_scans_change_nothing_and_are_counted() {
 fn a_pose_that_jumped_and_stays_is_taken_from_the_second_scan_on_and_shares_no_error() {
     let near = OwnShip::exact(0.0, 0.0, 0.0).with_std(3.0, 3.0, 0.05);
     let far = OwnShip::exact(900.0, 0.0, 0.0).with_std(3.0, 3.0, 0.05);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     for k in 0..8 {
         let seen = [radar(400.0, 0.3)];
         tracker.scan(&scan(f64::from(k), &near, &seen)).unwrap();
@@ -316,7 +316,7 @@ fn a_pose_that_jumped_and_stays_is_taken_from_the_second_scan_on_and_shares_no_e
 #[test]
 fn bad_detections_are_skipped_and_counted_and_good_ones_of_the_scan_used() {
     let own = OwnShip::exact(0.0, 0.0, 0.0);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     let detections = [
         radar(f64::NAN, 0.0),
         radar(-5.0, 0.0),
@@ -332,7 +332,7 @@ fn bad_detections_are_skipped_and_counted_and_good_ones_of_the_scan_used() {
 #[test]
 fn a_target_through_the_own_ship_is_skipped_and_counted() {
     let own = OwnShip::exact(0.0, 0.0, 0.0);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     tracker.scan(&scan(0.0, &own, &[radar(15.0, 0.3)])).unwrap();
     let place = tracker.tracks().next().unwrap().estimate().state;
     let on_top = OwnShip::exact(place[0], place[2], 0.0);
@@ -346,7 +346,7 @@ fn a_target_through_the_own_ship_is_skipped_and_counted() {
 #[test]
 fn more_than_there_is_room_for_is_counted() {
     let own = OwnShip::exact(0.0, 0.0, 0.0);
-    let mut tracker = Tracker::new(TrackerConfig::default()).unwrap();
+    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
     let many: Vec<_> = (0..40)
         .map(|i| radar(100.0 * f64::from(i + 1), 0.1))
         .collect();
@@ -359,8 +359,8 @@ fn more_than_there_is_room_for_is_counted() {
 #[test]
 fn single_precision_follows_double_precision() {
     let (mut a, mut b) = (
-        MultiTargetTracker::<f64, 3, 4, 4>::new(TrackerConfig::default()).unwrap(),
-        MultiTargetTracker::<f32, 3, 4, 4>::new(TrackerConfig::default()).unwrap(),
+        MultiTargetTracker::<f64, 3, 4, 4>::new(MultiTargetConfig::default()).unwrap(),
+        MultiTargetTracker::<f32, 3, 4, 4>::new(MultiTargetConfig::default()).unwrap(),
     );
     let single = ScanSensor {
         noise: DetectionNoise {
@@ -400,8 +400,8 @@ fn single_precision_follows_double_precision() {
 
 #[test]
 fn a_configuration_outside_its_range_is_refused_by_name() {
-    let refused = |change: fn(&mut TrackerConfig<f64, 3>)| {
-        let mut config = TrackerConfig::default();
+    let refused = |change: fn(&mut MultiTargetConfig<f64, 3>)| {
+        let mut config = MultiTargetConfig::default();
         change(&mut config);
         Tracker::new(config).err().map(|error| error.field)
     };

@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix2, Matrix2x3, SMatrix, Vector2};
 
-use super::{Scan, TrackerConfig};
+use super::{MultiTargetConfig, Scan};
 use crate::kalman::covariance::normalized_square;
 use crate::kalman::innovation::{Innovation, SkipReason};
+use crate::restorable::{InvalidState, covariance, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 use crate::tracking::association::ipda::Existence;
 use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
@@ -13,6 +14,8 @@ use crate::tracking::imm::{Imm, Mode};
 
 /// Status of a track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum TrackStatus {
     /// May be clutter.
     Tentative,
@@ -22,6 +25,14 @@ pub enum TrackStatus {
 
 /// A target, or what may be one.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: Scalar + serde::Serialize",
+        deserialize = "T: Scalar + serde::Deserialize<'de>"
+    ))
+)]
 pub struct Track<T, const M: usize> {
     /// Number of the track, never used twice by one tracker.
     pub id: u32,
@@ -45,13 +56,32 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         self.imm.estimate()
     }
 
-    pub(super) fn confirm(&mut self, config: &TrackerConfig<T, M>) {
+    /// Whether a saved one can be continued from.
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        for mode in &self.imm.modes {
+            finite("state of a track", &mode.state)?;
+            covariance("covariance of a track", &mode.covariance)?;
+            finite("cross-covariance of a track", &mode.cross)?;
+            not_negative("probability of a motion model", [&mode.probability])?;
+        }
+        let Existence {
+            existence,
+            visibility,
+        } = &self.existence;
+        not_negative("existence of a track", [existence, visibility])?;
+        not_negative("age of a track", [&self.age_s, &self.silent_s])?;
+        let innovation = &self.innovation;
+        let numbers = innovation.residual.iter().chain(&innovation.covariance);
+        finite("innovation of a track", numbers.chain([&innovation.nis]))
+    }
+
+    pub(super) fn confirm(&mut self, config: &MultiTargetConfig<T, M>) {
         if self.existence.existence >= config.confirm_existence {
             self.status = TrackStatus::Confirmed;
         }
     }
 
-    pub(super) fn is_over(&self, config: &TrackerConfig<T, M>) -> bool {
+    pub(super) fn is_over(&self, config: &MultiTargetConfig<T, M>) -> bool {
         let limit = match self.status {
             TrackStatus::Tentative => config.delete_existence,
             TrackStatus::Confirmed => config.delete_confirmed_existence,
@@ -64,7 +94,7 @@ impl<T: Scalar, const M: usize> Track<T, M> {
     }
 
     /// Whether two tracks follow one target: positions and velocities agree within their covariances.
-    pub(super) fn is_same_as(&self, other: &Self, config: &TrackerConfig<T, M>) -> bool {
+    pub(super) fn is_same_as(&self, other: &Self, config: &MultiTargetConfig<T, M>) -> bool {
         let (a, b) = (self.estimate(), other.estimate());
         let d = (a.state - b.state).fixed_rows::<4>(0).into_owned();
         let p = (a.covariance + b.covariance)
@@ -89,7 +119,7 @@ impl<T: Scalar, const M: usize> Track<T, M> {
 pub(super) fn initiate<T: Scalar, const M: usize>(
     detection: &Detection<T>,
     scan: &Scan<'_, T>,
-    config: &TrackerConfig<T, M>,
+    config: &MultiTargetConfig<T, M>,
     id: u32,
 ) -> Option<Track<T, M>> {
     if !detection.is_valid() {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Scan, Track, TrackerConfig, TrackerCounts};
+use super::{MultiTargetConfig, Scan, Track, TrackerCounts};
 use crate::kalman::innovation::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
 use crate::tracking::association::gate::AssociationGate;
@@ -28,7 +28,7 @@ fn innovation<T: Scalar>(
 fn detection_probability<T: Scalar, const M: usize>(
     track: &Track<T, M>,
     scan: &Scan<'_, T>,
-    config: &TrackerConfig<T, M>,
+    config: &MultiTargetConfig<T, M>,
 ) -> T {
     let gate = AssociationGate {
         sigmas: config.gate_sigmas,
@@ -62,7 +62,7 @@ pub(super) fn weigh<T: Scalar, const M: usize, const D: usize>(
     track: &Track<T, M>,
     scan: &Scan<'_, T>,
     detections: &[Detection<T>],
-    config: &TrackerConfig<T, M>,
+    config: &MultiTargetConfig<T, M>,
     counts: &mut TrackerCounts,
 ) -> Association<T, D> {
     let gate = AssociationGate {
@@ -105,7 +105,7 @@ pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
     scan: &Scan<'_, T>,
     detections: &[Detection<T>],
     marginal: &Association<T, D>,
-    config: &TrackerConfig<T, M>,
+    config: &MultiTargetConfig<T, M>,
 ) {
     let pd = detection_probability(track, scan, config);
     let pd_missed = if scan.sensor.covers_all {

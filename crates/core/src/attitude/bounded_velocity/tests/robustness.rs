@@ -8,7 +8,7 @@ fn bad_samples_leave_the_state_untouched_and_say_why() {
     test_world::check_bad_samples(make);
     test_world::check_reproducible(make, |f| {
         let mut copy = BoundedVelocity::new(*f.config()).unwrap();
-        copy.restore(*f.state());
+        copy.restore(f.save()).unwrap();
         copy
     });
     let mut f = filter(full::<f64>());

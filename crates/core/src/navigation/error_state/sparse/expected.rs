@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::shrink::{add_scaled, scaled};
-use super::{Measurement, Row, SIDE};
+use super::{Row, SIDE, SparseMeasurement};
 use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::{ERRORS, STATES};
 use crate::scalar::Scalar;
@@ -157,7 +157,7 @@ impl<T: Scalar, const M: usize> Expected<T, M> {
         p: &SMatrix<T, STATES, STATES>,
         side: &AugmentedStates<T>,
         used: Used,
-        measurement: &Measurement<T, M>,
+        measurement: &SparseMeasurement<T, M>,
     ) -> Option<Self> {
         let mut covariance = [[T::zero(); M]; M];
         let mut nis = T::zero();

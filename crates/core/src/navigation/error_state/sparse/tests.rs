@@ -63,7 +63,7 @@ fn joint_of(filter: &ErrorStateFilter<f64>, side: &AugmentedStates<f64>) -> Join
     joint
 }
 
-fn measurement() -> Measurement<f64, 3> {
+fn measurement() -> SparseMeasurement<f64, 3> {
     let row = |k: usize| {
         let mut row = Row::default();
         for (n, state) in [0, 2, 4, 6 + k, 12, 13, SIDE + k, SIDE + 3, SIDE + 6]
@@ -74,7 +74,7 @@ fn measurement() -> Measurement<f64, 3> {
         }
         row
     };
-    Measurement {
+    SparseMeasurement {
         rows: [0, 1, 2].map(row),
         residual: Vector3::new(0.7, -0.4, 0.2),
         variance: Vector3::new(0.5, 0.3, 0.9),
@@ -188,7 +188,7 @@ fn states_that_are_not_in_use_change_nothing() {
 #[test]
 fn outliers_are_refused_five_times_and_then_believed_with_the_state_set_free() {
     let (mut filter, mut side, _) = start();
-    let mut m = Measurement {
+    let mut m = SparseMeasurement {
         rows: [6, 7].map(Row::of_state),
         residual: nalgebra::Vector2::new(100.0, -50.0),
         variance: nalgebra::Vector2::repeat(1.0),

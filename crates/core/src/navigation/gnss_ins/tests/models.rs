@@ -19,7 +19,7 @@ fn under_way(
         velocity,
         ..*ins.filter.state()
     };
-    assert!(ins.filter.restore(state));
+    assert!(ins.filter.start(state));
     ins
 }
 

@@ -1,0 +1,35 @@
+//! Pose of a navigation filter with the covariance of its errors: what a tracker sees of it.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use super::innovation::SkipReason;
+use crate::scalar::Scalar;
+
+/// Where a navigation filter says that the own ship is, and the error that it says so with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NavigationPose<'a, T: Scalar, const N: usize> {
+    /// `[north, east, heading]`, m and rad.
+    pub pose: Vector3<T>,
+    /// Covariance of the navigation filter's error states.
+    pub covariance: &'a SMatrix<T, N, N>,
+    /// The rows that make the pose error from those states.
+    pub pose_from_error: SMatrix<T, 3, N>,
+}
+
+impl<T: Scalar, const N: usize> NavigationPose<'_, T, N> {
+    /// Covariance of the pose.
+    pub fn pose_covariance(&self) -> Matrix3<T> {
+        self.pose_from_error * self.covariance * self.pose_from_error.transpose()
+    }
+
+    /// Refuses what cannot be a pose with its covariance.
+    pub(crate) fn check(&self) -> Result<(), SkipReason> {
+        if !self.pose.norm_squared().is_finite() || !self.covariance.norm_squared().is_finite() {
+            Err(SkipReason::NotFinite)
+        } else if self.covariance.diagonal().iter().any(|v| *v < T::zero()) {
+            Err(SkipReason::Numerical)
+        } else {
+            Ok(())
+        }
+    }
+}

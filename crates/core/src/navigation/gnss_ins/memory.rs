@@ -1,0 +1,167 @@
+//! What the filter remembers between two samples, and how it is saved and restored.
+
+use nalgebra::Vector3;
+
+use super::alignment::Alignment;
+use super::counts::{Aid, AidCounts};
+use super::starting::Seen;
+use super::stillness::{Quiet, StillnessWindow, Window};
+use super::{CovarianceStep, ERRORS, GnssIns};
+use crate::kalman::{CountedGate, ErrorListener};
+use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
+use crate::navigation::gauss_markov_bias::BiasAtRest;
+use crate::navigation::history::ImuHistory;
+use crate::navigation::{ErrorTransition, NavigationState};
+use crate::restorable::{InvalidState, Restorable, expect, finite};
+use crate::scalar::Scalar;
+
+/// All that is neither a setting nor the state of the 15-state filter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
+    pub(super) side: AugmentedStates<T>,
+    pub(super) history: ImuHistory<T, HISTORY>,
+    /// What the alignment has, while it aligns.
+    pub(super) aligning: Option<Alignment<T>>,
+    pub(super) seen: Seen<T>,
+    pub(super) window: StillnessWindow<T>,
+    pub(super) quiet: Quiet<T>,
+    /// Windows at rest in a row.
+    pub(super) still_windows: u32,
+    /// Until when the receiver's last velocity says that it stands.
+    pub(super) stands_until_ns: Option<i64>,
+    /// Time of the state.
+    pub(super) now_ns: Option<i64>,
+    pub(super) last_imu: Option<(i64, Vector3<T>, Vector3<T>)>,
+    pub(super) last_fix_ns: Option<i64>,
+    /// Stamp of the last magnetic field that was fused.
+    pub(super) last_magnetic_ns: Option<i64>,
+    /// Magnetic declination where the settings have none.
+    pub(super) declination: T,
+    /// Variance that the receiver's slow error is held to have, m^2.
+    pub(super) slow_variance: Vector3<T>,
+    /// Values at rest of the accelerometer's and the gyroscope's bias.
+    pub(super) at_rest: [BiasAtRest<T>; 2],
+    pub(super) last_step: CovarianceStep<T>,
+    /// A finished window that has not been used yet.
+    pub(super) due_window: Option<Window<T>>,
+    pub(super) since_constraint: T,
+    /// Seconds since something measured the velocity.
+    pub(super) since_velocity: T,
+    pub(super) gates: [CountedGate; Aid::ALL.len()],
+    /// That of the angular rate at rest: its refusals are not those of the velocity.
+    pub(super) standing_rate_gate: CountedGate,
+    pub(super) counts: [AidCounts<T>; Aid::ALL.len()],
+    pub(super) stamps: [Option<i64>; Aid::ALL.len()],
+    pub(super) imu_skipped: u32,
+    /// Stamps in a row that are of a time long past.
+    pub(super) behind: u8,
+    pub(super) gaps: u32,
+    pub(super) restarts: u32,
+}
+
+/// Everything that a [`GnssIns`] remembers: save it, restore it, and it continues exactly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct GnssInsState<T: Scalar, const HISTORY: usize = 32> {
+    /// Position, velocity, attitude, biases and their covariance.
+    pub navigation: NavigationState<T>,
+    memory: Memory<T, HISTORY>,
+}
+
+impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
+    /// That of a filter that waits for its first samples.
+    fn default() -> Self {
+        Self {
+            side: AugmentedStates::default(),
+            history: ImuHistory::default(),
+            aligning: Some(Alignment::default()),
+            seen: Seen::default(),
+            window: StillnessWindow::default(),
+            quiet: Quiet::default(),
+            still_windows: 0,
+            stands_until_ns: None,
+            now_ns: None,
+            last_imu: None,
+            last_fix_ns: None,
+            last_magnetic_ns: None,
+            declination: T::zero(),
+            slow_variance: Vector3::zeros(),
+            at_rest: [BiasAtRest::new(Vector3::zeros(), Vector3::zeros()); 2],
+            last_step: CovarianceStep {
+                transition: ErrorTransition::default(),
+                bias_kept: [T::one(); 2],
+                side_kept: [T::one(); AUGMENTED_STATES],
+            },
+            due_window: None,
+            since_constraint: T::zero(),
+            since_velocity: T::zero(),
+            gates: [CountedGate::default(); Aid::ALL.len()],
+            standing_rate_gate: CountedGate::default(),
+            counts: [AidCounts::default(); Aid::ALL.len()],
+            stamps: [None; Aid::ALL.len()],
+            imu_skipped: 0,
+            behind: 0,
+            gaps: 0,
+            restarts: 0,
+        }
+    }
+}
+
+impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
+    /// Whether it can be continued from.
+    fn check(&self) -> Result<(), InvalidState> {
+        self.side.check()?;
+        self.history.check()?;
+        if let Some(alignment) = &self.aligning {
+            alignment.check()?;
+        }
+        finite("fixes seen", self.seen.numbers())?;
+        finite("standstill", self.window.numbers())?;
+        finite("standstill", self.quiet.numbers())?;
+        finite(
+            "standstill",
+            self.due_window.iter().flat_map(Window::numbers),
+        )?;
+        let sample = self.last_imu.iter();
+        let sample = sample.flat_map(|(_, rate, force)| rate.iter().chain(force));
+        finite("last inertial sample", sample)?;
+        finite(
+            "biases at rest",
+            self.at_rest.iter().flat_map(BiasAtRest::numbers),
+        )?;
+        let step = &self.last_step;
+        finite("last step", step.bias_kept.iter().chain(&step.side_kept))?;
+        finite("last step", step.transition.numbers())?;
+        finite("counts", self.counts.iter().map(|count| &count.nis_sum))?;
+        let times = [&self.since_constraint, &self.since_velocity];
+        let slow = self.slow_variance.iter().chain([&self.declination]);
+        finite("variances and times", slow.chain(times))
+    }
+}
+
+/// The listener is no part of the state: restoring calls its [`ErrorListener::restarted`], for its covariance with the
+/// errors is not with those of the saved state. Who saves the listener too restores it afterwards, by
+/// [`GnssIns::listener_mut`].
+impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> Restorable
+    for GnssIns<T, HISTORY, L>
+{
+    type State = GnssInsState<T, HISTORY>;
+
+    fn save(&self) -> Self::State {
+        GnssInsState {
+            navigation: self.filter.save(),
+            memory: self.memory,
+        }
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
+        state.memory.check()?;
+        let started = state.memory.aligning.is_none() && state.memory.now_ns.is_none();
+        expect("time", !started, "there once it has started")?;
+        self.filter.restore(state.navigation)?;
+        self.memory = state.memory;
+        self.listener.restarted();
+        Ok(())
+    }
+}

@@ -1,0 +1,132 @@
+//! The navigation state as people ask for it: latitude and longitude, degrees, standard deviations.
+
+use nalgebra::Vector3;
+
+use crate::earth::{Geodetic, LocalFrame};
+use crate::geometry::rotation;
+use crate::navigation::{
+    ATTITUDE, GnssPosition, GnssVelocity, NavigationState, POSITION, VELOCITY,
+};
+use crate::scalar::{Scalar, lit};
+
+/// Degrees in a radian.
+const DEGREES: f64 = 180.0 / core::f64::consts::PI;
+
+impl<T: Scalar> NavigationState<T> {
+    /// Latitude, longitude and height of the position, where `frame` is the one whose origin positions count from.
+    pub fn geodetic(&self, frame: &LocalFrame) -> Geodetic {
+        frame.geodetic(&self.position.map(to_f64))
+    }
+
+    /// Standard deviations of the position, m: north, east, down.
+    pub fn position_std(&self) -> Vector3<T> {
+        self.std_of(POSITION)
+    }
+
+    /// Standard deviations of the velocity, m/s: north, east, down.
+    pub fn velocity_std(&self) -> Vector3<T> {
+        self.std_of(VELOCITY)
+    }
+
+    /// Roll, pitch and yaw (the heading, clockwise from true north), degrees.
+    pub fn roll_pitch_yaw_deg(&self) -> [T; 3] {
+        let [yaw, pitch, roll] = rotation::to_yaw_pitch_roll(&self.ned_from_body);
+        [roll, pitch, yaw].map(|angle| angle * lit(DEGREES))
+    }
+
+    /// Standard deviations of roll, pitch and yaw, degrees; large near the poles of the pitch, where roll and yaw are
+    /// not defined.
+    pub fn roll_pitch_yaw_std_deg(&self) -> [T; 3] {
+        let [yaw, pitch, _] = rotation::to_yaw_pitch_roll(&self.ned_from_body);
+        let (sin, cos, zero) = (yaw.sin(), yaw.cos(), T::zero());
+        let level = pitch.cos().max(lit(1e-6));
+        // What the attitude error about the NED axes does to each angle (E13).
+        let ahead = Vector3::new(cos, sin, zero) / level;
+        let by_error = [
+            ahead,
+            Vector3::new(-sin, cos, zero),
+            ahead * pitch.sin() + Vector3::z(),
+        ];
+        let p = self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE);
+        by_error.map(|row| (p * row).dot(&row).max(zero).sqrt() * lit(DEGREES))
+    }
+
+    fn std_of(&self, first: usize) -> Vector3<T> {
+        let variances = self.covariance.diagonal();
+        Vector3::from_fn(|i, _| variances[first + i].max(T::zero()).sqrt())
+    }
+}
+
+impl<T: Scalar> GnssPosition<T> {
+    /// A fix as receivers print it: latitude and longitude (degrees), height above the ellipsoid (m), and the standard
+    /// deviations north, east and down (m). `frame` is where positions count from. `None` when it is no place on Earth.
+    pub fn from_degrees(
+        frame: &LocalFrame,
+        [latitude_deg, longitude_deg, height_m]: [f64; 3],
+        std: Vector3<T>,
+    ) -> Option<Self> {
+        let place = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m)?;
+        Some(Self {
+            ned: frame.ned(&place).map(lit),
+            std,
+            has_height: true,
+        })
+    }
+}
+
+impl<T: Scalar> GnssVelocity<T> {
+    /// A velocity (m/s, north, east, down) with its standard deviations, all three measured.
+    pub fn new(ned: Vector3<T>, std: Vector3<T>) -> Self {
+        Self {
+            ned,
+            std,
+            has_vertical: true,
+        }
+    }
+}
+
+fn to_f64<T: Scalar>(x: T) -> f64 {
+    nalgebra::try_convert(x).unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::so3;
+    use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn angles_move_by_the_attitude_error_as_their_deviations_say() {
+        let attitude = rotation::from_yaw_pitch_roll([2.0, 0.6, -0.4]);
+        let still = Vector3::zeros();
+        let base = NavigationState::<f64>::new(attitude, still, still);
+        for axis in 0..3 {
+            let mut state = base;
+            state.covariance[(axis, axis)] = 1e-8;
+            let mut turn = Vector3::zeros();
+            turn[axis] = 1e-4;
+            let turned = NavigationState::new(so3::exp(&turn) * attitude, still, still);
+            let [before, after] = [&base, &turned].map(NavigationState::roll_pitch_yaw_deg);
+            for (i, std) in state.roll_pitch_yaw_std_deg().into_iter().enumerate() {
+                assert!(
+                    ((after[i] - before[i]).abs() - std).abs() < 1e-6,
+                    "{axis} {i}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_fix_in_degrees_comes_back_in_degrees() {
+        let frame = LocalFrame::new(Geodetic::from_degrees(63.43, 10.39, 40.0).unwrap());
+        let fix = [63.44, 10.41, 55.0];
+        let fix = GnssPosition::<f64>::from_degrees(&frame, fix, Vector3::repeat(2.0)).unwrap();
+        assert!((fix.ned.x - 1115.0).abs() < 2.0 && (fix.ned.y - 999.0).abs() < 2.0);
+        let attitude = UnitQuaternion::identity();
+        let place = NavigationState::new(attitude, Vector3::zeros(), fix.ned).geodetic(&frame);
+        let [latitude, longitude] = place.degrees();
+        assert!((latitude - 63.44).abs() < 1e-9 && (longitude - 10.41).abs() < 1e-9);
+        let nowhere = GnssPosition::<f64>::from_degrees(&frame, [91.0, 0.0, 0.0], fix.std);
+        assert!(nowhere.is_none());
+    }
+}
