@@ -141,7 +141,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     fn predict(&mut self, scan: &Scan<'_, T>, dt: T) {
         let kept = self.last.map_or_else(Vector3::zeros, |(_, before)| {
-            let memory = &self.config.pose_memory;
+            let memory = &self.config.pose_error_correlation;
             memory.factors(&before, &scan.own_ship.covariance, dt)
         });
         for track in self.tracks.iter_mut().flatten() {
