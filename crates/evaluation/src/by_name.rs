@@ -92,8 +92,9 @@ pub(crate) fn json(value: Value<f64>) -> Json {
     }
 }
 
-/// The text of a JSON value, as [`Range::read`] takes it.
-pub(crate) fn text(value: &Json) -> String {
+/// The text of a JSON value, as [`Range::read`] takes it: no digit is lost.
+#[must_use]
+pub fn text(value: &Json) -> String {
     match value {
         Json::String(word) => word.clone(),
         Json::Null => "none".to_owned(),

@@ -118,7 +118,6 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
             "Attitude benchmark",
             &runs,
             &scores,
-            &options.run,
             command_line(),
         );
         write_whole(path, html.as_bytes(), args.force)?;

@@ -90,7 +90,6 @@ fn print_all(
             compared_runs::TITLE,
             runs,
             &scores,
-            &options.run,
             command_line(),
         );
         write_whole(path, html.as_bytes(), args.force)?;

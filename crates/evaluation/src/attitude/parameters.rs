@@ -14,6 +14,7 @@ use crate::attitude::kinds::EstimatorKind;
 use crate::by_name;
 use crate::error::EvaluationError;
 pub use set::{CascadeRotation, Parameters};
+pub(crate) use set::{Row, rows};
 
 /// A named set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
