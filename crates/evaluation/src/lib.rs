@@ -42,6 +42,7 @@ pub mod by_name;
 pub mod calibration;
 pub mod error;
 pub mod navigation;
+pub mod registry;
 pub mod statistics;
 pub mod tracking;
 pub mod used_parameters;

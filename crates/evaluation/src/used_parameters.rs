@@ -10,13 +10,14 @@ use serde::Serialize;
 use serde_json::Value as Json;
 
 use crate::by_name;
-use crate::calibration::magnetometer::FieldCalibration;
+use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 
 /// Version of the program, as outcomes state it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Where the value of a parameter comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Origin {
     /// The table of the estimator.
@@ -65,12 +66,14 @@ pub type Origins = BTreeMap<String, Origin>;
 
 /// A parameter as a run used it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct UsedParameter {
     /// Its name in `--set NAME=VALUE` and in configuration files.
     pub name: String,
     /// Its unit; `-` where it has none.
     pub unit: &'static str,
     /// Its value.
+    #[cfg_attr(feature = "typescript", ts(type = "unknown"))]
     pub value: Json,
     /// Where the value comes from.
     pub origin: Origin,
@@ -106,7 +109,7 @@ pub struct UsedCalibrations {
     pub rest: Option<Named<RestCalibration<f64>>>,
     /// Of the magnetometer.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub magnetometer: Option<Named<FieldCalibration>>,
+    pub magnetometer: Option<Named<MagnetometerStreamCalibration>>,
 }
 
 /// A calibration with its name.

@@ -12,6 +12,8 @@ use crate::calibration::rest::RestLimits;
 use crate::navigation::axis_filters::PositionAxisConfig;
 use crate::navigation::cascade::CascadeConfig;
 use crate::navigation::{DeadReckoningConfig, ErrorStateConfig, GnssInsConfig, ValidityLimits};
+use crate::tracking::association::ipda::ExistenceModel;
+use crate::tracking::multi_target::MultiTargetSettings;
 use crate::tracking::own_ship::{PoseLimits, PoseMemory};
 
 /// Calls a generic function for the tables of a precision.
@@ -28,6 +30,8 @@ macro_rules! every_table {
         $check::<ValidityLimits<$scalar>>();
         $check::<PoseMemory<$scalar>>();
         $check::<PoseLimits<$scalar>>();
+        $check::<ExistenceModel<$scalar>>();
+        $check::<MultiTargetSettings<$scalar>>();
         $check::<RestLimits<$scalar>>();
         $check::<MagnetometerLimits<$scalar>>();
     };

@@ -81,6 +81,7 @@ pub struct RunSummary {
     /// Every parameter of the estimator as it ran, in the order of the tables.
     pub parameters: Vec<UsedParameter>,
     /// The calibrations that were used.
+    #[cfg_attr(feature = "typescript", ts(type = "unknown"))]
     pub calibrations: UsedCalibrations,
     /// Version of the program.
     pub version: &'static str,

@@ -7,7 +7,7 @@ mod position_observer;
 
 use nalgebra::UnitQuaternion;
 use northing_core::attitude::bounded_velocity::BoundedVelocity;
-use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
+use northing_core::attitude::driver::AttitudeDriver;
 use northing_core::attitude::{AttitudeEstimator, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_recording::{Event, Recording, SensorKind};

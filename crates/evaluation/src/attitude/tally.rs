@@ -89,7 +89,7 @@ impl Tally {
                 name: rest_name.clone(),
                 values: *calibration,
             }),
-            magnetometer: options.field_calibration.map(|calibration| Named {
+            magnetometer: options.magnetometer_calibration.map(|calibration| Named {
                 name: field_name.clone(),
                 values: calibration,
             }),
