@@ -102,11 +102,7 @@ fn as_map<S: serde::Serializer>(
 
 impl ParameterInfo {
     /// A row of a table under the name of the command line.
-    pub(crate) fn new(
-        name: String,
-        row: &Parameter,
-        defaults: Vec<(&'static str, Value)>,
-    ) -> Self {
+    pub(crate) fn new(name: String, row: &Parameter, defaults: Vec<(&'static str, Value)>) -> Self {
         Self {
             name,
             unit: match row.range {

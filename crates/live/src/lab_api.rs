@@ -10,9 +10,9 @@ use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
 use northing_evaluation::attitude::parameters::parameters;
-use northing_evaluation::registry::ParameterInfo;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
+use northing_evaluation::registry::ParameterInfo;
 use serde::Deserialize;
 use serde_json::{Value, json};
 

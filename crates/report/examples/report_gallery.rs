@@ -152,12 +152,7 @@ fn innovations(trace: &mut Trace, noise: &mut Noise, t: f64, k: u64) {
     }
 }
 
-fn setting(
-    name: &str,
-    value: &str,
-    unit: &'static str,
-    meaning: &'static str,
-) -> UsedParameter {
+fn setting(name: &str, value: &str, unit: &'static str, meaning: &'static str) -> UsedParameter {
     UsedParameter {
         name: name.to_owned(),
         value: value.into(),

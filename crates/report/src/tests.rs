@@ -318,7 +318,10 @@ fn comparison_shows_tables_dots_and_lines() {
                 trace: &trace,
             })
             .collect(),
-        settings: vec![("mekf".to_owned(), vec![parameter("accelerometer_std", "0.3")])],
+        settings: vec![(
+            "mekf".to_owned(),
+            vec![parameter("accelerometer_std", "0.3")],
+        )],
         ..ComparisonReport::default()
     };
     let html = report.render();

@@ -86,10 +86,16 @@ fn estimators_of_all_questions_are_listed_and_one_is_shown_with_its_parameters()
     );
     one("error-state", &["lever_arm_m", "validity.invalid_after_s"]);
     one("axis-filters", &["acceleration_std"]);
-    one("schmidt", &["gate_sigmas", "pose_memory.heading_s", "montecarlo"]);
+    one(
+        "schmidt",
+        &["gate_sigmas", "pose_memory.heading_s", "montecarlo"],
+    );
     one("integration", &["no parameters"]);
     let message = lab.refuses(&["estimators", "ins"]);
-    contains(&message, &["unknown estimator `ins`", "error-state, ", "usque"]);
+    contains(
+        &message,
+        &["unknown estimator `ins`", "error-state, ", "usque"],
+    );
     let shown = lab.json(&["estimators", "error-state", "--json"]);
     assert_eq!(shown[0]["question"], "navigation");
     let first = &shown[0]["parameters"][0];

@@ -5,12 +5,12 @@ use std::path::Path;
 use crate::attitude::comparison::{ComparedRun, ComparisonReport, Distribution};
 use crate::page::facts::Fact;
 use crate::page::table::{Best, Cell, Column, Table};
+use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::compare::{
     Compared, MeanMedian, Score, TableRow, distinct, statistics, totals,
 };
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::observer::TraceObserver;
-use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::outcome::RunSummary;
 
 /// A run with what its plots need, where they are wanted.
@@ -21,12 +21,7 @@ pub const TITLE: &str = "Comparison of estimators";
 
 /// The page of a comparison: the runs, and the scores of these and of others' estimators.
 #[must_use]
-pub fn render(
-    title: &str,
-    runs: &[Run],
-    scores: &[Score],
-    command: String,
-) -> String {
+pub fn render(title: &str, runs: &[Run], scores: &[Score], command: String) -> String {
     let summaries: Vec<&RunSummary> = runs
         .iter()
         .filter_map(|run| run.outcome.as_ref().ok())

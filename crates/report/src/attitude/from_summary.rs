@@ -14,11 +14,7 @@ impl<'a> RunReport<'a> {
     /// The page of a run; `trace` is what it draws. What only the caller knows (command, device, hash) is
     /// added to the fields.
     #[must_use]
-    pub fn of_run(
-        title: impl Into<String>,
-        summary: &RunSummary,
-        trace: &'a Trace,
-    ) -> Self {
+    pub fn of_run(title: impl Into<String>, summary: &RunSummary, trace: &'a Trace) -> Self {
         Self {
             estimator: summary.estimator.to_string(),
             recording: summary.recording.clone(),

@@ -8,12 +8,7 @@ use northing_recording::Metadata;
 
 /// The page of a run; `command` makes it again.
 #[must_use]
-pub fn render(
-    summary: &RunSummary,
-    metadata: &Metadata,
-    trace: &Trace,
-    command: String,
-) -> String {
+pub fn render(summary: &RunSummary, metadata: &Metadata, trace: &Trace, command: String) -> String {
     let title = format!("Attitude of {}", metadata.name);
     let mut report = RunReport::of_run(title, summary, trace);
     report.command = Some(command);

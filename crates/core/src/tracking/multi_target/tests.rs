@@ -406,7 +406,10 @@ fn a_configuration_outside_its_range_is_refused_by_name() {
         Tracker::new(config).err().map(|error| error.field)
     };
     assert_eq!(refused(|_| {}), None);
-    assert_eq!(refused(|c| c.settings.gate_sigmas = 0.0), Some("gate_sigmas"));
+    assert_eq!(
+        refused(|c| c.settings.gate_sigmas = 0.0),
+        Some("gate_sigmas")
+    );
     assert_eq!(
         refused(|c| c.settings.confirm_existence = 1.1),
         Some("confirm_existence")

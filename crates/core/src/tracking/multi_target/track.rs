@@ -134,7 +134,8 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
     let mut cross = CrossCovariance::zeros();
     for (i, at) in [0, 2].into_iter().enumerate() {
         state[at] = position[i];
-        p[(at + 1, at + 1)] = config.settings.birth_speed_std_m_s * config.settings.birth_speed_std_m_s;
+        p[(at + 1, at + 1)] =
+            config.settings.birth_speed_std_m_s * config.settings.birth_speed_std_m_s;
         for (k, other) in [0, 2].into_iter().enumerate() {
             p[(at, other)] = place[(i, k)];
         }
