@@ -105,7 +105,10 @@ fn describe(known: &Listed) -> String {
         text.push_str("It has no parameters to set.\n");
         return text;
     };
-    text.push_str("Parameters (--set NAME=VALUE, or in a file for --config):\n\n");
+    text.push_str(match known.question {
+        Question::Tracking => "Parameters (--set NAME=VALUE):\n\n",
+        _ => "Parameters (--set NAME=VALUE, or in a file for --config):\n\n",
+    });
     let mut columns = vec!["<name", "<unit"];
     columns.extend(first.defaults.iter().map(|(profile, _)| *profile));
     columns.extend(["<range", "<meaning"]);

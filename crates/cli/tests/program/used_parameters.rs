@@ -193,7 +193,7 @@ fn estimators_that_use_positions_run_again_from_what_they_used() {
             "--set",
             "cascade_pole=0.3123456789012345",
         ];
-        let first = runs_again(&lab, "flight.toml", &asked, &[]);
+        let first = runs_again(&lab, "flight.csv", &asked, &["--manifest", "flight.toml"]);
         assert!(first["position"].is_object());
     }
 }
@@ -275,7 +275,7 @@ fn a_file_may_be_json_of_names_and_values_and_errors_name_the_parameter() {
             "did you mean `accelerometer_std`?",
         ),
         (
-            r#"{"accelerometer_std": -1}"#,
+            r#"{"estimator": "mekf", "accelerometer_std": -1}"#,
             "bad.json, `accelerometer_std`",
         ),
         (r#"{"estimator": "ukf"}"#, "unknown estimator `ukf`"),
