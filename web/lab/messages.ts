@@ -289,6 +289,8 @@ export type NoiseKind = "quantisation" | "white" | "bias-instability" | "random-
 
 export type NoiseVerdict = "consistent" | "too-small" | "too-large" | "outliers" | "too-few";
 
+export type Origin = "default" | "profile" | "file" | "set" | "setup" | "recording" | "calibration" | "learnt";
+
 export type Parameter = {
   name: string,
   unit: string,
@@ -407,7 +409,10 @@ export type RunSummary = {
   gaps: Gaps,
   position?: PositionSummary,
   samples_per_sensor: { [key in SensorKind]?: number },
-  issues: Array<string>, };
+  issues: Array<string>,
+  parameters: Array<UsedParameter>,
+  calibrations: unknown,
+  version: string, };
 
 export type SensorKind = "gyroscope" | "accelerometer" | "magnetometer" | "magnetometer-uncalibrated" | "device-gyroscope-bias" | "device-orientation" | "reference" | "position" | "velocity" | "pressure" | "compass-heading" | "gnss-position" | "gnss-velocity" | "forward-speed" | "water-velocity" | "true-heading" | "device-navigation" | "reference-position" | "reference-velocity";
 
@@ -461,6 +466,12 @@ export type UpdateCounts = {
   skipped: number,
   inflated: number,
   skipped_because: { [key in string]: number }, };
+
+export type UsedParameter = {
+  name: string,
+  unit: string,
+  value: unknown,
+  origin: Origin, };
 
 export type WhatIf = {
   request: unknown,

@@ -202,7 +202,6 @@ fn a_report_of_the_lab_is_run_again_to_the_same_digits() {
         device: "phone".to_owned(),
         device_name: "phone".to_owned(),
         at: String::new(),
-        settings: options.config,
         options,
         estimators: vec![EstimatorKind::Mekf],
         summaries: Default::default(),

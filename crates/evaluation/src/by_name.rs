@@ -1,6 +1,6 @@
 //! Names and texts of parameters: `NAME=VALUE` taken apart, the row that is meant, the value that a text stands for.
 
-use northing_core::parameters::{Range, Value};
+use northing_core::parameters::{Range, Table, Value};
 use serde_json::Value as Json;
 
 use crate::error::EvaluationError;
@@ -79,6 +79,27 @@ pub(crate) fn refused(name: &str, value: &str, range: &Range) -> EvaluationError
     }
 }
 
+/// Sets one parameter of a table from `NAME=VALUE` and returns its name; on an error nothing is changed.
+///
+/// # Errors
+/// It is no setting, the name is unknown, or the value does not fit.
+pub(crate) fn set<C: Table<Number = f64>>(
+    config: &mut C,
+    setting: &str,
+) -> Result<String, EvaluationError> {
+    let (name, text) = split(setting)?;
+    let rows = C::PARAMETERS;
+    let names = rows.iter().map(|row| {
+        let old = row.formerly.map(str::to_owned);
+        (row.name.to_owned(), old)
+    });
+    let row = &rows[find(name, names)?];
+    let value = read(name, &row.range, text)?;
+    let set = config.set_parameter(name, value);
+    set.map_err(|error| refused(name, text, &error.range))?;
+    Ok(name.to_owned())
+}
+
 /// A value as JSON.
 pub(crate) fn json(value: Value<f64>) -> Json {
     match value {
@@ -92,8 +113,9 @@ pub(crate) fn json(value: Value<f64>) -> Json {
     }
 }
 
-/// The text of a JSON value, as [`Range::read`] takes it.
-pub(crate) fn text(value: &Json) -> String {
+/// The text of a JSON value, as [`Range::read`] takes it: no digit is lost.
+#[must_use]
+pub fn text(value: &Json) -> String {
     match value {
         Json::String(word) => word.clone(),
         Json::Null => "none".to_owned(),

@@ -38,12 +38,14 @@
 //! world frame and issues from there. [`attitude::compare::compare`] does many files on all processors.
 
 pub mod attitude;
-mod by_name;
+pub mod by_name;
 pub mod calibration;
 pub mod error;
 pub mod navigation;
+pub mod registry;
 pub mod statistics;
 pub mod tracking;
+pub mod used_parameters;
 
 /// Program and version, as outcomes and pages name it.
 pub const PROGRAM: &str = concat!("northing ", env!("CARGO_PKG_VERSION"));
@@ -55,3 +57,4 @@ pub use attitude::outcome::RunSummary;
 pub use attitude::parameters::Profile;
 pub use attitude::runner::{run, run_recording};
 pub use error::EvaluationError;
+pub use used_parameters::{Origin, UsedParameter};

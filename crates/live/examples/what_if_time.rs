@@ -27,7 +27,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         device: "phone".to_owned(),
         device_name: "phone".to_owned(),
         at: String::new(),
-        settings: options.config,
         options,
         estimators: vec![EstimatorKind::Mekf, EstimatorKind::Integration],
         summaries: Default::default(),

@@ -39,9 +39,10 @@ pub fn analysis(finished: &Finished, sensor: SensorKind, request: Value) -> Alla
             };
         }
     };
-    let mut filled = finished.settings.attitude;
+    let present = finished.settings().attitude;
+    let mut filled = present;
     let said = report.fill(&mut filled);
-    let settings = changed(&json!(finished.settings.attitude), &json!(filled));
+    let settings = changed(&json!(present), &json!(filled));
     Allan {
         state: AllanState::Done,
         report: Some(report),
@@ -89,7 +90,6 @@ mod tests {
                 starts: Vec::new(),
                 changed: Vec::new(),
             },
-            settings: options.config,
             options,
             estimators: vec![EstimatorKind::Mekf],
             summaries: Default::default(),

@@ -272,7 +272,6 @@ impl Task {
             device_name: name,
             at: experiments::utc(arrival_ns),
             options: self.engine.session().options().clone(),
-            settings: self.engine.session().config(),
             estimators: self.engine.session().estimators(),
             summaries: Default::default(),
             hash: String::new(),

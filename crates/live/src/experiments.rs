@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
-use northing_evaluation::attitude::calibrated_start::calibrated_config;
 use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::attitude::trace::Trace;
 use northing_evaluation::{
@@ -45,8 +44,6 @@ pub struct Finished {
     pub experiment: Experiment,
     /// The options it is run with.
     pub options: RunOptions,
-    /// The parameters in force, a calibration's included.
-    pub settings: Parameters,
     /// The estimators that ran.
     pub estimators: Vec<EstimatorKind>,
     /// The outcome of each.
@@ -156,6 +153,12 @@ impl Finished {
         Ok(self)
     }
 
+    /// The parameters in force, those of estimators that did not run among them.
+    #[must_use]
+    pub fn settings(&self) -> Parameters {
+        self.options.in_force().config
+    }
+
     /// What people call it.
     #[must_use]
     pub fn title(&self) -> &str {
@@ -192,10 +195,7 @@ impl Finished {
         wanted: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<CurveColumns>, String> {
         let options = with_settings(&self.options, None, settings).map_err(|e| e.to_string())?;
-        let config = match &options.calibration {
-            Some(calibration) => calibrated_config(&options, calibration),
-            None => options.config,
-        };
+        let config = options.in_force().config;
         let values = serde_json::to_value(config).unwrap_or_default();
         let present = values.get(parameter).and_then(Value::as_f64);
         let present = present.filter(|v| *v > 0.0).ok_or_else(|| {
@@ -244,7 +244,7 @@ impl Finished {
                     .map(|(name, s)| (*name, s.final_test.clone()))
                     .collect(),
                 summary: self.summaries.clone(),
-                settings: self.settings,
+                settings: self.settings(),
                 hash: self.hash.clone(),
                 origin: self.origin(),
             }),
@@ -299,7 +299,7 @@ impl Finished {
             name: self.title().to_owned(),
             at: self.at.clone(),
             duration_s: self.experiment.duration_s(),
-            settings: self.settings,
+            settings: self.settings(),
             results,
         }
     }

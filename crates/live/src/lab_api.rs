@@ -9,9 +9,10 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::EstimatorKind;
-use northing_evaluation::attitude::parameters::{ParameterInfo, parameters};
+use northing_evaluation::attitude::parameters::parameters;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
+use northing_evaluation::registry::ParameterInfo;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -233,14 +234,11 @@ pub(crate) fn hello(facts: &Facts) -> ToPage {
 }
 
 fn parameter(info: ParameterInfo) -> Parameter {
-    let defaults = info.defaults.into_iter();
     Parameter {
         name: info.name,
         unit: info.unit,
         range: info.range,
         meaning: info.meaning,
-        default: defaults
-            .map(|(profile, value)| (profile.name(), value))
-            .collect(),
+        default: info.defaults.into_iter().collect(),
     }
 }

@@ -11,7 +11,7 @@ use crate::experiments::{Finished, run_options};
 #[must_use]
 pub fn render(finished: &Finished, summary: &RunSummary, trace: &Trace) -> String {
     let title = format!("Experiment {}", finished.title());
-    let mut report = RunReport::of_run(title, summary, &finished.settings, trace);
+    let mut report = RunReport::of_run(title, summary, trace);
     report.summary.extend(others(finished, summary));
     let facts = [
         Fact::new("device", finished.device_name.as_str()),

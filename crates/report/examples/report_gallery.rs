@@ -7,9 +7,10 @@ use std::path::Path;
 
 use northing_core::kalman::Outcome;
 use northing_evaluation::attitude::trace::{InnovationPoint, Trace, TracePoint};
+use northing_evaluation::{Origin, UsedParameter};
 use northing_report::{
     Best, Cell, Column, ComparedRun, ComparisonReport, Distribution, Fact, FinalTest, HeroPicture,
-    RunReport, SensorUpdates, Setting, Table, Tone, Verdict, hero_svg,
+    RunReport, SensorUpdates, Table, Tone, Verdict, hero_svg,
 };
 
 /// A stream of numbers that look like Gaussian noise: sums of a linear congruential generator.
@@ -151,16 +152,17 @@ fn innovations(trace: &mut Trace, noise: &mut Noise, t: f64, k: u64) {
     }
 }
 
-fn setting(name: &str, value: &str, unit: &str, meaning: &str) -> Setting {
-    Setting {
+fn setting(name: &str, value: &str, unit: &'static str, meaning: &'static str) -> UsedParameter {
+    UsedParameter {
         name: name.to_owned(),
-        value: value.to_owned(),
-        unit: unit.to_owned(),
-        meaning: meaning.to_owned(),
+        value: value.into(),
+        unit,
+        origin: Origin::Default,
+        meaning,
     }
 }
 
-fn settings() -> Vec<Setting> {
+fn settings() -> Vec<UsedParameter> {
     vec![
         setting(
             "gyroscope_noise_density",

@@ -39,7 +39,6 @@ pub const TRACE_CAPACITY: usize = 6000;
 
 pub use attitude::compared_runs;
 pub use attitude::comparison::{ComparedRun, ComparisonReport, Distribution};
-pub use attitude::from_summary::settings;
 pub use attitude::hero::{HeroPicture, hero_svg};
 pub use attitude::run_page;
 pub use attitude::run_report::{FinalTest, RunReport, SensorUpdates};
@@ -48,10 +47,8 @@ pub use calibration::magnetometer::render as magnetometer_html;
 pub use experiments::campaign::{CampaignReport, TrackerCurves};
 pub use experiments::campaign_outcome;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
-pub use navigation::page::{
-    NavigationReport, navigation_settings, navigation_verdicts, validity_word,
-};
-pub use page::facts::{Fact, Setting, Source, Tone, Verdict};
+pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};
+pub use page::facts::{Fact, Source, Tone, Verdict};
 pub use page::setup::setup_of;
 pub use page::table::{Best, Cell, Column, Table};
 pub use tracking::followed_targets;

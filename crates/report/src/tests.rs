@@ -6,6 +6,8 @@ use super::*;
 use crate::page::markup_checks::{
     assert_numbers_are_finite, assert_self_contained, assert_well_formed, attributes,
 };
+use northing_evaluation::Origin;
+use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
 
 /// A trace with everything in it: wrapping heading, a gap in the reference, gated updates.
@@ -56,6 +58,16 @@ fn full_trace(samples: u64, capacity: usize) -> Trace {
     trace
 }
 
+fn parameter(name: &str, value: &str) -> UsedParameter {
+    UsedParameter {
+        name: name.to_owned(),
+        unit: "-",
+        value: value.into(),
+        origin: Origin::Calibration,
+        meaning: "",
+    }
+}
+
 fn full_report(trace: &Trace) -> RunReport<'_> {
     RunReport {
         recording: "lab.csv".to_owned(),
@@ -73,10 +85,7 @@ fn full_report(trace: &Trace) -> RunReport<'_> {
         }),
         recording_facts: vec![Fact::new("device", "phone")],
         issues: vec!["A gap.".to_owned()],
-        settings: vec![Setting {
-            name: "accelerometer_std".to_owned(),
-            ..Setting::default()
-        }],
+        settings: vec![parameter("accelerometer_std", "0.3")],
         ..RunReport::new("Lab", trace)
     }
 }
@@ -212,11 +221,10 @@ fn text_of_the_user_cannot_become_markup() {
         verdicts: vec![Verdict::new(Tone::Bad, evil)],
         issues: vec![evil.to_owned()],
         recording_facts: vec![Fact::new(evil, evil)],
-        settings: vec![Setting {
-            name: evil.to_owned(),
-            value: evil.to_owned(),
-            unit: evil.to_owned(),
-            meaning: evil.to_owned(),
+        settings: vec![UsedParameter {
+            unit: evil,
+            meaning: evil,
+            ..parameter(evil, evil)
         }],
         ..full_report(&trace)
     };
@@ -310,7 +318,10 @@ fn comparison_shows_tables_dots_and_lines() {
                 trace: &trace,
             })
             .collect(),
-        settings: vec![("mekf".to_owned(), vec![Setting::default()])],
+        settings: vec![(
+            "mekf".to_owned(),
+            vec![parameter("accelerometer_std", "0.3")],
+        )],
         ..ComparisonReport::default()
     };
     let html = report.render();

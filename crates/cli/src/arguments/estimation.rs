@@ -4,15 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_core::calibration::RestCalibration;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::attitude::calibrated_start::calibrated_config;
 use northing_evaluation::attitude::calibrations::Calibrations;
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::observer::RunObserver;
 use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
 use northing_evaluation::attitude::outcome::RunSummary;
-use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::attitude::runner::run;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
@@ -20,6 +17,7 @@ use northing_evaluation::calibration::set::CalibrationSet;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
 use northing_recording::{Metadata, Recording};
 
+use crate::arguments::estimator::RunEstimator;
 use crate::arguments::input::{
     InputArgs, MagnetometerChoice, magnetometer_choice, positive_seconds,
 };
@@ -123,6 +121,14 @@ impl EstimationArgs {
         Ok(asked)
     }
 
+    /// The estimator that the file of `--config` names.
+    ///
+    /// # Errors
+    /// The file cannot be read, or there is no such estimator.
+    pub(crate) fn estimator_of_config(&self) -> Result<Option<RunEstimator>> {
+        self.settings.estimator()
+    }
+
     /// Where the calibration of the magnetometer is.
     fn magnetometer_calibration_path(&self) -> Result<Option<&Path>> {
         let option = self.magnetometer_calibration.as_deref();
@@ -164,8 +170,7 @@ impl EstimationArgs {
         }
         let mut options = NavigationOptions::of_recording(kind, metadata);
         options.smooth = self.smooth;
-        self.settings
-            .navigation_parameters(kind, &mut options.parameters)?;
+        self.settings.navigation_parameters(&mut options)?;
         Ok(options)
     }
 
@@ -238,15 +243,4 @@ pub(crate) fn run_over(
     };
     summary.issues.splice(0..0, recording.issues().sentences());
     Ok(summary)
-}
-
-/// The parameters that a run really had: with those that its calibration measured.
-pub(crate) fn parameters_used(
-    options: &RunOptions,
-    calibration: Option<&RestCalibration<f64>>,
-) -> Parameters {
-    let calibration = options.calibration.as_ref().or(calibration);
-    calibration.map_or(options.config, |calibration| {
-        calibrated_config(options, calibration)
-    })
 }

@@ -1,5 +1,6 @@
 //! Parameters of the estimators: a profile, then a configuration file, then single settings.
 
+use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -7,8 +8,12 @@ use clap::Args;
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::options::RunOptions;
 use northing_evaluation::attitude::parameters::{Profile, parameters_of};
-use northing_evaluation::navigation::{NavigationKind, NavigationParameters};
+use northing_evaluation::navigation::NavigationOptions;
+use northing_evaluation::{Origin, by_name};
+use serde_json::{Map, Value as Json};
 use toml::de::{DeArray, DeTable, DeValue};
+
+use crate::arguments::estimator::RunEstimator;
 
 /// Options that set parameters.
 #[derive(Debug, Clone, Default, Args)]
@@ -17,30 +22,57 @@ pub(crate) struct SettingArgs {
     /// Parameters to start from: hand-held (real use, the default) or lab (moved gently)
     #[arg(long, value_name = "NAME")]
     profile: Option<Profile>,
-    /// TOML file with parameters, one `name = value` a line, and perhaps `profile = "lab"`
+    /// File with parameters: TOML, one `name = value` a line, and perhaps `profile = "lab"`; or JSON, such as
+    /// `northing run --json` prints
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// One parameter, e.g. accelerometer_std=0.3; may be repeated; `northing estimators` lists them
+    /// One parameter, e.g. bounded_velocity_psd=0.05; may be repeated; `northing estimators NAME` lists them
     #[arg(long, value_name = "NAME=VALUE")]
     set: Vec<String>,
+    /// What the file says: it is read once, for it may be a pipe.
+    #[arg(skip)]
+    file: OnceCell<ConfigFile>,
 }
 
 impl SettingArgs {
+    fn file(&self) -> Result<Option<&ConfigFile>> {
+        let Some(path) = &self.config else {
+            return Ok(None);
+        };
+        if self.file.get().is_none() {
+            // It is empty, so this cannot fail.
+            let _ = self.file.set(ConfigFile::read(path)?);
+        }
+        Ok(self.file.get())
+    }
+
+    /// The estimator that the file names.
+    ///
+    /// # Errors
+    /// The file cannot be read, or there is no such estimator.
+    pub(crate) fn estimator(&self) -> Result<Option<RunEstimator>> {
+        let named = self.file()?.and_then(|file| file.estimator.as_ref());
+        named
+            .map(|(name, place)| name.parse().map_err(|e: String| anyhow!("{place}: {e}")))
+            .transpose()
+    }
+
     /// Options with this estimator, otherwise the profile's, and these parameters: the profile (named here, or in the file, or hand-held),
     /// changed by the file, changed by `--set`.
     ///
     /// # Errors
     /// The file cannot be read or is no TOML; a name is unknown or a value does not fit.
     pub(crate) fn options(&self, estimator: Option<EstimatorKind>) -> Result<RunOptions> {
-        let file = self.config.as_deref().map(ConfigFile::read).transpose()?;
-        let in_file = file.as_ref().and_then(|file| file.profile);
+        let file = self.file()?;
+        let in_file = file.and_then(|file| file.profile);
         let profile = self.profile.or(in_file).unwrap_or_default();
         let mut options = RunOptions::new(estimator.unwrap_or(profile.estimator()), profile);
-        if let (None, Some(file), Some(path)) = (estimator, &file, &self.config) {
+        if let (None, Some(file), Some(path)) = (estimator, file, &self.config) {
             file.check_effect(options.estimator, path)?;
         }
         for (setting, place) in file.iter().flat_map(|file| &file.settings) {
-            options.set(setting).with_context(|| place.clone())?;
+            let set = options.set_from(setting, Origin::File);
+            set.with_context(|| place.clone())?;
         }
         for setting in &self.set {
             options.set(setting).context("--set")?;
@@ -54,22 +86,19 @@ impl SettingArgs {
     ///
     /// # Errors
     /// As [`Self::options`], and a profile, which navigation estimators do not have.
-    pub(crate) fn navigation_parameters(
-        &self,
-        kind: NavigationKind,
-        parameters: &mut NavigationParameters,
-    ) -> Result<()> {
-        let file = self.config.as_deref().map(ConfigFile::read).transpose()?;
-        if self.profile.is_some() || file.as_ref().is_some_and(|file| file.profile.is_some()) {
+    pub(crate) fn navigation_parameters(&self, options: &mut NavigationOptions) -> Result<()> {
+        let file = self.file()?;
+        if self.profile.is_some() || file.is_some_and(|file| file.profile.is_some()) {
+            let kind = options.estimator;
             bail!("`{kind}` has no profiles; leave --profile out and set what you need with --set");
         }
         for (setting, place) in file.iter().flat_map(|file| &file.settings) {
-            parameters
-                .set(kind, setting)
-                .with_context(|| place.clone())?;
+            let set = options.set_from(setting, Origin::File);
+            set.with_context(|| place.clone())?;
         }
         for setting in &self.set {
-            parameters.set(kind, setting).context("--set")?;
+            let set = options.set_from(setting, Origin::Set);
+            set.context("--set")?;
         }
         Ok(())
     }
@@ -97,8 +126,10 @@ impl SettingArgs {
 }
 
 /// A configuration file, taken apart: settings as `name=value`, with the place for messages.
+#[derive(Debug, Clone, Default)]
 struct ConfigFile {
     profile: Option<Profile>,
+    estimator: Option<(String, String)>,
     settings: Vec<(String, String)>,
 }
 
@@ -127,7 +158,47 @@ impl ConfigFile {
         let file = path.display().to_string();
         let text =
             std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
-        Self::parse(&text, &file)
+        match text.trim_start().starts_with('{') {
+            true => Self::parse_json(&text, &file),
+            false => Self::parse(&text, &file),
+        }
+    }
+
+    /// Takes a value under its name.
+    fn take(&mut self, name: &str, value: String, place: String) -> Result<()> {
+        match name {
+            "profile" => self.profile = Some(value.parse().context(place)?),
+            "estimator" => self.estimator = Some((value, place)),
+            _ => self.settings.push((format!("{name}={value}"), place)),
+        }
+        Ok(())
+    }
+
+    /// Names and values, or the document of a run: of that the parameters, their profile and estimator.
+    fn parse_json(text: &str, file: &str) -> Result<Self> {
+        let document: Map<String, Json> = serde_json::from_str(text).map_err(|error| {
+            anyhow!("{file}: not JSON: {error}; expected what `northing run --json` prints")
+        })?;
+        let mut parsed = Self::default();
+        let Some(Json::Array(used)) = document.get("parameters") else {
+            for (name, value) in &document {
+                parsed.take(name, by_name::text(value), format!("{file}, `{name}`"))?;
+            }
+            return Ok(parsed);
+        };
+        for name in ["profile", "estimator"] {
+            if let Some(word) = document.get(name).and_then(Json::as_str) {
+                parsed.take(name, word.to_owned(), format!("{file}, `{name}`"))?;
+            }
+        }
+        for parameter in used {
+            let (Some(name), Some(value)) = (parameter["name"].as_str(), parameter.get("value"))
+            else {
+                bail!("{file}: `parameters` has an entry without name or value: {parameter}");
+            };
+            parsed.take(name, by_name::text(value), format!("{file}, `{name}`"))?;
+        }
+        Ok(parsed)
     }
 
     fn parse(text: &str, file: &str) -> Result<Self> {
@@ -143,10 +214,7 @@ impl ConfigFile {
                 error.message()
             )
         })?;
-        let mut parsed = Self {
-            profile: None,
-            settings: Vec::new(),
-        };
+        let mut parsed = Self::default();
         let mut entries: Vec<_> = table.get_ref().iter().collect();
         entries.sort_by_key(|(key, _)| key.span().start);
         for (key, value) in entries {
@@ -163,11 +231,7 @@ impl ConfigFile {
                     ));
                 }
             };
-            if name == "profile" {
-                parsed.profile = Some(value.parse().context(place)?);
-            } else {
-                parsed.settings.push((format!("{name}={value}"), place));
-            }
+            parsed.take(name, value, place)?;
         }
         Ok(parsed)
     }
@@ -205,7 +269,7 @@ mod tests {
         let settings = SettingArgs::default().options(None).unwrap();
         assert_eq!(settings.estimator, EstimatorKind::BoundedVelocity);
         assert_eq!(settings.config.attitude, AttitudeConfig::hand_held());
-        assert!(settings.explicit_settings.is_empty());
+        assert!(settings.origins.is_empty());
     }
 
     #[test]
@@ -223,8 +287,12 @@ mod tests {
             ..AttitudeConfig::lab()
         };
         assert_eq!(settings.config.attitude, expected);
-        let explicit: Vec<_> = settings.explicit_settings.into_iter().collect();
-        assert_eq!(explicit, ["accelerometer_std", "magnetometer_use"]);
+        let origins: Vec<_> = settings.origins.into_iter().collect();
+        let expected = [
+            ("accelerometer_std".to_owned(), Origin::Set),
+            ("magnetometer_use".to_owned(), Origin::File),
+        ];
+        assert_eq!(origins, expected);
     }
 
     #[test]

@@ -114,13 +114,7 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
     let Outcome { runs, failure } = comparison::run(&found, &options, false)?;
     let scores = together(&runs, peers);
     if let Some(path) = &args.report {
-        let html = compared_runs::render(
-            "Attitude benchmark",
-            &runs,
-            &scores,
-            &options.run,
-            command_line(),
-        );
+        let html = compared_runs::render("Attitude benchmark", &runs, &scores, command_line());
         write_whole(path, html.as_bytes(), args.force)?;
     }
     show(args, &found, &scores, &streams(&runs))?;

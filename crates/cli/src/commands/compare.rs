@@ -86,13 +86,7 @@ fn print_all(
 ) -> Result<()> {
     let scores = scores(runs);
     if let Some(path) = &args.report {
-        let html = compared_runs::render(
-            compared_runs::TITLE,
-            runs,
-            &scores,
-            &options.run,
-            command_line(),
-        );
+        let html = compared_runs::render(compared_runs::TITLE, runs, &scores, command_line());
         write_whole(path, html.as_bytes(), args.force)?;
     }
     if args.json {

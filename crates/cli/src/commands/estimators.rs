@@ -1,13 +1,13 @@
-//! `northing estimators`: each estimator with its parameters, units, defaults and meaning.
+//! `northing estimators`: the estimators of all questions, and one with its parameters.
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::attitude::kinds::{EstimatorInfo, EstimatorKind};
-use northing_evaluation::attitude::parameters::{
-    ParameterInfo, Profile, parameters, parameters_of,
-};
-use serde::Serialize;
-use serde_json::{Map, Value};
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::by_name;
+use northing_evaluation::navigation::NavigationKind;
+use northing_evaluation::registry::{Listed, Question, listed};
+use northing_evaluation::tracking::TrackerKind;
+use northing_experiments::radar;
 
 use crate::files::output::{print, print_json};
 use crate::text::table::Table;
@@ -17,9 +17,13 @@ use crate::text::table::Table;
 #[command(after_help = "\
 Examples:
   northing estimators
+  northing estimators usque                    # its parameters
   northing run walk.zip --estimator usque --set accelerometer_std=0.3
   northing estimators --json")]
 pub(crate) struct EstimatorsArgs {
+    /// The estimator whose parameters are shown
+    #[arg(value_name = "NAME")]
+    name: Option<String>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -27,118 +31,94 @@ pub(crate) struct EstimatorsArgs {
 
 /// Lists them.
 pub(crate) fn execute(args: &EstimatorsArgs) -> Result<()> {
-    if args.json {
-        let all: Vec<_> = EstimatorKind::ALL
-            .into_iter()
-            .map(EstimatorJson::of)
-            .collect();
-        print_json(&all)
-    } else {
-        print(&text())
-    }
-}
-
-#[derive(Serialize)]
-struct EstimatorJson {
-    #[serde(flatten)]
-    info: EstimatorInfo,
-    parameters: Vec<ParameterJson>,
-}
-
-#[derive(Serialize)]
-struct ParameterJson {
-    name: String,
-    unit: String,
-    range: String,
-    meaning: &'static str,
-    defaults: Map<String, Value>,
-}
-
-impl EstimatorJson {
-    fn of(kind: EstimatorKind) -> Self {
-        let parameters = parameters_of(kind)
-            .into_iter()
-            .map(ParameterJson::of)
-            .collect();
-        Self {
-            info: kind.info(),
-            parameters,
-        }
-    }
-}
-
-impl ParameterJson {
-    fn of(parameter: ParameterInfo) -> Self {
-        let defaults = parameter.defaults.into_iter();
-        Self {
-            name: parameter.name,
-            unit: parameter.unit,
-            range: parameter.range,
-            meaning: parameter.meaning,
-            defaults: defaults
-                .map(|(profile, value)| (profile.name().to_owned(), value))
-                .collect(),
-        }
-    }
-}
-
-fn text() -> String {
-    let mut text = String::from("Estimators (--estimator NAME):\n\n");
-    let mut names = Table::new(&["<name", "<what it is", "<read"]);
-    for info in EstimatorKind::ALL.map(EstimatorKind::info) {
-        names.row([info.name, info.summary, info.paper].map(str::to_owned));
-    }
-    text.push_str(&names.render("  "));
-    text.push_str("\nParameters (--set NAME=VALUE, or in a file for --config):\n\n");
-    let all = parameters();
-    let [first, second] = Profile::ALL.map(Profile::name);
-    let mut rows = Table::new(&["<name", "<unit", "<range", first, second, "<used by"]);
-    for parameter in &all {
-        let value = |index: usize| {
-            parameter
-                .defaults
-                .get(index)
-                .map(|(_, value)| plain(value))
-                .unwrap_or_default()
+    let all: Vec<Listed> = listed::<EstimatorKind>()
+        .chain(listed::<NavigationKind>())
+        .chain(listed::<TrackerKind>())
+        .chain(listed::<radar::TrackerKind>())
+        .collect();
+    let Some(name) = &args.name else {
+        return match args.json {
+            true => print_json(&all),
+            false => print(&list(&all)),
         };
-        let cells = [
-            parameter.name.clone(),
-            parameter.unit.clone(),
-            parameter.range.clone(),
-            value(0),
-            value(1),
-            users(parameter),
-        ];
-        rows.row(cells);
+    };
+    let mut names: Vec<&str> = all.iter().map(|known| known.info.name).collect();
+    // Some are estimators of two kinds.
+    let named: Vec<&Listed> = all.iter().filter(|known| known.info.name == name).collect();
+    if named.is_empty() {
+        names.sort_unstable();
+        names.dedup();
+        let names = names.join(", ");
+        bail!("unknown estimator `{name}`; expected one of: {names}");
     }
-    text.push_str(&rows.render("  "));
-    text.push_str("\nWhat they mean:\n\n");
-    let mut meanings = Table::new(&["<name", "<meaning"]);
-    for parameter in all {
-        meanings.row([parameter.name, parameter.meaning.to_owned()]);
+    if args.json {
+        return print_json(&named);
     }
-    text.push_str(&meanings.render("  "));
+    let texts: Vec<String> = named.into_iter().map(describe).collect();
+    print(&texts.join("\n"))
+}
+
+fn list(all: &[Listed]) -> String {
+    let mut text = String::new();
+    for (question, heading) in [
+        (Question::Attitude, "Attitude: which way does it point?"),
+        (Question::Navigation, "Navigation: where is it?"),
+        (Question::Tracking, "Tracking: where are the others?"),
+    ] {
+        let mut rows = Table::new(&["<name", "states", "<what it is", "<when", "<read", "<with"]);
+        for known in all.iter().filter(|known| known.question == question) {
+            let info = &known.info;
+            rows.row([
+                info.name.to_owned(),
+                states(info.error_states),
+                info.summary.to_owned(),
+                info.when.to_owned(),
+                info.paper.to_owned(),
+                known.command.to_owned(),
+            ]);
+        }
+        text.push_str(&format!("{heading}\n\n{}\n", rows.render("  ")));
+    }
+    text.push_str("`northing estimators NAME` shows the parameters of one.\n");
     text
 }
 
-/// A default as people write it.
-fn plain(value: &Value) -> String {
-    value
-        .as_str()
-        .map_or_else(|| value.to_string(), str::to_owned)
+fn states(count: u8) -> String {
+    match count {
+        0 => "-".to_owned(),
+        count => count.to_string(),
+    }
 }
 
-/// Which estimators a parameter makes a difference to.
-fn users(parameter: &ParameterInfo) -> String {
-    let uses = |kind: &EstimatorKind| {
-        parameters_of(*kind)
-            .iter()
-            .any(|p| p.name == parameter.name)
+fn describe(known: &Listed) -> String {
+    let info = &known.info;
+    let mut text = format!(
+        "{}: {}\n\n  states  {}\n  when    {}\n  read    {}\n  with    northing {}\n\n",
+        info.name,
+        info.summary,
+        states(info.error_states),
+        info.when,
+        info.paper,
+        known.command
+    );
+    let Some(first) = known.parameters.first() else {
+        text.push_str("It has no parameters to set.\n");
+        return text;
     };
-    let users: Vec<_> = EstimatorKind::ALL
-        .into_iter()
-        .filter(uses)
-        .map(EstimatorKind::name)
-        .collect();
-    users.join(", ")
+    text.push_str(match known.question {
+        Question::Tracking => "Parameters (--set NAME=VALUE):\n\n",
+        _ => "Parameters (--set NAME=VALUE, or in a file for --config):\n\n",
+    });
+    let mut columns = vec!["<name", "<unit"];
+    columns.extend(first.defaults.iter().map(|(profile, _)| *profile));
+    columns.extend(["<range", "<meaning"]);
+    let mut rows = Table::new(&columns);
+    for parameter in &known.parameters {
+        let defaults = parameter.defaults.iter();
+        let cells = [parameter.name.clone(), parameter.unit.clone()].into_iter();
+        let cells = cells.chain(defaults.map(|(_, value)| by_name::text(value)));
+        rows.row(cells.chain([parameter.range.clone(), parameter.meaning.to_owned()]));
+    }
+    text.push_str(&rows.render("  "));
+    text
 }

@@ -11,7 +11,7 @@ use northing_evaluation::attitude::observer::TraceObserver;
 use northing_evaluation::attitude::setup::RunSetup;
 use northing_recording::atomic_file::write_whole;
 
-use crate::arguments::estimation::{Asked, parameters_used, run_over};
+use crate::arguments::estimation::{Asked, run_over};
 use crate::arguments::estimator::RunEstimator;
 use crate::files::estimate_file::EstimateFile;
 use crate::files::output::{check_free, check_not_input, print, print_json, same_file};
@@ -24,11 +24,12 @@ use northing_report::{TRACE_CAPACITY, run_page, setup_of};
 
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
-    let opened = args.open_first();
+    let asked = args.asked_estimator()?;
+    let opened = args.open_first(asked);
     let estimator = match &opened {
         // What is wrong with the recording is told after what is wrong with the options.
-        Some(Ok(recording)) => RunEstimator::of_recording(args.estimator, recording.sensors()),
-        _ => args.estimator,
+        Some(Ok(recording)) => RunEstimator::of_recording(asked, recording.sensors()),
+        _ => asked,
     };
     let estimator = match estimator {
         Some(RunEstimator::Navigation(kind)) => return navigation::execute(kind, args, opened),
@@ -84,11 +85,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let (trace, file) = watchers;
     let mut written = Vec::new();
     if let (Some(path), Some(trace)) = (&args.report, trace) {
-        let mut config = parameters_used(&options, None);
-        if let Some(prior) = summary.hard_iron_prior_ut {
-            config.bounded_velocity.initial_hard_iron_std_ut = prior;
-        }
-        let html = run_page::render(&summary, &config, &metadata, trace.trace(), command_line());
+        let html = run_page::render(&summary, &metadata, trace.trace(), command_line());
         write_whole(path, html.as_bytes(), args.force)?;
         written.push(format!("Report: {} (open it in a browser)", path.display()));
     }

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::Args;
+use northing_evaluation::Origin;
 use northing_evaluation::tracking::{
     InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
     TrackerKind, inject_heading, run,
@@ -52,6 +53,9 @@ pub(crate) struct TrackArgs {
     /// Sensors to use, separated by commas, instead of those that the manifest marks
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sensors: Option<Vec<String>>,
+    /// One parameter, e.g. gate_sigmas=4; may be repeated; `northing estimators schmidt` lists them
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<String>,
     /// Add an error to the own ship's heading, drawn for each run, and compare the trackers
     #[arg(long, value_name = "ANGLE", value_parser = quantity::angle, requires = "runs")]
     inject_heading_std: Option<f64>,
@@ -102,12 +106,16 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         check_free(report, args.force)?;
     }
     let recordings = open(args)?;
-    let options = TrackOptions {
+    let mut options = TrackOptions {
         tracker: args.tracker,
         own_ship_std: args.own_ship_std,
         sensors: args.sensors.clone(),
-        heading_error_rad: 0.0,
+        ..TrackOptions::default()
     };
+    for setting in &args.set {
+        let set = options.set_from(setting, Origin::Set);
+        set.context("--set")?;
+    }
     if let (Some(heading_std_rad), Some(runs)) = (args.inject_heading_std, args.runs) {
         let options = InjectionOptions {
             heading_std_rad,

@@ -71,6 +71,7 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
     if let Some(calibration) = &summary.magnetometer_calibration {
         sheet.row("magnetometer calibration", calibration.as_str());
     }
+    sheet.parameters(&summary.parameters);
     sheet.sentences("unobservable", &summary.unobservable);
     sheet.sentences("recording", &summary.issues);
     format!("{}\n\n{}", title(summary), sheet.render())

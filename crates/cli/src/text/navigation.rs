@@ -60,6 +60,7 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
     for (reason, count) in &summary.fixes_unusable {
         sheet.row("not used", format!("{count} fixes: {reason}"));
     }
+    sheet.parameters(&summary.parameters);
     sheet.sentences("recording", &summary.issues);
     let smoothed = if summary.smoothed { ", smoothed" } else { "" };
     format!(

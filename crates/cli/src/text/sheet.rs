@@ -1,7 +1,11 @@
 //! A sheet of facts for people: a label, and beside it text that is wrapped to the width of a page.
 
+use northing_evaluation::{Origin, UsedParameter};
+
 /// Width of a line.
 const WIDTH: usize = 100;
+/// More parameters of one origin than these are not named.
+const MOST_NAMED: usize = 8;
 
 /// Labels and texts.
 #[derive(Debug, Default)]
@@ -19,6 +23,31 @@ impl Sheet {
     pub(crate) fn sentences(&mut self, label: &str, sentences: &[String]) {
         for (index, sentence) in sentences.iter().enumerate() {
             self.row(if index == 0 { label } else { "" }, sentence.as_str());
+        }
+    }
+
+    /// Adds the parameters that are neither default nor of a profile, with their origin; many of one origin as their
+    /// number.
+    pub(crate) fn parameters(&mut self, used: &[UsedParameter]) {
+        let mut origins: Vec<(Origin, Vec<String>)> = Vec::new();
+        for parameter in used {
+            let origin = parameter.origin;
+            if matches!(origin, Origin::Default | Origin::Profile) {
+                continue;
+            }
+            let text = format!("{} {}", parameter.name, short(parameter));
+            match origins.iter_mut().find(|(known, _)| *known == origin) {
+                Some((_, texts)) => texts.push(text),
+                None => origins.push((origin, vec![text])),
+            }
+        }
+        for (index, (origin, texts)) in origins.iter().enumerate() {
+            let text = match texts.len() {
+                0..=MOST_NAMED => texts.join(", "),
+                many => format!("{many} parameters"),
+            };
+            let label = if index == 0 { "parameters" } else { "" };
+            self.row(label, format!("{text} ({})", origin.name()));
         }
     }
 
@@ -40,6 +69,25 @@ impl Sheet {
             }
         }
         text
+    }
+}
+
+/// A value with four digits, and its unit.
+fn short(parameter: &UsedParameter) -> String {
+    let value = match parameter.value.as_f64() {
+        Some(number) if number != 0.0 => {
+            let decimals = (3.0 - number.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+            let text = format!("{number:.decimals$}");
+            match text.contains('.') {
+                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+                false => text,
+            }
+        }
+        _ => parameter.value_text(),
+    };
+    match parameter.unit {
+        "-" => value,
+        unit => format!("{value} {unit}"),
     }
 }
 

@@ -14,7 +14,7 @@ fn sentence(body: &str) -> String {
 
 /// A board that is carried north at 1.5 m/s for 90 s and says that it is 3 m east of there, with an uncertainty
 /// of 2 m on each axis; fixes each second, and where the board really was, once a second.
-fn with_board() -> Lab {
+pub(crate) fn with_board() -> Lab {
     let lab = Lab::new();
     let mut log = sentence("PNORB,1,axis-filters,power");
     let mut truth = "t_s,lat_deg,lon_deg,h_m\n".to_owned();

@@ -52,36 +52,59 @@ fn every_command_has_help_with_examples() {
 }
 
 #[test]
-fn estimators_are_listed_with_their_parameters() {
-    let text = Lab::new().succeeds(&["estimators"]);
+fn estimators_of_all_questions_are_listed_and_one_is_shown_with_its_parameters() {
+    let lab = Lab::new();
+    let text = lab.succeeds(&["estimators"]);
     let names = [
+        "Attitude:",
         "integration",
         "mekf3",
-        "mekf",
         "bounded-velocity",
         "usque",
         "quaternion-ekf",
-        "complementary",
-        "complementary-passive",
         "complementary-direct",
-        "cascade",
         "cascade-ekf",
+        "Navigation:",
+        "error-state",
+        "axis-filters",
+        "dead-reckoning",
         "device",
+        "Tracking:",
+        "track --tracker",
+        "schmidt-black-box",
+        "joint",
     ];
     contains(&text, &names);
-    contains(
-        &text,
+    let one = |name: &str, parts: &[&str]| contains(&lab.succeeds(&["estimators", name]), parts);
+    one(
+        "mekf",
+        &["accelerometer_std", "m/s^2", "hand-held", "lab", "above 0"],
+    );
+    one(
+        "cascade-ekf",
+        &["cascade_pole", "estimated | reconstructed"],
+    );
+    one("error-state", &["lever_arm_m", "validity.invalid_after_s"]);
+    one("axis-filters", &["acceleration_std"]);
+    one(
+        "schmidt",
         &[
-            "accelerometer_std",
-            "m/s^2",
-            "hand-held",
-            "lab",
-            "microtesla",
-            "cascade_pole",
-            "cascade_position_std_m",
-            "estimated | reconstructed",
+            "gate_sigmas",
+            "pose_error_correlation.heading_s",
+            "montecarlo",
         ],
     );
+    one("integration", &["no parameters"]);
+    let message = lab.refuses(&["estimators", "ins"]);
+    contains(
+        &message,
+        &["unknown estimator `ins`", "error-state, ", "usque"],
+    );
+    let shown = lab.json(&["estimators", "error-state", "--json"]);
+    assert_eq!(shown[0]["question"], "navigation");
+    let mut parameters = shown[0]["parameters"].as_array().unwrap().iter();
+    let gap = parameters.find(|p| p["name"] == "validity.invalid_after_s");
+    assert!(gap.unwrap()["defaults"]["default"].is_number(), "{gap:?}");
 }
 
 #[test]
@@ -91,6 +114,7 @@ fn estimators_as_json_have_units_defaults_and_meanings() {
         .as_array()
         .unwrap()
         .iter()
+        .filter(|e| e["question"] == "attitude")
         .map(|e| e["name"].as_str().unwrap())
         .collect();
     assert_eq!(

@@ -23,3 +23,4 @@ mod run;
 mod streaming;
 mod support;
 mod track;
+mod used_parameters;

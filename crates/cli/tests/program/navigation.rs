@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::support::{Lab, contains};
 
 /// A car: it stands for 5 s, pulls away to 10 m/s, and after 75 s drives circles; IMU at 50 Hz, fixes at 1 Hz.
-fn with_car() -> Lab {
+pub(crate) fn with_car() -> Lab {
     let lab = Lab::new();
     let (mut imu, mut gnss) = (
         "t_s,wx,wy,wz,fx,fy,fz\n".to_owned(),
@@ -53,7 +53,7 @@ fn with_car() -> Lab {
     lab
 }
 
-const MANIFEST: &str = r#"
+pub(crate) const MANIFEST: &str = r#"
 name = "car"
 world_frame = "ned"
 

@@ -51,7 +51,7 @@ fn flight(change: impl Fn(usize, &mut [String; 13])) -> String {
     text
 }
 
-fn lab(change: impl Fn(usize, &mut [String; 13])) -> Lab {
+pub(crate) fn lab(change: impl Fn(usize, &mut [String; 13])) -> Lab {
     let lab = Lab::new();
     lab.write("flight.toml", MANIFEST);
     lab.write("flight.csv", flight(change));

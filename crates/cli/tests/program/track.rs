@@ -124,6 +124,37 @@ fn several_recordings_are_one_document() {
 }
 
 #[test]
+fn settings_of_the_tracker_are_set_by_name_and_handed_over() {
+    let lab = pond(|_, row| row);
+    let json = lab.json(&["track", "pond.toml", "--set", "gate_sigmas=4", "--json"]);
+    let used = |json: &serde_json::Value, name: &str| {
+        let all = json["parameters"].as_array().unwrap().iter();
+        all.filter(|used| used["name"] == name)
+            .map(|used| (used["value"].clone(), used["origin"].clone()))
+            .next()
+            .unwrap()
+    };
+    assert_eq!(used(&json, "gate_sigmas"), (4.0.into(), "set".into()));
+    let memory = used(&json, "pose_error_correlation.position_s");
+    assert_eq!(memory, (300.0.into(), "default".into()));
+    assert_eq!(json["version"], env!("CARGO_PKG_VERSION"));
+    let converted = ["track", "pond.toml", "--tracker", "converted"];
+    let json = lab.json(&[&converted[..], &["--json"]].concat());
+    assert_eq!(used(&json, "pose_error_correlation.position_s").0, 0.0);
+    for (setting, expected) in [
+        ("gate_sigma=4", "did you mean `gate_sigmas`?"),
+        ("gate_sigmas=0", "above 0"),
+        (
+            "pose_error_correlation.heading_s=10",
+            "`converted` takes pose errors as new",
+        ),
+    ] {
+        let message = lab.refuses(&[&converted[..], &["--set", setting]].concat());
+        contains(&message, &[expected]);
+    }
+}
+
+#[test]
 fn spoilt_detections_are_counted_and_not_fatal() {
     let lab = pond(|k, row| match k {
         20 => "20,nan,5".to_owned(),

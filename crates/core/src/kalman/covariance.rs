@@ -65,7 +65,9 @@ pub fn is_covariance<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>, tolerance:
         for j in 0..i {
             let (lower, scale) = (p[(i, j)], std[i] * std[j]);
             // Not below: what is not a number must not pass.
-            if !((lower - p[(j, i)]).abs() <= tolerance * scale) {
+            let asymmetry = (lower - p[(j, i)]).abs();
+            // Not finite is not symmetric either.
+            if !asymmetry.is_finite() || asymmetry > tolerance * scale {
                 return false;
             }
             if scale > T::zero() {

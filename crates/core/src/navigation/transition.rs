@@ -157,7 +157,6 @@ impl<T: Scalar> ErrorTransition<T> {
 
     /// This transition followed by `next`: the product `next * self`, which has the same shape
     /// (E7).
-    #[must_use]
     pub fn then(&self, next: &Self) -> Self {
         Self {
             duration: self.duration + next.duration,

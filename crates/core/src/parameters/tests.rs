@@ -12,6 +12,8 @@ use crate::calibration::rest::RestLimits;
 use crate::navigation::axis_filters::PositionAxisConfig;
 use crate::navigation::cascade::CascadeConfig;
 use crate::navigation::{DeadReckoningConfig, ErrorStateConfig, GnssInsConfig, ValidityLimits};
+use crate::tracking::association::ipda::ExistenceModel;
+use crate::tracking::multi_target::MultiTargetSettings;
 use crate::tracking::own_ship::{PoseErrorCorrelation, PoseLimits};
 
 /// Calls a generic function for the tables of a precision.
@@ -28,6 +30,8 @@ macro_rules! every_table {
         $check::<ValidityLimits<$scalar>>();
         $check::<PoseErrorCorrelation<$scalar>>();
         $check::<PoseLimits<$scalar>>();
+        $check::<ExistenceModel<$scalar>>();
+        $check::<MultiTargetSettings<$scalar>>();
         $check::<RestLimits<$scalar>>();
         $check::<MagnetometerLimits<$scalar>>();
     };
@@ -172,8 +176,10 @@ fn errors_name_field_and_range_with_the_group() {
         config.validate().unwrap_err().to_string(),
         "validity.invalid_after_s must be above 0, up to 1000000000"
     );
-    let mut config = BoundedVelocityConfig::<f32>::default();
-    config.prediction_s = 1.0;
+    let mut config = BoundedVelocityConfig::<f32> {
+        prediction_s: 1.0,
+        ..BoundedVelocityConfig::default()
+    };
     assert_eq!(
         config.validate().unwrap_err().to_string(),
         "prediction_s must be from -0.1 to 0.1"

@@ -18,7 +18,7 @@ mod counts;
 mod track;
 mod update;
 
-pub use config::{MultiTargetConfig, ScanSensor};
+pub use config::{MultiTargetConfig, MultiTargetSettings, ScanSensor};
 pub use counts::{ScanError, TrackerCounts};
 pub use track::{Track, TrackStatus};
 
@@ -189,11 +189,11 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         if dt < T::zero() {
             return Err(ScanError::TimeGoesBack);
         }
-        if dt > self.config.longest_gap_s {
+        if dt > self.config.settings.longest_gap_s {
             return Err(ScanError::TimeInFuture);
         }
         let came_from = self.state.pose.replace((scan.time_s, *scan.own_ship));
-        let limits = &self.config.pose_limits;
+        let limits = &self.config.settings.pose_limits;
         if came_from.is_some_and(|(t, from)| {
             !limits.allow(&from, scan.own_ship, (scan.time_s - t).max(T::zero()))
         }) {
@@ -209,12 +209,12 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     fn predict(&mut self, scan: &Scan<'_, T>, dt: T) {
         let kept = self.state.last.map_or_else(Vector3::zeros, |last| {
-            let memory = &self.config.pose_error_correlation;
+            let memory = &self.config.settings.pose_error_correlation;
             memory.factors(&last.covariance, &scan.own_ship.covariance, dt)
         });
         for track in self.state.tracks.iter_mut().flatten() {
             track.imm.predict(&self.config.models, dt, &kept);
-            track.existence.predict(&self.config.existence, dt);
+            track.existence.predict(&self.config.settings.existence, dt);
             track.age_s += dt;
             track.silent_s += dt;
         }

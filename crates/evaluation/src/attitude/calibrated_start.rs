@@ -9,76 +9,59 @@ use northing_core::attitude::driver::DriverConfig;
 use northing_core::attitude::wahba::{self, MAXIMUM_STD, Observation};
 use northing_core::attitude::{AttitudeConfig, InitialState, References};
 use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits, Sensor};
+use northing_core::parameters::Value;
 
 use crate::attitude::instants::Instant;
 use crate::attitude::options::{RunOptions, SensorSelection};
-use crate::attitude::parameters::{Parameters, Profile};
+use crate::attitude::parameters::Profile;
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
+use crate::used_parameters::Origin;
 
-/// The parameters with the noise that the calibration measured, except those the user set.
-///
-/// The `lab` profile takes the rest noise as it is. The `hand-held` profile stands for errors that
-/// a device at rest does not show, so its noise is raised where the sensor is worse, never lowered.
-#[must_use]
-pub fn calibrated_config(options: &RunOptions, calibration: &RestCalibration<f64>) -> Parameters {
-    let mut parameters = options.config;
-    let config = &mut parameters.attitude;
-    let floor = options.profile == Profile::HandHeld;
-    let measured = [
-        (
-            "gyroscope_noise_density",
-            &mut config.gyroscope_noise_density,
-            calibration.gyroscope_noise_density(),
-        ),
-        (
-            "accelerometer_std",
-            &mut config.accelerometer_std,
-            calibration.accelerometer_std(),
-        ),
-        (
-            "magnetometer_std_ut",
-            &mut config.magnetometer_std_ut,
-            calibration.magnetometer_std_ut(),
-        ),
-    ];
-    for (name, field, value) in measured {
-        if let Some(value) = value.filter(|v| *v > 0.0 && !options.is_explicit(name)) {
-            *field = if floor { value.max(*field) } else { value };
+impl RunOptions {
+    /// With the noise that a calibration measured, except in parameters that somebody set.
+    ///
+    /// The `lab` profile takes the rest noise as it is. The `hand-held` profile stands for errors that
+    /// a device at rest does not show, so its noise is raised where the sensor is worse, never lowered;
+    /// the bounded-velocity filter's noise stands for more than the sensors' at rest in any profile.
+    #[must_use]
+    pub fn calibrated_by(&self, calibration: &RestCalibration<f64>) -> Self {
+        let raised = self.profile == Profile::HandHeld;
+        let gyroscope = calibration.gyroscope_noise_density();
+        let magnetometer = calibration.magnetometer_std_ut();
+        let measured = [
+            ("gyroscope_noise_density", gyroscope, raised),
+            ("accelerometer_std", calibration.accelerometer_std(), raised),
+            ("magnetometer_std_ut", magnetometer, raised),
+            (
+                "gyroscope_sample_interval_s",
+                calibration.gyroscope_interval_s,
+                false,
+            ),
+            ("bounded_gyroscope_noise_density", gyroscope, true),
+            ("bounded_magnetometer_std_ut", magnetometer, true),
+        ];
+        let mut options = self.clone();
+        for (name, value, only_raised) in measured {
+            let Some(value) = value.filter(|v| *v > 0.0 && !self.is_explicit(name)) else {
+                continue;
+            };
+            let stays = |own| matches!(own, Value::Number(own) if only_raised && own >= value);
+            let own = self.config.value(name);
+            // A value that the table does not permit is no noise.
+            if !own.is_some_and(stays) && options.config.set(name, Value::Number(value)).is_ok() {
+                options.origins.insert(name.to_owned(), Origin::Calibration);
+            }
         }
+        options
     }
-    if let Some(interval) = calibration.gyroscope_interval_s
-        && !options.is_explicit("gyroscope_sample_interval_s")
-    {
-        config.gyroscope_sample_interval_s = interval;
-    }
-    raise_bounded_velocity(&mut parameters, options, calibration);
-    parameters
-}
 
-/// The bounded-velocity filter's noise stands for more than the sensors' at rest, in any profile: it
-/// is raised where a sensor is worse.
-fn raise_bounded_velocity(
-    parameters: &mut Parameters,
-    options: &RunOptions,
-    calibration: &RestCalibration<f64>,
-) {
-    let config = &mut parameters.bounded_velocity;
-    let measured = [
-        (
-            "bounded_gyroscope_noise_density",
-            &mut config.gyroscope_noise_density,
-            calibration.gyroscope_noise_density(),
-        ),
-        (
-            "bounded_magnetometer_std_ut",
-            &mut config.magnetometer_std_ut,
-            calibration.magnetometer_std_ut(),
-        ),
-    ];
-    for (name, field, value) in measured {
-        if let Some(value) = value.filter(|_| !options.is_explicit(name)) {
-            *field = field.max(value);
+    /// With what the calibration among them measured: as the estimator gets them.
+    #[must_use]
+    pub fn in_force(&self) -> Self {
+        match &self.calibration {
+            Some(calibration) => self.calibrated_by(calibration),
+            None => self.clone(),
         }
     }
 }
@@ -337,7 +320,7 @@ mod tests {
     fn the_start_is_the_pose_of_the_rest() {
         let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         let calibration = phase().finish().unwrap();
-        let config = calibrated_config(&options, &calibration).attitude;
+        let config = options.calibrated_by(&calibration).config.attitude;
         let driver = calibrated_driver(&options, &calibration);
         let start = state_at_rest(&calibration, &config, &driver);
         assert!(rotation::angle_between(&start.attitude, &truth()) < 4.0 * 0.023 / 1000_f64.sqrt());
@@ -370,20 +353,20 @@ mod tests {
     fn a_hand_held_device_and_the_user_keep_their_noise() {
         let calibration = phase().finish().unwrap();
         let hand_held = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
-        let config = calibrated_config(&hand_held, &calibration).attitude;
+        let config = hand_held.calibrated_by(&calibration).config.attitude;
         let profile = hand_held.config.attitude.accelerometer_std;
         assert_relative_eq!(config.accelerometer_std, profile);
         let mut lab = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         lab.set("accelerometer_std=0.7").unwrap();
-        let config = calibrated_config(&lab, &calibration).attitude;
+        let config = lab.calibrated_by(&calibration).config.attitude;
         assert_relative_eq!(config.accelerometer_std, 0.7);
         assert!(config.magnetometer_std_ut < 0.6);
         // What is less than the filter's own stays: it stands for more than the sensor's.
         let own = lab.config.bounded_velocity;
-        let bounded = calibrated_config(&lab, &calibration).bounded_velocity;
+        let bounded = lab.calibrated_by(&calibration).config.bounded_velocity;
         assert_eq!(bounded, own);
         lab.config.bounded_velocity.magnetometer_std_ut = 0.1;
-        let bounded = calibrated_config(&lab, &calibration).bounded_velocity;
+        let bounded = lab.calibrated_by(&calibration).config.bounded_velocity;
         assert!((bounded.magnetometer_std_ut / 0.5 - 1.0).abs() < 0.1);
     }
 
@@ -409,7 +392,7 @@ mod tests {
         phase.calibrator.forget_magnetometer();
         let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         let calibration = phase.finish().unwrap();
-        let config = calibrated_config(&options, &calibration).attitude;
+        let config = options.calibrated_by(&calibration).config.attitude;
         let start = state_at_rest(
             &calibration,
             &config,

@@ -21,9 +21,10 @@ use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::options::RunOptions;
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
+use crate::used_parameters::Origin;
 
 /// The parameter that follows from the stream unless somebody sets it.
-const PRIOR: &str = "bounded_initial_hard_iron_std_ut";
+pub const PRIOR: &str = "bounded_initial_hard_iron_std_ut";
 /// Hard iron that is left, microtesla per axis: by a calibration of the magnetometer, ...
 pub const LEFT_BY_A_CALIBRATION_UT: f64 = 2.0;
 /// ... in the stream that a phone's system calibrated, ...
@@ -41,13 +42,17 @@ impl RunOptions {
             return;
         }
         let prior = &mut self.config.bounded_velocity.initial_hard_iron_std_ut;
-        if self.magnetometer_calibration.is_some() {
-            *prior = LEFT_BY_A_CALIBRATION_UT;
+        let left = if self.magnetometer_calibration.is_some() {
+            LEFT_BY_A_CALIBRATION_UT
         } else if self.sensors.magnetometer_source == MagnetometerSource::Uncalibrated {
-            *prior = LEFT_UNCALIBRATED_UT;
+            LEFT_UNCALIBRATED_UT
         } else if has_uncalibrated && *prior <= 0.0 {
-            *prior = LEFT_BY_THE_SYSTEM_UT;
-        }
+            LEFT_BY_THE_SYSTEM_UT
+        } else {
+            return;
+        };
+        *prior = left;
+        self.origins.insert(PRIOR.to_owned(), Origin::Learnt);
     }
 }
 

@@ -18,8 +18,9 @@ use northing_core::attitude::{
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::parameters::Parameters;
+use crate::attitude::parameters::{Parameters, parameters_of};
 use crate::error::EvaluationError;
+use crate::registry::{EstimatorInfo, ParameterInfo, Question, Registered};
 
 /// An estimator that can be asked for by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -53,21 +54,6 @@ pub enum EstimatorKind {
     Device,
 }
 
-/// What people want to know of an estimator before they choose it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct EstimatorInfo {
-    /// The name on the command line and in files.
-    pub name: &'static str,
-    /// What it is, in a sentence.
-    pub summary: &'static str,
-    /// Components of its error state: what its covariance speaks of. Zero without one.
-    pub error_states: u8,
-    /// Whether it says how uncertain it is.
-    pub has_covariance: bool,
-    /// Where to read about it.
-    pub paper: &'static str,
-}
-
 impl EstimatorKind {
     /// Every estimator, simplest first.
     pub const ALL: [Self; 12] = [
@@ -95,6 +81,7 @@ impl EstimatorKind {
                 error_states: 0,
                 has_covariance: false,
                 paper: "Utrera & Vazquez (2021), section 4",
+                when: "the baseline",
             },
             Self::Mekf3 => EstimatorInfo {
                 name: "mekf3",
@@ -102,6 +89,7 @@ impl EstimatorKind {
                 error_states: 3,
                 has_covariance: true,
                 paper: "Utrera & Vazquez (2021), eqs 18-27",
+                when: "to repeat the paper",
             },
             Self::Mekf => EstimatorInfo {
                 name: "mekf",
@@ -109,6 +97,7 @@ impl EstimatorKind {
                 error_states: 6,
                 has_covariance: true,
                 paper: "Markley (2003); Utrera & Vazquez (2021)",
+                when: "on a bench, in the lab",
             },
             Self::BoundedVelocity => EstimatorInfo {
                 name: "bounded-velocity",
@@ -117,6 +106,7 @@ impl EstimatorKind {
                 error_states: 22,
                 has_covariance: true,
                 paper: "docs/derivations/bounded_velocity.md",
+                when: "phones and wearables; the default",
             },
             Self::Usque => EstimatorInfo {
                 name: "usque",
@@ -124,6 +114,7 @@ impl EstimatorKind {
                 error_states: 6,
                 has_covariance: true,
                 paper: "Crassidis & Markley (2003)",
+                when: "large initial errors",
             },
             Self::QuaternionEkf => EstimatorInfo {
                 name: "quaternion-ekf",
@@ -131,6 +122,7 @@ impl EstimatorKind {
                 error_states: 7,
                 has_covariance: true,
                 paper: "Bar-Itzhack & Oshman (1985)",
+                when: "to compare with",
             },
             Self::Complementary => EstimatorInfo {
                 name: "complementary",
@@ -138,6 +130,7 @@ impl EstimatorKind {
                 error_states: 0,
                 has_covariance: false,
                 paper: "Mahony, Hamel & Pflimlin (2008)",
+                when: "cheapest; no covariance",
             },
             Self::ComplementaryPassive => EstimatorInfo {
                 name: "complementary-passive",
@@ -145,6 +138,7 @@ impl EstimatorKind {
                 error_states: 0,
                 has_covariance: false,
                 paper: "Mahony, Hamel & Pflimlin (2008)",
+                when: "to compare with",
             },
             Self::ComplementaryDirect => EstimatorInfo {
                 name: "complementary-direct",
@@ -152,6 +146,7 @@ impl EstimatorKind {
                 error_states: 0,
                 has_covariance: false,
                 paper: "Mahony, Hamel & Pflimlin (2008)",
+                when: "to compare with",
             },
             Self::Cascade => EstimatorInfo {
                 name: "cascade",
@@ -160,6 +155,7 @@ impl EstimatorKind {
                 error_states: 0,
                 has_covariance: false,
                 paper: "Scandaroli & Morin (2011); Mahony, Hamel & Pflimlin (2008)",
+                when: "with positions: velocity and accelerometer bias, too",
             },
             Self::CascadeEkf => EstimatorInfo {
                 name: "cascade-ekf",
@@ -167,6 +163,7 @@ impl EstimatorKind {
                 error_states: 0,
                 has_covariance: false,
                 paper: "Iporre & Amestegui",
+                when: "to repeat the paper",
             },
             Self::Device => EstimatorInfo {
                 name: "device",
@@ -174,6 +171,7 @@ impl EstimatorKind {
                 error_states: 0,
                 has_covariance: false,
                 paper: "-",
+                when: "to compare with",
             },
         }
     }
@@ -200,6 +198,20 @@ impl EstimatorKind {
     #[must_use]
     pub fn names() -> String {
         Self::ALL.map(Self::name).join(", ")
+    }
+}
+
+impl Registered for EstimatorKind {
+    const QUESTION: Question = Question::Attitude;
+    const COMMAND: &'static str = "run --estimator";
+    const EVERY: &'static [Self] = &Self::ALL;
+
+    fn info(self) -> EstimatorInfo {
+        Self::info(self)
+    }
+
+    fn parameters(self) -> Vec<ParameterInfo> {
+        parameters_of(self)
     }
 }
 

@@ -1,6 +1,5 @@
 //! Options of a run: estimator, parameters, sensors, calibration, scoring.
 
-use std::collections::BTreeSet;
 use std::str::FromStr;
 
 use northing_core::attitude::InitialState;
@@ -14,6 +13,7 @@ use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::parameters::{self, Parameters, Profile};
 use crate::calibration::magnetometer::{MagnetometerSource, MagnetometerStreamCalibration};
 use crate::error::EvaluationError;
+use crate::used_parameters::{Origin, Origins, UsedParameter};
 
 /// Everything a run is asked for. [`RunOptions::default`] is `bounded-velocity` with the hand-held profile and
 /// all sensors.
@@ -27,8 +27,8 @@ pub struct RunOptions {
     pub profile: Profile,
     /// The parameters.
     pub config: Parameters,
-    /// Names of the parameters that the user set: a calibration does not change these.
-    pub explicit_settings: BTreeSet<String>,
+    /// Origins of the parameters that are not their profile's: a calibration does not change what somebody set.
+    pub origins: Origins,
     /// Alignment and gaps. Its prior's frame is replaced by `world_frame`.
     pub driver: DriverConfig<f64>,
     /// The sensors to use.
@@ -71,7 +71,7 @@ impl RunOptions {
             estimator,
             profile,
             config: profile.config(),
-            explicit_settings: BTreeSet::new(),
+            origins: Origins::new(),
             driver: DriverConfig::default(),
             sensors: SensorSelection::default(),
             choose_magnetometer: false,
@@ -91,9 +91,37 @@ impl RunOptions {
     /// # Errors
     /// As [`parameters::apply_setting`].
     pub fn set(&mut self, setting: &str) -> Result<(), EvaluationError> {
+        self.set_from(setting, Origin::Set)
+    }
+
+    /// As [`Self::set`], of another origin.
+    ///
+    /// # Errors
+    /// As [`Self::set`].
+    pub fn set_from(&mut self, setting: &str, origin: Origin) -> Result<(), EvaluationError> {
         let name = parameters::apply_setting(&mut self.config, setting)?;
-        self.explicit_settings.insert(name);
+        self.origins.insert(name, origin);
         Ok(())
+    }
+
+    /// Every parameter of the estimator with its value and origin.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<UsedParameter> {
+        let [usual, profile] = [Profile::default(), self.profile].map(Profile::config);
+        let used = |row: parameters::Row| {
+            let name = row.name();
+            let value = self.config.value(&name)?;
+            let origin = match self.origins.get(&name) {
+                Some(origin) => *origin,
+                None if usual.value(&name) == Some(value) => Origin::Default,
+                None if profile.value(&name) == Some(value) => Origin::Profile,
+                // Written into `config` by whoever made the options.
+                None => Origin::Set,
+            };
+            Some(UsedParameter::new(name, row.parameter, value, origin))
+        };
+        let rows = parameters::rows().filter(|row| row.is_read_by(self.estimator));
+        rows.filter_map(used).collect()
     }
 
     /// Checks what can be checked before a recording is read.
@@ -153,9 +181,10 @@ impl RunOptions {
         }
     }
 
-    /// Whether the user set this parameter.
-    pub(crate) fn is_explicit(&self, name: &str) -> bool {
-        self.explicit_settings.contains(name)
+    /// Whether somebody set this parameter.
+    #[must_use]
+    pub fn is_explicit(&self, name: &str) -> bool {
+        self.origins.get(name).is_some_and(|o| o.is_explicit())
     }
 }
 

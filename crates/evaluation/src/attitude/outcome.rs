@@ -12,6 +12,7 @@ use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::SensorVerdict;
 use crate::statistics::metrics::ErrorSummary;
 use crate::statistics::nis::{NisSummary, UpdateCounts};
+use crate::used_parameters::{UsedCalibrations, UsedParameter};
 
 /// The outcome of one estimator on one recording. What does not apply is `None`, `null` in JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -77,6 +78,13 @@ pub struct RunSummary {
     pub samples_per_sensor: BTreeMap<SensorKind, u64>,
     /// What was odd about the recording or the run, one sentence each.
     pub issues: Vec<String>,
+    /// Every parameter of the estimator as it ran, in the order of the tables.
+    pub parameters: Vec<UsedParameter>,
+    /// The calibrations that were used.
+    #[cfg_attr(feature = "typescript", ts(type = "unknown"))]
+    pub calibrations: UsedCalibrations,
+    /// Version of the program.
+    pub version: &'static str,
 }
 
 /// What a position observer made of the positions of a recording.

@@ -6,14 +6,15 @@ mod set;
 use northing_core::attitude::AttitudeConfig;
 use northing_core::attitude::bounded_velocity::BoundedVelocityConfig;
 use northing_core::navigation::cascade::CascadeConfig;
-use northing_core::parameters::Range;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::attitude::kinds::EstimatorKind;
 use crate::by_name;
 use crate::error::EvaluationError;
+use crate::registry::ParameterInfo;
 pub use set::{CascadeRotation, Parameters};
+pub(crate) use set::{Row, rows};
 
 /// A named set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -86,55 +87,27 @@ impl std::str::FromStr for Profile {
     }
 }
 
-/// One parameter.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ParameterInfo {
-    /// Its name in `--set NAME=VALUE` and in configuration files.
-    pub name: String,
-    /// Its unit; `-` for numbers without one, otherwise the words it can be.
-    pub unit: String,
-    /// What is permitted, such as `above 0`.
-    pub range: String,
-    /// What it is.
-    pub meaning: &'static str,
-    /// What raising it does.
-    pub note: &'static str,
-    /// Its value in each profile, in the order of [`Profile::ALL`].
-    pub defaults: Vec<(Profile, Value)>,
-}
-
-impl ParameterInfo {
-    fn of(row: &set::Row) -> Self {
-        let (name, parameter) = (row.name(), row.parameter);
-        let default = |profile: Profile| {
-            let value = profile.config().value(&name);
-            (profile, value.map_or(Value::Null, by_name::json))
-        };
-        Self {
-            unit: match parameter.range {
-                Range::Words(_) => parameter.range.to_string(),
-                _ => parameter.unit.to_owned(),
-            },
-            range: parameter.range.to_string(),
-            meaning: parameter.meaning,
-            note: parameter.note,
-            defaults: Profile::ALL.map(default).to_vec(),
-            name,
-        }
-    }
+fn info(row: &Row) -> ParameterInfo {
+    let name = row.name();
+    let default = |profile: Profile| {
+        let value = profile.config().value(&name);
+        (profile.name(), value.map_or(Value::Null, by_name::json))
+    };
+    let defaults = Profile::ALL.map(default).to_vec();
+    ParameterInfo::new(name, row.parameter, defaults)
 }
 
 /// Every parameter, with its value in each profile.
 #[must_use]
 pub fn parameters() -> Vec<ParameterInfo> {
-    set::rows().map(|row| ParameterInfo::of(&row)).collect()
+    rows().map(|row| info(&row)).collect()
 }
 
 /// The parameters that make a difference to one estimator.
 #[must_use]
 pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
-    let read = set::rows().filter(|row| row.is_read_by(kind));
-    read.map(|row| ParameterInfo::of(&row)).collect()
+    let read = rows().filter(|row| row.is_read_by(kind));
+    read.map(|row| info(&row)).collect()
 }
 
 /// Applies one setting such as `accelerometer_std=0.3` and returns the name of the parameter.

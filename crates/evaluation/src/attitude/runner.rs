@@ -7,7 +7,7 @@ mod position_observer;
 
 use nalgebra::UnitQuaternion;
 use northing_core::attitude::bounded_velocity::BoundedVelocity;
-use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
+use northing_core::attitude::driver::AttitudeDriver;
 use northing_core::attitude::{AttitudeEstimator, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_recording::{Event, Recording, SensorKind};
@@ -213,19 +213,21 @@ enum Phase<E> {
 
 impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
     fn new(options: &'a RunOptions, make: Make<'a, E>) -> Result<Self, EvaluationError> {
-        let phase = match (options.calibrate_first_s, &options.calibration) {
-            (Some(seconds), _) => {
+        let in_force = options.in_force();
+        let mut tally = Tally::new(options);
+        tally.configured(&in_force, options.calibration.as_ref());
+        let phase = match options.calibrate_first_s {
+            Some(seconds) => {
                 Phase::Calibrating(Box::new(CalibrationPhase::new(seconds, options.sensors)))
             }
-            (None, Some(calibration)) => running(options, calibration, make)?,
-            (None, None) => begun(options, &options.config, options.driver_config(), make)?,
+            None => begun(&in_force, make)?,
         };
         Ok(Self {
             options,
             make,
             phase,
             positions: None,
-            tally: Tally::new(options),
+            tally,
             device: None,
             // A state that is taken over knows whether there was one.
             has_magnetometer: options
@@ -264,7 +266,9 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 return Ok(None);
             }
             let calibration = phase.finish()?;
-            self.phase = started(self.options, &calibration, self.make)?;
+            let in_force = self.options.calibrated_by(&calibration);
+            self.phase = started(&in_force, &calibration, self.make)?;
+            self.tally.configured(&in_force, Some(&calibration));
             if let (Some(positions), Some(gravity)) = (&mut self.positions, calibration.gravity()) {
                 positions.measured_gravity(gravity)?;
             }
@@ -325,41 +329,31 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
     }
 }
 
-/// An estimator at the first sample: in the state that is known, or about to align itself.
+/// An estimator at the first sample: in the state that is known, or about to align itself. `options` are in force.
 fn begun<E: AttitudeEstimator<f64>>(
     options: &RunOptions,
-    config: &Parameters,
-    settings: DriverConfig<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let mut driver = AttitudeDriver::new(make(config)?, settings);
+    let settings = match &options.calibration {
+        Some(calibration) => calibrated_start::calibrated_driver(options, calibration),
+        None => options.driver_config(),
+    };
+    let mut driver = AttitudeDriver::new(make(&options.config)?, settings);
     if let Some(start) = &options.start {
         driver.start_from(start);
     }
     Ok(Phase::Running(Box::new(driver)))
 }
 
-/// An estimator with a calibration made before; it aligns on the recording.
-fn running<E: AttitudeEstimator<f64>>(
-    options: &RunOptions,
-    calibration: &RestCalibration<f64>,
-    make: Make<'_, E>,
-) -> Result<Phase<E>, EvaluationError> {
-    let config = calibrated_start::calibrated_config(options, calibration);
-    let driver = calibrated_start::calibrated_driver(options, calibration);
-    begun(options, &config, driver, make)
-}
-
-/// An estimator that starts from the rest that has just ended.
+/// An estimator that starts from the rest that has just ended. `options` are in force.
 fn started<E: AttitudeEstimator<f64>>(
     options: &RunOptions,
     calibration: &RestCalibration<f64>,
     make: Make<'_, E>,
 ) -> Result<Phase<E>, EvaluationError> {
-    let config = calibrated_start::calibrated_config(options, calibration);
     let settings = calibrated_start::calibrated_driver(options, calibration);
-    let mut driver = AttitudeDriver::new(make(&config)?, settings);
-    let noise = &config.attitude;
+    let mut driver = AttitudeDriver::new(make(&options.config)?, settings);
+    let noise = &options.config.attitude;
     driver.start_from(&calibrated_start::state_at_rest(
         calibration,
         noise,

@@ -11,9 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::options::{RunOptions, SensorSelection};
-use crate::attitude::parameters::{Parameters, Profile};
+use crate::attitude::parameters::{self, Parameters, Profile};
 use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 use crate::error::EvaluationError;
+use crate::used_parameters::{Origin, Origins};
 
 /// The options of a run as plain data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -116,7 +117,10 @@ impl RunSetup {
             estimator: options.estimator,
             profile: options.profile,
             config: options.config,
-            explicit_settings: options.explicit_settings.clone(),
+            explicit_settings: {
+                let explicit = options.origins.iter().filter(|(_, o)| o.is_explicit());
+                explicit.map(|(name, _)| name.clone()).collect()
+            },
             sensors: options.sensors,
             alignment_s: options.driver.alignment_s,
             gap_limit_s: options.driver.gap_limit_s,
@@ -144,10 +148,20 @@ impl RunSetup {
                     })?,
                 ),
             };
+        // What nobody set and is not the profile's was learnt, and will be again.
+        let (profile, mut origins) = (self.profile.config(), Origins::new());
+        for row in parameters::rows() {
+            let name = row.name();
+            if self.explicit_settings.contains(&name) {
+                origins.insert(name, Origin::Setup);
+            } else if self.config.value(&name) != profile.value(&name) {
+                origins.insert(name, Origin::Learnt);
+            }
+        }
         let mut options = RunOptions {
             start,
             config: self.config,
-            explicit_settings: self.explicit_settings,
+            origins,
             sensors: self.sensors,
             skip_s: self.skip_s,
             calibration: self.calibration,
@@ -209,7 +223,8 @@ mod tests {
         assert_eq!(read, setup);
         let (made, expected) = (read.options().unwrap(), options());
         assert_eq!(made.config, expected.config);
-        assert_eq!(made.explicit_settings, expected.explicit_settings);
+        assert!(made.origins.keys().eq(expected.origins.keys()));
+        assert!(made.origins.values().all(|o| *o == Origin::Setup));
         assert_eq!(
             (made.sensors, made.estimator),
             (expected.sensors, expected.estimator)

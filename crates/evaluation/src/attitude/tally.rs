@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 use northing_core::attitude::Propagation;
+use northing_core::calibration::RestCalibration;
 use northing_core::kalman::Innovation;
 use northing_recording::SensorKind;
 
@@ -19,6 +20,7 @@ use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, SensorVerdict};
 use crate::statistics::metrics::ErrorStatistics;
 use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
+use crate::used_parameters::{Named, UsedCalibrations, UsedParameter, VERSION};
 
 /// Fewer zeros than this may be chance.
 const FEWEST_ZEROS: u64 = 100;
@@ -41,6 +43,8 @@ pub(crate) struct Tally {
     first_estimate_s: Option<f64>,
     watch: FieldWatch,
     rates: Rates,
+    parameters: Vec<UsedParameter>,
+    calibrations: UsedCalibrations,
 }
 
 /// Angular rates read, and those of them that are exactly zero.
@@ -71,7 +75,25 @@ impl Tally {
             first_estimate_s: None,
             watch: FieldWatch::default(),
             rates: Rates::default(),
+            parameters: Vec::new(),
+            calibrations: UsedCalibrations::default(),
         }
+    }
+
+    /// Keeps what the estimator was configured with: options in force, and the calibration at rest.
+    pub(crate) fn configured(&mut self, options: &RunOptions, rest: Option<&RestCalibration<f64>>) {
+        let [rest_name, field_name] = &options.calibration_names;
+        self.parameters = options.parameters();
+        self.calibrations = UsedCalibrations {
+            rest: rest.map(|calibration| Named {
+                name: rest_name.clone(),
+                values: *calibration,
+            }),
+            magnetometer: options.magnetometer_calibration.map(|calibration| Named {
+                name: field_name.clone(),
+                values: calibration,
+            }),
+        };
     }
 
     /// Takes what was read at one instant; `force` and `field` are of the sensors in use.
@@ -238,6 +260,9 @@ impl Tally {
             position: None,
             samples_per_sensor: self.samples_per_sensor(),
             issues: self.issues(error_deg.is_some(), runs_filter),
+            parameters: self.parameters.clone(),
+            calibrations: self.calibrations.clone(),
+            version: VERSION,
         }
     }
 

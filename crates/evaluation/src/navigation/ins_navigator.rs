@@ -109,11 +109,17 @@ impl Navigator for InsNavigator {
         }
     }
 
-    fn origin(&mut self, place: &Geodetic, time_ns: i64) {
-        match magnetic_model::declination(place, time_ns) {
-            Some(declination) => self.ins.set_declination(declination),
-            None => self.is_near_pole = self.ins.config().declination.is_none(),
+    fn origin(&mut self, place: &Geodetic, time_ns: i64) -> Option<f64> {
+        // A declination that was set stands above the model's.
+        if self.ins.config().declination.is_some() {
+            return None;
         }
+        let declination = magnetic_model::declination(place, time_ns);
+        match declination {
+            Some(declination) => self.ins.set_declination(declination),
+            None => self.is_near_pole = true,
+        }
+        declination
     }
 
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {

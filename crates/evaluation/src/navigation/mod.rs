@@ -32,7 +32,7 @@ mod smoothed;
 pub mod trace;
 pub mod tune;
 
-pub use kinds::{NavigationInfo, NavigationKind};
+pub use kinds::NavigationKind;
 pub use navigator::{Aid, AidKind, NavigationEstimate};
 pub use observer::{NavigationObserver, ScoredPoint};
 pub use options::{NavigationOptions, Outage};

@@ -197,8 +197,11 @@ pub(crate) trait Navigator {
     /// Lets the time go on, where nothing else does that.
     fn advance_to(&mut self, _time_ns: i64) {}
 
-    /// Learns where the origin of the local frame is, with the stamp of the fix that made it.
-    fn origin(&mut self, _place: &Geodetic, _time_ns: i64) {}
+    /// Learns where the origin of the local frame is, with the stamp of the fix that made it; returns the magnetic
+    /// declination (rad) that follows, where it is used.
+    fn origin(&mut self, _place: &Geodetic, _time_ns: i64) -> Option<f64> {
+        None
+    }
 
     /// Takes an aid; what it told goes to `told`.
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>);

@@ -8,6 +8,7 @@ use super::kinds::NavigationKind;
 use super::navigator::AidKind;
 use super::parameters::NavigationParameters;
 use crate::error::EvaluationError;
+use crate::used_parameters::{Origin, Origins, UsedParameter};
 
 /// A time in which the filter gets no fixes, made to see how it does without.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +56,8 @@ pub struct NavigationOptions {
     pub estimator: NavigationKind,
     /// Its parameters (and those of the others).
     pub parameters: NavigationParameters,
+    /// Origins of those that are not the defaults.
+    pub origins: Origins,
     /// One of so many fixes is used, the others are held out and scored at; default 1: all are used.
     pub gnss_every: u32,
     /// Times without fixes; those of the receiver are scored at.
@@ -73,6 +76,7 @@ impl Default for NavigationOptions {
         Self {
             estimator: NavigationKind::ErrorState,
             parameters: NavigationParameters::default(),
+            origins: Origins::new(),
             gnss_every: 1,
             outages: Vec::new(),
             without: Vec::new(),
@@ -91,12 +95,60 @@ impl NavigationOptions {
             ..Self::default()
         };
         let config = &mut options.parameters.error_state;
+        let mut stated = Vec::new();
         if let Some(arm) = metadata.gnss_lever_arm_m {
             config.lever_arm_m = arm;
+            stated.push("lever_arm_m");
         }
-        config.position_latency_s = metadata.gnss_position_latency_s;
-        config.velocity_latency_s = metadata.gnss_velocity_latency_s;
+        for (name, latency, stated_s) in [
+            (
+                "position_latency_s",
+                &mut config.position_latency_s,
+                metadata.gnss_position_latency_s,
+            ),
+            (
+                "velocity_latency_s",
+                &mut config.velocity_latency_s,
+                metadata.gnss_velocity_latency_s,
+            ),
+        ] {
+            // What is stated as the default is: the recording decides nothing.
+            if (*latency - stated_s).abs() > 0.0 {
+                *latency = stated_s;
+                stated.push(name);
+            }
+        }
+        let stated = stated.into_iter().map(str::to_owned);
+        options.origins = stated.map(|name| (name, Origin::Recording)).collect();
         options
+    }
+
+    /// Sets one parameter of the estimator from `NAME=VALUE` and remembers where it comes from.
+    ///
+    /// # Errors
+    /// As [`NavigationParameters::set`].
+    pub fn set_from(&mut self, setting: &str, origin: Origin) -> Result<(), EvaluationError> {
+        let name = self.parameters.set(self.estimator, setting)?;
+        self.origins.insert(name, origin);
+        Ok(())
+    }
+
+    /// Every parameter of the estimator with its value and origin.
+    #[must_use]
+    pub fn used_parameters(&self) -> Vec<UsedParameter> {
+        let usual = NavigationParameters::default().settings(self.estimator);
+        let settings = self.parameters.settings(self.estimator);
+        let used = settings.into_iter().zip(usual).map(|(setting, usual)| {
+            let row = setting.parameter;
+            let origin = match self.origins.get(row.name) {
+                Some(origin) => *origin,
+                None if setting.value == usual.value => Origin::Default,
+                // Written into `parameters` by whoever made the options.
+                None => Origin::Set,
+            };
+            UsedParameter::new(row.name.to_owned(), row, setting.value, origin)
+        });
+        used.collect()
     }
 
     /// Refuses what is invalid.

@@ -10,6 +10,7 @@ use super::kinds::NavigationKind;
 use super::navigator::AidKind;
 use super::score::{HeadingScore, OutageScore, PositionScore};
 use crate::statistics::nis::{NisSummary, UpdateCounts};
+use crate::used_parameters::UsedParameter;
 
 /// What became of one aid.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -110,4 +111,8 @@ pub struct NavigationSummary {
     pub validity: ValidityTimes,
     /// What was odd, one sentence each.
     pub issues: Vec<String>,
+    /// Every parameter of the estimator as it ran, in the order of the tables.
+    pub parameters: Vec<UsedParameter>,
+    /// Version of the program.
+    pub version: &'static str,
 }

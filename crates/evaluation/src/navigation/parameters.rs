@@ -89,11 +89,11 @@ impl NavigationParameters {
         Self::groups(kind).iter().flat_map(of_group).collect()
     }
 
-    /// Sets one parameter of an estimator from `NAME=VALUE`; on an error nothing is changed.
+    /// Sets one parameter of an estimator from `NAME=VALUE` and returns its name; on an error nothing is changed.
     ///
     /// # Errors
     /// It is no setting, no parameter of this estimator has the name, or the value does not fit.
-    pub fn set(&mut self, kind: NavigationKind, text: &str) -> Result<(), EvaluationError> {
+    pub fn set(&mut self, kind: NavigationKind, text: &str) -> Result<String, EvaluationError> {
         let (name, text) = by_name::split(text)?;
         let known = self.settings(kind);
         let names = known.iter().map(|setting| {
@@ -103,7 +103,8 @@ impl NavigationParameters {
         let setting = &known[by_name::find(name, names)?];
         let value = by_name::read(name, &setting.parameter.range, text)?;
         self.put(setting.group, name, value)
-            .map_err(|error| by_name::refused(name, text, &error.range))
+            .map_err(|error| by_name::refused(name, text, &error.range))?;
+        Ok(name.to_owned())
     }
 
     fn put(&mut self, group: &str, name: &str, value: Value<f64>) -> Result<(), ConfigError> {

@@ -28,6 +28,7 @@ use super::ship_navigator::ShipNavigator;
 use super::smoothed::Scored;
 use crate::error::EvaluationError;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
+use crate::used_parameters::{Origin, UsedParameter};
 
 /// Standard deviation of a heading where the sensor states none, rad.
 const HEADING_STD: f64 = 0.01;
@@ -77,6 +78,8 @@ fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, Evaluati
 /// One estimator on its way through one recording.
 struct Session<'a> {
     options: &'a NavigationOptions,
+    /// What the estimator was configured with.
+    parameters: Vec<UsedParameter>,
     world: WorldFrame,
     observer: &'a mut dyn NavigationObserver,
     navigator: Box<dyn Navigator>,
@@ -134,6 +137,7 @@ impl<'a> Session<'a> {
     ) -> Result<Self, EvaluationError> {
         Ok(Self {
             options,
+            parameters: options.used_parameters(),
             world,
             observer,
             navigator: navigator(options)?,
@@ -194,6 +198,14 @@ impl<'a> Session<'a> {
                     self.aid(time_ns, &aid);
                 }
             }
+        }
+    }
+
+    /// Keeps a parameter that the estimator has learnt.
+    fn learnt(&mut self, name: &str, value: f64) {
+        let known = self.parameters.iter_mut().find(|used| used.name == name);
+        if let Some(used) = known {
+            (used.value, used.origin) = (value.into(), Origin::Learnt);
         }
     }
 

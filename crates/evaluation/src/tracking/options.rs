@@ -1,6 +1,13 @@
 //! What a tracking run can be asked for.
 
+use northing_core::parameters::Table;
+use northing_core::tracking::multi_target::MultiTargetSettings;
+use northing_core::tracking::own_ship::PoseErrorCorrelation;
+
 use super::kinds::TrackerKind;
+use crate::by_name;
+use crate::error::EvaluationError;
+use crate::used_parameters::{Origin, Origins, UsedParameter};
 
 /// Standard deviations of the own ship's pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -23,4 +30,59 @@ pub struct TrackOptions {
     pub sensors: Option<Vec<String>>,
     /// Added to the own ship's heading, rad: an error that is known exactly.
     pub heading_error_rad: f64,
+    /// Settings of the tracker.
+    pub settings: MultiTargetSettings<f64>,
+    /// Origins of those that are not the defaults.
+    pub origins: Origins,
+}
+
+impl TrackOptions {
+    /// Sets one parameter of the tracker from `NAME=VALUE` and remembers where it comes from.
+    ///
+    /// # Errors
+    /// It is no setting, the name is unknown, or the value does not fit.
+    pub fn set_from(&mut self, setting: &str, origin: Origin) -> Result<(), EvaluationError> {
+        let name = by_name::set(&mut self.settings, setting)?;
+        if self.tracker == TrackerKind::Converted && name.starts_with("pose_error_correlation.") {
+            return Err(EvaluationError::BadValue {
+                name,
+                value: setting.to_owned(),
+                problem: "`converted` takes pose errors as new at every scan; choose `schmidt`"
+                    .to_owned(),
+            });
+        }
+        self.origins.insert(name, origin);
+        Ok(())
+    }
+
+    /// The settings as the tracker takes them: pose errors of `converted` are new at every scan.
+    #[must_use]
+    pub fn in_force(&self) -> MultiTargetSettings<f64> {
+        let mut settings = self.settings;
+        if self.tracker == TrackerKind::Converted {
+            settings.pose_error_correlation = PoseErrorCorrelation {
+                position_s: 0.0,
+                heading_s: 0.0,
+            };
+        }
+        settings
+    }
+
+    /// Every parameter with its value and origin.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<UsedParameter> {
+        let (settings, usual) = (self.in_force(), MultiTargetSettings::<f64>::default());
+        let used = MultiTargetSettings::<f64>::PARAMETERS.iter().map(|row| {
+            let value = settings.parameter(row.name)?;
+            let origin = match self.origins.get(row.name) {
+                Some(origin) => *origin,
+                None if usual.parameter(row.name) == Some(value) => Origin::Default,
+                // What makes the tracker what it is.
+                None if self.settings.parameter(row.name) != Some(value) => Origin::Default,
+                None => Origin::Set,
+            };
+            Some(UsedParameter::new(row.name.to_owned(), row, value, origin))
+        });
+        used.flatten().collect()
+    }
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::matching::{Gospa, Place, assign, distance};
 use super::runner::TrackedTarget;
+use crate::used_parameters::UsedParameter;
 
 /// Farther than this a track is no track of the target, m.
 pub const MATCH_M: f64 = 40.0;
@@ -68,6 +69,10 @@ pub struct TrackSummary {
     pub counts: Counts,
     /// What the reader left out.
     pub left_out: TrackingIssues,
+    /// Every parameter of the tracker as it ran, in the order of the table.
+    pub parameters: Vec<UsedParameter>,
+    /// Version of the program.
+    pub version: &'static str,
 }
 
 /// The tracker's counters.

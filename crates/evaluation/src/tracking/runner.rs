@@ -7,7 +7,7 @@ use northing_core::tracking::detection::{Detection, DetectionNoise};
 use northing_core::tracking::multi_target::{
     MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, TrackStatus,
 };
-use northing_core::tracking::own_ship::{OwnShip, PoseErrorCorrelation};
+use northing_core::tracking::own_ship::OwnShip;
 use northing_recording::tracking::{
     Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
 };
@@ -17,6 +17,7 @@ use super::matching::Place;
 use super::options::TrackOptions;
 use super::outcome::{Counts, Score, TrackSummary};
 use crate::error::EvaluationError;
+use crate::used_parameters::{UsedParameter, VERSION};
 
 /// Motion models of the tracker.
 const MODELS: usize = 3;
@@ -88,6 +89,8 @@ pub fn run(
 /// What a run carries from event to event.
 struct Runner<'a> {
     options: &'a TrackOptions,
+    /// What the tracker was configured with.
+    parameters: Vec<UsedParameter>,
     sensors: Vec<Option<ScanSensor<f64>>>,
     names: Vec<String>,
     ais: Option<usize>,
@@ -132,15 +135,13 @@ impl<'a> Runner<'a> {
             .map(|(name, settings)| used(name, settings).then(|| sensor(settings)))
             .collect();
         let names = each.zip(&sensors).filter(|(_, sensor)| sensor.is_some());
-        let mut config = MultiTargetConfig::default();
-        if options.tracker == TrackerKind::Converted {
-            config.pose_error_correlation = PoseErrorCorrelation {
-                position_s: 0.0,
-                heading_s: 0.0,
-            };
-        }
+        let config = MultiTargetConfig {
+            settings: options.in_force(),
+            ..MultiTargetConfig::default()
+        };
         Ok(Self {
             options,
+            parameters: options.parameters(),
             names: names.map(|((name, _), _)| name.clone()).collect(),
             sensors,
             ais: recording.sensors.iter().position(|(name, _)| name == "ais"),
@@ -282,6 +283,8 @@ impl<'a> Runner<'a> {
             gospa_m: self.score.gospa_m(),
             counts: Counts::from(self.tracker.counts()),
             left_out: recording.issues,
+            parameters: self.parameters.clone(),
+            version: VERSION,
         }
     }
 }

@@ -12,6 +12,7 @@ use northing_core::tracking::{
     RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 
+use northing_evaluation::registry::{EstimatorInfo, ParameterInfo, Question, Registered};
 use northing_simulation::scenario::schema::NavigationFilter;
 
 use super::CampaignError;
@@ -107,6 +108,29 @@ impl TrackerKind {
         }
     }
 
+    /// Components of its covariance; of the Schmidt-Kalman filters and the joint one with the navigation's.
+    const fn error_states(self) -> u8 {
+        match self {
+            Self::SchmidtAuthors | Self::SchmidtLiteral => 19,
+            Self::Schmidt | Self::SchmidtFeedForward | Self::Joint => 19,
+            Self::SchmidtBlackBox => 7,
+            _ => 4,
+        }
+    }
+
+    /// When to use it.
+    const fn when(self) -> &'static str {
+        match self {
+            Self::TruePose | Self::TruePoseConverted => "the baseline without pose error",
+            Self::Uncompensated | Self::UncompensatedConverted => "the baseline",
+            Self::Converted | Self::ConvertedDebiased => "to compare with",
+            Self::SchmidtAuthors | Self::SchmidtLiteral => "to repeat the paper",
+            Self::Schmidt | Self::SchmidtFeedForward => "own ship's navigation filter at hand",
+            Self::SchmidtBlackBox => "only pose and covariance at hand",
+            Self::Joint => "the bound: targets correct the navigation, too",
+        }
+    }
+
     /// Whether it can follow this navigation filter: the authors' variant looks ahead with the paper's, and the joint
     /// estimator corrects it.
     #[must_use]
@@ -125,6 +149,28 @@ impl TrackerKind {
             name: name.to_owned(),
             valid: Self::ALL.map(Self::name).join(", "),
         })
+    }
+}
+
+impl Registered for TrackerKind {
+    const QUESTION: Question = Question::Tracking;
+    const COMMAND: &'static str = "montecarlo --trackers";
+    const EVERY: &'static [Self] = &Self::ALL;
+
+    fn info(self) -> EstimatorInfo {
+        EstimatorInfo {
+            name: self.name(),
+            summary: self.description(),
+            error_states: self.error_states(),
+            has_covariance: true,
+            paper: "docs/derivations/schmidt_kalman.md",
+            when: self.when(),
+        }
+    }
+
+    /// A campaign's scenario states them.
+    fn parameters(self) -> Vec<ParameterInfo> {
+        Vec::new()
     }
 }
 

@@ -1,7 +1,8 @@
 //! What the bounded-velocity filter knows beside the attitude: hard iron, quality of the field, rest.
 
 use northing_core::attitude::bounded_velocity::BoundedVelocityState;
-use northing_evaluation::attitude::first_look::LEFT_BY_A_CALIBRATION_UT;
+use northing_evaluation::Origin;
+use northing_evaluation::attitude::first_look::{LEFT_BY_A_CALIBRATION_UT, PRIOR};
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_recording::SensorKind;
 use serde::Serialize;
@@ -42,22 +43,17 @@ impl DeviceSession {
     /// changed, the filter goes on with it from where it is.
     pub(super) fn expect_hard_iron(&mut self) {
         let before = self.options.config;
-        let own = self.options.profile.config().bounded_velocity;
-        let prior = &mut self
-            .options
-            .config
-            .bounded_velocity
-            .initial_hard_iron_std_ut;
-        let is_set = self
-            .options
-            .explicit_settings
-            .contains("bounded_initial_hard_iron_std_ut");
-        if !is_set {
-            // Its samples are calibrated before anything else sees them.
-            *prior = match self.magnetometer {
-                Some(_) => LEFT_BY_A_CALIBRATION_UT,
-                None => own.initial_hard_iron_std_ut,
-            };
+        if !self.options.is_explicit(PRIOR) {
+            let own = self.options.profile.config().bounded_velocity;
+            let prior = &mut self.options.config.bounded_velocity;
+            prior.initial_hard_iron_std_ut = own.initial_hard_iron_std_ut;
+            self.options.origins.remove(PRIOR);
+            if self.magnetometer.is_some() {
+                // Its samples are calibrated before anything else sees them.
+                prior.initial_hard_iron_std_ut = LEFT_BY_A_CALIBRATION_UT;
+                let origins = &mut self.options.origins;
+                origins.insert(PRIOR.to_owned(), Origin::Learnt);
+            }
         }
         let came = self
             .intake

@@ -22,9 +22,7 @@ use northing_core::attitude::driver::DriverConfig;
 use northing_core::calibration::RestCalibration;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::frames::TangentFrame;
-use northing_evaluation::attitude::calibrated_start::{
-    calibrated_config, calibrated_driver, state_at_rest,
-};
+use northing_evaluation::attitude::calibrated_start::{calibrated_driver, state_at_rest};
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
 use northing_evaluation::attitude::parameters::Parameters;
@@ -485,10 +483,7 @@ impl DeviceSession {
     /// The parameters in force: the profile's, the calibration's, the user's.
     #[must_use]
     pub fn config(&self) -> Parameters {
-        match &self.options.calibration {
-            Some(calibration) => calibrated_config(&self.options, calibration),
-            None => self.options.config,
-        }
+        self.options.in_force().config
     }
 
     fn driver(&self) -> DriverConfig<f64> {
@@ -517,7 +512,7 @@ pub fn with_settings(
     if let Some(profile) = profile {
         changed.profile = profile;
         changed.config = profile.config();
-        changed.explicit_settings.clear();
+        changed.origins.clear();
     }
     for (name, value) in settings {
         let text = value

@@ -3,15 +3,14 @@
 use std::path::Path;
 
 use crate::attitude::comparison::{ComparedRun, ComparisonReport, Distribution};
-use crate::attitude::from_summary::settings;
 use crate::page::facts::Fact;
 use crate::page::table::{Best, Cell, Column, Table};
+use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::compare::{
     Compared, MeanMedian, Score, TableRow, distinct, statistics, totals,
 };
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::observer::TraceObserver;
-use northing_evaluation::attitude::options::RunOptions;
 use northing_evaluation::attitude::outcome::RunSummary;
 
 /// A run with what its plots need, where they are wanted.
@@ -22,13 +21,7 @@ pub const TITLE: &str = "Comparison of estimators";
 
 /// The page of a comparison: the runs, and the scores of these and of others' estimators.
 #[must_use]
-pub fn render(
-    title: &str,
-    runs: &[Run],
-    scores: &[Score],
-    options: &RunOptions,
-    command: String,
-) -> String {
+pub fn render(title: &str, runs: &[Run], scores: &[Score], command: String) -> String {
     let summaries: Vec<&RunSummary> = runs
         .iter()
         .filter_map(|run| run.outcome.as_ref().ok())
@@ -45,10 +38,6 @@ pub fn render(
         [one] => one.to_owned(),
         _ => format!("{} recordings", recordings.len()),
     };
-    let names: Vec<&str> = estimators
-        .iter()
-        .map(|estimator| estimator.name())
-        .collect();
     let rows = statistics(scores);
     let tables = match recordings.len() {
         // Of others' estimators there is less to tell: they have a place in the table of many only.
@@ -64,15 +53,34 @@ pub fn render(
         distributions: distributions(scores, recordings.len()),
         runs: runs.iter().filter_map(drawn).collect(),
         issues: issues(&summaries),
-        settings: names
+        settings: estimators
             .iter()
-            .zip(&estimators)
-            .map(|(name, estimator)| ((*name).to_owned(), settings(*estimator, &options.config)))
+            .map(|estimator| (estimator.to_string(), settings(*estimator, &summaries)))
             .filter(|(_, settings)| !settings.is_empty())
             .collect(),
         ..ComparisonReport::default()
     }
     .render()
+}
+
+/// The parameters that an estimator ran with; of numbers that differ between recordings, the range.
+fn settings(estimator: EstimatorKind, summaries: &[&RunSummary]) -> Vec<UsedParameter> {
+    let runs = summaries.iter().filter(|run| run.estimator == estimator);
+    let runs: Vec<_> = runs.map(|run| &run.parameters).collect();
+    let mut settings = runs.first().map_or_else(Vec::new, |first| first.to_vec());
+    for used in &mut settings {
+        let same = runs.iter().flat_map(|run| run.iter());
+        let same = same.filter(|other| other.name == used.name);
+        let Some(other) = same.clone().find(|other| other.value != used.value) else {
+            continue;
+        };
+        let numbers = same.filter_map(|other| other.value.as_f64());
+        let range = [f64::INFINITY, f64::NEG_INFINITY];
+        let [least, most] = numbers.fold(range, |[a, b], x| [a.min(x), b.max(x)]);
+        used.origin = other.origin;
+        used.value = format!("{least} to {most}").into();
+    }
+    settings
 }
 
 fn drawn(run: &Run) -> Option<ComparedRun<'_>> {

@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 
 use crate::attitude::comparison_plots;
 use crate::drawing::svg::escape;
-use crate::page::facts::{Fact, Setting, Verdict};
+use crate::page::facts::{Fact, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Table};
+use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::trace::Trace;
 
 /// What a comparison's report shows. Sections without data are left out.
@@ -33,7 +34,7 @@ pub struct ComparisonReport<'a> {
     /// What was odd about the recordings, one sentence each.
     pub issues: Vec<String>,
     /// Parameters of each estimator, by name.
-    pub settings: Vec<(String, Vec<Setting>)>,
+    pub settings: Vec<(String, Vec<UsedParameter>)>,
 }
 
 /// One estimator of a comparison over a single recording.

@@ -1,11 +1,9 @@
 //! From the outcome of a run to the data of its page: what every page about a run says alike.
 
 use crate::attitude::run_report::{FinalTest, RunReport, SensorUpdates};
-use crate::page::facts::{Fact, Setting, Tone, Verdict};
+use crate::page::facts::{Fact, Tone, Verdict};
 use northing_evaluation::attitude::final_test::{FinalSummary, FinalVerdict};
-use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::outcome::RunSummary;
-use northing_evaluation::attitude::parameters::{ParameterInfo, Parameters, parameters_of};
 use northing_evaluation::attitude::trace::Trace;
 use northing_evaluation::statistics::consistency::{
     NoiseVerdict, is_consistent_nees, nees_in_words,
@@ -13,15 +11,10 @@ use northing_evaluation::statistics::consistency::{
 use northing_evaluation::statistics::nis::{NisSummary, UpdateCounts};
 
 impl<'a> RunReport<'a> {
-    /// The page of a run: `config` are the parameters that it ran with, `trace` what it draws. What
-    /// only the caller knows (command, device, hash) is added to the fields.
+    /// The page of a run; `trace` is what it draws. What only the caller knows (command, device, hash) is
+    /// added to the fields.
     #[must_use]
-    pub fn of_run(
-        title: impl Into<String>,
-        summary: &RunSummary,
-        config: &Parameters,
-        trace: &'a Trace,
-    ) -> Self {
+    pub fn of_run(title: impl Into<String>, summary: &RunSummary, trace: &'a Trace) -> Self {
         Self {
             estimator: summary.estimator.to_string(),
             recording: summary.recording.clone(),
@@ -31,7 +24,7 @@ impl<'a> RunReport<'a> {
             final_test: summary.final_test.as_ref().map(final_test),
             recording_facts: recording_facts(summary),
             issues: summary.issues.clone(),
-            settings: settings(summary.estimator, config),
+            settings: summary.parameters.clone(),
             ..Self::new(title, trace)
         }
     }
@@ -167,24 +160,6 @@ fn recording_facts(summary: &RunSummary) -> Vec<Fact> {
     sensors.chain(calibrations).chain(bias).collect()
 }
 
-/// Every parameter of the estimator with the value it ran with.
-#[must_use]
-pub fn settings(estimator: EstimatorKind, config: &Parameters) -> Vec<Setting> {
-    let values = serde_json::to_value(config).unwrap_or_default();
-    let setting = |parameter: ParameterInfo| {
-        let value = &values[parameter.name.as_str()];
-        Setting {
-            value: value
-                .as_str()
-                .map_or_else(|| value.to_string(), str::to_owned),
-            name: parameter.name,
-            unit: parameter.unit,
-            meaning: parameter.meaning.to_owned(),
-        }
-    };
-    parameters_of(estimator).into_iter().map(setting).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,7 +181,7 @@ mod tests {
         };
         let summary = run(events, &options, &mut ()).unwrap();
         let trace = Trace::new(10);
-        let report = RunReport::of_run("Lab", &summary, &options.config, &trace);
+        let report = RunReport::of_run("Lab", &summary, &trace);
         assert_eq!(
             (report.estimator.as_str(), report.recording.as_str()),
             ("mekf", "lab.csv")
@@ -229,7 +204,7 @@ mod tests {
             .settings
             .iter()
             .find(|s| s.name == "accelerometer_std");
-        let std: f64 = std.unwrap().value.parse().unwrap();
+        let std = std.unwrap().value.as_f64().unwrap();
         assert!((std - options.config.attitude.accelerometer_std).abs() < 1e-12);
     }
 }

@@ -3,21 +3,14 @@
 use crate::attitude::run_report::RunReport;
 use crate::page::facts::Fact;
 use northing_evaluation::attitude::outcome::RunSummary;
-use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::attitude::trace::Trace;
 use northing_recording::Metadata;
 
-/// The page of a run; `config` are the parameters that it ran with, `command` makes it again.
+/// The page of a run; `command` makes it again.
 #[must_use]
-pub fn render(
-    summary: &RunSummary,
-    config: &Parameters,
-    metadata: &Metadata,
-    trace: &Trace,
-    command: String,
-) -> String {
+pub fn render(summary: &RunSummary, metadata: &Metadata, trace: &Trace, command: String) -> String {
     let title = format!("Attitude of {}", metadata.name);
-    let mut report = RunReport::of_run(title, summary, config, trace);
+    let mut report = RunReport::of_run(title, summary, trace);
     report.command = Some(command);
     let mut facts = vec![
         Fact::new("format", metadata.format.as_str()),

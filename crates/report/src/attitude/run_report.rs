@@ -1,9 +1,10 @@
 //! The report of one run as plain data that any runner can fill.
 
 use northing_evaluation::PROGRAM;
+use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::trace::Trace;
 
-use crate::page::facts::{Fact, Setting, Verdict};
+use crate::page::facts::{Fact, Verdict};
 
 /// What became of one sensor's measurements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -66,7 +67,7 @@ pub struct RunReport<'a> {
     /// What was odd about the recording, one sentence each.
     pub issues: Vec<String>,
     /// Every parameter of the estimator.
-    pub settings: Vec<Setting>,
+    pub settings: Vec<UsedParameter>,
     /// What the plots show.
     pub trace: &'a Trace,
 }

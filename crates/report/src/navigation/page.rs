@@ -3,7 +3,7 @@
 use northing_core::navigation::Validity;
 
 use crate::navigation::plots;
-use crate::page::facts::{Fact, Setting, Tone, Verdict};
+use crate::page::facts::{Fact, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table;
 use crate::page::table::{Cell, Column, Table};
@@ -27,8 +27,6 @@ pub struct NavigationReport<'a> {
     pub summary: &'a NavigationSummary,
     /// What the plots show.
     pub trace: &'a NavigationTrace,
-    /// Parameters of the estimator.
-    pub settings: Vec<Setting>,
     /// The command that makes it again.
     pub command: Option<String>,
 }
@@ -44,8 +42,9 @@ impl NavigationReport<'_> {
         page.section("outages", "Outages", &self.outages());
         page.section("orientation", "Orientation", &self.orientation());
         page.section("aids", "Aiding innovations", &self.aids());
-        if !self.settings.is_empty() {
-            page.section("settings", "Settings", &html::settings(&self.settings));
+        if !self.summary.parameters.is_empty() {
+            let settings = html::settings(&self.summary.parameters);
+            page.section("settings", "Settings", &settings);
         }
         page.section("recording", "Recording", &self.recording());
         let summary = self.summary;
@@ -456,24 +455,4 @@ pub fn validity_word(validity: Validity) -> &'static str {
         Validity::DeadReckoning => "dead-reckoning",
         Validity::Invalid => "invalid",
     }
-}
-
-/// Parameters as rows of the page.
-#[must_use]
-pub fn navigation_settings(
-    parameters: &northing_evaluation::navigation::NavigationParameters,
-    kind: northing_evaluation::navigation::NavigationKind,
-) -> Vec<Setting> {
-    let settings = parameters.settings(kind).into_iter();
-    settings
-        .map(|setting| Setting {
-            value: match setting.json() {
-                serde_json::Value::String(word) => word,
-                other => other.to_string(),
-            },
-            name: setting.parameter.name.to_owned(),
-            unit: setting.parameter.unit.to_owned(),
-            meaning: setting.parameter.meaning.to_owned(),
-        })
-        .collect()
 }

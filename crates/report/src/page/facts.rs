@@ -1,4 +1,4 @@
-//! What every page says: facts, verdicts, settings, and where it comes from.
+//! What every page says: facts, verdicts, and where it comes from.
 
 /// Where a page about a calibration comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -36,19 +36,6 @@ pub struct Verdict {
     pub tone: Tone,
     /// One sentence.
     pub text: String,
-}
-
-/// One parameter of an estimator.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Setting {
-    /// Its name in configuration files.
-    pub name: String,
-    /// The value used.
-    pub value: String,
-    /// Its unit; empty without one.
-    pub unit: String,
-    /// What it means, in a sentence.
-    pub meaning: String,
 }
 
 impl Fact {

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use crate::drawing::plot::Figure;
 use crate::drawing::style;
 use crate::drawing::svg::escape;
-use crate::page::facts::{Fact, Setting, Verdict};
+use crate::page::facts::{Fact, Verdict};
+use northing_evaluation::UsedParameter;
 
 /// A page under construction: sections, and the contents line that names them.
 #[derive(Debug, Default)]
@@ -194,21 +195,22 @@ pub(crate) fn picture(svg: &str, what: &str, look: &str) -> String {
 }
 
 /// The parameters of an estimator.
-pub(crate) fn settings(settings: &[Setting]) -> String {
+pub(crate) fn settings(settings: &[UsedParameter]) -> String {
     let mut rows = String::new();
     for s in settings {
         let _ = writeln!(
             rows,
-            "<tr><th scope=\"row\"><code>{}</code></th><td class=\"num\">{}</td><td>{}</td><td>{}</td></tr>",
+            "<tr><th scope=\"row\"><code>{}</code></th><td class=\"num\">{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             escape(&s.name),
-            escape(&s.value),
-            escape(&s.unit),
-            escape(&s.meaning)
+            escape(&s.value_text()),
+            escape(s.unit),
+            s.origin.name(),
+            escape(s.meaning)
         );
     }
     table(
         "<th scope=\"col\">Parameter</th><th scope=\"col\" class=\"num\">Value</th>\
-         <th scope=\"col\">Unit</th><th scope=\"col\">Meaning</th>",
+         <th scope=\"col\">Unit</th><th scope=\"col\">Origin</th><th scope=\"col\">Meaning</th>",
         &rows,
     )
 }

@@ -138,7 +138,7 @@ impl<S: ScenarioTables> VariantFile<S> {
             let at = error.span().map(|span| span.start);
             self.complain(at, error.message())
         })?;
-        Ok(with_current_units(table.into_inner()))
+        Ok(with_current_units(&table.into_inner()))
     }
 
     /// The variant and those it inherits from, the eldest first.
@@ -220,7 +220,7 @@ impl<S: ScenarioTables> VariantFile<S> {
 const UNITS: [(&str, &str); 3] = [("_mps2", "_m_s2"), ("_mps", "_m_s"), ("_dps", "_deg_s")];
 
 /// A table with the units in its keys as they are written now, so that older scenarios stay valid.
-fn with_current_units<'i>(table: DeTable<'i>) -> DeTable<'i> {
+fn with_current_units<'i>(table: &DeTable<'i>) -> DeTable<'i> {
     let renamed = |key: &str| {
         let (stem, per) = key
             .strip_suffix("_sqrt_s")
@@ -243,7 +243,7 @@ fn with_current_units<'i>(table: DeTable<'i>) -> DeTable<'i> {
 
 fn update_units(value: &mut DeValue<'_>) {
     match value {
-        DeValue::Table(table) => *table = with_current_units(std::mem::take(table)),
+        DeValue::Table(table) => *table = with_current_units(table),
         DeValue::Array(values) => values
             .iter_mut()
             .map(Spanned::get_mut)

@@ -22,7 +22,7 @@ use northing_report::{HeroPicture, hero_svg};
 use northing_simulation::VirtualPhone;
 use northing_simulation::virtual_phone::Motion;
 
-use crate::arguments::estimation::{parameters_used, run_over};
+use crate::arguments::estimation::run_over;
 use crate::arguments::virtual_recording;
 use crate::files::estimate_file::EstimateFile;
 use crate::files::output::{check_free, print};
@@ -133,7 +133,7 @@ impl<'a> Lab<'a> {
         self.place()?;
         let calibrated = self.calibrate()?;
         let options = self.tune(&calibrated.calibration)?;
-        self.experiment(&options, &calibrated.calibration)?;
+        self.experiment(&options)?;
         self.compare(&options)?;
         self.final_test()?;
         self.what_next()
@@ -202,7 +202,7 @@ impl<'a> Lab<'a> {
     fn tune(&self, calibration: &RestCalibration<f64>) -> Result<RunOptions> {
         let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         options.calibrate_first_s = Some(self.phone.config().rest_before_s);
-        let config = parameters_used(&options, Some(calibration)).attitude;
+        let config = options.calibrated_by(calibration).config.attitude;
         self.say(&format!(
             "3. Set Q and R: the noise just measured (profile lab)\n   \
              Q  gyroscope noise {:.2e} rad/s/sqrt(Hz), bias random walk {:.2e} rad/s/sqrt(s)\n   \
@@ -215,11 +215,7 @@ impl<'a> Lab<'a> {
         Ok(options)
     }
 
-    fn experiment(
-        &mut self,
-        options: &RunOptions,
-        calibration: &RestCalibration<f64>,
-    ) -> Result<()> {
+    fn experiment(&mut self, options: &RunOptions) -> Result<()> {
         let mut recording = self.folder.open()?;
         let metadata = recording.metadata().clone();
         let trace = TraceObserver::new(TRACE_CAPACITY, metadata.world_frame);
@@ -229,8 +225,7 @@ impl<'a> Lab<'a> {
         let summary = self.run(&mut recording, options, &mut watchers)?;
         let (trace, file) = watchers;
         file.finish()?;
-        let config = parameters_used(options, Some(calibration));
-        let html = run_page::render(&summary, &config, &metadata, trace.trace(), command_line());
+        let html = run_page::render(&summary, &metadata, trace.trace(), command_line());
         write_whole(&self.folder.report, html.as_bytes(), self.folder.force)?;
         let mut text = String::from("4. Experiment: mekf from the calibrated start\n");
         if let Some(error) = &summary.error_deg {

@@ -78,9 +78,17 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
+    /// The estimator that is asked for: by name, or by the file of `--config`.
+    pub(super) fn asked_estimator(&self) -> Result<Option<RunEstimator>> {
+        match self.estimator {
+            None => self.estimation.estimator_of_config(),
+            named => Ok(named),
+        }
+    }
+
     /// The recording, already open where the estimator depends on what it holds.
-    pub(super) fn open_first(&self) -> Option<Result<Recording>> {
-        let depends = RunEstimator::depends_on_recording(self.estimator) && self.setup.is_none();
+    pub(super) fn open_first(&self, asked: Option<RunEstimator>) -> Option<Result<Recording>> {
+        let depends = RunEstimator::depends_on_recording(asked) && self.setup.is_none();
         depends.then(|| self.opened(None))
     }
 

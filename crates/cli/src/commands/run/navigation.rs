@@ -14,7 +14,7 @@ use northing_evaluation::navigation::{
 };
 use northing_recording::Recording;
 use northing_recording::atomic_file::write_whole;
-use northing_report::{NavigationReport, TRACE_CAPACITY, navigation_settings};
+use northing_report::{NavigationReport, TRACE_CAPACITY};
 
 use super::arguments::RunArgs;
 use crate::files::navigation_file::NavigationFile;
@@ -48,7 +48,7 @@ pub(crate) fn execute(
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
     let title = recording.metadata().name.clone();
-    let written = write_outputs(args, &options, &summary, &title, watchers)?;
+    let written = write_outputs(args, &summary, &title, watchers)?;
     if args.json {
         return print_json(&summary);
     }
@@ -104,7 +104,6 @@ fn run_over(
 
 fn write_outputs(
     args: &RunArgs,
-    options: &NavigationOptions,
     summary: &NavigationSummary,
     name: &str,
     watchers: Watchers,
@@ -115,7 +114,6 @@ fn write_outputs(
             name: name.to_owned(),
             summary,
             trace,
-            settings: navigation_settings(&options.parameters, options.estimator),
             command: Some(command_line()),
         };
         if let Some(path) = &args.report {

@@ -14,6 +14,7 @@
 //! | `v` | [`Existence::visibility`], given that the target exists |
 //! | `P_D` | detection probability of a visible target, gate included |
 
+use crate::parameters::parameters;
 use crate::scalar::{Scalar, lit};
 
 /// Probabilities of a target's existence and visibility.
@@ -26,17 +27,16 @@ pub struct Existence<T> {
     pub visibility: T,
 }
 
-/// How existence and visibility change while nothing is measured.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct ExistenceModel<T> {
-    /// Mean time a target stays in the area, s.
-    pub lifetime_s: T,
-    /// Mean time a visible target stays visible, s.
-    pub visible_s: T,
-    /// Mean time a hidden target stays hidden, s; zero when targets are always visible.
-    pub hidden_s: T,
+parameters! {
+    /// How existence and visibility change while nothing is measured.
+    pub struct ExistenceModel;
+
+    lifetime_s: T, "s", Positive, [600.0],
+        "mean time a target stays in the area";
+    visible_s: T, "s", Positive, [60.0],
+        "mean time a visible target stays visible";
+    hidden_s: T, "s", NotNegative, [15.0],
+        "mean time a hidden target stays hidden; zero when targets are always visible";
 }
 
 impl<T: Scalar> Existence<T> {

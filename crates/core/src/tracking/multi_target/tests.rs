@@ -406,9 +406,12 @@ fn a_configuration_outside_its_range_is_refused_by_name() {
         Tracker::new(config).err().map(|error| error.field)
     };
     assert_eq!(refused(|_| {}), None);
-    assert_eq!(refused(|c| c.gate_sigmas = 0.0), Some("gate_sigmas"));
     assert_eq!(
-        refused(|c| c.confirm_existence = 1.1),
+        refused(|c| c.settings.gate_sigmas = 0.0),
+        Some("gate_sigmas")
+    );
+    assert_eq!(
+        refused(|c| c.settings.confirm_existence = 1.1),
         Some("confirm_existence")
     );
     assert_eq!(
@@ -416,11 +419,11 @@ fn a_configuration_outside_its_range_is_refused_by_name() {
         Some("models.dwell_s")
     );
     assert_eq!(
-        refused(|c| c.pose_limits.turn_rad_s = -1.0),
+        refused(|c| c.settings.pose_limits.turn_rad_s = -1.0),
         Some("pose_limits.turn_rad_s")
     );
     assert_eq!(
-        refused(|c| c.pose_error_correlation.position_s = f64::INFINITY),
+        refused(|c| c.settings.pose_error_correlation.position_s = f64::INFINITY),
         Some("pose_error_correlation.position_s")
     );
 }

@@ -76,18 +76,18 @@ impl<T: Scalar, const M: usize> Track<T, M> {
     }
 
     pub(super) fn confirm(&mut self, config: &MultiTargetConfig<T, M>) {
-        if self.existence.existence >= config.confirm_existence {
+        if self.existence.existence >= config.settings.confirm_existence {
             self.status = TrackStatus::Confirmed;
         }
     }
 
     pub(super) fn is_over(&self, config: &MultiTargetConfig<T, M>) -> bool {
         let limit = match self.status {
-            TrackStatus::Tentative => config.delete_existence,
-            TrackStatus::Confirmed => config.delete_confirmed_existence,
+            TrackStatus::Tentative => config.settings.delete_existence,
+            TrackStatus::Confirmed => config.settings.delete_confirmed_existence,
         };
         let p = self.estimate().covariance;
-        let largest = config.largest_position_std_m;
+        let largest = config.settings.largest_position_std_m;
         self.existence.existence < limit
             || !self.imm.is_valid()
             || p[(0, 0)] + p[(2, 2)] > largest * largest
@@ -100,7 +100,7 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         let p = (a.covariance + b.covariance)
             .fixed_view::<4, 4>(0, 0)
             .into_owned();
-        let limit = config.merge_sigmas * config.merge_sigmas;
+        let limit = config.settings.merge_sigmas * config.settings.merge_sigmas;
         normalized_square(&d, &p).is_some_and(|distance| distance < limit)
     }
 
@@ -134,7 +134,8 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
     let mut cross = CrossCovariance::zeros();
     for (i, at) in [0, 2].into_iter().enumerate() {
         state[at] = position[i];
-        p[(at + 1, at + 1)] = config.birth_speed_std_m_s * config.birth_speed_std_m_s;
+        p[(at + 1, at + 1)] =
+            config.settings.birth_speed_std_m_s * config.settings.birth_speed_std_m_s;
         for (k, other) in [0, 2].into_iter().enumerate() {
             p[(at, other)] = place[(i, k)];
         }
@@ -148,7 +149,7 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
         id,
         status: TrackStatus::Tentative,
         existence: Existence {
-            existence: config.birth_existence,
+            existence: config.settings.birth_existence,
             visibility: T::one(),
         },
         imm: Imm::new(&config.models, state, p, cross),

@@ -31,7 +31,7 @@ fn detection_probability<T: Scalar, const M: usize>(
     config: &MultiTargetConfig<T, M>,
 ) -> T {
     let gate = AssociationGate {
-        sigmas: config.gate_sigmas,
+        sigmas: config.settings.gate_sigmas,
     };
     let x = track.estimate().state;
     let (dn, de) = (x[0] - scan.own_ship.north_m, x[2] - scan.own_ship.east_m);
@@ -66,7 +66,7 @@ pub(super) fn weigh<T: Scalar, const M: usize, const D: usize>(
     counts: &mut TrackerCounts,
 ) -> Association<T, D> {
     let gate = AssociationGate {
-        sigmas: config.gate_sigmas,
+        sigmas: config.settings.gate_sigmas,
     };
     let pd = detection_probability(track, scan, config);
     let caused = track.existence.detection(pd);

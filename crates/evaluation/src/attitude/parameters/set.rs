@@ -61,13 +61,13 @@ const ROTATION: Parameter = Parameter {
 };
 
 /// A row of a table under the name of the command line.
-pub(super) struct Row {
+pub(crate) struct Row {
     prefix: &'static str,
-    pub(super) parameter: &'static Parameter,
+    pub(crate) parameter: &'static Parameter,
 }
 
 impl Row {
-    pub(super) fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         format!("{}{}", self.prefix, self.parameter.name)
     }
 
@@ -78,7 +78,7 @@ impl Row {
     }
 
     /// Whether it makes a difference to an estimator.
-    pub(super) fn is_read_by(&self, kind: EstimatorKind) -> bool {
+    pub(crate) fn is_read_by(&self, kind: EstimatorKind) -> bool {
         let of_this_table = match self.prefix {
             BOUNDED => kind == EstimatorKind::BoundedVelocity,
             CASCADE => kind.uses_positions(),
@@ -91,7 +91,7 @@ impl Row {
 }
 
 /// Every row, in the order of the tables.
-pub(super) fn rows() -> impl Iterator<Item = Row> {
+pub(crate) fn rows() -> impl Iterator<Item = Row> {
     let of = |prefix, table: &'static [Parameter]| {
         table.iter().map(move |parameter| Row { prefix, parameter })
     };

@@ -6,6 +6,7 @@ use crate::navigation::kinds::NavigationKind;
 use crate::navigation::outcome::{AidSummary, NavigationSummary, Origin};
 use crate::navigation::score::seconds_between;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
+use crate::used_parameters::VERSION;
 
 impl Session<'_> {
     pub(super) fn finish(self, name: &str) -> Result<NavigationSummary, EvaluationError> {
@@ -75,6 +76,8 @@ impl Session<'_> {
                 .collect(),
             validity: counts.validity,
             issues,
+            parameters: self.parameters,
+            version: VERSION,
         })
     }
 }

@@ -72,10 +72,12 @@ impl Session<'_> {
             longitude_rad: fix.longitude_rad,
             height_m: fix.height_m.unwrap_or(height),
         };
-        let frame = self.frame.get_or_insert_with(|| LocalFrame::new(place));
+        let frame = *self.frame.get_or_insert_with(|| LocalFrame::new(place));
         if self.fix_index == 0 {
-            self.observer.origin(frame);
-            self.navigator.origin(&place, time_ns);
+            self.observer.origin(&frame);
+            if let Some(declination) = self.navigator.origin(&place, time_ns) {
+                self.learnt("declination", declination);
+            }
         }
         frame.ned(&place)
     }
