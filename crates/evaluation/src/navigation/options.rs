@@ -112,8 +112,8 @@ impl NavigationOptions {
                 metadata.gnss_velocity_latency_s,
             ),
         ] {
-            if *latency != stated_s {
-                *latency = stated_s;
+            *latency = stated_s;
+            if stated_s != 0.0 {
                 stated.push(name);
             }
         }
