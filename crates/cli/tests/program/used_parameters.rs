@@ -74,7 +74,7 @@ fn what_a_calibration_at_the_start_measured_is_what_report_json_and_text_say() {
     assert_eq!(used(&json, "gyroscope_bias_random_walk").1, "profile");
     assert_eq!(used(&json, "accelerometer_norm_gain").1, "default");
     let cells = row(&lab.read("r.html"), "accelerometer_std");
-    assert_eq!(cells[0].parse::<f64>().unwrap(), std);
+    assert_eq!(cells[0].parse::<f64>(), Ok(std));
     assert_eq!(cells[2], "calibration");
     let text = lab.succeeds(&run);
     contains(
@@ -103,7 +103,7 @@ fn what_a_calibration_at_the_start_measured_is_what_report_json_and_text_say() {
     ];
     lab.succeeds(&compare);
     let cells = row(&lab.read("c.html"), "accelerometer_std");
-    assert_eq!(cells[0].parse::<f64>().unwrap(), std);
+    assert_eq!(cells[0].parse::<f64>(), Ok(std));
     assert_eq!(cells[2], "calibration");
 }
 

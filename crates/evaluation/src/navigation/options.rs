@@ -112,9 +112,8 @@ impl NavigationOptions {
                 metadata.gnss_velocity_latency_s,
             ),
         ] {
-            // What is stated as the default is: the recording decides nothing.
-            if (*latency - stated_s).abs() > 0.0 {
-                *latency = stated_s;
+            *latency = stated_s;
+            if stated_s != 0.0 {
                 stated.push(name);
             }
         }
