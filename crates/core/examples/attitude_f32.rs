@@ -19,7 +19,7 @@ fn step(driver: &mut Driver, saved: &mut Saved, k: i64, imu: &[Vector3<f32>; 2])
 }
 
 pub fn main() {
-    let filter = Mekf::new(AttitudeConfig::default()).expect("the default settings are valid");
+    let filter = Mekf::new(AttitudeConfig::lab()).expect("valid settings");
     let mut driver = Driver::new(filter, DriverConfig::default());
     let mut saved = driver.save();
     let roll = 20_f32.to_radians();

@@ -11,7 +11,7 @@
 use northing_core::kalman::{CountedGate, Innovation};
 use northing_core::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use northing_core::navigation::aiding::heading;
-use northing_core::navigation::error_state::{Measurement, Row};
+use northing_core::navigation::error_state::{Row, SparseMeasurement};
 use northing_core::navigation::history::Instant;
 use northing_core::navigation::validity::ValidityLimits;
 use northing_core::navigation::{
@@ -202,7 +202,7 @@ impl ErrorStateNavigator {
     fn fuse_fix(&mut self, fix: &Position) {
         let std = POSITION_STD_M * fix.hdop;
         let [across, down] = [std * std, std * std * VERTICAL_FACTOR * VERTICAL_FACTOR];
-        let position = Measurement {
+        let position = SparseMeasurement {
             rows: [0, 1, 2].map(|i| Row::of_state(POSITION + i)),
             residual: fix.ned - self.filter.state().position,
             variance: Vector3::new(across, across, down),
@@ -218,7 +218,7 @@ impl ErrorStateNavigator {
     }
 
     fn fuse_velocity(&mut self, [north, east]: [f32; 2]) {
-        let measured = Measurement {
+        let measured = SparseMeasurement {
             rows: [0, 1].map(|i| Row::of_state(VELOCITY + i)),
             residual: SVector::<f32, 2>::new(north, east),
             variance: SVector::<f32, 2>::repeat(VELOCITY_STD_M_S * VELOCITY_STD_M_S),
@@ -244,7 +244,7 @@ impl ErrorStateNavigator {
     }
 
     /// Fuses a measurement through the gate of as many components.
-    fn fuse<const M: usize>(&mut self, measured: &Measurement<f32, M>) -> Innovation<f32> {
+    fn fuse<const M: usize>(&mut self, measured: &SparseMeasurement<f32, M>) -> Innovation<f32> {
         let [one, two, three] = &mut self.gates;
         let [of_one, of_two, of_three] = GATES;
         let (gate, threshold) = match M {
