@@ -99,7 +99,8 @@ fn gnss_compass_fix(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn schmidt_update(bencher: Bencher<'_, '_>) {
     let (track, cross, covariance, rows) = start();
-    let tracker = SchmidtKalman::new(config(), Coupling::Exact, track, cross).unwrap();
+    let tracker =
+        SchmidtKalman::new(config(), Coupling::Exact, track, cross).expect("within its ranges");
     let own = NavigationPose {
         pose: Vector3::zeros(),
         covariance: &covariance,
@@ -116,7 +117,8 @@ fn schmidt_update(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn converted_update(bencher: Bencher<'_, '_>) {
     let (track, _, covariance, rows) = start();
-    let tracker = ConvertedMeasurement::new(config(), Conversion::Linearized, track).unwrap();
+    let tracker = ConvertedMeasurement::new(config(), Conversion::Linearized, track)
+        .expect("within its ranges");
     let pose_covariance = rows * covariance * rows.transpose();
     bencher.bench_local(|| {
         let mut tracker = black_box(tracker);
@@ -128,7 +130,7 @@ fn converted_update(bencher: Bencher<'_, '_>) {
 
 #[divan::bench]
 fn uncompensated_update(bencher: Bencher<'_, '_>) {
-    let tracker = PoseAsKnown::new(config(), start().0).unwrap();
+    let tracker = PoseAsKnown::new(config(), start().0).expect("within its ranges");
     bencher.bench_local(|| {
         let mut tracker = black_box(tracker);
         let _ = tracker.predict(1.0);

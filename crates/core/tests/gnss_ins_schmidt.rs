@@ -330,6 +330,7 @@ fn navigation_and_its_trackers_are_consistent_in_a_closed_loop() {
 }
 
 /// What the navigation did to its errors, in full.
+#[allow(clippy::large_enum_variant)] // a few events of one test
 enum Event {
     /// `Phi`.
     Map(Box<M25>),

@@ -1,6 +1,8 @@
 //! Every filter: 200 samples in one go equal 100, saved, through JSON, into a fresh filter, and 100 more, to the bit.
 //! A state with a number that is not finite is refused, and the filter stays as it was.
 
+#![allow(clippy::unwrap_used)]
+
 use std::fmt::Debug;
 
 use northing_core::attitude::axis_filters::{AxisFilters, AxisFiltersConfig};
