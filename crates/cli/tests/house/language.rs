@@ -8,7 +8,7 @@ use crate::{README, check, files, index, root};
 const GLOSSARY: &str = include_str!("../../../../docs/glossary.md");
 
 /// The last table of the glossary: what is retired, and what is said instead.
-fn retired(glossary: &str) -> Vec<(Vec<String>, &str)> {
+fn retired(glossary: &str) -> Vec<(&str, &str)> {
     let section = glossary
         .split("\n## Retired words")
         .nth(1)
@@ -17,7 +17,7 @@ fn retired(glossary: &str) -> Vec<(Vec<String>, &str)> {
     let cells = rows
         .skip(1)
         .filter_map(|row| row.trim_matches('|').split_once('|'));
-    cells.map(|(old, new)| (words(old), new.trim())).collect()
+    cells.map(|(old, new)| (old.trim(), new.trim())).collect()
 }
 
 /// The words of a text or of names in it: lower case, `CamelCase` and `snake_case` taken apart.
@@ -37,13 +37,20 @@ fn words(text: &str) -> Vec<String> {
     words
 }
 
-/// Retired words in a text, with what to say instead.
+/// Retired words in a text, with what to say instead. What begins with `_` is the end of a name.
 fn old_words(text: &str) -> Vec<String> {
-    let text = words(text);
-    let stands = |old: &[String]| text.windows(old.len()).any(|part| part == old);
+    let said = words(text);
+    let stands = |old: &str| {
+        let mut names = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+        let old_words = words(old);
+        match old.starts_with('_') {
+            true => names.any(|name| name.ends_with(old)),
+            false => said.windows(old_words.len()).any(|part| part == old_words),
+        }
+    };
     let found = retired(GLOSSARY).into_iter().filter(|(old, _)| stands(old));
     found
-        .map(|(old, new)| format!("`{}`: say {new}", old.join(" ")))
+        .map(|(old, new)| format!("`{old}`: say {new}"))
         .collect()
 }
 
@@ -65,6 +72,7 @@ fn a_retired_word_is_seen_and_good_english_is_not() {
         "beside the states",
         "a field",
         "calibrate magnetometer",
+        "the board mps2-an385",
         "honestly",
     ] {
         assert_eq!(old_words(good), [""; 0], "{good}");
