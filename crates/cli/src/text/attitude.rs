@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 
-use northing_core::kalman::SkipReason;
 use northing_evaluation::attitude::final_test::FinalVerdict;
 use northing_evaluation::attitude::outcome::{PositionSummary, RunSummary};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
@@ -11,6 +10,7 @@ use northing_evaluation::statistics::nis::UpdateCounts;
 use northing_recording::SensorKind;
 
 use crate::text::sheet::Sheet;
+use crate::text::used;
 
 /// The sheet of a run.
 pub(crate) fn describe(summary: &RunSummary) -> String {
@@ -135,21 +135,6 @@ fn sensor(sheet: &mut Sheet, summary: &RunSummary, kind: SensorKind, counts: &Up
         text.push_str(sentence);
     }
     sheet.row(kind.name(), text);
-}
-
-/// How many samples were used and how many not, and why not.
-fn used(counts: &UpdateCounts) -> String {
-    let mut text = format!(
-        "{} fused, {} gated, {} skipped.",
-        counts.fused, counts.gated, counts.skipped
-    );
-    // What is skipped before the start needs no word; anything else does.
-    for (reason, count) in &counts.skipped_because {
-        if *reason != SkipReason::NotInitialized.description() {
-            let _ = write!(text, " {count} of them: {reason}.");
-        }
-    }
-    text
 }
 
 /// A verdict of the final test in a word.

@@ -2,10 +2,10 @@
 
 use northing_evaluation::navigation::NavigationSummary;
 use northing_evaluation::navigation::score::OutageScore;
-use northing_evaluation::statistics::nis::UpdateCounts;
 use northing_report::navigation_verdicts;
 
 use crate::text::sheet::Sheet;
+use crate::text::used;
 
 /// The sheet of a run.
 pub(crate) fn describe(summary: &NavigationSummary) -> String {
@@ -35,7 +35,7 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
         sheet.row(if index == 0 { "outages" } else { "" }, of_outage(outage));
     }
     for (kind, aid) in &summary.aids {
-        let mut text = counts(&aid.updates);
+        let mut text = used(&aid.updates);
         if let Some(nis) = &aid.nis {
             text.push_str(&format!(
                 " Mean NIS {:.2} of {} expected.",
@@ -134,16 +134,4 @@ fn metres(value: f64) -> String {
     } else {
         format!("{value:.1} m")
     }
-}
-
-/// How many samples were used and how many not, and why not.
-fn counts(counts: &UpdateCounts) -> String {
-    let mut text = format!(
-        "{} fused, {} gated, {} skipped.",
-        counts.fused, counts.gated, counts.skipped
-    );
-    for (reason, count) in &counts.skipped_because {
-        text.push_str(&format!(" {count} of them: {reason}."));
-    }
-    text
 }
