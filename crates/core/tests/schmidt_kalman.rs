@@ -10,7 +10,7 @@ use northing_core::navigation::{
     ErrorStateConfig, ErrorStateFilter, ErrorTransition, GnssCompassFix, NavigationState,
 };
 use northing_core::tracking::initiation::one_point;
-use northing_core::tracking::own_ship::PoseMemory;
+use northing_core::tracking::own_ship::PoseErrorCorrelation;
 use northing_core::tracking::radar::PredictedDetection;
 use northing_core::tracking::{
     BlackBoxSchmidt, ConstantVelocity, Coupling, JointEkf, NavigationPose, RadarDetection,
@@ -421,7 +421,7 @@ fn the_black_box_equals_the_exact_tracker_when_its_times_are_right() {
         bearing: 0.5,
     };
     let (track, cross) = one_point(&detection, &RADAR, 5.0, &own).unwrap();
-    let lifetimes = PoseMemory {
+    let lifetimes = PoseErrorCorrelation {
         position_s: 0.5,
         heading_s: 4.0,
     };

@@ -12,7 +12,7 @@ use crate::calibration::rest::RestLimits;
 use crate::navigation::axis_filters::PositionAxisConfig;
 use crate::navigation::cascade::CascadeConfig;
 use crate::navigation::{DeadReckoningConfig, ErrorStateConfig, GnssInsConfig, ValidityLimits};
-use crate::tracking::own_ship::{PoseLimits, PoseMemory};
+use crate::tracking::own_ship::{PoseErrorCorrelation, PoseLimits};
 
 /// Calls a generic function for the tables of a precision.
 macro_rules! every_table {
@@ -26,7 +26,7 @@ macro_rules! every_table {
         $check::<DeadReckoningConfig<$scalar>>();
         $check::<GnssInsConfig<$scalar>>();
         $check::<ValidityLimits<$scalar>>();
-        $check::<PoseMemory<$scalar>>();
+        $check::<PoseErrorCorrelation<$scalar>>();
         $check::<PoseLimits<$scalar>>();
         $check::<RestLimits<$scalar>>();
         $check::<MagnetometerLimits<$scalar>>();

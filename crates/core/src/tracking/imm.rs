@@ -116,7 +116,7 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
     }
 
     /// Lets `dt` seconds pass: mixes the models, then moves each. `kept` is the share of each own-ship
-    /// error that is still there ([`super::own_ship::PoseMemory::factors`]).
+    /// error that is still there ([`super::own_ship::PoseErrorCorrelation::factors`]).
     pub fn predict(&mut self, models: &Models<T, M>, dt: T, kept: &Vector3<T>) {
         self.mix(models, dt);
         for (mode, motion) in self.modes.iter_mut().zip(&models.motions) {

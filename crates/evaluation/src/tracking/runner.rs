@@ -7,7 +7,7 @@ use northing_core::tracking::detection::{Detection, DetectionNoise};
 use northing_core::tracking::multi_target::{
     MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, TrackStatus,
 };
-use northing_core::tracking::own_ship::{OwnShip, PoseMemory};
+use northing_core::tracking::own_ship::{OwnShip, PoseErrorCorrelation};
 use northing_recording::tracking::{
     Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
 };
@@ -134,7 +134,7 @@ impl<'a> Runner<'a> {
         let names = each.zip(&sensors).filter(|(_, sensor)| sensor.is_some());
         let mut config = MultiTargetConfig::default();
         if options.tracker == TrackerKind::Converted {
-            config.pose_memory = PoseMemory {
+            config.pose_error_correlation = PoseErrorCorrelation {
                 position_s: 0.0,
                 heading_s: 0.0,
             };

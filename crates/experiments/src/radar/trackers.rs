@@ -6,7 +6,7 @@ use northing_core::kalman::{
     ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason,
 };
 use northing_core::tracking::initiation::one_point;
-use northing_core::tracking::own_ship::PoseMemory;
+use northing_core::tracking::own_ship::PoseErrorCorrelation;
 use northing_core::tracking::{
     BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, PoseAsKnown,
     RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
@@ -163,7 +163,7 @@ impl<const N: usize> AnyTracker<N> {
     pub(super) fn start(
         kind: TrackerKind,
         config: TrackerConfig<f64>,
-        lifetimes: PoseMemory<f64>,
+        lifetimes: PoseErrorCorrelation<f64>,
         start: &Start,
         scan: &Scan<N>,
     ) -> Result<Self, SkipReason> {

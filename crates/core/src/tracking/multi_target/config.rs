@@ -6,7 +6,7 @@ use crate::tracking::association::ipda::ExistenceModel;
 use crate::tracking::coordinated_turn::{Motion, TurnRate};
 use crate::tracking::detection::DetectionNoise;
 use crate::tracking::imm::Models;
-use crate::tracking::own_ship::{PoseLimits, PoseMemory};
+use crate::tracking::own_ship::{PoseErrorCorrelation, PoseLimits};
 
 /// Settings of the tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +46,7 @@ pub struct MultiTargetConfig<T, const M: usize> {
     /// How fast the own ship can move.
     pub pose_limits: PoseLimits<T>,
     /// How long errors of the own ship's pose last.
-    pub pose_memory: PoseMemory<T>,
+    pub pose_error_correlation: PoseErrorCorrelation<T>,
 }
 
 impl<T: Scalar, const M: usize> MultiTargetConfig<T, M> {
@@ -112,9 +112,14 @@ impl<T: Scalar, const M: usize> MultiTargetConfig<T, M> {
             ..error
         };
         let limits = ["pose_limits.speed_m_s", "pose_limits.turn_rad_s"];
-        let memory = ["pose_memory.position_s", "pose_memory.heading_s"];
+        let memory = [
+            "pose_error_correlation.position_s",
+            "pose_error_correlation.heading_s",
+        ];
         self.pose_limits.validate().map_err(|e| named(e, limits))?;
-        self.pose_memory.validate().map_err(|e| named(e, memory))
+        self.pose_error_correlation
+            .validate()
+            .map_err(|e| named(e, memory))
     }
 }
 
@@ -178,7 +183,7 @@ impl<T: Scalar> Default for MultiTargetConfig<T, 3> {
             merge_sigmas: lit(1.0),
             longest_gap_s: lit(3600.0),
             pose_limits: PoseLimits::default(),
-            pose_memory: PoseMemory::default(),
+            pose_error_correlation: PoseErrorCorrelation::default(),
         }
     }
 }

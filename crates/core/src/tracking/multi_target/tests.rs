@@ -420,7 +420,7 @@ fn a_configuration_outside_its_range_is_refused_by_name() {
         Some("pose_limits.turn_rad_s")
     );
     assert_eq!(
-        refused(|c| c.pose_memory.position_s = f64::INFINITY),
-        Some("pose_memory.position_s")
+        refused(|c| c.pose_error_correlation.position_s = f64::INFINITY),
+        Some("pose_error_correlation.position_s")
     );
 }
