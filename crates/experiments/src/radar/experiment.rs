@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3, Vector4};
 use northing_core::kalman::{ErrorListener as _, Outcome};
 use northing_core::navigation::{ERRORS, GnssCompassFix, STATES};
-use northing_core::tracking::own_ship::PoseMemory;
+use northing_core::tracking::own_ship::PoseErrorCorrelation;
 use northing_core::tracking::radar::wrap;
 use northing_core::tracking::{
     ConstantVelocity, RadarDetection, RadarNoise, TrackEstimate, TrackerConfig,
@@ -59,7 +59,7 @@ fn pose_of(truth: &OwnTruth) -> Vector3<f64> {
 
 /// The trackers' settings in a scenario.
 #[must_use]
-pub fn tracker_config(world: &TrackingWorld) -> (TrackerConfig<f64>, PoseMemory<f64>) {
+pub fn tracker_config(world: &TrackingWorld) -> (TrackerConfig<f64>, PoseErrorCorrelation<f64>) {
     let radar = world.noises().radar_std;
     let config = TrackerConfig::new(
         ConstantVelocity {
@@ -71,7 +71,7 @@ pub fn tracker_config(world: &TrackingWorld) -> (TrackerConfig<f64>, PoseMemory<
         },
     );
     let blackbox = &world.scenario().blackbox;
-    let lifetimes = PoseMemory {
+    let lifetimes = PoseErrorCorrelation {
         position_s: blackbox.tau_position_s,
         heading_s: blackbox.tau_heading_s,
     };
