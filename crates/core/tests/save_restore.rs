@@ -21,8 +21,8 @@ use northing_core::tracking::body_frame::OwnIncrement;
 use northing_core::tracking::{
     BlackBoxSchmidt, BodyFrameTracker, ConstantVelocity, Conversion, ConvertedMeasurement,
     Coupling, Detection, DetectionNoise, JointEkf, MultiTargetConfig, MultiTargetTracker,
-    NavigationPose, OwnShip, PoseAsKnown, PoseMemory, RadarDetection, RadarNoise, Scan, ScanSensor,
-    SchmidtKalman, TrackEstimate, TrackerConfig,
+    NavigationPose, OwnShip, PoseAsKnown, PoseErrorCorrelation, RadarDetection, RadarNoise, Scan,
+    ScanSensor, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 use northing_core::{InvalidState, Restorable};
 use serde::Serialize;
@@ -401,11 +401,11 @@ fn trackers_of_one_target() {
         let (innovation, outside) = tracker.update(&seen(k), &own);
         assert!(innovation.outcome.is_fused() && outside.is_some());
     });
-    let memory = PoseMemory::default();
+    let memory = PoseErrorCorrelation::default();
     let make = || BlackBoxSchmidt::new(config, memory, track, cross, &covariance).unwrap();
     let single = BlackBoxSchmidt::new(
         config32,
-        PoseMemory::default(),
+        PoseErrorCorrelation::default(),
         track32,
         cross.cast(),
         &covariance.cast(),

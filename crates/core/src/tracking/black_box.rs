@@ -1,14 +1,14 @@
 //! Schmidt-Kalman tracker beside a black-box navigation: only its pose and covariance are known.
 //!
 //! The error of the pose is taken as a Gauss-Markov process with a stated correlation time for
-//! position and heading (S11, [`PoseMemory`]). While the navigation converges its error shrinks faster than that;
+//! position and heading (S11, [`PoseErrorCorrelation`]). While the navigation converges its error shrinks faster than that;
 //! so the correlation over a scan is `min(exp(-dt / tau), variance now / variance before)`. With the
 //! right times this equals the exact tracker within a part in a thousand; a wrong heading time
 //! costs consistency.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::own_ship::PoseMemory;
+use super::own_ship::PoseErrorCorrelation;
 use super::schmidt_kalman::SchmidtKalmanState;
 use super::{
     Coupling, NavigationPose, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
@@ -23,7 +23,7 @@ use crate::scalar::Scalar;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BlackBoxSchmidt<T: Scalar> {
     inner: SchmidtKalman<T, 3>,
-    memory: PoseMemory<T>,
+    memory: PoseErrorCorrelation<T>,
     before: Matrix3<T>,
     since_update: T,
 }
@@ -81,7 +81,7 @@ impl<T: Scalar> BlackBoxSchmidt<T> {
     /// The first setting outside its permitted range.
     pub fn new(
         config: TrackerConfig<T>,
-        memory: PoseMemory<T>,
+        memory: PoseErrorCorrelation<T>,
         track: TrackEstimate<T>,
         cross: SMatrix<T, 3, 4>,
         pose_covariance: &Matrix3<T>,

@@ -63,7 +63,7 @@ pub use joint::JointEkf;
 pub use multi_target::{
     MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackStatus,
 };
-pub use own_ship::{OwnShip, PoseMemory};
+pub use own_ship::{OwnShip, PoseErrorCorrelation};
 pub use pose_as_known::PoseAsKnown;
 pub use radar::{RadarDetection, RadarNoise};
 pub use schmidt_kalman::{Coupling, SchmidtKalman};

@@ -209,7 +209,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     fn predict(&mut self, scan: &Scan<'_, T>, dt: T) {
         let kept = self.state.last.map_or_else(Vector3::zeros, |last| {
-            let memory = &self.config.pose_memory;
+            let memory = &self.config.pose_error_correlation;
             memory.factors(&last.covariance, &scan.own_ship.covariance, dt)
         });
         for track in self.state.tracks.iter_mut().flatten() {

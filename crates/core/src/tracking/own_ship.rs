@@ -3,7 +3,7 @@
 //!
 //! Read first: `docs/derivations/association.md`, section 1. The navigation filter behind the pose
 //! is a black box here: only pose and covariance are known. What a target's error shares with the
-//! own ship's (the cross-covariance `X`) then fades with [`PoseMemory`].
+//! own ship's (the cross-covariance `X`) then fades with [`PoseErrorCorrelation`].
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -38,7 +38,7 @@ pub struct OwnShip<T> {
 
 parameters! {
     /// Correlation times of the error of the own ship's pose, for a navigation filter that is a black box.
-    pub struct PoseMemory;
+    pub struct PoseErrorCorrelation;
 
     position_s: T, "s", NotNegative, [300.0],
         "correlation time of the position error; 0 for an error that is new at every scan",
@@ -100,7 +100,7 @@ impl<T: Scalar> OwnShip<T> {
     }
 }
 
-impl<T: Scalar> PoseMemory<T> {
+impl<T: Scalar> PoseErrorCorrelation<T> {
     /// Share of each pose error that is still there after `dt` seconds: `exp(-dt / tau)`, and not
     /// more than the variance shrank, because a filter that learned has forgotten its old error.
     pub fn factors(&self, before: &Matrix3<T>, after: &Matrix3<T>, dt: T) -> Vector3<T> {
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn errors_fade_with_time_and_with_what_navigation_learned() {
-        let memory = PoseMemory {
+        let memory = PoseErrorCorrelation {
             position_s: 100.0,
             heading_s: 1000.0,
         };
@@ -161,7 +161,7 @@ mod tests {
         assert_relative_eq!(f.x, f64::exp(-0.1), epsilon = 1e-12);
         assert_relative_eq!(f.y, 0.0, epsilon = 1e-12);
         assert_relative_eq!(f.z, 0.25, epsilon = 1e-12);
-        let none = PoseMemory {
+        let none = PoseErrorCorrelation {
             position_s: 0.0,
             heading_s: 0.0,
         };
