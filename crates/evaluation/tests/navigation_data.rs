@@ -79,8 +79,8 @@ fn one_fix_a_second_carries_a_car_to_centimetres_between() {
 
 /// The last fix moved on with its velocity has 2.19 m, KF-GINS 2.56 m.
 #[test]
-fn a_noisy_receiver_is_smoothed_and_not_believed() {
-    let Some(data) = data_dir("a_noisy_receiver_is_smoothed_and_not_believed") else {
+fn a_noisy_receiver_is_smoothed_and_not_accepted() {
+    let Some(data) = data_dir("a_noisy_receiver_is_smoothed_and_not_accepted") else {
         return;
     };
     let summary = run(&data, "car_rtk_1hz_noisy", |_| ());

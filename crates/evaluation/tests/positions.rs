@@ -320,7 +320,7 @@ fn a_position_that_stays_the_same_at_rest_still_holds_the_estimate() {
 }
 
 #[test]
-fn a_jump_of_a_kilometre_is_left_out_once_and_believed_for_good() {
+fn a_jump_of_a_kilometre_is_left_out_once_and_accepted_for_good() {
     let events = flight(60.0);
     let jump = Vector3::new(1000.0, 0.0, 0.0);
     let once = moved(&events, |t, p| {

@@ -172,8 +172,8 @@ impl NavigationOptions {
                 estimator: self.estimator.name(),
             });
         }
-        let kept_back = self.gnss_every > 1 || !self.outages.is_empty() || !self.without.is_empty();
-        if self.estimator == NavigationKind::Device && kept_back {
+        let held_out = self.gnss_every > 1 || !self.outages.is_empty() || !self.without.is_empty();
+        if self.estimator == NavigationKind::Device && held_out {
             return Err(EvaluationError::DeviceHadEverything);
         }
         self.parameters.check(self.estimator)

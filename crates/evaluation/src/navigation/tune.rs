@@ -29,7 +29,7 @@ const OUTLIER_NIS: f64 = 30.0;
 const STEPS: [f64; 2] = [4.0, 1.15];
 /// A parameter that moves by more than this factor is not seen by the recording.
 const FURTHEST: f64 = 1e3;
-/// A held-back part that is less likely by so much an innovation speaks of over-fitting.
+/// A held-out part that is less likely by so much an innovation speaks of over-fitting.
 const NOISE_OF_LIKELIHOOD: f64 = 0.005;
 
 /// What a fit is asked for.
@@ -101,7 +101,7 @@ pub struct TuneOutcome {
     pub after: NegativeLogLikelihood,
     /// Runs over the recording that it took.
     pub runs: usize,
-    /// Whether the held-back part got less likely.
+    /// Whether the held-out part got less likely.
     pub over_fits: bool,
 }
 
@@ -203,7 +203,7 @@ fn value_of(parameters: &NavigationParameters, kind: NavigationKind, name: &str)
         .unwrap_or(f64::NAN)
 }
 
-/// The time at which the held-back part begins.
+/// The time at which the held-out part begins.
 fn split(events: &[Event], share: f64) -> i64 {
     let first = events.first().map_or(0, |event| event.time_ns);
     let last = events.last().map_or(0, |event| event.time_ns);

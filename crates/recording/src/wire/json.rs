@@ -74,7 +74,7 @@ pub(super) fn text(value: Option<&Value>) -> String {
 pub(super) fn stamp_ns(value: Option<&Value>) -> Option<i64> {
     match value? {
         Value::Number(number) => match number.as_i64() {
-            Some(ns) => believed_ns(ns),
+            Some(ns) => plausible_ns(ns),
             None => stamp::from_seconds(number.as_f64()? * 1e-9),
         },
         Value::String(digits) => stamp::parse_ns(digits.as_bytes(), stamp::NANOSECONDS),
@@ -86,13 +86,13 @@ pub(super) fn stamp_ns(value: Option<&Value>) -> Option<i64> {
 pub(super) fn stamp_ms(value: Option<&Value>) -> Option<i64> {
     let number = value?;
     match number.as_i64() {
-        Some(ms) => believed_ns(ms.checked_mul(1_000_000)?),
+        Some(ms) => plausible_ns(ms.checked_mul(1_000_000)?),
         None => stamp::from_seconds(number.as_f64()? * 1e-3),
     }
 }
 
 /// Differences of two stamps must fit.
-fn believed_ns(ns: i64) -> Option<i64> {
+fn plausible_ns(ns: i64) -> Option<i64> {
     (ns.unsigned_abs() <= i64::MAX as u64 / 2).then_some(ns)
 }
 

@@ -127,7 +127,7 @@ fn silence_makes_it_dead_reckoning_and_then_nothing() {
 }
 
 #[test]
-fn a_jump_is_left_out_and_a_receiver_that_insists_is_believed() {
+fn a_jump_is_left_out_and_a_receiver_that_insists_is_accepted() {
     let level = Vector3::new(0.0, 0.0, -G);
     let mut f = filters(PositionAxisConfig::default());
     for number in 0..100_u64 {

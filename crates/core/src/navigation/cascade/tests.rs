@@ -223,7 +223,7 @@ fn a_late_position_is_compared_with_its_own_instant() {
 fn spinning_needs_the_rotation_rate_term() {
     let bias = Vector3::new(0.1, -0.05, 0.08);
     let config = CascadeConfig {
-        // Without a bound on what is believed: this is about the loop.
+        // Without a bound on what is accepted: this is about the loop.
         position_std_m: 1e3,
         ..CascadeConfig::lab()
     };

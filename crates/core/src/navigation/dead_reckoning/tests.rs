@@ -130,7 +130,7 @@ fn what_is_no_number_or_no_velocity_stays_out_and_the_position_says_when_it_is_w
 }
 
 #[test]
-fn after_days_without_a_fix_the_next_one_is_believed() {
+fn after_days_without_a_fix_the_next_one_is_accepted() {
     for has_log in [false, true] {
         let mut filter = DeadReckoning::<f64>::new(DeadReckoningConfig::default()).unwrap();
         if has_log {

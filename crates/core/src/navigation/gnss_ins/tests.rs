@@ -340,7 +340,7 @@ fn a_standstill_is_found_only_when_it_is_one() {
 }
 
 #[test]
-fn fixes_that_jump_are_refused_and_believed_when_they_stay() {
+fn fixes_that_jump_are_refused_and_accepted_when_they_stay() {
     let mut outcomes = std::vec::Vec::new();
     let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
     let now = ins.time_ns().unwrap();

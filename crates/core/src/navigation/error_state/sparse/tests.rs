@@ -186,7 +186,7 @@ fn states_that_are_not_in_use_change_nothing() {
 }
 
 #[test]
-fn outliers_are_refused_five_times_and_then_believed_with_the_state_set_free() {
+fn outliers_are_refused_five_times_and_then_accepted_with_the_state_set_free() {
     let (mut filter, mut side, _) = start();
     let mut m = SparseMeasurement {
         rows: [6, 7].map(Row::of_state),
