@@ -1,6 +1,6 @@
 //! Tables of parameters: one row a parameter, from which everything that knows it is made.
 //!
-//! Each configuration of an estimator stands in its file as a table of [`parameters!`](crate::parameters!):
+//! Each configuration of an estimator stands in its file as a table of `parameters!`:
 //!
 //! ```text
 //!     name: type, "unit", range, [default of each profile], "meaning", "what raising it does";
@@ -13,7 +13,7 @@
 //! - A row may say for whom it is (`for NAMES`, the estimators among those that share the configuration) and what it was
 //!   called before (`was "old_name"`; files with the old key are still read).
 //! - A configuration within another (`groups`) has dotted names: `validity.invalid_after_s`.
-//! - A parameter that is one of some words has an enumeration of [`choices!`](crate::choices!) as its type.
+//! - A parameter that is one of some words has an enumeration of `choices!` as its type.
 
 mod field;
 mod names;

@@ -33,7 +33,7 @@ const NORM_TOLERANCE: f64 = 1e-3;
 /// By how much a saved covariance may miss symmetry and sign, as a correlation: what rounding does in single precision.
 const COVARIANCE_TOLERANCE: f64 = 1e-3;
 
-/// A filter that can be saved, and continued from what was saved. See the [module](self).
+/// A filter that can be saved, and continued from what was saved.
 pub trait Restorable {
     /// Everything that the next step depends on, but for the settings.
     type State: Clone;

@@ -1,7 +1,7 @@
 //! Aiding measurements of inertial navigation, one file each: the measurement and the rows of its Jacobian.
 //!
 //! Each file has a function from the state at the instant of validity ([`Instant`](super::history::Instant)) to a
-//! [`Measurement`](super::error_state::Measurement), free of side effects, so that its Jacobian can be held
+//! [`SparseMeasurement`](super::error_state::SparseMeasurement), free of side effects, so that its Jacobian can be held
 //! against dual numbers. [`ErrorStateFilter::fuse_sparse`](super::ErrorStateFilter::fuse_sparse) does the rest.
 //!
 //! | file | measures |
