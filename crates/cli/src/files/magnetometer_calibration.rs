@@ -95,7 +95,9 @@ mod tests {
         let mut field = report().field;
         field.calibration.soft_iron[0][1] = 0.5;
         let message = checked(field, "cal.toml").unwrap_err().to_string();
-        assert_eq!(message, "cal.toml: `soft_iron` is invalid; calibrate again");
+        let expected =
+            "cal.toml: soft_iron must be a symmetric, positive definite matrix; calibrate again";
+        assert_eq!(message, expected);
     }
 
     #[test]

@@ -170,7 +170,7 @@ fn settings_of_the_position_observer_are_checked() {
     );
     contains(
         &refused("cascade", "cascade_poles=1"),
-        &["unknown parameter", "cascade_pole, "],
+        &["unknown parameter", "did you mean `cascade_pole`?"],
     );
     contains(
         &refused("cascade", "cascade_rotation=reconstructed"),

@@ -404,13 +404,13 @@ mod tests {
     }
 
     #[test]
-    fn a_configuration_without_sense_is_refused() {
+    fn a_configuration_outside_its_range_is_refused() {
         let mut config = Parameters::default();
         config.attitude.accelerometer_std = -1.0;
         let error = AnyEstimator::new(EstimatorKind::Mekf, &config).unwrap_err();
         let text = error.to_string();
         assert!(
-            text.starts_with("configuration: accelerometer_std: expected"),
+            text.starts_with("configuration: accelerometer_std must be above 0"),
             "{text}"
         );
     }
