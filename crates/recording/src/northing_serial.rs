@@ -8,7 +8,7 @@ use std::io::{ErrorKind, Read};
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
 use crate::wire::northing_serial::{Axes, NorthingSerial};
 
@@ -29,26 +29,15 @@ const SENSORS: [SensorKind; 7] = [
 const CHUNK: usize = 1024;
 
 /// Opens a log or a stream.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    mut metadata: Metadata,
-) -> Opened {
-    "northing-serial".clone_into(&mut metadata.format);
-    metadata.world_frame = WorldFrame::Ned;
-    Opened {
-        metadata,
-        sensors: SENSORS.to_vec(),
-        source: Box::new(Source {
-            file: file.to_owned(),
-            input,
-            decoder: NorthingSerial::new(Axes::Board),
-            waiting: VecDeque::new(),
-            notes: Vec::new(),
-        }),
+pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+    let source = Box::new(Source {
+        file: file.to_owned(),
+        input,
+        decoder: NorthingSerial::new(Axes::Board),
+        waiting: VecDeque::new(),
         notes: Vec::new(),
-        units_applied: true,
-    }
+    });
+    Opened::ned("northing-serial", metadata, &SENSORS, source)
 }
 
 struct Source<R> {

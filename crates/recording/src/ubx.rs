@@ -15,7 +15,7 @@ use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind, TrueHeading};
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 use crate::issues::Issues;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
 
 /// What begins a frame.
@@ -55,30 +55,20 @@ fn is_frame(bytes: &[u8]) -> bool {
 }
 
 /// Opens a log.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    mut metadata: Metadata,
-) -> Opened {
-    "ubx".clone_into(&mut metadata.format);
-    metadata.world_frame = WorldFrame::Ned;
-    Opened {
-        metadata,
-        sensors: vec![
-            SensorKind::GnssPosition,
-            SensorKind::GnssVelocity,
-            SensorKind::TrueHeading,
-        ],
-        source: Box::new(UbxSource {
-            file: file.to_owned(),
-            input,
-            parser: Parser::new(Vec::new()),
-            events: VecDeque::new(),
-            at_end: false,
-        }),
-        notes: Vec::new(),
-        units_applied: true,
-    }
+pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+    let sensors = [
+        SensorKind::GnssPosition,
+        SensorKind::GnssVelocity,
+        SensorKind::TrueHeading,
+    ];
+    let source = Box::new(UbxSource {
+        file: file.to_owned(),
+        input,
+        parser: Parser::new(Vec::new()),
+        events: VecDeque::new(),
+        at_end: false,
+    });
+    Opened::ned("ubx", metadata, &sensors, source)
 }
 
 struct UbxSource<R> {
