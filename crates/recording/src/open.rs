@@ -1,13 +1,14 @@
 //! Opening a recording: which format it is, and the reader for it.
 
 use std::fs::File;
-use std::io::{Cursor, ErrorKind, Read};
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
+use crate::text::read_piece;
 use crate::{csv, kf_gins, manifest, nmea, northing_serial, sensor_logger, ubx, vectornav};
 
 /// Bytes that are looked at to tell the format.
@@ -182,11 +183,7 @@ fn stream_head(input: &mut impl Read) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     let mut piece = [0; SAMPLE_BYTES];
     loop {
-        let read = match input.read(&mut piece[..SAMPLE_BYTES - head.len()]) {
-            Ok(read) => read,
-            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-            Err(error) => return Err(error),
-        };
+        let read = read_piece(input, &mut piece[..SAMPLE_BYTES - head.len()])?;
         head.extend_from_slice(&piece[..read]);
         let has_header = head
             .split_inclusive(|byte| *byte == b'\n')

@@ -1,10 +1,20 @@
 //! Text files: lines of limited length, manifests, and where a TOML text is wrong.
 
 use std::fs::File;
-use std::io::{BufRead, Read as _};
+use std::io::{BufRead, ErrorKind, Read};
 use std::path::Path;
 
 use crate::error::{RecordingError, Result};
+
+/// Reads on into `piece` however often it is interrupted; 0 at the end.
+pub(crate) fn read_piece(input: &mut impl Read, piece: &mut [u8]) -> std::io::Result<usize> {
+    loop {
+        match input.read(piece) {
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            read => return read,
+        }
+    }
+}
 
 /// Reads a line into `line`, at most `longest` bytes of it; false at the end.
 pub(crate) fn read_line(

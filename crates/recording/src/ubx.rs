@@ -17,6 +17,7 @@ use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
+use crate::text::read_piece;
 
 /// What begins a frame.
 const SYNC: [u8; 2] = [0xb5, 0x62];
@@ -83,12 +84,7 @@ impl<R: Read + Send> UbxSource<R> {
     /// Reads the next piece of the file.
     fn read_piece(&mut self, issues: &mut Issues) -> Result<()> {
         let mut piece = [0; 1 << 14];
-        let read = loop {
-            match self.input.read(&mut piece) {
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-                read => break read,
-            }
-        };
+        let read = read_piece(&mut self.input, &mut piece);
         let read = read.map_err(|error| RecordingError::io(&self.file, "read it", error))?;
         if read == 0 {
             self.at_end = true;

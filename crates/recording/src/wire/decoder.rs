@@ -129,7 +129,7 @@ impl PageLoad {
     fn new(session: &str) -> Self {
         Self {
             session: session.to_owned(),
-            decoder: PhonePage::new(),
+            decoder: PhonePage::default(),
             order: Resequencer::new(PAGE_WAIT_NS, PAGE_HELD),
         }
     }

@@ -25,16 +25,6 @@ pub struct HyperImu {
 }
 
 impl HyperImu {
-    /// A decoder for accelerometer, gyroscope, magnetometer in this order.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::with_order(&[
-            SensorKind::Accelerometer,
-            SensorKind::Gyroscope,
-            SensorKind::Magnetometer,
-        ])
-    }
-
     /// A decoder for vector sensors in the order of the app's list.
     #[must_use]
     pub fn with_order(order: &[SensorKind]) -> Self {
@@ -71,7 +61,11 @@ impl HyperImu {
 
 impl Default for HyperImu {
     fn default() -> Self {
-        Self::new()
+        Self::with_order(&[
+            SensorKind::Accelerometer,
+            SensorKind::Gyroscope,
+            SensorKind::Magnetometer,
+        ])
     }
 }
 

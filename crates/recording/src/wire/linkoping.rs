@@ -37,12 +37,6 @@ impl Default for Linkoping {
 }
 
 impl Linkoping {
-    /// A decoder for a new connection.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Decodes the next bytes of the stream, cut anywhere.
     pub fn push(&mut self, bytes: &[u8]) -> Decoded {
         let mut out = Decoded::default();

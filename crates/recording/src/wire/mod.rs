@@ -15,7 +15,7 @@
 //! use northing_recording::wire::sensorserver::SensorServer;
 //!
 //! let frame = br#"{"values":[0,0,9.81],"timestamp":5,"accuracy":3,"type":"android.sensor.accelerometer"}"#;
-//! let decoded = SensorServer::new().push(frame);
+//! let decoded = SensorServer::default().push(frame);
 //! assert_eq!(decoded.events[0].time_ns, 5);
 //! assert!(decoded.notices.is_empty());
 //! ```

@@ -136,21 +136,7 @@ impl Batch {
         self.left_out = left_out;
     }
 
-    /// Readings of all sensors, at most [`MOST_READINGS`].
-    #[must_use]
-    pub fn readings(&self) -> usize {
-        let lists = [
-            &self.accelerometer,
-            &self.gyroscope,
-            &self.magnetometer,
-            &self.quaternion,
-            &self.motion,
-            &self.orientation,
-        ];
-        lists.iter().map(|list| list.len()).sum()
-    }
-
-    fn lists(&mut self) -> [&mut Vec<Value>; 6] {
+    pub(super) fn lists(&mut self) -> [&mut Vec<Value>; 6] {
         [
             &mut self.accelerometer,
             &mut self.gyroscope,
@@ -211,12 +197,6 @@ impl Default for PhonePage {
 }
 
 impl PhonePage {
-    /// A decoder for a new page load.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Reads and decodes one batch; bytes that are no batch give a remark.
     pub fn push(&mut self, bytes: &[u8]) -> Decoded {
         match Batch::parse(bytes) {

@@ -61,12 +61,6 @@ impl Default for Phyphox {
 }
 
 impl Phyphox {
-    /// A decoder for the buffers `accX`, `accY`, `accZ`, `acc_time` and likewise `gyr`, `mag`.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// A decoder for the experiment that the app's answer to `/config` describes.
     ///
     /// # Errors

@@ -133,12 +133,6 @@ impl Default for SensorLoggerPush {
 }
 
 impl SensorLoggerPush {
-    /// A decoder for a new device.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// A decoder that takes the sign from the user instead of finding it out:
     /// [`ForceSign::Opposite`] is an iPhone without "Standardise Units & Frames".
     #[must_use]

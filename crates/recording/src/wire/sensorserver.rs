@@ -30,27 +30,13 @@ pub struct SensorServer {
 }
 
 impl SensorServer {
-    /// A decoder for the connection to several sensors, whose frames name theirs.
-    #[must_use]
-    pub fn new() -> Self {
-        Self {
-            only_sensor: None,
-            force: Preference::default(),
-            rate: Preference::default(),
-            attitude: Preference::default(),
-            stream: Stream::new(
-                "set the sampling rate to 10000 microseconds in SensorServer's settings and connect again",
-            ),
-        }
-    }
-
     /// A decoder for the connection to one sensor, e.g. `android.sensor.gyroscope`, whose frames do
     /// not name it.
     #[must_use]
     pub fn for_sensor(name: &str) -> Self {
         Self {
             only_sensor: Some(name.to_owned()),
-            ..Self::new()
+            ..Self::default()
         }
     }
 
@@ -127,7 +113,15 @@ impl SensorServer {
 
 impl Default for SensorServer {
     fn default() -> Self {
-        Self::new()
+        Self {
+            only_sensor: None,
+            force: Preference::default(),
+            rate: Preference::default(),
+            attitude: Preference::default(),
+            stream: Stream::new(
+                "set the sampling rate to 10000 microseconds in SensorServer's settings and connect again",
+            ),
+        }
     }
 }
 
