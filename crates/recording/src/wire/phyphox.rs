@@ -134,7 +134,9 @@ impl Phyphox {
                 }
             }
             _ => {
-                out.bad("There is no `buffer` in phyphox's answer: is remote access on in the app?")
+                out.bad(
+                    "There is no `buffer` in phyphox's answer: is remote access on in the app?",
+                );
             }
         }
         self.stream.settle(&mut out);
