@@ -5,7 +5,7 @@ use libfuzzer_sys::fuzz_target;
 use northing_recording::wire::phyphox::Phyphox;
 
 fuzz_target!(|bytes: &[u8]| {
-    let mut decoder = Phyphox::new();
+    let mut decoder = Phyphox::default();
     for piece in bytes.split(|byte| *byte == 0) {
         // An answer to /config, or to /get.
         if let Ok(configured) = Phyphox::from_config(piece) {

@@ -1,14 +1,15 @@
-//! Prints `docs/results/tracking.md`: the claims of Wilthil & Brekke (2016), each with what we measure.
+//! Prints one table of `docs/results/tracking.md`: the claims of Wilthil & Brekke (2016), each with what we measure, and
+//! what every tracker does beyond them.
 //!
-//! `cargo run --release -p northing-experiments --example tracking_results > docs/results/tracking.md`
+//! `cargo run --release -p northing-experiments --example tracking_results -- claims`, or `consistency`,
+//! `trackers VARIANT`, `agreement`. `./scripts/results docs/results/tracking.md` puts all into the page.
 
-#![allow(clippy::print_stdout)] // the page is its output
+#![allow(clippy::print_stdout)] // a table is its output
 
 #[path = "../tests/tracking_expected/mod.rs"]
 mod tracking_expected;
 
 use std::error::Error;
-use std::time::Instant;
 
 use northing_experiments::radar::outcome::{TrackerOutcome, nees_band};
 use northing_experiments::radar::{Campaign, CampaignOutcome, Part, Shard, TrackerKind as K};
@@ -23,8 +24,8 @@ struct Experiments {
 
 impl Experiments {
     fn run(variant: &str) -> Result<Self, Box<dyn Error>> {
-        let scenario =
-            ScenarioFile::parse("wilthil_brekke.toml", SCENARIO)?.scenario(Some(variant))?;
+        let file = ScenarioFile::parse("wilthil_brekke.toml", SCENARIO)?;
+        let scenario = file.scenario((variant != "consistent").then_some(variant))?;
         let mut parts: Vec<Part> = Vec::new();
         for seed in 1..=8 {
             parts.push(Campaign::new(&scenario, &[], seed, 100)?.run(Shard::WHOLE, &|| ())?);
@@ -113,7 +114,6 @@ fn table(experiments: &Experiments) {
             100.0 * of(|t| t.nees_inside_band),
         );
     }
-    println!();
 }
 
 /// The trackers that the paper compares.
@@ -260,7 +260,8 @@ fn claims_about_consistency(paper: &Experiments, halved: &Experiments) {
     );
 }
 
-fn targets(consistent: &Experiments) {
+/// Whether the exact trackers are consistent where the models are those of the simulation.
+fn consistency(consistent: &Experiments) {
     let [low, high] = nees_band(consistent.pooled.runs, 4);
     println!("| beyond the paper, models equal to the truth | measured |");
     println!("|---|---|");
@@ -293,22 +294,14 @@ fn targets(consistent: &Experiments) {
         "| position RMSE, feed-forward / joint | {:.3} |",
         forward / position(K::Joint)
     );
-    println!();
 }
 
 /// Beside the expected values of an independent reproduction.
-fn agreements(variants: &[(&str, &Experiments)]) {
-    println!("## Beside an independent reproduction\n");
-    println!(
-        "An implementation in another language, written for the same scenario, gave the numbers of"
-    );
-    println!(
-        "[`wilthil_brekke_expected.csv`](../../scenarios/tracking/wilthil_brekke_expected.csv): errors, NEES, shares of scans"
-    );
-    println!("and ratios, each with a tolerance. Means of our experiments beside it:\n");
+fn agreement() -> Result<(), Box<dyn Error>> {
     println!("| variant | rows | within the tolerance | only within the errors of both | off |");
     println!("|---|---|---|---|---|");
-    for (name, experiments) in variants {
+    for name in ["consistent", "paper", "paper_halved", "mems", "perstep"] {
+        let experiments = Experiments::run(name)?;
         let found = tracking_expected::agreement(name, &experiments.each);
         println!(
             "| `{name}` | {} | {} | {} | {} |",
@@ -318,70 +311,29 @@ fn agreements(variants: &[(&str, &Experiments)]) {
             found.off.len()
         );
     }
-    println!(
-        "\nA tolerance is a multiple of the scatter of the reproduction's experiments. For `mems` and `perstep` these were"
-    );
-    println!(
-        "two, which tells little of a scatter; there a row may also agree within four standard errors of the"
-    );
-    println!("difference, by the scatter of our eight.");
+    Ok(())
+}
+
+fn claims(paper: &Experiments, halved: &Experiments) {
+    println!("| claim of the paper | measured | verdict |");
+    println!("|---|---|---|");
+    claims_about_position(paper);
+    claims_about_velocity(paper);
+    claims_about_consistency(paper, halved);
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let started = Instant::now();
-    let consistent = Experiments::run("base")?;
-    let paper = Experiments::run("paper")?;
-    let halved = Experiments::run("paper_halved")?;
-    println!("# Tracking with an uncertain own position: results\n");
-    println!(
-        "Made by `cargo run --release -p northing-experiments --example tracking_results`, on"
-    );
-    println!(
-        "[`scenarios/tracking/wilthil_brekke.toml`](../../scenarios/tracking/wilthil_brekke.toml). Experiments of 100 runs;"
-    );
-    println!("mean \u{b1} scatter from one experiment to the next. Letters and equations:");
-    println!("[schmidt_kalman](../derivations/schmidt_kalman.md).\n");
-    println!("## The paper's claims, in the paper's setting\n");
-    println!(
-        "Two models of this setting are wrong on purpose, as in the authors' simulation: the navigation filter"
-    );
-    println!(
-        "takes a standard deviation of each sample for a density, and the trackers assume 1 m/s\u{b2} for a target that"
-    );
-    println!(
-        "goes straight. {} experiments. A verdict is the program's: it says so when a number no longer bears it out.\n",
-        paper.each.len()
-    );
-    println!("| claim of the paper | measured | verdict |");
-    println!("|---|---|---|");
-    claims_about_position(&paper);
-    claims_about_velocity(&paper);
-    claims_about_consistency(&paper, &halved);
-    println!();
-    table(&paper);
-    println!("## Models equal to the truth\n");
-    println!(
-        "NEES 4 is consistent. {} experiments.\n",
-        consistent.each.len()
-    );
-    targets(&consistent);
-    table(&consistent);
-    println!(
-        "`schmidt-literal` follows the printed recursion; it is not a recursion of a covariance (section 4 of the derivation).\n"
-    );
-    let mems = Experiments::run("mems")?;
-    let perstep = Experiments::run("perstep")?;
-    for (name, experiments) in [("mems", &mems), ("perstep", &perstep)] {
-        println!("## Variant `{name}`\n");
-        table(experiments);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match arguments[..] {
+        ["claims"] => claims(
+            &Experiments::run("paper")?,
+            &Experiments::run("paper_halved")?,
+        ),
+        ["consistency"] => consistency(&Experiments::run("consistent")?),
+        ["trackers", variant] => table(&Experiments::run(variant)?),
+        ["agreement"] => agreement()?,
+        _ => return Err("expected claims, consistency, trackers VARIANT or agreement".into()),
     }
-    agreements(&[
-        ("consistent", &consistent),
-        ("paper", &paper),
-        ("paper_halved", &halved),
-        ("mems", &mems),
-        ("perstep", &perstep),
-    ]);
-    eprintln!("{:.1} s", started.elapsed().as_secs_f64());
     Ok(())
 }

@@ -11,6 +11,7 @@ use crate::metadata::Metadata;
 use crate::numbers;
 use crate::recording::Opened;
 use crate::stamp;
+use crate::text::read_line;
 
 /// Vector sensors: the parts of a column name before and after the axis letter.
 pub(crate) const VECTORS: [(SensorKind, &str, &str); 8] = [
@@ -30,6 +31,23 @@ pub(crate) const DEVICE_ORIENTATION: [&str; 4] =
     ["device_qw", "device_qx", "device_qy", "device_qz"];
 pub(crate) const REFERENCE: [&str; 4] = ["ref_qw", "ref_qx", "ref_qy", "ref_qz"];
 pub(crate) const SCORED: &str = "scored";
+/// The columns of a position behind a prefix.
+macro_rules! position {
+    ($prefix:literal) => {
+        &[
+            concat!($prefix, "latitude_rad"),
+            concat!($prefix, "longitude_rad"),
+            concat!($prefix, "height_m"),
+            concat!($prefix, "std_n_m"),
+            concat!($prefix, "std_e_m"),
+            concat!($prefix, "std_d_m"),
+            concat!($prefix, "hdop"),
+            concat!($prefix, "satellites"),
+            concat!($prefix, "quality"),
+        ]
+    };
+}
+
 /// The columns of the other kinds, in the order of their [`numbers`]. The last ones of a kind may be
 /// missing where its samples need not have them.
 pub(crate) const ROWS: [(SensorKind, &[&str]); 9] = [
@@ -38,20 +56,7 @@ pub(crate) const ROWS: [(SensorKind, &[&str]); 9] = [
         SensorKind::CompassHeading,
         &["compass_heading_rad", "compass_std_rad"],
     ),
-    (
-        SensorKind::GnssPosition,
-        &[
-            "gnss_latitude_rad",
-            "gnss_longitude_rad",
-            "gnss_height_m",
-            "gnss_std_n_m",
-            "gnss_std_e_m",
-            "gnss_std_d_m",
-            "gnss_hdop",
-            "gnss_satellites",
-            "gnss_quality",
-        ],
-    ),
+    (SensorKind::GnssPosition, position!("gnss_")),
     (
         SensorKind::GnssVelocity,
         &[
@@ -88,20 +93,7 @@ pub(crate) const ROWS: [(SensorKind, &[&str]); 9] = [
             "device_validity",
         ],
     ),
-    (
-        SensorKind::ReferencePosition,
-        &[
-            "ref_latitude_rad",
-            "ref_longitude_rad",
-            "ref_height_m",
-            "ref_std_n_m",
-            "ref_std_e_m",
-            "ref_std_d_m",
-            "ref_hdop",
-            "ref_satellites",
-            "ref_quality",
-        ],
-    ),
+    (SensorKind::ReferencePosition, position!("ref_")),
 ];
 
 /// Longest comment or header line that is accepted, bytes.
@@ -135,11 +127,11 @@ pub(crate) fn open(
         .map(|name| String::from_utf8_lossy(name.trim_ascii()).into_owned())
         .collect();
     if names.iter().all(String::is_empty) {
-        return Err(RecordingError::Empty {
-            file: file.to_owned(),
-            found: "no header line".to_owned(),
-            expected: "a header line with column names and rows of numbers",
-        });
+        return Err(RecordingError::empty(
+            file,
+            "no header line",
+            "a header line with column names and rows of numbers",
+        ));
     }
     let (layout, unused) = layout(names, file)?;
     metadata.format = "csv".to_owned();
@@ -187,21 +179,13 @@ fn read_comments(input: &mut impl BufRead, file: &str, metadata: &mut Metadata) 
     let mut lines = 0;
     while input.fill_buf().map_err(failed)?.first() == Some(&b'#') {
         let mut line = Vec::new();
-        input
-            .by_ref()
-            .take(LONGEST_LINE)
-            .read_until(b'\n', &mut line)
-            .map_err(failed)?;
+        read_line(input, LONGEST_LINE, &mut line, file)?;
         lines += 1;
         let line = String::from_utf8_lossy(&line);
         if let Some((key, value)) = line.trim_start_matches('#').split_once(':') {
             metadata
                 .set(key.trim(), value.trim())
-                .map_err(|problem| RecordingError::BadLine {
-                    file: file.to_owned(),
-                    line: lines,
-                    problem,
-                })?;
+                .map_err(|problem| RecordingError::bad_line(file, lines, problem))?;
         }
     }
     Ok(lines)

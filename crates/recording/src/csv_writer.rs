@@ -161,10 +161,10 @@ impl EventWriter for CsvWriter {
     fn write(&mut self, event: &Event) -> Result<()> {
         let kind = event.sample.kind();
         if !self.sensors.iter().any(|(known, _)| *known == kind) {
-            return Err(RecordingError::NoColumnFor {
-                file: self.output.name(),
-                sensor: kind.name(),
-            });
+            return Err(RecordingError::no_column_for(
+                self.output.name(),
+                kind.name(),
+            ));
         }
         if !self.row.takes(event) {
             self.write_row()?;

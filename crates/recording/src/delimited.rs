@@ -423,13 +423,11 @@ pub(crate) fn csv_error(file: &str, lines_before: u64, error: &csv::Error) -> Re
             pos,
             expected_len,
             len,
-        } => RecordingError::BadLine {
-            file: file.to_owned(),
-            line: lines_before + pos.as_ref().map_or(0, Position::line),
-            problem: format!(
-                "{len} cells where the first row has {expected_len}; is the line cut off?"
-            ),
-        },
+        } => RecordingError::bad_line(
+            file,
+            lines_before + pos.as_ref().map_or(0, Position::line),
+            format!("{len} cells where the first row has {expected_len}; is the line cut off?"),
+        ),
         csv::ErrorKind::Io(cause) => {
             // The csv crate lends its error, io::Error is not Clone.
             RecordingError::io(
@@ -438,10 +436,10 @@ pub(crate) fn csv_error(file: &str, lines_before: u64, error: &csv::Error) -> Re
                 std::io::Error::new(cause.kind(), cause.to_string()),
             )
         }
-        _ => RecordingError::BadLine {
-            file: file.to_owned(),
-            line: lines_before + error.position().map_or(0, Position::line),
-            problem: error.to_string(),
-        },
+        _ => RecordingError::bad_line(
+            file,
+            lines_before + error.position().map_or(0, Position::line),
+            error.to_string(),
+        ),
     }
 }

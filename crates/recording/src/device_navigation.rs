@@ -42,7 +42,10 @@ impl DeviceNavigation {
             v_east,
             v_down,
             self.heading_std_rad,
-            f64::from(validity_number(self.validity)),
+            VALIDITIES
+                .iter()
+                .position(|v| *v == self.validity)
+                .unwrap_or(3) as f64,
         ]
     }
 
@@ -84,24 +87,18 @@ impl DeviceNavigation {
     }
 }
 
-/// The number of a validity in files and sentences.
-const fn validity_number(validity: Validity) -> u8 {
-    match validity {
-        Validity::Aligning => 0,
-        Validity::Aided => 1,
-        Validity::DeadReckoning => 2,
-        Validity::Invalid => 3,
-    }
-}
+/// The states of a solution by their number in files and on the wire.
+const VALIDITIES: [Validity; 4] = [
+    Validity::Aligning,
+    Validity::Aided,
+    Validity::DeadReckoning,
+    Validity::Invalid,
+];
 
-/// The validity of such a number.
-pub(crate) const fn validity_of(number: u8) -> Validity {
-    match number {
-        0 => Validity::Aligning,
-        1 => Validity::Aided,
-        2 => Validity::DeadReckoning,
-        _ => Validity::Invalid,
-    }
+/// What a number stands for; any other is invalid.
+pub(crate) fn validity_of(number: u8) -> Validity {
+    let known = VALIDITIES.get(usize::from(number));
+    known.copied().unwrap_or(Validity::Invalid)
 }
 
 #[cfg(test)]

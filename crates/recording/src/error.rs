@@ -167,9 +167,57 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
+    pub(crate) fn unsupported(file: impl Into<String>, problem: impl Into<String>) -> Self {
+        let (file, problem) = (file.into(), problem.into());
+        Self::Unsupported { file, problem }
+    }
+
+    pub(crate) fn damaged(file: impl Into<String>, detail: impl Into<String>) -> Self {
+        let (file, detail) = (file.into(), detail.into());
+        Self::Damaged { file, detail }
+    }
+
+    pub(crate) fn not_a_recording(file: impl Into<String>, found: impl Into<String>) -> Self {
+        let (file, found) = (file.into(), found.into());
+        Self::NotARecording { file, found }
+    }
+
+    pub(crate) fn manifest(file: impl Into<String>, problem: impl Into<String>) -> Self {
+        let (file, problem) = (file.into(), problem.into());
+        Self::Manifest { file, problem }
+    }
+
+    pub(crate) fn empty(
+        file: impl Into<String>,
+        found: impl Into<String>,
+        expected: &'static str,
+    ) -> Self {
+        let (file, found) = (file.into(), found.into());
+        Self::Empty {
+            file,
+            found,
+            expected,
+        }
+    }
+
+    pub(crate) fn bad_line(file: impl Into<String>, line: u64, problem: impl Into<String>) -> Self {
+        let (file, problem) = (file.into(), problem.into());
+        Self::BadLine {
+            file,
+            line,
+            problem,
+        }
+    }
+
+    pub(crate) fn no_column_for(file: impl Into<String>, sensor: &'static str) -> Self {
+        let file = file.into();
+        Self::NoColumnFor { file, sensor }
+    }
+
     pub(crate) fn io(file: impl Into<String>, action: &'static str, source: io::Error) -> Self {
+        let file = file.into();
         Self::Io {
-            file: file.into(),
+            file,
             action,
             source,
         }
@@ -181,10 +229,8 @@ impl RecordingError {
         } else {
             join(sensors.iter().map(|kind| kind.name()))
         };
-        Self::NoGyroscope {
-            file: file.to_owned(),
-            present,
-        }
+        let file = file.to_owned();
+        Self::NoGyroscope { file, present }
     }
 }
 

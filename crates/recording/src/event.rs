@@ -18,52 +18,6 @@ pub struct Event {
     pub sample: Sample,
 }
 
-/// What a sensor measured. Vectors are in body axes unless the variant says otherwise; a value
-/// may be non-finite (readers pass it on, filters refuse and count it).
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub enum Sample {
-    /// Gyroscope: angular rate of the body with respect to the world, rad/s.
-    AngularRate(Vector3<f64>),
-    /// Accelerometer: specific force, m/s^2 (at rest +9.81 on the axis that points up).
-    SpecificForce(Vector3<f64>),
-    /// Magnetometer as the device calibrated it, microtesla.
-    MagneticField(Vector3<f64>),
-    /// Magnetometer without the device's hard-iron calibration, microtesla.
-    MagneticFieldUncalibrated(Vector3<f64>),
-    /// The device's own estimate of its gyroscope bias, rad/s (uncalibrated rate = rate + bias).
-    DeviceGyroscopeBias(Vector3<f64>),
-    /// The device's own orientation, `world_from_body`.
-    DeviceOrientation(UnitQuaternion<f64>),
-    /// A reference track to score against (motion capture, simulation truth).
-    Reference(Reference),
-    /// Position in the recording's world frame, m.
-    Position(Vector3<f64>),
-    /// Velocity in the recording's world frame, m/s.
-    Velocity(Vector3<f64>),
-    /// Static pressure, Pa.
-    Pressure(f64),
-    /// Heading as the device reports it.
-    CompassHeading(CompassHeading),
-    /// A fix of a satellite navigation receiver.
-    GnssPosition(GnssPosition),
-    /// Velocity over ground of a satellite navigation receiver.
-    GnssVelocity(GnssVelocity),
-    /// Speed over ground along the body's x axis (wheels), m/s; backwards is negative.
-    ForwardSpeed(f64),
-    /// Velocity through the water (a ship's log).
-    WaterVelocity(WaterVelocity),
-    /// Heading from true north (a gyrocompass, two antennas).
-    TrueHeading(TrueHeading),
-    /// Where the device itself says that it is. Never fed to a filter.
-    DeviceNavigation(DeviceNavigation),
-    /// A position to score against. Never fed to a filter.
-    ReferencePosition(GnssPosition),
-    /// A velocity to score against, north-east-down, m/s; down is NaN where it is not known. Never
-    /// fed to a filter.
-    ReferenceVelocity(Vector3<f64>),
-}
-
 /// Where the horizontal part of the body's y axis (a phone's top edge) points, as the device
 /// reports it. It is not defined while that axis stands near the vertical (filters skip it above
 /// 60 deg of elevation); screen up or down makes no difference.
@@ -102,52 +56,86 @@ pub struct Reference {
     pub scored: bool,
 }
 
-/// Which sensor an event belongs to.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
-#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum SensorKind {
-    /// [`Sample::AngularRate`]
-    Gyroscope,
-    /// [`Sample::SpecificForce`]
-    Accelerometer,
-    /// [`Sample::MagneticField`]
-    Magnetometer,
-    /// [`Sample::MagneticFieldUncalibrated`]
-    MagnetometerUncalibrated,
-    /// [`Sample::DeviceGyroscopeBias`]
-    DeviceGyroscopeBias,
-    /// [`Sample::DeviceOrientation`]
-    DeviceOrientation,
-    /// [`Sample::Reference`]
-    Reference,
-    /// [`Sample::Position`]
-    Position,
-    /// [`Sample::Velocity`]
-    Velocity,
-    /// [`Sample::Pressure`]
-    Pressure,
-    /// [`Sample::CompassHeading`]
-    CompassHeading,
-    /// [`Sample::GnssPosition`]
-    GnssPosition,
-    /// [`Sample::GnssVelocity`]
-    GnssVelocity,
-    /// [`Sample::ForwardSpeed`]
-    ForwardSpeed,
-    /// [`Sample::WaterVelocity`]
-    WaterVelocity,
-    /// [`Sample::TrueHeading`]
-    TrueHeading,
-    /// [`Sample::DeviceNavigation`]
-    DeviceNavigation,
-    /// [`Sample::ReferencePosition`]
-    ReferencePosition,
-    /// [`Sample::ReferenceVelocity`]
-    ReferenceVelocity,
+/// Makes [`Sample`] and [`SensorKind`] of one table: a row for each sensor, with its name for people and
+/// files and with what it measures.
+macro_rules! sensors {
+    ($($(#[$meaning:meta])* $kind:ident = $name:literal: $sample:ident($value:ty),)+) => {
+        /// What a sensor measured. Vectors are in body axes unless the variant says otherwise; a value
+        /// may be non-finite (readers pass it on, filters refuse and count it).
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        #[non_exhaustive]
+        pub enum Sample {
+            $($(#[$meaning])* $sample($value),)+
+        }
+
+        /// Which sensor an event belongs to.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[derive(serde::Serialize, serde::Deserialize)]
+        #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+        #[serde(rename_all = "kebab-case")]
+        #[non_exhaustive]
+        pub enum SensorKind {
+            $(#[doc = concat!("[`Sample::", stringify!($sample), "`]")] $kind,)+
+        }
+
+        impl SensorKind {
+            /// The name for people and for files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$kind => $name,)+ }
+            }
+        }
+
+        impl Sample {
+            /// The sensor this sample belongs to.
+            #[must_use]
+            pub const fn kind(&self) -> SensorKind {
+                match self { $(Self::$sample(_) => SensorKind::$kind,)+ }
+            }
+        }
+    };
+}
+
+sensors! {
+    /// Gyroscope: angular rate of the body with respect to the world, rad/s.
+    Gyroscope = "gyroscope": AngularRate(Vector3<f64>),
+    /// Accelerometer: specific force, m/s^2 (at rest +9.81 on the axis that points up).
+    Accelerometer = "accelerometer": SpecificForce(Vector3<f64>),
+    /// Magnetometer as the device calibrated it, microtesla.
+    Magnetometer = "magnetometer": MagneticField(Vector3<f64>),
+    /// Magnetometer without the device's hard-iron calibration, microtesla.
+    MagnetometerUncalibrated = "magnetometer-uncalibrated": MagneticFieldUncalibrated(Vector3<f64>),
+    /// The device's own estimate of its gyroscope bias, rad/s (uncalibrated rate = rate + bias).
+    DeviceGyroscopeBias = "device-gyroscope-bias": DeviceGyroscopeBias(Vector3<f64>),
+    /// The device's own orientation, `world_from_body`.
+    DeviceOrientation = "device-orientation": DeviceOrientation(UnitQuaternion<f64>),
+    /// A reference track to score against (motion capture, simulation truth).
+    Reference = "reference": Reference(Reference),
+    /// Position in the recording's world frame, m.
+    Position = "position": Position(Vector3<f64>),
+    /// Velocity in the recording's world frame, m/s.
+    Velocity = "velocity": Velocity(Vector3<f64>),
+    /// Static pressure, Pa.
+    Pressure = "pressure": Pressure(f64),
+    /// Heading as the device reports it.
+    CompassHeading = "compass-heading": CompassHeading(CompassHeading),
+    /// A fix of a satellite navigation receiver.
+    GnssPosition = "gnss-position": GnssPosition(GnssPosition),
+    /// Velocity over ground of a satellite navigation receiver.
+    GnssVelocity = "gnss-velocity": GnssVelocity(GnssVelocity),
+    /// Speed over ground along the body's x axis (wheels), m/s; backwards is negative.
+    ForwardSpeed = "forward-speed": ForwardSpeed(f64),
+    /// Velocity through the water (a ship's log).
+    WaterVelocity = "water-velocity": WaterVelocity(WaterVelocity),
+    /// Heading from true north (a gyrocompass, two antennas).
+    TrueHeading = "true-heading": TrueHeading(TrueHeading),
+    /// Where the device itself says that it is. Never fed to a filter.
+    DeviceNavigation = "device-navigation": DeviceNavigation(DeviceNavigation),
+    /// A position to score against. Never fed to a filter.
+    ReferencePosition = "reference-position": ReferencePosition(GnssPosition),
+    /// A velocity to score against, north-east-down, m/s; down is NaN where it is not known. Never
+    /// fed to a filter.
+    ReferenceVelocity = "reference-velocity": ReferenceVelocity(Vector3<f64>),
 }
 
 impl SensorKind {
@@ -175,34 +163,6 @@ impl SensorKind {
         Self::Reference,
     ];
 
-    /// The name for people and for files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Gyroscope => "gyroscope",
-            Self::Accelerometer => "accelerometer",
-            Self::Magnetometer => "magnetometer",
-            Self::MagnetometerUncalibrated => "magnetometer-uncalibrated",
-            Self::DeviceGyroscopeBias => "device-gyroscope-bias",
-            Self::DeviceOrientation => "device-orientation",
-            Self::Reference => "reference",
-            Self::Position => "position",
-            Self::Velocity => "velocity",
-            Self::Pressure => "pressure",
-            Self::CompassHeading => "compass-heading",
-            Self::GnssPosition => "gnss-position",
-            Self::GnssVelocity => "gnss-velocity",
-            Self::ForwardSpeed => "forward-speed",
-            Self::WaterVelocity => "water-velocity",
-            Self::TrueHeading => "true-heading",
-            Self::DeviceNavigation => "device-navigation",
-            Self::ReferencePosition => "reference-position",
-            Self::ReferenceVelocity => "reference-velocity",
-        }
-    }
-}
-
-impl SensorKind {
     /// Whether it is something to score against and not a sensor.
     #[must_use]
     pub const fn is_reference(self) -> bool {
@@ -215,27 +175,19 @@ impl SensorKind {
     /// The place of this kind in [`SensorKind::ALL`].
     #[must_use]
     pub const fn order(self) -> usize {
-        match self {
-            Self::Gyroscope => 0,
-            Self::Accelerometer => 1,
-            Self::Magnetometer => 2,
-            Self::MagnetometerUncalibrated => 3,
-            Self::DeviceGyroscopeBias => 4,
-            Self::DeviceOrientation => 5,
-            Self::Position => 6,
-            Self::Velocity => 7,
-            Self::Pressure => 8,
-            Self::CompassHeading => 9,
-            Self::GnssPosition => 10,
-            Self::GnssVelocity => 11,
-            Self::ForwardSpeed => 12,
-            Self::WaterVelocity => 13,
-            Self::TrueHeading => 14,
-            Self::DeviceNavigation => 15,
-            Self::ReferencePosition => 16,
-            Self::ReferenceVelocity => 17,
-            Self::Reference => 18,
+        const ORDER: [u8; SensorKind::ALL.len()] = SensorKind::places_in(&SensorKind::ALL);
+        ORDER[self as usize] as usize
+    }
+
+    /// For each kind, in the order of the enumeration, its place in a list of all of them.
+    pub(crate) const fn places_in(list: &[Self; Self::ALL.len()]) -> [u8; Self::ALL.len()] {
+        let mut places = [0; Self::ALL.len()];
+        let mut place = 0;
+        while place < list.len() {
+            places[list[place] as usize] = place as u8;
+            place += 1;
         }
+        places
     }
 }
 
@@ -281,32 +233,6 @@ impl Sample {
             SensorKind::ReferenceVelocity => Self::ReferenceVelocity(v),
             _ => return None,
         })
-    }
-
-    /// The sensor this sample belongs to.
-    #[must_use]
-    pub const fn kind(&self) -> SensorKind {
-        match self {
-            Self::AngularRate(_) => SensorKind::Gyroscope,
-            Self::SpecificForce(_) => SensorKind::Accelerometer,
-            Self::MagneticField(_) => SensorKind::Magnetometer,
-            Self::MagneticFieldUncalibrated(_) => SensorKind::MagnetometerUncalibrated,
-            Self::DeviceGyroscopeBias(_) => SensorKind::DeviceGyroscopeBias,
-            Self::DeviceOrientation(_) => SensorKind::DeviceOrientation,
-            Self::Reference(_) => SensorKind::Reference,
-            Self::Position(_) => SensorKind::Position,
-            Self::Velocity(_) => SensorKind::Velocity,
-            Self::Pressure(_) => SensorKind::Pressure,
-            Self::CompassHeading(_) => SensorKind::CompassHeading,
-            Self::GnssPosition(_) => SensorKind::GnssPosition,
-            Self::GnssVelocity(_) => SensorKind::GnssVelocity,
-            Self::ForwardSpeed(_) => SensorKind::ForwardSpeed,
-            Self::WaterVelocity(_) => SensorKind::WaterVelocity,
-            Self::TrueHeading(_) => SensorKind::TrueHeading,
-            Self::DeviceNavigation(_) => SensorKind::DeviceNavigation,
-            Self::ReferencePosition(_) => SensorKind::ReferencePosition,
-            Self::ReferenceVelocity(_) => SensorKind::ReferenceVelocity,
-        }
     }
 }
 

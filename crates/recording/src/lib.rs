@@ -40,6 +40,7 @@ pub mod plausibility;
 mod recording;
 mod sensor_logger;
 mod stamp;
+pub mod text;
 pub mod timeline;
 pub mod track;
 pub mod tracking;

@@ -3,13 +3,14 @@
 //! Axes are the board's: forward, right, down, in north, east, down.
 
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read};
+use std::io::Read;
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
+use crate::text::read_piece;
 use crate::wire::northing_serial::{Axes, NorthingSerial};
 
 pub(crate) use crate::wire::northing_serial::recognises;
@@ -29,26 +30,15 @@ const SENSORS: [SensorKind; 7] = [
 const CHUNK: usize = 1024;
 
 /// Opens a log or a stream.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    mut metadata: Metadata,
-) -> Opened {
-    "northing-serial".clone_into(&mut metadata.format);
-    metadata.world_frame = WorldFrame::Ned;
-    Opened {
-        metadata,
-        sensors: SENSORS.to_vec(),
-        source: Box::new(Source {
-            file: file.to_owned(),
-            input,
-            decoder: NorthingSerial::new(Axes::Board),
-            waiting: VecDeque::new(),
-            notes: Vec::new(),
-        }),
+pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+    let source = Box::new(Source {
+        file: file.to_owned(),
+        input,
+        decoder: NorthingSerial::new(Axes::Board),
+        waiting: VecDeque::new(),
         notes: Vec::new(),
-        units_applied: true,
-    }
+    });
+    Opened::ned("northing-serial", metadata, &SENSORS, source)
 }
 
 struct Source<R> {
@@ -64,13 +54,8 @@ impl<R: Read + Send> Source<R> {
     /// Reads on; false at the end.
     fn fill(&mut self) -> Result<bool> {
         let mut chunk = [0; CHUNK];
-        let length = loop {
-            match self.input.read(&mut chunk) {
-                Ok(length) => break length,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(RecordingError::io(&self.file, "read it", error)),
-            }
-        };
+        let length = read_piece(&mut self.input, &mut chunk)
+            .map_err(|error| RecordingError::io(&self.file, "read it", error))?;
         let decoded = self.decoder.push(&chunk[..length]);
         self.waiting.extend(decoded.events);
         for notice in decoded.notices {

@@ -1,13 +1,14 @@
 //! Opening a recording: which format it is, and the reader for it.
 
 use std::fs::File;
-use std::io::{Cursor, ErrorKind, Read};
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
+use crate::text::read_piece;
 use crate::{csv, kf_gins, manifest, nmea, northing_serial, sensor_logger, ubx, vectornav};
 
 /// Bytes that are looked at to tell the format.
@@ -46,30 +47,14 @@ pub fn read_from(
     let input = Cursor::new(head).chain(input);
     let metadata = named(name.to_owned());
     let opened = match (format, &options.manifest) {
-        (Format::Csv, _) => csv::open(input, name, metadata)?,
-        (Format::Nmea, _) => nmea::open(input, name, metadata),
-        (Format::Ubx, _) => ubx::open(input, name, metadata),
-        (Format::VectorNav, _) => vectornav::open(input, name, metadata),
-        (Format::KfGins, _) => kf_gins::open(input, name, metadata)?,
-        (Format::Ulog, _) => open_ulog(input, name, metadata)?,
-        (Format::NorthingSerial, _) => northing_serial::open(input, name, metadata),
         (Format::Manifest, Some(path)) => manifest::open_stream(input, name, path, options)?,
         (Format::Manifest, None) => {
-            return Err(RecordingError::Unsupported {
-                file: name.to_owned(),
-                problem:
-                    "a stream of this kind needs its manifest; name it with --manifest FILE.toml"
-                        .to_owned(),
-            });
+            return Err(RecordingError::unsupported(
+                name,
+                "a stream of this kind needs its manifest; name it with --manifest FILE.toml",
+            ));
         }
-        (Format::Parquet | Format::SensorLogger | Format::Mcap, _) => {
-            return Err(RecordingError::Unsupported {
-                file: name.to_owned(),
-                problem: format!(
-                    "{format} cannot be read from a stream; save it to a file and open that"
-                ),
-            });
-        }
+        (format, _) => open_stream(format, input, name, metadata)?,
     };
     Ok(Recording::new(name.to_owned(), opened, options))
 }
@@ -87,23 +72,16 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
     };
     let metadata = named(name.to_owned());
     let opened = match format {
-        Format::Csv => csv::open(Cursor::new(bytes), name, metadata)?,
-        Format::Nmea => nmea::open(Cursor::new(bytes), name, metadata),
-        Format::Ubx => ubx::open(Cursor::new(bytes), name, metadata),
-        Format::VectorNav => vectornav::open(Cursor::new(bytes), name, metadata),
-        Format::KfGins => kf_gins::open(Cursor::new(bytes), name, metadata)?,
-        Format::Ulog => open_ulog(Cursor::new(bytes), name, metadata)?,
-        Format::NorthingSerial => northing_serial::open(Cursor::new(bytes), name, metadata),
         Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
         Format::Mcap => open_mcap(Cursor::new(bytes), name, metadata, options)?,
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
         Format::Manifest => {
-            return Err(RecordingError::Unsupported {
-                file: name.to_owned(),
-                problem: "a manifest names a file; use manifest::read_bytes for data in memory"
-                    .to_owned(),
-            });
+            return Err(RecordingError::unsupported(
+                name,
+                "a manifest names a file; use manifest::read_bytes for data in memory",
+            ));
         }
+        format => open_stream(format, Cursor::new(bytes), name, metadata)?,
     };
     Ok(Recording::new(name.to_owned(), opened, options))
 }
@@ -126,12 +104,12 @@ fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
         Some(_) => {}
     }
     if options.format == Some(Format::Manifest) {
-        return Err(RecordingError::Unsupported {
-            file: file.to_owned(),
-            problem: format!(
+        return Err(RecordingError::unsupported(
+            file,
+            format!(
                 "no manifest beside it (`{file}.toml`); write one as docs/formats.md says, or name it with --manifest"
             ),
-        });
+        ));
     }
     open_data_file(path, options.format, options)
 }
@@ -157,32 +135,38 @@ pub(crate) fn open_data_file(
         None => detect(&head(&mut input).map_err(failed)?, file)?,
     };
     match format {
-        Format::Manifest => Err(RecordingError::Unsupported {
-            file: file.to_owned(),
-            problem: "a table needs the keys of its columns in the manifest".to_owned(),
-        }),
+        Format::Manifest => Err(RecordingError::unsupported(
+            file,
+            "a table needs the keys of its columns in the manifest",
+        )),
+        Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
         Format::Parquet => open_parquet_file(File::open(path).map_err(failed)?, file, metadata),
         Format::Mcap => open_mcap(File::open(path).map_err(failed)?, file, metadata, options),
-        Format::Csv => csv::open(File::open(path).map_err(failed)?, file, metadata),
-        Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
-        Format::Nmea => Ok(nmea::open(
-            File::open(path).map_err(failed)?,
-            file,
-            metadata,
-        )),
-        Format::VectorNav => Ok(vectornav::open(
-            File::open(path).map_err(failed)?,
-            file,
-            metadata,
-        )),
-        Format::KfGins => kf_gins::open(File::open(path).map_err(failed)?, file, metadata),
-        Format::Ubx => Ok(ubx::open(File::open(path).map_err(failed)?, file, metadata)),
-        Format::Ulog => open_ulog(File::open(path).map_err(failed)?, file, metadata),
-        Format::NorthingSerial => Ok(northing_serial::open(
-            File::open(path).map_err(failed)?,
-            file,
-            metadata,
-        )),
+        format => open_stream(format, File::open(path).map_err(failed)?, file, metadata),
+    }
+}
+
+/// Opens a format that is read from its beginning to its end.
+fn open_stream(
+    format: Format,
+    input: impl Read + Send + 'static,
+    name: &str,
+    metadata: Metadata,
+) -> Result<Opened> {
+    match format {
+        Format::Csv => csv::open(input, name, metadata),
+        Format::Nmea => Ok(nmea::open(input, name, metadata)),
+        Format::Ubx => Ok(ubx::open(input, name, metadata)),
+        Format::VectorNav => Ok(vectornav::open(input, name, metadata)),
+        Format::KfGins => kf_gins::open(input, name, metadata),
+        Format::Ulog => open_ulog(input, name, metadata),
+        Format::NorthingSerial => Ok(northing_serial::open(input, name, metadata)),
+        Format::Parquet | Format::SensorLogger | Format::Mcap | Format::Manifest => {
+            Err(RecordingError::unsupported(
+                name,
+                format!("{format} cannot be read from a stream; save it to a file and open that"),
+            ))
+        }
     }
 }
 
@@ -199,11 +183,7 @@ fn stream_head(input: &mut impl Read) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     let mut piece = [0; SAMPLE_BYTES];
     loop {
-        let read = match input.read(&mut piece[..SAMPLE_BYTES - head.len()]) {
-            Ok(read) => read,
-            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-            Err(error) => return Err(error),
-        };
+        let read = read_piece(input, &mut piece[..SAMPLE_BYTES - head.len()])?;
         head.extend_from_slice(&piece[..read]);
         let has_header = head
             .split_inclusive(|byte| *byte == b'\n')
@@ -216,16 +196,9 @@ fn stream_head(input: &mut impl Read) -> std::io::Result<Vec<u8>> {
 
 /// The format of a content that starts with `head`.
 fn detect(head: &[u8], file: &str) -> Result<Format> {
-    let not = |found: &str| RecordingError::NotARecording {
-        file: file.to_owned(),
-        found: found.to_owned(),
-    };
+    let not = |found: &str| RecordingError::not_a_recording(file, found);
     if head.is_empty() {
-        return Err(RecordingError::Empty {
-            file: file.to_owned(),
-            found: "0 bytes".to_owned(),
-            expected: "a recording",
-        });
+        return Err(RecordingError::empty(file, "0 bytes", "a recording"));
     }
     if head.starts_with(b"PAR1") {
         return Ok(Format::Parquet);
@@ -280,14 +253,14 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
         return Ok(Format::KfGins);
     }
     if let Some(columns) = kf_gins::columns_of_numbers(text) {
-        return Err(RecordingError::Unsupported {
-            file: file.to_owned(),
-            problem: format!(
+        return Err(RecordingError::unsupported(
+            file,
+            format!(
                 "{columns} columns of numbers without names, and not as KF-GINS has them; write a manifest beside it \
                  (`FILE.EXT.toml`) with `header = false`, the `delimiter`, and the columns of time and sensors by their \
                  number from 1, as docs/formats.md says"
             ),
-        });
+        ));
     }
     Err(not(
         "text without our column names and without a manifest beside it",
@@ -304,7 +277,7 @@ fn beside(path: &Path) -> Option<PathBuf> {
         .find(|candidate| candidate != path && manifest::describes(candidate, path))
 }
 
-fn has_extension(path: &Path, extension: &str) -> bool {
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
@@ -335,11 +308,10 @@ fn open_parquet_bytes(input: Vec<u8>, file: &str, metadata: Metadata) -> Result<
 
 #[cfg(not(feature = "parquet"))]
 fn without_parquet(file: &str) -> Result<Opened> {
-    Err(RecordingError::Unsupported {
-        file: file.to_owned(),
-        problem: "this build cannot read Parquet; build with `--features parquet`, or convert the file to CSV"
-            .to_owned(),
-    })
+    Err(RecordingError::unsupported(
+        file,
+        "this build cannot read Parquet; build with `--features parquet`, or convert the file to CSV",
+    ))
 }
 
 #[cfg(not(feature = "parquet"))]
@@ -364,10 +336,10 @@ fn open_mcap(
 
 #[cfg(not(feature = "mcap"))]
 fn open_mcap<T>(_: T, file: &str, _: Metadata, _: &OpenOptions) -> Result<Opened> {
-    Err(RecordingError::Unsupported {
-        file: file.to_owned(),
-        problem: "this build cannot read MCAP; build with `--features mcap`".to_owned(),
-    })
+    Err(RecordingError::unsupported(
+        file,
+        "this build cannot read MCAP; build with `--features mcap`",
+    ))
 }
 
 #[cfg(feature = "ulog")]
@@ -377,8 +349,8 @@ fn open_ulog(input: impl Read + Send + 'static, file: &str, metadata: Metadata) 
 
 #[cfg(not(feature = "ulog"))]
 fn open_ulog<T>(_: T, file: &str, _: Metadata) -> Result<Opened> {
-    Err(RecordingError::Unsupported {
-        file: file.to_owned(),
-        problem: "this build cannot read ULog; build with `--features ulog`".to_owned(),
-    })
+    Err(RecordingError::unsupported(
+        file,
+        "this build cannot read ULog; build with `--features ulog`",
+    ))
 }

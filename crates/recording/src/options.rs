@@ -47,24 +47,36 @@ impl Default for OpenOptions {
     }
 }
 
-/// Makes an enum whose values have one name each, for the command line, for TOML and for people.
-macro_rules! named_values {
-    ($(#[$meta:meta])* $name:ident, $what:literal { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
+/// Makes an enum whose values have one name each.
+macro_rules! named {
+    ($(#[$meta:meta])* pub enum $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
         $(#[$meta])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
         #[non_exhaustive]
         pub enum $name {
-            $($(#[$doc])* #[serde(rename = $text)] $variant,)+
+            $($(#[$doc])* $variant,)+
         }
 
         impl $name {
             /// Every value.
-            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+            pub const ALL: [Self; [$($text),+].len()] = [$(Self::$variant),+];
 
-            /// The name on the command line and in TOML.
+            /// The name on the command line and in files.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$variant => $text,)+ }
+            }
+        }
+    };
+}
+
+/// The same for the command line, for TOML and for people.
+macro_rules! named_values {
+    ($(#[$meta:meta])* $name:ident, $what:literal { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
+        named! {
+            $(#[$meta])*
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum $name {
+                $($(#[$doc])* #[serde(rename = $text)] $variant = $text,)+
             }
         }
 
@@ -90,6 +102,8 @@ macro_rules! named_values {
         }
     };
 }
+
+pub(crate) use named;
 
 named_values! {
     /// The formats that can be read.

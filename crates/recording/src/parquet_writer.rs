@@ -163,10 +163,7 @@ impl EventWriter for ParquetWriter {
     fn write(&mut self, event: &Event) -> Result<()> {
         let kind = event.sample.kind();
         if !self.sensors.contains(&kind) {
-            return Err(RecordingError::NoColumnFor {
-                file: self.file.clone(),
-                sensor: kind.name(),
-            });
+            return Err(RecordingError::no_column_for(&self.file, kind.name()));
         }
         if !self.row.takes(event) {
             self.end_row()?;

@@ -56,25 +56,15 @@ impl Plausibility {
         }
         match sample {
             Sample::AngularRate(rate) => {
-                if let Some(verdict) = self
-                    .rate
-                    .as_mut()
-                    .and_then(|check| check.turn(time_ns, rate))
-                {
-                    return Err(verdict.error(file));
-                }
+                let check = self.rate.as_mut();
+                rate_verdict(check.and_then(|check| check.turn(time_ns, rate)), file)?;
             }
             Sample::SpecificForce(force) => {
                 advance(&mut self.force, time_ns, force, |norm| {
                     force_verdict(norm, file)
                 })?;
-                if let Some(verdict) = self
-                    .rate
-                    .as_mut()
-                    .and_then(|check| check.see(time_ns, force))
-                {
-                    return Err(verdict.error(file));
-                }
+                let check = self.rate.as_mut();
+                rate_verdict(check.and_then(|check| check.see(time_ns, force)), file)?;
             }
             Sample::MagneticField(field) => {
                 advance(&mut self.field, time_ns, field, |norm| {
@@ -119,11 +109,12 @@ impl Plausibility {
         median(&mut self.field_uncalibrated).map_or(Ok(()), |norm| {
             field_verdict(norm, "magnetometer-uncalibrated", file)
         })?;
-        match self.rate.as_ref().and_then(RateCheck::at_end) {
-            Some(verdict) => Err(verdict.error(file)),
-            None => Ok(()),
-        }
+        rate_verdict(self.rate.as_ref().and_then(RateCheck::at_end), file)
     }
+}
+
+fn rate_verdict(verdict: Option<RateVerdict>, file: &str) -> Result<()> {
+    verdict.map_or(Ok(()), |verdict| Err(verdict.error(file)))
 }
 
 /// Feeds a norm check and, when its window is full, judges and retires it.

@@ -7,7 +7,7 @@ use crate::event::{Event, Sample, SensorKind};
 use crate::gnss::GnssQuality;
 use crate::instant::Instant;
 use crate::issues::Issues;
-use crate::metadata::Metadata;
+use crate::metadata::{Metadata, WorldFrame};
 use crate::options::OpenOptions;
 use crate::plausibility::Plausibility;
 use crate::timeline::Timeline;
@@ -28,6 +28,28 @@ pub(crate) struct Opened {
     pub(crate) notes: Vec<String>,
     /// Whether the reader has applied the units of the options itself.
     pub(crate) units_applied: bool,
+}
+
+impl Opened {
+    /// What navigation sensors write: in north, east, down, and in units that need no option.
+    pub(crate) fn ned(
+        format: &str,
+        metadata: Metadata,
+        sensors: &[SensorKind],
+        source: Box<dyn EventSource>,
+    ) -> Self {
+        Self {
+            metadata: Metadata {
+                format: format.to_owned(),
+                world_frame: WorldFrame::Ned,
+                ..metadata
+            },
+            sensors: sensors.to_vec(),
+            source,
+            notes: Vec::new(),
+            units_applied: true,
+        }
+    }
 }
 
 /// An open recording: an iterator of events in time order, events of one instant in the order of
@@ -171,11 +193,11 @@ impl Recording {
     /// What is wrong with the recording as a whole, known at its end.
     fn verdict(&mut self) -> Result<()> {
         if self.delivered == 0 {
-            return Err(RecordingError::Empty {
-                file: self.file.clone(),
-                found: "no sample with a time stamp".to_owned(),
-                expected: "at least one sample",
-            });
+            return Err(RecordingError::empty(
+                &self.file,
+                "no sample with a time stamp",
+                "at least one sample",
+            ));
         }
         self.plausibility.tell(&mut self.issues);
         self.timeline.finish(&self.file)?;

@@ -15,8 +15,9 @@ use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind, TrueHeading};
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 use crate::issues::Issues;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
+use crate::text::read_piece;
 
 /// What begins a frame.
 const SYNC: [u8; 2] = [0xb5, 0x62];
@@ -55,30 +56,20 @@ fn is_frame(bytes: &[u8]) -> bool {
 }
 
 /// Opens a log.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    mut metadata: Metadata,
-) -> Opened {
-    "ubx".clone_into(&mut metadata.format);
-    metadata.world_frame = WorldFrame::Ned;
-    Opened {
-        metadata,
-        sensors: vec![
-            SensorKind::GnssPosition,
-            SensorKind::GnssVelocity,
-            SensorKind::TrueHeading,
-        ],
-        source: Box::new(UbxSource {
-            file: file.to_owned(),
-            input,
-            parser: Parser::new(Vec::new()),
-            events: VecDeque::new(),
-            at_end: false,
-        }),
-        notes: Vec::new(),
-        units_applied: true,
-    }
+pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+    let sensors = [
+        SensorKind::GnssPosition,
+        SensorKind::GnssVelocity,
+        SensorKind::TrueHeading,
+    ];
+    let source = Box::new(UbxSource {
+        file: file.to_owned(),
+        input,
+        parser: Parser::new(Vec::new()),
+        events: VecDeque::new(),
+        at_end: false,
+    });
+    Opened::ned("ubx", metadata, &sensors, source)
 }
 
 struct UbxSource<R> {
@@ -93,12 +84,7 @@ impl<R: Read + Send> UbxSource<R> {
     /// Reads the next piece of the file.
     fn read_piece(&mut self, issues: &mut Issues) -> Result<()> {
         let mut piece = [0; 1 << 14];
-        let read = loop {
-            match self.input.read(&mut piece) {
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-                read => break read,
-            }
-        };
+        let read = read_piece(&mut self.input, &mut piece);
         let read = read.map_err(|error| RecordingError::io(&self.file, "read it", error))?;
         if read == 0 {
             self.at_end = true;

@@ -7,18 +7,19 @@
 //! The lines have no time. What stands before one, or in the first cell of a table that quotes them, is its time of
 //! arrival; a log without any is counted at the rate at which the sensor sends unless told otherwise.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufReader, Read};
 
 use nalgebra::Vector3;
 use northing_core::geometry::rotation::from_yaw_pitch_roll;
 
-use crate::error::{RecordingError, Result};
+use crate::error::Result;
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::nmea::arrival;
 use crate::options::FieldUnit;
 use crate::recording::{EventSource, Opened};
+use crate::text::read_line;
 
 /// How a line begins.
 const ADDRESS: &[u8] = b"$VNYMR,";
@@ -61,25 +62,17 @@ pub(crate) fn recognises(head: &str) -> bool {
 }
 
 /// Opens a log.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    mut metadata: Metadata,
-) -> Opened {
-    "vectornav".clone_into(&mut metadata.format);
-    metadata.world_frame = WorldFrame::Ned;
+pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+    let source = Box::new(Source {
+        file: file.to_owned(),
+        input: BufReader::with_capacity(1 << 16, input),
+        text: Vec::new(),
+        times: Times::Unknown,
+        waiting: Vec::new(),
+    });
     Opened {
-        metadata,
-        sensors: SENSORS.to_vec(),
-        source: Box::new(Source {
-            file: file.to_owned(),
-            input: BufReader::with_capacity(1 << 16, input),
-            text: Vec::new(),
-            times: Times::Unknown,
-            waiting: Vec::new(),
-        }),
-        notes: Vec::new(),
         units_applied: false,
+        ..Opened::ned("vectornav", metadata, &SENSORS, source)
     }
 }
 
@@ -103,18 +96,6 @@ enum Times {
 }
 
 impl<R: Read + Send> Source<R> {
-    /// Reads a line; false at the end.
-    fn read_line(&mut self) -> Result<bool> {
-        self.text.clear();
-        let read = self
-            .input
-            .by_ref()
-            .take(LONGEST_LINE)
-            .read_until(b'\n', &mut self.text)
-            .map_err(|error| RecordingError::io(&self.file, "read it", error))?;
-        Ok(read > 0)
-    }
-
     fn take_line(&mut self, issues: &mut Issues) {
         let (arrival_ns, numbers) = match line(&self.text) {
             None => return,
@@ -164,7 +145,7 @@ impl<R: Read + Send> EventSource for Source<R> {
             if let Some(event) = self.waiting.pop() {
                 return Some(Ok(event));
             }
-            match self.read_line() {
+            match read_line(&mut self.input, LONGEST_LINE, &mut self.text, &self.file) {
                 Ok(true) => self.take_line(issues),
                 Ok(false) => return None,
                 Err(error) => return Some(Err(error)),

@@ -35,10 +35,8 @@ pub fn create(
     sensors: &[SensorKind],
     force: bool,
 ) -> Result<Box<dyn EventWriter>> {
-    let unsupported = |problem: &str| RecordingError::Unsupported {
-        file: path.display().to_string(),
-        problem: problem.to_owned(),
-    };
+    let unsupported =
+        |problem: &str| RecordingError::unsupported(path.display().to_string(), problem);
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match extension.as_deref() {
         Some("csv") => Ok(Box::new(CsvWriter::create(path, metadata, sensors, force)?)),

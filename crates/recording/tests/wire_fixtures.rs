@@ -69,7 +69,7 @@ fn sensor_logger_push_is_the_truth_on_android_and_on_both_settings_of_an_iphone(
         ("push_ios_default_25hz.ndjson", 151, false),
         ("push_ios_standardised_25hz.ndjson", 151, false),
     ] {
-        let mut decoder = SensorLoggerPush::new();
+        let mut decoder = SensorLoggerPush::default();
         let messages = lines(&dir.join("sensor_logger").join(file));
         let mut out = all(&messages, |body| decoder.push(body));
         out.append(decoder.flush());
@@ -94,7 +94,7 @@ fn sensor_logger_messages_out_of_order_and_twice_give_each_reading_once_in_order
         return;
     };
     let truth = Truth::read(&dir);
-    let mut decoder = SensorLoggerPush::new();
+    let mut decoder = SensorLoggerPush::default();
     let messages = lines(&dir.join("sensor_logger/push_out_of_order_duplicate.ndjson"));
     let out = all(&messages, |body| decoder.push(body));
     let seen = truth.assert_equal(&out.events, EPOCH_NS, &EXACT);
@@ -114,7 +114,7 @@ fn sensor_logger_sensors_that_are_not_used_cost_nothing_else() {
         return;
     };
     let body = fs::read(dir.join("sensor_logger/push_other_sensors.json")).unwrap();
-    let mut decoder = SensorLoggerPush::new();
+    let mut decoder = SensorLoggerPush::default();
     let mut out = decoder.push(&body);
     out.append(decoder.flush());
     let kinds: Vec<_> = out.events.iter().map(|e| e.sample.kind()).collect();
@@ -139,7 +139,7 @@ fn sensorserver_is_the_truth() {
         attitude_rad: 2.1e-7,
         ..EXACT
     };
-    let mut decoder = SensorServer::new();
+    let mut decoder = SensorServer::default();
     let frames = lines(&dir.join("sensorserver/sensors_multi_50hz.ndjson"));
     let out = all(&frames, |frame| decoder.push(frame));
     assert!(out.notices.is_empty(), "{:?}", out.notices);
@@ -161,7 +161,7 @@ fn sensorserver_is_the_truth() {
     let seen = truth.assert_equal(&out.events, BOOT_NS, &tolerance);
     assert_eq!(seen[&SensorKind::Accelerometer], 10);
 
-    let mut decoder = SensorServer::new();
+    let mut decoder = SensorServer::default();
     let frames = lines(&dir.join("sensorserver/gps.ndjson"));
     let out = all(&frames, |frame| decoder.push(frame));
     assert!(out.events.is_empty() && out.notices[0].tone == Tone::Info);
@@ -184,7 +184,7 @@ fn linkoping_is_the_truth_however_the_stream_is_cut() {
     let stream = fs::read(dir.join("linkoping_sensor_fusion/stream_100hz.txt")).unwrap();
     let mut whole = None;
     for cut in [7, 1448, stream.len()] {
-        let mut decoder = Linkoping::new();
+        let mut decoder = Linkoping::default();
         let mut out = Decoded::default();
         for piece in stream.chunks(cut) {
             out.append(decoder.push(piece));
@@ -301,9 +301,9 @@ fn hyperimu_and_sensorstreamer_are_the_truth() {
         attitude_rad: 0.0,
         ..EXACT
     };
-    let mut csv = HyperImu::new();
-    let mut json = HyperImu::new();
-    let mut streamer = SensorStreamer::new();
+    let mut csv = HyperImu::default();
+    let mut json = HyperImu::default();
+    let mut streamer = SensorStreamer::default();
     for (messages, push, start) in [
         (
             "hyperimu/udp_csv.txt",
@@ -407,7 +407,7 @@ fn the_phone_page_is_the_truth_on_both_platforms_and_both_interfaces() {
         ("ios_safari_devicemotion", "ios", &exact, 1_000_000, 0),
         ("ios_safari_devicemotion", "other", &exact, 1_000_000, 0),
     ] {
-        let mut decoder = PhonePage::new();
+        let mut decoder = PhonePage::default();
         let messages = batches(
             &dir.join("browser").join(format!("{file}.ndjson")),
             platform,

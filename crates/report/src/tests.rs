@@ -215,7 +215,6 @@ fn text_of_the_user_cannot_become_markup() {
         title: evil.to_owned(),
         estimator: evil.to_owned(),
         recording: evil.to_owned(),
-        program: evil.to_owned(),
         command: Some(evil.to_owned()),
         summary: vec![Fact::new(evil, evil)],
         verdicts: vec![Verdict::new(Tone::Bad, evil)],

@@ -30,6 +30,7 @@ pub mod random;
 mod rotation;
 pub mod scenario;
 pub mod sensors;
+mod settings;
 pub mod trajectory;
 pub mod virtual_phone;
 pub mod world;

@@ -14,51 +14,37 @@ use serde::{Deserialize, Serialize};
 
 use crate::random::{Stream, normal_vector, stream};
 use crate::rotation::sin_cos;
+use crate::settings::settings;
 use crate::trajectory::{MultiSine, MultiSineConfig, Trajectory as _, mean_rate};
 use crate::world::{default_magnetic_field_ut, specific_force_at_rest};
 
-/// What a trial looks like. The defaults are a phone in a brisk hand for a minute.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct AttitudeTrialConfig {
-    /// Length, s. Default 60.
-    pub duration_s: f64,
-    /// Samples per second of all three sensors, Hz. Default 100.
-    pub rate_hz: f64,
-    /// Size of the motion, rad ([`MultiSineConfig::amplitude_rad`]). Default 1.2; zero is rest.
-    pub amplitude_rad: f64,
-    /// White noise of each gyroscope sample, per axis, rad/s. Default 0.005.
-    pub gyroscope_noise_std_rad_s: f64,
-    /// Standard deviation of the gyroscope bias at the start, per axis, rad/s. Default 0.02.
-    pub gyroscope_bias_std_rad_s: f64,
-    /// Random walk of the gyroscope bias, per axis, (rad/s)/sqrt(s): its variance grows by the
-    /// square of this every second. Default 2e-5.
-    pub gyroscope_bias_random_walk_rad_s_sqrt_s: f64,
-    /// White noise of each accelerometer sample, per axis, m/s^2. Default 0.05.
-    pub accelerometer_noise_std_m_s2: f64,
-    /// White noise of each magnetometer sample, per axis, microtesla. Default 0.5.
-    pub magnetometer_noise_std_ut: f64,
-    /// Amplitude per world axis of 0.8 Hz acceleration bursts that fill 40 % of every 20 s,
-    /// m/s^2. Default 0: none.
-    pub acceleration_burst_m_s2: f64,
-    /// Field added towards the east for the last 6 s of every 20 s, microtesla. Default 0: none.
-    pub magnetic_burst_ut: f64,
-}
-
-impl Default for AttitudeTrialConfig {
-    fn default() -> Self {
-        Self {
-            duration_s: 60.0,
-            rate_hz: 100.0,
-            amplitude_rad: 1.2,
-            gyroscope_noise_std_rad_s: 0.005,
-            gyroscope_bias_std_rad_s: 0.02,
-            gyroscope_bias_random_walk_rad_s_sqrt_s: 2e-5,
-            accelerometer_noise_std_m_s2: 0.05,
-            magnetometer_noise_std_ut: 0.5,
-            acceleration_burst_m_s2: 0.0,
-            magnetic_burst_ut: 0.0,
-        }
+settings! {
+    /// What a trial looks like. The defaults are a phone in a brisk hand for a minute.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct AttitudeTrialConfig {
+        /// Length, s. Default 60.
+        duration_s: f64 = 60.0,
+        /// Samples per second of all three sensors, Hz. Default 100.
+        rate_hz: f64 = 100.0,
+        /// Size of the motion, rad ([`MultiSineConfig::amplitude_rad`]). Default 1.2; zero is rest.
+        amplitude_rad: f64 = 1.2,
+        /// White noise of each gyroscope sample, per axis, rad/s. Default 0.005.
+        gyroscope_noise_std_rad_s: f64 = 0.005,
+        /// Standard deviation of the gyroscope bias at the start, per axis, rad/s. Default 0.02.
+        gyroscope_bias_std_rad_s: f64 = 0.02,
+        /// Random walk of the gyroscope bias, per axis, (rad/s)/sqrt(s): its variance grows by the
+        /// square of this every second. Default 2e-5.
+        gyroscope_bias_random_walk_rad_s_sqrt_s: f64 = 2e-5,
+        /// White noise of each accelerometer sample, per axis, m/s^2. Default 0.05.
+        accelerometer_noise_std_m_s2: f64 = 0.05,
+        /// White noise of each magnetometer sample, per axis, microtesla. Default 0.5.
+        magnetometer_noise_std_ut: f64 = 0.5,
+        /// Amplitude per world axis of 0.8 Hz acceleration bursts that fill 40 % of every 20 s,
+        /// m/s^2. Default 0: none.
+        acceleration_burst_m_s2: f64 = 0.0,
+        /// Field added towards the east for the last 6 s of every 20 s, microtesla. Default 0: none.
+        magnetic_burst_ut: f64 = 0.0,
     }
 }
 

@@ -9,6 +9,7 @@ mod coning;
 mod flight;
 mod multi_sine;
 mod sequence;
+mod sine;
 pub mod vessel;
 
 use std::fmt;

@@ -18,6 +18,8 @@ mod magnetometer;
 mod magnetometer_choice;
 mod navigation;
 mod positions;
+#[cfg(all(unix, feature = "parquet"))]
+mod results;
 mod run;
 #[cfg(target_os = "linux")]
 mod streaming;

@@ -4,12 +4,10 @@
 //! Romaniuk & Gosiewski (2014) show one walk; here are many, with known truth. [`Experiment::tracking`] scores
 //! five minutes with a fix a second, [`Experiment::outages`] what is left after 10, 30 and 60 s without,
 //! [`Experiment::consistency`] whether the error-state filter knows its own error.
-//! [`markdown`] makes the tables of `docs/results/navigation.md`.
+//! Example `ground_results` makes the tables of `docs/results/navigation.md`.
 
 mod experiment;
 mod schemes;
-mod tables;
 
 pub use experiment::{Consistency, Experiment, OUTAGES_S, OutageScore, TrackingScore};
 pub use schemes::{Estimate, Scheme};
-pub use tables::markdown;

@@ -16,7 +16,7 @@ use crate::delimited::{Blanks, Channel, DelimitedSource, Layout, TimeForm};
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
 use crate::merge::Merged;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::numbers;
 use crate::recording::{EventSource, Opened};
 use crate::stamp;
@@ -126,16 +126,15 @@ pub(crate) fn open(
 ) -> Result<Opened> {
     let head = head(&mut input).map_err(|error| RecordingError::io(file, "read it", error))?;
     let Some(table) = Table::of_bytes(&head) else {
-        return Err(RecordingError::Unsupported {
-            file: file.to_owned(),
-            problem: "the first rows are no KF-GINS table: seven numbers each, either seconds of the week, increments of \
+        return Err(RecordingError::unsupported(
+            file,
+            "the first rows are no KF-GINS table: seven numbers each, either seconds of the week, increments of \
                       angle (rad) and of velocity (m/s), or seconds of the week, latitude, longitude (deg), height and \
-                      three standard deviations (m); a manifest describes any other table"
-                .to_owned(),
-        });
+                      three standard deviations (m); a manifest describes any other table",
+        ));
     };
     let source = table.source(file, &head, Cursor::new(head.clone()).chain(input));
-    Ok(opened(metadata, table.sensors(), source))
+    Ok(Opened::ned("kf-gins", metadata, &table.sensors(), source))
 }
 
 /// Opens a folder that holds both tables; `None` when it does not.
@@ -168,36 +167,27 @@ pub(crate) fn open_folder(path: &Path, file: &str, metadata: &Metadata) -> Resul
         sensors.extend(table.sensors());
     }
     let source = Box::new(Merged::new(streams));
-    Ok(Some(opened(metadata.clone(), sensors, source)))
-}
-
-fn opened(metadata: Metadata, sensors: Vec<SensorKind>, source: Box<dyn EventSource>) -> Opened {
-    Opened {
-        metadata: Metadata {
-            format: "kf-gins".to_owned(),
-            world_frame: WorldFrame::Ned,
-            ..metadata
-        },
-        sensors,
+    Ok(Some(Opened::ned(
+        "kf-gins",
+        metadata.clone(),
+        &sensors,
         source,
-        notes: Vec::new(),
-        units_applied: true,
-    }
+    )))
 }
 
 fn several(file: &str, table: Table, paths: &[&PathBuf]) -> RecordingError {
     let names = paths.iter().filter_map(|path| path.file_name());
     let names: Vec<_> = names.map(|name| name.to_string_lossy()).collect();
-    RecordingError::Unsupported {
-        file: file.to_owned(),
-        problem: format!(
+    RecordingError::unsupported(
+        file,
+        format!(
             "{} KF-GINS tables of {} ({}); write a manifest with one [[source]] `file = \"...\"`, `format = \"kf-gins\"` \
              for each of the two that belong together",
             paths.len(),
             table.what(),
             names.join(", ")
         ),
-    }
+    )
 }
 
 /// The first bytes of a file.

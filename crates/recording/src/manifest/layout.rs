@@ -2,7 +2,6 @@
 
 mod navigation;
 
-use super::problem;
 use super::schema::{
     Column, ForceColumnUnit, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
     RateColumnUnit, Source, TimeColumn, TimeUnit, VectorColumns,
@@ -27,10 +26,9 @@ impl LayoutBuilder<'_> {
         let source = self.source;
         if let Some(device) = &source.device_orientation {
             if device.scored.is_some() {
-                return Err(problem(
-                    self.manifest_file,
-                    "[device_orientation] has `scored`, which belongs to [reference]".to_owned(),
-                ));
+                return Err(
+                    self.problem("[device_orientation] has `scored`, which belongs to [reference]")
+                );
             }
             let (columns, inverse) = self.quaternion(device)?;
             channels.push(Channel::DeviceOrientation { columns, inverse });
@@ -104,10 +102,9 @@ impl LayoutBuilder<'_> {
 
     fn finish(self, channels: Vec<Channel>) -> Result<Layout> {
         let Some(time) = &self.source.time else {
-            return Err(problem(
-                self.manifest_file,
-                "missing key `time`: the column of the time stamps and its unit".to_owned(),
-            ));
+            return Err(
+                self.problem("missing key `time`: the column of the time stamps and its unit")
+            );
         };
         let rows = match &self.source.rows {
             Some(filter) => Some(RowsOf {
@@ -126,7 +123,7 @@ impl LayoutBuilder<'_> {
         };
         check_columns(&layout, self.manifest_file)?;
         if layout.channels.is_empty() {
-            return Err(problem(
+            return Err(RecordingError::manifest(
                 self.manifest_file,
                 format!(
                     "no columns of any sensor for {}: add e.g. [gyroscope] with `columns`",
@@ -137,6 +134,10 @@ impl LayoutBuilder<'_> {
         Ok(layout)
     }
 
+    fn problem(&self, problem: impl Into<String>) -> RecordingError {
+        RecordingError::manifest(self.manifest_file, problem)
+    }
+
     fn column(&self, column: &Column) -> Result<usize> {
         let missing = |what: String| RecordingError::MissingColumns {
             file: self.file.to_owned(),
@@ -145,16 +146,12 @@ impl LayoutBuilder<'_> {
             advice: format!("correct the column in {}", self.manifest_file),
         };
         match column {
-            Column::Number(0) => Err(problem(
-                self.manifest_file,
-                "column number 0: columns are counted from 1".to_owned(),
-            )),
+            Column::Number(0) => Err(self.problem("column number 0: columns are counted from 1")),
             Column::Number(number) if *number <= self.names.len() => Ok(number - 1),
             Column::Number(number) => Err(missing(format!("column number {number}"))),
-            Column::Name(_) if !self.source.header => Err(problem(
-                self.manifest_file,
-                "with header = false columns are given by number, from 1".to_owned(),
-            )),
+            Column::Name(_) if !self.source.header => {
+                Err(self.problem("with header = false columns are given by number, from 1"))
+            }
             Column::Name(name) => {
                 let mut places = self.names.iter().enumerate().filter(|(_, n)| *n == name);
                 let Some((place, _)) = places.next() else {
@@ -183,9 +180,7 @@ impl LayoutBuilder<'_> {
         let (factor, is_increment) = factor(vector.unit);
         let axes = match &vector.axes {
             Some(text) => parse_axes(text).ok_or_else(|| {
-                problem(
-                    self.manifest_file,
-                    format!(
+                self.problem(format!(
                         "[{}] axes = {text:?}: expected each of x, y, z once, with or without a minus, e.g. \"x,-y,z\"",
                         kind.name().replace('-', "_")
                     ),
@@ -266,7 +261,7 @@ fn check_columns(layout: &Layout, manifest_file: &str) -> Result<()> {
             let is_shared = is_reference && orientation.is_some_and(|own| own.contains(&column));
             if used.contains(&column) && !is_shared {
                 let name = layout.names.get(column).map_or("", String::as_str);
-                return Err(problem(
+                return Err(RecordingError::manifest(
                     manifest_file,
                     format!("column `{name}` is used twice; every column has one meaning"),
                 ));

@@ -15,9 +15,10 @@ use std::path::{Path, PathBuf};
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
 use crate::metadata::Metadata;
-use crate::open::{open_data_file, stem};
+use crate::open::{has_extension, open_data_file, stem};
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording, Scale};
+use crate::text::read_manifest;
 
 pub use navigation::{
     AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, PositionColumns,
@@ -59,10 +60,7 @@ pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Opened> {
     let sources = &loaded.manifest.sources;
     for source in sources {
         let Some(data) = &source.file else {
-            return Err(problem(
-                &loaded.file,
-                "missing key `file`: the data file, relative to the folder of data or to the manifest"
-                    .to_owned(),
+            return Err(loaded.problem("missing key `file`: the data file, relative to the folder of data or to the manifest",
             ));
         };
         let data = folder.join(data);
@@ -72,10 +70,7 @@ pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Opened> {
         parts.push((source, loaded.source(source, path, &data, options)?));
     }
     if parts.is_empty() {
-        return Err(problem(
-            &loaded.file,
-            "no [[source]]: each names a `file`".to_owned(),
-        ));
+        return Err(loaded.problem("no [[source]]: each names a `file`"));
     }
     loaded.finish(combined::combine(parts, Scale::new(options)), name)
 }
@@ -119,24 +114,19 @@ struct Loaded {
 
 impl Loaded {
     fn read(path: &Path) -> Result<Self> {
-        /// A manifest is a page; anything longer is another file.
-        const LONGEST: u64 = 1 << 20;
-        let file = path.display().to_string();
-        let mut text = String::new();
-        File::open(path)
-            .and_then(|input| input.take(LONGEST).read_to_string(&mut text))
-            .map_err(|error| RecordingError::io(&file, "read the manifest", error))?;
+        let (text, file) = read_manifest(path)?;
         let manifest = parse(&text, &file)?;
         Ok(Self { manifest, file })
+    }
+
+    fn problem(&self, problem: impl Into<String>) -> RecordingError {
+        RecordingError::manifest(&self.file, problem)
     }
 
     /// The source of a manifest that has one.
     fn only_source(&self) -> Result<&Source> {
         let [source] = &self.manifest.sources[..] else {
-            return Err(problem(
-                &self.file,
-                "describes several files; open the manifest itself".to_owned(),
-            ));
+            return Err(self.problem("describes several files; open the manifest itself"));
         };
         Ok(source)
     }
@@ -155,11 +145,8 @@ impl Loaded {
                 File::open(data).map_err(|error| RecordingError::io(&file, "open it", error))?;
             return table::open(source, &self.file, input, &file, options);
         }
-        if same_file(manifest, data) || has_toml_extension(data) {
-            return Err(problem(
-                &self.file,
-                format!("{} is a manifest, not a data file", data.display()),
-            ));
+        if same_file(manifest, data) || has_extension(data, "toml") {
+            return Err(self.problem(format!("{} is a manifest, not a data file", data.display())));
         }
         open_data_file(data, source.format, options)
     }
@@ -202,16 +189,4 @@ impl Loaded {
 fn same_file(one: &Path, other: &Path) -> bool {
     let canonical = |path: &Path| path.canonicalize().unwrap_or(PathBuf::from(path));
     canonical(one) == canonical(other)
-}
-
-fn has_toml_extension(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
-}
-
-fn problem(file: &str, problem: String) -> RecordingError {
-    RecordingError::Manifest {
-        file: file.to_owned(),
-        problem,
-    }
 }

@@ -10,11 +10,11 @@ use toml::de::{DeTable, Deserializer};
 use super::navigation::{
     EcefColumns, HeadingColumn, PositionColumns, SpeedColumn, VelocityColumns, WaterColumns,
 };
-use super::problem;
-use crate::error::Result;
+use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
 use crate::metadata::WorldFrame;
 use crate::options::{FieldUnit, Format, RateUnit};
+use crate::text::toml_problem;
 
 /// A manifest file: what is told of the whole recording, and its sources. Unknown keys are refused.
 #[derive(Debug, Clone)]
@@ -334,16 +334,8 @@ fn yes() -> bool {
 /// # Errors
 /// [`crate::RecordingError::Manifest`] with the line and what was expected.
 pub fn parse(text: &str, file: &str) -> Result<Manifest> {
-    let manifest = parse_toml(text).map_err(|error| {
-        let line = error.span().map_or(String::new(), |span| {
-            let before = text.get(..span.start).unwrap_or(text);
-            format!("line {}: ", before.matches('\n').count() + 1)
-        });
-        problem(
-            file,
-            format!("{line}{}", error.message().replace('\n', "; ")),
-        )
-    })?;
+    let manifest = parse_toml(text)
+        .map_err(|error| RecordingError::manifest(file, toml_problem(text, &error)))?;
     manifest
         .sources
         .iter()
@@ -380,22 +372,21 @@ struct Several {
 
 fn check(source: &Source, file: &str) -> Result<()> {
     if !source.delimiter.is_ascii() || source.comment.is_some_and(|c| !c.is_ascii()) {
-        return Err(problem(
+        return Err(RecordingError::manifest(
             file,
-            "delimiter and comment must each be one ASCII character, e.g. \";\"".to_owned(),
+            "delimiter and comment must each be one ASCII character, e.g. \";\"",
         ));
     }
     if source.decimal_comma && source.delimiter == ',' {
-        return Err(problem(
+        return Err(RecordingError::manifest(
             file,
-            "decimal_comma needs a delimiter other than the comma, e.g. delimiter = \";\""
-                .to_owned(),
+            "decimal_comma needs a delimiter other than the comma, e.g. delimiter = \";\"",
         ));
     }
     /// Beyond a century an offset is a slip of the unit.
     const LARGEST_OFFSET_S: f64 = 3.2e9;
     if source.time_offset_s.is_nan() || source.time_offset_s.abs() > LARGEST_OFFSET_S {
-        return Err(problem(
+        return Err(RecordingError::manifest(
             file,
             format!("time_offset_s = {}: expected seconds", source.time_offset_s),
         ));

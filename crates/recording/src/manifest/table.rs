@@ -67,11 +67,11 @@ fn column_names(
         .byte_headers()
         .map_err(|error| csv_error(file, source.skip_rows, &error))?;
     if first.is_empty() {
-        return Err(RecordingError::Empty {
-            file: file.to_owned(),
-            found: format!("nothing after {} skipped lines", source.skip_rows),
-            expected: "rows of numbers",
-        });
+        return Err(RecordingError::empty(
+            file,
+            format!("nothing after {} skipped lines", source.skip_rows),
+            "rows of numbers",
+        ));
     }
     if !source.header {
         return Ok((1..=first.len()).map(|number| number.to_string()).collect());

@@ -97,7 +97,7 @@ impl Iterator for Messages {
 }
 
 /// Whether the input ends as a complete file does.
-fn has_end(input: &mut Box<dyn Input>) -> std::io::Result<bool> {
+pub(crate) fn has_end(input: &mut (impl Read + Seek)) -> std::io::Result<bool> {
     let length = input.seek(SeekFrom::End(0))?;
     let magic = MAGIC.len() as u64;
     if length < 2 * magic {

@@ -5,12 +5,12 @@
 //! delivers, the profile it started with), `command`, `poll` (time passed and something that waited
 //! was taken), `removed`. `docs/formats.md` has the table.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
-use ::mcap::records::{MessageHeader, Metadata};
-use ::mcap::{McapResult, Message, WriteOptions, Writer};
+use ::mcap::{McapResult, Message, Writer};
 
+use super::output::{Output, options};
 use crate::wire::WireFormat;
 
 /// Key of a channel's metadata: the identifier of the device.
@@ -95,10 +95,7 @@ pub(crate) fn channel_of(metadata: &BTreeMap<String, String>) -> Option<(&str, R
 }
 
 /// Writes a recording. Append-only: what is flushed is readable whatever happens later.
-pub struct LabWriter<W: Write + Seek> {
-    output: Writer<W>,
-    channels: HashMap<(String, RecordKind), (u16, u32)>,
-}
+pub struct LabWriter<W: Write + Seek>(Output<W, (String, RecordKind)>);
 
 impl<W: Write + Seek> LabWriter<W> {
     /// Begins a file. `facts` (program, time, computer) go in as metadata.
@@ -106,20 +103,8 @@ impl<W: Write + Seek> LabWriter<W> {
     /// # Errors
     /// The output refuses.
     pub fn new(output: W, facts: &BTreeMap<String, String>) -> McapResult<Self> {
-        let options = WriteOptions::new()
-            .compression(None)
-            .chunk_size(Some(CHUNK_BYTES))
-            .disable_seeking(true)
-            .library(format!("northing {}", env!("CARGO_PKG_VERSION")));
-        let mut output = options.create(output)?;
-        output.write_metadata(&Metadata {
-            name: "northing".to_owned(),
-            metadata: facts.clone(),
-        })?;
-        Ok(Self {
-            output,
-            channels: HashMap::new(),
-        })
+        let options = options().chunk_size(Some(CHUNK_BYTES));
+        Output::new(output, options, facts.clone()).map(Self)
     }
 
     /// Adds a record.
@@ -133,44 +118,9 @@ impl<W: Write + Seek> LabWriter<W> {
         arrival_ns: i64,
         bytes: &[u8],
     ) -> McapResult<()> {
-        let (channel_id, sequence) = self.channel(device, kind)?;
-        let time = u64::try_from(arrival_ns).unwrap_or(0);
-        let header = MessageHeader {
-            channel_id,
-            sequence,
-            log_time: time,
-            publish_time: time,
-        };
-        self.output.write_to_known_channel(&header, bytes)
-    }
-
-    fn channel(&mut self, device: &str, kind: RecordKind) -> McapResult<(u16, u32)> {
         let key = (device.to_owned(), kind);
-        if let Some((id, sequence)) = self.channels.get_mut(&key) {
-            *sequence = sequence.wrapping_add(1);
-            return Ok((*id, *sequence));
-        }
-        let schema = if kind.encoding() == "json" {
-            let name = format!("northing.{}", kind.name());
-            let schema = format!(r#"{{"title":"{name}","type":"object"}}"#);
-            self.output
-                .add_schema(&name, "jsonschema", schema.as_bytes())?
-        } else {
-            0
-        };
-        let topic = match kind {
-            RecordKind::Refused => format!("/{REFUSED}"),
-            _ => format!("/{device}/{}", kind.name()),
-        };
-        let metadata = BTreeMap::from([
-            (DEVICE.to_owned(), device.to_owned()),
-            (KIND.to_owned(), kind.name().to_owned()),
-        ]);
-        let id = self
-            .output
-            .add_channel(schema, &topic, kind.encoding(), &metadata)?;
-        self.channels.insert(key, (id, 0));
-        Ok((id, 0))
+        self.0
+            .message(key, arrival_ns, bytes, |file| channel(file, device, kind))
     }
 
     /// Ends the chunk under way and hands everything to the output.
@@ -178,7 +128,7 @@ impl<W: Write + Seek> LabWriter<W> {
     /// # Errors
     /// The output refuses.
     pub fn flush(&mut self) -> McapResult<()> {
-        self.output.flush()
+        self.0.flush()
     }
 
     /// Writes the index and hands back the output.
@@ -186,20 +136,42 @@ impl<W: Write + Seek> LabWriter<W> {
     /// # Errors
     /// The output refuses.
     pub fn finish(mut self) -> McapResult<W> {
-        self.output.finish()?;
-        Ok(self.output.into_inner())
+        self.0.finish()?;
+        Ok(self.0.into_inner())
     }
 
     /// Gives the recording up: nothing more is written, not even an index.
     pub fn abandon(self) -> W {
-        self.output.into_inner()
+        self.0.into_inner()
     }
+}
+
+/// Adds the channel of a device and kind to the file.
+fn channel<W: Write + Seek>(
+    file: &mut Writer<W>,
+    device: &str,
+    kind: RecordKind,
+) -> McapResult<u16> {
+    let schema = if kind.encoding() == "json" {
+        let name = format!("northing.{}", kind.name());
+        let schema = format!(r#"{{"title":"{name}","type":"object"}}"#);
+        file.add_schema(&name, "jsonschema", schema.as_bytes())?
+    } else {
+        0
+    };
+    let topic = match kind {
+        RecordKind::Refused => format!("/{REFUSED}"),
+        _ => format!("/{device}/{}", kind.name()),
+    };
+    let metadata = BTreeMap::from([
+        (DEVICE.to_owned(), device.to_owned()),
+        (KIND.to_owned(), kind.name().to_owned()),
+    ]);
+    file.add_channel(schema, &topic, kind.encoding(), &metadata)
 }
 
 impl<W: Write + Seek> std::fmt::Debug for LabWriter<W> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("LabWriter")
-            .field("channels", &self.channels.len())
-            .finish_non_exhaustive()
+        f.debug_struct("LabWriter").finish_non_exhaustive()
     }
 }

@@ -1,7 +1,6 @@
 //! The events of one device in a recording of the lab, decoded as the lab decoded them.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 
 use super::file::{End, Messages};
 use super::lab::{LabRecord, RecordKind};
@@ -180,19 +179,20 @@ impl EventSource for LabSource {
 
 /// Which devices a recording has.
 pub(crate) fn several(file: &str, devices: &[String]) -> RecordingError {
-    RecordingError::Unsupported {
-        file: file.to_owned(),
-        problem: format!(
+    RecordingError::unsupported(
+        file,
+        format!(
             "it holds several devices: {}; say which one with --device NAME",
             crate::error::join(devices.iter().map(String::as_str))
         ),
-    }
+    )
 }
 
 /// Puts the events of overlapping batches in the order of time, clock after clock.
 #[derive(Debug, Default)]
 struct Order {
-    waiting: BinaryHeap<Reverse<Waiting>>,
+    /// By stamp, sensor, and what came first.
+    waiting: BTreeMap<(i64, usize, u64), Event>,
     /// Of a clock that is over: they come before everything that waits.
     done: std::collections::VecDeque<Event>,
     count: u64,
@@ -201,29 +201,6 @@ struct Order {
     /// What the stamps of the present clock are moved by, ns.
     offset_ns: i64,
     last_arrival_ns: i64,
-}
-
-#[derive(Debug)]
-struct Waiting {
-    key: (i64, usize, u64),
-    event: Event,
-}
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.key == other.key
-    }
-}
-impl Eq for Waiting {}
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.key.cmp(&other.key)
-    }
 }
 
 impl Order {
@@ -259,25 +236,24 @@ impl Order {
     fn insert(&mut self, event: Event) {
         self.count += 1;
         let key = (event.time_ns, event.sample.kind().order(), self.count);
-        self.waiting.push(Reverse(Waiting { key, event }));
+        self.waiting.insert(key, event);
     }
 
     fn end_clock(&mut self) {
-        while let Some(Reverse(waiting)) = self.waiting.pop() {
-            self.done.push_back(waiting.event);
-        }
+        let waiting = std::mem::take(&mut self.waiting);
+        self.done.extend(waiting.into_values());
     }
 
     fn ready(&mut self, all: bool) -> Option<Event> {
         if let Some(event) = self.done.pop_front() {
             return Some(event);
         }
-        let Reverse(next) = self.waiting.peek()?;
-        let old = next.event.time_ns < self.newest_ns.saturating_sub(OVERLAP_NS);
+        let ((next_ns, ..), _) = self.waiting.first_key_value()?;
+        let old = *next_ns < self.newest_ns.saturating_sub(OVERLAP_NS);
         if !(all || old || self.waiting.len() > MOST_WAITING) {
             return None;
         }
-        self.waiting.pop().map(|Reverse(waiting)| waiting.event)
+        self.waiting.pop_first().map(|(_, event)| event)
     }
 }
 

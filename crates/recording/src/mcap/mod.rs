@@ -16,6 +16,7 @@ mod file;
 mod lab;
 mod lab_source;
 pub(crate) mod nav_sat_fix;
+pub(crate) mod output;
 mod recover;
 mod ros;
 mod ros_source;
@@ -48,10 +49,10 @@ pub(crate) fn open(
     let mut messages = Messages::new(input, file)?;
     let contents = contents(&mut messages);
     if let (true, End::Cut(why)) = (contents.channels.is_empty(), &contents.end) {
-        return Err(RecordingError::Damaged {
-            file: file.to_owned(),
-            detail: format!("{why}; nothing in it can be read"),
-        });
+        return Err(RecordingError::damaged(
+            file,
+            format!("{why}; nothing in it can be read"),
+        ));
     }
     metadata.format = "mcap".to_owned();
     let devices = devices(&contents.channels);
@@ -103,26 +104,28 @@ fn choose<'a>(devices: &'a [String], wanted: Option<&str>, file: &str) -> Result
             .iter()
             .find(|device| *device == wanted)
             .map(String::as_str)
-            .ok_or_else(|| RecordingError::Unsupported {
-                file: file.to_owned(),
-                problem: format!(
-                    "there is no device `{}`; it holds {}",
-                    crate::error::shown(wanted),
-                    crate::error::join(devices.iter().map(String::as_str))
-                ),
+            .ok_or_else(|| {
+                RecordingError::unsupported(
+                    file,
+                    format!(
+                        "there is no device `{}`; it holds {}",
+                        crate::error::shown(wanted),
+                        crate::error::join(devices.iter().map(String::as_str))
+                    ),
+                )
             }),
     }
 }
 
 fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
     let topics = contents.channels.iter().map(|c| c.topic.as_str());
-    RecordingError::NotARecording {
-        file: file.to_owned(),
-        found: format!(
+    RecordingError::not_a_recording(
+        file,
+        format!(
             "MCAP with the topics {}, of which none is a device of the lab or sensor_msgs/msg/Imu",
             crate::error::join(topics)
         ),
-    }
+    )
 }
 
 /// The records of a recording of the lab in the order in which they were written, for a replay.

@@ -4,12 +4,13 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::Path;
 
+use ::mcap::McapError;
 use ::mcap::io::MessageReader;
 use ::mcap::sans_io::LinearReaderOptions;
-use ::mcap::{McapError, WriteOptions};
 use tempfile::NamedTempFile;
 
-use super::file::MAGIC;
+use super::file::has_end;
+use super::output::{io_error, options};
 use crate::error::{RecordingError, Result};
 
 /// What was found in an unfinished recording.
@@ -26,16 +27,7 @@ pub struct Recovered {
 /// # Errors
 /// It cannot be read.
 pub fn is_complete(path: &Path) -> std::io::Result<bool> {
-    use std::io::{Read, Seek, SeekFrom};
-    let mut file = File::open(path)?;
-    let magic = MAGIC.len() as u64;
-    if file.metadata()?.len() < 2 * magic {
-        return Ok(false);
-    }
-    file.seek(SeekFrom::End(-(MAGIC.len() as i64)))?;
-    let mut last = [0; MAGIC.len()];
-    file.read_exact(&mut last)?;
-    Ok(last == MAGIC)
+    has_end(&mut File::open(path)?)
 }
 
 /// Rewrites an unfinished recording with what can be read of it. The old file stays until the new one
@@ -52,15 +44,9 @@ pub fn recover(path: &Path) -> Result<Recovered> {
     let refused = |error| RecordingError::io(&file, "recover it", error);
     let input = BufReader::new(File::open(path).map_err(refused)?);
     let temporary = NamedTempFile::new_in(folder).map_err(refused)?;
-    let (temporary, messages) = copy(input, temporary).map_err(|error| match error {
-        McapError::Io(error) => refused(error),
-        other => refused(std::io::Error::other(other)),
-    })?;
+    let (temporary, messages) = copy(input, temporary).map_err(|error| refused(io_error(error)))?;
     if messages == 0 {
-        return Err(RecordingError::Damaged {
-            file,
-            detail: "nothing in it can be read".to_owned(),
-        });
+        return Err(RecordingError::damaged(file, "nothing in it can be read"));
     }
     let output = temporary.as_file();
     output.sync_all().map_err(refused)?;
@@ -75,17 +61,13 @@ fn copy(
     input: BufReader<File>,
     output: NamedTempFile,
 ) -> std::result::Result<(NamedTempFile, u64), McapError> {
-    let options = LinearReaderOptions::default()
+    let reading = LinearReaderOptions::default()
         .with_skip_end_magic(true)
         .with_prevalidate_chunk_crcs(true);
-    let mut output = WriteOptions::new()
-        .compression(None)
-        .disable_seeking(true)
-        .library(format!("northing {}", env!("CARGO_PKG_VERSION")))
-        .create(BufWriter::new(output))?;
+    let mut output = options().create(BufWriter::new(output))?;
     let mut messages = 0;
     // The first error is the cut.
-    for message in MessageReader::new_with_options(input, options).map_while(|m| m.ok()) {
+    for message in MessageReader::new_with_options(input, reading).map_while(|m| m.ok()) {
         output.write(&message)?;
         messages += 1;
     }

@@ -49,14 +49,14 @@ pub(crate) fn choose(
     let raw: Vec<&String> = imus.iter().filter(|t| t.ends_with("data_raw")).collect();
     let imu = match (wanted, imus.as_slice(), raw.as_slice()) {
         (Some(wanted), ..) => imus.iter().find(|topic| *topic == wanted).ok_or_else(|| {
-            RecordingError::Unsupported {
-                file: file.to_owned(),
-                problem: format!(
+            RecordingError::unsupported(
+                file,
+                format!(
                     "there is no topic `{}` of sensor_msgs/Imu; it has {}",
                     crate::error::shown(wanted),
                     crate::error::join(imus.iter().map(String::as_str))
                 ),
-            }
+            )
         })?,
         (None, [only], _) => only,
         (None, _, [raw]) => raw,

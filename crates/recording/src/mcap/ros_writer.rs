@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 use std::path::Path;
 
-use ::mcap::records::{MessageHeader, Metadata as McapMetadata};
-use ::mcap::{McapError, McapResult, WriteOptions, Writer};
+use ::mcap::McapError;
 use nalgebra::{Matrix3, UnitQuaternion};
 use northing_core::geometry::frames::{covariance_in_reference, enu_from_ned_rotation};
 
+use super::output::{Output, io_error, options};
 use super::ros::{
     IMU, IMU_DEFINITION, Imu, MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION, MagneticField,
 };
@@ -75,10 +75,9 @@ pub const fn has_topic(kind: SensorKind) -> bool {
 
 /// Writes events, and estimates beside them.
 pub struct RosWriter<W: Write + Seek> {
-    output: Writer<W>,
+    output: Output<W, Topic>,
     file: String,
     world_frame: WorldFrame,
-    channels: BTreeMap<Topic, (u16, u32)>,
     row: Row,
 }
 
@@ -100,11 +99,6 @@ impl<W: Write + Seek> RosWriter<W> {
     /// # Errors
     /// The output refuses.
     pub fn new(output: W, metadata: &Metadata, file: &str) -> Result<Self> {
-        let options = WriteOptions::new()
-            .compression(None)
-            .profile("ros2")
-            .disable_seeking(true)
-            .library(format!("northing {}", env!("CARGO_PKG_VERSION")));
         let mut facts = metadata.extra.clone();
         facts.insert("name".to_owned(), metadata.name.clone());
         facts.extend(
@@ -113,20 +107,12 @@ impl<W: Write + Seek> RosWriter<W> {
                 .iter()
                 .map(|d| ("device".to_owned(), d.clone())),
         );
-        let begin = || {
-            let mut output = options.create(output)?;
-            output.write_metadata(&McapMetadata {
-                name: "northing".to_owned(),
-                metadata: facts,
-            })?;
-            Ok(output)
-        };
-        let output = begin().map_err(|error| failed(file, error))?;
+        let output = Output::new(output, options().profile("ros2"), facts)
+            .map_err(|error| failed(file, error))?;
         Ok(Self {
             output,
             file: file.to_owned(),
             world_frame: metadata.world_frame,
-            channels: BTreeMap::new(),
             row: Row::new(),
         })
     }
@@ -214,38 +200,18 @@ impl<W: Write + Seek> RosWriter<W> {
     }
 
     fn message(&mut self, topic: Topic, time_ns: i64, bytes: Option<Vec<u8>>) -> Result<()> {
-        let bytes = bytes.ok_or_else(|| RecordingError::Unsupported {
-            file: self.file.clone(),
-            problem: "a stamp is beyond the 68 years that ROS can hold; write .csv or .parquet"
-                .to_owned(),
+        let bytes = bytes.ok_or_else(|| {
+            RecordingError::unsupported(
+                &self.file,
+                "a stamp is beyond the 68 years that ROS can hold; write .csv or .parquet",
+            )
         })?;
-        let written = self.channel(topic).and_then(|(channel_id, sequence)| {
-            let time = u64::try_from(time_ns).unwrap_or(0);
-            let header = MessageHeader {
-                channel_id,
-                sequence,
-                log_time: time,
-                publish_time: time,
-            };
-            self.output.write_to_known_channel(&header, &bytes)
+        let written = self.output.message(topic, time_ns, &bytes, |file| {
+            let (name, definition) = topic.schema();
+            let schema = file.add_schema(name, "ros2msg", definition.as_bytes())?;
+            file.add_channel(schema, topic.name(), "cdr", &BTreeMap::new())
         });
         written.map_err(|error| failed(&self.file, error))
-    }
-
-    fn channel(&mut self, topic: Topic) -> McapResult<(u16, u32)> {
-        if let Some((id, sequence)) = self.channels.get_mut(&topic) {
-            *sequence = sequence.wrapping_add(1);
-            return Ok((*id, *sequence));
-        }
-        let (name, definition) = topic.schema();
-        let schema = self
-            .output
-            .add_schema(name, "ros2msg", definition.as_bytes())?;
-        let id = self
-            .output
-            .add_channel(schema, topic.name(), "cdr", &BTreeMap::new())?;
-        self.channels.insert(topic, (id, 0));
-        Ok((id, 0))
     }
 
     /// Writes the index and hands back the output.
@@ -294,9 +260,5 @@ impl<W: Write + Seek> std::fmt::Debug for RosWriter<W> {
 }
 
 fn failed(file: &str, error: McapError) -> RecordingError {
-    let error = match error {
-        McapError::Io(error) => error,
-        other => std::io::Error::other(other),
-    };
-    RecordingError::io(file, "write it", error)
+    RecordingError::io(file, "write it", io_error(error))
 }

@@ -13,18 +13,19 @@ mod epoch;
 mod line;
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufReader, Read};
 
 use content::Content;
 use epoch::{Calendar, Epoch};
 use line::{Sentence, reason};
 
-use crate::error::{RecordingError, Result};
+use crate::error::Result;
 use crate::event::{Event, Sample, SensorKind};
 use crate::hold::Hold;
 use crate::issues::Issues;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
+use crate::text::read_line;
 
 pub(crate) use line::{arrival, recognises};
 
@@ -45,25 +46,14 @@ const HOLD_NS: i64 = 3_000_000_000;
 const LONGEST_LINE: u64 = 1024;
 
 /// Opens a log.
-pub(crate) fn open(
-    input: impl Read + Send + 'static,
-    file: &str,
-    mut metadata: Metadata,
-) -> Opened {
-    "nmea".clone_into(&mut metadata.format);
-    metadata.world_frame = WorldFrame::Ned;
-    Opened {
-        metadata,
-        sensors: SENSORS.to_vec(),
-        source: Box::new(NmeaSource {
-            file: file.to_owned(),
-            input: BufReader::with_capacity(1 << 16, input),
-            log: Log::default(),
-            at_end: false,
-        }),
-        notes: Vec::new(),
-        units_applied: true,
-    }
+pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
+    let source = Box::new(NmeaSource {
+        file: file.to_owned(),
+        input: BufReader::with_capacity(1 << 16, input),
+        log: Log::default(),
+        at_end: false,
+    });
+    Opened::ned("nmea", metadata, &SENSORS, source)
 }
 
 /// The log of a file as events.
@@ -72,20 +62,6 @@ struct NmeaSource<R> {
     input: BufReader<R>,
     log: Log,
     at_end: bool,
-}
-
-impl<R: Read + Send> NmeaSource<R> {
-    /// Reads a line; false at the end.
-    fn read_line(&mut self, line: &mut Vec<u8>) -> Result<bool> {
-        line.clear();
-        let read = self
-            .input
-            .by_ref()
-            .take(LONGEST_LINE)
-            .read_until(b'\n', line)
-            .map_err(|error| RecordingError::io(&self.file, "read it", error))?;
-        Ok(read > 0)
-    }
 }
 
 impl<R: Read + Send> EventSource for NmeaSource<R> {
@@ -98,7 +74,7 @@ impl<R: Read + Send> EventSource for NmeaSource<R> {
             if self.at_end {
                 return None;
             }
-            match self.read_line(&mut line) {
+            match read_line(&mut self.input, LONGEST_LINE, &mut line, &self.file) {
                 Ok(true) => self.log.take(&line, issues),
                 Ok(false) => {
                     self.log.close(issues);

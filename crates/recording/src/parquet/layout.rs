@@ -97,13 +97,13 @@ impl Layout {
                     | Physical::BOOLEAN
             );
             if !numeric {
-                return Err(RecordingError::Unsupported {
-                    file: file.to_owned(),
-                    problem: format!(
+                return Err(RecordingError::unsupported(
+                    file,
+                    format!(
                         "column `{}` is of type {physical}; expected float or double",
                         shown(name)
                     ),
-                });
+                ));
             }
             self.names.push(name.clone());
         }

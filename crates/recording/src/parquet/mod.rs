@@ -30,6 +30,23 @@ pub(crate) const MOVING: &str = "moving";
 /// Time stamp of `t = 0`, ns; our writer's key, so that stamps survive exactly.
 pub(crate) const START_NS: &str = "start_time_ns";
 
+/// The columns of a position behind a prefix.
+macro_rules! position {
+    ($prefix:literal) => {
+        &[
+            concat!($prefix, "lat"),
+            concat!($prefix, "lon"),
+            concat!($prefix, "height"),
+            concat!($prefix, "std_n"),
+            concat!($prefix, "std_e"),
+            concat!($prefix, "std_d"),
+            concat!($prefix, "hdop"),
+            concat!($prefix, "satellites"),
+            concat!($prefix, "quality"),
+        ]
+    };
+}
+
 /// The columns of each sensor, in [`SensorKind::ALL`] order.
 pub(crate) const SENSORS: [(SensorKind, &[&str]); 19] = [
     (SensorKind::Gyroscope, &["gx", "gy", "gz"]),
@@ -42,20 +59,7 @@ pub(crate) const SENSORS: [(SensorKind, &[&str]); 19] = [
     (SensorKind::Velocity, &["vx", "vy", "vz"]),
     (SensorKind::Pressure, &["pressure"]),
     (SensorKind::CompassHeading, &["heading", "heading_std"]),
-    (
-        SensorKind::GnssPosition,
-        &[
-            "lat",
-            "lon",
-            "height",
-            "std_n",
-            "std_e",
-            "std_d",
-            "hdop",
-            "satellites",
-            "quality",
-        ],
-    ),
+    (SensorKind::GnssPosition, position!("")),
     (
         SensorKind::GnssVelocity,
         &["vn", "ve", "vd", "vn_std", "ve_std", "vd_std"],
@@ -85,20 +89,7 @@ pub(crate) const SENSORS: [(SensorKind, &[&str]); 19] = [
             "device_validity",
         ],
     ),
-    (
-        SensorKind::ReferencePosition,
-        &[
-            "ref_lat",
-            "ref_lon",
-            "ref_height",
-            "ref_std_n",
-            "ref_std_e",
-            "ref_std_d",
-            "ref_hdop",
-            "ref_satellites",
-            "ref_quality",
-        ],
-    ),
+    (SensorKind::ReferencePosition, position!("ref_")),
     (
         SensorKind::ReferenceVelocity,
         &["ref_vn", "ref_ve", "ref_vd"],
@@ -156,10 +147,7 @@ fn contained<T>(
     file: &str,
     work: impl FnOnce() -> std::result::Result<T, ParquetError>,
 ) -> Result<T> {
-    let damaged = |detail: String| RecordingError::Damaged {
-        file: file.to_owned(),
-        detail,
-    };
+    let damaged = |detail: String| RecordingError::damaged(file, detail);
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(value)) => Ok(value),
         Ok(Err(error)) => Err(damaged(shown(&error.to_string()))),
@@ -178,10 +166,7 @@ fn read_metadata<R: ChunkReader + 'static>(
     let pairs = reader.metadata().file_metadata().key_value_metadata();
     for pair in pairs.into_iter().flatten() {
         let value = pair.value.as_deref().unwrap_or_default();
-        let damaged = |detail: String| RecordingError::Damaged {
-            file: file.to_owned(),
-            detail,
-        };
+        let damaged = |detail: String| RecordingError::damaged(file, detail);
         match pair.key.as_str() {
             "ARROW:schema" => {}
             START_NS => {

@@ -19,13 +19,15 @@ pub(super) struct Entry<'a> {
 
 impl<'a> Entry<'a> {
     pub(super) fn parse<T: Deserialize<'a>>(&self, file: &str) -> Result<T> {
-        serde_json::from_slice(self.text).map_err(|error| RecordingError::BadLine {
-            file: file.to_owned(),
-            line: self.line,
-            problem: format!(
-                "{}; expected a flat object with `sensor`, `time` and the sensor's values",
-                shown(&error.to_string())
-            ),
+        serde_json::from_slice(self.text).map_err(|error| {
+            RecordingError::bad_line(
+                file,
+                self.line,
+                format!(
+                    "{}; expected a flat object with `sensor`, `time` and the sensor's values",
+                    shown(&error.to_string())
+                ),
+            )
         })
     }
 }
@@ -86,10 +88,10 @@ impl Entries {
         if first == Some(b'[') {
             return Ok(());
         }
-        Err(RecordingError::NotARecording {
-            file: self.file.clone(),
-            found: "JSON that is not Sensor Logger's array of objects".to_owned(),
-        })
+        Err(RecordingError::not_a_recording(
+            &self.file,
+            "JSON that is not Sensor Logger's array of objects",
+        ))
     }
 
     /// The next object; `None` at the end of the array.
@@ -133,20 +135,16 @@ impl Entries {
     }
 
     fn bad(&self, problem: String) -> RecordingError {
-        RecordingError::BadLine {
-            file: self.file.clone(),
-            line: self.line,
-            problem,
-        }
+        RecordingError::bad_line(&self.file, self.line, problem)
     }
 
     fn cut_off(&self) -> RecordingError {
-        RecordingError::Damaged {
-            file: self.file.clone(),
-            detail: format!(
+        RecordingError::damaged(
+            &self.file,
+            format!(
                 "the array is not closed at the end of the file, line {}",
                 self.line
             ),
-        }
+        )
     }
 }

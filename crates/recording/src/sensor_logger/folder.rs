@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use super::plain;
 use crate::delimited::{Channel, DelimitedSource, Layout, TimeForm, csv_error};
 use crate::error::{RecordingError, Result, join};
+use crate::open::{has_extension, stem};
 use crate::recording::EventSource;
 use crate::stamp;
 
@@ -32,23 +33,11 @@ impl Folder {
         let mut tables = BTreeMap::new();
         for entry in std::fs::read_dir(path).map_err(failed)? {
             let path = entry.map_err(failed)?.path();
-            if !path
-                .extension()
-                .is_some_and(|e| e.eq_ignore_ascii_case("csv"))
-            {
-                continue;
+            if has_extension(&path, "csv") {
+                let name = path.file_name().unwrap_or_default();
+                let name = name.to_string_lossy().into_owned();
+                tables.insert(plain(&stem(&path)), (path, name));
             }
-            let stem = path
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            let name = path
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            tables.insert(plain(&stem), (path, name));
         }
         Ok(Self {
             shown: shown.to_owned(),
@@ -128,10 +117,10 @@ impl Folder {
 
     fn reader(&self, table: &str) -> Result<(String, csv::Reader<File>)> {
         let Some((path, name)) = self.tables.get(table) else {
-            return Err(RecordingError::Unsupported {
-                file: self.shown.clone(),
-                problem: format!("there is no table `{table}` in it"),
-            });
+            return Err(RecordingError::unsupported(
+                &self.shown,
+                format!("there is no table `{table}` in it"),
+            ));
         };
         let file = format!("{}/{name}", self.shown);
         let input =

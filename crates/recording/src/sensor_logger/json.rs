@@ -124,10 +124,10 @@ impl Json {
         channel: impl FnOnce([usize; N]) -> Channel,
     ) -> Result<Box<dyn EventSource>> {
         let Some(span) = self.tables.get(table) else {
-            return Err(RecordingError::Unsupported {
-                file: self.file.clone(),
-                problem: format!("there is no table `{table}` in it"),
-            });
+            return Err(RecordingError::unsupported(
+                &self.file,
+                format!("there is no table `{table}` in it"),
+            ));
         };
         let input = self
             .store
@@ -177,12 +177,13 @@ impl Table {
                 continue;
             }
             let row: Row<'_> = entry.parse(&self.file)?;
-            let record =
-                record(&row, &self.layout.names).map_err(|missing| RecordingError::BadLine {
-                    file: self.file.clone(),
-                    line: entry.line,
-                    problem: format!("an entry of {} {missing}", self.table),
-                })?;
+            let record = record(&row, &self.layout.names).map_err(|missing| {
+                RecordingError::bad_line(
+                    &self.file,
+                    entry.line,
+                    format!("an entry of {} {missing}", self.table),
+                )
+            })?;
             let cells = Cells {
                 file: &self.file,
                 record: &record,

@@ -14,10 +14,7 @@ use crate::error::{RecordingError, Result, join};
 
 /// Unpacks the tables that are used.
 pub(super) fn unpack(input: impl Read + Seek, file: &str) -> Result<Folder> {
-    let damaged = |error: &ZipError| RecordingError::Damaged {
-        file: file.to_owned(),
-        detail: error.to_string(),
-    };
+    let damaged = |error: &ZipError| RecordingError::damaged(file, error.to_string());
     let failed = |error| RecordingError::io(file, "unpack it to a temporary folder", error);
     let mut archive = ZipArchive::new(input).map_err(|error| damaged(&error))?;
     let folder = tempfile::tempdir().map_err(failed)?;
@@ -41,10 +38,10 @@ pub(super) fn unpack(input: impl Read + Seek, file: &str) -> Result<Folder> {
         seen.push(name);
     }
     if !found {
-        return Err(RecordingError::NotARecording {
-            file: file.to_owned(),
-            found: format!("a zip of {}", join(seen.iter().map(String::as_str))),
-        });
+        return Err(RecordingError::not_a_recording(
+            file,
+            format!("a zip of {}", join(seen.iter().map(String::as_str))),
+        ));
     }
     let mut tables = Folder::list(folder.path(), file)?;
     tables.unpacked = Some(folder);

@@ -68,11 +68,11 @@ pub fn write_track(path: &Path, name: &str, points: &[TrackPoint], force: bool) 
     check_track_path(path)?;
     let finite: Vec<TrackPoint> = points.iter().filter(|p| p.is_finite()).copied().collect();
     if finite.is_empty() {
-        return Err(RecordingError::Empty {
-            file: path.display().to_string(),
-            found: "no position".to_owned(),
-            expected: "at least one point of a track",
-        });
+        return Err(RecordingError::empty(
+            path.display().to_string(),
+            "no position",
+            "at least one point of a track",
+        ));
     }
     match extension(path).as_str() {
         "kml" => kml::write(path, name, &finite, force),
@@ -106,10 +106,7 @@ fn extension(path: &Path) -> String {
 }
 
 fn unsupported(path: &Path, problem: &str) -> RecordingError {
-    RecordingError::Unsupported {
-        file: path.display().to_string(),
-        problem: problem.to_owned(),
-    }
+    RecordingError::unsupported(path.display().to_string(), problem)
 }
 
 #[cfg(test)]

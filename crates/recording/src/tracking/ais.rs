@@ -4,7 +4,7 @@
 //! of a sentence is that of its tag block (`\c:1452603731*hh\`), or else of the last `RMC`.
 
 use std::fs::File;
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::io::BufReader;
 use std::path::Path;
 
 use ::ais::messages::{self, AisMessage};
@@ -19,6 +19,7 @@ use super::tables::Table;
 use super::{TrackingIssues, TrackingRecording};
 use crate::error::{RecordingError, Result};
 use crate::stamp;
+use crate::text::read_line;
 
 /// One knot, m/s.
 const KNOT: f64 = 1852.0 / 3600.0;
@@ -31,9 +32,11 @@ pub(super) fn read(
     folder: &Path,
     out: &mut TrackingRecording,
 ) -> Result<()> {
-    let plane = manifest.plane.ok_or_else(|| RecordingError::Manifest {
-        file: file.to_owned(),
-        problem: "[ais] needs [plane] with latitude_deg and longitude_deg".to_owned(),
+    let plane = manifest.plane.ok_or_else(|| {
+        RecordingError::manifest(
+            file,
+            "[ais] needs [plane] with latitude_deg and longitude_deg",
+        )
     })?;
     match &wanted.columns {
         Some(columns) => read_table(columns, wanted, folder, &plane, out),
@@ -136,16 +139,12 @@ fn read_sentences(
     let mut input = BufReader::new(input);
     let mut log = Sentences::new(*plane);
     let mut line = Vec::new();
-    loop {
-        line.clear();
-        let read = input.by_ref().take(LONGEST).read_until(b'\n', &mut line);
-        if read.map_err(|error| RecordingError::io(&file, "read it", error))? == 0 {
-            return Ok(());
-        }
+    while read_line(&mut input, LONGEST, &mut line, &file)? {
         if let Some(event) = log.take(line.trim_ascii(), &mut out.issues) {
             out.events.push(event);
         }
     }
+    Ok(())
 }
 
 /// A log of NMEA sentences, line by line: what is known from those before.

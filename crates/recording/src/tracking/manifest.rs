@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::plane::LocalPlane;
 use crate::error::{RecordingError, Result};
+use crate::text::toml_problem;
 
 /// A manifest.
 #[derive(Debug, Clone, Deserialize)]
@@ -168,27 +169,14 @@ fn yes() -> bool {
     true
 }
 
-fn problem(file: &str, problem: String) -> RecordingError {
-    RecordingError::Manifest {
-        file: file.to_owned(),
-        problem,
-    }
-}
-
 /// Parses a manifest; `file` stands for it in messages.
 ///
 /// # Errors
 /// [`RecordingError::Manifest`] with the line, and what was expected.
 pub fn parse(text: &str, file: &str) -> Result<TrackingManifest> {
-    let manifest: TrackingManifest = toml::from_str(text).map_err(|error| {
-        let line = error.span().map_or(String::new(), |span| {
-            let before = text.get(..span.start).unwrap_or(text);
-            format!("line {}: ", before.matches('\n').count() + 1)
-        });
-        let message = error.message().replace('\n', "; ");
-        problem(file, format!("{line}{message}"))
-    })?;
-    check(&manifest).map_err(|what| problem(file, what))?;
+    let manifest: TrackingManifest = toml::from_str(text)
+        .map_err(|error| RecordingError::manifest(file, toml_problem(text, &error)))?;
+    check(&manifest).map_err(|what| RecordingError::manifest(file, what))?;
     Ok(manifest)
 }
 

@@ -19,8 +19,6 @@ mod plane;
 pub mod sample;
 mod tables;
 
-use std::fs::File;
-use std::io::Read as _;
 use std::path::Path;
 
 pub use ais::Sentences;
@@ -30,6 +28,7 @@ pub use sample::{AisReport, Detection, OwnShipPose, Scan, TargetTruth, TrackingE
 pub use sample::{TrackingIssues, TrackingSample};
 
 use crate::error::{RecordingError, Result};
+use crate::text::read_manifest;
 
 /// A recording of targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,13 +51,7 @@ pub struct TrackingRecording {
 /// The manifest is wrong, a file is missing, or a cell does not hold what its column promises; the
 /// message names file, line and column.
 pub fn open(path: &Path, data: Option<&Path>) -> Result<TrackingRecording> {
-    /// A manifest is a page; anything longer is another file.
-    const LONGEST: u64 = 1 << 20;
-    let file = path.display().to_string();
-    let mut text = String::new();
-    File::open(path)
-        .and_then(|input| input.take(LONGEST).read_to_string(&mut text))
-        .map_err(|error| RecordingError::io(&file, "read the manifest", error))?;
+    let (text, file) = read_manifest(path)?;
     let manifest = manifest::parse(&text, &file)?;
     let beside = path.parent().unwrap_or(Path::new(""));
     read(&manifest, &file, data.unwrap_or(beside))
@@ -102,11 +95,11 @@ pub fn read(manifest: &TrackingManifest, file: &str, folder: &Path) -> Result<Tr
         .events
         .sort_by_key(|event| (event.time_ns, event.sample.order()));
     if recording.events.is_empty() {
-        return Err(RecordingError::Empty {
-            file: file.to_owned(),
-            found: "no scan and no report in its files".to_owned(),
-            expected: "at least one",
-        });
+        return Err(RecordingError::empty(
+            file,
+            "no scan and no report in its files",
+            "at least one",
+        ));
     }
     Ok(recording)
 }

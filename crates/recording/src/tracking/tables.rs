@@ -114,11 +114,11 @@ impl Table {
 }
 
 fn bad_line(file: &str, error: &csv::Error) -> RecordingError {
-    RecordingError::BadLine {
-        file: file.to_owned(),
-        line: error.position().map_or(0, csv::Position::line),
-        problem: shown(&error.to_string()),
-    }
+    RecordingError::bad_line(
+        file,
+        error.position().map_or(0, csv::Position::line),
+        shown(&error.to_string()),
+    )
 }
 
 /// What detections and truths need to know of their scan.
@@ -207,11 +207,10 @@ fn read_scans(
         });
     }
     if places.len() as u64 == out.issues.scans_of_unknown_sensors && !places.is_empty() {
-        return Err(RecordingError::Manifest {
-            file: file.to_owned(),
-            problem: "no scan is of a sensor in [sensors]; name them as the table of scans does"
-                .to_owned(),
-        });
+        return Err(RecordingError::manifest(
+            file,
+            "no scan is of a sensor in [sensors]; name them as the table of scans does",
+        ));
     }
     Ok(places)
 }

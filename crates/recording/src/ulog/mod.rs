@@ -26,7 +26,7 @@ use crate::event::{Event, Sample, SensorKind, quaternion_from_file};
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 use crate::hold::Hold;
 use crate::issues::Issues;
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
 use screen::Screen;
 
@@ -49,37 +49,31 @@ type Log<R> = ULogParser<Screen<BufReader<R>>>;
 pub(crate) fn open(
     input: impl Read + Send + 'static,
     file: &str,
-    mut metadata: Metadata,
+    metadata: Metadata,
 ) -> Result<Opened> {
-    "ulog".clone_into(&mut metadata.format);
-    metadata.world_frame = WorldFrame::Ned;
     let cut_off = Arc::new(AtomicBool::new(false));
     let input = BufReader::with_capacity(1 << 16, input);
     let screen = Screen::new(input, TOPICS, Arc::clone(&cut_off));
     let log = ULogParserBuilder::new(screen)
         .build()
         .map_err(|error| failed(file, &error))?;
-    Ok(Opened {
-        metadata,
-        sensors: vec![
-            SensorKind::Gyroscope,
-            SensorKind::Accelerometer,
-            SensorKind::Magnetometer,
-            SensorKind::DeviceOrientation,
-            SensorKind::Pressure,
-            SensorKind::GnssPosition,
-            SensorKind::GnssVelocity,
-        ],
-        source: Box::new(UlogSource {
-            file: file.to_owned(),
-            log: Some(log),
-            topics: BTreeMap::new(),
-            hold: Hold::new(HOLD_NS),
-            cut_off,
-        }),
-        notes: Vec::new(),
-        units_applied: true,
-    })
+    let sensors = [
+        SensorKind::Gyroscope,
+        SensorKind::Accelerometer,
+        SensorKind::Magnetometer,
+        SensorKind::DeviceOrientation,
+        SensorKind::Pressure,
+        SensorKind::GnssPosition,
+        SensorKind::GnssVelocity,
+    ];
+    let source = Box::new(UlogSource {
+        file: file.to_owned(),
+        log: Some(log),
+        topics: BTreeMap::new(),
+        hold: Hold::new(HOLD_NS),
+        cut_off,
+    });
+    Ok(Opened::ned("ulog", metadata, &sensors, source))
 }
 
 struct UlogSource<R: Read> {
@@ -115,7 +109,7 @@ impl<R: Read> UlogSource<R> {
                 self.log = None;
                 let detail = "the ULog parser gave up".to_owned();
                 let file = self.file.clone();
-                return Err(RecordingError::Damaged { file, detail });
+                return Err(RecordingError::damaged(file, detail));
             }
         }
         Ok(())
@@ -302,10 +296,7 @@ fn failed(file: &str, error: &ULogError) -> RecordingError {
             "read it",
             std::io::Error::new(error.kind(), error.to_string()),
         ),
-        other => RecordingError::Damaged {
-            file: file.to_owned(),
-            detail: shown(&other.to_string()),
-        },
+        other => RecordingError::damaged(file, shown(&other.to_string())),
     }
 }
 

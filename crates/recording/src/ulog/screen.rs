@@ -6,9 +6,11 @@
 //! subscriptions and their data pass.
 
 use std::collections::BTreeSet;
-use std::io::{ErrorKind, Read};
+use std::io::Read;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::text::read_piece;
 
 const HEADER: usize = 16;
 /// Longest array that a field of the known topics has, with room for later versions.
@@ -165,11 +167,9 @@ fn is_flat(field: &str) -> bool {
 fn fill(input: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
-        match input.read(&mut buffer[filled..]) {
-            Ok(0) => break,
-            Ok(read) => filled += read,
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
+        match read_piece(input, &mut buffer[filled..])? {
+            0 => break,
+            read => filled += read,
         }
     }
     Ok(filled)

@@ -18,7 +18,8 @@ use super::razor::{Razor, RazorConfig, RazorOutput};
 use super::sensor_logger_push::{Push, SensorLoggerPush};
 use super::sensorserver::SensorServer;
 use super::sensorstreamer::SensorStreamer;
-use super::{Decoded, Placed, Resequencer, Tone, WireError, events};
+use super::{Decoded, Placed, Resequencer, WireError, events};
+use crate::options::named;
 
 /// A batch of the phone page that is missing is waited for this long, ns: the page sends it again
 /// after four seconds at the latest.
@@ -33,68 +34,36 @@ const PAGE_RETURNS: u32 = 3;
 /// Page loads that are remembered.
 const MOST_PAGE_LOADS: usize = 8;
 
-/// What the bytes of a device are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
-pub enum WireFormat {
-    /// Batches of the own phone page: [`super::phone_page`].
-    PhonePage,
-    /// Messages of Sensor Logger's push: [`super::sensor_logger_push`].
-    SensorLogger,
-    /// Text frames of SensorServer: [`super::sensorserver`].
-    SensorServer,
-    /// Bytes of the Sensor Fusion app, cut anywhere: [`super::linkoping`].
-    Linkoping,
-    /// phyphox's answers to `/config` and `/get`: [`super::phyphox`].
-    Phyphox,
-    /// Text lines of a Razor board, cut anywhere: [`super::razor`].
-    Razor,
-    /// Binary frames of a Razor board, cut anywhere.
-    RazorBinary,
-    /// Whole lines of HyperIMU, one or more a payload: [`super::hyperimu`].
-    HyperImu,
-    /// Bytes of SensorStreamer, cut anywhere: [`super::sensorstreamer`].
-    SensorStreamer,
-    /// Sentences of a board with our firmware, cut anywhere: [`super::northing_serial`].
-    NorthingSerial,
-    /// Our own events: [`super::events`].
-    Events,
+named! {
+    /// What the bytes of a device are.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum WireFormat {
+        /// Batches of the own phone page: [`super::phone_page`].
+        PhonePage = "phone-page",
+        /// Messages of Sensor Logger's push: [`super::sensor_logger_push`].
+        SensorLogger = "sensor-logger",
+        /// Text frames of SensorServer: [`super::sensorserver`].
+        SensorServer = "sensorserver",
+        /// Bytes of the Sensor Fusion app, cut anywhere: [`super::linkoping`].
+        Linkoping = "linkoping",
+        /// phyphox's answers to `/config` and `/get`: [`super::phyphox`].
+        Phyphox = "phyphox",
+        /// Text lines of a Razor board, cut anywhere: [`super::razor`].
+        Razor = "razor",
+        /// Binary frames of a Razor board, cut anywhere.
+        RazorBinary = "razor-binary",
+        /// Whole lines of HyperIMU, one or more a payload: [`super::hyperimu`].
+        HyperImu = "hyperimu",
+        /// Bytes of SensorStreamer, cut anywhere: [`super::sensorstreamer`].
+        SensorStreamer = "sensorstreamer",
+        /// Sentences of a board with our firmware, cut anywhere: [`super::northing_serial`].
+        NorthingSerial = "northing-serial",
+        /// Our own events: [`super::events`].
+        Events = "events",
+    }
 }
 
 impl WireFormat {
-    /// Every format.
-    pub const ALL: [Self; 11] = [
-        Self::PhonePage,
-        Self::SensorLogger,
-        Self::SensorServer,
-        Self::Linkoping,
-        Self::Phyphox,
-        Self::Razor,
-        Self::RazorBinary,
-        Self::HyperImu,
-        Self::SensorStreamer,
-        Self::NorthingSerial,
-        Self::Events,
-    ];
-
-    /// The name in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::PhonePage => "phone-page",
-            Self::SensorLogger => "sensor-logger",
-            Self::SensorServer => "sensorserver",
-            Self::Linkoping => "linkoping",
-            Self::Phyphox => "phyphox",
-            Self::Razor => "razor",
-            Self::RazorBinary => "razor-binary",
-            Self::HyperImu => "hyperimu",
-            Self::SensorStreamer => "sensorstreamer",
-            Self::NorthingSerial => "northing-serial",
-            Self::Events => "events",
-        }
-    }
-
     /// Whether each payload is one JSON object.
     #[must_use]
     pub const fn is_json(self) -> bool {
@@ -160,7 +129,7 @@ impl PageLoad {
     fn new(session: &str) -> Self {
         Self {
             session: session.to_owned(),
-            decoder: PhonePage::new(),
+            decoder: PhonePage::default(),
             order: Resequencer::new(PAGE_WAIT_NS, PAGE_HELD),
         }
     }
@@ -184,10 +153,7 @@ impl PageLoad {
             let hidden = batch.page_events.iter().any(|event| event.kind == "hidden");
             out.append(self.decoder.decode(&batch));
             if hidden {
-                out.note(
-                    Tone::Warning,
-                    "The page on the phone is hidden: its sensors pause.",
-                );
+                out.warn("The page on the phone is hidden: its sensors pause.");
             }
         }
         out

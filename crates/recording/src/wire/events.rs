@@ -43,13 +43,8 @@ const CODES: [SensorKind; SensorKind::ALL.len()] = [
 
 /// The byte of a sensor.
 const fn code(kind: SensorKind) -> u8 {
-    match kind {
-        SensorKind::Reference => 10,
-        SensorKind::DeviceNavigation => 18,
-        kind if kind.order() < 10 => kind.order() as u8,
-        kind if kind.order() < SensorKind::DeviceNavigation.order() => kind.order() as u8 + 1,
-        kind => kind.order() as u8,
-    }
+    const CODE: [u8; CODES.len()] = SensorKind::places_in(&CODES);
+    CODE[kind as usize]
 }
 
 /// The events as bytes.

@@ -151,7 +151,7 @@ impl SignRule {
                     sign.words(),
                     reason.words()
                 );
-                out.note(Tone::Warning, text);
+                out.warn(text);
             }
             None => {
                 self.decided = Some((sign, reason));

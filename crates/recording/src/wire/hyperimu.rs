@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::lines::Lines;
 use super::stream::Stream;
-use super::{Decoded, Tone, json};
+use super::{Decoded, json};
 use crate::event::SensorKind;
 use crate::stamp;
 
@@ -25,16 +25,6 @@ pub struct HyperImu {
 }
 
 impl HyperImu {
-    /// A decoder for accelerometer, gyroscope, magnetometer in this order.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::with_order(&[
-            SensorKind::Accelerometer,
-            SensorKind::Gyroscope,
-            SensorKind::Magnetometer,
-        ])
-    }
-
     /// A decoder for vector sensors in the order of the app's list.
     #[must_use]
     pub fn with_order(order: &[SensorKind]) -> Self {
@@ -63,13 +53,7 @@ impl HyperImu {
                 line(text, order, &mut out);
             }
         });
-        if too_long > 0 {
-            out.note_many(
-                Tone::Bad,
-                "A line that does not end was left out.",
-                too_long,
-            );
-        }
+        out.bad_many("A line that does not end was left out.", too_long);
         self.stream.settle(&mut out);
         out
     }
@@ -77,17 +61,18 @@ impl HyperImu {
 
 impl Default for HyperImu {
     fn default() -> Self {
-        Self::new()
+        Self::with_order(&[
+            SensorKind::Accelerometer,
+            SensorKind::Gyroscope,
+            SensorKind::Magnetometer,
+        ])
     }
 }
 
 fn line(text: &[u8], order: &[SensorKind], out: &mut Decoded) {
     let mut fields = text.split(|&byte| byte == b',');
     let Some(time_ns) = fields.next().and_then(|f| stamp::parse_ns(f, MILLISECONDS)) else {
-        out.note(
-            Tone::Bad,
-            "A line was left out: it does not start with a time in ms and a comma.",
-        );
+        out.bad("A line was left out: it does not start with a time in ms and a comma.");
         return;
     };
     let mut value = || {
@@ -103,10 +88,10 @@ fn line(text: &[u8], order: &[SensorKind], out: &mut Decoded) {
 fn object(text: &[u8], out: &mut Decoded) {
     let object = match json::object(text) {
         Ok(object) => object,
-        Err(error) => return out.note(Tone::Bad, error.to_string()),
+        Err(error) => return out.bad(error.to_string()),
     };
     let Some(time_ns) = json::stamp_ms(object.get("Timestamp")) else {
-        out.note(Tone::Bad, "A message was left out: it has no `Timestamp`.");
+        out.bad("A message was left out: it has no `Timestamp`.");
         return;
     };
     for (name, kind) in [

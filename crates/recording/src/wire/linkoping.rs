@@ -6,9 +6,9 @@
 
 use nalgebra::Vector3;
 
+use super::Decoded;
 use super::lines::Lines;
 use super::stream::Stream;
-use super::{Decoded, Tone};
 use crate::error::shown;
 use crate::event::SensorKind;
 use crate::stamp;
@@ -37,23 +37,14 @@ impl Default for Linkoping {
 }
 
 impl Linkoping {
-    /// A decoder for a new connection.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Decodes the next bytes of the stream, cut anywhere.
     pub fn push(&mut self, bytes: &[u8]) -> Decoded {
         let mut out = Decoded::default();
         let too_long = self.lines.push(bytes, |text| line(text, &mut out));
-        if too_long > 0 {
-            out.note_many(
-                Tone::Bad,
-                "A line that does not end was left out: is this the Sensor Fusion app?",
-                too_long,
-            );
-        }
+        out.bad_many(
+            "A line that does not end was left out: is this the Sensor Fusion app?",
+            too_long,
+        );
         self.stream.settle(&mut out);
         out
     }
@@ -63,10 +54,7 @@ fn line(text: &[u8], out: &mut Decoded) {
     let mut fields = text.split(|&byte| byte == b'\t');
     let (time, tag) = (fields.next().unwrap_or(b""), fields.next());
     let (Some(time_ns), Some(tag)) = (stamp::parse_ns(time, MILLISECONDS), tag) else {
-        out.note(
-            Tone::Bad,
-            "A line was left out: it does not start with a time in ms, a tab and a tag.",
-        );
+        out.bad("A line was left out: it does not start with a time in ms, a tab and a tag.");
         return;
     };
     let mut values = [f64::NAN; MOST_VALUES];
@@ -93,7 +81,7 @@ fn line(text: &[u8], out: &mut Decoded) {
         | b"RSSBLE" => {}
         _ => {
             let tag = String::from_utf8_lossy(tag);
-            out.note(Tone::Info, format!("The tag {} is not used.", shown(&tag)));
+            out.info(format!("The tag {} is not used.", shown(&tag)));
         }
     }
 }

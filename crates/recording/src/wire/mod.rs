@@ -15,7 +15,7 @@
 //! use northing_recording::wire::sensorserver::SensorServer;
 //!
 //! let frame = br#"{"values":[0,0,9.81],"timestamp":5,"accuracy":3,"type":"android.sensor.accelerometer"}"#;
-//! let decoded = SensorServer::new().push(frame);
+//! let decoded = SensorServer::default().push(frame);
 //! assert_eq!(decoded.events[0].time_ns, 5);
 //! assert!(decoded.notices.is_empty());
 //! ```
@@ -40,8 +40,6 @@ pub mod sensorstreamer;
 mod stream;
 #[cfg(test)]
 mod tests;
-
-use std::fmt;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -93,7 +91,8 @@ pub enum Tone {
 }
 
 /// Bytes of which nothing can be used: one line for whoever sent them.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{problem}")]
 pub struct WireError {
     /// What is wrong and what was expected.
     pub problem: String,
@@ -107,19 +106,33 @@ impl WireError {
     }
 }
 
-impl fmt::Display for WireError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.problem)
-    }
-}
-
-impl std::error::Error for WireError {}
-
 impl Decoded {
     /// Adds a remark; an equal one is counted instead. Beyond [`MOST_NOTICES`] distinct ones the
     /// last stands for the rest.
     pub fn note(&mut self, tone: Tone, text: impl Into<String>) {
         self.note_many(tone, text, 1);
+    }
+
+    /// A remark that is good to know.
+    pub fn info(&mut self, text: impl Into<String>) {
+        self.note(Tone::Info, text);
+    }
+
+    /// A remark on what makes the results suffer.
+    pub fn warn(&mut self, text: impl Into<String>) {
+        self.note(Tone::Warning, text);
+    }
+
+    /// A remark on what was left out.
+    pub fn bad(&mut self, text: impl Into<String>) {
+        self.note(Tone::Bad, text);
+    }
+
+    /// The same of `count` things that were left out; none is no remark.
+    fn bad_many(&mut self, text: impl Into<String>, count: u64) {
+        if count > 0 {
+            self.note_many(Tone::Bad, text, count);
+        }
     }
 
     fn note_many(&mut self, tone: Tone, text: impl Into<String>, count: u64) {
@@ -159,7 +172,7 @@ impl Decoded {
     /// The answer to bytes of which nothing can be used.
     fn refused(error: &WireError) -> Self {
         let mut decoded = Self::default();
-        decoded.note(Tone::Bad, error.to_string());
+        decoded.bad(error.to_string());
         decoded
     }
 
@@ -211,20 +224,16 @@ impl Decoded {
     ) {
         let name = kind.name();
         if !numbers.into_iter().all(|x| x.is_finite()) {
-            self.note(
-                Tone::Bad,
-                format!("A reading of the {name} was left out: a number is missing or not finite."),
-            );
+            self.bad(format!(
+                "A reading of the {name} was left out: a number is missing or not finite."
+            ));
             return;
         }
         let (largest, unit) = plausible(kind);
         if size.abs() > largest {
-            self.note(
-                Tone::Bad,
-                format!(
-                    "A reading of the {name} was left out: more than {largest} {unit} is not plausible."
-                ),
-            );
+            self.bad(format!(
+                "A reading of the {name} was left out: more than {largest} {unit} is not plausible."
+            ));
             return;
         }
         self.events.push(Event { time_ns, sample });

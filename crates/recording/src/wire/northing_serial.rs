@@ -9,8 +9,8 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_core::navigation::Validity;
 
+use super::Decoded;
 use super::lines::Lines;
-use super::{Decoded, Tone};
 use crate::device_navigation::{DeviceNavigation, validity_of};
 use crate::event::{Event, Sample, SensorKind};
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
@@ -59,10 +59,10 @@ impl NorthingSerial {
         let mut lines = std::mem::take(&mut self.lines);
         let too_long = lines.push(bytes, |line| self.line(line, &mut out));
         self.lines = lines;
-        if too_long > 0 {
-            let text = "A line that does not end was left out: is the line's speed 230400 baud?";
-            out.note_many(Tone::Bad, text, too_long);
-        }
+        out.bad_many(
+            "A line that does not end was left out: is the line's speed 230400 baud?",
+            too_long,
+        );
         out
     }
 
@@ -70,7 +70,7 @@ impl NorthingSerial {
         let Some((kind, fields)) = sentence(line) else {
             let text =
                 "A line is no sound sentence of Northing's firmware ($PNOR..*hh); it was left out.";
-            out.note(Tone::Bad, text);
+            out.bad(text);
             return;
         };
         let fields = Fields(fields.split(',').collect());
@@ -86,7 +86,7 @@ impl NorthingSerial {
         };
         if used.is_none() {
             let text = "A sentence of Northing's firmware lacks a number; it was left out.";
-            out.note(Tone::Bad, text);
+            out.bad(text);
         }
     }
 
@@ -94,17 +94,17 @@ impl NorthingSerial {
         let (version, build, cause) = (fields.text(0)?, fields.text(1)?, fields.text(2)?);
         self.restarted = self.last.is_some();
         self.origin = None;
-        out.note(
-            Tone::Info,
-            format!("The board has started: {}.", crate::error::shown(build)),
-        );
+        out.info(format!(
+            "The board has started: {}.",
+            crate::error::shown(build)
+        ));
         if cause == "watchdog" {
             let text = "The board's watchdog had to reset it: its program hung.";
-            out.note(Tone::Warning, text);
+            out.warn(text);
         }
         if version != VERSION {
             let text = format!("The board's sentences are of another version than {VERSION}.");
-            out.note(Tone::Warning, text);
+            out.warn(text);
         }
         Some(())
     }

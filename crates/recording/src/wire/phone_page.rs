@@ -16,7 +16,7 @@ use super::force_sign::{ForceSign, SignRule};
 use super::preference::Preference;
 use super::rounding::Rounding;
 use super::stream::Stream;
-use super::{Decoded, MOST_READINGS, Tone, WireError, json};
+use super::{Decoded, MOST_READINGS, WireError, json};
 use crate::event::{CompassHeading, SensorKind, quaternion_from_file};
 use readings::{Motion, Orientation, heading_of};
 
@@ -136,21 +136,7 @@ impl Batch {
         self.left_out = left_out;
     }
 
-    /// Readings of all sensors, at most [`MOST_READINGS`].
-    #[must_use]
-    pub fn readings(&self) -> usize {
-        let lists = [
-            &self.accelerometer,
-            &self.gyroscope,
-            &self.magnetometer,
-            &self.quaternion,
-            &self.motion,
-            &self.orientation,
-        ];
-        lists.iter().map(|list| list.len()).sum()
-    }
-
-    fn lists(&mut self) -> [&mut Vec<Value>; 6] {
+    pub(super) fn lists(&mut self) -> [&mut Vec<Value>; 6] {
         [
             &mut self.accelerometer,
             &mut self.gyroscope,
@@ -211,12 +197,6 @@ impl Default for PhonePage {
 }
 
 impl PhonePage {
-    /// A decoder for a new page load.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Reads and decodes one batch; bytes that are no batch give a remark.
     pub fn push(&mut self, bytes: &[u8]) -> Decoded {
         match Batch::parse(bytes) {
@@ -229,8 +209,7 @@ impl PhonePage {
     pub fn decode(&mut self, batch: &Batch) -> Decoded {
         let mut out = Decoded::default();
         if batch.left_out > 0 {
-            out.note_many(
-                Tone::Bad,
+            out.bad_many(
                 format!("A batch has more than {MOST_READINGS} readings; the rest was left out."),
                 batch.left_out as u64,
             );
@@ -307,14 +286,12 @@ impl PhonePage {
         let mut sign = None;
         for row in rows {
             let Some(time_ns) = row.time_ns else {
-                out.note(Tone::Bad, NO_STAMP);
+                out.bad(NO_STAMP);
                 continue;
             };
             if self.force.take_worse(time_ns) {
                 if row.with_gravity.iter().all(|x| x.is_nan()) {
-                    out.note(
-                        Tone::Bad,
-                        "The browser gives no acceleration with gravity: the tilt cannot be estimated from it.",
+                    out.bad("The browser gives no acceleration with gravity: the tilt cannot be estimated from it.",
                     );
                 } else {
                     let sign = *sign.get_or_insert_with(|| self.sign.decide(out));
@@ -325,8 +302,7 @@ impl PhonePage {
             }
             if self.rate.take_worse(time_ns) {
                 if row.rate_deg_s.iter().all(|x| x.is_nan()) {
-                    out.note(
-                        Tone::Bad,
+                    out.bad(
                         "The browser gives no rotation rate: this phone may have no gyroscope.",
                     );
                 } else {
@@ -351,10 +327,7 @@ impl PhonePage {
 
     fn device_orientation(&mut self, row: &Value, out: &mut Decoded) {
         let Some(attitude) = Orientation::read(row) else {
-            out.note(
-                Tone::Bad,
-                "An orientation was left out: its time or an angle is missing.",
-            );
+            out.bad("An orientation was left out: its time or an angle is missing.");
             return;
         };
         let time_ns = attitude.time_ns;
@@ -371,9 +344,7 @@ impl PhonePage {
         // orientation, and following it would make that jump.
         let north = *self.north.get_or_insert_with(|| {
             attitude.north_from_arbitrary().unwrap_or_else(|| {
-                out.note(
-                    Tone::Info,
-                    "The phone's own orientation has an arbitrary zero of heading: compare turns, not headings.",
+                out.info("The phone's own orientation has an arbitrary zero of heading: compare turns, not headings.",
                 );
                 UnitQuaternion::identity()
             })
@@ -404,7 +375,7 @@ fn stamped<'a>(row: &'a Value, out: &mut Decoded) -> Option<(i64, &'a [Value])> 
     let row = json::array(Some(row));
     let time_ns = json::stamp_ms(row.first());
     if time_ns.is_none() {
-        out.note(Tone::Bad, NO_STAMP);
+        out.bad(NO_STAMP);
     }
     Some((time_ns?, row))
 }

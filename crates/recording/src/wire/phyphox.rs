@@ -8,7 +8,7 @@
 use serde_json::{Map, Value};
 
 use super::stream::Stream;
-use super::{Decoded, Tone, WireError, json};
+use super::{Decoded, WireError, json};
 use crate::error::{join, shown};
 use crate::event::SensorKind;
 use crate::stamp;
@@ -61,12 +61,6 @@ impl Default for Phyphox {
 }
 
 impl Phyphox {
-    /// A decoder for the buffers `accX`, `accY`, `accZ`, `acc_time` and likewise `gyr`, `mag`.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// A decoder for the experiment that the app's answer to `/config` describes.
     ///
     /// # Errors
@@ -139,10 +133,11 @@ impl Phyphox {
                     channel.read(buffers, &mut out);
                 }
             }
-            _ => out.note(
-                Tone::Bad,
-                "There is no `buffer` in phyphox's answer: is remote access on in the app?",
-            ),
+            _ => {
+                out.bad(
+                    "There is no `buffer` in phyphox's answer: is remote access on in the app?",
+                );
+            }
         }
         self.stream.settle(&mut out);
         out
@@ -151,17 +146,14 @@ impl Phyphox {
     fn status(&mut self, status: Option<&Value>, out: &mut Decoded) {
         let get = |key: &str| status.and_then(|status| status.get(key));
         if get("measuring").and_then(Value::as_bool) == Some(false) {
-            out.note(
-                Tone::Warning,
-                "phyphox is not measuring: press the play button in the app.",
-            );
+            out.warn("phyphox is not measuring: press the play button in the app.");
         }
         let session = json::text(get("session"));
         if session.is_empty() || self.session.as_ref() == Some(&session) {
             return;
         }
         if self.session.replace(session).is_some() {
-            out.note(Tone::Info, "Another phyphox experiment was started.");
+            out.info("Another phyphox experiment was started.");
             for channel in &mut self.channels {
                 channel.newest_s = None;
             }
@@ -183,9 +175,7 @@ impl Channel {
             .unwrap_or(0)
             .min(times.len());
         if complete > MOST_VALUES {
-            out.note_many(
-                Tone::Bad,
-                format!("A buffer has more than {MOST_VALUES} values; the rest was left out: clear the experiment."),
+            out.bad_many(format!("A buffer has more than {MOST_VALUES} values; the rest was left out: clear the experiment."),
                 (complete - MOST_VALUES) as u64,
             );
         }
@@ -195,7 +185,7 @@ impl Channel {
                 continue;
             }
             let Some(time_ns) = stamp::from_seconds(time_s) else {
-                out.note(Tone::Bad, "A reading was left out: it has no time.");
+                out.bad("A reading was left out: it has no time.");
                 continue;
             };
             self.newest_s = Some(time_s);

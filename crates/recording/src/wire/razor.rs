@@ -7,8 +7,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use super::Decoded;
 use super::lines::Lines;
-use super::{Decoded, Tone};
 use crate::event::SensorKind;
 use crate::options::STANDARD_GRAVITY_M_S2;
 
@@ -132,13 +132,7 @@ impl Razor {
             ..
         } = self;
         let too_long = lines.push(bytes, |text| line(text, config, clock, out));
-        if too_long > 0 {
-            out.note_many(
-                Tone::Bad,
-                "A line that does not end was left out: the board may be sending binary frames, or at another speed than 57600 baud.",
-                too_long,
-            );
-        }
+        out.bad_many("A line that does not end was left out: the board may be sending binary frames, or at another speed than 57600 baud.", too_long);
     }
 
     fn push_binary(&mut self, bytes: &[u8], out: &mut Decoded) {
@@ -211,7 +205,7 @@ impl Razor {
             }
             Alignment::Lost(bytes) => Alignment::Lost(bytes + 1),
         };
-        out.note(Tone::Bad, BYTES_LOST);
+        out.bad(BYTES_LOST);
     }
 }
 
@@ -258,9 +252,7 @@ fn line(text: &[u8], config: &RazorConfig, clock: &mut FrameClock, out: &mut Dec
         // The old firmware's order: roll, pitch, yaw.
         angles(config.time_ns(clock.frame_of(3)), [v.z, v.y, v.x], out);
     } else if !text.starts_with(b"#SYNCH") {
-        out.note(
-            Tone::Info,
-            "A line is not one of the Razor firmware's (#A-C=, #M-C=, #G-C=, #YPR=, !ANG:); it was left out.",
+        out.info("A line is not one of the Razor firmware's (#A-C=, #M-C=, #G-C=, #YPR=, !ANG:); it was left out.",
         );
     }
 }

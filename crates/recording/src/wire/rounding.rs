@@ -1,6 +1,6 @@
 //! Notices that a browser rounds its readings, which a calibration must know.
 
-use super::{Decoded, Tone};
+use super::Decoded;
 
 /// Numbers other than zero that a verdict needs.
 const ENOUGH: u32 = 30;
@@ -49,9 +49,7 @@ impl Rounding {
             *multiples += 1;
             if *multiples == ENOUGH {
                 self.multiples = None;
-                out.note(
-                    Tone::Info,
-                    format!(
+                out.info(format!(
                         "The browser rounds the {} to {}; a calibration must count that as noise. An app such as Sensor Logger gives finer values.",
                         self.sensor, self.step_words
                     ),

@@ -16,7 +16,7 @@ use serde_json::Value;
 use super::force_sign::{ForceSign, SignRule};
 use super::resequencer::{Placed, Resequencer};
 use super::stream::Stream;
-use super::{Decoded, MOST_READINGS, Tone, WireError, json};
+use super::{Decoded, MOST_READINGS, WireError, json};
 use crate::error::shown;
 use crate::event::quaternion_from_file;
 use crate::options::STANDARD_GRAVITY_M_S2;
@@ -133,12 +133,6 @@ impl Default for SensorLoggerPush {
 }
 
 impl SensorLoggerPush {
-    /// A decoder for a new device.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// A decoder that takes the sign from the user instead of finding it out:
     /// [`ForceSign::Opposite`] is an iPhone without "Standardise Units & Frames".
     #[must_use]
@@ -172,10 +166,7 @@ impl SensorLoggerPush {
             };
         }
         let Some(number) = push.message_id else {
-            out.note(
-                Tone::Warning,
-                "A message has no `messageId`; it is taken in the order of arrival.",
-            );
+            out.warn("A message has no `messageId`; it is taken in the order of arrival.");
             self.decode_all(&[push], &mut out);
             return out;
         };
@@ -186,12 +177,10 @@ impl SensorLoggerPush {
         match self.order.push(number, now_ns, push) {
             Placed::Ready(pushes) => self.decode_all(&pushes, &mut out),
             Placed::Duplicate => {
-                out.note(Tone::Info, "A message came twice; the second was dropped.");
+                out.info("A message came twice; the second was dropped.");
             }
             Placed::Late(push) => {
-                out.note(
-                    Tone::Warning,
-                    "A message came more than a second after its successors; its readings stand behind theirs.",
+                out.warn("A message came more than a second after its successors; its readings stand behind theirs.",
                 );
                 let mut late = Decoded::default();
                 self.decode_all(&[push], &mut late);
@@ -200,9 +189,7 @@ impl SensorLoggerPush {
             }
         }
         let lost = self.order.lost().saturating_sub(lost_before);
-        if lost > 0 {
-            out.note_many(Tone::Bad, "A message did not come and was given up.", lost);
-        }
+        out.bad_many("A message did not come and was given up.", lost);
         out
     }
 
@@ -250,9 +237,7 @@ impl SensorLoggerPush {
         let sign = self.sign(out);
         let too_many = push.payload.len().saturating_sub(MOST_READINGS);
         if too_many > 0 {
-            out.note_many(
-                Tone::Bad,
-                format!(
+            out.bad_many(format!(
                     "A message has more than {MOST_READINGS} readings; the rest was left out: shorten the batch period in the app."
                 ),
                 too_many as u64,
@@ -261,13 +246,10 @@ impl SensorLoggerPush {
         for reading in push.readings().take(MOST_READINGS) {
             match reading.time_ns {
                 Some(time_ns) => self.reading(&reading, time_ns, sign, out),
-                None => out.note(
-                    Tone::Bad,
-                    format!(
-                        "A reading of {} was left out: its `time` is not a count of nanoseconds.",
-                        shown(reading.name)
-                    ),
-                ),
+                None => out.bad(format!(
+                    "A reading of {} was left out: its `time` is not a count of nanoseconds.",
+                    shown(reading.name)
+                )),
             }
         }
         self.pairs.report(out);

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::preference::Preference;
 use super::stream::Stream;
-use super::{Decoded, Tone, json};
+use super::{Decoded, json};
 use crate::error::shown;
 use crate::event::SensorKind;
 
@@ -30,27 +30,13 @@ pub struct SensorServer {
 }
 
 impl SensorServer {
-    /// A decoder for the connection to several sensors, whose frames name theirs.
-    #[must_use]
-    pub fn new() -> Self {
-        Self {
-            only_sensor: None,
-            force: Preference::default(),
-            rate: Preference::default(),
-            attitude: Preference::default(),
-            stream: Stream::new(
-                "set the sampling rate to 10000 microseconds in SensorServer's settings and connect again",
-            ),
-        }
-    }
-
     /// A decoder for the connection to one sensor, e.g. `android.sensor.gyroscope`, whose frames do
     /// not name it.
     #[must_use]
     pub fn for_sensor(name: &str) -> Self {
         Self {
             only_sensor: Some(name.to_owned()),
-            ..Self::new()
+            ..Self::default()
         }
     }
 
@@ -62,23 +48,17 @@ impl SensorServer {
         };
         let mut out = Decoded::default();
         if object.contains_key("latitude") {
-            out.note(Tone::Info, "The position is not used.");
+            out.info("The position is not used.");
             return out;
         }
         let named = object.get("type").and_then(Value::as_str);
         let Some(sensor) = named.or(self.only_sensor.as_deref()) else {
-            out.note(
-                Tone::Bad,
-                "A frame was left out: it does not name its sensor (`type`).",
-            );
+            out.bad("A frame was left out: it does not name its sensor (`type`).");
             return out;
         };
         let sensor = sensor.strip_prefix(PREFIX).unwrap_or(sensor).to_owned();
         let Some(time_ns) = json::stamp_ns(object.get("timestamp")) else {
-            out.note(
-                Tone::Bad,
-                "A frame was left out: its `timestamp` is not a count of nanoseconds.",
-            );
+            out.bad("A frame was left out: its `timestamp` is not a count of nanoseconds.");
             return out;
         };
         let values = json::array(object.get("values"));
@@ -126,17 +106,22 @@ impl SensorServer {
             }
             // Android gives hectopascal.
             "pressure" => out.pressure(time_ns, 100.0 * json::number(values.first())),
-            _ => out.note(
-                Tone::Info,
-                format!("The sensor {} is not used.", shown(sensor)),
-            ),
+            _ => out.info(format!("The sensor {} is not used.", shown(sensor))),
         }
     }
 }
 
 impl Default for SensorServer {
     fn default() -> Self {
-        Self::new()
+        Self {
+            only_sensor: None,
+            force: Preference::default(),
+            rate: Preference::default(),
+            attitude: Preference::default(),
+            stream: Stream::new(
+                "set the sampling rate to 10000 microseconds in SensorServer's settings and connect again",
+            ),
+        }
     }
 }
 

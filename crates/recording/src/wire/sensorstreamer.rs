@@ -5,7 +5,7 @@
 
 use super::lines::Lines;
 use super::stream::Stream;
-use super::{Decoded, Tone, json};
+use super::{Decoded, json};
 use crate::error::shown;
 use crate::event::SensorKind;
 
@@ -26,23 +26,11 @@ impl Default for SensorStreamer {
 }
 
 impl SensorStreamer {
-    /// A decoder for a new connection.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Decodes the next bytes of the stream, cut anywhere.
     pub fn push(&mut self, bytes: &[u8]) -> Decoded {
         let mut out = Decoded::default();
         let too_long = self.lines.push(bytes, |text| object(text, &mut out));
-        if too_long > 0 {
-            out.note_many(
-                Tone::Bad,
-                "A line that does not end was left out.",
-                too_long,
-            );
-        }
+        out.bad_many("A line that does not end was left out.", too_long);
         self.stream.settle(&mut out);
         out
     }
@@ -51,18 +39,15 @@ impl SensorStreamer {
 fn object(text: &[u8], out: &mut Decoded) {
     let object = match json::object(text) {
         Ok(object) => object,
-        Err(error) => return out.note(Tone::Bad, error.to_string()),
+        Err(error) => return out.bad(error.to_string()),
     };
     for (name, reading) in &object {
         let values = json::array(reading.get("value"));
         let Some(time_ns) = json::stamp_ns(reading.get("timestamp")) else {
-            out.note(
-                Tone::Bad,
-                format!(
-                    "A reading of {} was left out: it has no `timestamp`.",
-                    shown(name)
-                ),
-            );
+            out.bad(format!(
+                "A reading of {} was left out: it has no `timestamp`.",
+                shown(name)
+            ));
             continue;
         };
         match name.as_str() {
@@ -77,10 +62,7 @@ fn object(text: &[u8], out: &mut Decoded) {
                 let [x, y, z, w] = json::numbers::<4>(values, 0);
                 out.orientation(time_ns, [w, x, y, z]);
             }
-            _ => out.note(
-                Tone::Info,
-                format!("The sensor {} is not used.", shown(name)),
-            ),
+            _ => out.info(format!("The sensor {} is not used.", shown(name))),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What every decoder does last: order in time, stamps that cannot be, rates that are too low.
 
-use super::{Decoded, Tone};
+use super::Decoded;
 use crate::event::{Event, SensorKind};
 
 /// A stamp this far from the newest one is not accepted at first, ns (an hour).
@@ -57,13 +57,7 @@ impl Stream {
         // Judged in the order of arrival, so that a stamp far in the past cannot hide behind the sorting.
         out.events.retain(|event| self.believes(event.time_ns));
         let left_out = (before - out.events.len()) as u64;
-        if left_out > 0 {
-            out.note_many(
-                Tone::Bad,
-                "Readings whose time stamp is more than an hour away from the others' were left out: check the device's clock.",
-                left_out,
-            );
-        }
+        out.bad_many("Readings whose time stamp is more than an hour away from the others' were left out: check the device's clock.", left_out);
         out.events
             .sort_by_key(|event| (event.time_ns, event.sample.kind().order()));
         let mut low = Vec::new();
@@ -80,7 +74,7 @@ impl Stream {
             }
         }
         for text in low {
-            out.note(Tone::Warning, text);
+            out.warn(text);
         }
     }
 

@@ -1,15 +1,10 @@
 //! Plots of estimates over time: angles, errors against the reference, gyroscope bias.
 
-use crate::drawing::axis::Axis;
-use crate::drawing::curves::{
-    angle_axis, band, band_layer, curve, error_limit, is_drawn, line, time_axis,
-};
-use crate::drawing::plot::{Figure, Key, LINE_POINTS, Panel, Sign, TIME, key};
+use crate::drawing::axis::{self, Axis};
+use crate::drawing::curves::{angle_axis, band, curve, error_limit, is_drawn, time_axis};
+use crate::drawing::plot::{Figure, Key, Layer, Panel, Sign, key};
 use crate::drawing::series::{BandPoint, Point};
 use northing_evaluation::attitude::trace::{Trace, TracePoint};
-
-/// Room at the right of figures without names there.
-const RIGHT: f64 = 14.0;
 
 /// Heading, pitch and roll with their bands, the reference and the device's own; `None` without
 /// estimates.
@@ -20,17 +15,14 @@ pub(crate) fn angles(trace: &Trace) -> Option<Figure> {
     }
     let panels = ["Heading", "Pitch", "Roll"];
     let panels = panels.into_iter().enumerate();
-    Some(Figure {
-        label: "Estimated heading, pitch and roll over time".to_owned(),
-        time: time_axis(&[trace]),
-        legend: angle_keys(points),
-        panels: panels
+    Some(Figure::new(
+        "Estimated heading, pitch and roll over time",
+        time_axis(&[trace]),
+        angle_keys(points),
+        panels
             .map(|(i, name)| angle_panel(points, i, name))
             .collect(),
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
-    })
+    ))
 }
 
 fn angle_keys(points: &[TracePoint]) -> Vec<Key> {
@@ -65,10 +57,10 @@ fn angle_panel(points: &[TracePoint], i: usize, name: &str) -> Panel {
         p.angles_std_deg.map(|s| (p.angles_deg[i], s[i]))
     });
     let layers = vec![
-        band_layer(bounds, true),
-        line(device, "ghost device", true),
-        line(estimate, "estimate", true),
-        line(reference, "thin dash reference", true),
+        Layer::band(bounds, true),
+        Layer::line(device, "ghost device", true),
+        Layer::line(estimate, "estimate", true),
+        Layer::line(reference, "thin dash reference", true),
     ];
     Panel::new(name, "deg", axis, layers)
 }
@@ -86,31 +78,26 @@ pub(crate) fn errors(trace: &Trace) -> Option<Figure> {
     if points.iter().any(|p| p.error_std_deg.is_some()) {
         legend.push(key(Sign::Band, "band estimate-fill", "predicted 3\u{03c3}"));
     }
-    Some(Figure {
-        label: "Error of the estimate against the reference over time".to_owned(),
-        time: time_axis(&[trace]),
+    Some(Figure::new(
+        "Error of the estimate against the reference over time",
+        time_axis(&[trace]),
         legend,
-        panels: vec![
+        vec![
             error_panel("Total error", error(0), total, false),
             error_panel("Heading error", error(1), heading, true),
             error_panel("Inclination error", error(2), Vec::new(), false),
         ],
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
-    })
+    ))
 }
 
 fn error_panel(name: &str, error: Vec<Point>, bounds: Vec<BandPoint>, signed: bool) -> Panel {
     let (limit, note) = error_limit(&error, &bounds, "deg");
     let axis = Axis::linear(if signed { -limit } else { 0.0 }, limit, 5);
     let layers = vec![
-        band_layer(bounds, false),
-        line(error, "estimate thin", signed),
+        Layer::band(bounds, false),
+        Layer::line(error, "estimate thin", signed),
     ];
-    let mut panel = Panel::new(name, "deg", axis, layers);
-    panel.note = note;
-    panel
+    Panel::new(name, "deg", axis, layers).note(note)
 }
 
 /// Gyroscope bias of each axis with its band; `None` for estimators without bias.
@@ -128,15 +115,12 @@ pub(crate) fn bias(trace: &Trace) -> Option<Figure> {
     if points.iter().any(|p| p.bias_std_deg_s.is_some()) {
         legend.push(key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3}"));
     }
-    Some(Figure {
-        label: "Estimated gyroscope bias over time".to_owned(),
-        time: time_axis(&[trace]),
+    Some(Figure::new(
+        "Estimated gyroscope bias over time",
+        time_axis(&[trace]),
         legend,
-        panels: panels.collect(),
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
-    })
+        panels.collect(),
+    ))
 }
 
 /// The axis holds the curve and the bounds of the later nine tenths: the wide start may leave it.
@@ -144,13 +128,12 @@ fn bias_panel(name: &str, value: Vec<Point>, bounds: Vec<BandPoint>) -> Panel {
     let later = &bounds[bounds.len() / 10..];
     let ends = later.iter().flat_map(|b| [b[1], b[2]]);
     let shown = value.iter().map(|p| p[1]).chain(ends);
-    let shown: Vec<f64> = shown.filter(|v| v.is_finite()).collect();
-    let low = shown.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = shown.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = axis::extent(shown);
     let margin = (0.06 * (high - low)).max(1e-6);
-    let layers = vec![band_layer(bounds, false), line(value, "estimate", false)];
+    let layers = vec![
+        Layer::band(bounds, false),
+        Layer::line(value, "estimate", false),
+    ];
     let axis = Axis::linear(low - margin, high + margin, 5);
-    let mut panel = Panel::new(name, "deg/s", axis, layers);
-    panel.height = 120.0;
-    panel
+    Panel::new(name, "deg/s", axis, layers).height(120.0)
 }

@@ -17,8 +17,6 @@ pub struct ComparisonReport<'a> {
     pub title: String,
     /// What was compared over: name of the recording, or how many there are.
     pub recording: String,
-    /// Program and version, e.g. `northing 0.1.0`.
-    pub program: String,
     /// The command that makes this report again.
     pub command: Option<String>,
     /// The numbers that matter most, shown large.
@@ -77,45 +75,35 @@ impl ComparisonReport<'_> {
             summary: &self.summary,
             verdicts: &self.verdicts,
             recording: &self.recording,
-            program: match self.program.as_str() {
-                "" => concat!("northing ", env!("CARGO_PKG_VERSION")),
-                program => program,
-            },
             command: self.command.as_deref(),
             reading: html::ATTITUDE_READING,
         })
     }
 
     fn distribution(&self) -> String {
-        let Some(svg) = comparison_plots::distribution(&self.distributions, &self.runs) else {
-            return String::new();
-        };
-        format!(
-            "<figure>\n{svg}<figcaption><b>One dot for each recording.</b> Look at the median \
-             (the bar) for what to expect, and at the dots far to the right for what can go \
-             wrong; the axis is logarithmic.</figcaption>\n</figure>\n"
+        html::picture(
+            comparison_plots::distribution(&self.distributions, &self.runs),
+            "One dot for each recording.",
+            "Look at the median (the bar) for what to expect, and at the dots far to the right for \
+             what can go wrong; the axis is logarithmic.",
         )
     }
 
     fn errors(&self) -> String {
-        comparison_plots::errors(&self.runs).map_or_else(String::new, |figure| {
-            html::figure(
-                &figure,
-                "Errors of each estimator, root mean square over short windows.",
-                "Look which lines rise for ever (nothing corrects them) and which ones come back \
-                 after a disturbance; the axis is logarithmic.",
-            )
-        })
+        html::figure(
+            comparison_plots::errors(&self.runs),
+            "Errors of each estimator, root mean square over short windows.",
+            "Look which lines rise for ever (nothing corrects them) and which ones come back \
+             after a disturbance; the axis is logarithmic.",
+        )
     }
 
     fn heading(&self) -> String {
-        comparison_plots::headings(&self.runs).map_or_else(String::new, |figure| {
-            html::figure(
-                &figure,
-                "The heading that each estimator gives.",
-                "Look who stays with the dashed reference, and who leaves it, when and which way.",
-            )
-        })
+        html::figure(
+            comparison_plots::headings(&self.runs),
+            "The heading that each estimator gives.",
+            "Look who stays with the dashed reference, and who leaves it, when and which way.",
+        )
     }
 
     fn settings(&self) -> String {

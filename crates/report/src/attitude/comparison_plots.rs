@@ -2,8 +2,8 @@
 
 use crate::attitude::comparison::{ComparedRun, Distribution};
 use crate::drawing::axis::{self, Axis};
-use crate::drawing::curves::{angle_axis, curve, is_drawn, line, short, time_axis};
-use crate::drawing::plot::{Figure, LINE_POINTS, Panel, Sign, TIME, WIDTH, key};
+use crate::drawing::curves::{angle_axis, curve, is_drawn, short, time_axis};
+use crate::drawing::plot::{Figure, Layer, Panel, Sign, WIDTH, key};
 use crate::drawing::series::{self, Point};
 use crate::drawing::style::SERIES;
 use crate::drawing::svg::Svg;
@@ -35,14 +35,14 @@ pub(crate) fn errors(runs: &[ComparedRun<'_>]) -> Option<Figure> {
         .enumerate()
         .filter_map(|(component, name)| error_panel(runs, component, name))
         .collect();
-    (!panels.is_empty()).then(|| Figure {
-        label: "Errors of each estimator over time".to_owned(),
-        time: time_of(runs),
-        legend: Vec::new(),
-        panels,
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
+    (!panels.is_empty()).then(|| {
+        Figure::new(
+            "Errors of each estimator over time",
+            time_of(runs),
+            Vec::new(),
+            panels,
+        )
+        .right(RIGHT)
     })
 }
 
@@ -54,9 +54,7 @@ fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option
             series::windowed_rms(&curve(r.trace.points.items(), error), WINDOWS)
         })
         .collect();
-    let mut sorted: Vec<f64> = curves.iter().flatten().map(|p| p[1]).collect();
-    sorted.retain(|v| v.is_finite());
-    sorted.sort_by(f64::total_cmp);
+    let sorted = axis::sorted(curves.iter().flatten().map(|p| p[1]));
     let high = *sorted.last()?;
     let low = (axis::quantile(&sorted, 0.02) * 0.7).max(LEAST_ERROR_DEG);
     let mut axis = Axis::logarithmic(low, (high * 1.3).max(low * 10.0));
@@ -73,11 +71,11 @@ fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option
                 run.name.to_owned(),
             ));
         }
-        layers.push(line(curve, &class(i), false));
+        layers.push(Layer::line(curve, &class(i), false));
     }
-    let mut panel = Panel::new(name, "deg, logarithmic", axis, layers);
-    panel.height = 200.0;
-    panel.tags = tags;
+    let panel = Panel::new(name, "deg, logarithmic", axis, layers)
+        .height(200.0)
+        .tags(tags);
     Some(panel)
 }
 
@@ -105,23 +103,19 @@ pub(crate) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
             &format!("line bold {}", class(i)),
             run.name,
         ));
-        layers.push(line(curve, &class(i), true));
+        layers.push(Layer::line(curve, &class(i), true));
     }
     if let Some(reference) = reference {
         legend.push(key(Sign::Line, "line dash reference", "reference"));
-        layers.push(line(reference, "thin dash reference", true));
+        layers.push(Layer::line(reference, "thin dash reference", true));
     }
-    let mut panel = Panel::new("Heading", "deg", axis, layers);
-    panel.height = 260.0;
-    Some(Figure {
-        label: "Heading of each estimator over time".to_owned(),
-        time: time_of(runs),
+    let panel = Panel::new("Heading", "deg", axis, layers).height(260.0);
+    Some(Figure::new(
+        "Heading of each estimator over time",
+        time_of(runs),
         legend,
-        panels: vec![panel],
-        right: 14.0,
-        line_points: LINE_POINTS,
-        across: TIME,
-    })
+        vec![panel],
+    ))
 }
 
 /// Rows of dots, one row an estimator.
@@ -149,9 +143,8 @@ pub(crate) fn distribution(all: &[Distribution], runs: &[ComparedRun<'_>]) -> Op
             names.push(&one.name);
             names.len() - 1
         });
-        let mut errors = one.errors_deg.clone();
-        errors.retain(|e| e.is_finite() && *e >= 0.0);
-        errors.sort_by(f64::total_cmp);
+        let errors = one.errors_deg.iter().copied().filter(|e| *e >= 0.0);
+        let errors = axis::sorted(errors);
         if !errors.is_empty() {
             rows.push((one.name.as_str(), colour, errors));
         }

@@ -1,8 +1,8 @@
 //! The picture for a README: what a filter with a covariance gives that integration does not.
 
 use crate::drawing::axis::{self, Axis};
-use crate::drawing::curves::{angle_axis, band, band_layer, curve, line, short, time_axis};
-use crate::drawing::plot::{Figure, Layer, Panel, Sign, TIME, WIDTH, key};
+use crate::drawing::curves::{angle_axis, band, curve, short, time_axis};
+use crate::drawing::plot::{Figure, Layer, Panel, Sign, WIDTH, key};
 use crate::drawing::style;
 use crate::drawing::svg::Svg;
 use northing_evaluation::attitude::trace::{Trace, TracePoint};
@@ -65,14 +65,15 @@ fn figure(picture: &HeroPicture<'_>) -> Figure {
     if let Some((name, _)) = picture.other {
         legend.push(key(Sign::Line, "line ghost device", name));
     }
-    Figure {
-        label: format!("{}. {}", picture.title, picture.subtitle),
-        time: time_axis(&[filter, picture.drifting.1]),
+    let figure = Figure::new(
+        format!("{}. {}", picture.title, picture.subtitle),
+        time_axis(&[filter, picture.drifting.1]),
         legend,
-        panels: vec![heading_panel(picture), error_panel(picture)],
-        right: RIGHT,
+        vec![heading_panel(picture), error_panel(picture)],
+    );
+    Figure {
         line_points: DETAIL,
-        across: TIME,
+        ..figure.right(RIGHT)
     }
 }
 
@@ -84,18 +85,16 @@ fn heading_panel(picture: &HeroPicture<'_>) -> Panel {
     let drifting = heading(picture.drifting.1);
     let bounds = band(points, |p| Some((p.angles_deg[0], p.angles_std_deg?[0])));
     let axis = angle_axis(&[&estimate, &reference, &drifting]);
-    let mut layers = vec![band_layer(bounds, true)];
+    let mut layers = vec![Layer::band(bounds, true)];
     if let Some((_, other)) = picture.other {
-        layers.push(line(heading(other), "ghost device", true));
+        layers.push(Layer::line(heading(other), "ghost device", true));
     }
     layers.extend([
-        line(drifting, "gated", true),
-        line(estimate, "estimate bold", true),
-        line(reference, "thin dash reference", true),
+        Layer::line(drifting, "gated", true),
+        Layer::line(estimate, "estimate bold", true),
+        Layer::line(reference, "thin dash reference", true),
     ]);
-    let mut panel = Panel::new("Heading", "deg", axis, layers);
-    panel.height = 190.0;
-    panel.tags = [picture.filter, picture.drifting]
+    let tags = [picture.filter, picture.drifting]
         .into_iter()
         .zip(["estimate-fill", "gated-fill"])
         .filter(|((name, _), _)| name.chars().count() <= LONGEST_TAG)
@@ -105,7 +104,9 @@ fn heading_panel(picture: &HeroPicture<'_>) -> Panel {
                 .then(|| (end, class.to_owned(), name.to_owned()))
         })
         .collect();
-    panel
+    Panel::new("Heading", "deg", axis, layers)
+        .height(190.0)
+        .tags(tags)
 }
 
 /// Errors, on an axis that shows the filter's error and bound well; what drifts leaves it.
@@ -114,23 +115,16 @@ fn error_panel(picture: &HeroPicture<'_>) -> Panel {
     let points = picture.filter.1.points.items();
     let own = error(picture.filter.1);
     let bounds = band(points, |p| Some((0.0, p.error_std_deg?[0])));
-    let mut upper: Vec<f64> = bounds
-        .iter()
-        .map(|b| b[2])
-        .filter(|v| v.is_finite())
-        .collect();
-    upper.sort_by(f64::total_cmp);
+    let upper = axis::sorted(bounds.iter().map(|b| b[2]));
     let shown = axis::reach(own.iter().map(|p| p[1])).map_or(1.0, |r| r.limit);
     let limit = 1.35 * shown.max(axis::quantile(&upper, 0.9)).max(1e-3);
-    let mut layers: Vec<Layer> = vec![band_layer(bounds, false)];
+    let mut layers: Vec<Layer> = vec![Layer::band(bounds, false)];
     if let Some((_, other)) = picture.other {
-        layers.push(line(error(other), "ghost device", false));
+        layers.push(Layer::line(error(other), "ghost device", false));
     }
-    layers.push(line(error(picture.drifting.1), "gated", false));
-    layers.push(line(own, "estimate", false));
-    let mut panel = Panel::new("Error", "deg", Axis::linear(0.0, limit, 4), layers);
-    panel.height = 150.0;
-    panel.tags = [picture.filter, picture.drifting]
+    layers.push(Layer::line(error(picture.drifting.1), "gated", false));
+    layers.push(Layer::line(own, "estimate", false));
+    let tags = [picture.filter, picture.drifting]
         .into_iter()
         .zip(["estimate-fill", "gated-fill"])
         .filter_map(|((_, trace), class)| {
@@ -138,7 +132,8 @@ fn error_panel(picture: &HeroPicture<'_>) -> Panel {
             Some((last.min(limit), class.to_owned(), text))
         })
         .collect();
-    panel
+    let axis = Axis::linear(0.0, limit, 4);
+    Panel::new("Error", "deg", axis, layers).tags(tags)
 }
 
 /// Error at the end (mean of the last twentieth), and the words for it.

@@ -6,7 +6,7 @@ use northing_recording::SensorKind;
 use crate::drawing::axis::{self, Axis};
 use crate::drawing::curves::{error_limit, time_axis};
 use crate::drawing::fate::Fate;
-use crate::drawing::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, key};
+use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, key};
 use crate::drawing::series::{self, Point};
 use northing_evaluation::attitude::trace::{InnovationPoint, Trace};
 
@@ -61,9 +61,9 @@ impl Updates<'_> {
     }
 
     fn dots(&self, value: impl Fn(&InnovationPoint) -> f64) -> Vec<Layer> {
-        let of = |fate: Fate| Layer::Dots {
-            points: self.points_of(fate).map(|p| [p.time_s, value(p)]).collect(),
-            class: format!("dots {}", fate.class()),
+        let of = |fate: Fate| {
+            let points = self.points_of(fate).map(|p| [p.time_s, value(p)]);
+            Layer::dots(points.collect(), fate.class())
         };
         Fate::ALL.map(of).into()
     }
@@ -117,18 +117,16 @@ pub(crate) fn innovations(trace: &Trace, updates: &Updates<'_>) -> Figure {
     let names = names[..components].iter().enumerate();
     let mut panels: Vec<Panel> = names.map(|(i, n)| residual_panel(updates, i, n)).collect();
     panels.push(nis_panel(updates));
-    Figure {
-        label: format!(
+    Figure::new(
+        format!(
             "Innovations and NIS of the {} over time",
             updates.sensor.name()
         ),
-        time: time_axis(&[trace]),
-        legend: updates.keys(),
+        time_axis(&[trace]),
+        updates.keys(),
         panels,
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
-    }
+    )
+    .right(RIGHT)
 }
 
 fn residual_panel(updates: &Updates<'_>, i: usize, name: &str) -> Panel {
@@ -148,32 +146,21 @@ fn residual_panel(updates: &Updates<'_>, i: usize, name: &str) -> Panel {
         .map(|p| [p.time_s, residual(p)])
         .collect();
     let (limit, note) = error_limit(&all, &bounds, unit);
-    let mut layers = vec![Layer::Band {
-        points: bounds,
-        class: "band estimate-fill".to_owned(),
-        angle: false,
-    }];
+    let mut layers = vec![Layer::band(bounds, false)];
     layers.extend(updates.dots(residual));
-    let mut panel = Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers);
-    panel.height = 118.0;
-    panel.note = note;
-    panel
+    Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers)
+        .height(118.0)
+        .note(note)
 }
 
 /// NIS on a logarithmic axis between its chi-square bounds, with its mean over windows.
 fn nis_panel(updates: &Updates<'_>) -> Panel {
     let nis = |p: &InnovationPoint| p.nis.max(LEAST_NIS);
-    let mut sorted: Vec<f64> = updates.points.iter().map(|p| p.nis).collect();
-    sorted.retain(|v| v.is_finite());
-    sorted.sort_by(f64::total_cmp);
+    let sorted = axis::sorted(updates.points.iter().map(|p| p.nis));
     let high = (axis::quantile(&sorted, 0.9995) * 1.6).clamp(100.0, 1e6);
     let mut layers = updates.dots(nis);
     for (value, label) in bounds(updates.components) {
-        layers.push(Layer::Rule {
-            value,
-            label: label.to_owned(),
-            class: "rule",
-        });
+        layers.push(Layer::rule(value, label));
     }
     let roots: Vec<Point> = updates
         .points
@@ -181,15 +168,10 @@ fn nis_panel(updates: &Updates<'_>) -> Panel {
         .map(|p| [p.time_s, p.nis.max(0.0).sqrt()])
         .collect();
     let mean = series::windowed_rms(&roots, WINDOWS / 2);
-    layers.push(Layer::Line {
-        points: mean.iter().map(|p| [p[0], p[1] * p[1]]).collect(),
-        class: "line bold mean".to_owned(),
-        angle: false,
-    });
+    let mean = mean.iter().map(|p| [p[0], p[1] * p[1]]).collect();
+    layers.push(Layer::line(mean, "bold mean", false));
     let axis = Axis::logarithmic(LEAST_NIS, high);
-    let mut panel = Panel::new("NIS", "no unit, logarithmic", axis, layers);
-    panel.height = 190.0;
-    panel
+    Panel::new("NIS", "no unit, logarithmic", axis, layers).height(190.0)
 }
 
 /// Expected mean, 95 % and 99 % bound of a NIS.
@@ -210,15 +192,15 @@ pub(crate) fn gates(trace: &Trace, all: &[Updates<'_>]) -> Option<Figure> {
     if all.iter().any(|u| u.has(Fate::Inflated)) {
         legend.push(key(Sign::Bar, "inflated-fill", Fate::Inflated.name()));
     }
-    Some(Figure {
-        label: "Share of measurements refused by the gates over time".to_owned(),
-        time: time_axis(&[trace]),
-        legend,
-        panels: all.iter().map(gate_panel).collect(),
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
-    })
+    Some(
+        Figure::new(
+            "Share of measurements refused by the gates over time",
+            time_axis(&[trace]),
+            legend,
+            all.iter().map(gate_panel).collect(),
+        )
+        .right(RIGHT),
+    )
 }
 
 fn gate_panel(updates: &Updates<'_>) -> Panel {
@@ -242,9 +224,7 @@ fn gate_panel(updates: &Updates<'_>) -> Panel {
         bars(&[Fate::Gated], "bar gated-fill"),
     ];
     let name = updates.name();
-    let mut panel = Panel::new(&name, "% refused", Axis::linear(0.0, 100.0, 2), layers);
-    panel.height = 74.0;
-    panel
+    Panel::new(&name, "% refused", Axis::linear(0.0, 100.0, 2), layers).height(74.0)
 }
 
 #[cfg(test)]

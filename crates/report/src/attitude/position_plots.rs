@@ -4,12 +4,10 @@ use crate::drawing::axis::Axis;
 use crate::drawing::curves::{error_limit, time_axis};
 use crate::drawing::fate::Fate;
 use crate::drawing::map::{self, Place, Scale};
-use crate::drawing::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, key};
-use crate::drawing::series::{self, Point};
+use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, key};
+use crate::drawing::series::Point;
 use northing_evaluation::attitude::trace::{PositionPoint, Trace};
 
-/// Room at the right of figures without names there.
-const RIGHT: f64 = 14.0;
 /// Room around a track, m.
 const ROOM_M: f64 = 1.0;
 /// Class of measured positions on the map.
@@ -48,12 +46,8 @@ pub(crate) fn track(trace: &Trace) -> Option<String> {
         "Map of the track and of the measured positions",
         &keys,
     );
-    let dots = |places: &[Place]| -> Vec<[f64; 2]> {
-        let picked = series::pick(places, DOTS);
-        picked.iter().map(|place| scale.at(*place)).collect()
-    };
-    svg.dots(&dots(&used), MEASURED);
-    svg.dots(&dots(&refused), "dots gated");
+    svg.dots(&scale.dots(&used, DOTS), MEASURED);
+    svg.dots(&scale.dots(&refused, DOTS), "dots gated");
     svg.lines(&[scale.path(&estimates)], "line estimate");
     Some(map::close(svg))
 }
@@ -64,15 +58,12 @@ pub(crate) fn innovations(trace: &Trace) -> Option<Figure> {
         return None;
     }
     let panels = ["East", "North", "Up"].into_iter().enumerate();
-    Some(Figure {
-        label: "Measured minus estimated position over time".to_owned(),
-        time: time_axis(&[trace]),
-        legend: keys(trace),
-        panels: panels.map(|(i, name)| panel(trace, i, name)).collect(),
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
-    })
+    Some(Figure::new(
+        "Measured minus estimated position over time",
+        time_axis(&[trace]),
+        keys(trace),
+        panels.map(|(i, name)| panel(trace, i, name)).collect(),
+    ))
 }
 
 fn keys(trace: &Trace) -> Vec<Key> {
@@ -99,12 +90,8 @@ fn panel(trace: &Trace, i: usize, name: &str) -> Panel {
     };
     let all: Vec<Point> = Fate::ALL.into_iter().flat_map(residuals).collect();
     let (limit, note) = error_limit(&all, &[], "m");
-    let layers = Fate::ALL.map(|fate| Layer::Dots {
-        points: residuals(fate),
-        class: format!("dots {}", fate.class()),
-    });
-    let mut panel = Panel::new(name, "m", Axis::linear(-limit, limit, 5), layers.into());
-    panel.height = 118.0;
-    panel.note = note;
-    panel
+    let layers = Fate::ALL.map(|fate| Layer::dots(residuals(fate), fate.class()));
+    Panel::new(name, "m", Axis::linear(-limit, limit, 5), layers.into())
+        .height(118.0)
+        .note(note)
 }

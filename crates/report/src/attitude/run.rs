@@ -46,7 +46,6 @@ fn render(report: &RunReport<'_>) -> String {
         summary: &report.summary,
         verdicts: &report.verdicts,
         recording: &report.recording,
-        program: &report.program,
         command: report.command.as_deref(),
         reading: html::ATTITUDE_READING,
     })
@@ -57,7 +56,7 @@ fn attitude(report: &RunReport<'_>) -> String {
         return "<p>The run gave no estimate, so there is nothing to draw.</p>\n".to_owned();
     };
     html::figure(
-        &figure,
+        figure,
         "Which way it pointed, and how sure the filter is.",
         "Look whether the dashed reference stays inside the band; where no band can be seen, it \
          is narrower than the line. Lines stop at \u{00b1}180 deg and go on at the other side.",
@@ -65,11 +64,8 @@ fn attitude(report: &RunReport<'_>) -> String {
 }
 
 fn errors(report: &RunReport<'_>) -> String {
-    let Some(figure) = angle_plots::errors(report.trace) else {
-        return String::new();
-    };
     html::figure(
-        &figure,
+        angle_plots::errors(report.trace),
         "The error, and the error that the filter predicted.",
         "Look whether the error fills the band without leaving it: leaving it means that the \
          filter is overconfident, staying far inside that it is conservative.",
@@ -77,24 +73,19 @@ fn errors(report: &RunReport<'_>) -> String {
 }
 
 fn position(report: &RunReport<'_>) -> String {
-    let mut content = String::new();
-    if let Some(map) = position_plots::track(report.trace) {
-        content.push_str(&html::picture(
-            &map,
-            "Where it was, seen from above.",
-            "Look whether the line runs through the middle of the dots: a line that cuts corners or \
+    let map = html::picture(
+        position_plots::track(report.trace),
+        "Where it was, seen from above.",
+        "Look whether the line runs through the middle of the dots: a line that cuts corners or \
              swings past them says that the pole is too slow or too fast for these positions.",
-        ));
-    }
-    if let Some(figure) = position_plots::innovations(report.trace) {
-        content.push_str(&html::figure(
-            &figure,
-            "Measured minus estimated position.",
-            "Innovations should scatter around zero without pattern, by about the error of the \
+    );
+    let innovations = html::figure(
+        position_plots::innovations(report.trace),
+        "Measured minus estimated position.",
+        "Innovations should scatter around zero without pattern, by about the error of the \
              positions. Waves mean that the attitude is off, or that the positions come late.",
-        ));
-    }
-    content
+    );
+    map + &innovations
 }
 
 fn innovations(report: &RunReport<'_>, updates: &[Updates<'_>]) -> String {
@@ -109,7 +100,7 @@ fn innovations(report: &RunReport<'_>, updates: &[Updates<'_>]) -> String {
             look.push_str(" The recording is long: evenly picked measurements are drawn.");
         }
         content.push_str(&html::figure(
-            &innovation_plots::innovations(report.trace, sensor),
+            innovation_plots::innovations(report.trace, sensor),
             "Measured minus predicted, against what the filter expected.",
             &look,
         ));
@@ -118,17 +109,13 @@ fn innovations(report: &RunReport<'_>, updates: &[Updates<'_>]) -> String {
 }
 
 fn gates(report: &RunReport<'_>, updates: &[Updates<'_>]) -> String {
-    let mut content = String::new();
-    if let Some(figure) = innovation_plots::gates(report.trace, updates) {
-        content.push_str(&html::figure(
-            &figure,
-            "When the gates refused measurements.",
-            "Short bursts are disturbances kept out, as they should be; long stretches near \
+    let figure = html::figure(
+        innovation_plots::gates(report.trace, updates),
+        "When the gates refused measurements.",
+        "Short bursts are disturbances kept out, as they should be; long stretches near \
              100 % mean that the filter and the sensor no longer agree.",
-        ));
-    }
-    content.push_str(&update_table(&report.updates));
-    content
+    );
+    figure + &update_table(&report.updates)
 }
 
 fn update_table(updates: &[SensorUpdates]) -> String {
@@ -180,11 +167,8 @@ fn grouped(count: u64) -> String {
 }
 
 fn bias(report: &RunReport<'_>) -> String {
-    let Some(figure) = angle_plots::bias(report.trace) else {
-        return String::new();
-    };
     html::figure(
-        &figure,
+        angle_plots::bias(report.trace),
         "What the filter thinks the gyroscope reads at rest.",
         "Look for a curve that settles while its band narrows; a bias that drifts outside of its \
          earlier band says that the bias random walk is set too small.",

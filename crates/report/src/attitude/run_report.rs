@@ -1,6 +1,5 @@
 //! The report of one run as plain data that any runner can fill.
 
-use northing_evaluation::PROGRAM;
 use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::trace::Trace;
 
@@ -48,8 +47,6 @@ pub struct RunReport<'a> {
     pub estimator: String,
     /// Name of the recording.
     pub recording: String,
-    /// Program and version, e.g. `northing 0.1.0`.
-    pub program: String,
     /// The command that makes this report again.
     pub command: Option<String>,
     /// Everything the run depends on beside the recording ([`northing_evaluation::attitude::setup::RunSetup::to_text`]).
@@ -80,7 +77,6 @@ impl<'a> RunReport<'a> {
             title: title.into(),
             estimator: String::new(),
             recording: String::new(),
-            program: PROGRAM.to_owned(),
             command: None,
             setup: None,
             summary: Vec::new(),

@@ -1,7 +1,7 @@
 //! The report of an Allan deviation: the curve on logarithmic axes, its noises, what they mean.
 
 use crate::drawing::axis::Axis;
-use crate::drawing::plot::{Figure, LINE_POINTS, Layer, Panel, Sign, key};
+use crate::drawing::plot::{Figure, Layer, Panel, Sign, key};
 use crate::drawing::series::Point;
 use crate::page::facts::{Fact, Source};
 use crate::page::html::{self, Frame, Page};
@@ -52,7 +52,6 @@ pub fn render(report: &AllanReport, settings: &[String], source: &Source<'_>) ->
         summary: &facts,
         verdicts: &[],
         recording: source.recording,
-        program: northing_evaluation::PROGRAM,
         command: source.command,
         reading: "The Allan deviation at \u{03c4} is how far the means of neighbouring stretches of \u{03c4} \
                   seconds lie apart, divided by \u{221a}2. The band holds the true value with the confidence \
@@ -104,11 +103,10 @@ fn curve(report: &AllanReport) -> String {
         .filter(|v| *v > 0.0)
         .fold(f64::MAX, f64::min);
     let high = of(|p| p.upper).fold(0.0, f64::max);
-    let mut layers = vec![Layer::Band {
-        points: points.iter().map(|p| [p.tau_s, p.lower, p.upper]).collect(),
-        class: "band estimate-fill".to_owned(),
-        angle: false,
-    }];
+    let mut layers = vec![Layer::band(
+        points.iter().map(|p| [p.tau_s, p.lower, p.upper]).collect(),
+        false,
+    )];
     let mut legend = vec![
         key(
             Sign::Line,
@@ -125,29 +123,32 @@ fn curve(report: &AllanReport) -> String {
         let Some(coefficient) = coefficient else {
             continue;
         };
-        layers.push(line(
-            model(at, coefficient.value, [first.tau_s, last.tau_s]),
-            &format!("thin dash {class}"),
-        ));
+        let curve = model(at, coefficient.value, [first.tau_s, last.tau_s]);
+        layers.push(Layer::line(curve, &format!("thin dash {class}"), false));
         legend.push(key(Sign::Line, &format!("line dash {class}"), name));
     }
     let all = |p: &AllanPoint| [p.tau_s, p.deviation];
-    layers.push(line(points.iter().map(all).collect(), "ghost estimate"));
-    layers.push(line(report.trusted().map(all).collect(), "bold estimate"));
+    layers.push(Layer::line(
+        points.iter().map(all).collect(),
+        "ghost estimate",
+        false,
+    ));
+    layers.push(Layer::line(
+        report.trusted().map(all).collect(),
+        "bold estimate",
+        false,
+    ));
     let axis = Axis::logarithmic(0.7 * low, 1.4 * high);
-    let mut panel = Panel::new("Allan deviation", report.unit, axis, layers);
-    panel.height = 420.0;
-    let figure = Figure {
-        label: format!("Allan deviation of the {}", report.sensor.name()),
-        time: Axis::logarithmic(first.tau_s, last.tau_s),
+    let panel = Panel::new("Allan deviation", report.unit, axis, layers).height(420.0);
+    let figure = Figure::new(
+        format!("Allan deviation of the {}", report.sensor.name()),
+        Axis::logarithmic(first.tau_s, last.tau_s),
         legend,
-        panels: vec![panel],
-        right: 14.0,
-        line_points: LINE_POINTS,
-        across: "averaging time \u{03c4}, s",
-    };
+        vec![panel],
+    )
+    .across("averaging time \u{03c4}, s");
     html::figure(
-        &figure,
+        figure,
         "How steady a mean is, by how long one averages.",
         &format!(
             "Look where the curve stops falling: averaging longer than that does not help. Beyond {:.0} s, \
@@ -155,14 +156,6 @@ fn curve(report: &AllanReport) -> String {
             report.trusted_tau_s
         ),
     )
-}
-
-fn line(points: Vec<Point>, class: &str) -> Layer {
-    Layer::Line {
-        points,
-        class: format!("line {class}"),
-        angle: false,
-    }
 }
 
 fn model(at: fn(f64, f64) -> f64, value: f64, [from, to]: [f64; 2]) -> Vec<Point> {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use northing_core::calibration::magnetometer::coverage::{SECTORS, SLICES};
 
 use crate::drawing::axis::{Axis, reach};
-use crate::drawing::plot::{DOTS, Figure, LINE_POINTS, Layer, Panel, Sign, TIME, WIDTH, key};
+use crate::drawing::plot::{DOTS, Figure, Layer, Panel, Sign, WIDTH, key};
 use crate::drawing::svg::Svg;
 use crate::page::facts::{Fact, Source, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
@@ -43,7 +43,6 @@ pub fn render(report: &MagnetometerReport, source: &Source<'_>) -> String {
         summary: &facts,
         verdicts: &[verdict],
         recording: source.recording,
-        program: northing_evaluation::PROGRAM,
         command: source.command,
         reading: "calibrated = soft iron \u{00b7} (measured \u{2212} hard iron), in the axes of the device; \
                   the strength of the Earth\u{2019}s field is 22 to 67 uT.",
@@ -104,11 +103,11 @@ fn coverage(report: &MagnetometerReport) -> String {
         "azimuth about z, deg; upwards: z component of the direction",
     );
     svg.close();
-    format!(
-        "<figure>\n{}<figcaption><b>From where the field came, as the device saw it.</b> Every cell has the \
-         same share of the sphere. Look for large empty areas: what lies there was never measured, and the \
-         calibration only guesses it.</figcaption>\n</figure>\n",
-        svg.finish()
+    html::picture(
+        svg.finish(),
+        "From where the field came, as the device saw it.",
+        "Every cell has the same share of the sphere. Look for large empty areas: what lies there was never \
+         measured, and the calibration only guesses it.",
     )
 }
 
@@ -134,10 +133,6 @@ fn strength(report: &MagnetometerReport) -> String {
         label: label.to_owned(),
         class: "line rule",
     };
-    let dots = |points: Vec<[f64; 2]>, class: &str| Layer::Dots {
-        points,
-        class: format!("dots {class}"),
-    };
     let sigma = 3.0 * c.residual_std_ut;
     let (low, high) = (0.0, 1.05 * finite(&raw));
     let end = report.samples.last().map_or(1.0, |(t, _)| *t);
@@ -146,32 +141,30 @@ fn strength(report: &MagnetometerReport) -> String {
         "As measured",
         "uT",
         Axis::linear(low, high, 5),
-        vec![dots(raw, "gated"), rule(c.radius_ut, "fitted")],
+        vec![Layer::dots(raw, "gated"), rule(c.radius_ut, "fitted")],
     );
     let after = Panel::new(
         "Calibrated, minus the field\u{2019}s strength",
         "uT",
         Axis::linear(-1.1 * limit, 1.1 * limit, 5),
         vec![
-            dots(mended, "estimate"),
+            Layer::dots(mended, "estimate"),
             rule(sigma, "3\u{03c3}"),
             rule(-sigma, "\u{2212}3\u{03c3}"),
         ],
     );
-    let figure = Figure {
-        label: "Strength of the field before and after the calibration".to_owned(),
-        time: Axis::time(start, end, 10),
-        legend: vec![
+    let figure = Figure::new(
+        "Strength of the field before and after the calibration",
+        Axis::time(start, end, 10),
+        vec![
             key(Sign::Dot, "dots gated", "as measured"),
             key(Sign::Dot, "dots estimate", "calibrated"),
         ],
-        panels: vec![before, after],
-        right: 60.0,
-        line_points: LINE_POINTS,
-        across: TIME,
-    };
+        vec![before, after],
+    )
+    .right(60.0);
     html::figure(
-        &figure,
+        figure,
         "The strength of the field while the device was turned.",
         "A good magnetometer shows the same strength in every direction. Look for slow waves that are left \
          after the calibration: iron or a magnet nearby, which no calibration takes away.",

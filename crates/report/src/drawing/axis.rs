@@ -188,8 +188,7 @@ pub(crate) struct Reach {
 /// Chooses how far an axis of errors must reach. A start far off the rest would flatten everything
 /// that follows, so an extreme above four times the 99.5 % quantile is cut off (and told about).
 pub(crate) fn reach(values: impl Iterator<Item = f64>) -> Option<Reach> {
-    let mut sorted: Vec<f64> = values.map(f64::abs).filter(|v| v.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
+    let sorted = sorted(values.map(f64::abs));
     let max = *sorted.last()?;
     let high = quantile(&sorted, 0.995);
     Some(if high > 0.0 && max > 4.0 * high {
@@ -203,6 +202,20 @@ pub(crate) fn reach(values: impl Iterator<Item = f64>) -> Option<Reach> {
             beyond: None,
         }
     })
+}
+
+/// The finite ones, from the lowest to the highest.
+pub(crate) fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted
+}
+
+/// The lowest and the highest of the finite ones.
+pub(crate) fn extent(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let finite = values.filter(|v| v.is_finite());
+    let low = finite.clone().fold(f64::INFINITY, f64::min);
+    (low, finite.fold(f64::NEG_INFINITY, f64::max))
 }
 
 /// The value below which a share of sorted values lies; the values are not empty.

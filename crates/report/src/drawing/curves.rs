@@ -3,7 +3,6 @@
 use northing_evaluation::attitude::trace::{Trace, TracePoint};
 
 use super::axis::{self, Axis};
-use super::plot::Layer;
 use super::series::{BandPoint, Point};
 
 /// Half width of every band, standard deviations.
@@ -48,22 +47,6 @@ pub(crate) fn band(
     points.iter().map(at).collect()
 }
 
-pub(crate) fn line(points: Vec<Point>, class: &str, angle: bool) -> Layer {
-    Layer::Line {
-        points,
-        class: format!("line {class}"),
-        angle,
-    }
-}
-
-pub(crate) fn band_layer(points: Vec<BandPoint>, angle: bool) -> Layer {
-    Layer::Band {
-        points,
-        class: "band estimate-fill".to_owned(),
-        angle,
-    }
-}
-
 /// Whether any value of a curve can be drawn.
 pub(crate) fn is_drawn(points: &[Point]) -> bool {
     points.iter().any(|p| p[0].is_finite() && p[1].is_finite())
@@ -71,12 +54,7 @@ pub(crate) fn is_drawn(points: &[Point]) -> bool {
 
 /// The whole circle for angles that wrap or nearly fill it, else what the curves need.
 pub(crate) fn angle_axis(curves: &[&[Point]]) -> Axis {
-    let values = || {
-        let all = curves.iter().flat_map(|c| c.iter().map(|p| p[1]));
-        all.filter(|v| v.is_finite())
-    };
-    let low = values().fold(f64::INFINITY, f64::min);
-    let high = values().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = axis::extent(curves.iter().flat_map(|c| c.iter().map(|p| p[1])));
     if high - low > 220.0 {
         return Axis::degrees(-180.0, 180.0, 5);
     }
@@ -91,9 +69,7 @@ pub(crate) fn error_limit(error: &[Point], bounds: &[BandPoint], unit: &str) -> 
     let Some(reach) = axis::reach(error.iter().map(|p| p[1])) else {
         return (1.0, String::new());
     };
-    let mut half: Vec<f64> = bounds.iter().map(|b| 0.5 * (b[2] - b[1])).collect();
-    half.retain(|h| h.is_finite());
-    half.sort_by(f64::total_cmp);
+    let half = axis::sorted(bounds.iter().map(|b| 0.5 * (b[2] - b[1])));
     let wanted = axis::quantile(&half, 0.98).min(4.0 * reach.limit);
     let limit = (1.08 * reach.limit.max(wanted)).max(1e-6);
     let note = match reach.beyond {

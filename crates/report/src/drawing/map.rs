@@ -1,6 +1,6 @@
 //! A map: north up, equal scales, a grid at round distances. What is on it comes from elsewhere.
 
-use crate::drawing::axis::{Axis, quantile};
+use crate::drawing::axis::{Axis, quantile, sorted};
 use crate::drawing::plot::{Key, WIDTH, legend};
 use crate::drawing::series;
 use crate::drawing::svg::Svg;
@@ -30,9 +30,7 @@ impl Scale {
     /// single ones do not count.
     pub(crate) fn new(places: &[Place], room_m: f64) -> Option<Self> {
         let range = |axis: usize| {
-            let mut values: Vec<f64> = places.iter().map(|p| p[axis]).collect();
-            values.retain(|v| v.is_finite());
-            values.sort_by(f64::total_cmp);
+            let values = sorted(places.iter().map(|p| p[axis]));
             let (first, last) = (values.first()?, values.last()?);
             let inner = [quantile(&values, 0.01), quantile(&values, 0.99)];
             let room = 0.15 * (inner[1] - inner[0]) + room_m;
@@ -64,6 +62,34 @@ impl Scale {
     pub(crate) fn path(&self, places: &[Place]) -> Vec<[f64; 2]> {
         let mut picked = series::pick(places, PATH);
         picked.extend(places.last());
+        picked.iter().map(|place| self.at(*place)).collect()
+    }
+
+    /// The outline of an ellipse of `size` standard deviations about a place, through the Cholesky factor of
+    /// the covariance (north, north and east, east).
+    pub(crate) fn ellipse(
+        &self,
+        [north, east]: Place,
+        [nn, ne, ee]: [f64; 3],
+        size: f64,
+        corners: usize,
+    ) -> Vec<[f64; 2]> {
+        let root = nn.max(0.0).sqrt();
+        let along = if root > 0.0 { ne / root } else { 0.0 };
+        let across = (ee - along * along).max(0.0).sqrt();
+        let corner = |k: usize| {
+            let (s, c) = (std::f64::consts::TAU * k as f64 / corners as f64).sin_cos();
+            self.at([
+                north + size * root * c,
+                east + size * (along * c + across * s),
+            ])
+        };
+        (0..=corners).map(corner).collect()
+    }
+
+    /// Dots at places, not too many of them.
+    pub(crate) fn dots(&self, places: &[Place], most: usize) -> Vec<[f64; 2]> {
+        let picked = series::pick(places, most);
         picked.iter().map(|place| self.at(*place)).collect()
     }
 }

@@ -95,6 +95,11 @@ pub(crate) fn key(sign: Sign, class: &str, name: &str) -> Key {
     (sign, class.to_owned(), name.to_owned())
 }
 
+/// The key of a [`Layer::line`].
+pub(crate) fn line_key(class: &str, name: &str) -> Key {
+    key(Sign::Line, &format!("line {class}"), name)
+}
+
 impl Panel {
     pub(crate) fn new(title: &str, unit: &str, axis: Axis, layers: Vec<Layer>) -> Self {
         Self {
@@ -108,13 +113,88 @@ impl Panel {
         }
     }
 
+    pub(crate) fn height(self, height: f64) -> Self {
+        Self { height, ..self }
+    }
+
+    pub(crate) fn note(self, note: String) -> Self {
+        Self { note, ..self }
+    }
+
+    pub(crate) fn tags(self, tags: Vec<(f64, String, String)>) -> Self {
+        Self { tags, ..self }
+    }
+
     fn y(&self, value: f64) -> f64 {
         // Far outside is as good as just outside, and keeps the numbers short.
         (1.0 - self.axis.position(value).clamp(-3.0, 4.0)) * self.height
     }
 }
 
+impl Layer {
+    pub(crate) fn line(points: Vec<Point>, class: &str, angle: bool) -> Self {
+        let class = format!("line {class}");
+        Self::Line {
+            points,
+            class,
+            angle,
+        }
+    }
+
+    /// The band of an estimate.
+    pub(crate) fn band(points: Vec<BandPoint>, angle: bool) -> Self {
+        let class = "band estimate-fill".to_owned();
+        Self::Band {
+            points,
+            class,
+            angle,
+        }
+    }
+
+    pub(crate) fn dots(points: Vec<Point>, class: &str) -> Self {
+        let class = format!("dots {class}");
+        Self::Dots { points, class }
+    }
+
+    pub(crate) fn rule(value: f64, label: impl Into<String>) -> Self {
+        let (label, class) = (label.into(), "rule");
+        Self::Rule {
+            value,
+            label,
+            class,
+        }
+    }
+}
+
 impl Figure {
+    /// Panels over time, as wide as the page.
+    pub(crate) fn new(
+        label: impl Into<String>,
+        time: Axis,
+        legend: Vec<Key>,
+        panels: Vec<Panel>,
+    ) -> Self {
+        Self {
+            label: label.into(),
+            time,
+            legend,
+            panels,
+            right: 14.0,
+            line_points: LINE_POINTS,
+            across: TIME,
+        }
+    }
+
+    /// The same with room for names on the right.
+    pub(crate) fn right(self, right: f64) -> Self {
+        Self { right, ..self }
+    }
+
+    /// The same over something else than time.
+    pub(crate) fn across(self, across: &'static str) -> Self {
+        Self { across, ..self }
+    }
+
     /// The figure as an SVG element.
     pub(crate) fn render(&self) -> String {
         let mut keys = Svg::default();

@@ -7,115 +7,59 @@
 
 use std::fmt::Write as _;
 
-/// What a colour stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Role {
-    Paper,
-    Panel,
-    Ink,
-    Muted,
-    Grid,
-    Estimate,
-    Reference,
-    Device,
-    Gated,
-    Inflated,
-    Good,
-    Series(usize),
-}
+/// What a colour stands for: its name in CSS, without dashes in front, and the colour on light and on dark paper.
+struct Role(&'static str, &'static str, &'static str);
+
+const PAPER: Role = Role("paper", "#f6f7f9", "#0f1419");
+const PANEL: Role = Role("panel", "#ffffff", "#171d24");
+const INK: Role = Role("ink", "#15202b", "#eef2f5");
+const MUTED: Role = Role("muted", "#55626f", "#a3b0bc");
+const GRID: Role = Role("grid", "#dfe4e9", "#2b343d");
+const GOOD: Role = Role("good", "#007a59", "#2fc79b");
+
+/// The roles of curves; each gives a stroke and a fill of its name.
+const CURVES: [Role; 5] = [
+    Role("estimate", "#0072b2", "#56b4e9"),
+    Role("reference", "#15202b", "#eef2f5"),
+    Role("device", "#b8578c", "#e59cc3"),
+    Role("gated", "#d55e00", "#ff8a3d"),
+    Role("inflated", "#b27b00", "#f0c544"),
+];
 
 /// Number of colours for the lines of a comparison; further lines repeat them dashed.
 pub(crate) const SERIES: usize = 6;
 
-const NAMED: [Role; 11] = [
-    Role::Paper,
-    Role::Panel,
-    Role::Ink,
-    Role::Muted,
-    Role::Grid,
-    Role::Estimate,
-    Role::Reference,
-    Role::Device,
-    Role::Gated,
-    Role::Inflated,
-    Role::Good,
+const LINES: [Role; SERIES] = [
+    Role("s0", "#0072b2", "#56b4e9"),
+    Role("s1", "#d55e00", "#ff8a3d"),
+    Role("s2", "#009e73", "#2fc79b"),
+    Role("s3", "#b8578c", "#e59cc3"),
+    Role("s4", "#b27b00", "#f0c544"),
+    Role("s5", "#3c4a57", "#c3ced8"),
 ];
 
 fn roles() -> impl Iterator<Item = Role> {
-    NAMED.into_iter().chain((0..SERIES).map(Role::Series))
-}
-
-impl Role {
-    /// The name in CSS, without dashes in front.
-    fn name(self) -> String {
-        match self {
-            Self::Paper => "paper".to_owned(),
-            Self::Panel => "panel".to_owned(),
-            Self::Ink => "ink".to_owned(),
-            Self::Muted => "muted".to_owned(),
-            Self::Grid => "grid".to_owned(),
-            Self::Estimate => "estimate".to_owned(),
-            Self::Reference => "reference".to_owned(),
-            Self::Device => "device".to_owned(),
-            Self::Gated => "gated".to_owned(),
-            Self::Inflated => "inflated".to_owned(),
-            Self::Good => "good".to_owned(),
-            Self::Series(i) => format!("s{}", i % SERIES),
-        }
-    }
-
-    /// Colour on light and on dark paper.
-    const fn colours(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Paper => ("#f6f7f9", "#0f1419"),
-            Self::Panel => ("#ffffff", "#171d24"),
-            Self::Ink => ("#15202b", "#eef2f5"),
-            Self::Muted => ("#55626f", "#a3b0bc"),
-            Self::Grid => ("#dfe4e9", "#2b343d"),
-            Self::Estimate => ("#0072b2", "#56b4e9"),
-            Self::Reference => ("#15202b", "#eef2f5"),
-            Self::Device => ("#b8578c", "#e59cc3"),
-            Self::Gated => ("#d55e00", "#ff8a3d"),
-            Self::Inflated => ("#b27b00", "#f0c544"),
-            Self::Good => ("#007a59", "#2fc79b"),
-            Self::Series(i) => match i % SERIES {
-                0 => ("#0072b2", "#56b4e9"),
-                1 => ("#d55e00", "#ff8a3d"),
-                2 => ("#009e73", "#2fc79b"),
-                3 => ("#b8578c", "#e59cc3"),
-                4 => ("#b27b00", "#f0c544"),
-                _ => ("#3c4a57", "#c3ced8"),
-            },
-        }
-    }
+    let paper = [PAPER, PANEL, INK, MUTED, GRID].into_iter();
+    paper.chain(CURVES).chain([GOOD]).chain(LINES)
 }
 
 /// The rules that colour a plot, with `paint` naming the colour of a role.
-fn plot_rules(paint: impl Fn(Role) -> String) -> String {
+fn plot_rules(paint: impl Fn(&Role) -> String) -> String {
     let mut css = String::from(PLOT_SHAPES);
-    let role = |css: &mut String, selector: &str, property: &str, role: Role| {
+    let role = |css: &mut String, selector: &str, property: &str, role: &Role| {
         // Writing to a String cannot fail.
         let _ = writeln!(css, "{selector}{{{property}:{}}}", paint(role));
     };
-    role(&mut css, ".frame", "fill", Role::Panel);
-    role(&mut css, ".grid", "stroke", Role::Grid);
-    role(&mut css, ".tick,.unit,.note", "fill", Role::Muted);
-    role(&mut css, ".name,.key,.tag", "fill", Role::Ink);
-    role(&mut css, ".zero,.rule", "stroke", Role::Muted);
-    role(&mut css, ".mean", "stroke", Role::Ink);
-    for (class, of) in [
-        ("estimate", Role::Estimate),
-        ("reference", Role::Reference),
-        ("device", Role::Device),
-        ("gated", Role::Gated),
-        ("inflated", Role::Inflated),
-    ] {
+    role(&mut css, ".frame", "fill", &PANEL);
+    role(&mut css, ".grid", "stroke", &GRID);
+    role(&mut css, ".tick,.unit,.note", "fill", &MUTED);
+    role(&mut css, ".name,.key,.tag", "fill", &INK);
+    role(&mut css, ".zero,.rule", "stroke", &MUTED);
+    role(&mut css, ".mean", "stroke", &INK);
+    for of in CURVES.iter().chain(&LINES) {
+        let Role(class, ..) = of;
         role(&mut css, &format!(".{class}"), "stroke", of);
         role(&mut css, &format!(".{class}-fill"), "fill", of);
-    }
-    for i in 0..SERIES {
-        role(&mut css, &format!(".s{i}"), "stroke", Role::Series(i));
-        role(&mut css, &format!(".s{i}-fill"), "fill", Role::Series(i));
     }
     css
 }
@@ -149,22 +93,21 @@ const PLOT_SHAPES: &str = "\
 
 /// Style of a picture that stands alone: the light colours, written out.
 pub(crate) fn standalone_css() -> String {
-    plot_rules(|role| role.colours().0.to_owned())
+    plot_rules(|Role(_, light, _)| (*light).to_owned())
 }
 
 /// The style sheet of the page.
 pub(crate) fn page_css() -> String {
     let variables = |dark: bool| {
         let mut css = String::new();
-        for role in roles() {
-            let (on_light, on_dark) = role.colours();
+        for Role(name, on_light, on_dark) in roles() {
             let colour = if dark { on_dark } else { on_light };
-            let _ = write!(css, "--{}:{colour};", role.name());
+            let _ = write!(css, "--{name}:{colour};");
         }
         css
     };
     let (light, dark) = (variables(false), variables(true));
-    let plots = plot_rules(|role| format!("var(--{})", role.name()));
+    let plots = plot_rules(|Role(name, ..)| format!("var(--{name})"));
     format!(
         ":root{{color-scheme:light dark;{light}}}\n\
          @media (prefers-color-scheme:dark){{:root{{{dark}}}}}\n\
@@ -250,8 +193,8 @@ mod tests {
     #[test]
     fn page_defines_every_colour_for_light_and_dark_and_reaches_outside_for_nothing() {
         let css = page_css();
-        for role in roles() {
-            let definition = format!("--{}:#", role.name());
+        for Role(name, ..) in roles() {
+            let definition = format!("--{name}:#");
             assert_eq!(css.matches(&definition).count(), 3, "{definition}");
         }
         assert!(!css.contains("url(") && !css.contains("@import") && !css.contains('<'));

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::drawing::axis::Axis;
-use crate::drawing::plot::{Figure, LINE_POINTS, Layer, Panel, Sign, TIME, key};
+use crate::drawing::axis::{Axis, extent};
+use crate::drawing::plot::{Figure, Layer, Panel, line_key};
 use crate::drawing::series::Point;
 use crate::drawing::style::SERIES;
 use crate::page::facts::{Fact, Verdict};
@@ -32,8 +32,6 @@ pub struct CampaignReport {
     pub title: String,
     /// One sentence on what was run.
     pub lead: String,
-    /// Program and version.
-    pub program: String,
     /// The numbers that matter most.
     pub summary: Vec<Fact>,
     /// What they mean.
@@ -59,7 +57,7 @@ const READING: &str = "Errors are estimate minus truth in north and east, as roo
 
 fn class(i: usize) -> String {
     let dash = if i < SERIES { "" } else { " dash" };
-    format!("line s{}{dash}", i % SERIES)
+    format!("s{}{dash}", i % SERIES)
 }
 
 impl CampaignReport {
@@ -88,7 +86,6 @@ impl CampaignReport {
             summary: &self.summary,
             verdicts: &self.verdicts,
             recording: "",
-            program: &self.program,
             command: None,
             reading: READING,
         })
@@ -109,29 +106,27 @@ impl CampaignReport {
             .filter(|(_, t)| !t.track_m.is_empty());
         for (i, tracker) in lines {
             layers.push(line(&tracker.track_m, &class(i)));
-            legend.push(key(Sign::Line, &class(i), &tracker.name));
+            legend.push(line_key(&class(i), &tracker.name));
         }
         let truth = [
-            (&self.own_ship_m, "line reference", "own ship"),
-            (&self.target_m, "line reference dash", "target"),
+            (&self.own_ship_m, "reference", "own ship"),
+            (&self.target_m, "reference dash", "target"),
         ];
         for (path, class, name) in truth {
             layers.push(line(path, class));
-            legend.push(key(Sign::Line, class, name));
+            legend.push(line_key(class, name));
         }
-        let mut panel = Panel::new("North over east", "m", north, layers);
-        panel.height = 640.0;
-        let figure = Figure {
-            label: "Paths of own ship and target, and the tracks of one run".to_owned(),
-            time: east,
-            across: "east, m",
+        let panel = Panel::new("North over east", "m", north, layers).height(640.0);
+        let figure = Figure::new(
+            "Paths of own ship and target, and the tracks of one run",
+            east,
             legend,
-            panels: vec![panel],
-            right: 20.0,
-            line_points: LINE_POINTS,
-        };
+            vec![panel],
+        )
+        .right(20.0)
+        .across("east, m");
         html::figure(
-            &figure,
+            figure,
             "The paths of own ship and target, and what each tracker made of the first run.",
             &self.remark("Axes of equal scale."),
         )
@@ -144,16 +139,8 @@ impl CampaignReport {
         unit: &str,
         of: impl Fn(&TrackerCurves) -> &Vec<[f64; 2]>,
     ) -> String {
-        let finite = |curve: &[f64; 2]| curve[1].is_finite() && curve[1] > 0.0;
-        let values = || {
-            self.trackers
-                .iter()
-                .flat_map(&of)
-                .filter(|p| finite(p))
-                .map(|p| p[1])
-        };
-        let high = values().fold(f64::NEG_INFINITY, f64::max);
-        let low = values().fold(f64::INFINITY, f64::min);
+        let errors = self.trackers.iter().flat_map(&of).map(|p| p[1]);
+        let (low, high) = extent(errors.filter(|error| *error > 0.0));
         if high <= low {
             return String::new();
         }
@@ -163,10 +150,9 @@ impl CampaignReport {
             .iter()
             .enumerate()
             .map(|(i, t)| line(of(t), &class(i)));
-        let mut panel = Panel::new(title, unit, axis, layers.collect());
-        panel.height = 320.0;
+        let panel = Panel::new(title, unit, axis, layers.collect()).height(320.0);
         html::figure(
-            &self.over_time(title, vec![panel]),
+            self.over_time(title, vec![panel]),
             "Root mean square over the runs, at each scan.",
             &self.remark("Lower is better."),
         )
@@ -175,14 +161,8 @@ impl CampaignReport {
     /// Figure 5 (and 6): mean NEES and its bands.
     fn consistency(&self) -> String {
         let consistent = self.nees_bands.first().map_or(4.0, |(_, [_, high])| *high);
-        let finite = |p: &&[f64; 2]| p[1].is_finite();
-        let values = self
-            .trackers
-            .iter()
-            .flat_map(|t| &t.nees)
-            .filter(finite)
-            .map(|p| p[1]);
-        let high = values.fold(f64::NEG_INFINITY, f64::max);
+        let nees = self.trackers.iter().flat_map(|t| &t.nees);
+        let (_, high) = extent(nees.map(|p| p[1]));
         if !high.is_finite() {
             return String::new();
         }
@@ -192,21 +172,16 @@ impl CampaignReport {
         let mut bands = String::new();
         for (name, band) in &self.nees_bands {
             for value in band {
-                layers.push(Layer::Rule {
-                    value: *value,
-                    label: format!("{value:.2}"),
-                    class: "rule",
-                });
+                layers.push(Layer::rule(*value, format!("{value:.2}")));
             }
             let [low, high] = band;
             let _ = write!(bands, " {low:.2} to {high:.2} for {name}.");
         }
         let lines = self.trackers.iter().enumerate();
         layers.extend(lines.map(|(i, t)| line(&t.nees, &class(i))));
-        let mut panel = Panel::new("Mean NEES", "", axis, layers);
-        panel.height = 320.0;
+        let panel = Panel::new("Mean NEES", "", axis, layers).height(320.0);
         html::figure(
-            &self.over_time("Mean NEES", vec![panel]),
+            self.over_time("Mean NEES", vec![panel]),
             "Mean over the runs of the squared error in units of the stated covariance.",
             &self.remark(&format!(
                 "Inside the band of four degrees of freedom a tracker is consistent; above, overconfident. \
@@ -232,17 +207,13 @@ impl CampaignReport {
             .map(|p| p[0]);
         let end = end.fold(1.0, f64::max);
         let legend = self.trackers.iter().enumerate();
-        Figure {
-            label: format!("{label} of each tracker over time"),
-            time: Axis::time(0.0, end, 8),
-            across: TIME,
-            legend: legend
-                .map(|(i, t)| key(Sign::Line, &class(i), &t.name))
-                .collect(),
+        Figure::new(
+            format!("{label} of each tracker over time"),
+            Axis::time(0.0, end, 8),
+            legend.map(|(i, t)| line_key(&class(i), &t.name)).collect(),
             panels,
-            right: 48.0,
-            line_points: LINE_POINTS,
-        }
+        )
+        .right(48.0)
     }
 }
 
@@ -252,11 +223,7 @@ fn line(points: &[[f64; 2]], class: &str) -> Layer {
         .copied()
         .filter(|p| p[1].is_finite())
         .collect();
-    Layer::Line {
-        points: drawn,
-        class: class.to_owned(),
-        angle: false,
-    }
+    Layer::line(drawn, class, false)
 }
 
 /// Axes of equal length that hold all points: east, north.
@@ -265,11 +232,7 @@ fn square<'a>(points: &(impl Iterator<Item = &'a [f64; 2]> + Clone)) -> Option<(
         .clone()
         .find(|p| p[0].is_finite() && p[1].is_finite())?;
     let span = |i: usize| {
-        let values = || points.clone().map(|p| p[i]).filter(|v| v.is_finite());
-        let (low, high) = (
-            values().fold(f64::INFINITY, f64::min),
-            values().fold(f64::NEG_INFINITY, f64::max),
-        );
+        let (low, high) = extent(points.clone().map(|p| p[i]));
         (0.5 * (low + high), high - low)
     };
     let ((east, width), (north, height)) = (span(0), span(1));

@@ -65,7 +65,6 @@ pub fn render(part: &Part, outcome: &CampaignOutcome) -> String {
         title: format!("{}: {} runs", outcome.scenario, outcome.runs),
         lead: "A target tracked by radar from a ship whose own position and heading are uncertain."
             .to_owned(),
-        program: concat!("northing ", env!("CARGO_PKG_VERSION")).to_owned(),
         summary: vec![
             Fact::new("runs", outcome.runs.to_string()),
             Fact::new("seed", outcome.seed.to_string()),

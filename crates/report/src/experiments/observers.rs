@@ -1,12 +1,11 @@
 //! The report of the experiment on observers in cascade: errors, gains and costs of each condition.
 
-use crate::drawing::axis::Axis;
+use crate::drawing::axis::{Axis, extent};
 use crate::drawing::plot::{Key, Sign, WIDTH, key, legend};
 use crate::drawing::svg::Svg;
 use crate::page::facts::{Fact, Tone, Verdict};
-use crate::page::html::{Frame, Page};
+use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Best, Cell, Column, Table};
-use northing_evaluation::PROGRAM;
 use northing_experiments::observers::experiment::{Comparison, Condition, ExperimentOutcome};
 
 /// Room at the left for names of conditions.
@@ -72,7 +71,6 @@ pub fn render(outcome: &ExperimentOutcome, command: Option<&str>) -> String {
         summary: &facts(outcome),
         verdicts: &verdicts(outcome),
         recording: "",
-        program: PROGRAM,
         command,
         reading: READING,
     })
@@ -92,17 +90,12 @@ fn count_by_gain(conditions: &[Condition]) -> [usize; 3] {
 pub fn verdicts(outcome: &ExperimentOutcome) -> Vec<Verdict> {
     let conditions = &outcome.conditions;
     let [better, worse, undecided] = count_by_gain(conditions);
-    let range = |of: fn(&Condition) -> f64| {
-        let values = conditions.iter().map(of);
-        let low = values.clone().fold(f64::INFINITY, f64::min);
-        (low, values.fold(f64::NEG_INFINITY, f64::max))
-    };
+    let range = |of: fn(&Condition) -> f64| extent(conditions.iter().map(of));
     let (low, high) = range(|c| c.tuned.gain_percent);
     let cost = &outcome.cost_ns;
     let ekf_as_good = conditions
         .iter()
         .filter(|c| c.tuned.ekf_deg <= 1.05 * c.tuned.modified_deg);
-    let say = |tone, text: String| Verdict { tone, text };
     let answer = if low >= 40.0 {
         "Yes"
     } else if high < 40.0 {
@@ -113,14 +106,14 @@ pub fn verdicts(outcome: &ExperimentOutcome) -> Vec<Verdict> {
     let times = cost.modified / cost.original;
     let cheap = times <= 1.21;
     vec![
-        say(
+        Verdict::new(
             if worse == 0 { Tone::Good } else { Tone::Warn },
             format!(
                 "Is it 40 % better? {answer}: the gain goes from {low:.0} to {high:.0} %. Conditions in which the modification \
                  is better: {better}; worse: {worse}; in which the interval holds zero: {undecided}."
             ),
         ),
-        say(
+        Verdict::new(
             if cheap { Tone::Good } else { Tone::Warn },
             format!(
                 "For 21 % more time? {}: a step costs {times:.1} times the original's ({:.0} against {:.0} ns).",
@@ -129,7 +122,7 @@ pub fn verdicts(outcome: &ExperimentOutcome) -> Vec<Verdict> {
                 cost.original
             ),
         ),
-        say(
+        Verdict::new(
             Tone::Good,
             format!(
                 "The EKF alone is as good as the modified scheme, within 5 %, or better in {} of {} conditions.",
@@ -147,21 +140,17 @@ fn facts(outcome: &ExperimentOutcome) -> Vec<Fact> {
         .map(|c| c.tuned.gain_percent)
         .collect();
     gains.sort_by(f64::total_cmp);
-    let fact = |label: &str, value: String| Fact {
-        label: label.to_owned(),
-        value,
-    };
     let median = gains.get(gains.len() / 2).copied().unwrap_or(f64::NAN);
     vec![
-        fact("median gain", format!("{median:.0} %")),
-        fact(
+        Fact::new("median gain", format!("{median:.0} %")),
+        Fact::new(
             "cost of a step",
             format!(
                 "{:.1} times",
                 outcome.cost_ns.modified / outcome.cost_ns.original
             ),
         ),
-        fact("conditions", outcome.conditions.len().to_string()),
+        Fact::new("conditions", outcome.conditions.len().to_string()),
     ]
 }
 
@@ -259,8 +248,8 @@ fn gains(conditions: &[Condition]) -> String {
         rows: rows.collect(),
         legend: Vec::new(),
     };
-    caption(
-        &svg.render(),
+    html::picture(
+        svg.render(),
         "One row for each condition.",
         "Dashed: no gain, and the 40 % that were claimed. A bar that reaches over zero says that other flights might decide otherwise; right of it the modified \
          scheme is better, left of it worse.",
@@ -301,16 +290,12 @@ fn errors(conditions: &[Condition]) -> String {
             key(Sign::Line, "line bold s2", "EKF alone"),
         ],
     };
-    caption(
-        &svg.render(),
+    html::picture(
+        svg.render(),
         "Error of the three schemes, each tuned.",
         "Where only the accelerometer is used it is the inclination that counts: without a magnetometer nobody knows the \
          heading.",
     )
-}
-
-fn caption(svg: &str, what: &str, look: &str) -> String {
-    format!("<figure>\n{svg}<figcaption><b>{what}</b> {look}</figcaption>\n</figure>\n")
 }
 
 fn comparison_table(

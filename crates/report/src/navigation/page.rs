@@ -7,7 +7,6 @@ use crate::page::facts::{Fact, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table;
 use crate::page::table::{Cell, Column, Table};
-use northing_evaluation::PROGRAM;
 use northing_evaluation::navigation::score::{OutageScore, PositionScore};
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{NavigationKind, NavigationSummary};
@@ -61,52 +60,42 @@ impl NavigationReport<'_> {
             summary: &facts(summary),
             verdicts: &navigation_verdicts(summary),
             recording: &summary.recording,
-            program: PROGRAM,
             command: self.command.as_deref(),
             reading: READING,
         })
     }
 
     fn track(&self) -> String {
-        plots::track(self.trace, self.summary.estimator).map_or_else(String::new, |map| {
-            html::picture(
-                &map,
-                "Where it went, seen from above.",
-                "Ellipses hold the true position 95 times of 100. Look whether the line runs through the fixes, how it \
-                 takes curves between them, and where dead reckoning leaves the road.",
-            )
-        })
+        html::picture(
+            plots::track(self.trace, self.summary.estimator),
+            "Where it went, seen from above.",
+            "Ellipses hold the true position 95 times of 100. Look whether the line runs through the fixes, how it \
+             takes curves between them, and where dead reckoning leaves the road.",
+        )
     }
 
     fn position(&self) -> String {
-        let mut content = String::new();
-        if let Some(figure) = plots::position(self.trace, self.summary.estimator) {
-            content.push_str(&html::figure(
-                &figure,
-                "Position over time, and the fixes.",
-                "Where line and dots cannot be told apart, the filter follows the receiver; that alone does not make it \
-                 better than the receiver: see the errors.",
-            ));
-        }
-        if let Some(figure) = plots::close_look(self.trace, self.summary.estimator) {
-            content.push_str(&html::figure(
-                &figure,
-                "The same over a few seconds.",
-                "Between two fixes the inertial samples carry the position on. A step at each fix means that they carry \
-                 it wrongly.",
-            ));
-        }
-        content
+        let position = html::figure(
+            plots::position(self.trace, self.summary.estimator),
+            "Position over time, and the fixes.",
+            "Where line and dots cannot be told apart, the filter follows the receiver; that alone does not make it \
+             better than the receiver: see the errors.",
+        );
+        let close_look = html::figure(
+            plots::close_look(self.trace, self.summary.estimator),
+            "The same over a few seconds.",
+            "Between two fixes the inertial samples carry the position on. A step at each fix means that they carry \
+             it wrongly.",
+        );
+        position + &close_look
     }
 
     fn errors(&self) -> String {
-        plots::errors(self.trace).map_or_else(String::new, |figure| {
-            html::figure(
-                &figure,
-                "Position errors where there was something to score against.",
-                "Dots should fill the band and seldom leave it. What stands out far are the outages.",
-            )
-        })
+        html::figure(
+            plots::errors(self.trace),
+            "Position errors where there was something to score against.",
+            "Dots should fill the band and seldom leave it. What stands out far are the outages.",
+        )
     }
 
     fn outages(&self) -> String {
@@ -115,7 +104,7 @@ impl NavigationReport<'_> {
             return String::new();
         };
         let plot = html::figure(
-            &figure,
+            figure,
             "Without fixes: the error grows, and so does what the filter predicts.",
             "A curve above the band means a filter that is surer than it should be.",
         );
@@ -128,18 +117,16 @@ impl NavigationReport<'_> {
             return String::new();
         };
         let mut content = html::figure(
-            &figure,
+            figure,
             "Which way it pointed.",
             "The dots are what accelerometer and magnetometer say without a filter: every acceleration of the vehicle \
              tilts them, and that tilt turns their heading, which counts from magnetic north.",
         );
-        if let Some(figure) = plots::close_orientation(self.trace, kind) {
-            content.push_str(&html::figure(
-                &figure,
-                "The same over a few seconds.",
-                "The curve should be as quiet as the motion is, and follow it without delay.",
-            ));
-        }
+        content.push_str(&html::figure(
+            plots::close_orientation(self.trace, kind),
+            "The same over a few seconds.",
+            "The curve should be as quiet as the motion is, and follow it without delay.",
+        ));
         content
     }
 
@@ -149,13 +136,11 @@ impl NavigationReport<'_> {
         }
         let mut content = table::table(&aid_table(self.summary));
         for kind in self.trace.aids.keys() {
-            if let Some(figure) = plots::innovations(self.trace, *kind) {
-                content.push_str(&html::figure(
-                    &figure,
-                    &format!("Measured minus predicted: {}.", kind.name()),
-                    "Without pattern and mostly inside the band: the stated noise is right.",
-                ));
-            }
+            content.push_str(&html::figure(
+                plots::innovations(self.trace, *kind),
+                &format!("Measured minus predicted: {}.", kind.name()),
+                "Without pattern and mostly inside the band: the stated noise is right.",
+            ));
         }
         content
     }

@@ -1,18 +1,16 @@
 //! Plots of a navigation run: the track on a map, the paper's figures, errors, outages, innovations.
 
-use crate::drawing::axis::{Axis, quantile};
-use crate::drawing::curves::{angle_axis, band_layer, error_limit, is_drawn, line};
+use crate::drawing::axis::{self, Axis, quantile};
+use crate::drawing::curves::{angle_axis, error_limit, is_drawn};
 use crate::drawing::fate::Fate;
 use crate::drawing::map::{self, Place, Scale};
-use crate::drawing::plot::{DOTS, Figure, Key, LINE_POINTS, Layer, Panel, Sign, TIME, WIDTH, key};
-use crate::drawing::series::{self, BandPoint, Point};
+use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, WIDTH, key};
+use crate::drawing::series::{BandPoint, Point};
 use northing_core::navigation::Validity;
 use northing_evaluation::navigation::score::{CHI_SQUARE_95, OutageScore};
 use northing_evaluation::navigation::trace::{AidPoint, NavigationPoint, NavigationTrace};
 use northing_evaluation::navigation::{AidKind, NavigationKind};
 
-/// Room at the right of figures without names there.
-const RIGHT: f64 = 14.0;
 /// Room around a track, m.
 const ROOM_M: f64 = 2.0;
 /// Ellipses drawn along a track.
@@ -105,12 +103,8 @@ pub(crate) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<Str
         keys.push(key(Sign::Line, "line thin dash reference", "reference"));
     }
     let mut svg = map::open(&scale, "Map of the track with its fixes", &keys);
-    let dots = |places: &[Place]| -> Vec<[f64; 2]> {
-        let picked = series::pick(places, DOTS);
-        picked.iter().map(|place| scale.at(*place)).collect()
-    };
-    svg.dots(&dots(&held_out), HELD_OUT);
-    svg.dots(&dots(&used), USED);
+    svg.dots(&scale.dots(&held_out, DOTS), HELD_OUT);
+    svg.dots(&scale.dots(&used, DOTS), USED);
     svg.lines(&ellipses, "line thin soft estimate");
     svg.lines(&[scale.path(&device)], DEVICE);
     svg.lines(&[scale.path(&reference)], "line thin dash reference");
@@ -151,21 +145,10 @@ fn corner_of(scale: &Scale, point: &NavigationPoint) -> Option<[Place; 2]> {
 
 fn ellipse(scale: &Scale, point: &NavigationPoint) -> Option<Vec<[f64; 2]>> {
     let [nn, ee, _, ne] = point.covariance_m2;
-    let root = nn.max(0.0).sqrt();
-    let along = if root > 0.0 { ne / root } else { 0.0 };
-    let across = (ee - along * along).max(0.0).sqrt();
     let size = CHI_SQUARE_95.sqrt();
-    if size * root.max(ee.max(0.0).sqrt()) * scale.units_per_m > LARGEST_ELLIPSE {
-        return None;
-    }
-    let corner = |k: usize| {
-        let (s, c) = (std::f64::consts::TAU * k as f64 / CORNERS as f64).sin_cos();
-        scale.at([
-            point.position_m[0] + size * root * c,
-            point.position_m[1] + size * (along * c + across * s),
-        ])
-    };
-    Some((0..=CORNERS).map(corner).collect())
+    let largest = size * nn.max(0.0).sqrt().max(ee.max(0.0).sqrt());
+    let drawn = largest * scale.units_per_m <= LARGEST_ELLIPSE;
+    drawn.then(|| scale.ellipse(place(point.position_m), [nn, ne, ee], size, CORNERS))
 }
 
 fn time_of(trace: &NavigationTrace) -> Axis {
@@ -173,18 +156,6 @@ fn time_of(trace: &NavigationTrace) -> Axis {
     let range = points.first().zip(points.last());
     let (low, high) = range.map_or((0.0, 1.0), |(a, b)| (a.time_s, b.time_s));
     Axis::time(low, high, 10)
-}
-
-fn figure(label: &str, time: Axis, legend: Vec<Key>, panels: Vec<Panel>) -> Figure {
-    Figure {
-        label: label.to_owned(),
-        time,
-        legend,
-        panels,
-        right: RIGHT,
-        line_points: LINE_POINTS,
-        across: TIME,
-    }
 }
 
 /// What accelerometer and magnetometer give without a filter over time: roll and pitch, and heading, deg.
@@ -244,15 +215,12 @@ fn orientation_of(
     let panel = |name: &str, i: usize, alone: Vec<Point>, band: Vec<BandPoint>| {
         let curve = angle(points, i);
         let axis = angle_axis(&[&curve, &most(&alone)]);
-        let alone = Layer::Dots {
-            points: alone,
-            class: "dots soft device".to_owned(),
-        };
+        let alone = Layer::dots(alone, "soft device");
         let layers = vec![
-            band_layer(band, true),
+            Layer::band(band, true),
             alone,
-            line(curve, "estimate", true),
-            line(angle(device, i), "thin s2", true),
+            Layer::line(curve, "estimate", true),
+            Layer::line(angle(device, i), "thin s2", true),
         ];
         Panel::new(name, "deg", axis, layers)
     };
@@ -277,7 +245,7 @@ fn orientation_of(
     if is_drawn(&angle(device, 0)) {
         legend.push(beside_key());
     }
-    Some(figure(
+    Some(Figure::new(
         "Roll, pitch and heading over time",
         time,
         legend,
@@ -293,9 +261,7 @@ fn angle(points: &[NavigationPoint], i: usize) -> Vec<Point> {
 
 /// Lowest and highest of a cloud without the one in a hundred on each side that lies far off.
 fn most(cloud: &[Point]) -> Vec<Point> {
-    let mut values: Vec<f64> = cloud.iter().map(|p| p[1]).collect();
-    values.retain(|v| v.is_finite());
-    values.sort_by(f64::total_cmp);
+    let values = axis::sorted(cloud.iter().map(|p| p[1]));
     let ends = [0.01, 0.99].map(|share| [0.0, quantile(&values, share)]);
     if values.is_empty() {
         Vec::new()
@@ -311,7 +277,7 @@ pub(crate) fn position(trace: &NavigationTrace, kind: NavigationKind) -> Option<
         return None;
     }
     let panels = coordinates().map(|coordinate| position_panel(trace, kind, points, coordinate));
-    Some(figure(
+    Some(Figure::new(
         "Position north, east and up over time, with fixes",
         time_of(trace),
         position_keys(trace, kind),
@@ -377,29 +343,25 @@ fn position_panel(
         .collect();
     let axis = extent(&curve, usual_half(&band));
     let layers = vec![
-        band_layer(band, false),
+        Layer::band(band, false),
         dots(false, HELD_OUT),
         dots(true, USED),
-        line(device, "thin s2", false),
-        line(curve, "estimate", false),
+        Layer::line(device, "thin s2", false),
+        Layer::line(curve, "estimate", false),
     ];
     Panel::new(name, "m", axis, layers)
 }
 
 /// An axis around a curve and what lies within `room` of it.
 fn extent(curve: &[Point], room: f64) -> Axis {
-    let values = || curve.iter().map(|p| p[1]).filter(|v| v.is_finite());
-    let low = values().fold(f64::INFINITY, f64::min);
-    let high = values().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = axis::extent(curve.iter().map(|p| p[1]));
     let room = (0.08 * (high - low)).max(0.5).max(room);
     Axis::linear(low - room, high + room, 5)
 }
 
 /// Half the width of a band, as it mostly is.
 fn usual_half(band: &[BandPoint]) -> f64 {
-    let mut halves: Vec<f64> = band.iter().map(|b| 0.5 * (b[2] - b[1])).collect();
-    halves.retain(|half| half.is_finite());
-    halves.sort_by(f64::total_cmp);
+    let halves = axis::sorted(band.iter().map(|b| 0.5 * (b[2] - b[1])));
     quantile(&halves, 0.5)
 }
 
@@ -411,7 +373,7 @@ pub(crate) fn close_look(trace: &NavigationTrace, kind: NavigationKind) -> Optio
     let panels = panels.map(|coordinate| close_panel(trace, kind, points, coordinate));
     let mut keys = position_keys(trace, kind);
     keys.retain(|(sign, ..)| *sign != Sign::Band);
-    Some(figure(
+    Some(Figure::new(
         "Position over a few seconds: every estimate, and the fixes between which it goes on",
         Axis::time(first.time_s, last.time_s, 8),
         keys,
@@ -466,7 +428,7 @@ pub(crate) fn errors(trace: &NavigationTrace) -> Option<Figure> {
         "Horizontal error",
         "m",
         Axis::linear(0.0, limit, 5),
-        vec![band_layer(bound, false), dots_of(error)],
+        vec![Layer::band(bound, false), Layer::dots(error, "estimate")],
     );
     (horizontal.note, horizontal.height) = (note, 220.0);
     let mut panels = vec![horizontal];
@@ -481,28 +443,24 @@ pub(crate) fn errors(trace: &NavigationTrace) -> Option<Figure> {
             [*t, -half, half]
         });
         let (limit, note) = error_limit(&vertical, &[], "m");
-        let layers = vec![band_layer(bound.collect(), false), dots_of(vertical)];
-        let mut panel = Panel::new("Error upwards", "m", Axis::linear(-limit, limit, 5), layers);
-        panel.note = note;
+        let layers = vec![
+            Layer::band(bound.collect(), false),
+            Layer::dots(vertical, "estimate"),
+        ];
+        let panel =
+            Panel::new("Error upwards", "m", Axis::linear(-limit, limit, 5), layers).note(note);
         panels.push(panel);
     }
     let legend = vec![
         key(Sign::Dot, "dots big estimate", "error"),
         key(Sign::Band, "band estimate-fill", "predicted, 95 %"),
     ];
-    Some(figure(
+    Some(Figure::new(
         "Position error over time",
         time_of(trace),
         legend,
         panels,
     ))
-}
-
-fn dots_of(points: Vec<Point>) -> Layer {
-    Layer::Dots {
-        points,
-        class: "dots estimate".to_owned(),
-    }
 }
 
 /// Each outage from its start: error, and what was predicted of it; `None` without outages.
@@ -528,10 +486,10 @@ pub(crate) fn outages(trace: &NavigationTrace, outages: &[OutageScore]) -> Optio
         let highest = highest
             .chain(bound.iter().map(|b| b[2]))
             .fold(0.1, f64::max);
-        let layers = vec![band_layer(bound, false), dots_of(error)];
+        let layers = vec![Layer::band(bound, false), Layer::dots(error, "estimate")];
         let name = format!("{:.0} s after the first fix", outage.start_s);
-        let mut panel = Panel::new(&name, "m", Axis::linear(0.0, 1.05 * highest, 4), layers);
-        panel.height = 96.0;
+        let panel =
+            Panel::new(&name, "m", Axis::linear(0.0, 1.05 * highest, 4), layers).height(96.0);
         panels.push(panel);
     }
     let longest = outages.iter().map(|o| o.duration_s).fold(1.0, f64::max);
@@ -541,7 +499,7 @@ pub(crate) fn outages(trace: &NavigationTrace, outages: &[OutageScore]) -> Optio
     ];
     let time = Axis::time(0.0, longest, 8);
     let label = "Horizontal error in each outage, over the time since its start";
-    (!panels.is_empty()).then(|| figure(label, time, legend, panels))
+    (!panels.is_empty()).then(|| Figure::new(label, time, legend, panels))
 }
 
 /// Unit of an aid's residual as drawn, and the factor from what the trace has.
@@ -588,7 +546,12 @@ pub(crate) fn innovations(trace: &NavigationTrace, aid: AidKind) -> Option<Figur
         "\u{00b1}3\u{03c3} expected",
     ));
     let label = format!("Innovations of {} over time", aid.name());
-    Some(figure(&label, time_of(trace), legend, panels.collect()))
+    Some(Figure::new(
+        &label,
+        time_of(trace),
+        legend,
+        panels.collect(),
+    ))
 }
 
 fn innovation_panel(points: &[AidPoint], aid: AidKind, i: usize, name: &str) -> Panel {
@@ -606,11 +569,8 @@ fn innovation_panel(points: &[AidPoint], aid: AidKind, i: usize, name: &str) -> 
         .collect();
     let all: Vec<Point> = Fate::ALL.into_iter().flat_map(residuals).collect();
     let (limit, note) = error_limit(&all, &bound, unit);
-    let mut layers = vec![band_layer(bound, false)];
-    layers.extend(Fate::ALL.map(|fate| Layer::Dots {
-        points: residuals(fate),
-        class: format!("dots {}", fate.class()),
-    }));
+    let mut layers = vec![Layer::band(bound, false)];
+    layers.extend(Fate::ALL.map(|fate| Layer::dots(residuals(fate), fate.class())));
     let mut panel = Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers);
     (panel.note, panel.height) = (note, 110.0);
     panel

@@ -6,7 +6,7 @@ use crate::drawing::plot::Figure;
 use crate::drawing::style;
 use crate::drawing::svg::escape;
 use crate::page::facts::{Fact, Verdict};
-use northing_evaluation::UsedParameter;
+use northing_evaluation::{PROGRAM, UsedParameter};
 
 /// A page under construction: sections, and the contents line that names them.
 #[derive(Debug, Default)]
@@ -23,7 +23,6 @@ pub(crate) struct Frame<'a> {
     pub(crate) summary: &'a [Fact],
     pub(crate) verdicts: &'a [Verdict],
     pub(crate) recording: &'a str,
-    pub(crate) program: &'a str,
     pub(crate) command: Option<&'a str>,
     /// How to read what the page shows; the last line of its footer.
     pub(crate) reading: &'a str,
@@ -55,9 +54,8 @@ impl Page {
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"color-scheme\" content=\"light dark\">\n\
-             <meta name=\"generator\" content=\"{}\">\n\
+             <meta name=\"generator\" content=\"{PROGRAM}\">\n\
              <title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
-            escape(frame.program),
             escape(frame.title),
             style::page_css()
         );
@@ -94,10 +92,9 @@ impl Page {
 fn footer(frame: &Frame<'_>) -> String {
     let mut html = String::from("<footer>\n");
     let made = match frame.recording {
-        "" => format!("Made by {}.", escape(frame.program)),
+        "" => format!("Made by {PROGRAM}."),
         name => format!(
-            "Made by {} from the recording <code>{}</code>.",
-            escape(frame.program),
+            "Made by {PROGRAM} from the recording <code>{}</code>.",
             escape(name)
         ),
     };
@@ -181,12 +178,15 @@ pub(crate) fn sentences(sentences: &[String]) -> String {
 }
 
 /// A figure with its caption: what it is, and what to look for.
-pub(crate) fn figure(figure: &Figure, what: &str, look: &str) -> String {
-    picture(&figure.render(), what, look)
+pub(crate) fn figure(figure: impl Into<Option<Figure>>, what: &str, look: &str) -> String {
+    picture(figure.into().map(|figure| figure.render()), what, look)
 }
 
 /// As [`figure`], of a picture that is drawn already.
-pub(crate) fn picture(svg: &str, what: &str, look: &str) -> String {
+pub(crate) fn picture(svg: impl Into<Option<String>>, what: &str, look: &str) -> String {
+    let Some(svg) = svg.into() else {
+        return String::new();
+    };
     format!(
         "<figure>\n{svg}<figcaption><b>{}</b> {}</figcaption>\n</figure>\n",
         escape(what),

@@ -26,23 +26,19 @@ pub fn render(summary: &TrackSummary, epochs: &[TrackEpoch], command: String) ->
 }
 
 fn facts(summary: &TrackSummary) -> Vec<Fact> {
-    let fact = |label: &str, value: String| Fact {
-        label: label.to_owned(),
-        value,
-    };
     let mut facts = vec![
-        fact("tracker", summary.tracker.to_owned()),
-        fact(
-            &format!("scans in {:.0} s", summary.duration_s),
+        Fact::new("tracker", summary.tracker.to_owned()),
+        Fact::new(
+            format!("scans in {:.0} s", summary.duration_s),
             summary.counts.scans.to_string(),
         ),
-        fact("tracks confirmed", summary.confirmed_tracks.to_string()),
+        Fact::new("tracks confirmed", summary.confirmed_tracks.to_string()),
     ];
     if !summary.targets.is_empty() {
-        facts.push(fact("on no target", summary.false_tracks.to_string()));
+        facts.push(Fact::new("on no target", summary.false_tracks.to_string()));
     }
     if let Some(gospa) = summary.gospa_m {
-        facts.push(fact("GOSPA, mean", format!("{gospa:.1} m")));
+        facts.push(Fact::new("GOSPA, mean", format!("{gospa:.1} m")));
     }
     facts
 }
@@ -59,13 +55,10 @@ fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
         } else {
             (Tone::Good, "is followed")
         };
-        Verdict {
-            tone,
-            text: format!(
+        Verdict::new(tone, format!(
                 "Target {} {words}: a track within 20 m for {share:.0} % of the time, changes of track: {}.",
                 target.target, target.switches
-            ),
-        }
+            ))
     });
     each.collect()
 }

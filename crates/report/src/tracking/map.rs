@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use crate::drawing::map::{self, Scale};
 use crate::drawing::plot::{Sign, WIDTH, key};
-use crate::drawing::series;
 use crate::drawing::style::SERIES;
 use crate::drawing::svg::Svg;
 use northing_evaluation::tracking::matching::Place;
@@ -52,11 +51,7 @@ pub(crate) fn render(epochs: &[TrackEpoch]) -> Option<String> {
     let label = "Map of tracks, truth, detections and own ship";
     let mut svg = map::open(&scale, label, &keys);
     let detections: Vec<Place> = epochs.iter().flat_map(|e| e.detections.clone()).collect();
-    let dots: Vec<_> = series::pick(&detections, DOTS)
-        .iter()
-        .map(|place| scale.at(*place))
-        .collect();
-    svg.dots(&dots, "dots soft s5");
+    svg.dots(&scale.dots(&detections, DOTS), "dots soft s5");
     svg.lines(&[own_ship(&scale, epochs)], "line bold reference");
     tracks(&mut svg, &scale, epochs);
     truth(&mut svg, &scale, epochs);
@@ -82,7 +77,7 @@ fn tracks(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
             .iter()
             .step_by(step)
             .filter(|t| radius(scale, t) < LARGEST_ELLIPSE * WIDTH)
-            .map(|t| ellipse(scale, t))
+            .map(|t| scale.ellipse(t.place, t.covariance, SIGMAS_95, CORNERS))
             .collect();
         svg.lines(&ellipses, &format!("line thin soft {class}"));
         let places: Vec<Place> = track.iter().map(|t| t.place).collect();
@@ -106,23 +101,6 @@ fn truth(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
         }
         svg.lines(&[path], "line thin dash reference");
     }
-}
-
-/// The outline of a track's 95 % ellipse, through the Cholesky factor of its covariance.
-fn ellipse(scale: &Scale, track: &TrackedTarget) -> Vec<[f64; 2]> {
-    let [nn, ne, ee] = track.covariance;
-    let root = nn.max(0.0).sqrt();
-    let along = if root > 0.0 { ne / root } else { 0.0 };
-    let across = (ee - along * along).max(0.0).sqrt();
-    let corner = |k: usize| {
-        let angle = std::f64::consts::TAU * k as f64 / CORNERS as f64;
-        let (s, c) = angle.sin_cos();
-        scale.at([
-            track.place[0] + SIGMAS_95 * root * c,
-            track.place[1] + SIGMAS_95 * (along * c + across * s),
-        ])
-    };
-    (0..=CORNERS).map(corner).collect()
 }
 
 #[cfg(test)]
@@ -151,7 +129,9 @@ mod tests {
             north: 0.0,
             units_per_m: 1.0,
         };
-        let outline = ellipse(&scale, &epoch(0.0).tracks[0]);
+        let seen = epoch(0.0);
+        let track = &seen.tracks[0];
+        let outline = scale.ellipse(track.place, track.covariance, SIGMAS_95, CORNERS);
         let reach = |axis: usize| {
             let values = outline.iter().map(|p| p[axis]);
             0.5 * (values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min))

@@ -2,8 +2,7 @@
 
 use super::map;
 use crate::drawing::axis::{self, Axis};
-use crate::drawing::curves::line;
-use crate::drawing::plot::{Figure, LINE_POINTS, Panel, Sign, TIME, WIDTH, key};
+use crate::drawing::plot::{Figure, Layer, Panel, Sign, WIDTH, key};
 use crate::drawing::style::SERIES;
 use crate::page::facts::{Fact, Verdict};
 use crate::page::html::{self, Frame, Page};
@@ -48,7 +47,6 @@ impl TrackingReport<'_> {
             summary: &self.summary,
             verdicts: &self.verdicts,
             recording: &self.recording,
-            program: concat!("northing ", env!("CARGO_PKG_VERSION")),
             command: self.command.as_deref(),
             reading: "North is up. An ellipse holds the true position 95 times of 100 when the tracker's \
                    uncertainty is consistent.",
@@ -56,14 +54,13 @@ impl TrackingReport<'_> {
     }
 
     fn map(&self) -> String {
-        map::render(self.epochs).map_or_else(String::new, |svg| {
-            format!(
-                "<figure>\n{svg}<figcaption><b>Tracks with their 95 % ellipses, detections, own ship, and the \
-                 truth (dashed).</b> Ellipses too large for the map are left out. Look whether each dashed line has one colour along it: a change of \
-                 colour is a track that was lost and found again. Tracks on quays and shores are \
-                 echoes that stay.</figcaption>\n</figure>\n"
-            )
-        })
+        html::picture(
+            map::render(self.epochs),
+            "Tracks with their 95 % ellipses, detections, own ship, and the truth (dashed).",
+            "Ellipses too large for the map are left out. Look whether each dashed line has one colour along it: a change of \
+             colour is a track that was lost and found again. Tracks on quays and shores are \
+             echoes that stay.",
+        )
     }
 
     /// Distance of each target from its track.
@@ -91,31 +88,29 @@ impl TrackingReport<'_> {
         let legend = curves.iter().enumerate();
         let legend = legend.map(|(i, (n, _))| key(Sign::Line, &class(i), &format!("target {n}")));
         let end = self.epochs.last().map_or(1.0, |e| e.time_s);
-        let mut panel = Panel::new(
+        let panel = Panel::new(
             "Distance of target and track",
             "m",
             Axis::linear(0.0, reach.limit * 1.1, 5),
             Vec::new(),
-        );
-        panel.height = 220.0;
-        let figure = Figure {
-            label: "Distance of each target from its track over time".to_owned(),
-            time: Axis::time(0.0, end, 8),
-            legend: legend.collect(),
-            panels: vec![Panel {
+        )
+        .height(220.0);
+        let figure = Figure::new(
+            "Distance of each target from its track over time",
+            Axis::time(0.0, end, 8),
+            legend.collect(),
+            vec![Panel {
                 layers: curves
                     .iter()
                     .enumerate()
-                    .map(|(i, (_, c))| line(c.clone(), &class(i), false))
+                    .map(|(i, (_, c))| Layer::line(c.clone(), &class(i), false))
                     .collect(),
                 ..panel
             }],
-            right: WIDTH * 0.02,
-            line_points: LINE_POINTS,
-            across: TIME,
-        };
+        )
+        .right(WIDTH * 0.02);
         html::figure(
-            &figure,
+            figure,
             "Distance of each target from its track.",
             "Gaps are instants without a track within 40 m.",
         )

@@ -2,6 +2,7 @@
 
 use super::file::ScenarioTables;
 use super::schema::{Scenario, StartCross, TrackStart};
+use crate::settings::named_values;
 
 /// A key, its value, and what was expected.
 type Complaint = (&'static str, f64, &'static str);
@@ -37,51 +38,48 @@ impl ScenarioTables for Scenario {
 
 impl Scenario {
     fn numbers(&self) -> Option<Complaint> {
-        let gps = &self.gps_compass;
-        let positive = [
-            ("meta.duration_s", self.meta.duration_s),
-            ("imu.rate_hz", self.imu.rate_hz),
-            ("imu.sigma_accel_m_s2", self.imu.sigma_accel_m_s2),
-            ("imu.sigma_gyro_deg_s", self.imu.sigma_gyro_deg_s),
-            ("imu.accel_bias_std_m_s2", self.imu.accel_bias_std_m_s2),
-            ("imu.gyro_bias_std_deg_s", self.imu.gyro_bias_std_deg_s),
-            ("gps_compass.rate_hz", gps.rate_hz),
-            ("gps_compass.position_std_m", gps.position_std_m[0]),
-            ("gps_compass.position_std_m", gps.position_std_m[1]),
-            ("gps_compass.position_std_m", gps.position_std_m[2]),
-            ("gps_compass.heading_std_deg", gps.heading_std_deg),
-            ("gps_compass.roll_pitch_std_deg", gps.roll_pitch_std_deg),
-            (
-                "navigation.initial_velocity_std_m_s",
-                self.navigation.initial_velocity_std_m_s,
-            ),
-            ("navigation.noise_factor", self.navigation.noise_factor),
-            ("radar.rate_hz", self.radar.rate_hz),
-            ("radar.sigma_range_m", self.radar.sigma_range_m),
-            ("radar.sigma_bearing_deg", self.radar.sigma_bearing_deg),
-            (
-                "track_init.velocity_std_m_s",
-                self.track_init.velocity_std_m_s,
-            ),
-            ("track_init.position_std_m", self.track_init.position_std_m),
-            ("blackbox.tau_heading_s", self.blackbox.tau_heading_s),
-            ("blackbox.tau_position_s", self.blackbox.tau_position_s),
-            ("ownship.roll_period_s", self.ownship.roll_period_s),
-            ("ownship.pitch_period_s", self.ownship.pitch_period_s),
+        let before = named_values![self =>
+            meta.duration_s,
+            imu.rate_hz,
+            imu.sigma_accel_m_s2,
+            imu.sigma_gyro_deg_s,
+            imu.accel_bias_std_m_s2,
+            imu.gyro_bias_std_deg_s,
+            gps_compass.rate_hz,
+        ];
+        let fixes = self
+            .gps_compass
+            .position_std_m
+            .map(|std| ("gps_compass.position_std_m", std));
+        let after = named_values![self =>
+            gps_compass.heading_std_deg,
+            gps_compass.roll_pitch_std_deg,
+            navigation.initial_velocity_std_m_s,
+            navigation.noise_factor,
+            radar.rate_hz,
+            radar.sigma_range_m,
+            radar.sigma_bearing_deg,
+            track_init.velocity_std_m_s,
+            track_init.position_std_m,
+            blackbox.tau_heading_s,
+            blackbox.tau_position_s,
+            ownship.roll_period_s,
+            ownship.pitch_period_s,
         ];
         let bad = |value: f64| !(value.is_finite() && value > 0.0);
-        let found = positive.into_iter().find(|(_, value)| bad(*value));
+        let mut positive = before.into_iter().chain(fixes).chain(after);
+        let found = positive.find(|(_, value)| bad(*value));
         if let Some((key, value)) = found {
             return Some((key, value, "a finite number above zero"));
         }
-        let finite = [
-            ("meta.gravity_m_s2", self.meta.gravity_m_s2),
-            ("ownship.heading_deg", self.ownship.heading_deg),
-            ("ownship.speed_m_s", self.ownship.speed_m_s),
-            ("ownship.turn_start_s", self.ownship.turn_start_s),
-            ("ownship.turn_rate_deg_s", self.ownship.turn_rate_deg_s),
-            ("ownship.turn_angle_deg", self.ownship.turn_angle_deg),
-            ("target.sigma_accel_m_s2", self.target.sigma_accel_m_s2),
+        let finite = named_values![self =>
+            meta.gravity_m_s2,
+            ownship.heading_deg,
+            ownship.speed_m_s,
+            ownship.turn_start_s,
+            ownship.turn_rate_deg_s,
+            ownship.turn_angle_deg,
+            target.sigma_accel_m_s2,
         ];
         let own = self.ownship.position_m.map(|x| ("ownship.position_m", x));
         let target = self.target.position_m.map(|x| ("target.position_m", x));
@@ -93,22 +91,16 @@ impl Scenario {
 
     /// Errors that may be there or not.
     fn sensor_errors(&self) -> Option<Complaint> {
-        let (imu, gps) = (&self.imu, &self.gps_compass);
-        let not_negative = [
-            (
-                "imu.accel_bias_random_walk_m_s2_sqrt_s",
-                imu.accel_bias_random_walk_m_s2_sqrt_s,
-            ),
-            (
-                "imu.gyro_bias_random_walk_deg_s_sqrt_s",
-                imu.gyro_bias_random_walk_deg_s_sqrt_s,
-            ),
-            ("imu.accel_scale_error_std", imu.accel_scale_error_std),
-            ("imu.gyro_scale_error_std", imu.gyro_scale_error_std),
-            ("imu.accel_resolution_m_s2", imu.accel_resolution_m_s2),
-            ("imu.gyro_resolution_deg_s", imu.gyro_resolution_deg_s),
-            ("imu.accel_range_m_s2", imu.accel_range_m_s2),
-            ("imu.gyro_range_deg_s", imu.gyro_range_deg_s),
+        let gps = &self.gps_compass;
+        let not_negative = named_values![self =>
+            imu.accel_bias_random_walk_m_s2_sqrt_s,
+            imu.gyro_bias_random_walk_deg_s_sqrt_s,
+            imu.accel_scale_error_std,
+            imu.gyro_scale_error_std,
+            imu.accel_resolution_m_s2,
+            imu.gyro_resolution_deg_s,
+            imu.accel_range_m_s2,
+            imu.gyro_range_deg_s,
         ];
         let bad = |value: f64| !(value.is_finite() && value >= 0.0);
         if let Some((key, value)) = not_negative.into_iter().find(|(_, value)| bad(*value)) {

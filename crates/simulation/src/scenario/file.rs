@@ -3,7 +3,6 @@
 //! A variant is merged into the base key by key *before* anything is interpreted, and each value
 //! keeps its place in the text, so that a message about it names the line it was written in.
 
-use std::fmt;
 use std::marker::PhantomData;
 
 use toml::Spanned;
@@ -43,18 +42,11 @@ pub type ScenarioFile = VariantFile<Scenario>;
 pub type FlightScenarioFile = VariantFile<FlightScenario>;
 
 /// Why a scenario was refused; the message names the line and the valid names where there are any.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
 pub struct ScenarioError {
     message: String,
 }
-
-impl fmt::Display for ScenarioError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl std::error::Error for ScenarioError {}
 
 /// One-based line of a byte.
 fn line(text: &str, at: usize) -> usize {

@@ -5,6 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::file::ScenarioTables;
+use crate::settings::named_values;
 use crate::trajectory::FlightAttitude;
 
 /// Samples of a flight at most.
@@ -155,52 +156,31 @@ impl ScenarioTables for FlightScenario {
     }
 
     fn check(&self) -> Result<(), String> {
-        let positive = [
-            ("meta.duration_s", self.meta.duration_s),
-            ("gyroscope.rate_hz", self.gyroscope.rate_hz),
-            ("gyroscope.noise_std_rad_s", self.gyroscope.noise_std_rad_s),
-            (
-                "accelerometer.noise_std_m_s2",
-                self.accelerometer.noise_std_m_s2,
-            ),
-            ("magnetometer.strength_ut", self.magnetometer.strength_ut),
-            ("magnetometer.noise_std_ut", self.magnetometer.noise_std_ut),
-            (
-                "magnetometer.burst_period_s",
-                self.magnetometer.burst_period_s,
-            ),
-            (
-                "position.every_samples",
-                f64::from(self.position.every_samples),
-            ),
-            ("position.noise_std_m", self.position.noise_std_m),
-            ("position.pole_per_s", self.position.pole_per_s),
+        let positive = named_values![self =>
+            meta.duration_s,
+            gyroscope.rate_hz,
+            gyroscope.noise_std_rad_s,
+            accelerometer.noise_std_m_s2,
+            magnetometer.strength_ut,
+            magnetometer.noise_std_ut,
+            magnetometer.burst_period_s,
+            position.every_samples,
+            position.noise_std_m,
+            position.pole_per_s,
         ];
-        let not_negative = [
-            ("meta.scored_from_s", self.meta.scored_from_s),
-            (
-                "motion.acceleration_rms_m_s2",
-                self.motion.acceleration_rms_m_s2,
-            ),
-            ("start.attitude_error_deg", self.start.attitude_error_deg),
-            ("gyroscope.bias_std_rad_s", self.gyroscope.bias_std_rad_s),
-            (
-                "gyroscope.bias_random_walk_rad_s_sqrt_s",
-                self.gyroscope.bias_random_walk_rad_s_sqrt_s,
-            ),
-            (
-                "accelerometer.bias_std_m_s2",
-                self.accelerometer.bias_std_m_s2,
-            ),
-            (
-                "ekf.linear_acceleration_std_m_s2",
-                self.ekf.linear_acceleration_std_m_s2,
-            ),
+        let not_negative = named_values![self =>
+            meta.scored_from_s,
+            motion.acceleration_rms_m_s2,
+            start.attitude_error_deg,
+            gyroscope.bias_std_rad_s,
+            gyroscope.bias_random_walk_rad_s_sqrt_s,
+            accelerometer.bias_std_m_s2,
+            ekf.linear_acceleration_std_m_s2,
         ];
-        let finite = [
-            ("motion.spin_rad_s", self.motion.spin_rad_s),
-            ("magnetometer.dip_deg", self.magnetometer.dip_deg),
-            ("magnetometer.burst_ut", self.magnetometer.burst_ut),
+        let finite = named_values![self =>
+            motion.spin_rad_s,
+            magnetometer.dip_deg,
+            magnetometer.burst_ut,
         ];
         let of = |list: &[(&'static str, f64)], expected, good: fn(f64) -> bool| {
             let bad = list.iter().find(|(_, v)| !(v.is_finite() && good(*v)));

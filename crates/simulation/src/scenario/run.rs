@@ -11,7 +11,7 @@ use super::schema::FaultySensor;
 use super::world::TrackingWorld;
 use crate::faults::FaultInjector;
 use crate::random::{Stream, normal_vector, standard_normal, stream};
-use crate::rotation::{exp, log};
+use crate::rotation::exp;
 use crate::sensors::{ErrorModel, SensorErrors};
 
 /// What the navigation believes at the start.
@@ -219,16 +219,11 @@ fn start(world: &TrackingWorld, seed: u64) -> NavigationStart {
     }
 }
 
-/// Rotation vector (rad, reference frame) from one attitude to another: the attitude error.
-#[must_use]
-pub fn attitude_error(truth: &UnitQuaternion<f64>, estimate: &UnitQuaternion<f64>) -> Vector3<f64> {
-    log(&(truth * estimate.inverse()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::faults::FaultKind;
+    use crate::rotation::log;
     use crate::scenario::Scenario;
     use crate::scenario::ScenarioFile;
     use crate::scenario::schema::FaultTable;
@@ -291,7 +286,7 @@ mod tests {
         let end = world.own_at_scan(world.scans());
         assert!((end.position - p).norm() < 1e-3, "{}", end.position - p);
         assert!((end.velocity - v).norm() < 1e-9);
-        assert!(attitude_error(&end.ned_from_body, &q).norm() < 1e-9);
+        assert!(log(&(end.ned_from_body * q.inverse())).norm() < 1e-9);
     }
 
     #[test]

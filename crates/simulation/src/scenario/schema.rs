@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::faults::FaultKind;
+use crate::settings::settings;
 use crate::trajectory::vessel::Manoeuvre;
 
 /// A whole scenario.
@@ -85,26 +86,18 @@ pub struct OwnShipTable {
     #[serde(default)]
     pub roll_amplitude_deg: f64,
     /// Period of rolling, s. Default 8.
-    #[serde(default = "eight")]
+    #[serde(default = "number::<8>")]
     pub roll_period_s: f64,
     /// Amplitude of pitching, deg. Default 0.
     #[serde(default)]
     pub pitch_amplitude_deg: f64,
     /// Period of pitching, s. Default 6.
-    #[serde(default = "six")]
+    #[serde(default = "number::<6>")]
     pub pitch_period_s: f64,
 }
 
-fn eight() -> f64 {
-    8.0
-}
-
-fn six() -> f64 {
-    6.0
-}
-
-fn one() -> f64 {
-    1.0
+fn number<const N: u8>() -> f64 {
+    f64::from(N)
 }
 
 fn yes() -> bool {
@@ -267,7 +260,7 @@ pub struct NavigationTable {
     pub warmup_s: f64,
     /// Multiplies all noises of the inertial sensors and of the GPS compass, in truth and filter;
     /// not the biases. Default 1.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1>")]
     pub noise_factor: f64,
 }
 
@@ -282,7 +275,7 @@ pub struct RadarTable {
     /// Noise of the bearing, deg.
     pub sigma_bearing_deg: f64,
     /// Probability that the target is seen in a scan. Default 1.
-    #[serde(default = "one")]
+    #[serde(default = "number::<1>")]
     pub detection_probability: f64,
     /// False detections in a scan; must be 0, as these trackers take every detection for the target.
     #[serde(default)]
@@ -318,17 +311,13 @@ pub struct TrackInitTable {
     /// Standard deviation of the velocity, m/s per axis.
     pub velocity_std_m_s: f64,
     /// Standard deviation of the position, m per axis; for `prior`. Default 100.
-    #[serde(default = "hundred")]
+    #[serde(default = "number::<100>")]
     pub position_std_m: f64,
     /// The cross-covariance; `prior` has none.
     pub cross_covariance: StartCross,
     /// First scan that counts. Default 1: the one after the start.
     #[serde(default = "first")]
     pub first_scored_step: u32,
-}
-
-fn hundred() -> f64 {
-    100.0
 }
 
 fn first() -> u32 {
@@ -347,22 +336,15 @@ pub struct NeesTable {
     pub interval_paper: Option<[f64; 2]>,
 }
 
-/// Correlation times that a black-box tracker assumes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BlackBoxTable {
-    /// Of the heading error, s. Default 3.3.
-    pub tau_heading_s: f64,
-    /// Of the position error, s. Default 0.41.
-    pub tau_position_s: f64,
-}
-
-impl Default for BlackBoxTable {
-    fn default() -> Self {
-        Self {
-            tau_heading_s: 3.3,
-            tau_position_s: 0.41,
-        }
+settings! {
+    /// Correlation times that a black-box tracker assumes.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct BlackBoxTable {
+        /// Of the heading error, s. Default 3.3.
+        tau_heading_s: f64 = 3.3,
+        /// Of the position error, s. Default 0.41.
+        tau_position_s: f64 = 0.41,
     }
 }
 

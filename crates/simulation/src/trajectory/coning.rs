@@ -6,25 +6,19 @@ use serde::{Deserialize, Serialize};
 
 use super::{Trajectory, Truth};
 use crate::rotation::{exp, sin_cos};
+use crate::settings::settings;
 
-/// The body axis z goes round a cone: `q(t) = Exp(a (cos ft, sin ft, 0))` with half angle `a` and
-/// angular frequency `f`. The body rate is `f (-sin a sin ft, sin a cos ft, cos a - 1)`: constant in
-/// size, with a constant part about z although the body never turns about the vertical.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Coning {
-    /// Half angle of the cone, rad. Default 0.2.
-    pub half_angle_rad: f64,
-    /// How often the axis goes round, Hz. Default 1.
-    pub frequency_hz: f64,
-}
-
-impl Default for Coning {
-    fn default() -> Self {
-        Self {
-            half_angle_rad: 0.2,
-            frequency_hz: 1.0,
-        }
+settings! {
+    /// The body axis z goes round a cone: `q(t) = Exp(a (cos ft, sin ft, 0))` with half angle `a` and
+    /// angular frequency `f`. The body rate is `f (-sin a sin ft, sin a cos ft, cos a - 1)`: constant in
+    /// size, with a constant part about z although the body never turns about the vertical.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Coning {
+        /// Half angle of the cone, rad. Default 0.2.
+        half_angle_rad: f64 = 0.2,
+        /// How often the axis goes round, Hz. Default 1.
+        frequency_hz: f64 = 1.0,
     }
 }
 

@@ -4,12 +4,11 @@
 //! The attitude is given by angles of its own (a hand that turns a device while it walks), or the
 //! body's z axis stands along the specific force, as a multicopter's does.
 
-use std::f64::consts::TAU;
-
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
+use super::sine::Sine;
 use super::{Trajectory, Truth};
 use crate::random::Stream;
 use crate::rotation::sin_cos;
@@ -34,32 +33,6 @@ pub enum FlightAttitude {
     Free,
     /// The body's z axis along the specific force; only the yaw is free.
     ThrustAligned,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Sine {
-    amplitude: f64,
-    angular_frequency_rad_s: f64,
-    phase_rad: f64,
-}
-
-impl Sine {
-    fn drawn((amplitude, frequency_hz): (f64, f64), stream: &mut Stream) -> Self {
-        Self {
-            amplitude,
-            angular_frequency_rad_s: TAU * frequency_hz,
-            phase_rad: TAU * stream.random::<f64>(),
-        }
-    }
-
-    /// Value and derivative.
-    fn at(&self, t_s: f64) -> [f64; 2] {
-        let (s, c) = sin_cos(self.angular_frequency_rad_s * t_s + self.phase_rad);
-        [
-            self.amplitude * s,
-            self.amplitude * self.angular_frequency_rad_s * c,
-        ]
-    }
 }
 
 fn sum(sines: &[Sine], t_s: f64) -> [f64; 2] {

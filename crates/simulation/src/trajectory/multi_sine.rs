@@ -1,54 +1,37 @@
 //! A rotation vector made of sines: smooth, rich in directions, at rest in the reference pose at
 //! both ends.
 
-use std::f64::consts::TAU;
-
 use nalgebra::Vector3;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
+use super::sine::Sine;
 use super::{Trajectory, Truth};
 use crate::random::Stream;
-use crate::rotation::{body_rate, exp, sin_cos};
+use crate::rotation::{body_rate, exp};
+use crate::settings::settings;
 
 /// Number of sines per axis.
 const SINES: usize = 4;
 
-/// How lively a [`MultiSine`] is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MultiSineConfig {
-    /// Size of the rotation vector per axis, rad. Each sine has an amplitude of 0.2 to 0.5 times
-    /// this. Default 1.2, which gives about 0.6 rad RMS per axis.
-    pub amplitude_rad: f64,
-    /// Lowest frequency drawn, Hz. Default 0.05.
-    pub frequency_min_hz: f64,
-    /// Highest frequency drawn, Hz. Default 0.6; higher means faster turns.
-    pub frequency_max_hz: f64,
-    /// Time to fade in from rest and out to rest, s; at most half the duration is used. Default 3.
-    pub ramp_s: f64,
-    /// Length of the motion, s. Default 60. Before and after it the body rests in the reference
-    /// pose.
-    pub duration_s: f64,
-}
-
-impl Default for MultiSineConfig {
-    fn default() -> Self {
-        Self {
-            amplitude_rad: 1.2,
-            frequency_min_hz: 0.05,
-            frequency_max_hz: 0.6,
-            ramp_s: 3.0,
-            duration_s: 60.0,
-        }
+settings! {
+    /// How lively a [`MultiSine`] is.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct MultiSineConfig {
+        /// Size of the rotation vector per axis, rad. Each sine has an amplitude of 0.2 to 0.5 times
+        /// this. Default 1.2, which gives about 0.6 rad RMS per axis.
+        amplitude_rad: f64 = 1.2,
+        /// Lowest frequency drawn, Hz. Default 0.05.
+        frequency_min_hz: f64 = 0.05,
+        /// Highest frequency drawn, Hz. Default 0.6; higher means faster turns.
+        frequency_max_hz: f64 = 0.6,
+        /// Time to fade in from rest and out to rest, s; at most half the duration is used. Default 3.
+        ramp_s: f64 = 3.0,
+        /// Length of the motion, s. Default 60. Before and after it the body rests in the reference
+        /// pose.
+        duration_s: f64 = 60.0,
     }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Sine {
-    amplitude_rad: f64,
-    angular_frequency_rad_s: f64,
-    phase_rad: f64,
 }
 
 /// `q(t) = Exp(w(t) * sum of sines)`, with a smooth window `w` that is zero at both ends.
@@ -66,13 +49,9 @@ impl MultiSine {
         let mut axes = [[Sine::default(); SINES]; 3];
         let span_hz = config.frequency_max_hz - config.frequency_min_hz;
         for sine in axes.iter_mut().flatten() {
-            let mut uniform = || stream.random::<f64>();
-            let frequency_hz = config.frequency_min_hz + span_hz * uniform();
-            *sine = Sine {
-                amplitude_rad: 0.5 * config.amplitude_rad * (0.4 + 0.6 * uniform()),
-                angular_frequency_rad_s: TAU * frequency_hz,
-                phase_rad: TAU * uniform(),
-            };
+            let frequency_hz = config.frequency_min_hz + span_hz * stream.random::<f64>();
+            let share = 0.4 + 0.6 * stream.random::<f64>();
+            *sine = Sine::drawn((0.5 * config.amplitude_rad * share, frequency_hz), stream);
         }
         Self {
             axes,
@@ -105,10 +84,9 @@ impl Trajectory for MultiSine {
         let mut sum_dot = Vector3::zeros();
         for (axis, sines) in self.axes.iter().enumerate() {
             for sine in sines {
-                let angle = sine.angular_frequency_rad_s * t_s + sine.phase_rad;
-                let (s, c) = sin_cos(angle);
-                sum[axis] += sine.amplitude_rad * s;
-                sum_dot[axis] += sine.amplitude_rad * sine.angular_frequency_rad_s * c;
+                let [value, slope] = sine.at(t_s);
+                sum[axis] += value;
+                sum_dot[axis] += slope;
             }
         }
         let (window, window_dot) = self.window(t_s);

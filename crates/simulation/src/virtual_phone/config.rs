@@ -1,71 +1,49 @@
 //! What a virtual phone can be asked for, and what it refuses.
 
-use std::fmt;
-
 use serde::{Deserialize, Serialize};
 
 use crate::sensors::{AccelerometerConfig, GyroscopeConfig, MagnetometerConfig, Sampling};
+use crate::settings::{named_values, settings};
 
-/// A virtual phone and what happens to it. The default is the laboratory script in a gentle hand.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct VirtualPhoneConfig {
-    /// Determines everything random. Default 1.
-    pub seed: u64,
-    /// Length of the recording, s: the script starts again until this has passed. Default: once
-    /// through the script.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub duration_s: Option<f64>,
-    /// Time stamp of the start, ns. Default 0.
-    pub start_time_ns: i64,
-    /// How the phone is moved. Default gentle.
-    pub motion: Motion,
-    /// What disturbs it while it is moved. Default nothing.
-    pub disturbance: Disturbance,
-    /// Rest in the reference pose before the motion, s. Default 10.
-    pub rest_before_s: f64,
-    /// Motion that ends in the reference pose, s. Default 60.
-    pub motion_s: f64,
-    /// Rest in the reference pose after the motion, s. Default 5.
-    pub rest_after_s: f64,
-    /// Strength of the magnetic field, microtesla. Default 43.
-    pub magnetic_field_strength_ut: f64,
-    /// How far the field points below the horizon, deg. Default 51.
-    pub magnetic_dip_deg: f64,
-    /// The gyroscope.
-    pub gyroscope: GyroscopeConfig,
-    /// The accelerometer.
-    pub accelerometer: AccelerometerConfig,
-    /// The magnetometer.
-    pub magnetometer: MagnetometerConfig,
-    /// The orientation the phone itself reports.
-    pub device_orientation: DeviceOrientationConfig,
-    /// The heading the phone itself reports. Default: none.
-    pub compass: CompassConfig,
-    /// Whether the truth is recorded, with every gyroscope sample. Default: it is.
-    pub reference: ReferenceConfig,
-}
-
-impl Default for VirtualPhoneConfig {
-    fn default() -> Self {
-        Self {
-            seed: 1,
-            duration_s: None,
-            start_time_ns: 0,
-            motion: Motion::Gentle,
-            disturbance: Disturbance::None,
-            rest_before_s: 10.0,
-            motion_s: 60.0,
-            rest_after_s: 5.0,
-            magnetic_field_strength_ut: 43.0,
-            magnetic_dip_deg: 51.0,
-            gyroscope: GyroscopeConfig::default(),
-            accelerometer: AccelerometerConfig::default(),
-            magnetometer: MagnetometerConfig::default(),
-            device_orientation: DeviceOrientationConfig::default(),
-            compass: CompassConfig::default(),
-            reference: ReferenceConfig::default(),
-        }
+settings! {
+    /// A virtual phone and what happens to it. The default is the laboratory script in a gentle hand.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct VirtualPhoneConfig {
+        /// Determines everything random. Default 1.
+        seed: u64 = 1,
+        /// Length of the recording, s: the script starts again until this has passed. Default: once
+        /// through the script.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        duration_s: Option<f64> = None,
+        /// Time stamp of the start, ns. Default 0.
+        start_time_ns: i64 = 0,
+        /// How the phone is moved. Default gentle.
+        motion: Motion = Motion::Gentle,
+        /// What disturbs it while it is moved. Default nothing.
+        disturbance: Disturbance = Disturbance::None,
+        /// Rest in the reference pose before the motion, s. Default 10.
+        rest_before_s: f64 = 10.0,
+        /// Motion that ends in the reference pose, s. Default 60.
+        motion_s: f64 = 60.0,
+        /// Rest in the reference pose after the motion, s. Default 5.
+        rest_after_s: f64 = 5.0,
+        /// Strength of the magnetic field, microtesla. Default 43.
+        magnetic_field_strength_ut: f64 = 43.0,
+        /// How far the field points below the horizon, deg. Default 51.
+        magnetic_dip_deg: f64 = 51.0,
+        /// The gyroscope.
+        gyroscope: GyroscopeConfig = GyroscopeConfig::default(),
+        /// The accelerometer.
+        accelerometer: AccelerometerConfig = AccelerometerConfig::default(),
+        /// The magnetometer.
+        magnetometer: MagnetometerConfig = MagnetometerConfig::default(),
+        /// The orientation the phone itself reports.
+        device_orientation: DeviceOrientationConfig = DeviceOrientationConfig::default(),
+        /// The heading the phone itself reports. Default: none.
+        compass: CompassConfig = CompassConfig::default(),
+        /// Whether the truth is recorded, with every gyroscope sample. Default: it is.
+        reference: ReferenceConfig = ReferenceConfig::default(),
     }
 }
 
@@ -142,88 +120,59 @@ impl Disturbance {
     }
 }
 
-/// The orientation the phone reports: the truth of a moment ago, with an error that drifts.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DeviceOrientationConfig {
-    /// When it is reported. Default 50 Hz, first at 5 ms, 20 ms late.
-    pub sampling: Sampling,
-    /// Standard deviation of the error about the vertical, deg. Default 3.
-    pub heading_error_std_deg: f64,
-    /// Standard deviation of the error about each horizontal axis, deg. Default 0.7.
-    pub inclination_error_std_deg: f64,
-    /// How long the error remembers itself, s. Default 20.
-    pub correlation_time_s: f64,
-}
-
-impl Default for DeviceOrientationConfig {
-    fn default() -> Self {
-        Self {
-            sampling: Sampling {
-                start_offset_s: 0.005,
-                delay_s: 0.02,
-                ..Sampling::at_rate(50.0)
-            },
-            heading_error_std_deg: 3.0,
-            inclination_error_std_deg: 0.7,
-            correlation_time_s: 20.0,
-        }
+settings! {
+    /// The orientation the phone reports: the truth of a moment ago, with an error that drifts.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct DeviceOrientationConfig {
+        /// When it is reported. Default 50 Hz, first at 5 ms, 20 ms late.
+        sampling: Sampling = Sampling {
+                    start_offset_s: 0.005,
+                    delay_s: 0.02,
+                    ..Sampling::at_rate(50.0)
+                },
+        /// Standard deviation of the error about the vertical, deg. Default 3.
+        heading_error_std_deg: f64 = 3.0,
+        /// Standard deviation of the error about each horizontal axis, deg. Default 0.7.
+        inclination_error_std_deg: f64 = 0.7,
+        /// How long the error remembers itself, s. Default 20.
+        correlation_time_s: f64 = 20.0,
     }
 }
 
-/// The heading the phone reports, as phones without a magnetometer for programs do: the truth with
-/// an error that drifts and whose size it states.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CompassConfig {
-    /// When it is reported. Default never (0 Hz).
-    pub sampling: Sampling,
-    /// Standard deviation of the error, deg, which the phone states. Default 5.
-    pub error_std_deg: f64,
-    /// How long the error remembers itself, s. Default 2.
-    pub correlation_time_s: f64,
-}
-
-impl Default for CompassConfig {
-    fn default() -> Self {
-        Self {
-            sampling: Sampling::at_rate(0.0),
-            error_std_deg: 5.0,
-            correlation_time_s: 2.0,
-        }
+settings! {
+    /// The heading the phone reports, as phones without a magnetometer for programs do: the truth with
+    /// an error that drifts and whose size it states.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct CompassConfig {
+        /// When it is reported. Default never (0 Hz).
+        sampling: Sampling = Sampling::at_rate(0.0),
+        /// Standard deviation of the error, deg, which the phone states. Default 5.
+        error_std_deg: f64 = 5.0,
+        /// How long the error remembers itself, s. Default 2.
+        correlation_time_s: f64 = 2.0,
     }
 }
 
-/// The truth track of the recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ReferenceConfig {
-    /// Whether it is recorded. Default true.
-    pub recorded: bool,
-}
-
-impl Default for ReferenceConfig {
-    fn default() -> Self {
-        Self { recorded: true }
+settings! {
+    /// The truth track of the recording.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ReferenceConfig {
+        /// Whether it is recorded. Default true.
+        recorded: bool = true,
     }
 }
 
 /// A configuration that is invalid.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("virtual phone: {field} is {value}, expected {expected}")]
 pub struct ConfigError {
     field: String,
     value: f64,
     expected: &'static str,
 }
-
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (field, value, expected) = (&self.field, self.value, self.expected);
-        write!(f, "virtual phone: {field} is {value}, expected {expected}")
-    }
-}
-
-impl std::error::Error for ConfigError {}
 
 impl VirtualPhoneConfig {
     /// Length of one pass through the script, s.
@@ -250,23 +199,14 @@ impl VirtualPhoneConfig {
 
     /// Refuses what is invalid.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
-        let fields = [
-            ("rest_before_s", self.rest_before_s),
-            ("motion_s", self.motion_s),
-            ("rest_after_s", self.rest_after_s),
-            (
-                "magnetic_field_strength_ut",
-                self.magnetic_field_strength_ut,
-            ),
-            (
-                "device_orientation.heading_error_std_deg",
-                self.device_orientation.heading_error_std_deg,
-            ),
-            (
-                "device_orientation.inclination_error_std_deg",
-                self.device_orientation.inclination_error_std_deg,
-            ),
-            ("compass.error_std_deg", self.compass.error_std_deg),
+        let fields = named_values![self =>
+            rest_before_s,
+            motion_s,
+            rest_after_s,
+            magnetic_field_strength_ut,
+            device_orientation.heading_error_std_deg,
+            device_orientation.inclination_error_std_deg,
+            compass.error_std_deg,
         ];
         for (field, value) in fields {
             not_negative(field, value)?;
@@ -281,43 +221,31 @@ impl VirtualPhoneConfig {
             -90.0..=90.0,
             "-90 to 90 deg",
         )?;
-        positive(
-            "device_orientation.correlation_time_s",
-            self.device_orientation.correlation_time_s,
-        )?;
-        positive(
-            "compass.correlation_time_s",
-            self.compass.correlation_time_s,
-        )?;
+        for (field, value) in named_values![self =>
+            device_orientation.correlation_time_s,
+            compass.correlation_time_s,
+        ] {
+            positive(field, value)?;
+        }
         self.check_sensors()
     }
 
     fn check_sensors(&self) -> Result<(), ConfigError> {
+        let (gyroscope, accelerometer) = (&self.gyroscope, &self.accelerometer);
         for (name, sampling, model) in [
-            (
-                "gyroscope",
-                &self.gyroscope.sampling,
-                Some(self.gyroscope.error_model()),
-            ),
+            ("gyroscope", &gyroscope.sampling, gyroscope.error_model()),
             (
                 "accelerometer",
-                &self.accelerometer.sampling,
-                Some(self.accelerometer.error_model()),
+                &accelerometer.sampling,
+                accelerometer.error_model(),
             ),
             (
                 "magnetometer",
                 &self.magnetometer.sampling,
-                Some(self.magnetometer.error_model()),
+                self.magnetometer.error_model(),
             ),
-            (
-                "device_orientation",
-                &self.device_orientation.sampling,
-                None,
-            ),
-            ("compass", &self.compass.sampling, None),
         ] {
             check_sampling(name, sampling)?;
-            let Some(model) = model else { continue };
             for (what, value) in [
                 ("noise std", model.noise_std),
                 ("noise density", model.noise_density),
@@ -338,7 +266,8 @@ impl VirtualPhoneConfig {
                 )?;
             }
         }
-        Ok(())
+        check_sampling("device_orientation", &self.device_orientation.sampling)?;
+        check_sampling("compass", &self.compass.sampling)
     }
 }
 

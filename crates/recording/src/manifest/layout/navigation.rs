@@ -3,7 +3,6 @@
 use super::super::navigation::{
     EcefColumns, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
 };
-use super::super::problem;
 use super::super::schema::{Column, QuaternionDirection, QuaternionOrder};
 use super::LayoutBuilder;
 use crate::delimited::{Channel, EcefPart, EcefPose};
@@ -82,10 +81,9 @@ impl LayoutBuilder<'_> {
         row.put(2, height, position.height_unit.to_m());
         match (&position.std, &position.accuracy) {
             (Some(_), Some(_)) => {
-                return Err(problem(
-                    self.manifest_file,
-                    "[gnss_position] has both `std` and `accuracy`; keep one of them".to_owned(),
-                ));
+                return Err(
+                    self.problem("[gnss_position] has both `std` and `accuracy`; keep one of them")
+                );
             }
             (Some(std), None) => {
                 for (number, column) in (3..).zip(std) {
@@ -113,12 +111,7 @@ impl LayoutBuilder<'_> {
     }
 
     fn gnss_velocity(&self, velocity: &VelocityColumns) -> Result<Channel> {
-        let wrong = |what: &str| {
-            Err(problem(
-                self.manifest_file,
-                format!("[gnss_velocity] {what}"),
-            ))
-        };
+        let wrong = |what: &str| Err(self.problem(format!("[gnss_velocity] {what}")));
         match (&velocity.columns, &velocity.speed, &velocity.course) {
             (Some(columns), None, None) => {
                 if velocity.speed_std.is_some() {

@@ -10,7 +10,7 @@ use crate::error::shown;
 use crate::event::{SensorKind, quaternion_from_file};
 use crate::options::STANDARD_GRAVITY_M_S2;
 use crate::wire::force_sign::ForceSign;
-use crate::wire::{Decoded, Tone, json};
+use crate::wire::{Decoded, json};
 
 /// Readings that wait for their partner.
 const MOST_WAITING: usize = 512;
@@ -63,7 +63,7 @@ impl SensorLoggerPush {
             }
             "annotation" => {
                 let text = json::text(reading.values.get("text"));
-                out.note(Tone::Info, format!("Annotation: {text}"));
+                out.info(format!("Annotation: {text}"));
             }
             _ => {}
         }
@@ -114,14 +114,8 @@ pub(super) fn remark_on(name: &str, out: &mut Decoded) {
         | "magnetometeruncalibrated"
         | "orientation"
         | "totalacceleration" => {}
-        "" => out.note(
-            Tone::Bad,
-            "An entry of the payload has no `name`; it is left out.",
-        ),
-        _ => out.note(
-            Tone::Info,
-            format!("The sensor {} is not used.", shown(name)),
-        ),
+        "" => out.bad("An entry of the payload has no `name`; it is left out."),
+        _ => out.info(format!("The sensor {} is not used.", shown(name))),
     }
 }
 
@@ -145,15 +139,9 @@ impl Pairs {
         } else {
             (&mut self.linear, &mut self.gravity)
         };
-        if let Some(partner) = other.remove(&time_ns) {
-            return Some(v + partner);
-        }
-        own.insert(time_ns, v);
-        if own.len() > MOST_WAITING {
-            own.pop_first();
-            self.left_alone += 1;
-        }
-        None
+        let (partner, left_alone) = partner(own, other, time_ns, v);
+        self.left_alone += u64::from(left_alone);
+        partner.map(|partner| v + partner)
     }
 
     /// Uncalibrated minus calibrated rate once both are there. Many phones stamp the two
@@ -164,25 +152,34 @@ impl Pairs {
         } else {
             (&mut self.calibrated, &mut self.uncalibrated, -1.0)
         };
-        if let Some(partner) = other.remove(&time_ns) {
-            return Some((v - partner) * sign);
-        }
-        own.insert(time_ns, v);
-        if own.len() > MOST_WAITING {
-            own.pop_first();
-        }
-        None
+        let (partner, _) = partner(own, other, time_ns, v);
+        partner.map(|partner| (v - partner) * sign)
     }
 
     /// Says how many accelerations found no gravity of their stamp, or the other way round.
     pub(super) fn report(&mut self, out: &mut Decoded) {
-        if self.left_alone > 0 {
-            out.note_many(
-                Tone::Bad,
-                "An acceleration or a gravity was left out: the other of the same time is missing. Switch both on in the app.",
+        out.bad_many("An acceleration or a gravity was left out: the other of the same time is missing. Switch both on in the app.",
                 self.left_alone,
             );
-            self.left_alone = 0;
-        }
+        self.left_alone = 0;
     }
+}
+
+/// What waits among the others for `v` of its stamp; without it `v` waits among its own, and the oldest of
+/// too many is left alone.
+fn partner(
+    own: &mut Waiting,
+    other: &mut Waiting,
+    time_ns: i64,
+    v: Vector3<f64>,
+) -> (Option<Vector3<f64>>, bool) {
+    let partner = other.remove(&time_ns);
+    if partner.is_none() {
+        own.insert(time_ns, v);
+    }
+    let too_many = own.len() > MOST_WAITING;
+    if too_many {
+        own.pop_first();
+    }
+    (partner, too_many)
 }

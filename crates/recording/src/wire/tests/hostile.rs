@@ -16,10 +16,10 @@ use crate::wire::{Decoded, MOST_NOTICES};
 
 /// Every decoder, each fed all messages in turn.
 fn feed_all(messages: &[Vec<u8>]) -> Vec<Decoded> {
-    let (mut page, mut logger) = (PhonePage::new(), SensorLoggerPush::new());
-    let (mut server, mut phyphox) = (SensorServer::new(), Phyphox::new());
-    let (mut linkoping, mut streamer) = (Linkoping::new(), SensorStreamer::new());
-    let (mut imu, mut text) = (HyperImu::new(), Razor::default());
+    let (mut page, mut logger) = (PhonePage::default(), SensorLoggerPush::default());
+    let (mut server, mut phyphox) = (SensorServer::default(), Phyphox::default());
+    let (mut linkoping, mut streamer) = (Linkoping::default(), SensorStreamer::default());
+    let (mut imu, mut text) = (HyperImu::default(), Razor::default());
     let mut binary = Razor::new(RazorConfig {
         output: RazorOutput::BinarySensors,
         ..RazorConfig::default()
@@ -151,8 +151,8 @@ proptest! {
         text in "([0-9]{1,6}\t(ACC|GYR|ORI)(\t-?[0-9]{1,2}\\.[0-9]){3}\n){0,10}",
         cut in 1_usize..30,
     ) {
-        let whole = Linkoping::new().push(text.as_bytes());
-        let mut decoder = Linkoping::new();
+        let whole = Linkoping::default().push(text.as_bytes());
+        let mut decoder = Linkoping::default();
         let mut pieces = Decoded::default();
         for piece in text.as_bytes().chunks(cut) {
             pieces.append(decoder.push(piece));
@@ -167,7 +167,7 @@ fn json_of_any_depth_and_size_is_refused_in_words() {
     let deep = [b"{\"v\":".to_vec(), vec![b'['; 100_000]].concat();
     let long = vec![b'7'; 17 << 20];
     for message in [deep, long, Vec::new(), b"null".to_vec()] {
-        let decoded = PhonePage::new().push(&message);
+        let decoded = PhonePage::default().push(&message);
         assert_eq!(decoded.notices.len(), 1);
         assert_sane(&feed_all(&[message]));
     }

@@ -10,7 +10,7 @@ use crate::wire::sensorstreamer::SensorStreamer;
 fn linkoping_lines_become_events() {
     let text = "1000\tACC\t0\t1.5\t9.8\r\n1000\tGYR\t0,25\t0\t-1e-3\n1001\tMAG\t1\t2\t3\n\
         1001\tPRS\t1013.25\n1002\tORI\t0.6\t0\t0\n1002\tRSSWIFI\tx\ty\n";
-    let out = Linkoping::new().push(text.as_bytes());
+    let out = Linkoping::default().push(text.as_bytes());
     assert_eq!(vectors(&out, SensorKind::Accelerometer), [[0.0, 1.5, 9.8]]);
     assert_eq!(vectors(&out, SensorKind::Gyroscope), [[0.25, 0.0, -1e-3]]);
     assert_eq!(vectors(&out, SensorKind::Magnetometer), [[1.0, 2.0, 3.0]]);
@@ -30,7 +30,7 @@ fn linkoping_lines_become_events() {
 #[test]
 fn linkoping_lines_that_cannot_be_used_are_said() {
     let out =
-        Linkoping::new().push(b"GET / HTTP/1.1\n5\tACC\t1\t2\n6\tXYZ\t1\n7\tACC\t0\t0\t9.8\n");
+        Linkoping::default().push(b"GET / HTTP/1.1\n5\tACC\t1\t2\n6\tXYZ\t1\n7\tACC\t0\t0\t9.8\n");
     assert_eq!(out.events.len(), 1);
     assert!(said(&out, "does not start with a time"));
     assert!(said(&out, "a number is missing"));
@@ -55,7 +55,7 @@ fn hyperimu_takes_the_users_order() {
 fn sensorstreamer_names_its_sensors() {
     let text = "{\"gyroscope\":{\"value\":[1,2,3],\"timestamp\":7},\"light\":{\"value\":[1],\"timestamp\":7},\
         \"accelerometer\":{\"value\":[1,2,3]}}\n{\"rotationVector\":{\"value\":[0,0,1,0],\"timestamp\":8}}\nnonsense\n";
-    let out = SensorStreamer::new().push(text.as_bytes());
+    let out = SensorStreamer::default().push(text.as_bytes());
     assert_eq!(vectors(&out, SensorKind::Gyroscope), [[1.0, 2.0, 3.0]]);
     assert_eq!(out.events.len(), 2);
     for part in [

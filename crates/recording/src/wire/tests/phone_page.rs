@@ -20,7 +20,7 @@ fn batch(platform: &str, readings: &Value) -> Vec<u8> {
 }
 
 fn decode(platform: &str, readings: &Value) -> Decoded {
-    PhonePage::new().push(&batch(platform, readings))
+    PhonePage::default().push(&batch(platform, readings))
 }
 
 /// DeviceMotion at rest with this gravity on z, ten times from `start_ms`.
@@ -62,7 +62,7 @@ fn an_envelope_that_lacks_something_is_refused_in_one_line() {
     ] {
         let error = Batch::parse(bytes.as_bytes()).unwrap_err();
         assert!(error.problem.contains(expected), "{error}");
-        let decoded = PhonePage::new().push(bytes.as_bytes());
+        let decoded = PhonePage::default().push(bytes.as_bytes());
         assert_eq!(decoded.notices[0].tone, Tone::Bad);
     }
 }
@@ -99,7 +99,7 @@ fn the_phones_own_orientation_beats_its_platform_string() {
 
 #[test]
 fn without_platform_gravity_at_rest_decides_and_later_postures_do_not() {
-    let mut page = PhonePage::new();
+    let mut page = PhonePage::default();
     let out = page.push(&batch("other", &json!({"dm": rest(0, -G)})));
     assert_eq!(
         vectors(&out, SensorKind::Accelerometer),
@@ -116,7 +116,7 @@ fn without_platform_gravity_at_rest_decides_and_later_postures_do_not() {
 
 #[test]
 fn generic_sensors_are_preferred_while_they_come() {
-    let mut page = PhonePage::new();
+    let mut page = PhonePage::default();
     let both = json!({"gs": {"a": [[10, 0, 0, 9.75]], "g": [[10, 0.5, 0, 0]]},
         "dm": [[12, 0, 0, 0, 0, 0, 9.5, 1, 1, 1]]});
     let out = page.push(&batch("android", &both));
@@ -133,7 +133,7 @@ fn orientation_angles_are_about_z_x_y_and_an_arbitrary_zero_is_turned_to_north_o
     let out = decode("android", &json!({"do": [[1, 270, 0, 0, 1, null, null]]}));
     approx::assert_relative_eq!(turned(&out, Vector3::y()), Vector3::x(), epsilon = 1e-12);
     // The same with alpha from anywhere, tilted by 30 deg.
-    let mut page = PhonePage::new();
+    let mut page = PhonePage::default();
     let arbitrary = json!({"do": [[1, 77, 30, 0, 0, 90, 10]]});
     let out = page.push(&batch("ios", &arbitrary));
     let top = Vector3::new(30_f64.to_radians().cos(), 0.0, 0.5);
@@ -260,14 +260,20 @@ fn a_batch_keeps_no_more_readings_than_are_used() {
     let rows = vec!["[1,0,0,9.8]"; 3 * MOST_READINGS].join(",");
     let bytes = format!(r#"{{"v":1,"device":"d","session":"s","seq":0,"gs":{{"a":[{rows}]}}}}"#);
     let small = br#"{"v":1,"device":"d","session":"s","seq":0,"gs":{"a":[[1,0,0,9.8]]}}"#;
-    let batch = Batch::parse(bytes.as_bytes()).unwrap();
-    assert_eq!(batch.readings(), MOST_READINGS);
-    let decoded = PhonePage::new().decode(&batch);
+    let mut batch = Batch::parse(bytes.as_bytes()).unwrap();
+    assert_eq!(
+        batch.lists().iter().map(|list| list.len()).sum::<usize>(),
+        MOST_READINGS
+    );
+    let decoded = PhonePage::default().decode(&batch);
     let notice = decoded
         .notices
         .iter()
         .find(|n| n.text.contains("more than 2000"));
     assert_eq!(notice.map(|n| n.count), Some(2 * MOST_READINGS as u64));
-    let batch = Batch::parse(small).unwrap();
-    assert_eq!(batch.readings(), 1);
+    let mut batch = Batch::parse(small).unwrap();
+    assert_eq!(
+        batch.lists().iter().map(|list| list.len()).sum::<usize>(),
+        1
+    );
 }

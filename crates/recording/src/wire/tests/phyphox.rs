@@ -62,7 +62,7 @@ fn a_pause_and_a_new_experiment_are_said_and_start_anew() {
             "status": {"session": session, "measuring": measuring}})
         .to_string()
     };
-    let mut decoder = Phyphox::new();
+    let mut decoder = Phyphox::default();
     assert_eq!(decoder.push(answer("a", true).as_bytes()).events.len(), 1);
     let out = decoder.push(answer("a", false).as_bytes());
     assert!(out.events.is_empty() && said(&out, "press the play button"));

@@ -22,7 +22,7 @@ fn message(id: u64, payload: &[Value]) -> Vec<u8> {
 }
 
 fn decode(payload: &[Value]) -> Decoded {
-    SensorLoggerPush::new().push(&message(0, payload))
+    SensorLoggerPush::default().push(&message(0, payload))
 }
 
 /// `count` stamps, 10 ms apart.
@@ -134,7 +134,7 @@ fn the_uncalibrated_gyroscope_gives_the_devices_bias_or_stands_in() {
 #[test]
 fn a_gap_is_waited_for_by_the_readings_own_time() {
     let gyroscope = |ms: i64| reading("gyroscope", START_NS + ms * 1_000_000, [0.0; 3]);
-    let mut decoder = SensorLoggerPush::new();
+    let mut decoder = SensorLoggerPush::default();
     assert_eq!(decoder.push(&message(0, &[gyroscope(0)])).events.len(), 1);
     assert_eq!(decoder.push(&message(2, &[gyroscope(200)])).events.len(), 0);
     assert_eq!(decoder.push(&message(3, &[gyroscope(900)])).events.len(), 0);
@@ -148,7 +148,7 @@ fn a_gap_is_waited_for_by_the_readings_own_time() {
 
 #[test]
 fn a_new_session_starts_anew_and_loses_nothing_of_the_old() {
-    let mut decoder = SensorLoggerPush::new();
+    let mut decoder = SensorLoggerPush::default();
     decoder.push(&message(0, &[reading("gyroscope", START_NS, [0.0; 3])]));
     decoder.push(&message(2, &[reading("gyroscope", START_NS + 1, [0.0; 3])]));
     let other =
@@ -180,7 +180,10 @@ fn what_is_no_message_is_said() {
             .problem
             .contains("`payload`")
     );
-    assert!(said(&SensorLoggerPush::new().push(b"hello"), "not JSON"));
+    assert!(said(
+        &SensorLoggerPush::default().push(b"hello"),
+        "not JSON"
+    ));
 }
 
 #[test]

@@ -16,7 +16,7 @@ fn frame(sensor: &str, timestamp: i64, values: &Value) -> Vec<u8> {
 
 #[test]
 fn five_hertz_is_remarked_on_with_what_to_do() {
-    let mut decoder = SensorServer::new();
+    let mut decoder = SensorServer::default();
     let mut all = Decoded::default();
     for index in 0..30 {
         all.append(decoder.push(&frame("gyroscope", index * 200_000_000, &json!([0, 0, 0]))));
@@ -27,7 +27,7 @@ fn five_hertz_is_remarked_on_with_what_to_do() {
 
 #[test]
 fn uncalibrated_sensors_give_the_bias_and_stand_in_after_a_second() {
-    let mut decoder = SensorServer::new();
+    let mut decoder = SensorServer::default();
     let mut all = Decoded::default();
     for index in 0..=150 {
         let values = json!([0.5, 0, 0, 0.125, 0, 0]);
@@ -46,7 +46,7 @@ fn uncalibrated_sensors_give_the_bias_and_stand_in_after_a_second() {
 
 #[test]
 fn a_rotation_vector_without_w_is_completed() {
-    let out = SensorServer::new().push(&frame("rotation_vector", 1, &json!([0.6, 0.0, 0.0])));
+    let out = SensorServer::default().push(&frame("rotation_vector", 1, &json!([0.6, 0.0, 0.0])));
     let Sample::DeviceOrientation(q) = out.events[0].sample else {
         panic!("no orientation");
     };
@@ -55,7 +55,7 @@ fn a_rotation_vector_without_w_is_completed() {
 
 #[test]
 fn frames_that_cannot_be_used_are_said() {
-    let mut decoder = SensorServer::new();
+    let mut decoder = SensorServer::default();
     assert!(said(
         &decoder.push(b"{\"values\":[1,2,3],\"timestamp\":1}"),
         "does not name its sensor"

@@ -1,0 +1,52 @@
+//! Text files: lines of limited length, manifests, and where a TOML text is wrong.
+
+use std::fs::File;
+use std::io::{BufRead, ErrorKind, Read};
+use std::path::Path;
+
+use crate::error::{RecordingError, Result};
+
+/// Reads on into `piece` however often it is interrupted; 0 at the end.
+pub(crate) fn read_piece(input: &mut impl Read, piece: &mut [u8]) -> std::io::Result<usize> {
+    loop {
+        match input.read(piece) {
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            read => return read,
+        }
+    }
+}
+
+/// Reads a line into `line`, at most `longest` bytes of it; false at the end.
+pub(crate) fn read_line(
+    input: &mut impl BufRead,
+    longest: u64,
+    line: &mut Vec<u8>,
+    file: &str,
+) -> Result<bool> {
+    line.clear();
+    let read = input.take(longest).read_until(b'\n', line);
+    let read = read.map_err(|error| RecordingError::io(file, "read it", error))?;
+    Ok(read > 0)
+}
+
+/// The text of a manifest and its name for messages.
+pub(crate) fn read_manifest(path: &Path) -> Result<(String, String)> {
+    /// A manifest is a page; anything longer is another file.
+    const LONGEST: u64 = 1 << 20;
+    let file = path.display().to_string();
+    let mut text = String::new();
+    File::open(path)
+        .and_then(|input| input.take(LONGEST).read_to_string(&mut text))
+        .map_err(|error| RecordingError::io(&file, "read the manifest", error))?;
+    Ok((text, file))
+}
+
+/// Which line of a TOML text is wrong, and what was expected there.
+#[must_use]
+pub fn toml_problem(text: &str, error: &toml::de::Error) -> String {
+    let line = error.span().map_or(String::new(), |span| {
+        let before = text.get(..span.start).unwrap_or(text);
+        format!("line {}: ", before.matches('\n').count() + 1)
+    });
+    format!("{line}{}", error.message().replace('\n', "; "))
+}
