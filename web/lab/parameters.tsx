@@ -9,16 +9,14 @@ interface Slider {
   name: string;
   matrix: "Q" | "R";
   label: string;
-  unit: string;
-  decades: [number, number];
 }
 
-/** What is tuned by hand in the lab; everything else is under "All parameters". */
+/** What is tuned by hand in the lab; everything else is under "All parameters". Units and values come from the tables of the estimators. */
 export const SLIDERS: Slider[] = [
-  { name: "gyroscope_noise_density", matrix: "Q", label: "Gyroscope noise", unit: "rad/s/√Hz", decades: [-5, -1] },
-  { name: "gyroscope_bias_random_walk", matrix: "Q", label: "Bias walk", unit: "rad/s/√s", decades: [-6, -2] },
-  { name: "accelerometer_std", matrix: "R", label: "Accelerometer", unit: "m/s²", decades: [-3, 1] },
-  { name: "magnetometer_std_ut", matrix: "R", label: "Magnetometer", unit: "µT", decades: [-2, 2] },
+  { name: "gyroscope_noise_density", matrix: "Q", label: "Gyroscope noise" },
+  { name: "gyroscope_bias_random_walk", matrix: "Q", label: "Bias walk" },
+  { name: "accelerometer_std", matrix: "R", label: "Accelerometer" },
+  { name: "magnetometer_std_ut", matrix: "R", label: "Magnetometer" },
 ];
 const GATES: { name: string; label: string }[] = [
   { name: "accelerometer_gate_nis", label: "Accelerometer gate" },
@@ -45,17 +43,31 @@ export function Sliders({ settings, change }: { settings: Settings; change: (nam
   );
 }
 
+const parameter = (name: string) => state.hello?.parameters.find((p) => p.name === name);
+
+/** A unit of the tables as a page prints it. */
+const printed = (unit: string): string =>
+  unit.replace(/sqrt\((\w+)\)/g, "√$1").replace("microtesla", "µT").replaceAll("^2", "²");
+
+/** The decades of a slider: two on either side of the defaults of all profiles, and as far as its value. */
+function decades(name: string, value: number): [number, number] {
+  const defaults = Object.values(parameter(name)?.default ?? {}).map(Number).filter((d) => d > 0);
+  const powers = (defaults.length ? defaults : [value > 0 ? value : 1]).map(Math.log10);
+  const now = value > 0 ? Math.log10(value) : powers[0]!;
+  return [Math.floor(Math.min(Math.min(...powers) - 2, now)), Math.ceil(Math.max(Math.max(...powers) + 2, now))];
+}
+
 function LogSlider({ slider, value, change }: { slider: Slider; value: number; change: (name: string, value: number) => void }) {
-  const meaning = state.hello?.parameters.find((p) => p.name === slider.name)?.meaning ?? slider.label;
-  const position = value > 0 ? Math.log10(value) : slider.decades[0];
+  const { unit, meaning } = parameter(slider.name) ?? { unit: "", meaning: slider.label };
+  const [low, high] = decades(slider.name, value);
   return (
     <label class="slider" title={meaning}>
       <span class="matrix">{slider.matrix}</span>
       <span class="label">{slider.label}</span>
-      <span class="value">{figures(value)} <small>{slider.unit}</small></span>
+      <span class="value">{figures(value)} <small>{printed(unit)}</small></span>
       <input
-        type="range" data-parameter={slider.name} min={slider.decades[0]} max={slider.decades[1]} step={0.02} value={position}
-        aria-valuetext={`${figures(value)} ${slider.unit}`}
+        type="range" data-parameter={slider.name} min={low} max={high} step={0.02} value={value > 0 ? Math.log10(value) : low}
+        aria-valuetext={`${figures(value)} ${printed(unit)}`}
         onInput={(e) => change(slider.name, Number((10 ** Number(e.currentTarget.value)).toPrecision(3)))}
       />
     </label>
@@ -94,7 +106,7 @@ export function AllParameters({ settings, change }: { settings: Settings; change
               ) : (
                 <DraftInput decimal value={String(settings[p.name])} change={(v) => v.trim() && Number.isFinite(Number(v)) && change(p.name, Number(v))} />
               )}
-              <small>{words ? p.meaning : `${p.unit === "-" ? "" : p.unit + " · "}${p.meaning}`}</small>
+              <small>{words ? p.meaning : `${p.unit === "-" ? "" : printed(p.unit) + " · "}${p.meaning}`}</small>
             </label>
           );
         })}

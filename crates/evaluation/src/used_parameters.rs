@@ -28,8 +28,10 @@ pub enum Origin {
     File,
     /// Whoever asked for the run (`--set`).
     Set,
-    /// The setup of another run (`--setup`).
+    /// The setup of another run (`--setup`), where somebody had asked for the value.
     Setup,
+    /// The setup of another run, where nobody had: its profile's then, or learnt.
+    SetupDefault,
     /// The metadata of the recording.
     Recording,
     /// A calibration at rest.
@@ -48,6 +50,7 @@ impl Origin {
             Self::File => "file",
             Self::Set => "set",
             Self::Setup => "setup",
+            Self::SetupDefault => "setup-default",
             Self::Recording => "recording",
             Self::Calibration => "calibration",
             Self::Learnt => "learnt",

@@ -148,14 +148,14 @@ impl RunSetup {
                     })?,
                 ),
             };
-        // What nobody set and is not the profile's was learnt, and will be again.
+        // What nobody had set may change again, by a calibration or by what the recording shows.
         let (profile, mut origins) = (self.profile.config(), Origins::new());
         for row in parameters::rows() {
             let name = row.name();
             if self.explicit_settings.contains(&name) {
                 origins.insert(name, Origin::Setup);
             } else if self.config.value(&name) != profile.value(&name) {
-                origins.insert(name, Origin::Learnt);
+                origins.insert(name, Origin::SetupDefault);
             }
         }
         let mut options = RunOptions {
@@ -231,6 +231,22 @@ mod tests {
         );
         assert_eq!(made.start, expected.start);
         assert_eq!(made.skip_s.to_bits(), expected.skip_s.to_bits());
+    }
+
+    #[test]
+    fn a_value_that_nobody_set_is_not_called_learnt() {
+        // As a report of a program whose profile had another value.
+        let mut setup = RunSetup::of(&options());
+        setup.config.attitude.magnetometer_std_ut *= 2.0;
+        let (name, written) = ("magnetometer_std_ut", setup.config.attitude.magnetometer_std_ut);
+        let options = setup.options().unwrap();
+        let used = options.parameters();
+        let used = used.iter().find(|used| used.name == name).unwrap();
+        assert_eq!(used.value, written);
+        assert_eq!(used.origin, Origin::SetupDefault);
+        assert!(!options.is_explicit(name), "a calibration may replace it");
+        assert_eq!(options.origins["accelerometer_std"], Origin::Setup);
+        assert!(options.is_explicit("accelerometer_std"));
     }
 
     #[test]
