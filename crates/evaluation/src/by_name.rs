@@ -1,18 +1,44 @@
 //! Names and texts of parameters: `NAME=VALUE` taken apart, the row that is meant, the value that a text stands for.
 
-use northing_core::parameters::{Range, Table, Value};
+use northing_core::parameters::{ConfigError, Parameter, Range, Value};
 use serde_json::Value as Json;
 
 use crate::error::EvaluationError;
 
-/// Names and what they are read as.
-type Names = Vec<(String, Option<String>)>;
+/// A row of a table under the name of the command line.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Row {
+    pub(crate) prefix: &'static str,
+    pub(crate) parameter: &'static Parameter,
+}
+
+impl Row {
+    /// The rows of a table whose names begin with `prefix`.
+    pub(crate) fn of(
+        prefix: &'static str,
+        table: &'static [Parameter],
+    ) -> impl Iterator<Item = Self> {
+        table
+            .iter()
+            .map(move |parameter| Self { prefix, parameter })
+    }
+
+    pub(crate) fn name(&self) -> String {
+        format!("{}{}", self.prefix, self.parameter.name)
+    }
+
+    /// The name it had before.
+    pub(crate) fn formerly(&self) -> Option<String> {
+        let old = self.parameter.formerly?;
+        Some(format!("{}{old}", self.prefix))
+    }
+}
 
 /// Name and value of `NAME=VALUE`.
 ///
 /// # Errors
 /// It is no such text.
-pub(crate) fn split(setting: &str) -> Result<(&str, &str), EvaluationError> {
+fn split(setting: &str) -> Result<(&str, &str), EvaluationError> {
     let parts = setting.split_once('=');
     let parts = parts.map(|(name, text)| (name.trim(), text.trim()));
     parts
@@ -22,26 +48,25 @@ pub(crate) fn split(setting: &str) -> Result<(&str, &str), EvaluationError> {
         })
 }
 
-/// The place of a name among names, each perhaps with the one that it had before.
+/// The row of a name.
 ///
 /// # Errors
 /// There is none: what it is called now, or the nearest name, or all of them.
 pub(crate) fn find(
     name: &str,
-    names: impl Iterator<Item = (String, Option<String>)>,
-) -> Result<usize, EvaluationError> {
-    let names: Names = names.collect();
-    if let Some(place) = names.iter().position(|(known, _)| known == name) {
-        return Ok(place);
+    rows: impl IntoIterator<Item = Row>,
+) -> Result<Row, EvaluationError> {
+    let rows: Vec<_> = rows.into_iter().map(|row| (row.name(), row)).collect();
+    if let Some((_, row)) = rows.iter().find(|(known, _)| known == name) {
+        return Ok(*row);
     }
-    let renamed = names.iter().find(|(_, old)| old.as_deref() == Some(name));
+    let mut old = rows.iter().map(|(now, row)| (now, row.formerly()));
+    let renamed = old.find(|(_, old)| old.as_deref() == Some(name));
+    let names: Vec<&str> = rows.iter().map(|(known, _)| known.as_str()).collect();
     let hint = match (renamed, nearest(name, &names)) {
         (Some((now, _)), _) => format!("it is now called `{now}`"),
         (None, Some(meant)) => format!("did you mean `{meant}`?"),
-        (None, None) => {
-            let all: Vec<&str> = names.iter().map(|(known, _)| known.as_str()).collect();
-            format!("expected one of: {}", all.join(", "))
-        }
+        (None, None) => format!("expected one of: {}", names.join(", ")),
     };
     Err(EvaluationError::UnknownParameter {
         name: name.to_owned(),
@@ -50,10 +75,11 @@ pub(crate) fn find(
 }
 
 /// The name that a mistyped one is nearest to, if any is near.
-fn nearest<'a>(name: &str, names: &'a Names) -> Option<&'a str> {
-    let near = |known: &'a str| (strsim::jaro_winkler(name, known), known);
-    let all = names.iter().map(|(known, _)| near(known));
-    let best = all.max_by(|a, b| a.0.total_cmp(&b.0));
+fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
+    let near = names
+        .iter()
+        .map(|known| (strsim::jaro_winkler(name, known), *known));
+    let best = near.max_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(likeness, _)| *likeness > 0.8)
         .map(|(_, known)| known)
 }
@@ -62,12 +88,12 @@ fn nearest<'a>(name: &str, names: &'a Names) -> Option<&'a str> {
 ///
 /// # Errors
 /// It is of another kind than the range.
-pub(crate) fn read(name: &str, range: &Range, text: &str) -> Result<Value<f64>, EvaluationError> {
+fn read(name: &str, range: &Range, text: &str) -> Result<Value<f64>, EvaluationError> {
     range.read(text).ok_or_else(|| refused(name, text, range))
 }
 
 /// The refusal of a value.
-pub(crate) fn refused(name: &str, value: &str, range: &Range) -> EvaluationError {
+fn refused(name: &str, value: &str, range: &Range) -> EvaluationError {
     let number = match range {
         Range::Positive | Range::NotNegative | Range::From(..) | Range::Above(..) => "a number ",
         _ => "",
@@ -79,24 +105,19 @@ pub(crate) fn refused(name: &str, value: &str, range: &Range) -> EvaluationError
     }
 }
 
-/// Sets one parameter of a table from `NAME=VALUE` and returns its name; on an error nothing is changed.
+/// Sets the parameter that `NAME=VALUE` means and returns its name; on an error nothing is changed.
 ///
 /// # Errors
-/// It is no setting, the name is unknown, or the value does not fit.
-pub(crate) fn set<C: Table<Number = f64>>(
-    config: &mut C,
+/// It is no setting, no row has the name, or the value does not fit.
+pub(crate) fn set(
     setting: &str,
+    rows: impl IntoIterator<Item = Row>,
+    put: impl FnOnce(&str, Value<f64>) -> Result<(), ConfigError>,
 ) -> Result<String, EvaluationError> {
     let (name, text) = split(setting)?;
-    let rows = C::PARAMETERS;
-    let names = rows.iter().map(|row| {
-        let old = row.formerly.map(str::to_owned);
-        (row.name.to_owned(), old)
-    });
-    let row = &rows[find(name, names)?];
-    let value = read(name, &row.range, text)?;
-    let set = config.set_parameter(name, value);
-    set.map_err(|error| refused(name, text, &error.range))?;
+    let row = find(name, rows)?;
+    let value = read(name, &row.parameter.range, text)?;
+    put(name, value).map_err(|error| refused(name, text, &error.range))?;
     Ok(name.to_owned())
 }
 

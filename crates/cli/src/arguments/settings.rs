@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
@@ -9,21 +10,29 @@ use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::options::RunOptions;
 use northing_evaluation::attitude::parameters::{Profile, parameters_of};
 use northing_evaluation::navigation::NavigationOptions;
-use northing_evaluation::{Origin, by_name};
+use northing_evaluation::{EvaluationError, Origin, by_name};
 use serde_json::{Map, Value as Json};
 use toml::de::{DeArray, DeTable, DeValue};
 
 use crate::arguments::estimator::RunEstimator;
 
-/// Options that set parameters.
+/// Options that set parameters of estimators with profiles.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Parameters")]
 pub(crate) struct SettingArgs {
     /// Parameters to start from: hand-held (real use, the default) or lab (moved gently)
     #[arg(long, value_name = "NAME")]
     profile: Option<Profile>,
+    #[command(flatten)]
+    parameters: ParameterArgs,
+}
+
+/// Options that set parameters: by a file, then one by one.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Parameters")]
+pub(crate) struct ParameterArgs {
     /// File with parameters: TOML, one `name = value` a line, and perhaps `profile = "lab"`; or JSON, such as
-    /// `northing run --json` prints
+    /// `--json` prints
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// One parameter, e.g. bounded_velocity_psd=0.05; may be repeated; `northing estimators NAME` lists them
@@ -34,7 +43,7 @@ pub(crate) struct SettingArgs {
     file: OnceCell<ConfigFile>,
 }
 
-impl SettingArgs {
+impl ParameterArgs {
     fn file(&self) -> Result<Option<&ConfigFile>> {
         let Some(path) = &self.config else {
             return Ok(None);
@@ -50,57 +59,85 @@ impl SettingArgs {
     ///
     /// # Errors
     /// The file cannot be read, or there is no such estimator.
-    pub(crate) fn estimator(&self) -> Result<Option<RunEstimator>> {
+    pub(crate) fn estimator<E: FromStr<Err = String>>(&self) -> Result<Option<E>> {
         let named = self.file()?.and_then(|file| file.estimator.as_ref());
         named
             .map(|(name, place)| name.parse().map_err(|e: String| anyhow!("{place}: {e}")))
             .transpose()
     }
 
-    /// Options with this estimator, otherwise the profile's, and these parameters: the profile (named here, or in the file, or hand-held),
-    /// changed by the file, changed by `--set`.
+    /// Hands over every setting, those of the file first.
     ///
     /// # Errors
-    /// The file cannot be read or is no TOML; a name is unknown or a value does not fit.
-    pub(crate) fn options(&self, estimator: Option<EstimatorKind>) -> Result<RunOptions> {
-        let file = self.file()?;
-        let in_file = file.and_then(|file| file.profile);
-        let profile = self.profile.or(in_file).unwrap_or_default();
-        let mut options = RunOptions::new(estimator.unwrap_or(profile.estimator()), profile);
-        if let (None, Some(file), Some(path)) = (estimator, file, &self.config) {
-            file.check_effect(options.estimator, path)?;
-        }
-        for (setting, place) in file.iter().flat_map(|file| &file.settings) {
-            let set = options.set_from(setting, Origin::File);
-            set.with_context(|| place.clone())?;
+    /// The file cannot be read or is no TOML and no JSON; or as `set`.
+    pub(crate) fn apply(
+        &self,
+        mut set: impl FnMut(&str, Origin) -> Result<(), EvaluationError>,
+    ) -> Result<()> {
+        for (setting, place) in self.file()?.iter().flat_map(|file| &file.settings) {
+            set(setting, Origin::File).with_context(|| place.clone())?;
         }
         for setting in &self.set {
-            options.set(setting).context("--set")?;
+            set(setting, Origin::Set).context("--set")?;
         }
-        Ok(options)
+        Ok(())
+    }
+
+    /// As [`Self::apply`], for an estimator without profiles: a file that names one is refused.
+    pub(crate) fn apply_without_profile(
+        &self,
+        estimator: &impl std::fmt::Display,
+        set: impl FnMut(&str, Origin) -> Result<(), EvaluationError>,
+    ) -> Result<()> {
+        if let (
+            Some(path),
+            Some(ConfigFile {
+                profile: Some(_), ..
+            }),
+        ) = (&self.config, self.file()?)
+        {
+            let file = path.display();
+            bail!("{file}: `profile`: `{estimator}` has no profiles; leave the line out");
+        }
+        self.apply(set)
     }
 }
 
 impl SettingArgs {
+    /// As [`ParameterArgs::estimator`].
+    pub(crate) fn estimator(&self) -> Result<Option<RunEstimator>> {
+        self.parameters.estimator()
+    }
+
+    /// Options with this estimator, otherwise the profile's, and these parameters: the profile (named here, or in the file, or hand-held),
+    /// changed by the file, changed by `--set`.
+    ///
+    /// # Errors
+    /// As [`ParameterArgs::apply`]; a name is unknown or a value does not fit.
+    pub(crate) fn options(&self, estimator: Option<EstimatorKind>) -> Result<RunOptions> {
+        let file = self.parameters.file()?;
+        let in_file = file.and_then(|file| file.profile);
+        let profile = self.profile.or(in_file).unwrap_or_default();
+        let mut options = RunOptions::new(estimator.unwrap_or(profile.estimator()), profile);
+        if let (None, Some(file), Some(path)) = (estimator, file, &self.parameters.config) {
+            file.check_effect(options.estimator, path)?;
+        }
+        let set = |setting: &str, origin| options.set_from(setting, origin);
+        self.parameters.apply(set)?;
+        Ok(options)
+    }
+
     /// Changes parameters of a navigation estimator: by the file, then by `--set`.
     ///
     /// # Errors
     /// As [`Self::options`], and a profile, which navigation estimators do not have.
     pub(crate) fn navigation_parameters(&self, options: &mut NavigationOptions) -> Result<()> {
-        let file = self.file()?;
-        if self.profile.is_some() || file.is_some_and(|file| file.profile.is_some()) {
-            let kind = options.estimator;
+        let kind = options.estimator;
+        if self.profile.is_some() {
             bail!("`{kind}` has no profiles; leave --profile out and set what you need with --set");
         }
-        for (setting, place) in file.iter().flat_map(|file| &file.settings) {
-            let set = options.set_from(setting, Origin::File);
-            set.with_context(|| place.clone())?;
-        }
-        for setting in &self.set {
-            let set = options.set_from(setting, Origin::Set);
-            set.context("--set")?;
-        }
-        Ok(())
+        let set = |setting: &str, origin| options.set_from(setting, origin);
+        self.parameters.apply_without_profile(&kind, set)
     }
 
     /// Refuses a `--set` that this estimator has no use for. A file may be shared by several.
@@ -110,7 +147,12 @@ impl SettingArgs {
             let name = setting.split('=').next().unwrap_or_default().trim();
             known.iter().any(|parameter| parameter.name == name)
         };
-        let Some(setting) = self.set.iter().find(|setting| !is_known(setting)) else {
+        let Some(setting) = self
+            .parameters
+            .set
+            .iter()
+            .find(|setting| !is_known(setting))
+        else {
             return Ok(());
         };
         let has = if known.is_empty() {
@@ -168,7 +210,7 @@ impl ConfigFile {
     fn take(&mut self, name: &str, value: String, place: String) -> Result<()> {
         match name {
             "profile" => self.profile = Some(value.parse().context(place)?),
-            "estimator" => self.estimator = Some((value, place)),
+            "estimator" | "tracker" => self.estimator = Some((value, place)),
             _ => self.settings.push((format!("{name}={value}"), place)),
         }
         Ok(())
@@ -186,7 +228,7 @@ impl ConfigFile {
             }
             return Ok(parsed);
         };
-        for name in ["profile", "estimator"] {
+        for name in ["profile", "estimator", "tracker"] {
             if let Some(word) = document.get(name).and_then(Json::as_str) {
                 parsed.take(name, word.to_owned(), format!("{file}, `{name}`"))?;
             }
@@ -252,11 +294,15 @@ mod tests {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("lab.toml");
         std::fs::write(&path, file)?;
-        SettingArgs {
-            config: Some(path),
-            ..args
-        }
-        .options(Some(EstimatorKind::Mekf))
+        let mut args = args;
+        args.parameters.config = Some(path);
+        args.options(Some(EstimatorKind::Mekf))
+    }
+
+    fn set(setting: &str) -> SettingArgs {
+        let mut args = SettingArgs::default();
+        args.parameters.set.push(setting.to_owned());
+        args
     }
 
     fn message(file: &str) -> String {
@@ -275,11 +321,7 @@ mod tests {
     #[test]
     fn single_settings_win_over_the_file_and_the_file_over_the_profile() {
         let file = "profile = 'lab'\naccelerometer_std = 0.2\nmagnetometer_use = \"heading\"\n";
-        let args = SettingArgs {
-            set: vec!["accelerometer_std=0.3".to_owned()],
-            ..SettingArgs::default()
-        };
-        let settings = settings(file, args).unwrap();
+        let settings = settings(file, set("accelerometer_std=0.3")).unwrap();
         assert_eq!(settings.profile, Profile::Lab);
         let expected = AttitudeConfig {
             accelerometer_std: 0.3,
@@ -297,10 +339,6 @@ mod tests {
 
     #[test]
     fn a_setting_without_effect_is_refused_and_a_shared_file_is_not() {
-        let set = |setting: &str| SettingArgs {
-            set: vec![setting.to_owned()],
-            ..SettingArgs::default()
-        };
         let refused = set("accelerometer_std=0.3").check_effect(EstimatorKind::Integration);
         let message = refused.unwrap_err().to_string();
         assert!(
@@ -311,10 +349,8 @@ mod tests {
         );
         let fits = set("accelerometer_std=0.3").check_effect(EstimatorKind::Mekf3);
         assert!(fits.is_ok());
-        let file = SettingArgs {
-            config: Some(PathBuf::from("shared.toml")),
-            ..SettingArgs::default()
-        };
+        let mut file = SettingArgs::default();
+        file.parameters.config = Some(PathBuf::from("shared.toml"));
         assert!(file.check_effect(EstimatorKind::Integration).is_ok());
     }
 

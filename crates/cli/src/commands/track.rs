@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::Origin;
 use northing_evaluation::tracking::{
     InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
     TrackerKind, inject_heading, run,
@@ -14,6 +13,7 @@ use northing_recording::tracking::{self, TrackingRecording};
 use serde::Serialize;
 
 use crate::arguments::quantity;
+use crate::arguments::settings::ParameterArgs;
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::invocation::command_line;
 use crate::text::table::Table;
@@ -25,6 +25,13 @@ const MOST_RUNS: u32 = 100_000;
 /// Arguments of `track`.
 #[derive(Debug, Args)]
 #[command(
+    mut_arg("config", |config| config.help(
+        "File with parameters: TOML, one `name = value` a line, and perhaps `tracker = \"converted\"`; or JSON, \
+         such as `northing track --json` prints"
+    )),
+    mut_arg("set", |set| set.help(
+        "One parameter, e.g. gate_sigmas=4; may be repeated; `northing estimators schmidt` lists them"
+    )),
     long_about = "Finds and follows targets in recordings of radar, lidar, cameras and AIS: unlabelled \
                   detections in clutter, tracks that start, are confirmed and end by themselves, with the \
                   own ship's uncertainty in every step. Where the recording has true positions, each is \
@@ -44,18 +51,15 @@ pub(crate) struct TrackArgs {
     /// Folder of the files that the manifests name; without it, the manifest's own
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// What to do about the own ship's uncertainty: uncompensated, converted, schmidt
-    #[arg(long, value_name = "NAME", default_value = "schmidt")]
-    tracker: TrackerKind,
+    /// What to do about the own ship's uncertainty: uncompensated, converted, schmidt (the default)
+    #[arg(long, value_name = "NAME")]
+    tracker: Option<TrackerKind>,
     /// Standard deviations of the own ship's pose, e.g. heading=3deg,position=3m
     #[arg(long, value_name = "LIST", value_parser = own_ship_std)]
     own_ship_std: Option<OwnShipStd>,
     /// Sensors to use, separated by commas, instead of those that the manifest marks
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sensors: Option<Vec<String>>,
-    /// One parameter, e.g. gate_sigmas=4; may be repeated; `northing estimators schmidt` lists them
-    #[arg(long, value_name = "NAME=VALUE")]
-    set: Vec<String>,
     /// Add an error to the own ship's heading, drawn for each run, and compare the trackers
     #[arg(long, value_name = "ANGLE", value_parser = quantity::angle, requires = "runs")]
     inject_heading_std: Option<f64>,
@@ -75,6 +79,8 @@ pub(crate) struct TrackArgs {
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    parameters: ParameterArgs,
 }
 
 /// `heading=3deg,position=3m`; what is not named is zero.
@@ -106,16 +112,17 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         check_free(report, args.force)?;
     }
     let recordings = open(args)?;
+    let in_file = args.parameters.estimator()?;
+    let tracker: TrackerKind = args.tracker.or(in_file).unwrap_or_default();
     let mut options = TrackOptions {
-        tracker: args.tracker,
+        tracker,
         own_ship_std: args.own_ship_std,
         sensors: args.sensors.clone(),
         ..TrackOptions::default()
     };
-    for setting in &args.set {
-        let set = options.set_from(setting, Origin::Set);
-        set.context("--set")?;
-    }
+    let set = |setting: &str, origin| options.set_from(setting, origin);
+    args.parameters
+        .apply_without_profile(&tracker.name(), set)?;
     if let (Some(heading_std_rad), Some(runs)) = (args.inject_heading_std, args.runs) {
         let options = InjectionOptions {
             heading_std_rad,

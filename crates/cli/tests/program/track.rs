@@ -142,6 +142,10 @@ fn settings_of_the_tracker_are_set_by_name_and_handed_over() {
     let json = lab.json(&[&converted[..], &["--json"]].concat());
     assert_eq!(used(&json, "pose_error_correlation.position_s").0, 0.0);
     for (setting, expected) in [
+        (
+            "motion.turn_rate_std=4",
+            "did you mean `motion.turn_rate_std_rad_s`?",
+        ),
         ("gate_sigma=4", "did you mean `gate_sigmas`?"),
         ("gate_sigmas=0", "above 0"),
         (
@@ -152,6 +156,42 @@ fn settings_of_the_tracker_are_set_by_name_and_handed_over() {
         let message = lab.refuses(&[&converted[..], &["--set", setting]].concat());
         contains(&message, &[expected]);
     }
+}
+
+#[test]
+fn every_tracker_runs_again_from_what_it_used() {
+    let lab = pond(|_, row| row);
+    for tracker in ["uncompensated", "converted", "schmidt"] {
+        let asked = ["--tracker", tracker, "--set", "motion.straight_dwell_s=25"];
+        let first = lab.json(&[&["track", "pond.toml", "--json"][..], &asked].concat());
+        lab.write("used.json", first.to_string());
+        let again = ["track", "pond.toml", "--json", "--config", "used.json"];
+        let mut again = lab.json(&again);
+        let mut parameters = first["parameters"].as_array().unwrap().clone();
+        for (now, before) in again["parameters"]
+            .as_array_mut()
+            .unwrap()
+            .iter_mut()
+            .zip(&mut parameters)
+        {
+            assert_eq!(now["origin"], "file");
+            now["origin"] = before["origin"].clone();
+        }
+        again["elapsed_s"] = first["elapsed_s"].clone();
+        assert_eq!(again, first);
+    }
+    let plain = lab.json(&["track", "pond.toml", "--json"]);
+    lab.write("used.json", "{\"parameters\": [], \"tracker\": \"best\"}");
+    let message = lab.refuses(&["track", "pond.toml", "--config", "used.json"]);
+    contains(&message, &["used.json, `tracker`: `best` is no tracker"]);
+    let changed = [
+        "track",
+        "pond.toml",
+        "--json",
+        "--set",
+        "motion.straight_dwell_s=25",
+    ];
+    assert_ne!(lab.json(&changed)["targets"], plain["targets"]);
 }
 
 #[test]

@@ -18,7 +18,7 @@ mod counts;
 mod track;
 mod update;
 
-pub use config::{MultiTargetConfig, MultiTargetSettings, ScanSensor};
+pub use config::{MotionModels, MultiTargetConfig, MultiTargetSettings, ScanSensor};
 pub use counts::{ScanError, TrackerCounts};
 pub use track::{Track, TrackStatus};
 

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::parameters::{self, Parameters, Profile};
+use crate::by_name;
 use crate::calibration::magnetometer::{MagnetometerSource, MagnetometerStreamCalibration};
 use crate::error::EvaluationError;
 use crate::used_parameters::{Origin, Origins, UsedParameter};
@@ -108,7 +109,7 @@ impl RunOptions {
     #[must_use]
     pub fn parameters(&self) -> Vec<UsedParameter> {
         let [usual, profile] = [Profile::default(), self.profile].map(Profile::config);
-        let used = |row: parameters::Row| {
+        let used = |row: by_name::Row| {
             let name = row.name();
             let value = self.config.value(&name)?;
             let origin = match self.origins.get(&name) {
@@ -120,7 +121,7 @@ impl RunOptions {
             };
             Some(UsedParameter::new(name, row.parameter, value, origin))
         };
-        let rows = parameters::rows().filter(|row| row.is_read_by(self.estimator));
+        let rows = parameters::rows().filter(|row| parameters::is_read_by(row, self.estimator));
         rows.filter_map(used).collect()
     }
 

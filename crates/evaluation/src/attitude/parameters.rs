@@ -14,7 +14,7 @@ use crate::by_name;
 use crate::error::EvaluationError;
 use crate::registry::ParameterInfo;
 pub use set::{CascadeRotation, Parameters};
-pub(crate) use set::{Row, rows};
+pub(crate) use set::{is_read_by, rows};
 
 /// A named set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -87,7 +87,7 @@ impl std::str::FromStr for Profile {
     }
 }
 
-fn info(row: &Row) -> ParameterInfo {
+fn info(row: &by_name::Row) -> ParameterInfo {
     let name = row.name();
     let default = |profile: Profile| {
         let value = profile.config().value(&name);
@@ -106,7 +106,7 @@ pub fn parameters() -> Vec<ParameterInfo> {
 /// The parameters that make a difference to one estimator.
 #[must_use]
 pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
-    let read = rows().filter(|row| row.is_read_by(kind));
+    let read = rows().filter(|row| is_read_by(row, kind));
     read.map(|row| info(&row)).collect()
 }
 
@@ -116,15 +116,7 @@ pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
 /// The text is no setting, the name is unknown (the nearest one is named), or the value does not
 /// fit; the configuration is then unchanged.
 pub fn apply_setting(config: &mut Parameters, setting: &str) -> Result<String, EvaluationError> {
-    let (name, text) = by_name::split(setting)?;
-    let rows: Vec<_> = set::rows().collect();
-    let names = rows.iter().map(|row| (row.name(), row.formerly()));
-    let row = &rows[by_name::find(name, names)?];
-    let value = by_name::read(name, &row.parameter.range, text)?;
-    config
-        .set(name, value)
-        .map_err(|error| by_name::refused(name, text, &error.range))?;
-    Ok(name.to_owned())
+    by_name::set(setting, rows(), |name, value| config.set(name, value))
 }
 
 #[cfg(test)]

@@ -238,7 +238,10 @@ mod tests {
         // As a report of a program whose profile had another value.
         let mut setup = RunSetup::of(&options());
         setup.config.attitude.magnetometer_std_ut *= 2.0;
-        let (name, written) = ("magnetometer_std_ut", setup.config.attitude.magnetometer_std_ut);
+        let (name, written) = (
+            "magnetometer_std_ut",
+            setup.config.attitude.magnetometer_std_ut,
+        );
         let options = setup.options().unwrap();
         let used = options.parameters();
         let used = used.iter().find(|used| used.name == name).unwrap();

@@ -7,7 +7,7 @@ use northing_core::parameters::{ConfigError, Parameter, Table, Value};
 use serde::{Deserialize, Serialize};
 
 use super::kinds::NavigationKind;
-use crate::by_name;
+use crate::by_name::{self, Row};
 use crate::error::EvaluationError;
 
 /// Everything that can be set.
@@ -36,6 +36,13 @@ pub struct NavigationSetting {
 }
 
 impl NavigationSetting {
+    pub(crate) const fn row(&self) -> Row {
+        Row {
+            prefix: "",
+            parameter: self.parameter,
+        }
+    }
+
     /// The value as JSON.
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
@@ -94,17 +101,12 @@ impl NavigationParameters {
     /// # Errors
     /// It is no setting, no parameter of this estimator has the name, or the value does not fit.
     pub fn set(&mut self, kind: NavigationKind, text: &str) -> Result<String, EvaluationError> {
-        let (name, text) = by_name::split(text)?;
         let known = self.settings(kind);
-        let names = known.iter().map(|setting| {
-            let old = setting.parameter.formerly.map(str::to_owned);
-            (setting.parameter.name.to_owned(), old)
-        });
-        let setting = &known[by_name::find(name, names)?];
-        let value = by_name::read(name, &setting.parameter.range, text)?;
-        self.put(setting.group, name, value)
-            .map_err(|error| by_name::refused(name, text, &error.range))?;
-        Ok(name.to_owned())
+        let rows = known.iter().map(NavigationSetting::row);
+        by_name::set(text, rows, |name, value| {
+            let meant = known.iter().find(|s| s.parameter.name == name);
+            self.put(meant.map_or("", |setting| setting.group), name, value)
+        })
     }
 
     fn put(&mut self, group: &str, name: &str, value: Value<f64>) -> Result<(), ConfigError> {

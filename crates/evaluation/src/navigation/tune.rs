@@ -177,12 +177,11 @@ fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>
         return Ok(noises);
     }
     for name in &asked.parameters {
-        let names = known.iter().map(|setting| {
-            let old = setting.parameter.formerly.map(str::to_owned);
-            (setting.parameter.name.to_owned(), old)
-        });
-        let setting = &known[by_name::find(name, names)?];
-        if setting.number().is_none_or(|value| value <= 0.0) {
+        by_name::find(name, known.iter().map(|setting| setting.row()))?;
+        for setting in known.iter().filter(|s| s.parameter.name == name) {
+            if setting.number().is_some_and(|value| value > 0.0) {
+                continue;
+            }
             return Err(EvaluationError::BadValue {
                 name: name.clone(),
                 value: setting.json().to_string(),

@@ -1,7 +1,8 @@
 //! The trackers of many targets by name.
 
-use northing_core::tracking::multi_target::MultiTargetSettings;
+use northing_core::tracking::multi_target::{MotionModels, MultiTargetSettings};
 
+use super::options::MOTION;
 use crate::registry::{EstimatorInfo, ParameterInfo, Question, Registered};
 
 /// What a tracker does about the uncertainty of its own ship.
@@ -67,7 +68,9 @@ impl Registered for TrackerKind {
     }
 
     fn parameters(self) -> Vec<ParameterInfo> {
-        ParameterInfo::of_table::<MultiTargetSettings<f64>>("")
+        let mut all = ParameterInfo::of_table::<MotionModels<f64>>(MOTION);
+        all.extend(ParameterInfo::of_table::<MultiTargetSettings<f64>>(""));
+        all
     }
 }
 

@@ -4,9 +4,7 @@ use std::time::Instant;
 
 use nalgebra::{Matrix2, Vector2};
 use northing_core::tracking::detection::{Detection, DetectionNoise};
-use northing_core::tracking::multi_target::{
-    MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, TrackStatus,
-};
+use northing_core::tracking::multi_target::{MultiTargetTracker, Scan, ScanSensor, TrackStatus};
 use northing_core::tracking::own_ship::OwnShip;
 use northing_recording::tracking::{
     Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
@@ -135,17 +133,13 @@ impl<'a> Runner<'a> {
             .map(|(name, settings)| used(name, settings).then(|| sensor(settings)))
             .collect();
         let names = each.zip(&sensors).filter(|(_, sensor)| sensor.is_some());
-        let config = MultiTargetConfig {
-            settings: options.in_force(),
-            ..MultiTargetConfig::default()
-        };
         Ok(Self {
             options,
             parameters: options.parameters(),
             names: names.map(|((name, _), _)| name.clone()).collect(),
             sensors,
             ais: recording.sensors.iter().position(|(name, _)| name == "ais"),
-            tracker: Box::new(Tracker::new(config)?),
+            tracker: Box::new(Tracker::new(options.config())?),
             own: OwnShip::exact(0.0, 0.0, 0.0),
             score: Score::default(),
             first_ns: recording.events.first().map_or(0, |event| event.time_ns),

@@ -1,7 +1,7 @@
 //! Settings of the tracker and of the sensors it listens to.
 
 use crate::parameters::{ConfigError, Range, parameters};
-use crate::scalar::{Scalar, lit};
+use crate::scalar::Scalar;
 use crate::tracking::association::ipda::ExistenceModel;
 use crate::tracking::coordinated_turn::{Motion, TurnRate};
 use crate::tracking::detection::DetectionNoise;
@@ -97,31 +97,59 @@ pub struct ScanSensor<T> {
     pub initiates: bool,
 }
 
-/// One setting for boats and small ships seen by radar: straight, turning, and manoeuvring hard.
+parameters! {
+    /// Motion models of boats and small ships seen by radar: straight, turning, and manoeuvring hard.
+    pub struct MotionModels;
+
+    straight_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", NotNegative, [0.15],
+        "white acceleration noise of the straight model on each axis",
+        "Raising it follows small changes of course and speed faster and smooths less.";
+    turning_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", NotNegative, [0.5],
+        "the same of the coordinated turn";
+    manoeuvring_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", NotNegative, [1.5],
+        "the same of the model for hard manoeuvres, which goes straight";
+    straight_dwell_s: T, "s", Positive, [40.0],
+        "mean time that a target stays in the straight model",
+        "Raising it switches later to the other models.";
+    turning_dwell_s: T, "s", Positive, [30.0],
+        "the same of the coordinated turn";
+    manoeuvring_dwell_s: T, "s", Positive, [20.0],
+        "the same of the model for hard manoeuvres";
+    turn_rate_std_rad_s: T, "rad/s", NotNegative, [0.1],
+        "stationary standard deviation of the turn rate, a first-order Gauss-Markov process";
+    turn_rate_time_s: T, "s", Positive, [15.0],
+        "correlation time of the turn rate: how long a turn lasts";
+}
+
+impl<T: Scalar> From<MotionModels<T>> for Models<T, 3> {
+    fn from(models: MotionModels<T>) -> Self {
+        let motion = |turns, acceleration_noise_density| Motion {
+            turns,
+            acceleration_noise_density,
+        };
+        Self {
+            motions: [
+                motion(false, models.straight_acceleration_noise_density),
+                motion(true, models.turning_acceleration_noise_density),
+                motion(false, models.manoeuvring_acceleration_noise_density),
+            ],
+            dwell_s: [
+                models.straight_dwell_s,
+                models.turning_dwell_s,
+                models.manoeuvring_dwell_s,
+            ],
+            turn: TurnRate {
+                std_rad_s: models.turn_rate_std_rad_s,
+                time_s: models.turn_rate_time_s,
+            },
+        }
+    }
+}
+
 impl<T: Scalar> Default for MultiTargetConfig<T, 3> {
     fn default() -> Self {
         Self {
-            models: Models {
-                motions: [
-                    Motion {
-                        turns: false,
-                        acceleration_noise_density: lit(0.15),
-                    },
-                    Motion {
-                        turns: true,
-                        acceleration_noise_density: lit(0.5),
-                    },
-                    Motion {
-                        turns: false,
-                        acceleration_noise_density: lit(1.5),
-                    },
-                ],
-                dwell_s: [lit(40.0), lit(30.0), lit(20.0)],
-                turn: TurnRate {
-                    std_rad_s: lit(0.1),
-                    time_s: lit(15.0),
-                },
-            },
+            models: MotionModels::default().into(),
             settings: MultiTargetSettings::default(),
         }
     }

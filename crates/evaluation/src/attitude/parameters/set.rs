@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json};
 
 use crate::attitude::kinds::EstimatorKind;
-use crate::by_name;
+use crate::by_name::{self, Row};
 use crate::error::EvaluationError;
 
 /// Names of the bounded-velocity filter's parameters begin so ...
@@ -60,45 +60,24 @@ const ROTATION: Parameter = Parameter {
     read_by: &["cascade-ekf"],
 };
 
-/// A row of a table under the name of the command line.
-pub(crate) struct Row {
-    prefix: &'static str,
-    pub(crate) parameter: &'static Parameter,
-}
-
-impl Row {
-    pub(crate) fn name(&self) -> String {
-        format!("{}{}", self.prefix, self.parameter.name)
-    }
-
-    /// The name it had before.
-    pub(super) fn formerly(&self) -> Option<String> {
-        let old = self.parameter.formerly?;
-        Some(format!("{}{old}", self.prefix))
-    }
-
-    /// Whether it makes a difference to an estimator.
-    pub(crate) fn is_read_by(&self, kind: EstimatorKind) -> bool {
-        let of_this_table = match self.prefix {
-            BOUNDED => kind == EstimatorKind::BoundedVelocity,
-            CASCADE => kind.uses_positions(),
-            _ => true,
-        };
-        let named = self.parameter.read_by;
-        let by_all = named.is_empty() && !self.prefix.is_empty();
-        of_this_table && (by_all || named.contains(&kind.name()))
-    }
+/// Whether a parameter makes a difference to an estimator.
+pub(crate) fn is_read_by(row: &Row, kind: EstimatorKind) -> bool {
+    let of_this_table = match row.prefix {
+        BOUNDED => kind == EstimatorKind::BoundedVelocity,
+        CASCADE => kind.uses_positions(),
+        _ => true,
+    };
+    let named = row.parameter.read_by;
+    let by_all = named.is_empty() && !row.prefix.is_empty();
+    of_this_table && (by_all || named.contains(&kind.name()))
 }
 
 /// Every row, in the order of the tables.
 pub(crate) fn rows() -> impl Iterator<Item = Row> {
-    let of = |prefix, table: &'static [Parameter]| {
-        table.iter().map(move |parameter| Row { prefix, parameter })
-    };
-    of("", AttitudeConfig::<f64>::PARAMETERS)
-        .chain(of(BOUNDED, BoundedVelocityConfig::<f64>::PARAMETERS))
-        .chain(of(CASCADE, CascadeConfig::<f64>::PARAMETERS))
-        .chain(of(CASCADE, std::slice::from_ref(&ROTATION)))
+    Row::of("", AttitudeConfig::<f64>::PARAMETERS)
+        .chain(Row::of(BOUNDED, BoundedVelocityConfig::<f64>::PARAMETERS))
+        .chain(Row::of(CASCADE, CascadeConfig::<f64>::PARAMETERS))
+        .chain(Row::of(CASCADE, std::slice::from_ref(&ROTATION)))
 }
 
 impl Parameters {
