@@ -63,7 +63,32 @@ impl<T: Scalar> MekfState<T> {
     }
 }
 
-/// The filter.
+/// The filter. Stamped samples are best given to it by an [`AttitudeDriver`](super::AttitudeDriver), which also starts it.
+///
+/// ```
+/// use northing_core::attitude::{AttitudeConfig, AttitudeEstimator as _, InitialState, Mekf, References};
+/// use northing_core::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+///
+/// let mut filter = Mekf::<f64>::new(AttitudeConfig::lab())?;
+/// filter.initialize(&InitialState {
+///     attitude: UnitQuaternion::identity(),
+///     attitude_covariance: Matrix3::identity() * 0.01, // rad^2
+///     gyroscope_bias: Vector3::zeros(),
+///     gyroscope_bias_std: 1e-3,
+///     north_known: true,
+///     references: References { specific_force: Vector3::z() * 9.81, magnetic_field: None },
+/// });
+/// for _ in 0..100 {
+///     filter.propagate(&Vector3::new(0.0, 0.0, 0.1), 0.01); // rad/s, s
+///     let innovation = filter.update_accelerometer(&Vector3::new(0.0, 0.0, 9.81)); // m/s^2
+///     assert!(innovation.outcome.is_fused() && innovation.nis < 1.0);
+/// }
+/// assert!((filter.attitude().angle() - 0.1).abs() < 1e-6);
+/// // Gravity says nothing of the heading: only roll and pitch have become sharper.
+/// let std = filter.attitude_covariance().unwrap().diagonal().map(f64::sqrt);
+/// assert!(std.x < 0.02 && std.z > std.x);
+/// # Ok::<(), northing_core::ConfigError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mekf<T: Scalar> {
     config: AttitudeConfig<T>,

@@ -223,6 +223,7 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
         &self,
         limits: &MagnetometerLimits<T>,
     ) -> Result<MagnetometerCalibration<T>, MagnetometerError<T>> {
+        limits.validate().map_err(MagnetometerError::Limits)?;
         self.check_samples(limits)?;
         let fit = self.fit(limits)?;
         let radius = fit.surface.radius;
@@ -235,11 +236,6 @@ impl<T: Scalar> MagnetometerCalibrator<T> {
         }
         self.check_residual(&fit, limits)?;
         let strength = limits.field_strength_ut.unwrap_or(radius);
-        if !(strength > T::zero() && strength.is_finite()) {
-            return Err(MagnetometerError::BadFieldStrength {
-                field_strength_ut: strength,
-            });
-        }
         let soft_iron = result::soft_iron(&fit.surface, strength).ok_or(MagnetometerError::Flat)?;
         Ok(self.summary(&fit, soft_iron, strength))
     }

@@ -142,6 +142,7 @@ impl<T: Scalar> RestCalibrator<T> {
     /// # Errors
     /// [`RestError`] says what was wrong, by how much, and what to do.
     pub fn finish(&self, limits: &RestLimits<T>) -> Result<RestCalibration<T>, RestError<T>> {
+        limits.validate().map_err(RestError::Limits)?;
         limits.check_sensor(Sensor::Gyroscope, &self.gyroscope)?;
         let accelerometer = self.optional(limits, Sensor::Accelerometer, &self.accelerometer)?;
         let magnetometer = self.optional(limits, Sensor::Magnetometer, &self.magnetometer)?;

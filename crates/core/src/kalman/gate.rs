@@ -9,6 +9,17 @@
 use crate::scalar::Scalar;
 
 /// A gate's settings.
+///
+/// ```
+/// use northing_core::kalman::{Gate, GateDecision, GateState};
+///
+/// let gate = Gate { nis_threshold: 11.34, timeout_s: 2.0 }; // 99 % of chi-square, three degrees of freedom
+/// let mut state = GateState::default();
+/// assert_eq!(gate.decide(&mut state, 3.0), GateDecision::Accept);
+/// assert_eq!(gate.decide(&mut state, 34.02), GateDecision::Reject);
+/// state.advance(2.5);
+/// assert!(matches!(gate.decide(&mut state, 34.02), GateDecision::Inflate(factor) if factor > 2.9));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gate<T> {

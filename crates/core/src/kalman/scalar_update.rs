@@ -38,6 +38,19 @@ pub fn update_leading3<T: Scalar, const N: usize>(
 /// One scalar measurement with a full row: `residual = h . x + noise`.
 ///
 /// As [`update_leading3`], for rows without known zeros.
+///
+/// ```
+/// use northing_core::kalman::scalar_update::update_full;
+/// use northing_core::nalgebra::{Matrix2, Vector2};
+///
+/// // Position and velocity with variances 4 and 1; the sum of both is measured as 3, variance 1.
+/// let mut covariance = Matrix2::new(4.0_f64, 0.0, 0.0, 1.0);
+/// let mut correction = Vector2::zeros();
+/// let h = Vector2::new(1.0, 1.0);
+/// assert!(update_full(&mut covariance, &mut correction, &h, 3.0, 1.0));
+/// assert_eq!(correction, Vector2::new(2.0, 0.5)); // gain 4/6 and 1/6
+/// assert!((covariance[(0, 0)] - 4.0 / 3.0).abs() < 1e-12);
+/// ```
 #[inline]
 pub fn update_full<T: Scalar, const N: usize>(
     covariance: &mut SMatrix<T, N, N>,

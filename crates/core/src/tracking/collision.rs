@@ -34,6 +34,20 @@ pub struct ClosestApproach<T> {
     pub probability: T,
 }
 
+/// ```
+/// use northing_core::nalgebra::{Matrix4, Vector4};
+/// use northing_core::tracking::collision::RelativeMotion;
+///
+/// // 1000 m north, 50 m east, coming south at 5 m/s; standard deviations 10 m and 0.1 m/s.
+/// let relative = RelativeMotion {
+///     state: Vector4::new(1000.0_f64, -5.0, 50.0, 0.0),
+///     covariance: Matrix4::from_diagonal(&Vector4::new(100.0, 0.01, 100.0, 0.01)),
+/// };
+/// let closest = relative.closest_approach(100.0).unwrap();
+/// assert!((closest.time_s - 200.0).abs() < 1e-6);
+/// assert!((closest.distance_m - 50.0).abs() < 1e-6);
+/// assert!((0.9..1.0).contains(&closest.probability)); // of passing within 100 m
+/// ```
 impl<T: Scalar> RelativeMotion<T> {
     /// From a track, the own ship's velocity and position (`own`, in the order of the target's
     /// state), the rows `B` that make the error of `own` from the navigation error, that error's

@@ -45,6 +45,34 @@ pub struct Scan<'a, T> {
 }
 
 /// The tracker: `M` motion models a target, at most `N` targets, at most `D` detections a scan.
+///
+/// ```
+/// use northing_core::tracking::{Detection, DetectionNoise, MultiTargetConfig, MultiTargetTracker};
+/// use northing_core::tracking::{OwnShip, Scan, ScanSensor, TrackStatus};
+///
+/// let radar = ScanSensor {
+///     noise: DetectionNoise { range_std_m: 5.0, bearing_std_rad: 0.01, extent_std_m: 2.0 },
+///     detection_probability: 0.9,
+///     clutter_density: 1e-7, // false detections per square metre and scan
+///     largest_range_m: 2000.0,
+///     covers_all: true,
+///     initiates: true,
+/// };
+/// // The own ship lies at the origin; its heading may be 0.02 rad off.
+/// let own_ship = OwnShip::exact(0.0, 0.0, 0.0).with_std(3.0, 3.0, 0.02);
+/// let mut tracker = MultiTargetTracker::<f64, 3, 8, 16>::new(MultiTargetConfig::default())?;
+/// for k in 0..20 {
+///     let time_s = 2.0 * f64::from(k);
+///     let detections = [Detection::RangeBearing { range_m: 800.0 - 4.0 * time_s, bearing_rad: 0.3 }];
+///     tracker.scan(&Scan { time_s, sensor: &radar, own_ship: &own_ship, detections: &detections }).unwrap();
+/// }
+/// let track = tracker.tracks().next().unwrap();
+/// assert_eq!(track.status, TrackStatus::Confirmed);
+/// let target = track.estimate();
+/// assert!((target.state[0] - (800.0 - 4.0 * 38.0) * f64::cos(0.3)).abs() < 10.0);
+/// assert!(target.covariance[(2, 2)].sqrt() > 0.02 * 600.0 * 0.9); // the heading error is in it
+/// # Ok::<(), northing_core::ConfigError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct MultiTargetTracker<T, const M: usize, const N: usize, const D: usize> {
     config: MultiTargetConfig<T, M>,

@@ -58,7 +58,27 @@ pub enum Coupling {
     OpenLoop,
 }
 
-/// The tracker.
+/// The tracker. `examples/schmidt_tracking.rs` connects it to a navigation filter.
+///
+/// ```
+/// use northing_core::kalman::NavigationPose;
+/// use northing_core::nalgebra::{Matrix3, Vector3};
+/// use northing_core::tracking::{ConstantVelocity, RadarDetection, RadarNoise, SchmidtKalman, TrackerConfig};
+///
+/// // The own ship's north (m), east (m) and heading (rad), and their covariance.
+/// let covariance = Matrix3::from_diagonal(&Vector3::new(4.0, 4.0, 1e-4));
+/// let own = NavigationPose { pose: Vector3::zeros(), covariance: &covariance, pose_from_error: Matrix3::identity() };
+/// let config = TrackerConfig::new(ConstantVelocity::new(0.05), RadarNoise::new(5.0, 0.005));
+/// let seen = RadarDetection::new(1000.0, 0.5);
+/// let mut tracker = SchmidtKalman::from_detection(config, &seen, 5.0, &own)?;
+/// for _ in 0..200 {
+///     let innovation = tracker.scan(2.0, &seen, &own);
+///     assert!(innovation.outcome.is_fused());
+/// }
+/// // However often it is seen: 0.01 rad of heading are 10 m at this range, and stay.
+/// assert!(tracker.track().std()[2] > 7.0);
+/// # Ok::<(), northing_core::kalman::SkipReason>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SchmidtKalman<T: Scalar, const N: usize> {
     config: TrackerConfig<T>,

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::parameters::parameters;
+use crate::parameters::{ConfigError, parameters};
 use crate::scalar::{Scalar, lit};
 
 parameters! {
@@ -16,10 +16,10 @@ parameters! {
     minimum_samples: u32, "-", Count(0), [100],
         "fewest different samples",
         "Raising it asks for longer recordings.";
-    ellipsoid_coverage: T, "-", From(0.0, 1.0), [0.45],
+    ellipsoid_coverage: T, "-", NotNegative, [0.45],
         "fraction of the sphere that an ellipsoid needs",
         "With less, or where the sphere's centre is much better known, a sphere is fitted. Raising it asks for more",
-        "turning and refuses soft iron found from half a view.";
+        "turning and refuses soft iron found from half a view; above 1 a sphere is fitted always.";
     sphere_coverage: T, "-", From(0.0, 1.0), [0.35],
         "fraction of the sphere that a sphere needs; with less nothing is fitted";
     condition_number: T, "-", Positive, [60.0],
@@ -88,11 +88,8 @@ pub enum MagnetometerError<T> {
         /// The limit, microtesla.
         limit_ut: T,
     },
-    /// The field strength given is not a positive number.
-    BadFieldStrength {
-        /// What was given, microtesla.
-        field_strength_ut: T,
-    },
+    /// A limit is outside its permitted range.
+    Limits(ConfigError),
 }
 
 impl<T: fmt::Display + Scalar> fmt::Display for MagnetometerError<T> {
@@ -146,10 +143,7 @@ impl<T: fmt::Display + Scalar> fmt::Display for MagnetometerError<T> {
                 "the samples fit no ellipsoid, and scatter by {std_ut:.1} uT about the best sphere, limit \
                  {limit_ut:.1}; turn through more directions, away from magnets, cars and cables"
             ),
-            Self::BadFieldStrength { field_strength_ut } => write!(
-                f,
-                "a field of {field_strength_ut} uT was given; expected a positive number such as 48"
-            ),
+            Self::Limits(error) => write!(f, "limits of the calibration: {error}"),
         }
     }
 }

@@ -301,6 +301,17 @@ fn each_refusal_has_its_reason_and_numbers() {
 }
 
 #[test]
+fn limits_outside_their_range_are_refused() {
+    let limits = RestLimits {
+        gravity_m_s2: -9.81,
+        ..RestLimits::default()
+    };
+    let error = World::default().calibrator().finish(&limits).unwrap_err();
+    let message = "limits of the calibration: gravity_m_s2 must be above 0";
+    assert_eq!(error.to_string(), message);
+}
+
+#[test]
 fn a_sensor_that_repeats_itself_is_dead_not_quiet() {
     let mut calibrator = RestCalibrator::<f64>::new();
     for _ in 0..100 {

@@ -5,7 +5,7 @@ use core::fmt;
 use nalgebra::Vector3;
 
 use super::statistics::Statistics;
-use crate::parameters::parameters;
+use crate::parameters::{ConfigError, parameters};
 use crate::scalar::{Scalar, lit};
 
 /// Standard deviations of chance that a drift may show on top of its limit.
@@ -247,6 +247,8 @@ pub enum RestError<T> {
         /// Smallest allowed, degrees.
         minimum_deg: T,
     },
+    /// A limit is outside its permitted range.
+    Limits(ConfigError),
 }
 
 impl<T: fmt::Display> fmt::Display for RestError<T> {
@@ -305,6 +307,7 @@ impl<T: fmt::Display> fmt::Display for RestError<T> {
                 "the magnetic field is {angle_deg:.1} deg from vertical, at least {minimum_deg:.1} needed for a \
                  heading; move away from iron, or leave the magnetometer out"
             ),
+            Self::Limits(error) => write!(f, "limits of the calibration: {error}"),
         }
     }
 }
