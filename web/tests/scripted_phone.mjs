@@ -140,7 +140,7 @@ export async function phone(browser, url, hand = new Hand(), { init } = {}) {
   return self;
 }
 
-/** Makes a page believe that it runs on an iPhone in Safari. */
+/** Makes a page take itself to run on an iPhone in Safari. */
 export function asInSafari() {
   for (const name of ["Accelerometer", "Gyroscope", "Magnetometer", "LinearAccelerationSensor", "GravitySensor", "AbsoluteOrientationSensor", "RelativeOrientationSensor", "Sensor"]) delete window[name];
   Object.defineProperty(navigator, "userAgent", { get: () => "Mozilla/5.0 (iPhone; CPU iPhone OS 18_5 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/18.5 Mobile/15E148 Safari/604.1" });

@@ -163,7 +163,7 @@ fn recordings_shorter_than_the_windows_are_judged_at_their_end() {
 }
 
 #[test]
-fn a_unit_that_the_user_names_is_applied_and_believed() {
+fn a_unit_that_the_user_names_is_applied_and_not_doubted() {
     let options = OpenOptions {
         gyroscope_unit: Some(RateUnit::DegPerS),
         accelerometer_unit: Some(ForceUnit::G),

@@ -137,7 +137,7 @@ pub(crate) fn run<N: Navigator>() -> ! {
 fn wait_for<T>(mut something: impl FnMut() -> Option<T>) -> T {
     loop {
         watchdog::feed();
-        // With interrupts held back, none can come between the look and the sleep; it wakes all the same.
+        // With interrupts off, none can come between the look and the sleep; it wakes all the same.
         let found = cortex_m::interrupt::free(|_| {
             let found = something();
             if found.is_none() {

@@ -288,7 +288,7 @@ pub fn reset_covariance<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>, d: 
 /// What an observer outside has learnt about a filter's error: a joint estimator's correction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[must_use = "the navigation filter must be given it, or both believe different things"]
+#[must_use = "the navigation filter must be given it, or the two disagree from now on"]
 pub struct OutsideCorrection<T: Scalar, const N: usize> {
     /// The correction of the error state, `K nu`.
     pub correction: SVector<T, N>,

@@ -84,8 +84,8 @@ pub const GAP_LIMIT_S: f64 = 0.5;
 /// A longer gap (s) is the end: it aligns again.
 pub const LONGEST_GAP_S: f64 = 10.0;
 
-/// How the errors went on over one step of the covariance: the 15 by the transition, then the biases and the side
-/// states shrunk.
+/// How the errors went on over one step of the covariance: the 15 by the transition, then the biases and the
+/// augmented states shrunk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CovarianceStep<T: Scalar> {
@@ -139,7 +139,7 @@ impl<T: Scalar> PoseWithErrors<T> {
     }
 }
 
-/// The GNSS/INS; `HISTORY` samples are kept to look back by. The listener `L` follows its errors; `()` for nobody.
+/// The GNSS/INS; `HISTORY` samples are kept for fixes that come late. The listener `L` follows its errors; `()` for nobody.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GnssIns<T: Scalar, const HISTORY: usize = 32, L = ()> {
     config: GnssInsConfig<T>,
