@@ -1,18 +1,16 @@
 //! Names and texts of parameters: `NAME=VALUE` taken apart, the row that is meant, the value that a text stands for.
 
-use northing_core::parameters::{Range, Table, Value};
+use northing_core::parameters::{ConfigError, Parameter, Range, Table, Value};
 use serde_json::Value as Json;
 
 use crate::error::EvaluationError;
-
-/// Names and what they are read as.
-type Names = Vec<(String, Option<String>)>;
+use crate::used_parameters::{Origin, Origins, UsedParameter};
 
 /// Name and value of `NAME=VALUE`.
 ///
 /// # Errors
 /// It is no such text.
-pub(crate) fn split(setting: &str) -> Result<(&str, &str), EvaluationError> {
+fn split(setting: &str) -> Result<(&str, &str), EvaluationError> {
     let parts = setting.split_once('=');
     let parts = parts.map(|(name, text)| (name.trim(), text.trim()));
     parts
@@ -22,26 +20,21 @@ pub(crate) fn split(setting: &str) -> Result<(&str, &str), EvaluationError> {
         })
 }
 
-/// The place of a name among names, each perhaps with the one that it had before.
+/// The row of a name.
 ///
 /// # Errors
 /// There is none: what it is called now, or the nearest name, or all of them.
-pub(crate) fn find(
-    name: &str,
-    names: impl Iterator<Item = (String, Option<String>)>,
-) -> Result<usize, EvaluationError> {
-    let names: Names = names.collect();
-    if let Some(place) = names.iter().position(|(known, _)| known == name) {
-        return Ok(place);
+pub(crate) fn find<'a>(name: &str, rows: &'a [Row]) -> Result<&'a Row, EvaluationError> {
+    let names: Vec<String> = rows.iter().map(Row::name).collect();
+    if let Some(place) = names.iter().position(|known| known == name) {
+        return Ok(&rows[place]);
     }
-    let renamed = names.iter().find(|(_, old)| old.as_deref() == Some(name));
+    let is_old = |row: &&Row| row.formerly().is_some_and(|old| old == name);
+    let renamed = rows.iter().find(is_old);
     let hint = match (renamed, nearest(name, &names)) {
-        (Some((now, _)), _) => format!("it is now called `{now}`"),
+        (Some(row), _) => format!("it is now called `{}`", row.name()),
         (None, Some(meant)) => format!("did you mean `{meant}`?"),
-        (None, None) => {
-            let all: Vec<&str> = names.iter().map(|(known, _)| known.as_str()).collect();
-            format!("expected one of: {}", all.join(", "))
-        }
+        (None, None) => format!("expected one of: {}", names.join(", ")),
     };
     Err(EvaluationError::UnknownParameter {
         name: name.to_owned(),
@@ -50,24 +43,15 @@ pub(crate) fn find(
 }
 
 /// The name that a mistyped one is nearest to, if any is near.
-fn nearest<'a>(name: &str, names: &'a Names) -> Option<&'a str> {
-    let near = |known: &'a str| (strsim::jaro_winkler(name, known), known);
-    let all = names.iter().map(|(known, _)| near(known));
-    let best = all.max_by(|a, b| a.0.total_cmp(&b.0));
+fn nearest<'a>(name: &str, names: &'a [String]) -> Option<&'a str> {
+    let near = |known: &'a String| (strsim::jaro_winkler(name, known), known.as_str());
+    let best = names.iter().map(near).max_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(likeness, _)| *likeness > 0.8)
         .map(|(_, known)| known)
 }
 
-/// The value that a text stands for.
-///
-/// # Errors
-/// It is of another kind than the range.
-pub(crate) fn read(name: &str, range: &Range, text: &str) -> Result<Value<f64>, EvaluationError> {
-    range.read(text).ok_or_else(|| refused(name, text, range))
-}
-
 /// The refusal of a value.
-pub(crate) fn refused(name: &str, value: &str, range: &Range) -> EvaluationError {
+fn refused(name: &str, value: &str, range: &Range) -> EvaluationError {
     let number = match range {
         Range::Positive | Range::NotNegative | Range::From(..) | Range::Above(..) => "a number ",
         _ => "",
@@ -79,25 +63,128 @@ pub(crate) fn refused(name: &str, value: &str, range: &Range) -> EvaluationError
     }
 }
 
-/// Sets one parameter of a table from `NAME=VALUE` and returns its name; on an error nothing is changed.
+/// A configuration of any type, its parameters by name.
+pub(crate) trait Configuration {
+    fn rows(&self) -> &'static [Parameter];
+    fn value(&self, name: &str) -> Option<Value<f64>>;
+    fn put(&mut self, name: &str, value: Value<f64>) -> Result<(), ConfigError>;
+    fn check(&self) -> Result<(), ConfigError>;
+}
+
+impl<C: Table<Number = f64>> Configuration for C {
+    fn rows(&self) -> &'static [Parameter] {
+        C::PARAMETERS
+    }
+
+    fn value(&self, name: &str) -> Option<Value<f64>> {
+        self.parameter(name)
+    }
+
+    fn put(&mut self, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
+        self.set_parameter(name, value)
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
+        Table::check(self)
+    }
+}
+
+/// Configurations that are set together, each with what the names of its parameters begin with.
+pub(crate) type Tables<'a> = Vec<(&'static str, &'a mut dyn Configuration)>;
+
+/// A parameter under the name of the command line, with its value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Row {
+    pub(crate) prefix: &'static str,
+    pub(crate) parameter: &'static Parameter,
+    pub(crate) value: Value<f64>,
+}
+
+impl Row {
+    pub(crate) fn name(&self) -> String {
+        format!("{}{}", self.prefix, self.parameter.name)
+    }
+
+    /// The name it had before.
+    pub(crate) fn formerly(&self) -> Option<String> {
+        let old = self.parameter.formerly?;
+        Some(format!("{}{old}", self.prefix))
+    }
+}
+
+/// Every parameter, in the order of the tables.
+pub(crate) fn rows(tables: &Tables<'_>) -> Vec<Row> {
+    let of = |(prefix, table): &(&'static str, &mut dyn Configuration)| {
+        let row = |parameter: &'static Parameter| Row {
+            prefix,
+            parameter,
+            value: table.value(parameter.name).unwrap_or(Value::Absent),
+        };
+        table.rows().iter().map(row).collect::<Vec<_>>()
+    };
+    tables.iter().flat_map(of).collect()
+}
+
+/// The value of a parameter; `None`: there is none of that name.
+pub(crate) fn value(tables: &Tables<'_>, name: &str) -> Option<Value<f64>> {
+    let mut tables = tables.iter();
+    tables.find_map(|(prefix, table)| table.value(name.strip_prefix(prefix)?))
+}
+
+/// Sets a parameter; on an error nothing is changed.
 ///
 /// # Errors
-/// It is no setting, the name is unknown, or the value does not fit.
-pub(crate) fn set<C: Table<Number = f64>>(
-    config: &mut C,
-    setting: &str,
-) -> Result<String, EvaluationError> {
+/// There is none of that name, or the value is outside the permitted range.
+pub(crate) fn put(tables: Tables<'_>, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
+    for (prefix, table) in tables {
+        let own = name.strip_prefix(prefix);
+        if let Some(own) = own.filter(|own| table.rows().iter().any(|row| row.name == *own)) {
+            return table.put(own, value);
+        }
+    }
+    Err(ConfigError::UNKNOWN_NAME)
+}
+
+/// Sets one parameter from `NAME=VALUE` and returns its name; on an error nothing is changed.
+///
+/// # Errors
+/// It is no setting, the name is unknown (the nearest one is named), or the value does not fit.
+pub(crate) fn set(tables: Tables<'_>, setting: &str) -> Result<String, EvaluationError> {
     let (name, text) = split(setting)?;
-    let rows = C::PARAMETERS;
-    let names = rows.iter().map(|row| {
-        let old = row.formerly.map(str::to_owned);
-        (row.name.to_owned(), old)
-    });
-    let row = &rows[find(name, names)?];
-    let value = read(name, &row.range, text)?;
-    let set = config.set_parameter(name, value);
-    set.map_err(|error| refused(name, text, &error.range))?;
+    let range = find(name, &rows(&tables))?.parameter.range;
+    let value = range
+        .read(text)
+        .ok_or_else(|| refused(name, text, &range))?;
+    put(tables, name, value).map_err(|error| refused(name, text, &error.range))?;
     Ok(name.to_owned())
+}
+
+/// Checks every value.
+///
+/// # Errors
+/// The first that is outside its range, and the range.
+pub(crate) fn check(tables: &Tables<'_>) -> Result<(), EvaluationError> {
+    for (prefix, table) in tables {
+        table.check().map_err(|error| EvaluationError::Config {
+            name: format!("{prefix}{}", error.field),
+            range: error.range.to_string(),
+        })?;
+    }
+    Ok(())
+}
+
+/// Parameters in use and where their values come from, beside the usual ones.
+pub(crate) fn used(rows: Vec<Row>, usual: &[Row], origins: &Origins) -> Vec<UsedParameter> {
+    let used = rows.into_iter().zip(usual).map(|(row, usual)| {
+        let name = row.name();
+        let own = match row.value == usual.value {
+            true => Origin::Default,
+            false => Origin::Set,
+        };
+        let origin = origins.get(&name).copied().unwrap_or(own);
+        UsedParameter::new(name, row.parameter, row.value, origin)
+    });
+    used.collect()
 }
 
 /// A value as JSON.

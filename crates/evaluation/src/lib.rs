@@ -41,6 +41,7 @@ pub mod attitude;
 pub mod by_name;
 pub mod calibration;
 pub mod error;
+mod named;
 pub mod navigation;
 pub mod registry;
 pub mod statistics;

@@ -7,6 +7,7 @@ use northing_recording::Metadata;
 use super::kinds::NavigationKind;
 use super::navigator::AidKind;
 use super::parameters::NavigationParameters;
+use crate::by_name;
 use crate::error::EvaluationError;
 use crate::used_parameters::{Origin, Origins, UsedParameter};
 
@@ -135,19 +136,8 @@ impl NavigationOptions {
     /// Every parameter of the estimator with its value and origin.
     #[must_use]
     pub fn used_parameters(&self) -> Vec<UsedParameter> {
-        let usual = NavigationParameters::default().settings(self.estimator);
-        let settings = self.parameters.settings(self.estimator);
-        let used = settings.into_iter().zip(usual).map(|(setting, usual)| {
-            let row = setting.parameter;
-            let origin = match self.origins.get(row.name) {
-                Some(origin) => *origin,
-                None if setting.value == usual.value => Origin::Default,
-                // Written into `parameters` by whoever made the options.
-                None => Origin::Set,
-            };
-            UsedParameter::new(row.name.to_owned(), row, setting.value, origin)
-        });
-        used.collect()
+        let usual = NavigationParameters::default().rows(self.estimator);
+        by_name::used(self.parameters.rows(self.estimator), &usual, &self.origins)
     }
 
     /// Refuses what is invalid.

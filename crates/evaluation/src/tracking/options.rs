@@ -1,6 +1,5 @@
 //! What a tracking run can be asked for.
 
-use northing_core::parameters::Table;
 use northing_core::tracking::multi_target::MultiTargetSettings;
 use northing_core::tracking::own_ship::PoseErrorCorrelation;
 
@@ -42,7 +41,7 @@ impl TrackOptions {
     /// # Errors
     /// It is no setting, the name is unknown, or the value does not fit.
     pub fn set_from(&mut self, setting: &str, origin: Origin) -> Result<(), EvaluationError> {
-        let name = by_name::set(&mut self.settings, setting)?;
+        let name = by_name::set(vec![("", &mut self.settings)], setting)?;
         if self.tracker == TrackerKind::Converted && name.starts_with("pose_error_correlation.") {
             return Err(EvaluationError::BadValue {
                 name,
@@ -71,18 +70,14 @@ impl TrackOptions {
     /// Every parameter with its value and origin.
     #[must_use]
     pub fn parameters(&self) -> Vec<UsedParameter> {
-        let (settings, usual) = (self.in_force(), MultiTargetSettings::<f64>::default());
-        let used = MultiTargetSettings::<f64>::PARAMETERS.iter().map(|row| {
-            let value = settings.parameter(row.name)?;
-            let origin = match self.origins.get(row.name) {
-                Some(origin) => *origin,
-                None if usual.parameter(row.name) == Some(value) => Origin::Default,
-                // What makes the tracker what it is.
-                None if self.settings.parameter(row.name) != Some(value) => Origin::Default,
-                None => Origin::Set,
-            };
-            Some(UsedParameter::new(row.name.to_owned(), row, value, origin))
+        let usual = Self {
+            tracker: self.tracker,
+            ..Self::default()
+        };
+        let [rows, usual] = [self, &usual].map(|options| {
+            let mut settings = options.in_force();
+            by_name::rows(&vec![("", &mut settings)])
         });
-        used.flatten().collect()
+        by_name::used(rows, &usual, &self.origins)
     }
 }
