@@ -43,6 +43,7 @@ pub mod calibration;
 pub mod error;
 mod named;
 pub mod navigation;
+pub(crate) mod observers;
 pub mod registry;
 pub mod statistics;
 pub mod tracking;

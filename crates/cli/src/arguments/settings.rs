@@ -9,7 +9,7 @@ use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::options::RunOptions;
 use northing_evaluation::attitude::parameters::{Profile, parameters_of};
 use northing_evaluation::navigation::NavigationOptions;
-use northing_evaluation::{Origin, by_name};
+use northing_evaluation::{EvaluationError, Origin, by_name};
 use serde_json::{Map, Value as Json};
 use toml::de::{DeArray, DeTable, DeValue};
 
@@ -32,6 +32,15 @@ pub(crate) struct SettingArgs {
     /// What the file says: it is read once, for it may be a pipe.
     #[arg(skip)]
     file: OnceCell<ConfigFile>,
+}
+
+/// Each `--set` in its turn.
+pub(crate) fn each_set(
+    settings: &[String],
+    mut set: impl FnMut(&str, Origin) -> Result<(), EvaluationError>,
+) -> Result<()> {
+    let mut settings = settings.iter();
+    settings.try_for_each(|setting| set(setting, Origin::Set).context("--set"))
 }
 
 impl SettingArgs {
@@ -70,18 +79,18 @@ impl SettingArgs {
         if let (None, Some(file), Some(path)) = (estimator, file, &self.config) {
             file.check_effect(options.estimator, path)?;
         }
-        for (setting, place) in file.iter().flat_map(|file| &file.settings) {
-            let set = options.set_from(setting, Origin::File);
-            set.with_context(|| place.clone())?;
-        }
-        for setting in &self.set {
-            options.set(setting).context("--set")?;
-        }
+        self.each(|setting, origin| options.set_from(setting, origin))?;
         Ok(options)
     }
-}
 
-impl SettingArgs {
+    /// Each setting in its turn: those of the file, then those of `--set`.
+    fn each(&self, mut set: impl FnMut(&str, Origin) -> Result<(), EvaluationError>) -> Result<()> {
+        for (setting, place) in self.file()?.iter().flat_map(|file| &file.settings) {
+            set(setting, Origin::File).with_context(|| place.clone())?;
+        }
+        each_set(&self.set, set)
+    }
+
     /// Changes parameters of a navigation estimator: by the file, then by `--set`.
     ///
     /// # Errors
@@ -92,15 +101,7 @@ impl SettingArgs {
             let kind = options.estimator;
             bail!("`{kind}` has no profiles; leave --profile out and set what you need with --set");
         }
-        for (setting, place) in file.iter().flat_map(|file| &file.settings) {
-            let set = options.set_from(setting, Origin::File);
-            set.with_context(|| place.clone())?;
-        }
-        for setting in &self.set {
-            let set = options.set_from(setting, Origin::Set);
-            set.context("--set")?;
-        }
-        Ok(())
+        self.each(|setting, origin| options.set_from(setting, origin))
     }
 
     /// Refuses a `--set` that this estimator has no use for. A file may be shared by several.

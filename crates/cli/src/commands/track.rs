@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::Origin;
 use northing_evaluation::tracking::{
     InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
     TrackerKind, inject_heading, run,
@@ -14,6 +13,7 @@ use northing_recording::tracking::{self, TrackingRecording};
 use serde::Serialize;
 
 use crate::arguments::quantity;
+use crate::arguments::settings::each_set;
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::invocation::command_line;
 use crate::text::table::Table;
@@ -112,10 +112,9 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         sensors: args.sensors.clone(),
         ..TrackOptions::default()
     };
-    for setting in &args.set {
-        let set = options.set_from(setting, Origin::Set);
-        set.context("--set")?;
-    }
+    each_set(&args.set, |setting, origin| {
+        options.set_from(setting, origin)
+    })?;
     if let (Some(heading_std_rad), Some(runs)) = (args.inject_heading_std, args.runs) {
         let options = InjectionOptions {
             heading_std_rad,
