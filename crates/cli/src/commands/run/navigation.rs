@@ -14,7 +14,9 @@ use northing_report::{NavigationReport, TRACE_CAPACITY};
 
 use super::arguments::RunArgs;
 use crate::files::navigation_file::NavigationFile;
-use crate::files::output::{check_free, check_not_input, print, print_json, same_file};
+use crate::files::output::{
+    check_free, check_not_input, print, print_json, report_written, same_file,
+};
 use crate::files::shown;
 use crate::interrupt::interruptible;
 use crate::invocation::command_line;
@@ -113,7 +115,7 @@ fn write_outputs(
         };
         if let Some(path) = &args.report {
             write_whole(path, page.render().as_bytes(), args.force)?;
-            written.push(format!("Report: {} (open it in a browser)", path.display()));
+            written.push(report_written(path));
         }
         if let Some(path) = &args.navigation.picture {
             let Some(picture) = page.picture() else {
