@@ -31,6 +31,13 @@ pub(crate) fn happened() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
 
+/// Ends the program where work cannot be left half done, if it was interrupted.
+pub(crate) fn exit_if_happened() {
+    if happened() {
+        process::exit(i32::from(EXIT_CODE));
+    }
+}
+
 /// The events until Ctrl-C, then an error.
 pub(crate) fn interruptible<I>(events: I) -> Interruptible<I::IntoIter>
 where

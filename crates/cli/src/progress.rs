@@ -1,6 +1,7 @@
 //! Progress on standard error: only on a terminal, only when something takes longer than a second.
 
 use std::io::IsTerminal as _;
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -71,10 +72,11 @@ impl Progress {
         }
     }
 
-    /// So many steps are done.
-    pub(crate) fn done(&mut self, steps: u64) {
+    /// A step is done.
+    fn step(&mut self) {
+        self.count += 1;
         if self.may_draw() {
-            self.bar.set_position(steps);
+            self.bar.set_position(self.count);
         }
     }
 
@@ -86,6 +88,24 @@ impl Progress {
             self.shown = true;
         }
         self.shown
+    }
+}
+
+/// The progress of work that threads share.
+#[derive(Debug)]
+pub(crate) struct SharedProgress(Mutex<Progress>);
+
+impl SharedProgress {
+    /// Work of a known number of steps.
+    pub(crate) fn of_steps(steps: u64, what: &str) -> Self {
+        Self(Mutex::new(Progress::of_steps(steps, what)))
+    }
+
+    /// A step is done.
+    pub(crate) fn step(&self) {
+        if let Ok(mut progress) = self.0.lock() {
+            progress.step();
+        }
     }
 }
 

@@ -1,38 +1,9 @@
 //! Names and texts of parameters: `NAME=VALUE` taken apart, the row that is meant, the value that a text stands for.
 
-use northing_core::parameters::{ConfigError, Parameter, Range, Value};
+use northing_core::parameters::{ConfigError, Parameter, Range, Table, Value};
 use serde_json::Value as Json;
 
 use crate::error::EvaluationError;
-
-/// A row of a table under the name of the command line.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Row {
-    pub(crate) prefix: &'static str,
-    pub(crate) parameter: &'static Parameter,
-}
-
-impl Row {
-    /// The rows of a table whose names begin with `prefix`.
-    pub(crate) fn of(
-        prefix: &'static str,
-        table: &'static [Parameter],
-    ) -> impl Iterator<Item = Self> {
-        table
-            .iter()
-            .map(move |parameter| Self { prefix, parameter })
-    }
-
-    pub(crate) fn name(&self) -> String {
-        format!("{}{}", self.prefix, self.parameter.name)
-    }
-
-    /// The name it had before.
-    pub(crate) fn formerly(&self) -> Option<String> {
-        let old = self.parameter.formerly?;
-        Some(format!("{}{old}", self.prefix))
-    }
-}
 
 /// Name and value of `NAME=VALUE`.
 ///
@@ -52,19 +23,15 @@ fn split(setting: &str) -> Result<(&str, &str), EvaluationError> {
 ///
 /// # Errors
 /// There is none: what it is called now, or the nearest name, or all of them.
-pub(crate) fn find(
-    name: &str,
-    rows: impl IntoIterator<Item = Row>,
-) -> Result<Row, EvaluationError> {
-    let rows: Vec<_> = rows.into_iter().map(|row| (row.name(), row)).collect();
-    if let Some((_, row)) = rows.iter().find(|(known, _)| known == name) {
-        return Ok(*row);
+pub(crate) fn find<'a>(name: &str, rows: &'a [Row]) -> Result<&'a Row, EvaluationError> {
+    let names: Vec<String> = rows.iter().map(Row::name).collect();
+    if let Some(place) = names.iter().position(|known| known == name) {
+        return Ok(&rows[place]);
     }
-    let mut old = rows.iter().map(|(now, row)| (now, row.formerly()));
-    let renamed = old.find(|(_, old)| old.as_deref() == Some(name));
-    let names: Vec<&str> = rows.iter().map(|(known, _)| known.as_str()).collect();
+    let is_old = |row: &&Row| row.formerly().is_some_and(|old| old == name);
+    let renamed = rows.iter().find(is_old);
     let hint = match (renamed, nearest(name, &names)) {
-        (Some((now, _)), _) => format!("it is now called `{now}`"),
+        (Some(row), _) => format!("it is now called `{}`", row.name()),
         (None, Some(meant)) => format!("did you mean `{meant}`?"),
         (None, None) => format!("expected one of: {}", names.join(", ")),
     };
@@ -75,21 +42,11 @@ pub(crate) fn find(
 }
 
 /// The name that a mistyped one is nearest to, if any is near.
-fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
-    let near = names
-        .iter()
-        .map(|known| (strsim::jaro_winkler(name, known), *known));
-    let best = near.max_by(|a, b| a.0.total_cmp(&b.0));
+fn nearest<'a>(name: &str, names: &'a [String]) -> Option<&'a str> {
+    let near = |known: &'a String| (strsim::jaro_winkler(name, known), known.as_str());
+    let best = names.iter().map(near).max_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(likeness, _)| *likeness > 0.8)
         .map(|(_, known)| known)
-}
-
-/// The value that a text stands for.
-///
-/// # Errors
-/// It is of another kind than the range.
-fn read(name: &str, range: &Range, text: &str) -> Result<Value<f64>, EvaluationError> {
-    range.read(text).ok_or_else(|| refused(name, text, range))
 }
 
 /// The refusal of a value.
@@ -105,20 +62,114 @@ fn refused(name: &str, value: &str, range: &Range) -> EvaluationError {
     }
 }
 
-/// Sets the parameter that `NAME=VALUE` means and returns its name; on an error nothing is changed.
+/// A configuration of any type, its parameters by name.
+pub(crate) trait Configuration {
+    fn rows(&self) -> &'static [Parameter];
+    fn value(&self, name: &str) -> Option<Value<f64>>;
+    fn put(&mut self, name: &str, value: Value<f64>) -> Result<(), ConfigError>;
+    fn check(&self) -> Result<(), ConfigError>;
+}
+
+impl<C: Table<Number = f64>> Configuration for C {
+    fn rows(&self) -> &'static [Parameter] {
+        C::PARAMETERS
+    }
+
+    fn value(&self, name: &str) -> Option<Value<f64>> {
+        self.parameter(name)
+    }
+
+    fn put(&mut self, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
+        self.set_parameter(name, value)
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
+        Table::check(self)
+    }
+}
+
+/// Configurations that are set together, each with what the names of its parameters begin with.
+pub(crate) type Tables<'a> = Vec<(&'static str, &'a mut dyn Configuration)>;
+
+/// A parameter under the name of the command line, with its value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Row {
+    pub(crate) prefix: &'static str,
+    pub(crate) parameter: &'static Parameter,
+    pub(crate) value: Value<f64>,
+}
+
+impl Row {
+    pub(crate) fn name(&self) -> String {
+        format!("{}{}", self.prefix, self.parameter.name)
+    }
+
+    /// The name it had before.
+    pub(crate) fn formerly(&self) -> Option<String> {
+        let old = self.parameter.formerly?;
+        Some(format!("{}{old}", self.prefix))
+    }
+}
+
+/// Every parameter, in the order of the tables.
+pub(crate) fn rows(tables: &Tables<'_>) -> Vec<Row> {
+    let of = |(prefix, table): &(&'static str, &mut dyn Configuration)| {
+        let row = |parameter: &'static Parameter| Row {
+            prefix,
+            parameter,
+            value: table.value(parameter.name).unwrap_or(Value::Absent),
+        };
+        table.rows().iter().map(row).collect::<Vec<_>>()
+    };
+    tables.iter().flat_map(of).collect()
+}
+
+/// The value of a parameter; `None`: there is none of that name.
+pub(crate) fn value(tables: &Tables<'_>, name: &str) -> Option<Value<f64>> {
+    let mut tables = tables.iter();
+    tables.find_map(|(prefix, table)| table.value(name.strip_prefix(prefix)?))
+}
+
+/// Sets a parameter; on an error nothing is changed.
 ///
 /// # Errors
-/// It is no setting, no row has the name, or the value does not fit.
-pub(crate) fn set(
-    setting: &str,
-    rows: impl IntoIterator<Item = Row>,
-    put: impl FnOnce(&str, Value<f64>) -> Result<(), ConfigError>,
-) -> Result<String, EvaluationError> {
+/// There is none of that name, or the value is outside the permitted range.
+pub(crate) fn put(tables: Tables<'_>, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
+    for (prefix, table) in tables {
+        let own = name.strip_prefix(prefix);
+        if let Some(own) = own.filter(|own| table.rows().iter().any(|row| row.name == *own)) {
+            return table.put(own, value);
+        }
+    }
+    Err(ConfigError::UNKNOWN_NAME)
+}
+
+/// Sets one parameter from `NAME=VALUE` and returns its name; on an error nothing is changed.
+///
+/// # Errors
+/// It is no setting, the name is unknown (the nearest one is named), or the value does not fit.
+pub(crate) fn set(tables: Tables<'_>, setting: &str) -> Result<String, EvaluationError> {
     let (name, text) = split(setting)?;
-    let row = find(name, rows)?;
-    let value = read(name, &row.parameter.range, text)?;
-    put(name, value).map_err(|error| refused(name, text, &error.range))?;
+    let range = find(name, &rows(&tables))?.parameter.range;
+    let value = range
+        .read(text)
+        .ok_or_else(|| refused(name, text, &range))?;
+    put(tables, name, value).map_err(|error| refused(name, text, &error.range))?;
     Ok(name.to_owned())
+}
+
+/// Checks every value.
+///
+/// # Errors
+/// The first that is outside its range, and the range.
+pub(crate) fn check(tables: &Tables<'_>) -> Result<(), EvaluationError> {
+    for (prefix, table) in tables {
+        table.check().map_err(|error| EvaluationError::Config {
+            name: format!("{prefix}{}", error.field),
+            range: error.range.to_string(),
+        })?;
+    }
+    Ok(())
 }
 
 /// A value as JSON.

@@ -104,6 +104,24 @@ impl UsedParameter {
     }
 }
 
+/// Parameters in use and where their values come from, beside the usual ones.
+pub(crate) fn used(
+    rows: Vec<by_name::Row>,
+    usual: &[by_name::Row],
+    origins: &Origins,
+) -> Vec<UsedParameter> {
+    let used = rows.into_iter().zip(usual).map(|(row, usual)| {
+        let name = row.name();
+        let own = match row.value == usual.value {
+            true => Origin::Default,
+            false => Origin::Set,
+        };
+        let origin = origins.get(&name).copied().unwrap_or(own);
+        UsedParameter::new(name, row.parameter, row.value, origin)
+    });
+    used.collect()
+}
+
 /// The calibrations that a run used.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct UsedCalibrations {

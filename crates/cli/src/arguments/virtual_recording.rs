@@ -48,25 +48,20 @@ pub(crate) struct PhoneArgs {
 }
 
 fn motion(name: &str) -> Result<Motion, String> {
-    let known = Motion::ALL.into_iter().find(|motion| motion.name() == name);
-    known.ok_or_else(|| {
-        format!(
-            "expected one of: {}",
-            Motion::ALL.map(Motion::name).join(", ")
-        )
-    })
+    named(name, Motion::ALL, Motion::name)
 }
 
 fn disturbance(name: &str) -> Result<Disturbance, String> {
-    let known = Disturbance::ALL
-        .into_iter()
-        .find(|disturbance| disturbance.name() == name);
-    known.ok_or_else(|| {
-        format!(
-            "expected one of: {}",
-            Disturbance::ALL.map(Disturbance::name).join(", ")
-        )
-    })
+    named(name, Disturbance::ALL, Disturbance::name)
+}
+
+fn named<T: Copy, const N: usize>(
+    name: &str,
+    all: [T; N],
+    of: fn(T) -> &'static str,
+) -> Result<T, String> {
+    let known = all.into_iter().find(|one| of(*one) == name);
+    known.ok_or_else(|| format!("expected one of: {}", all.map(of).join(", ")))
 }
 
 impl PhoneArgs {

@@ -6,7 +6,6 @@ use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use northing_evaluation::attitude::compare::{CompareOptions, Score, TableRow, scores, statistics};
 use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
 use crate::arguments::estimation::{Asked, EstimationArgs};
@@ -15,7 +14,7 @@ use crate::arguments::recordings;
 use crate::arguments::recordings::Recordings;
 use crate::commands::comparison::{self, Outcome, describe, notes, streams};
 use crate::files::baseline_errors;
-use crate::files::output::{check_free, print, print_json};
+use crate::files::output::{ReportArgs, print, print_json};
 use crate::invocation::command_line;
 use northing_evaluation::attitude::compare::distinct;
 use northing_report::compared_runs::{self, Run};
@@ -58,12 +57,8 @@ struct AttitudeArgs {
     /// List each recording, however many there are
     #[arg(long)]
     each: bool,
-    /// Write a report with plots: one HTML file for a browser
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
-    /// Overwrite the report if it exists
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    report: ReportArgs,
     /// Print one JSON document: the table, and the score of each estimator on each recording
     #[arg(long)]
     json: bool,
@@ -106,17 +101,13 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
         calibrations,
         open: args.input.options(),
     };
-    if let Some(report) = &args.report {
-        check_free(report, args.force)?;
-    }
+    args.report.check_free()?;
     let found = recordings::find_calibrated(&args.data, &options.open, &options.calibrations)?;
     let peers = peers(args, &found)?;
     let Outcome { runs, failure } = comparison::run(&found, &options, false)?;
     let scores = together(&runs, peers);
-    if let Some(path) = &args.report {
-        let html = compared_runs::render("Attitude benchmark", &runs, &scores, command_line());
-        write_whole(path, html.as_bytes(), args.force)?;
-    }
+    args.report
+        .write(|| compared_runs::render("Attitude benchmark", &runs, &scores, command_line()))?;
     show(args, &found, &scores, &streams(&runs))?;
     failure.map_or(Ok(()), Err)
 }
@@ -156,7 +147,7 @@ fn show(args: &AttitudeArgs, found: &Recordings, scores: &[Score], streams: &str
     let mut text = describe(scores, args.each);
     text.push_str(&incomplete(scores));
     text.push_str(streams);
-    text.push_str(&notes(found, args.report.as_deref()));
+    text.push_str(&notes(found, args.report.report.as_deref()));
     print(&text)
 }
 

@@ -11,7 +11,7 @@ use clap::{Args, Subcommand};
 use northing_recording::atomic_file::write_whole;
 
 use crate::files::STDIN as STDOUT;
-use crate::files::output::{check_free, check_not_input, same_file};
+use crate::files::output::{check_free, check_not_input, report_written, same_file};
 
 /// Arguments of `calibrate`.
 #[derive(Debug, Args)]
@@ -97,8 +97,11 @@ impl OutputArgs {
         let out = self
             .file()
             .map(|path| format!("Written to {}\n", path.display()));
-        let report =
-            report.map(|path| format!("Report: {} (open it in a browser)\n", path.display()));
+        let report = report.map(|path| {
+            report_written(path)
+                + "
+"
+        });
         out.into_iter().chain(report).collect()
     }
 }

@@ -7,14 +7,13 @@ use clap::Args;
 use northing_evaluation::attitude::compare::{CompareOptions, scores};
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::outcome::RunSummary;
-use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::estimation::{Asked, EstimationArgs};
 use crate::arguments::input::InputArgs;
 use crate::arguments::recordings::{self, Recordings};
 use crate::commands::comparison::{self, Outcome, describe, notes, streams};
 use crate::files::STDIN;
-use crate::files::output::{check_free, print, print_json};
+use crate::files::output::{ReportArgs, number, print, print_json};
 use crate::invocation::command_line;
 use crate::text::attitude as text;
 use crate::text::table::Table;
@@ -44,12 +43,8 @@ pub(crate) struct CompareArgs {
     /// List each recording, however many there are
     #[arg(long)]
     each: bool,
-    /// Write a report with plots: one HTML file for a browser
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
-    /// Overwrite the report if it exists
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    report: ReportArgs,
     /// Print one JSON document: an array with one object a run
     #[arg(long)]
     json: bool,
@@ -65,13 +60,11 @@ pub(crate) fn execute(args: &CompareArgs) -> Result<()> {
         bail!("standard input can be read only once; save it to a file, or use northing run -");
     }
     let options = compare_options(args)?;
-    if let Some(report) = &args.report {
-        check_free(report, args.force)?;
-    }
+    args.report.check_free()?;
     let found =
         recordings::find_calibrated(&args.recordings, &options.open, &options.calibrations)?;
     // Plots over time are for one recording; of many they would be a wall.
-    let traced = args.report.is_some() && found.paths.len() == 1;
+    let traced = args.report.report.is_some() && found.paths.len() == 1;
     let Outcome { runs, failure } = comparison::run(&found, &options, traced)?;
     print_all(args, &options, &found, &runs)?;
     failure.map_or(Ok(()), Err)
@@ -85,10 +78,8 @@ fn print_all(
     runs: &[Run],
 ) -> Result<()> {
     let scores = scores(runs);
-    if let Some(path) = &args.report {
-        let html = compared_runs::render(compared_runs::TITLE, runs, &scores, command_line());
-        write_whole(path, html.as_bytes(), args.force)?;
-    }
+    args.report
+        .write(|| compared_runs::render(compared_runs::TITLE, runs, &scores, command_line()))?;
     if args.json {
         let summaries: Vec<_> = runs
             .iter()
@@ -102,7 +93,7 @@ fn print_all(
         describe(&scores, args.each)
     };
     text.push_str(&streams(runs));
-    text.push_str(&notes(found, args.report.as_deref()));
+    text.push_str(&notes(found, args.report.report.as_deref()));
     print(&text)
 }
 
@@ -157,7 +148,7 @@ fn one_recording(runs: &[Run]) -> String {
 }
 
 fn cells(summary: &RunSummary) -> Vec<String> {
-    let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
+    let number = |value: Option<f64>| number(value, 2);
     let error = summary.error_deg;
     let test = summary.final_test.as_ref();
     let verdict = test.and_then(|test| test.verdict).map(text::verdict_word);

@@ -1,13 +1,11 @@
 //! What `compare` and `benchmark` share: estimators over recordings, what failed, and the table.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, bail};
 use northing_evaluation::EvaluationError;
 use northing_evaluation::attitude::compare::{
-    CompareOptions, Score, compare_observed, distinct, statistics, table, totals,
+    CompareOptions, MeanMedian, Score, compare_observed, distinct, statistics, totals,
 };
 use northing_evaluation::attitude::observer::TraceObserver;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
@@ -15,9 +13,10 @@ use northing_recording::Metadata;
 use northing_report::compared_runs::Run;
 
 use crate::arguments::recordings::Recordings;
+use crate::files::output::{number, report_written};
 use crate::files::shown;
 use crate::interrupt;
-use crate::progress::Progress;
+use crate::progress::SharedProgress;
 use crate::text::table::Table;
 
 /// With more recordings than this only means and medians are printed.
@@ -51,15 +50,8 @@ pub(crate) fn run(found: &Recordings, options: &CompareOptions, traced: bool) ->
 
 fn run_all(paths: &[PathBuf], options: &CompareOptions, traced: bool) -> Vec<Run> {
     let total = (paths.len() * options.estimators.len()) as u64;
-    let progress = Mutex::new(Progress::of_steps(total, "comparing"));
-    let done = AtomicU64::new(0);
-    let finished = || {
-        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        // A panic elsewhere must not be hidden by one here.
-        if let Ok(mut progress) = progress.lock() {
-            progress.done(done);
-        }
-    };
+    let progress = SharedProgress::of_steps(total, "comparing");
+    let finished = || progress.step();
     let observe = |metadata: &Metadata| {
         traced.then(|| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame))
     };
@@ -117,8 +109,44 @@ pub(crate) fn describe(scores: &[Score], each: bool) -> String {
         text.push_str(&listing(scores));
         text.push('\n');
     }
-    text.push_str(&table(&statistics(scores)));
+    text.push_str(&averages(scores));
     text
+}
+
+/// RMS errors in degrees, mean / median over the recordings of each folder.
+fn averages(scores: &[Score]) -> String {
+    let [total, heading, inclination] = ["total deg", "heading deg", "inclination deg"];
+    let wide = [total, heading, inclination, "NEES / dof"].map(|name| format!("{name:>15}"));
+    let mut headings = vec!["<folder", "<estimator", "  n"];
+    headings.extend(wide.iter().map(String::as_str));
+    let mut rows = Table::new(&headings);
+    rows.row(
+        ["", "", ""]
+            .into_iter()
+            .chain(["mean / median"; 4])
+            .map(str::to_owned),
+    );
+    let cell = |value: Option<MeanMedian>| {
+        value.map_or_else(
+            || "-".to_owned(),
+            |v| format!("{:.2} / {:.2}", v.mean, v.median),
+        )
+    };
+    for row in statistics(scores) {
+        let numbers = [
+            row.total_deg,
+            row.heading_deg,
+            row.inclination_deg,
+            row.nees,
+        ];
+        let names = [
+            row.folder.unwrap_or_else(|| "all".to_owned()),
+            row.estimator,
+            row.scored_recordings.to_string(),
+        ];
+        rows.row(names.into_iter().chain(numbers.map(cell)));
+    }
+    rows.render("")
 }
 
 /// What comes below a table: files that are no recordings, and where the report is.
@@ -128,8 +156,12 @@ pub(crate) fn notes(found: &Recordings, report: Option<&Path>) -> String {
         text.push_str(&format!("\nLeft out: {sentence}\n"));
     }
     if let Some(path) = report {
-        let path = path.display();
-        text.push_str(&format!("\nReport: {path} (open it in a browser)\n"));
+        text.push_str(&format!(
+            "
+{}
+",
+            report_written(path)
+        ));
     }
     text
 }
@@ -165,8 +197,40 @@ fn listing(scores: &[Score]) -> String {
     let mut rows = Table::new(&headings);
     for recording in distinct(scores, |score| &score.recording) {
         let errors = totals(scores, recording, &estimators).into_iter();
-        let errors = errors.map(|e| e.map_or_else(|| "-".to_owned(), |e| format!("{e:.2}")));
+        let errors = errors.map(|error| number(error, 2));
         rows.row(std::iter::once(recording.clone()).chain(errors));
     }
     rows.render("  ")
+}
+
+#[cfg(test)]
+mod tests {
+    use northing_evaluation::attitude::compare::ErrorsDeg;
+
+    use super::*;
+
+    #[test]
+    fn averages_stand_in_columns_with_and_without_a_score() {
+        let score = |recording: &str, estimator: &str, total: Option<f64>| Score {
+            recording: recording.to_owned(),
+            folder: "no-such-folder".to_owned(),
+            estimator: estimator.to_owned(),
+            error_deg: total.map(|total| ErrorsDeg {
+                total,
+                heading: 2.0,
+                inclination: 1.0,
+            }),
+            nees: None,
+        };
+        let text = averages(&[
+            score("a.csv", "mekf", Some(123.456)),
+            score("a.csv", "a-long-name-of-an-estimator", None),
+        ]);
+        let first = text.lines().next().unwrap().len();
+        assert!(text.lines().all(|line| line.len() == first), "{text}");
+        assert!(
+            text.contains("123.46 / 123.46  ") && text.ends_with(" -\n"),
+            "{text}"
+        );
+    }
 }

@@ -1,7 +1,6 @@
 //! `northing experiment`: experiments of the literature, made again.
 
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 use anyhow::{Context as _, Result};
 use clap::{Args, Subcommand};
@@ -10,14 +9,13 @@ use northing_experiments::observers::experiment::{
 };
 use northing_experiments::observers::{Comparison, Condition, Experiment, ExperimentOutcome};
 use northing_recording::OpenOptions;
-use northing_recording::atomic_file::write_whole;
 use northing_simulation::scenario::FlightScenarioFile;
 
 use crate::arguments::recordings;
-use crate::files::output::{check_free, print, print_json};
+use crate::files::output::{ReportArgs, number, print, print_json};
 use crate::interrupt;
 use crate::invocation::command_line;
-use crate::progress::Progress;
+use crate::progress::SharedProgress;
 use crate::text::table::Table;
 
 /// Arguments of `experiment`.
@@ -65,20 +63,14 @@ struct ObserversArgs {
     /// Print one JSON document
     #[arg(long)]
     json: bool,
-    /// Write a report with plots: one HTML file for a browser
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
-    /// Overwrite the report if it exists
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    report: ReportArgs,
 }
 
 /// Makes an experiment.
 pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
     let ExperimentCommand::Observers(args) = &args.experiment;
-    if let Some(path) = &args.report {
-        check_free(path, args.force)?;
-    }
+    args.report.check_free()?;
     let file = scenario(args)?;
     let options = OpenOptions::default();
     let mut folders = Vec::new();
@@ -100,17 +92,10 @@ pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
         experiment.check(&file.scenario(Some(variant))?)?;
     }
     let steps = (variants.len() + folders.len()) as u64;
-    let progress = Mutex::new((Progress::of_steps(steps, "conditions"), 0_u64));
+    let progress = SharedProgress::of_steps(steps, "conditions");
     let done = || {
-        if interrupt::happened() {
-            // Nothing has been written yet: half an experiment answers nothing.
-            std::process::exit(i32::from(interrupt::EXIT_CODE));
-        }
-        if let Ok(mut progress) = progress.lock() {
-            progress.1 += 1;
-            let steps = progress.1;
-            progress.0.done(steps);
-        }
+        interrupt::exit_if_happened();
+        progress.step();
     };
     let mut conditions = Vec::new();
     for variant in &variants {
@@ -152,10 +137,8 @@ fn name_of(folder: &std::path::Path) -> String {
 }
 
 fn conclude(args: &ObserversArgs, outcome: &ExperimentOutcome) -> Result<()> {
-    if let Some(path) = &args.report {
-        let html = northing_report::observers_html(outcome, Some(&command_line()));
-        write_whole(path, html.as_bytes(), args.force)?;
-    }
+    args.report
+        .write(|| northing_report::observers_html(outcome, Some(&command_line())))?;
     if args.json {
         print_json(outcome)
     } else {
@@ -210,7 +193,6 @@ fn table<'a>(rows: impl Iterator<Item = (&'a Condition, &'a Comparison)>) -> Str
         "position gain %",
         "velocity gain %",
     ]);
-    let percent = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.0}"));
     for (condition, c) in rows {
         let [low, high] = c.gain_ci95;
         table.row([
@@ -220,8 +202,8 @@ fn table<'a>(rows: impl Iterator<Item = (&'a Condition, &'a Comparison)>) -> Str
             format!("{:.2}", c.ekf_deg),
             format!("{:.0}", c.gain_percent),
             format!("{low:.0} to {high:.0}"),
-            percent(c.position_gain_percent),
-            percent(c.velocity_gain_percent),
+            number(c.position_gain_percent, 0),
+            number(c.velocity_gain_percent, 0),
         ]);
     }
     table.render("  ")

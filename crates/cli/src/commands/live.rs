@@ -27,7 +27,7 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 const PORT: u16 = 7770;
 
 /// Arguments of `live`.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 #[command(
     long_about = "Starts the lab: a page on this computer, and an address for phones. Scan the QR code with a \
                   phone in the same network and accept the certificate once; or add a virtual phone on the \
@@ -111,37 +111,13 @@ pub(crate) struct LiveArgs {
 }
 
 /// How fast a recording is played.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 enum ReplaySpeed {
     /// As it was measured
+    #[default]
     Real,
     /// As fast as it goes
     Max,
-}
-
-impl Default for LiveArgs {
-    fn default() -> Self {
-        Self {
-            port: None,
-            no_open: false,
-            json: false,
-            local: false,
-            replay: None,
-            speed: ReplaySpeed::Real,
-            device: None,
-            no_recording: false,
-            recordings: None,
-            exit: false,
-            inputs: Vec::new(),
-            serial: None,
-            name: String::new(),
-            allowed_hosts: Vec::new(),
-            data_dir: None,
-            cert: None,
-            key: None,
-            web_dir: None,
-        }
-    }
 }
 
 impl LiveArgs {

@@ -1,8 +1,6 @@
 //! `northing montecarlo`: many runs of a tracking scenario, and what they say together.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, Subcommand};
@@ -14,7 +12,7 @@ use crate::arguments::scenario::{self, ScenarioArgs};
 use crate::files::campaign_part;
 use crate::files::output::{check_free, print, print_json};
 use crate::interrupt;
-use crate::progress::Progress;
+use crate::progress::SharedProgress;
 use crate::text::table::Table;
 use northing_report::campaign_outcome;
 
@@ -128,18 +126,10 @@ fn check_outputs(out: Option<&Path>, shown: &ShownArgs) -> Result<()> {
 
 fn run(campaign: &Campaign, shard: Shard, runs: u64, threads: Option<usize>) -> Result<Part> {
     let range = shard.range(runs);
-    let progress = Mutex::new(Progress::of_steps(range.end - range.start, "runs"));
-    let count = AtomicU64::new(0);
+    let progress = SharedProgress::of_steps(range.end - range.start, "runs");
     let done = || {
-        let steps = count.fetch_add(1, Ordering::Relaxed) + 1;
-        if interrupt::happened() {
-            // Sums of half a campaign are of no use.
-            std::process::exit(i32::from(interrupt::EXIT_CODE));
-        }
-        // A thread that finds the bar busy leaves it to the one that has it.
-        if let Ok(mut progress) = progress.try_lock() {
-            progress.done(steps);
-        }
+        interrupt::exit_if_happened();
+        progress.step();
     };
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))

@@ -14,7 +14,9 @@ use northing_recording::atomic_file::write_whole;
 use crate::arguments::estimation::{Asked, run_over};
 use crate::arguments::estimator::RunEstimator;
 use crate::files::estimate_file::EstimateFile;
-use crate::files::output::{check_free, check_not_input, print, print_json, same_file};
+use crate::files::output::{
+    check_free, check_not_input, print, print_json, report_written, same_file,
+};
 use crate::files::shown;
 use crate::invocation::command_line;
 use crate::progress::Progress;
@@ -87,7 +89,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     if let (Some(path), Some(trace)) = (&args.report, trace) {
         let html = run_page::render(&summary, &metadata, trace.trace(), command_line());
         write_whole(path, html.as_bytes(), args.force)?;
-        written.push(format!("Report: {} (open it in a browser)", path.display()));
+        written.push(report_written(path));
     }
     if let (Some(path), Some(file)) = (&args.out, file) {
         file.finish()?;

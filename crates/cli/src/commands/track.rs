@@ -14,7 +14,9 @@ use serde::Serialize;
 
 use crate::arguments::quantity;
 use crate::arguments::settings::ParameterArgs;
-use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::files::output::{
+    check_free, check_not_input, number, print, print_json, report_written,
+};
 use crate::invocation::command_line;
 use crate::text::table::Table;
 use northing_report::followed_targets;
@@ -178,10 +180,6 @@ fn open(args: &TrackArgs) -> Result<Vec<TrackingRecording>> {
     Ok(recordings)
 }
 
-fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
-}
-
 fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
     let mut text = String::new();
     let mut table = Table::new(&[
@@ -233,10 +231,7 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
         }
     }
     if let Some(report) = &args.report {
-        text.push_str(&format!(
-            "\nReport: {} (open it in a browser)\n",
-            report.display()
-        ));
+        text.push_str(&format!("\n{}\n", report_written(report)));
     }
     text
 }

@@ -25,6 +25,8 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use serde::{Deserialize, Serialize};
 
+use crate::files::parquet_table::write_group;
+
 /// Key of the metadata.
 const KEY: &str = "northing_campaign";
 const SCHEMA: &str = "message campaign_part { required int64 series; required int64 step; \
@@ -65,25 +67,8 @@ pub(crate) fn write(path: &Path, part: &Part, force: bool) -> Result<()> {
     let schema = Arc::new(parse_message_type(SCHEMA)?);
     let mut output =
         SerializedFileWriter::new(output, schema, Arc::new(properties)).with_context(place)?;
-    write_columns(&mut output, &columns(&part.sums)).with_context(place)?;
+    write_group::<Int64Type>(&mut output, &columns(&part.sums)).with_context(place)?;
     Ok(output.into_inner().with_context(place)?.commit()?)
-}
-
-fn write_columns(
-    output: &mut SerializedFileWriter<AtomicFile>,
-    columns: &[Vec<i64>; COLUMNS],
-) -> parquet::errors::Result<()> {
-    let mut group = output.next_row_group()?;
-    for values in columns {
-        if let Some(mut column) = group.next_column()? {
-            column
-                .typed::<Int64Type>()
-                .write_batch(values, None, None)?;
-            column.close()?;
-        }
-    }
-    group.close()?;
-    Ok(())
 }
 
 /// All sums as columns.

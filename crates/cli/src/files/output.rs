@@ -1,10 +1,12 @@
 //! What the program hands out: text and JSON on standard output, and files that must not exist yet.
 
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use clap::Args;
 use northing_recording::AtomicFile;
+use northing_recording::atomic_file::write_whole;
 use serde::Serialize;
 
 /// Writes text to standard output.
@@ -55,6 +57,43 @@ pub(crate) fn same_file(a: &Path, b: &Path) -> bool {
         })
     };
     a == b || place(a).is_some_and(|a| Some(a) == place(b))
+}
+
+/// The report that a command writes when it is asked for one.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct ReportArgs {
+    /// Write a report with plots: one HTML file for a browser
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Overwrite the report if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+impl ReportArgs {
+    /// Refuses one that exists already.
+    pub(crate) fn check_free(&self) -> Result<()> {
+        let report = self.report.as_deref();
+        report.map_or(Ok(()), |path| check_free(path, self.force))
+    }
+
+    /// Writes the page.
+    pub(crate) fn write(&self, html: impl FnOnce() -> String) -> Result<()> {
+        match &self.report {
+            Some(path) => Ok(write_whole(path, html().as_bytes(), self.force)?),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A line about a report that was written.
+pub(crate) fn report_written(path: &Path) -> String {
+    format!("Report: {} (open it in a browser)", path.display())
+}
+
+/// A number of a table; `-` where there is none.
+pub(crate) fn number(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use northing_recording::AtomicFile;
 use parquet::basic::{Compression, ZstdLevel};
-use parquet::data_type::DoubleType;
+use parquet::data_type::{DataType, DoubleType};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
@@ -64,17 +64,8 @@ impl ParquetTable {
     }
 
     fn write_group(&mut self) -> parquet::errors::Result<()> {
-        let mut group = self.output.next_row_group()?;
-        for values in &mut self.columns {
-            if let Some(mut column) = group.next_column()? {
-                column
-                    .typed::<DoubleType>()
-                    .write_batch(values, None, None)?;
-                column.close()?;
-            }
-            values.clear();
-        }
-        group.close()?;
+        write_group::<DoubleType>(&mut self.output, &self.columns)?;
+        self.columns.iter_mut().for_each(Vec::clear);
         Ok(())
     }
 
@@ -92,4 +83,20 @@ impl ParquetTable {
         let output = self.output.into_inner().with_context(place)?;
         Ok(output.commit()?)
     }
+}
+
+/// Writes columns as one group of rows.
+pub(crate) fn write_group<D: DataType>(
+    output: &mut SerializedFileWriter<AtomicFile>,
+    columns: &[Vec<D::T>],
+) -> parquet::errors::Result<()> {
+    let mut group = output.next_row_group()?;
+    for values in columns {
+        if let Some(mut column) = group.next_column()? {
+            column.typed::<D>().write_batch(values, None, None)?;
+            column.close()?;
+        }
+    }
+    group.close()?;
+    Ok(())
 }

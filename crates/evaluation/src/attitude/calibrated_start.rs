@@ -16,6 +16,7 @@ use crate::attitude::options::{RunOptions, SensorSelection};
 use crate::attitude::parameters::Profile;
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
+use crate::statistics::seconds_between;
 use crate::used_parameters::Origin;
 
 impl RunOptions {
@@ -274,8 +275,7 @@ pub(crate) fn chosen_field(
 
 /// Seconds since `last`, which becomes `now`.
 fn since(last: &mut Option<i64>, now: i64) -> Option<f64> {
-    last.replace(now)
-        .map(|before| now.saturating_sub(before) as f64 * 1e-9)
+    last.replace(now).map(|before| seconds_between(before, now))
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Several estimators over many recordings: in parallel, in order, and as one table.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use northing_recording::{Metadata, OpenOptions};
@@ -221,22 +220,15 @@ pub struct TableRow {
 /// recordings if there is more than one folder.
 #[must_use]
 pub fn statistics(scores: &[Score]) -> Vec<TableRow> {
-    let (mut folders, mut estimators) = (Vec::new(), Vec::new());
-    for one in scores {
-        if !folders.contains(&&one.folder) {
-            folders.push(&one.folder);
-        }
-        if !estimators.contains(&&one.estimator) {
-            estimators.push(&one.estimator);
-        }
-    }
+    let folders = distinct(scores, |score| &score.folder);
+    let estimators = distinct(scores, |score| &score.estimator);
     let mut parts: Vec<_> = folders.iter().map(|folder| Some(*folder)).collect();
     if folders.len() > 1 {
         parts.push(None);
     }
     let rows = parts.into_iter().flat_map(|folder| {
         estimators.iter().map(move |estimator| {
-            let of = scores.iter().filter(|one| {
+            let of = scores.iter().filter(move |one| {
                 one.estimator == **estimator && folder.is_none_or(|folder| one.folder == *folder)
             });
             row(folder.cloned(), (*estimator).clone(), of)
@@ -265,53 +257,6 @@ fn row<'a>(
         inclination_deg: over(|e| e.inclination),
         nees: MeanMedian::of(scored.iter().filter_map(|(_, nees)| *nees).collect()),
     }
-}
-
-/// The rows as aligned text: RMS errors in degrees, mean / median over recordings.
-#[must_use]
-pub fn table(rows: &[TableRow]) -> String {
-    let name = |row: &TableRow| row.folder.clone().unwrap_or_else(|| "all".to_owned());
-    let folder_width = rows
-        .iter()
-        .map(|row| name(row).len())
-        .max()
-        .unwrap_or(0)
-        .max(6);
-    let names = rows.iter().map(|row| row.estimator.len());
-    let name_width = names.max().unwrap_or(0).max(9);
-    let mut text = format!(
-        "{:folder_width$}  {:name_width$}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}\n",
-        "folder", "estimator", "n", "total deg", "heading deg", "inclination deg", "NEES / dof"
-    );
-    let _ = writeln!(
-        text,
-        "{:folder_width$}  {:name_width$}  {:>3}  {m:>15}  {m:>15}  {m:>15}  {m:>15}",
-        "",
-        "",
-        "",
-        m = "mean / median"
-    );
-    for row in rows {
-        let _ = writeln!(
-            text,
-            "{:folder_width$}  {:name_width$}  {:>3}  {:>15}  {:>15}  {:>15}  {:>15}",
-            name(row),
-            row.estimator,
-            row.scored_recordings,
-            cell(row.total_deg),
-            cell(row.heading_deg),
-            cell(row.inclination_deg),
-            cell(row.nees),
-        );
-    }
-    text
-}
-
-fn cell(value: Option<MeanMedian>) -> String {
-    value.map_or_else(
-        || "-".to_owned(),
-        |v| format!("{:.2} / {:.2}", v.mean, v.median),
-    )
 }
 
 /// The different values of a text of the scores, in the order in which they come.

@@ -1,6 +1,5 @@
 //! The registry of attitude estimators: the one place where their names live.
 
-use std::fmt;
 use std::str::FromStr;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -20,168 +19,61 @@ use serde::{Deserialize, Serialize};
 
 use crate::attitude::parameters::{Parameters, parameters_of};
 use crate::error::EvaluationError;
-use crate::registry::{EstimatorInfo, ParameterInfo, Question, Registered};
+use crate::estimators;
 
-/// An estimator that can be asked for by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-#[serde(rename_all = "kebab-case")]
-pub enum EstimatorKind {
-    /// Gyroscope alone.
-    Integration,
-    /// The paper's filter.
-    Mekf3,
-    /// With gyroscope bias: the default in the laboratory.
-    Mekf,
-    /// With gyroscope bias and scale, bounded velocity, hard iron and field: the default for what
-    /// people carry.
-    BoundedVelocity,
-    /// Unscented.
-    Usque,
-    /// Additive, four quaternion components.
-    QuaternionEkf,
-    /// Mahony's explicit complementary filter.
-    Complementary,
-    /// Its passive form, against TRIAD.
-    ComplementaryPassive,
-    /// Its direct form, against TRIAD.
-    ComplementaryDirect,
-    /// The explicit filter, and the position observer behind it.
-    Cascade,
-    /// A passive filter behind the additive EKF, and the position observer behind both.
-    CascadeEkf,
-    /// What the device itself reported; no filter runs.
-    Device,
+estimators! {
+    /// An estimator that can be asked for by name.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+    #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum EstimatorKind for Attitude, "run --estimator", parameters_of {
+        /// Gyroscope alone.
+        Integration = "integration", 0, "gyroscope integration alone, the baseline: drifts with bias and noise",
+            "Utrera & Vazquez (2021), section 4", "the baseline";
+        /// The paper's filter.
+        Mekf3 = "mekf3", 3, "multiplicative EKF of the paper: attitude only, the bias is a constant",
+            "Utrera & Vazquez (2021), eqs 18-27", "to repeat the paper";
+        /// With gyroscope bias: the default in the laboratory.
+        Mekf = "mekf", 6, "multiplicative EKF with gyroscope bias: the default of the lab profile",
+            "Markley (2003); Utrera & Vazquez (2021)", "on a bench, in the lab";
+        /// With gyroscope bias and scale, bounded velocity, hard iron and field: the default for what
+        /// people carry.
+        BoundedVelocity = "bounded-velocity", 22,
+            "Kalman filter for phones and wearables, the default: a bounded velocity instead of \
+                gravity, gyroscope scale, hard iron and field estimated",
+            "docs/derivations/bounded_velocity.md", "phones and wearables; the default";
+        /// Unscented.
+        Usque = "usque", 6, "unscented quaternion estimator with gyroscope bias, for large errors",
+            "Crassidis & Markley (2003)", "large initial errors";
+        /// Additive, four quaternion components.
+        QuaternionEkf = "quaternion-ekf", 7,
+            "additive EKF on the four quaternion components and the gyroscope bias",
+            "Bar-Itzhack & Oshman (1985)", "to compare with";
+        /// Mahony's explicit complementary filter.
+        Complementary = "complementary", 0, "explicit complementary filter with gyroscope bias: fixed gains, cheap",
+            "Mahony, Hamel & Pflimlin (2008)", "cheapest; no covariance";
+        /// Its passive form, against TRIAD.
+        ComplementaryPassive = "complementary-passive", 0,
+            "passive complementary filter against TRIAD of gravity and field",
+            "Mahony, Hamel & Pflimlin (2008)", "to compare with";
+        /// Its direct form, against TRIAD.
+        ComplementaryDirect = "complementary-direct", 0,
+            "direct complementary filter: as passive, the rate carried by TRIAD",
+            "Mahony, Hamel & Pflimlin (2008)", "to compare with";
+        /// The explicit filter, and the position observer behind it.
+        Cascade = "cascade", 0, "explicit complementary filter; where there are positions, an observer of \
+                position, velocity and accelerometer bias behind it",
+            "Scandaroli & Morin (2011); Mahony, Hamel & Pflimlin (2008)", "with positions: velocity and accelerometer bias, too";
+        /// A passive filter behind the additive EKF, and the position observer behind both.
+        CascadeEkf = "cascade-ekf", 0, "as cascade, with a passive filter that follows the quaternion EKF",
+            "Iporre & Amestegui", "to repeat the paper";
+        /// What the device itself reported; no filter runs.
+        Device = "device", 0, "the orientation that the device itself reported; nothing is estimated",
+            "-", "to compare with";
+    }
 }
 
 impl EstimatorKind {
-    /// Every estimator, simplest first.
-    pub const ALL: [Self; 12] = [
-        Self::Integration,
-        Self::Mekf3,
-        Self::Mekf,
-        Self::BoundedVelocity,
-        Self::Usque,
-        Self::QuaternionEkf,
-        Self::Complementary,
-        Self::ComplementaryPassive,
-        Self::ComplementaryDirect,
-        Self::Cascade,
-        Self::CascadeEkf,
-        Self::Device,
-    ];
-
-    /// What there is to know about it.
-    #[must_use]
-    pub const fn info(self) -> EstimatorInfo {
-        match self {
-            Self::Integration => EstimatorInfo {
-                name: "integration",
-                summary: "gyroscope integration alone, the baseline: drifts with bias and noise",
-                error_states: 0,
-                has_covariance: false,
-                paper: "Utrera & Vazquez (2021), section 4",
-                when: "the baseline",
-            },
-            Self::Mekf3 => EstimatorInfo {
-                name: "mekf3",
-                summary: "multiplicative EKF of the paper: attitude only, the bias is a constant",
-                error_states: 3,
-                has_covariance: true,
-                paper: "Utrera & Vazquez (2021), eqs 18-27",
-                when: "to repeat the paper",
-            },
-            Self::Mekf => EstimatorInfo {
-                name: "mekf",
-                summary: "multiplicative EKF with gyroscope bias: the default of the lab profile",
-                error_states: 6,
-                has_covariance: true,
-                paper: "Markley (2003); Utrera & Vazquez (2021)",
-                when: "on a bench, in the lab",
-            },
-            Self::BoundedVelocity => EstimatorInfo {
-                name: "bounded-velocity",
-                summary: "Kalman filter for phones and wearables, the default: a bounded velocity instead of \
-                          gravity, gyroscope scale, hard iron and field estimated",
-                error_states: 22,
-                has_covariance: true,
-                paper: "docs/derivations/bounded_velocity.md",
-                when: "phones and wearables; the default",
-            },
-            Self::Usque => EstimatorInfo {
-                name: "usque",
-                summary: "unscented quaternion estimator with gyroscope bias, for large errors",
-                error_states: 6,
-                has_covariance: true,
-                paper: "Crassidis & Markley (2003)",
-                when: "large initial errors",
-            },
-            Self::QuaternionEkf => EstimatorInfo {
-                name: "quaternion-ekf",
-                summary: "additive EKF on the four quaternion components and the gyroscope bias",
-                error_states: 7,
-                has_covariance: true,
-                paper: "Bar-Itzhack & Oshman (1985)",
-                when: "to compare with",
-            },
-            Self::Complementary => EstimatorInfo {
-                name: "complementary",
-                summary: "explicit complementary filter with gyroscope bias: fixed gains, cheap",
-                error_states: 0,
-                has_covariance: false,
-                paper: "Mahony, Hamel & Pflimlin (2008)",
-                when: "cheapest; no covariance",
-            },
-            Self::ComplementaryPassive => EstimatorInfo {
-                name: "complementary-passive",
-                summary: "passive complementary filter against TRIAD of gravity and field",
-                error_states: 0,
-                has_covariance: false,
-                paper: "Mahony, Hamel & Pflimlin (2008)",
-                when: "to compare with",
-            },
-            Self::ComplementaryDirect => EstimatorInfo {
-                name: "complementary-direct",
-                summary: "direct complementary filter: as passive, the rate carried by TRIAD",
-                error_states: 0,
-                has_covariance: false,
-                paper: "Mahony, Hamel & Pflimlin (2008)",
-                when: "to compare with",
-            },
-            Self::Cascade => EstimatorInfo {
-                name: "cascade",
-                summary: "explicit complementary filter; where there are positions, an observer of \
-                          position, velocity and accelerometer bias behind it",
-                error_states: 0,
-                has_covariance: false,
-                paper: "Scandaroli & Morin (2011); Mahony, Hamel & Pflimlin (2008)",
-                when: "with positions: velocity and accelerometer bias, too",
-            },
-            Self::CascadeEkf => EstimatorInfo {
-                name: "cascade-ekf",
-                summary: "as cascade, with a passive filter that follows the quaternion EKF",
-                error_states: 0,
-                has_covariance: false,
-                paper: "Iporre & Amestegui",
-                when: "to repeat the paper",
-            },
-            Self::Device => EstimatorInfo {
-                name: "device",
-                summary: "the orientation that the device itself reported; nothing is estimated",
-                error_states: 0,
-                has_covariance: false,
-                paper: "-",
-                when: "to compare with",
-            },
-        }
-    }
-
-    /// The name on the command line and in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        self.info().name
-    }
-
     /// Whether it can be smoothed over a whole recording.
     #[must_use]
     pub const fn has_smoother(self) -> bool {
@@ -193,40 +85,13 @@ impl EstimatorKind {
     pub const fn uses_positions(self) -> bool {
         matches!(self, Self::Cascade | Self::CascadeEkf)
     }
-
-    /// All names, separated by commas.
-    #[must_use]
-    pub fn names() -> String {
-        Self::ALL.map(Self::name).join(", ")
-    }
-}
-
-impl Registered for EstimatorKind {
-    const QUESTION: Question = Question::Attitude;
-    const COMMAND: &'static str = "run --estimator";
-    const EVERY: &'static [Self] = &Self::ALL;
-
-    fn info(self) -> EstimatorInfo {
-        Self::info(self)
-    }
-
-    fn parameters(self) -> Vec<ParameterInfo> {
-        parameters_of(self)
-    }
-}
-
-impl fmt::Display for EstimatorKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
 }
 
 impl FromStr for EstimatorKind {
     type Err = EvaluationError;
 
     fn from_str(name: &str) -> Result<Self, EvaluationError> {
-        let known = Self::ALL.into_iter().find(|kind| kind.name() == name);
-        known.ok_or_else(|| EvaluationError::UnknownEstimator {
+        Self::named(name).ok_or_else(|| EvaluationError::UnknownEstimator {
             name: name.to_owned(),
             valid: Self::names(),
         })

@@ -8,6 +8,7 @@ use northing_recording::{Reference, SensorKind, WorldFrame};
 
 use crate::attitude::options::tangent_frame;
 use crate::attitude::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
+use crate::observers::observers;
 use crate::statistics::metrics::AttitudeError;
 
 /// The estimate at the instant of a gyroscope sample, after everything measured at that instant.
@@ -59,81 +60,24 @@ pub struct PositionRecord {
     pub innovation: Innovation<f64>,
 }
 
-/// Something that watches a run. Every method has an empty default.
-pub trait RunObserver {
-    /// The estimate at a gyroscope sample, in time order.
-    fn estimate(&mut self, record: &EstimateRecord) {
-        let _ = record;
-    }
+observers! {
+    /// Something that watches a run. Every method has an empty default.
+    pub trait RunObserver {
+        /// The estimate at a gyroscope sample, in time order.
+        tells estimate(record: &EstimateRecord);
 
-    /// An accelerometer or magnetometer sample, in time order; also those that were refused or
-    /// skipped. A smoothed run tells the filter's innovations first and then the estimates.
-    fn innovation(&mut self, record: &InnovationRecord) {
-        let _ = record;
-    }
+        /// An accelerometer or magnetometer sample, in time order; also those that were refused or
+        /// skipped. A smoothed run tells the filter's innovations first and then the estimates.
+        tells innovation(record: &InnovationRecord);
 
-    /// A position, where the estimator uses them; also those that were refused or skipped, but not those
-    /// of a calibration at rest.
-    fn position(&mut self, record: &PositionRecord) {
-        let _ = record;
+        /// A position, where the estimator uses them; also those that were refused or skipped, but not those
+        /// of a calibration at rest.
+        tells position(record: &PositionRecord);
     }
 }
 
 /// Watches nothing.
 impl RunObserver for () {}
-
-/// Watches where there is somebody to watch.
-impl<O: RunObserver> RunObserver for Option<O> {
-    fn estimate(&mut self, record: &EstimateRecord) {
-        if let Some(observer) = self {
-            observer.estimate(record);
-        }
-    }
-
-    fn innovation(&mut self, record: &InnovationRecord) {
-        if let Some(observer) = self {
-            observer.innovation(record);
-        }
-    }
-
-    fn position(&mut self, record: &PositionRecord) {
-        if let Some(observer) = self {
-            observer.position(record);
-        }
-    }
-}
-
-/// Tells two observers.
-impl<A: RunObserver, B: RunObserver> RunObserver for (A, B) {
-    fn estimate(&mut self, record: &EstimateRecord) {
-        self.0.estimate(record);
-        self.1.estimate(record);
-    }
-
-    fn innovation(&mut self, record: &InnovationRecord) {
-        self.0.innovation(record);
-        self.1.innovation(record);
-    }
-
-    fn position(&mut self, record: &PositionRecord) {
-        self.0.position(record);
-        self.1.position(record);
-    }
-}
-
-impl<O: RunObserver + ?Sized> RunObserver for &mut O {
-    fn estimate(&mut self, record: &EstimateRecord) {
-        (**self).estimate(record);
-    }
-
-    fn innovation(&mut self, record: &InnovationRecord) {
-        (**self).innovation(record);
-    }
-
-    fn position(&mut self, record: &PositionRecord) {
-        (**self).position(record);
-    }
-}
 
 /// Keeps what plots need, thinned so that memory stays bounded.
 #[derive(Debug, Clone)]

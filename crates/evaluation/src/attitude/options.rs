@@ -121,7 +121,7 @@ impl RunOptions {
             };
             Some(UsedParameter::new(name, row.parameter, value, origin))
         };
-        let rows = parameters::rows().filter(|row| parameters::is_read_by(row, self.estimator));
+        let rows = parameters::rows().filter(|row| row.is_read_by(self.estimator));
         rows.filter_map(used).collect()
     }
 

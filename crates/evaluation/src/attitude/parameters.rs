@@ -11,36 +11,28 @@ use serde_json::Value;
 
 use crate::attitude::kinds::EstimatorKind;
 use crate::by_name;
+pub(crate) use crate::by_name::Row;
 use crate::error::EvaluationError;
+use crate::named;
 use crate::registry::ParameterInfo;
+pub(crate) use set::rows;
 pub use set::{CascadeRotation, Parameters};
-pub(crate) use set::{is_read_by, rows};
 
-/// A named set of parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-#[serde(rename_all = "kebab-case")]
-pub enum Profile {
-    /// A phone or wearable in real use: the default for recordings.
-    #[default]
-    HandHeld,
-    /// A device moved gently in a laboratory, its sensors as good as at rest.
-    Lab,
+named! {
+    /// A named set of parameters, the default first.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+    #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Profile {
+        /// A phone or wearable in real use: the default for recordings.
+        #[default]
+        HandHeld = "hand-held",
+        /// A device moved gently in a laboratory, its sensors as good as at rest.
+        Lab = "lab",
+    }
 }
 
 impl Profile {
-    /// Every profile, the default first.
-    pub const ALL: [Self; 2] = [Self::HandHeld, Self::Lab];
-
-    /// The name on the command line and in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::HandHeld => "hand-held",
-            Self::Lab => "lab",
-        }
-    }
-
     /// What it is for, in a sentence.
     #[must_use]
     pub const fn summary(self) -> &'static str {
@@ -79,15 +71,14 @@ impl std::str::FromStr for Profile {
     type Err = EvaluationError;
 
     fn from_str(name: &str) -> Result<Self, EvaluationError> {
-        let known = Self::ALL.into_iter().find(|profile| profile.name() == name);
-        known.ok_or_else(|| EvaluationError::UnknownProfile {
+        Self::named(name).ok_or_else(|| EvaluationError::UnknownProfile {
             name: name.to_owned(),
-            valid: Self::ALL.map(Self::name).join(", "),
+            valid: Self::names(),
         })
     }
 }
 
-fn info(row: &by_name::Row) -> ParameterInfo {
+fn info(row: &Row) -> ParameterInfo {
     let name = row.name();
     let default = |profile: Profile| {
         let value = profile.config().value(&name);
@@ -106,7 +97,7 @@ pub fn parameters() -> Vec<ParameterInfo> {
 /// The parameters that make a difference to one estimator.
 #[must_use]
 pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
-    let read = rows().filter(|row| is_read_by(row, kind));
+    let read = rows().filter(|row| row.is_read_by(kind));
     read.map(|row| info(&row)).collect()
 }
 
@@ -116,7 +107,7 @@ pub fn parameters_of(kind: EstimatorKind) -> Vec<ParameterInfo> {
 /// The text is no setting, the name is unknown (the nearest one is named), or the value does not
 /// fit; the configuration is then unchanged.
 pub fn apply_setting(config: &mut Parameters, setting: &str) -> Result<String, EvaluationError> {
-    by_name::set(setting, rows(), |name, value| config.set(name, value))
+    by_name::set(config.tables(), setting)
 }
 
 #[cfg(test)]

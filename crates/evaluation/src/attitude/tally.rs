@@ -20,13 +20,14 @@ use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, SensorVerdict};
 use crate::statistics::metrics::ErrorStatistics;
 use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
+use crate::statistics::seconds_between;
 use crate::used_parameters::{Named, UsedCalibrations, UsedParameter, VERSION};
 
 /// Fewer zeros than this may be chance.
 const FEWEST_ZEROS: u64 = 100;
 
 /// Counts samples, updates, gaps, scores; constant memory.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Tally {
     skip_s: f64,
     first_ns: Option<i64>,
@@ -58,25 +59,11 @@ impl Tally {
     pub(crate) fn new(options: &RunOptions) -> Self {
         Self {
             skip_s: options.skip_s,
-            first_ns: None,
-            last_ns: 0,
-            samples: [0; SensorKind::ALL.len()],
-            updates: PerSensor::default(),
-            nis: Default::default(),
-            present: Present::default(),
-            last_rate_ns: None,
             gaps: Gaps {
                 limit_s: options.driver.gap_limit_s,
                 ..Gaps::default()
             },
-            scores: ErrorStatistics::default(),
-            final_test: FinalTest::default(),
-            estimates: 0,
-            first_estimate_s: None,
-            watch: FieldWatch::default(),
-            rates: Rates::default(),
-            parameters: Vec::new(),
-            calibrations: UsedCalibrations::default(),
+            ..Self::default()
         }
     }
 
@@ -130,7 +117,7 @@ impl Tally {
 
     fn watch_gap(&mut self, now_ns: i64) {
         if let Some(last_ns) = self.last_rate_ns.replace(now_ns) {
-            let pause = now_ns.saturating_sub(last_ns) as f64 * 1e-9;
+            let pause = seconds_between(last_ns, now_ns);
             if pause > self.gaps.limit_s {
                 self.gaps.count += 1;
                 if pause > self.gaps.longest_s {
@@ -143,7 +130,7 @@ impl Tally {
 
     /// Seconds since the first sample.
     pub(crate) fn time_s(&self, time_ns: i64) -> f64 {
-        time_ns.saturating_sub(self.first_ns.unwrap_or(time_ns)) as f64 * 1e-9
+        seconds_between(self.first_ns.unwrap_or(time_ns), time_ns)
     }
 
     /// Seconds from the first to the last sample.
@@ -288,32 +275,34 @@ impl Tally {
             let own = &options.config.bounded_velocity;
             config.magnetometer_correlation_time_s = own.magnetometer_correlation_time_s;
         }
-        // A bounded velocity is no noise of the accelerometer: there is no R to judge.
-        let accelerometer = nis.accelerometer.as_ref().filter(|_| !bounded).map(|nis| {
-            let lasts = config.accelerometer_correlation_time_s;
-            consistency::judge(
+        let (updates, accelerometer) = (&self.updates, nis.accelerometer.as_ref());
+        let judged = [
+            (
                 SensorKind::Accelerometer,
-                nis,
-                &self.updates.accelerometer,
-                lasts,
-            )
-        });
-        let magnetometer = nis.magnetometer.as_ref().map(|nis| {
-            let lasts = config.magnetometer_correlation_time_s;
-            consistency::judge(
+                // A bounded velocity is no noise of the accelerometer: there is no R to judge.
+                accelerometer.filter(|_| !bounded),
+                &updates.accelerometer,
+                config.accelerometer_correlation_time_s,
+            ),
+            (
                 SensorKind::Magnetometer,
-                nis,
-                &self.updates.magnetometer,
-                lasts,
-            )
-        });
-        let compass = nis.compass.as_ref().map(|nis| {
-            let lasts = config.compass_correlation_time_s;
-            let counts = &self.updates.compass;
-            consistency::judge(SensorKind::CompassHeading, nis, counts, lasts)
-        });
-        let judged = accelerometer.into_iter().chain(magnetometer);
-        judged.chain(compass).collect()
+                nis.magnetometer.as_ref(),
+                &updates.magnetometer,
+                config.magnetometer_correlation_time_s,
+            ),
+            (
+                SensorKind::CompassHeading,
+                nis.compass.as_ref(),
+                &updates.compass,
+                config.compass_correlation_time_s,
+            ),
+        ];
+        let judged = judged
+            .into_iter()
+            .filter_map(|(sensor, nis, counts, lasts)| {
+                Some(consistency::judge(sensor, nis?, counts, lasts))
+            });
+        judged.collect()
     }
 
     fn issues(&self, scored: bool, runs_filter: bool) -> Vec<String> {

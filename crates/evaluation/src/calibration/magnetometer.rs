@@ -11,30 +11,23 @@ use northing_recording::{Event, Sample};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
+use crate::named;
+use crate::statistics::seconds_between;
 
 /// Hard iron whose standard deviation is above this share of the field is called uncertain.
 const UNCERTAIN: f64 = 0.02;
 
-/// Which magnetometer stream is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-#[serde(rename_all = "kebab-case")]
-pub enum MagnetometerSource {
-    /// As the device calibrated it.
-    #[default]
-    Device,
-    /// Without the device's calibration: hard iron of the device included.
-    Uncalibrated,
-}
-
-impl MagnetometerSource {
-    /// Its name in files and on the command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Device => "device",
-            Self::Uncalibrated => "uncalibrated",
-        }
+named! {
+    /// Which magnetometer stream is used.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+    #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum MagnetometerSource {
+        /// As the device calibrated it.
+        #[default]
+        Device = "device",
+        /// Without the device's calibration: hard iron of the device included.
+        Uncalibrated = "uncalibrated",
     }
 }
 
@@ -92,7 +85,7 @@ impl FieldSamples {
     /// Takes an event of any sensor.
     pub fn add(&mut self, event: &Event) {
         let first_ns = *self.first_ns.get_or_insert(event.time_ns);
-        let time_s = event.time_ns.saturating_sub(first_ns) as f64 * 1e-9;
+        let time_s = seconds_between(first_ns, event.time_ns);
         match event.sample {
             Sample::MagneticField(field) => self.device.push((time_s, field)),
             Sample::MagneticFieldUncalibrated(field) => self.uncalibrated.push((time_s, field)),

@@ -6,6 +6,7 @@ use northing_recording::{Event, RecordingError, Sample};
 
 use super::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
+use crate::statistics::seconds_between;
 
 /// Length of the pieces in which stillness is judged, s.
 const PIECE_S: f64 = 0.5;
@@ -164,7 +165,7 @@ impl Feed {
     /// Seconds of an event since the first one.
     fn seconds(&mut self, event: &Event) -> f64 {
         let first_ns = *self.first_ns.get_or_insert(event.time_ns);
-        event.time_ns.saturating_sub(first_ns) as f64 * 1e-9
+        seconds_between(first_ns, event.time_ns)
     }
 
     fn add(&mut self, event: &Event) {
@@ -196,7 +197,7 @@ impl Feed {
 
     fn interval(&mut self, sensor: usize, time_ns: i64) -> Option<f64> {
         let last_ns = self.last_ns[sensor].replace(time_ns)?;
-        Some(time_ns.saturating_sub(last_ns) as f64 * 1e-9)
+        Some(seconds_between(last_ns, time_ns))
     }
 }
 

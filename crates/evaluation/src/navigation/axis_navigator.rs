@@ -13,6 +13,7 @@ use northing_core::navigation::Validity;
 use northing_core::navigation::axis_filters::{PositionAxisConfig, PositionAxisFilters};
 
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
+use crate::statistics::seconds_between;
 
 /// Gravity, m/s^2.
 const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -82,7 +83,7 @@ impl AxisNavigator {
         start.fastest = start.fastest.max(rate.norm());
         start.force += force;
         start.samples += 1.0;
-        if time_ns.saturating_sub(since) as f64 * 1e-9 >= ALIGNMENT_S {
+        if seconds_between(since, time_ns) >= ALIGNMENT_S {
             self.align();
         }
     }
@@ -173,7 +174,7 @@ impl Navigator for AxisNavigator {
             self.gather(time_ns, rate, force);
             return;
         };
-        let passed = last.map_or(0.0, |last| time_ns.saturating_sub(last) as f64 * 1e-9);
+        let passed = last.map_or(0.0, |last| seconds_between(last, time_ns));
         let dt = passed.min(LONGEST_STEP_S);
         if filters.propagate(&(rate - self.rest_rate), dt).is_ok() {
             told.push((AidKind::Accelerometer, filters.update_accelerometer(force)));

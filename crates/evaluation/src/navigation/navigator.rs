@@ -9,6 +9,7 @@ use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
 use serde::Serialize;
 
+use crate::named;
 use crate::statistics::nis::UpdateCounts;
 
 /// A measurement that aids.
@@ -51,64 +52,39 @@ pub enum Aid {
     WaterVelocity(Vector2<f64>),
 }
 
-/// Which aid, by the name in summaries.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum AidKind {
-    /// [`Aid::Position`], horizontally
-    GnssPosition,
-    /// Its height, where that has a gate of its own.
-    GnssHeight,
-    /// [`Aid::Velocity`]
-    GnssVelocity,
-    /// [`Aid::MagneticField`]
-    Magnetometer,
-    /// [`Aid::Heading`]
-    Heading,
-    /// [`Aid::Pressure`]
-    Barometer,
-    /// [`Aid::ForwardSpeed`]
-    ForwardSpeed,
-    /// [`Aid::WaterVelocity`]
-    WaterVelocity,
-    /// The accelerometer as a measurement of tilt.
-    Accelerometer,
-    /// The vehicle stands still.
-    ZeroVelocity,
-    /// A vehicle on wheels moves neither sideways nor up.
-    NonHolonomic,
+named! {
+    /// Which aid, by the name in summaries.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum AidKind {
+        /// [`Aid::Position`], horizontally
+        GnssPosition = "gnss-position",
+        /// Its height, where that has a gate of its own.
+        GnssHeight = "gnss-height",
+        /// [`Aid::Velocity`]
+        GnssVelocity = "gnss-velocity",
+        /// [`Aid::MagneticField`]
+        Magnetometer = "magnetometer",
+        /// [`Aid::Heading`]
+        Heading = "heading",
+        /// [`Aid::Pressure`]
+        Barometer = "barometer",
+        /// [`Aid::ForwardSpeed`]
+        ForwardSpeed = "forward-speed",
+        /// [`Aid::WaterVelocity`]
+        WaterVelocity = "water-velocity",
+        /// The accelerometer as a measurement of tilt.
+        Accelerometer = "accelerometer",
+        /// The vehicle stands still.
+        ZeroVelocity = "zero-velocity",
+        /// A vehicle on wheels moves neither sideways nor up.
+        NonHolonomic = "non-holonomic",
+    }
 }
 
 impl AidKind {
     /// Those that a recording can hold, and that can therefore be left out.
-    pub const MEASURED: [Self; 8] = [
-        Self::GnssPosition,
-        Self::GnssHeight,
-        Self::GnssVelocity,
-        Self::Magnetometer,
-        Self::Heading,
-        Self::Barometer,
-        Self::ForwardSpeed,
-        Self::WaterVelocity,
-    ];
-
-    /// The name for people and files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::GnssPosition => "gnss-position",
-            Self::GnssHeight => "gnss-height",
-            Self::GnssVelocity => "gnss-velocity",
-            Self::Magnetometer => "magnetometer",
-            Self::Heading => "heading",
-            Self::Barometer => "barometer",
-            Self::ForwardSpeed => "forward-speed",
-            Self::WaterVelocity => "water-velocity",
-            Self::Accelerometer => "accelerometer",
-            Self::ZeroVelocity => "zero-velocity",
-            Self::NonHolonomic => "non-holonomic",
-        }
-    }
+    pub const MEASURED: &'static [Self] = Self::ALL.split_at(8).0;
 }
 
 /// One of [`AidKind::MEASURED`] by its name.
@@ -116,9 +92,10 @@ impl FromStr for AidKind {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::MEASURED.into_iter().find(|kind| kind.name() == text);
+        let found = Self::named(text).filter(|kind| Self::MEASURED.contains(kind));
         found.ok_or_else(|| {
-            let names = Self::MEASURED.map(Self::name).join(", ");
+            let names: Vec<&str> = Self::MEASURED.iter().map(|kind| kind.name()).collect();
+            let names = names.join(", ");
             format!("unknown aid `{text}`; expected one of: {names}")
         })
     }

@@ -4,6 +4,8 @@ use nalgebra::Vector3;
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::kalman::Innovation;
 
+use crate::observers::observers;
+
 use super::navigator::{AidKind, NavigationEstimate};
 
 /// The error of a position, and the standard deviations stated for it.
@@ -21,39 +23,41 @@ pub struct ScoredPoint {
     pub vertical: bool,
 }
 
-/// What watches a navigation run.
-pub trait NavigationObserver {
-    /// How often an estimate is wanted, ns; 0 for each sample. Each costs a look at the covariance.
-    fn interval_ns(&self) -> i64 {
-        100_000_000
+observers! {
+    /// What watches a navigation run.
+    pub trait NavigationObserver {
+        asks {
+            /// How often an estimate is wanted, ns; 0 for each sample. Each costs a look at the covariance.
+            interval_ns -> i64, usually 100_000_000, of nobody i64::MAX, of two i64::min;
+        }
+
+        /// An estimate.
+        tells estimate(estimate: &NavigationEstimate);
+
+        /// A fix, m from the origin, and whether the estimator got it.
+        tells fix(time_ns: i64, ned: &Vector3<f64>, used: bool);
+
+        /// A place to score against.
+        tells reference(time_ns: i64, ned: &Vector3<f64>);
+
+        /// The error of a position.
+        tells scored(point: &ScoredPoint);
+
+        /// What an aid told.
+        tells innovation(time_ns: i64, aid: AidKind, innovation: &Innovation<f64>);
+
+        /// Inertial samples: angular rate and specific force, body axes.
+        tells inertial(time_ns: i64, rate: &Vector3<f64>, force: &Vector3<f64>);
+
+        /// A sample of the magnetic field, body axes.
+        tells magnetic_field(time_ns: i64, field: &Vector3<f64>);
+
+        /// What the device itself said, whatever the estimator.
+        tells device(estimate: &NavigationEstimate);
+
+        /// The origin of the local frame is known.
+        tells origin(frame: &LocalFrame);
     }
-
-    /// An estimate.
-    fn estimate(&mut self, _estimate: &NavigationEstimate) {}
-
-    /// A fix, m from the origin, and whether the estimator got it.
-    fn fix(&mut self, _time_ns: i64, _ned: &Vector3<f64>, _used: bool) {}
-
-    /// A place to score against.
-    fn reference(&mut self, _time_ns: i64, _ned: &Vector3<f64>) {}
-
-    /// The error of a position.
-    fn scored(&mut self, _point: &ScoredPoint) {}
-
-    /// What an aid told.
-    fn innovation(&mut self, _time_ns: i64, _aid: AidKind, _innovation: &Innovation<f64>) {}
-
-    /// Inertial samples: angular rate and specific force, body axes.
-    fn inertial(&mut self, _time_ns: i64, _rate: &Vector3<f64>, _force: &Vector3<f64>) {}
-
-    /// A sample of the magnetic field, body axes.
-    fn magnetic_field(&mut self, _time_ns: i64, _field: &Vector3<f64>) {}
-
-    /// What the device itself said, whatever the estimator.
-    fn device(&mut self, _estimate: &NavigationEstimate) {}
-
-    /// The origin of the local frame is known.
-    fn origin(&mut self, _frame: &LocalFrame) {}
 }
 
 /// Watches nothing.

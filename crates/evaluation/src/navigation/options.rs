@@ -8,7 +8,7 @@ use super::kinds::NavigationKind;
 use super::navigator::AidKind;
 use super::parameters::NavigationParameters;
 use crate::error::EvaluationError;
-use crate::used_parameters::{Origin, Origins, UsedParameter};
+use crate::used_parameters::{Origin, Origins, UsedParameter, used};
 
 /// A time in which the filter gets no fixes, made to see how it does without.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -135,19 +135,8 @@ impl NavigationOptions {
     /// Every parameter of the estimator with its value and origin.
     #[must_use]
     pub fn used_parameters(&self) -> Vec<UsedParameter> {
-        let usual = NavigationParameters::default().settings(self.estimator);
-        let settings = self.parameters.settings(self.estimator);
-        let used = settings.into_iter().zip(usual).map(|(setting, usual)| {
-            let row = setting.parameter;
-            let origin = match self.origins.get(row.name) {
-                Some(origin) => *origin,
-                None if setting.value == usual.value => Origin::Default,
-                // Written into `parameters` by whoever made the options.
-                None => Origin::Set,
-            };
-            UsedParameter::new(row.name.to_owned(), row, setting.value, origin)
-        });
-        used.collect()
+        let usual = NavigationParameters::default().rows(self.estimator);
+        used(self.parameters.rows(self.estimator), &usual, &self.origins)
     }
 
     /// Refuses what is invalid.

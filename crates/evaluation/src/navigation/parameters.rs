@@ -3,12 +3,12 @@
 use northing_core::attitude::axis_filters::AxisFiltersConfig;
 use northing_core::navigation::axis_filters::PositionAxisConfig;
 use northing_core::navigation::{DeadReckoningConfig, GnssInsConfig};
-use northing_core::parameters::{ConfigError, Parameter, Table, Value};
 use serde::{Deserialize, Serialize};
 
 use super::kinds::NavigationKind;
-use crate::by_name::{self, Row};
+use crate::by_name::{self, Row, Tables};
 use crate::error::EvaluationError;
+use crate::registry::ParameterInfo;
 
 /// Everything that can be set.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -24,116 +24,49 @@ pub struct NavigationParameters {
     pub dead_reckoning: DeadReckoningConfig<f64>,
 }
 
-/// A parameter as it stands: its group, its name, its value.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NavigationSetting {
-    /// `error_state`, `attitude_axes`, `position_axes` or `dead_reckoning`.
-    pub group: &'static str,
-    /// Its row of the table.
-    pub parameter: &'static Parameter,
-    /// Its value.
-    pub value: Value<f64>,
-}
-
-impl NavigationSetting {
-    pub(crate) const fn row(&self) -> Row {
-        Row {
-            prefix: "",
-            parameter: self.parameter,
-        }
-    }
-
-    /// The value as JSON.
-    #[must_use]
-    pub fn json(&self) -> serde_json::Value {
-        by_name::json(self.value)
-    }
-
-    /// The value, where it is a number.
-    #[must_use]
-    pub const fn number(&self) -> Option<f64> {
-        match self.value {
-            Value::Number(number) => Some(number),
-            _ => None,
-        }
-    }
-}
-
-/// Settings of a table.
-fn list<C: Table<Number = f64>>(group: &'static str, config: &C) -> Vec<NavigationSetting> {
-    let setting = |parameter: &'static Parameter| {
-        let value = config.parameter(parameter.name)?;
-        Some(NavigationSetting {
-            group,
-            parameter,
-            value,
-        })
-    };
-    C::PARAMETERS.iter().filter_map(setting).collect()
-}
-
 impl NavigationParameters {
-    /// Groups of an estimator.
-    #[must_use]
-    pub const fn groups(kind: NavigationKind) -> &'static [&'static str] {
+    /// The tables of an estimator.
+    pub(super) fn tables(&mut self, kind: NavigationKind) -> Tables<'_> {
         match kind {
-            NavigationKind::ErrorState => &["error_state"],
-            NavigationKind::AxisFilters => &["attitude_axes", "position_axes"],
-            NavigationKind::DeadReckoning => &["dead_reckoning"],
-            NavigationKind::Device => &[],
+            NavigationKind::ErrorState => vec![("", &mut self.error_state)],
+            NavigationKind::AxisFilters => {
+                vec![("", &mut self.attitude_axes), ("", &mut self.position_axes)]
+            }
+            NavigationKind::DeadReckoning => vec![("", &mut self.dead_reckoning)],
+            NavigationKind::Device => Vec::new(),
         }
     }
 
     /// Every parameter of an estimator with its value.
-    #[must_use]
-    pub fn settings(&self, kind: NavigationKind) -> Vec<NavigationSetting> {
-        let of_group = |group: &&'static str| match *group {
-            "error_state" => list(group, &self.error_state),
-            "attitude_axes" => list(group, &self.attitude_axes),
-            "position_axes" => list(group, &self.position_axes),
-            _ => list(group, &self.dead_reckoning),
-        };
-        Self::groups(kind).iter().flat_map(of_group).collect()
+    pub(super) fn rows(mut self, kind: NavigationKind) -> Vec<Row> {
+        by_name::rows(&self.tables(kind))
     }
 
     /// Sets one parameter of an estimator from `NAME=VALUE` and returns its name; on an error nothing is changed.
     ///
     /// # Errors
     /// It is no setting, no parameter of this estimator has the name, or the value does not fit.
-    pub fn set(&mut self, kind: NavigationKind, text: &str) -> Result<String, EvaluationError> {
-        let known = self.settings(kind);
-        let rows = known.iter().map(NavigationSetting::row);
-        by_name::set(text, rows, |name, value| {
-            let meant = known.iter().find(|s| s.parameter.name == name);
-            self.put(meant.map_or("", |setting| setting.group), name, value)
-        })
-    }
-
-    fn put(&mut self, group: &str, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
-        match group {
-            "error_state" => self.error_state.set_parameter(name, value),
-            "attitude_axes" => self.attitude_axes.set_parameter(name, value),
-            "position_axes" => self.position_axes.set_parameter(name, value),
-            _ => self.dead_reckoning.set_parameter(name, value),
-        }
+    pub fn set(&mut self, kind: NavigationKind, setting: &str) -> Result<String, EvaluationError> {
+        by_name::set(self.tables(kind), setting)
     }
 
     /// Checks the parameters of an estimator.
     ///
     /// # Errors
     /// The first one outside its permitted range.
-    pub fn check(&self, kind: NavigationKind) -> Result<(), EvaluationError> {
-        match kind {
-            NavigationKind::ErrorState => self.error_state.validate()?,
-            NavigationKind::AxisFilters => {
-                self.attitude_axes.validate()?;
-                self.position_axes.validate()?;
-            }
-            NavigationKind::DeadReckoning => self.dead_reckoning.validate()?,
-            NavigationKind::Device => {}
-        }
-        Ok(())
+    pub fn check(mut self, kind: NavigationKind) -> Result<(), EvaluationError> {
+        by_name::check(&self.tables(kind))
     }
+}
+
+/// The parameters of an estimator with their defaults.
+pub(super) fn parameters_of(kind: NavigationKind) -> Vec<ParameterInfo> {
+    let info = |row: Row| {
+        let default = vec![("default", by_name::json(row.value))];
+        ParameterInfo::new(row.name(), row.parameter, default)
+    };
+    let rows = NavigationParameters::default().rows(kind);
+    rows.into_iter().map(info).collect()
 }
 
 #[cfg(test)]

@@ -23,11 +23,12 @@ use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use super::observer::NavigationObserver;
 use super::options::NavigationOptions;
 use super::outcome::{NavigationSummary, ValidityTimes};
-use super::score::{LastFix, Scorer, seconds_between};
+use super::score::{LastFix, Scorer};
 use super::ship_navigator::ShipNavigator;
 use super::smoothed::Scored;
 use crate::error::EvaluationError;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
+use crate::statistics::seconds_between;
 use crate::used_parameters::{Origin, UsedParameter};
 
 /// Standard deviation of a heading where the sensor states none, rad.

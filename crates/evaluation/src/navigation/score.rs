@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::navigator::NavigationEstimate;
 use super::options::Outage;
 use crate::statistics::metrics::AttitudeError;
+use crate::statistics::seconds_between;
 
 /// 95 % of two degrees of freedom.
 pub const CHI_SQUARE_95: f64 = 5.991_464_547;
@@ -95,7 +96,7 @@ pub struct PositionScore {
 }
 
 /// The end of an outage.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct OutageScore {
     /// Its start, s after the first fix.
     pub start_s: f64,
@@ -128,7 +129,7 @@ pub struct HeadingScore {
 }
 
 /// Gathers scores.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Scorer {
     from_s: f64,
     first_fix_ns: Option<i64>,
@@ -153,37 +154,21 @@ impl Scorer {
             let score = OutageScore {
                 start_s: outage.start_s,
                 duration_s: outage.duration_s,
-                horizontal_error_m: None,
-                predicted_std_m: None,
-                inside_95: None,
-                hold_error_m: None,
-                extrapolation_error_m: None,
+                ..OutageScore::default()
             };
             (*outage, score)
         };
         Self {
             from_s,
-            first_fix_ns: None,
             outages: outages.iter().map(blank).collect(),
-            recovering: false,
-            horizontal: Rms::default(),
-            vertical: Rms::default(),
-            hold: Rms::default(),
-            extrapolation: Rms::default(),
-            inside: 0,
-            too_early: 0,
-            velocity: Rms::default(),
-            heading: Rms::default(),
-            course: Rms::default(),
-            tilt: Rms::default(),
+            ..Self::default()
         }
     }
 
     /// Seconds since the first fix; below zero before it.
     pub(crate) fn since_first_fix_s(&self, time_ns: i64) -> f64 {
-        self.first_fix_ns.map_or(f64::NEG_INFINITY, |first| {
-            time_ns.saturating_sub(first) as f64 * 1e-9
-        })
+        let first = self.first_fix_ns;
+        first.map_or(f64::NEG_INFINITY, |first| seconds_between(first, time_ns))
     }
 
     /// A fix has come, whether used or not; the first one starts the clock.
@@ -364,10 +349,6 @@ fn inside_95(error: &Vector2<f64>, estimate: &NavigationEstimate, std: f64) -> b
     covariance
         .try_inverse()
         .is_some_and(|inverse| error.dot(&(inverse * error)) <= CHI_SQUARE_95)
-}
-
-pub(crate) fn seconds_between(from_ns: i64, to_ns: i64) -> f64 {
-    to_ns.saturating_sub(from_ns) as f64 * 1e-9
 }
 
 /// An angle in -pi to pi.

@@ -7,6 +7,7 @@ use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::{DeadReckoning, DeadReckoningConfig, Validity};
 
 use super::navigator::{Aid, NavigationEstimate, Navigator, Told};
+use crate::statistics::seconds_between;
 
 /// Longest step of the filter, s ...
 const STEP_S: f64 = 1.0;
@@ -88,7 +89,7 @@ fn taken(result: Result<(), SkipReason>) -> Innovation<f64> {
 impl Navigator for ShipNavigator {
     fn advance_to(&mut self, time_ns: i64) {
         let last = self.time_ns.unwrap_or(time_ns);
-        let mut left = (time_ns.saturating_sub(last) as f64 * 1e-9).min(LONGEST_GAP_S);
+        let mut left = seconds_between(last, time_ns).min(LONGEST_GAP_S);
         while left > 0.0 {
             let step = if left > FINE_S { COARSE_STEP_S } else { STEP_S };
             // Steps of this length are never refused.

@@ -3,7 +3,8 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::navigator::NavigationEstimate;
-use super::score::{ScorePoint, Scorer, seconds_between};
+use super::score::{ScorePoint, Scorer};
+use crate::statistics::seconds_between;
 
 /// Nodes further apart than this have a gap between them, s.
 const LONGEST_STEP_S: f64 = 0.6;

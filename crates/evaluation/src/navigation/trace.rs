@@ -11,6 +11,7 @@ use northing_core::navigation::Validity;
 
 use super::navigator::{AidKind, NavigationEstimate};
 use super::observer::{NavigationObserver, ScoredPoint};
+use crate::statistics::seconds_between;
 use crate::statistics::thinned::Thinned;
 
 /// Estimates are taken at 50 Hz.
@@ -127,7 +128,7 @@ impl NavigationTrace {
 
     fn time_s(&mut self, time_ns: i64) -> f64 {
         let first = *self.first_ns.get_or_insert(time_ns);
-        time_ns.saturating_sub(first) as f64 * 1e-9
+        seconds_between(first, time_ns)
     }
 
     fn point(&mut self, estimate: &NavigationEstimate) -> NavigationPoint {

@@ -8,6 +8,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use northing_core::kalman::{Innovation, Outcome};
+use northing_core::parameters::Value;
 use northing_recording::{Event, WorldFrame};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -18,7 +19,7 @@ use super::observer::NavigationObserver;
 use super::options::NavigationOptions;
 use super::parameters::NavigationParameters;
 use super::runner::run_navigation;
-use crate::by_name;
+use crate::by_name::{self, Row};
 use crate::error::EvaluationError;
 
 /// Ends of the names of parameters that are noises.
@@ -160,7 +161,7 @@ pub fn tune(
 
 /// The parameters to fit.
 fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>, EvaluationError> {
-    let known = options.parameters.settings(options.estimator);
+    let known = options.parameters.rows(options.estimator);
     if known.is_empty() {
         return Err(EvaluationError::NothingToFit {
             estimator: options.estimator.name(),
@@ -169,22 +170,19 @@ fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>
     let is_noise = |name: &str| NOISES.iter().any(|end| name.ends_with(end));
     let noises: Vec<String> = known
         .iter()
-        .filter(|setting| is_noise(setting.parameter.name))
-        .filter(|setting| setting.number().is_some_and(|value| value > 0.0))
-        .map(|setting| setting.parameter.name.to_owned())
+        .filter(|row| is_noise(row.parameter.name))
+        .filter(|row| number(row).is_some_and(|value| value > 0.0))
+        .map(Row::name)
         .collect();
     if asked.parameters.is_empty() {
         return Ok(noises);
     }
     for name in &asked.parameters {
-        by_name::find(name, known.iter().map(|setting| setting.row()))?;
-        for setting in known.iter().filter(|s| s.parameter.name == name) {
-            if setting.number().is_some_and(|value| value > 0.0) {
-                continue;
-            }
+        let row = by_name::find(name, &known)?;
+        if number(row).is_none_or(|value| value <= 0.0) {
             return Err(EvaluationError::BadValue {
                 name: name.clone(),
-                value: setting.json().to_string(),
+                value: by_name::json(row.value).to_string(),
                 problem: "only numbers above 0 can be fitted; set one to start from".to_owned(),
             });
         }
@@ -193,13 +191,17 @@ fn names(options: &NavigationOptions, asked: &TuneOptions) -> Result<Vec<String>
 }
 
 fn value_of(parameters: &NavigationParameters, kind: NavigationKind, name: &str) -> f64 {
-    let settings = parameters.settings(kind);
-    let setting = settings
-        .iter()
-        .find(|setting| setting.parameter.name == name);
-    setting
-        .and_then(|setting| setting.number())
-        .unwrap_or(f64::NAN)
+    let rows = parameters.rows(kind);
+    let row = rows.iter().find(|row| row.parameter.name == name);
+    row.and_then(number).unwrap_or(f64::NAN)
+}
+
+/// The value, where it is a number.
+fn number(row: &Row) -> Option<f64> {
+    match row.value {
+        Value::Number(number) => Some(number),
+        _ => None,
+    }
 }
 
 /// The time at which the held-out part begins.

@@ -13,3 +13,8 @@ pub mod metrics;
 pub mod nis;
 pub(crate) mod rts_step;
 pub mod thinned;
+
+/// Seconds from one stamp to another.
+pub(crate) fn seconds_between(from_ns: i64, to_ns: i64) -> f64 {
+    to_ns.saturating_sub(from_ns) as f64 * 1e-9
+}

@@ -73,7 +73,7 @@ pub struct NisSummary {
 }
 
 /// Gathers the NIS of one sensor.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct NisStatistics {
     degrees_of_freedom: u8,
     bounds: [f64; 2],
@@ -84,22 +84,6 @@ pub struct NisStatistics {
     last: Option<Vector3<f64>>,
     products: f64,
     squares: f64,
-}
-
-impl Default for NisStatistics {
-    fn default() -> Self {
-        Self {
-            degrees_of_freedom: 0,
-            bounds: [f64::INFINITY; 2],
-            samples: 0,
-            sum: 0.0,
-            above: [0; 2],
-            histogram: Histogram::default(),
-            last: None,
-            products: 0.0,
-            squares: 0.0,
-        }
-    }
 }
 
 impl NisStatistics {
@@ -163,7 +147,7 @@ pub fn chi_square_quantile(degrees_of_freedom: u8, p: f64) -> f64 {
 }
 
 /// Counts in logarithmic bins: a median to 2 % in constant memory.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Histogram {
     counts: Vec<u64>,
     total: u64,
@@ -177,6 +161,7 @@ impl Histogram {
 
     fn add(&mut self, value: f64) {
         let bin = (value.max(1e-300).log10() - Self::LOWEST_DECADE) * Self::PER_DECADE;
+        self.counts.resize(Self::BINS, 0);
         self.counts[(bin.max(0.0) as usize).min(Self::BINS - 1)] += 1;
         self.total += 1;
     }
@@ -193,15 +178,6 @@ impl Histogram {
             below += count;
         }
         f64::NAN
-    }
-}
-
-impl Default for Histogram {
-    fn default() -> Self {
-        Self {
-            counts: vec![0; Self::BINS],
-            total: 0,
-        }
     }
 }
 

@@ -1,13 +1,13 @@
 //! What a tracking run can be asked for.
 
-use northing_core::parameters::{Table, Value};
+use northing_core::parameters::{Table as _, Value};
 use northing_core::tracking::multi_target::{MotionModels, MultiTargetConfig, MultiTargetSettings};
 use northing_core::tracking::own_ship::PoseErrorCorrelation;
 
 use super::kinds::TrackerKind;
-use crate::by_name::{self, Row};
+use crate::by_name::{self, Tables};
 use crate::error::EvaluationError;
-use crate::used_parameters::{Origin, Origins, UsedParameter};
+use crate::used_parameters::{Origin, Origins, UsedParameter, used};
 
 /// Standard deviations of the own ship's pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -38,22 +38,25 @@ pub struct TrackOptions {
     pub origins: Origins,
 }
 
+/// Names of the motion models' parameters begin so.
+pub(super) const MOTION: &str = "motion.";
+
 impl TrackOptions {
+    fn tables(&mut self) -> Tables<'_> {
+        vec![(MOTION, &mut self.motion), ("", &mut self.settings)]
+    }
+
     /// Sets one parameter of the tracker from `NAME=VALUE` and remembers where it comes from.
     ///
     /// # Errors
     /// It is no setting, the name is unknown, or the value does not fit.
     pub fn set_from(&mut self, setting: &str, origin: Origin) -> Result<(), EvaluationError> {
-        let (mut motion, mut settings) = (self.motion, self.settings);
-        let name = by_name::set(setting, rows(), |name, value| {
-            match name.strip_prefix(MOTION) {
-                Some(name) => motion.set_parameter(name, value),
-                None => settings.set_parameter(name, value),
-            }
-        })?;
+        let before = self.settings;
+        let name = by_name::set(self.tables(), setting)?;
         let lasts = name.starts_with("pose_error_correlation.")
-            && settings.parameter(&name) != Some(Value::Number(0.0));
+            && self.settings.parameter(&name) != Some(Value::Number(0.0));
         if self.tracker == TrackerKind::Converted && lasts {
+            self.settings = before;
             return Err(EvaluationError::BadValue {
                 name,
                 value: setting.to_owned(),
@@ -61,64 +64,40 @@ impl TrackOptions {
                     .to_owned(),
             });
         }
-        (self.motion, self.settings) = (motion, settings);
         self.origins.insert(name, origin);
         Ok(())
     }
 
-    /// The configuration as the tracker takes it: pose errors of `converted` are new at every scan.
-    #[must_use]
-    pub fn config(&self) -> MultiTargetConfig<f64, 3> {
-        let mut settings = self.settings;
+    /// As the tracker takes them: pose errors of `converted` are new at every scan.
+    fn in_force(&self) -> Self {
+        let mut options = self.clone();
         if self.tracker == TrackerKind::Converted {
-            settings.pose_error_correlation = NEW_AT_EVERY_SCAN;
+            options.settings.pose_error_correlation = PoseErrorCorrelation {
+                position_s: 0.0,
+                heading_s: 0.0,
+            };
         }
-        MultiTargetConfig {
-            models: self.motion.into(),
-            settings,
-        }
+        options
     }
 
-    /// The value of a parameter as the tracker takes it.
-    fn value(&self, name: &str) -> Option<Value<f64>> {
-        match name.strip_prefix(MOTION) {
-            Some(name) => self.motion.parameter(name),
-            None => self.config().settings.parameter(name),
+    /// The configuration of the tracker.
+    #[must_use]
+    pub fn config(&self) -> MultiTargetConfig<f64, 3> {
+        MultiTargetConfig {
+            models: self.motion.into(),
+            settings: self.in_force().settings,
         }
     }
 
     /// Every parameter with its value and origin.
     #[must_use]
     pub fn parameters(&self) -> Vec<UsedParameter> {
-        // What makes the tracker what it is counts as its default.
         let usual = Self {
             tracker: self.tracker,
             ..Self::default()
         };
-        let used = rows().map(|row| {
-            let name = row.name();
-            let value = self.value(&name)?;
-            let origin = match self.origins.get(&name) {
-                Some(origin) => *origin,
-                None if usual.value(&name) == Some(value) => Origin::Default,
-                None => Origin::Set,
-            };
-            Some(UsedParameter::new(name, row.parameter, value, origin))
-        });
-        used.flatten().collect()
+        let [rows, usual] =
+            [self, &usual].map(|options| by_name::rows(&options.in_force().tables()));
+        used(rows, &usual, &self.origins)
     }
-}
-
-/// Names of the motion models' parameters begin so.
-pub(super) const MOTION: &str = "motion.";
-
-/// What `converted` takes the errors of the own pose for.
-const NEW_AT_EVERY_SCAN: PoseErrorCorrelation<f64> = PoseErrorCorrelation {
-    position_s: 0.0,
-    heading_s: 0.0,
-};
-
-fn rows() -> impl Iterator<Item = Row> {
-    let motion = Row::of(MOTION, MotionModels::<f64>::PARAMETERS);
-    motion.chain(Row::of("", MultiTargetSettings::<f64>::PARAMETERS))
 }

@@ -10,6 +10,7 @@ use northing_core::navigation::axis_filters::{
     PositionAxisConfig, PositionAxisFilters, PositionNoise,
 };
 use northing_core::navigation::gnss_ins::{GnssIns, GnssInsConfig, ImuSamples};
+use northing_evaluation::named;
 use northing_simulation::ground::{Ground, GroundSample, GroundSensors, RATE_HZ};
 
 /// Samples at rest that give biases and first angles: 10 s.
@@ -30,63 +31,34 @@ pub struct Estimate {
     pub attitude: Option<UnitQuaternion<f64>>,
 }
 
-/// A way to make positions out of sensors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scheme {
-    /// The last fix.
-    Hold,
-    /// The last fix and the receiver's velocity since.
-    HoldVelocity,
-    /// Axis filters with the noises of the paper to the letter.
-    Printed,
-    /// The same with the names of the deviations exchanged back.
-    NamesSwapped,
-    /// The same, and the held fix taken for a new one with every sample.
-    HeldFixReused,
-    /// Axis filters with physical noises that fit no particular motion.
-    Physical,
-    /// The same, tuned to the motion.
-    Tuned,
-    /// The same with rates of Euler angles, the exact pitch, and a gate on accelerated samples.
-    TunedFixed,
-    /// Error-state filter: positions and magnetometer.
-    ErrorState,
-    /// Error-state filter: positions, velocities and magnetometer.
-    ErrorStateVelocity,
+named! {
+    /// A way to make positions out of sensors.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Scheme {
+        /// The last fix.
+        Hold = "last fix held",
+        /// The last fix and the receiver's velocity since.
+        HoldVelocity = "last fix and velocity",
+        /// Axis filters with the noises of the paper to the letter.
+        Printed = "axis filters, noises as printed",
+        /// The same with the names of the deviations exchanged back.
+        NamesSwapped = "axis filters, names of the noises exchanged back",
+        /// The same, and the held fix taken for a new one with every sample.
+        HeldFixReused = "the same, held fix taken for new",
+        /// Axis filters with physical noises that fit no particular motion.
+        Physical = "axis filters, physical noises, not tuned",
+        /// The same, tuned to the motion.
+        Tuned = "axis filters, physical noises, tuned",
+        /// The same with rates of Euler angles, the exact pitch, and a gate on accelerated samples.
+        TunedFixed = "the same with rates, pitch and gate put right",
+        /// Error-state filter: positions and magnetometer.
+        ErrorState = "error-state filter, position",
+        /// Error-state filter: positions, velocities and magnetometer.
+        ErrorStateVelocity = "error-state filter, position and velocity",
+    }
 }
 
 impl Scheme {
-    /// All of them.
-    pub const ALL: [Self; 10] = [
-        Self::Hold,
-        Self::HoldVelocity,
-        Self::Printed,
-        Self::NamesSwapped,
-        Self::HeldFixReused,
-        Self::Physical,
-        Self::Tuned,
-        Self::TunedFixed,
-        Self::ErrorState,
-        Self::ErrorStateVelocity,
-    ];
-
-    /// What it is, in a table.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Hold => "last fix held",
-            Self::HoldVelocity => "last fix and velocity",
-            Self::Printed => "axis filters, noises as printed",
-            Self::NamesSwapped => "axis filters, names of the noises exchanged back",
-            Self::HeldFixReused => "the same, held fix taken for new",
-            Self::Physical => "axis filters, physical noises, not tuned",
-            Self::Tuned => "axis filters, physical noises, tuned",
-            Self::TunedFixed => "the same with rates, pitch and gate put right",
-            Self::ErrorState => "error-state filter, position",
-            Self::ErrorStateVelocity => "error-state filter, position and velocity",
-        }
-    }
-
     /// Runs over a way. `blind` says at which samples (from, to) fixes are held out.
     #[must_use]
     pub fn run(

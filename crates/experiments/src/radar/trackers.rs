@@ -12,7 +12,8 @@ use northing_core::tracking::{
     RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
 };
 
-use northing_evaluation::registry::{EstimatorInfo, ParameterInfo, Question, Registered};
+use northing_evaluation::estimators;
+use northing_evaluation::registry::ParameterInfo;
 use northing_simulation::scenario::schema::NavigationFilter;
 
 use super::CampaignError;
@@ -20,117 +21,57 @@ use super::navigators::Scan;
 
 type Cross<const N: usize> = SMatrix<f64, N, 4>;
 
-/// The trackers of the experiment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum TrackerKind {
-    /// Extended Kalman filter, told the true pose.
-    TruePose,
-    /// Converted measurements, told the true pose.
-    TruePoseConverted,
-    /// Extended Kalman filter that takes the navigation's pose as true.
-    Uncompensated,
-    /// Converted measurements that take the navigation's pose as true.
-    UncompensatedConverted,
-    /// Converted measurements, pose covariance added.
-    Converted,
-    /// The same with the conversion's bias taken out.
-    ConvertedDebiased,
-    /// Schmidt-Kalman as the authors' published simulation does it.
-    SchmidtAuthors,
-    /// Schmidt-Kalman to the letter of the paper.
-    SchmidtLiteral,
-    /// Schmidt-Kalman with the closed loop of the navigation: exact.
-    Schmidt,
-    /// Schmidt-Kalman that sees pose and pose covariance only.
-    SchmidtBlackBox,
-    /// Exact Schmidt-Kalman with the navigation's corrections fed forward.
-    SchmidtFeedForward,
-    /// Target and navigation estimated together.
-    Joint,
+estimators! {
+    /// The trackers of the experiment. Error states: of the Schmidt-Kalman filters and the joint one with the navigation's.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum TrackerKind for Tracking, "montecarlo --trackers", no_parameters {
+        /// Extended Kalman filter, told the true pose.
+        TruePose = "true-pose", 4, "EKF, given the true own pose: the baseline",
+            "docs/derivations/schmidt_kalman.md", "the baseline without pose error";
+        /// Converted measurements, told the true pose.
+        TruePoseConverted = "true-pose-converted", 4, "converted measurements, told the true own pose",
+            "docs/derivations/schmidt_kalman.md", "the baseline without pose error";
+        /// Extended Kalman filter that takes the navigation's pose as true.
+        Uncompensated = "uncompensated", 4, "EKF that takes the navigation's pose as true",
+            "docs/derivations/schmidt_kalman.md", "the baseline";
+        /// Converted measurements that take the navigation's pose as true.
+        UncompensatedConverted = "uncompensated-converted", 4, "converted measurements, navigation's pose as true",
+            "docs/derivations/schmidt_kalman.md", "the baseline";
+        /// Converted measurements, pose covariance added.
+        Converted = "converted", 4, "converted measurements, pose covariance added (paper)",
+            "docs/derivations/schmidt_kalman.md", "to compare with";
+        /// The same with the conversion's bias taken out.
+        ConvertedDebiased = "converted-debiased", 4, "converted measurements, conversion bias removed",
+            "docs/derivations/schmidt_kalman.md", "to compare with";
+        /// Schmidt-Kalman as the authors' published simulation does it.
+        SchmidtAuthors = "schmidt-authors", 19, "Schmidt-Kalman as the authors' simulation does it",
+            "docs/derivations/schmidt_kalman.md", "to repeat the paper";
+        /// Schmidt-Kalman to the letter of the paper.
+        SchmidtLiteral = "schmidt-literal", 19,
+            "Schmidt-Kalman to the letter of the paper: no covariance recursion",
+            "docs/derivations/schmidt_kalman.md", "to repeat the paper";
+        /// Schmidt-Kalman with the closed loop of the navigation: exact.
+        Schmidt = "schmidt", 19, "Schmidt-Kalman, exact",
+            "docs/derivations/schmidt_kalman.md", "own ship's navigation filter at hand";
+        /// Schmidt-Kalman that sees pose and pose covariance only.
+        SchmidtBlackBox = "schmidt-black-box", 7, "Schmidt-Kalman beside a navigation that shows its pose only",
+            "docs/derivations/schmidt_kalman.md", "only pose and covariance at hand";
+        /// Exact Schmidt-Kalman with the navigation's corrections fed forward.
+        SchmidtFeedForward = "schmidt-feed-forward", 19,
+            "Schmidt-Kalman, exact, navigation's corrections fed forward",
+            "docs/derivations/schmidt_kalman.md", "own ship's navigation filter at hand";
+        /// Target and navigation estimated together.
+        Joint = "joint", 19, "target and navigation estimated together: the bound",
+            "docs/derivations/schmidt_kalman.md", "the bound: targets correct the navigation, too";
+    }
+}
+
+/// They have none to set.
+fn no_parameters(_: TrackerKind) -> Vec<ParameterInfo> {
+    Vec::new()
 }
 
 impl TrackerKind {
-    /// All of them.
-    pub const ALL: [Self; 12] = [
-        Self::TruePose,
-        Self::TruePoseConverted,
-        Self::Uncompensated,
-        Self::UncompensatedConverted,
-        Self::Converted,
-        Self::ConvertedDebiased,
-        Self::SchmidtAuthors,
-        Self::SchmidtLiteral,
-        Self::Schmidt,
-        Self::SchmidtBlackBox,
-        Self::SchmidtFeedForward,
-        Self::Joint,
-    ];
-
-    /// The name for people and files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::TruePose => "true-pose",
-            Self::TruePoseConverted => "true-pose-converted",
-            Self::Uncompensated => "uncompensated",
-            Self::UncompensatedConverted => "uncompensated-converted",
-            Self::Converted => "converted",
-            Self::ConvertedDebiased => "converted-debiased",
-            Self::SchmidtAuthors => "schmidt-authors",
-            Self::SchmidtLiteral => "schmidt-literal",
-            Self::Schmidt => "schmidt",
-            Self::SchmidtBlackBox => "schmidt-black-box",
-            Self::SchmidtFeedForward => "schmidt-feed-forward",
-            Self::Joint => "joint",
-        }
-    }
-
-    /// What it is, in a few words.
-    #[must_use]
-    pub const fn description(self) -> &'static str {
-        match self {
-            Self::TruePose => "EKF, given the true own pose: the baseline",
-            Self::TruePoseConverted => "converted measurements, told the true own pose",
-            Self::Uncompensated => "EKF that takes the navigation's pose as true",
-            Self::UncompensatedConverted => "converted measurements, navigation's pose as true",
-            Self::Converted => "converted measurements, pose covariance added (paper)",
-            Self::ConvertedDebiased => "converted measurements, conversion bias removed",
-            Self::SchmidtAuthors => "Schmidt-Kalman as the authors' simulation does it",
-            Self::SchmidtLiteral => {
-                "Schmidt-Kalman to the letter of the paper: no covariance recursion"
-            }
-            Self::Schmidt => "Schmidt-Kalman, exact",
-            Self::SchmidtBlackBox => "Schmidt-Kalman beside a navigation that shows its pose only",
-            Self::SchmidtFeedForward => {
-                "Schmidt-Kalman, exact, navigation's corrections fed forward"
-            }
-            Self::Joint => "target and navigation estimated together: the bound",
-        }
-    }
-
-    /// Components of its covariance; of the Schmidt-Kalman filters and the joint one with the navigation's.
-    const fn error_states(self) -> u8 {
-        match self {
-            Self::SchmidtAuthors | Self::SchmidtLiteral => 19,
-            Self::Schmidt | Self::SchmidtFeedForward | Self::Joint => 19,
-            Self::SchmidtBlackBox => 7,
-            _ => 4,
-        }
-    }
-
-    /// When to use it.
-    const fn when(self) -> &'static str {
-        match self {
-            Self::TruePose | Self::TruePoseConverted => "the baseline without pose error",
-            Self::Uncompensated | Self::UncompensatedConverted => "the baseline",
-            Self::Converted | Self::ConvertedDebiased => "to compare with",
-            Self::SchmidtAuthors | Self::SchmidtLiteral => "to repeat the paper",
-            Self::Schmidt | Self::SchmidtFeedForward => "own ship's navigation filter at hand",
-            Self::SchmidtBlackBox => "only pose and covariance at hand",
-            Self::Joint => "the bound: targets correct the navigation, too",
-        }
-    }
-
     /// Whether it can follow this navigation filter: the authors' variant looks ahead with the paper's, and the joint
     /// estimator corrects it.
     #[must_use]
@@ -144,33 +85,10 @@ impl TrackerKind {
     /// # Errors
     /// There is none; the message lists the names.
     pub fn parse(name: &str) -> Result<Self, CampaignError> {
-        let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
-        found.ok_or_else(|| CampaignError::UnknownTracker {
+        Self::named(name).ok_or_else(|| CampaignError::UnknownTracker {
             name: name.to_owned(),
-            valid: Self::ALL.map(Self::name).join(", "),
+            valid: Self::names(),
         })
-    }
-}
-
-impl Registered for TrackerKind {
-    const QUESTION: Question = Question::Tracking;
-    const COMMAND: &'static str = "montecarlo --trackers";
-    const EVERY: &'static [Self] = &Self::ALL;
-
-    fn info(self) -> EstimatorInfo {
-        EstimatorInfo {
-            name: self.name(),
-            summary: self.description(),
-            error_states: self.error_states(),
-            has_covariance: true,
-            paper: "docs/derivations/schmidt_kalman.md",
-            when: self.when(),
-        }
-    }
-
-    /// A campaign's scenario states them.
-    fn parameters(self) -> Vec<ParameterInfo> {
-        Vec::new()
     }
 }
 

@@ -3,10 +3,10 @@
 use crate::attitude::comparison::{ComparedRun, Distribution};
 use crate::drawing::axis::{self, Axis};
 use crate::drawing::curves::{angle_axis, curve, is_drawn, short, time_axis};
-use crate::drawing::plot::{Figure, Layer, Panel, Sign, WIDTH, key};
+use crate::drawing::plot::{Figure, Layer, Panel, Sign, key};
+use crate::drawing::rows::{Row, Rows};
 use crate::drawing::series::{self, Point};
-use crate::drawing::style::SERIES;
-use crate::drawing::svg::Svg;
+use crate::drawing::style::{SERIES, series_class};
 use northing_evaluation::attitude::trace::{Trace, TracePoint};
 
 /// Room at the right for names of lines.
@@ -17,12 +17,6 @@ const WINDOWS: usize = 100;
 const FINE_TICKS: f64 = 500.0;
 /// Smallest error shown, deg.
 const LEAST_ERROR_DEG: f64 = 0.02;
-
-/// Class of the n-th line: a colour, dashed once the colours are used up.
-fn class(i: usize) -> String {
-    let dash = if i < SERIES { "" } else { " dash" };
-    format!("s{}{dash}", i % SERIES)
-}
 
 fn time_of(runs: &[ComparedRun<'_>]) -> Axis {
     time_axis(&runs.iter().map(|r| r.trace).collect::<Vec<&Trace>>())
@@ -71,7 +65,7 @@ fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option
                 run.name.to_owned(),
             ));
         }
-        layers.push(Layer::line(curve, &class(i), false));
+        layers.push(Layer::line(curve, &series_class(i), false));
     }
     let panel = Panel::new(name, "deg, logarithmic", axis, layers)
         .height(200.0)
@@ -100,10 +94,10 @@ pub(crate) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
     for (i, (run, curve)) in runs.iter().zip(curves).enumerate() {
         legend.push(key(
             Sign::Line,
-            &format!("line bold {}", class(i)),
+            &format!("line bold {}", series_class(i)),
             run.name,
         ));
-        layers.push(Layer::line(curve, &class(i), true));
+        layers.push(Layer::line(curve, &series_class(i), true));
     }
     if let Some(reference) = reference {
         legend.push(key(Sign::Line, "line dash reference", "reference"));
@@ -118,19 +112,10 @@ pub(crate) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
     ))
 }
 
-/// Rows of dots, one row an estimator.
-struct Dots<'a> {
-    /// Name, index of the colour, sorted errors in deg.
-    rows: Vec<(&'a str, usize, Vec<f64>)>,
-    axis: Axis,
-}
-
-/// Room at the left for names of estimators.
-const NAMES: f64 = 176.0;
+/// Room at the left for names of estimators, and at the right for their medians.
+const MARGINS: [f64; 2] = [176.0, 130.0];
 /// Height of a row of dots.
 const ROW: f64 = 46.0;
-/// Width of the dots' plot.
-const DOTS_WIDTH: f64 = WIDTH - NAMES - 130.0;
 
 /// One row of dots for each estimator, with a bar at the median; `None` without errors. Estimators
 /// that are also among the runs have the colour they have there.
@@ -146,63 +131,40 @@ pub(crate) fn distribution(all: &[Distribution], runs: &[ComparedRun<'_>]) -> Op
         let errors = one.errors_deg.iter().copied().filter(|e| *e >= 0.0);
         let errors = axis::sorted(errors);
         if !errors.is_empty() {
-            rows.push((one.name.as_str(), colour, errors));
+            rows.push(Row {
+                name: one.name.as_str(),
+                class: format!("tag end s{}-fill", colour % SERIES),
+                note: format!("median {}", short(median(&errors))),
+                marks: (colour, errors),
+            });
         }
     }
-    let ends = || rows.iter().flat_map(|(_, _, e)| [e[0], e[e.len() - 1]]);
+    let ends = || rows.iter().map(|row| &row.marks.1);
+    let ends = || ends().flat_map(|errors| [errors[0], errors[errors.len() - 1]]);
     let low = ends().min_by(f64::total_cmp)?.max(LEAST_ERROR_DEG);
     let high = ends().max_by(f64::total_cmp)?;
     let axis = Axis::logarithmic(0.8 * low, 1.25 * high);
     let fine = high < FINE_TICKS * low;
-    let axis = if fine { axis.with_fine_ticks() } else { axis };
-    Some(Dots { rows, axis }.render())
-}
-
-impl Dots<'_> {
-    fn x(&self, value: f64) -> f64 {
-        self.axis.position(value).clamp(0.0, 1.0) * DOTS_WIDTH
-    }
-
-    fn render(&self) -> String {
-        let height = ROW * self.rows.len() as f64;
-        let label = "Errors of each estimator, by recording";
-        let mut svg = Svg::picture(WIDTH, height + 60.0, label);
-        svg.open_window(NAMES, 6.0, DOTS_WIDTH, height);
-        svg.rectangle([0.0, 0.0], [DOTS_WIDTH, height], 0.0, "frame");
-        let ticks = self.axis.ticks();
-        let columns = ticks.iter().map(|(v, _)| self.x(*v));
-        let columns: Vec<_> = columns.map(|x| vec![[x, 0.0], [x, height]]).collect();
-        svg.lines(&columns, "grid");
-        for (i, (_, colour, errors)) in self.rows.iter().enumerate() {
-            self.row(&mut svg, (i as f64 + 0.5) * ROW, *colour, errors);
-        }
-        svg.close();
-        for (i, (name, colour, errors)) in self.rows.iter().enumerate() {
-            let y = 6.0 + (i as f64 + 0.5) * ROW + 5.0;
-            let class = format!("tag end s{}-fill", colour % SERIES);
-            svg.text([NAMES - 12.0, y], &class, name);
-            let median = format!("median {}", short(median(errors)));
-            svg.text([NAMES + DOTS_WIDTH + 10.0, y], "note", &median);
-        }
-        for (value, text) in &ticks {
-            let x = NAMES + self.x(*value);
-            svg.text([x, height + 26.0], "tick mid", text);
-        }
-        let middle = [NAMES + DOTS_WIDTH / 2.0, height + 50.0];
-        svg.text(middle, "unit mid", "error, deg (logarithmic)");
-        svg.close();
-        svg.finish()
-    }
-
-    fn row(&self, svg: &mut Svg, y: f64, colour: usize, errors: &[f64]) {
+    let rows = Rows {
+        label: "Errors of each estimator, by recording",
+        unit: "error, deg (logarithmic)",
+        axis: if fine { axis.with_fine_ticks() } else { axis },
+        margins: MARGINS,
+        height: ROW,
+        rules: &[],
+        legend: Vec::new(),
+        rows,
+    };
+    Some(rows.render(|svg, x, top, (colour, errors)| {
+        let y = top + 0.5 * ROW;
         // Neighbours take turns above and below, so that they can be counted.
         let lift = |k: usize| [0.0, -8.0, 8.0, -4.0, 4.0][k % 5];
         let dots = errors.iter().enumerate();
-        let dots: Vec<Point> = dots.map(|(k, e)| [self.x(*e), y + lift(k)]).collect();
+        let dots: Vec<Point> = dots.map(|(k, e)| [x(*e), y + lift(k)]).collect();
         svg.dots(&dots, &format!("dots big soft s{}", colour % SERIES));
-        let x = self.x(median(errors));
+        let x = x(median(errors));
         svg.lines(&[vec![[x, y - 16.0], [x, y + 16.0]]], "line bold mean");
-    }
+    }))
 }
 
 /// Median of sorted values, which are not empty.

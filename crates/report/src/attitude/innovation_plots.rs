@@ -4,9 +4,10 @@ use northing_core::kalman::gate::CHI_SQUARE;
 use northing_recording::SensorKind;
 
 use crate::drawing::axis::{self, Axis};
-use crate::drawing::curves::{error_limit, time_axis};
+use crate::drawing::curves::time_axis;
 use crate::drawing::fate::Fate;
 use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, key};
+use crate::drawing::residuals::{self, Residual};
 use crate::drawing::series::{self, Point};
 use northing_evaluation::attitude::trace::{InnovationPoint, Trace};
 
@@ -39,13 +40,9 @@ impl Updates<'_> {
         name
     }
 
-    fn points_of(&self, fate: Fate) -> impl Iterator<Item = &InnovationPoint> {
-        let of = move |p: &&InnovationPoint| Fate::of(p.outcome) == Some(fate);
-        self.points.iter().copied().filter(of)
-    }
-
     fn has(&self, fate: Fate) -> bool {
-        self.points_of(fate).next().is_some()
+        let mut points = self.points.iter();
+        points.any(|p| Fate::of(p.outcome) == Some(fate))
     }
 
     /// Unit of the residual as drawn, and the factor from the trace's unit.
@@ -60,24 +57,9 @@ impl Updates<'_> {
         }
     }
 
-    fn dots(&self, value: impl Fn(&InnovationPoint) -> f64) -> Vec<Layer> {
-        let of = |fate: Fate| {
-            let points = self.points_of(fate).map(|p| [p.time_s, value(p)]);
-            Layer::dots(points.collect(), fate.class())
-        };
-        Fate::ALL.map(of).into()
-    }
-
     fn keys(&self) -> Vec<Key> {
-        let shown = Fate::ALL.into_iter().filter(|f| self.has(*f));
-        let mut keys: Vec<Key> = shown
-            .map(|f| key(Sign::Dot, &format!("dots big {}", f.class()), f.name()))
-            .collect();
-        keys.push(key(
-            Sign::Band,
-            "band estimate-fill",
-            "\u{00b1}3\u{03c3} expected",
-        ));
+        let mut keys = residuals::keys(self.points.iter().map(|p| p.outcome), Fate::name);
+        keys.push(residuals::band_key());
         keys.push(key(Sign::Line, "line bold mean", "mean NIS of a window"));
         keys
     }
@@ -131,34 +113,21 @@ pub(crate) fn innovations(trace: &Trace, updates: &Updates<'_>) -> Figure {
 
 fn residual_panel(updates: &Updates<'_>, i: usize, name: &str) -> Panel {
     let (unit, factor) = updates.unit();
-    let residual = |p: &InnovationPoint| p.residual[i] * factor;
-    let bounds: Vec<_> = updates
-        .points
-        .iter()
-        .map(|p| {
-            let half = 3.0 * p.std[i] * factor;
-            [p.time_s, -half, half]
-        })
-        .collect();
-    let all: Vec<Point> = updates
-        .points
-        .iter()
-        .map(|p| [p.time_s, residual(p)])
-        .collect();
-    let (limit, note) = error_limit(&all, &bounds, unit);
-    let mut layers = vec![Layer::band(bounds, false)];
-    layers.extend(updates.dots(residual));
-    Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers)
-        .height(118.0)
-        .note(note)
+    let residual = |p: &&InnovationPoint| Residual {
+        time_s: p.time_s,
+        value: p.residual[i] * factor,
+        std: p.std[i] * factor,
+        outcome: p.outcome,
+    };
+    let residuals: Vec<_> = updates.points.iter().map(residual).collect();
+    residuals::panel(name, unit, &residuals)
 }
 
-/// NIS on a logarithmic axis between its chi-square bounds, with its mean over windows.
 fn nis_panel(updates: &Updates<'_>) -> Panel {
-    let nis = |p: &InnovationPoint| p.nis.max(LEAST_NIS);
+    let nis = |p: &&InnovationPoint| (p.outcome, [p.time_s, p.nis.max(LEAST_NIS)]);
     let sorted = axis::sorted(updates.points.iter().map(|p| p.nis));
     let high = (axis::quantile(&sorted, 0.9995) * 1.6).clamp(100.0, 1e6);
-    let mut layers = updates.dots(nis);
+    let mut layers: Vec<Layer> = residuals::dots(updates.points.iter().map(nis)).into();
     for (value, label) in bounds(updates.components) {
         layers.push(Layer::rule(value, label));
     }

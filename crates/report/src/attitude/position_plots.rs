@@ -1,11 +1,10 @@
 //! Plots of a position observer: the track on a map, and what each position told.
 
-use crate::drawing::axis::Axis;
-use crate::drawing::curves::{error_limit, time_axis};
+use crate::drawing::curves::time_axis;
 use crate::drawing::fate::Fate;
 use crate::drawing::map::{self, Place, Scale};
-use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, key};
-use crate::drawing::series::Point;
+use crate::drawing::plot::{DOTS, Figure, Key, Panel, Sign, key};
+use crate::drawing::residuals::{self, Residual};
 use northing_evaluation::attitude::trace::{PositionPoint, Trace};
 
 /// Room around a track, m.
@@ -67,31 +66,21 @@ pub(crate) fn innovations(trace: &Trace) -> Option<Figure> {
 }
 
 fn keys(trace: &Trace) -> Vec<Key> {
-    let shown = Fate::ALL
-        .into_iter()
-        .filter(|f| of(trace, *f).next().is_some());
-    shown
-        .map(|fate| {
-            let name = match fate {
-                Fate::Fused => "used",
-                Fate::Inflated => "accepted after several outliers",
-                Fate::Gated => "refused as an outlier",
-            };
-            key(Sign::Dot, &format!("dots big {}", fate.class()), name)
-        })
-        .collect()
+    let outcomes = trace.positions.items().iter().map(|p| p.outcome);
+    residuals::keys(outcomes, |fate| match fate {
+        Fate::Fused => "used",
+        Fate::Inflated => "accepted after several outliers",
+        Fate::Gated => "refused as an outlier",
+    })
 }
 
 fn panel(trace: &Trace, i: usize, name: &str) -> Panel {
-    let residuals = |fate: Fate| -> Vec<Point> {
-        of(trace, fate)
-            .map(|p| [p.time_s, p.residual_m[i]])
-            .collect()
+    let residual = |p: &PositionPoint| Residual {
+        time_s: p.time_s,
+        value: p.residual_m[i],
+        std: f64::NAN,
+        outcome: p.outcome,
     };
-    let all: Vec<Point> = Fate::ALL.into_iter().flat_map(residuals).collect();
-    let (limit, note) = error_limit(&all, &[], "m");
-    let layers = Fate::ALL.map(|fate| Layer::dots(residuals(fate), fate.class()));
-    Panel::new(name, "m", Axis::linear(-limit, limit, 5), layers.into())
-        .height(118.0)
-        .note(note)
+    let residuals: Vec<_> = trace.positions.items().iter().map(residual).collect();
+    residuals::panel(name, "m", &residuals)
 }

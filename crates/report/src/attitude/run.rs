@@ -11,6 +11,7 @@ use crate::drawing::svg::escape;
 use crate::page::facts::Fact;
 use crate::page::html::{self, Frame, Page};
 use crate::page::setup::OPENS;
+use crate::page::table::{self, Cell, Column, Table};
 
 impl RunReport<'_> {
     /// The report as one HTML page that needs nothing else, usually below 1 MB.
@@ -119,26 +120,23 @@ fn gates(report: &RunReport<'_>, updates: &[Updates<'_>]) -> String {
 }
 
 fn update_table(updates: &[SensorUpdates]) -> String {
-    let mut rows = String::new();
-    for u in updates {
+    let optional = |v: Option<f64>| v.filter(|v| v.is_finite()).map_or("\u{2013}".into(), short);
+    let row = |u: &SensorUpdates| {
         let seen = (u.fused + u.gated).max(1);
         let share = 100.0 * u.gated as f64 / seen as f64;
-        let optional =
-            |v: Option<f64>| v.filter(|v| v.is_finite()).map_or("\u{2013}".into(), short);
-        let _ = writeln!(
-            rows,
-            "<tr><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"num\">{}</td>\
-             <td class=\"num\">{share:.1} %</td><td class=\"num\">{}</td>\
-             <td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
-            escape(&u.sensor),
+        let cells = [
+            u.sensor.clone(),
             grouped(u.fused),
             grouped(u.gated),
+            format!("{share:.1} %"),
             grouped(u.skipped),
             optional(u.nis_mean),
-            optional(u.nis_expected)
-        );
-    }
+            optional(u.nis_expected),
+        ];
+        cells.map(Cell::Text).into()
+    };
     let columns = [
+        "Sensor",
         "Used",
         "Refused",
         "Refused of those seen",
@@ -146,11 +144,11 @@ fn update_table(updates: &[SensorUpdates]) -> String {
         "Mean NIS",
         "Expected",
     ];
-    let mut head = "<th scope=\"col\">Sensor</th>".to_owned();
-    for column in columns {
-        let _ = write!(head, "<th scope=\"col\" class=\"num\">{column}</th>");
-    }
-    html::table(&head, &rows)
+    table::table(&Table {
+        columns: columns.map(|name| Column::new(name, "", None)).into(),
+        rows: updates.iter().map(row).collect(),
+        ..Table::default()
+    })
 }
 
 /// A count with thin spaces between groups of three digits.

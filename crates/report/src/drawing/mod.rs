@@ -5,6 +5,8 @@ pub(crate) mod curves;
 pub(crate) mod fate;
 pub(crate) mod map;
 pub(crate) mod plot;
+pub(crate) mod residuals;
+pub(crate) mod rows;
 pub(crate) mod series;
 pub(crate) mod style;
 pub(crate) mod svg;

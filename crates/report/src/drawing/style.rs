@@ -38,6 +38,12 @@ const LINES: [Role; SERIES] = [
     Role("s5", "#3c4a57", "#c3ced8"),
 ];
 
+/// Class of the n-th line: a colour, dashed once the colours are used up.
+pub(crate) fn series_class(i: usize) -> String {
+    let dash = if i < SERIES { "" } else { " dash" };
+    format!("s{}{dash}", i % SERIES)
+}
+
 fn roles() -> impl Iterator<Item = Role> {
     let paper = [PAPER, PANEL, INK, MUTED, GRID].into_iter();
     paper.chain(CURVES).chain([GOOD]).chain(LINES)

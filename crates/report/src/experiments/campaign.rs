@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::drawing::axis::{Axis, extent};
 use crate::drawing::plot::{Figure, Layer, Panel, line_key};
 use crate::drawing::series::Point;
-use crate::drawing::style::SERIES;
+use crate::drawing::style::series_class;
 use crate::page::facts::{Fact, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Table};
@@ -55,11 +55,6 @@ const READING: &str = "Errors are estimate minus truth in north and east, as roo
      the squared error in units of the stated covariance: 4 on average for a consistent tracker of position and \
      velocity. The band holds the mean of as many consistent runs at 95 % of the scans.";
 
-fn class(i: usize) -> String {
-    let dash = if i < SERIES { "" } else { " dash" };
-    format!("s{}{dash}", i % SERIES)
-}
-
 impl CampaignReport {
     /// The report as one HTML page that needs nothing else.
     #[must_use]
@@ -105,8 +100,8 @@ impl CampaignReport {
             .enumerate()
             .filter(|(_, t)| !t.track_m.is_empty());
         for (i, tracker) in lines {
-            layers.push(line(&tracker.track_m, &class(i)));
-            legend.push(line_key(&class(i), &tracker.name));
+            layers.push(line(&tracker.track_m, &series_class(i)));
+            legend.push(line_key(&series_class(i), &tracker.name));
         }
         let truth = [
             (&self.own_ship_m, "reference", "own ship"),
@@ -149,7 +144,7 @@ impl CampaignReport {
             .trackers
             .iter()
             .enumerate()
-            .map(|(i, t)| line(of(t), &class(i)));
+            .map(|(i, t)| line(of(t), &series_class(i)));
         let panel = Panel::new(title, unit, axis, layers.collect()).height(320.0);
         html::figure(
             self.over_time(title, vec![panel]),
@@ -178,7 +173,7 @@ impl CampaignReport {
             let _ = write!(bands, " {low:.2} to {high:.2} for {name}.");
         }
         let lines = self.trackers.iter().enumerate();
-        layers.extend(lines.map(|(i, t)| line(&t.nees, &class(i))));
+        layers.extend(lines.map(|(i, t)| line(&t.nees, &series_class(i))));
         let panel = Panel::new("Mean NEES", "", axis, layers).height(320.0);
         html::figure(
             self.over_time("Mean NEES", vec![panel]),
@@ -210,7 +205,9 @@ impl CampaignReport {
         Figure::new(
             format!("{label} of each tracker over time"),
             Axis::time(0.0, end, 8),
-            legend.map(|(i, t)| line_key(&class(i), &t.name)).collect(),
+            legend
+                .map(|(i, t)| line_key(&series_class(i), &t.name))
+                .collect(),
             panels,
         )
         .right(48.0)

@@ -1,21 +1,17 @@
 //! The report of the experiment on observers in cascade: errors, gains and costs of each condition.
 
 use crate::drawing::axis::{Axis, extent};
-use crate::drawing::plot::{Key, Sign, WIDTH, key, legend};
-use crate::drawing::svg::Svg;
+use crate::drawing::plot::{Sign, key};
+use crate::drawing::rows::{Row, Rows};
 use crate::page::facts::{Fact, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Best, Cell, Column, Table};
 use northing_experiments::observers::experiment::{Comparison, Condition, ExperimentOutcome};
 
-/// Room at the left for names of conditions.
-const NAMES: f64 = 390.0;
-/// Room at the right for numbers.
-const NUMBERS: f64 = 120.0;
+/// Room at the left for names of conditions, and at the right for numbers.
+const MARGINS: [f64; 2] = [390.0, 120.0];
 /// Height of a row.
 const ROW: f64 = 40.0;
-/// Width of the plot itself.
-const INNER: f64 = WIDTH - NAMES - NUMBERS;
 /// Smallest error shown, deg.
 const LEAST_DEG: f64 = 0.05;
 /// Gains below are drawn at the left edge, percent.
@@ -154,72 +150,28 @@ fn facts(outcome: &ExperimentOutcome) -> Vec<Fact> {
     ]
 }
 
-/// A row of an interval plot: value, interval, class of the colour.
+/// A mark of an interval plot: value, interval, class of the colour.
 type Mark = (f64, [f64; 2], &'static str);
 
-/// Intervals in rows, one row a condition, names at the left and a note at the right.
-struct Rows<'a> {
-    label: &'a str,
-    unit: &'a str,
-    axis: Axis,
-    /// Vertical lines at values.
-    rules: &'a [f64],
-    rows: Vec<(&'a str, Vec<Mark>, String)>,
-    legend: Vec<Key>,
+/// Intervals in rows, one row a condition.
+fn intervals(rows: &Rows<'_, Vec<Mark>>) -> String {
+    rows.render(|svg, x, top, marks| {
+        let step = ROW / (marks.len() as f64 + 1.0);
+        for (k, (value, [low, high], class)) in marks.iter().enumerate() {
+            let y = top + (k as f64 + 1.0) * step;
+            let interval = vec![[x(*low), y], [x(*high), y]];
+            svg.lines(&[interval], &format!("line bold {class}"));
+            svg.dots(&[[x(*value), y]], &format!("dots big {class}"));
+        }
+    })
 }
 
-impl Rows<'_> {
-    fn x(&self, value: f64) -> f64 {
-        self.axis.position(value).clamp(0.0, 1.0) * INNER
-    }
-
-    fn render(&self) -> String {
-        let height = ROW * self.rows.len() as f64;
-        let mut keys = Svg::default();
-        let top = 6.0 + legend(&mut keys, &self.legend, [NAMES, 0.0], WIDTH - 8.0);
-        let mut svg = Svg::picture(WIDTH, top + height + 54.0, self.label);
-        svg.raw(&keys.finish());
-        svg.open_window(NAMES, top, INNER, height);
-        svg.rectangle([0.0, 0.0], [INNER, height], 0.0, "frame");
-        let ticks = self.axis.ticks();
-        let columns = ticks.iter().map(|(v, _)| self.x(*v));
-        let columns: Vec<_> = columns.map(|x| vec![[x, 0.0], [x, height]]).collect();
-        svg.lines(&columns, "grid");
-        for rule in self.rules {
-            let x = self.x(*rule);
-            svg.lines(&[vec![[x, 0.0], [x, height]]], "line dash reference");
-        }
-        for (i, (_, marks, _)) in self.rows.iter().enumerate() {
-            let step = ROW / (marks.len() as f64 + 1.0);
-            for (k, (value, [low, high], class)) in marks.iter().enumerate() {
-                let y = i as f64 * ROW + (k as f64 + 1.0) * step;
-                svg.lines(
-                    &[vec![[self.x(*low), y], [self.x(*high), y]]],
-                    &format!("line bold {class}"),
-                );
-                svg.dots(&[[self.x(*value), y]], &format!("dots big {class}"));
-            }
-        }
-        svg.close();
-        for (i, (name, _, note)) in self.rows.iter().enumerate() {
-            let y = top + (i as f64 + 0.5) * ROW + 5.0;
-            svg.text([NAMES - 12.0, y], "tick end", name);
-            svg.text([NAMES + INNER + 10.0, y], "note", note);
-        }
-        for (value, text) in &ticks {
-            svg.text(
-                [NAMES + self.x(*value), top + height + 20.0],
-                "tick mid",
-                text,
-            );
-        }
-        svg.text(
-            [NAMES + INNER / 2.0, top + height + 44.0],
-            "unit mid",
-            self.unit,
-        );
-        svg.close();
-        svg.finish()
+fn row<'a>(condition: &'a Condition, marks: Vec<Mark>, note: String) -> Row<'a, Vec<Mark>> {
+    Row {
+        name: &condition.title,
+        class: "tick end".to_owned(),
+        note,
+        marks,
     }
 }
 
@@ -234,22 +186,21 @@ fn gains(conditions: &[Condition]) -> String {
         .fold(-20.0, f64::min);
     let rows = conditions.iter().map(|c| {
         let gain = c.tuned.gain_percent.max(LEAST_GAIN);
-        (
-            c.title.as_str(),
-            vec![(gain, bounds(c), "s0")],
-            format!("{:+.0} %", c.tuned.gain_percent),
-        )
+        let note = format!("{:+.0} %", c.tuned.gain_percent);
+        row(c, vec![(gain, bounds(c), "s0")], note)
     });
-    let svg = Rows {
+    let svg = intervals(&Rows {
+        margins: MARGINS,
+        height: ROW,
         label: "Gain of the modified scheme over the original in each condition",
         unit: "smaller error of the modified scheme, % (both tuned)",
         axis: Axis::linear(low, 100.0, 7),
         rules: &[0.0, 40.0],
         rows: rows.collect(),
         legend: Vec::new(),
-    };
+    });
     html::picture(
-        svg.render(),
+        svg,
         "One row for each condition.",
         "Dashed: no gain, and the 40 % that were claimed. A bar that reaches over zero says that other flights might decide otherwise; right of it the modified \
          scheme is better, left of it worse.",
@@ -276,9 +227,11 @@ fn errors(conditions: &[Condition]) -> String {
             "{:.1} {:.1} {:.1}",
             t.original_deg, t.modified_deg, t.ekf_deg
         );
-        (c.title.as_str(), marks, note)
+        row(c, marks, note)
     });
-    let svg = Rows {
+    let svg = intervals(&Rows {
+        margins: MARGINS,
+        height: ROW,
         label: "Errors of original, modified and EKF in each condition",
         unit: "error, deg (logarithmic)",
         axis: Axis::logarithmic(0.7 * low, 1.4 * high).with_fine_ticks(),
@@ -289,9 +242,9 @@ fn errors(conditions: &[Condition]) -> String {
             key(Sign::Line, "line bold s1", "modified"),
             key(Sign::Line, "line bold s2", "EKF alone"),
         ],
-    };
+    });
     html::picture(
-        svg.render(),
+        svg,
         "Error of the three schemes, each tuned.",
         "Where only the accelerometer is used it is the inclination that counts: without a magnetometer nobody knows the \
          heading.",

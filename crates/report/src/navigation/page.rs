@@ -344,19 +344,14 @@ fn outage_consistency(outages: &[OutageScore]) -> Option<Verdict> {
     ))
 }
 
-fn column(title: &str) -> Column {
-    Column {
-        name: title.to_owned(),
-        ..Column::default()
-    }
+fn columns<const N: usize>(names: [&str; N]) -> Vec<Column> {
+    names.map(|name| Column::new(name, "", None)).into()
 }
 
 fn outage_table(outages: &[OutageScore]) -> Table {
     let number = |value: Option<f64>| {
-        value.map_or(Cell::Missing, |v| Cell::Number {
-            value: v,
-            decimals: if v.abs() < 1.0 { 3 } else { 1 },
-        })
+        let decimals = value.map_or(0, |v| if v.abs() < 1.0 { 3 } else { 1 });
+        Cell::number(value, decimals)
     };
     let row = |o: &OutageScore| {
         vec![
@@ -380,16 +375,14 @@ fn outage_table(outages: &[OutageScore]) -> Table {
         title: "Outages".to_owned(),
         caption: "Horizontal error at the last point inside, m; beside it what needs no filter."
             .to_owned(),
-        columns: [
+        columns: columns([
             "after the first fix",
             "error",
             "predicted \u{03c3}",
             "inside 95 %",
             "last fix held",
             "moved on",
-        ]
-        .map(column)
-        .into(),
+        ]),
         rows: outages.iter().map(row).collect(),
     }
 }
@@ -404,29 +397,22 @@ fn aid_table(summary: &NavigationSummary) -> Table {
             count(counts.fused),
             count(counts.gated),
             count(counts.skipped),
-            nis.map_or(Cell::Missing, |n| Cell::Number {
-                value: n.mean,
-                decimals: 2,
-            }),
-            nis.map_or(Cell::Missing, |n| {
-                Cell::Text(n.degrees_of_freedom.to_string())
-            }),
+            Cell::number(nis.map(|n| n.mean), 2),
+            nis.map_or(Cell::Missing, |n| count(n.degrees_of_freedom.into())),
         ]
     });
     Table {
         title: "Aids".to_owned(),
         caption: "The mean NIS of a consistent filter is the number of components measured."
             .to_owned(),
-        columns: [
+        columns: columns([
             "aid",
             "used",
             "refused",
             "not looked at",
             "mean NIS",
             "components",
-        ]
-        .map(column)
-        .into(),
+        ]),
         rows: rows.collect(),
     }
 }

@@ -5,11 +5,12 @@ use crate::drawing::curves::{angle_axis, error_limit, is_drawn};
 use crate::drawing::fate::Fate;
 use crate::drawing::map::{self, Place, Scale};
 use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, WIDTH, key};
+use crate::drawing::residuals::{self, Residual};
 use crate::drawing::series::{BandPoint, Point};
 use northing_core::navigation::Validity;
 use northing_evaluation::navigation::score::{CHI_SQUARE_95, OutageScore};
 use northing_evaluation::navigation::trace::{AidPoint, NavigationPoint, NavigationTrace};
-use northing_evaluation::navigation::{AidKind, NavigationKind};
+use northing_evaluation::navigation::{AidKind, NavigationKind, ScoredPoint};
 
 /// Room around a track, m.
 const ROOM_M: f64 = 2.0;
@@ -414,15 +415,7 @@ pub(crate) fn errors(trace: &NavigationTrace) -> Option<Figure> {
     if scored.is_empty() {
         return None;
     }
-    let error: Vec<Point> = scored
-        .iter()
-        .map(|(t, p)| [*t, p.error.xy().norm()])
-        .collect();
-    let half = CHI_SQUARE_95.sqrt() * std::f64::consts::FRAC_1_SQRT_2;
-    let bound: Vec<BandPoint> = scored
-        .iter()
-        .map(|(t, p)| [*t, 0.0, half * p.horizontal_std])
-        .collect();
+    let (error, bound) = horizontal(scored.iter(), 0.0);
     let (limit, note) = error_limit(&error, &[], "m");
     let mut horizontal = Panel::new(
         "Horizontal error",
@@ -451,10 +444,7 @@ pub(crate) fn errors(trace: &NavigationTrace) -> Option<Figure> {
             Panel::new("Error upwards", "m", Axis::linear(-limit, limit, 5), layers).note(note);
         panels.push(panel);
     }
-    let legend = vec![
-        key(Sign::Dot, "dots big estimate", "error"),
-        key(Sign::Band, "band estimate-fill", "predicted, 95 %"),
-    ];
+    let legend = error_keys("error");
     Some(Figure::new(
         "Position error over time",
         time_of(trace),
@@ -470,18 +460,8 @@ pub(crate) fn outages(trace: &NavigationTrace, outages: &[OutageScore]) -> Optio
     for outage in outages.iter().filter(|o| o.horizontal_error_m.is_some()) {
         let start = first_fix_s + outage.start_s;
         let inside = trace.scored.items().iter();
-        let inside: Vec<_> = inside
-            .filter(|(t, _)| (start..start + outage.duration_s).contains(t))
-            .collect();
-        let error: Vec<Point> = inside
-            .iter()
-            .map(|(t, p)| [t - start, p.error.xy().norm()])
-            .collect();
-        let half = CHI_SQUARE_95.sqrt() * std::f64::consts::FRAC_1_SQRT_2;
-        let bound: Vec<BandPoint> = inside
-            .iter()
-            .map(|(t, p)| [t - start, 0.0, half * p.horizontal_std])
-            .collect();
+        let inside = inside.filter(|(t, _)| (start..start + outage.duration_s).contains(t));
+        let (error, bound) = horizontal(inside, start);
         let highest = error.iter().map(|p| p[1]);
         let highest = highest
             .chain(bound.iter().map(|b| b[2]))
@@ -493,13 +473,31 @@ pub(crate) fn outages(trace: &NavigationTrace, outages: &[OutageScore]) -> Optio
         panels.push(panel);
     }
     let longest = outages.iter().map(|o| o.duration_s).fold(1.0, f64::max);
-    let legend = vec![
-        key(Sign::Dot, "dots big estimate", "horizontal error"),
-        key(Sign::Band, "band estimate-fill", "predicted, 95 %"),
-    ];
+    let legend = error_keys("horizontal error");
     let time = Axis::time(0.0, longest, 8);
     let label = "Horizontal error in each outage, over the time since its start";
     (!panels.is_empty()).then(|| Figure::new(label, time, legend, panels))
+}
+
+/// Horizontal errors over the time since a start, and the bound of 95 %.
+fn horizontal<'a>(
+    scored: impl Iterator<Item = &'a (f64, ScoredPoint)>,
+    start_s: f64,
+) -> (Vec<Point>, Vec<BandPoint>) {
+    let half = CHI_SQUARE_95.sqrt() * std::f64::consts::FRAC_1_SQRT_2;
+    let each = scored.map(|(t, p)| {
+        let time_s = t - start_s;
+        let bound = [time_s, 0.0, half * p.horizontal_std];
+        ([time_s, p.error.xy().norm()], bound)
+    });
+    each.unzip()
+}
+
+fn error_keys(error: &str) -> Vec<Key> {
+    vec![
+        key(Sign::Dot, "dots big estimate", error),
+        key(Sign::Band, "band estimate-fill", "predicted, 95 %"),
+    ]
 }
 
 /// Unit of an aid's residual as drawn, and the factor from what the trace has.
@@ -529,22 +527,8 @@ pub(crate) fn innovations(trace: &NavigationTrace, aid: AidKind) -> Option<Figur
     };
     let panels = names.iter().take(usize::from(components)).enumerate();
     let panels = panels.map(|(i, name)| innovation_panel(points, aid, i, name));
-    let mut legend: Vec<Key> = Fate::ALL
-        .into_iter()
-        .filter(|fate| points.iter().any(|p| Fate::of(p.outcome) == Some(*fate)))
-        .map(|fate| {
-            key(
-                Sign::Dot,
-                &format!("dots big {}", fate.class()),
-                fate.name(),
-            )
-        })
-        .collect();
-    legend.push(key(
-        Sign::Band,
-        "band estimate-fill",
-        "\u{00b1}3\u{03c3} expected",
-    ));
+    let mut legend = residuals::keys(points.iter().map(|p| p.outcome), Fate::name);
+    legend.push(residuals::band_key());
     let label = format!("Innovations of {} over time", aid.name());
     Some(Figure::new(
         &label,
@@ -556,22 +540,12 @@ pub(crate) fn innovations(trace: &NavigationTrace, aid: AidKind) -> Option<Figur
 
 fn innovation_panel(points: &[AidPoint], aid: AidKind, i: usize, name: &str) -> Panel {
     let (unit, factor) = unit(aid);
-    let residuals = |fate: Fate| -> Vec<Point> {
-        let of = points.iter().filter(|p| Fate::of(p.outcome) == Some(fate));
-        of.map(|p| [p.time_s, factor * p.residual[i]]).collect()
+    let residual = |p: &AidPoint| Residual {
+        time_s: p.time_s,
+        value: factor * p.residual[i],
+        std: factor * p.std[i],
+        outcome: p.outcome,
     };
-    let bound: Vec<BandPoint> = points
-        .iter()
-        .map(|p| {
-            let half = SIGMAS * factor * p.std[i];
-            [p.time_s, -half, half]
-        })
-        .collect();
-    let all: Vec<Point> = Fate::ALL.into_iter().flat_map(residuals).collect();
-    let (limit, note) = error_limit(&all, &bound, unit);
-    let mut layers = vec![Layer::band(bound, false)];
-    layers.extend(Fate::ALL.map(|fate| Layer::dots(residuals(fate), fate.class())));
-    let mut panel = Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers);
-    (panel.note, panel.height) = (note, 110.0);
-    panel
+    let residuals: Vec<_> = points.iter().map(residual).collect();
+    residuals::panel(name, unit, &residuals).height(110.0)
 }

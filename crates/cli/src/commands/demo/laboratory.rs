@@ -25,7 +25,7 @@ use northing_simulation::virtual_phone::Motion;
 use crate::arguments::estimation::run_over;
 use crate::arguments::virtual_recording;
 use crate::files::estimate_file::EstimateFile;
-use crate::files::output::{check_free, print};
+use crate::files::output::{check_free, number, print};
 use crate::files::rest_calibration;
 use crate::invocation::{called, command_line};
 use crate::progress::Progress;
@@ -276,7 +276,7 @@ impl<'a> Lab<'a> {
         }
         let mut table = Table::new(&["<estimator", "error deg", "heading deg", "inclination deg"]);
         for run in &self.runs {
-            let cell = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
+            let cell = |value: Option<f64>| number(value, 3);
             let error = run.error_deg;
             table.row([
                 run.estimator.to_string(),

@@ -3,14 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use northing_core::earth::wgs84::LocalFrame;
-use northing_core::kalman::Innovation;
-use northing_core::nalgebra::Vector3;
 use northing_evaluation::EvaluationError;
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{
-    AidKind, NavigationEstimate, NavigationKind, NavigationObserver, NavigationOptions,
-    NavigationSummary, ScoredPoint, run_navigation,
+    NavigationKind, NavigationObserver, NavigationOptions, NavigationSummary, run_navigation,
 };
 use northing_recording::Recording;
 use northing_recording::atomic_file::write_whole;
@@ -18,7 +14,9 @@ use northing_report::{NavigationReport, TRACE_CAPACITY};
 
 use super::arguments::RunArgs;
 use crate::files::navigation_file::NavigationFile;
-use crate::files::output::{check_free, check_not_input, print, print_json, same_file};
+use crate::files::output::{
+    check_free, check_not_input, print, print_json, report_written, same_file,
+};
 use crate::files::shown;
 use crate::interrupt::interruptible;
 use crate::invocation::command_line;
@@ -38,13 +36,12 @@ pub(crate) fn execute(
         .navigation_options(kind, recording.metadata())?;
     args.navigation.apply(&mut options);
     let file = args.out.as_deref();
-    let mut watchers = Watchers {
-        trace: (args.report.is_some() || args.navigation.picture.is_some())
-            .then(|| NavigationTrace::new(TRACE_CAPACITY)),
-        file: file
-            .map(|path| NavigationFile::create(path, args.force))
-            .transpose()?,
-    };
+    let traced = args.report.is_some() || args.navigation.picture.is_some();
+    let trace = traced.then(|| NavigationTrace::new(TRACE_CAPACITY));
+    let file = file
+        .map(|path| NavigationFile::create(path, args.force))
+        .transpose()?;
+    let mut watchers = (trace, file);
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
     let title = recording.metadata().name.clone();
@@ -106,10 +103,10 @@ fn write_outputs(
     args: &RunArgs,
     summary: &NavigationSummary,
     name: &str,
-    watchers: Watchers,
+    (trace, file): (Option<NavigationTrace>, Option<NavigationFile>),
 ) -> Result<Vec<String>> {
     let mut written = Vec::new();
-    if let Some(trace) = &watchers.trace {
+    if let Some(trace) = &trace {
         let page = NavigationReport {
             name: name.to_owned(),
             summary,
@@ -118,7 +115,7 @@ fn write_outputs(
         };
         if let Some(path) = &args.report {
             write_whole(path, page.render().as_bytes(), args.force)?;
-            written.push(format!("Report: {} (open it in a browser)", path.display()));
+            written.push(report_written(path));
         }
         if let Some(path) = &args.navigation.picture {
             let Some(picture) = page.picture() else {
@@ -128,71 +125,10 @@ fn write_outputs(
             written.push(format!("Picture: {}", path.display()));
         }
     }
-    if let (Some(path), Some(file)) = (&args.out, watchers.file) {
+    if let (Some(path), Some(file)) = (&args.out, file) {
         file.finish(name)
             .with_context(|| path.display().to_string())?;
         written.push(format!("Estimates: {}", path.display()));
     }
     Ok(written)
-}
-
-/// What watches a run: nothing, plots, a file.
-struct Watchers {
-    trace: Option<NavigationTrace>,
-    file: Option<NavigationFile>,
-}
-
-impl Watchers {
-    fn each(&mut self, tell: impl Fn(&mut dyn NavigationObserver)) {
-        if let Some(trace) = &mut self.trace {
-            tell(trace);
-        }
-        if let Some(file) = &mut self.file {
-            tell(file);
-        }
-    }
-}
-
-impl NavigationObserver for Watchers {
-    fn interval_ns(&self) -> i64 {
-        let trace = self.trace.as_ref().map(NavigationObserver::interval_ns);
-        let file = self.file.as_ref().map(NavigationObserver::interval_ns);
-        trace.into_iter().chain(file).min().unwrap_or(i64::MAX)
-    }
-
-    fn estimate(&mut self, estimate: &NavigationEstimate) {
-        self.each(|watcher| watcher.estimate(estimate));
-    }
-
-    fn fix(&mut self, time_ns: i64, ned: &Vector3<f64>, used: bool) {
-        self.each(|watcher| watcher.fix(time_ns, ned, used));
-    }
-
-    fn reference(&mut self, time_ns: i64, ned: &Vector3<f64>) {
-        self.each(|watcher| watcher.reference(time_ns, ned));
-    }
-
-    fn scored(&mut self, point: &ScoredPoint) {
-        self.each(|watcher| watcher.scored(point));
-    }
-
-    fn innovation(&mut self, time_ns: i64, aid: AidKind, innovation: &Innovation<f64>) {
-        self.each(|watcher| watcher.innovation(time_ns, aid, innovation));
-    }
-
-    fn inertial(&mut self, time_ns: i64, rate: &Vector3<f64>, force: &Vector3<f64>) {
-        self.each(|watcher| watcher.inertial(time_ns, rate, force));
-    }
-
-    fn magnetic_field(&mut self, time_ns: i64, field: &Vector3<f64>) {
-        self.each(|watcher| watcher.magnetic_field(time_ns, field));
-    }
-
-    fn device(&mut self, estimate: &NavigationEstimate) {
-        self.each(|watcher| watcher.device(estimate));
-    }
-
-    fn origin(&mut self, frame: &LocalFrame) {
-        self.each(|watcher| watcher.origin(frame));
-    }
 }

@@ -61,7 +61,7 @@ fn the_phones_own_orientation_scores_as_known() {
         assert!(one.outcome.is_ok(), "{}: {:?}", path.display(), one.outcome);
     }
     let rows = statistics(&scores(&compared));
-    println!("{}", table(&rows));
+    println!("{rows:#?}");
     let total = rows[0].total_deg.unwrap();
     assert!((total.median - 13.24).abs() < 0.3, "{total:?}");
     assert!((total.mean - 23.89).abs() < 0.5, "{total:?}");
@@ -78,7 +78,7 @@ fn one_profile_does_as_well_as_the_known_ekf_on_all_recordings() {
     paths.extend(recordings(&data.join("attitude/smartphone")));
     let compared = compare(&paths, &options(&EstimatorKind::ALL), &|| {});
     let rows = statistics(&scores(&compared));
-    println!("{}", table(&rows));
+    println!("{rows:#?}");
     let total = |folder: &str| {
         let row = rows.iter().find(|row| {
             row.folder.as_deref() == Some(folder) && row.estimator == EstimatorKind::Mekf.name()
@@ -103,7 +103,7 @@ fn bounded_velocity(folder: &Path, run: RunOptions) -> (f64, f64) {
     };
     let compared = compare(&recordings(folder), &options, &|| {});
     let rows = statistics(&scores(&compared));
-    println!("{}", table(&rows));
+    println!("{rows:#?}");
     (rows[0].total_deg.unwrap().mean, rows[0].nees.unwrap().mean)
 }
 
@@ -198,7 +198,7 @@ fn calibrated_phones_do_better_still() {
         assert!(words.contains("magnetometer_Nexus5_d"), "{words}");
         assert_eq!(summary.magnetometer, Some(MagnetometerSource::Uncalibrated));
         let rows = statistics(&scores(&compared));
-        println!("{}", table(&rows));
+        println!("{rows:#?}");
         let total = rows[0].total_deg.unwrap().mean;
         assert!(total <= limit_deg, "smoothed {smooth}: {total} deg");
     }
@@ -234,10 +234,4 @@ fn a_file_that_cannot_be_read_is_one_error_among_results() {
     let rows = statistics(&scores(&compared));
     assert_eq!(rows.len(), 2);
     assert_eq!((rows[0].scored_recordings, rows[0].total_deg), (0, None));
-    let text = table(&rows);
-    assert!(
-        text.lines()
-            .all(|line| line.len() == text.lines().next().unwrap().len()),
-        "{text}"
-    );
 }

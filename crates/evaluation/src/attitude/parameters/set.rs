@@ -3,12 +3,12 @@
 use northing_core::attitude::AttitudeConfig;
 use northing_core::attitude::bounded_velocity::BoundedVelocityConfig;
 use northing_core::navigation::cascade::CascadeConfig;
-use northing_core::parameters::{Choice, ConfigError, Parameter, Range, Table, Value};
+use northing_core::parameters::{Choice, ConfigError, Parameter, Range, Value};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json};
 
 use crate::attitude::kinds::EstimatorKind;
-use crate::by_name::{self, Row};
+use crate::by_name::{self, Configuration, Row, Tables};
 use crate::error::EvaluationError;
 
 /// Names of the bounded-velocity filter's parameters begin so ...
@@ -60,24 +60,23 @@ const ROTATION: Parameter = Parameter {
     read_by: &["cascade-ekf"],
 };
 
-/// Whether a parameter makes a difference to an estimator.
-pub(crate) fn is_read_by(row: &Row, kind: EstimatorKind) -> bool {
-    let of_this_table = match row.prefix {
-        BOUNDED => kind == EstimatorKind::BoundedVelocity,
-        CASCADE => kind.uses_positions(),
-        _ => true,
-    };
-    let named = row.parameter.read_by;
-    let by_all = named.is_empty() && !row.prefix.is_empty();
-    of_this_table && (by_all || named.contains(&kind.name()))
+impl Row {
+    /// Whether it makes a difference to an estimator.
+    pub(crate) fn is_read_by(&self, kind: EstimatorKind) -> bool {
+        let of_this_table = match self.prefix {
+            BOUNDED => kind == EstimatorKind::BoundedVelocity,
+            CASCADE => kind.uses_positions(),
+            _ => true,
+        };
+        let named = self.parameter.read_by;
+        let by_all = named.is_empty() && !self.prefix.is_empty();
+        of_this_table && (by_all || named.contains(&kind.name()))
+    }
 }
 
 /// Every row, in the order of the tables.
 pub(crate) fn rows() -> impl Iterator<Item = Row> {
-    Row::of("", AttitudeConfig::<f64>::PARAMETERS)
-        .chain(Row::of(BOUNDED, BoundedVelocityConfig::<f64>::PARAMETERS))
-        .chain(Row::of(CASCADE, CascadeConfig::<f64>::PARAMETERS))
-        .chain(Row::of(CASCADE, std::slice::from_ref(&ROTATION)))
+    by_name::rows(&Parameters::default().tables()).into_iter()
 }
 
 impl Parameters {
@@ -90,17 +89,20 @@ impl Parameters {
         }
     }
 
+    /// The tables, each with what the names of its parameters begin with.
+    pub(super) fn tables(&mut self) -> Tables<'_> {
+        vec![
+            ("", &mut self.attitude),
+            (BOUNDED, &mut self.bounded_velocity),
+            (CASCADE, &mut self.cascade),
+            (CASCADE, &mut self.rotation),
+        ]
+    }
+
     /// The value of a parameter; `None`: there is none of that name.
     #[must_use]
-    pub fn value(&self, name: &str) -> Option<Value<f64>> {
-        if let Some(name) = name.strip_prefix(BOUNDED) {
-            self.bounded_velocity.parameter(name)
-        } else if let Some(name) = name.strip_prefix(CASCADE) {
-            let rotation = (name == ROTATION.name).then(|| Value::Word(self.rotation.word()));
-            rotation.or_else(|| self.cascade.parameter(name))
-        } else {
-            self.attitude.parameter(name)
-        }
+    pub fn value(mut self, name: &str) -> Option<Value<f64>> {
+        by_name::value(&self.tables(), name)
     }
 
     /// Sets a parameter; on an error nothing is changed.
@@ -108,51 +110,51 @@ impl Parameters {
     /// # Errors
     /// There is none of that name, or the value is outside the permitted range.
     pub fn set(&mut self, name: &str, value: Value<f64>) -> Result<(), ConfigError> {
-        if let Some(name) = name.strip_prefix(BOUNDED) {
-            self.bounded_velocity.set_parameter(name, value)
-        } else if let Some(name) = name.strip_prefix(CASCADE) {
-            match (name == ROTATION.name, value) {
-                (true, Value::Word(word)) => {
-                    let (field, range) = (ROTATION.name, ROTATION.range);
-                    let rotation = CascadeRotation::from_word(word);
-                    self.rotation = rotation.ok_or(ConfigError { field, range })?;
-                    Ok(())
-                }
-                _ => self.cascade.set_parameter(name, value),
-            }
-        } else {
-            self.attitude.set_parameter(name, value)
-        }
+        by_name::put(self.tables(), name, value)
     }
 
     /// Checks every value.
     ///
     /// # Errors
     /// The first that is outside its range, and the range.
-    pub fn validate(&self) -> Result<(), EvaluationError> {
-        let checks = [
-            ("", self.attitude.validate()),
-            (BOUNDED, self.bounded_velocity.validate()),
-            (CASCADE, self.cascade.validate()),
-        ];
-        for (prefix, check) in checks {
-            check.map_err(|error| EvaluationError::Config {
-                name: format!("{prefix}{}", error.field),
-                range: error.range.to_string(),
-            })?;
-        }
+    pub fn validate(mut self) -> Result<(), EvaluationError> {
+        by_name::check(&self.tables())
+    }
+}
+
+/// The choice as a table of one row.
+impl Configuration for CascadeRotation {
+    fn rows(&self) -> &'static [Parameter] {
+        std::slice::from_ref(&ROTATION)
+    }
+
+    fn value(&self, name: &str) -> Option<Value<f64>> {
+        (name == ROTATION.name).then(|| Value::Word(self.word()))
+    }
+
+    fn put(&mut self, field: &str, value: Value<f64>) -> Result<(), ConfigError> {
+        let chosen = match value {
+            Value::Word(word) if field == ROTATION.name => Self::from_word(word),
+            _ => None,
+        };
+        *self = chosen.ok_or(ConfigError {
+            field: ROTATION.name,
+            range: ROTATION.range,
+        })?;
+        Ok(())
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
         Ok(())
     }
 }
 
 /// Every parameter as name and value.
 impl From<Parameters> for Map<String, Json> {
-    fn from(parameters: Parameters) -> Self {
-        let entry = |row: Row| {
-            let value = parameters.value(&row.name());
-            (row.name(), value.map_or(Json::Null, by_name::json))
-        };
-        rows().map(entry).collect()
+    fn from(mut parameters: Parameters) -> Self {
+        let rows = by_name::rows(&parameters.tables()).into_iter();
+        rows.map(|row| (row.name(), by_name::json(row.value)))
+            .collect()
     }
 }
 

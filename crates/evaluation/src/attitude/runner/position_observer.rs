@@ -16,6 +16,7 @@ use crate::attitude::options::{RunOptions, tangent_frame};
 use crate::attitude::outcome::{PositionRms, PositionSummary, RunSummary};
 use crate::error::EvaluationError;
 use crate::statistics::nis::UpdateCounts;
+use crate::statistics::seconds_between;
 
 /// Specific forces shorter than this are of an accelerometer that is off, m/s^2.
 const SILENCE_M_S2: f64 = 1e-3;
@@ -146,7 +147,7 @@ impl<E: AttitudeEstimator<f64>> PositionObserver<E> {
     fn forget_the_future(&mut self, time_ns: i64) {
         if self
             .now_ns
-            .is_some_and(|now| seconds(time_ns, now) > self.gap_limit_s)
+            .is_some_and(|now| seconds_between(time_ns, now) > self.gap_limit_s)
         {
             self.now_ns = Some(time_ns);
             self.force = None;
@@ -154,13 +155,13 @@ impl<E: AttitudeEstimator<f64>> PositionObserver<E> {
     }
 
     fn advance(&mut self, time_ns: i64, attitude: &UnitQuaternion<f64>) {
-        let dt = self.now_ns.map_or(0.0, |now| seconds(now, time_ns));
+        let dt = self.now_ns.map_or(0.0, |now| seconds_between(now, time_ns));
         if dt < 0.0 {
             return;
         }
         self.now_ns = Some(time_ns);
         if let Some((at_ns, force)) = self.force
-            && seconds(at_ns, time_ns).max(dt) <= self.gap_limit_s
+            && seconds_between(at_ns, time_ns).max(dt) <= self.gap_limit_s
             && self.cascade.propagate(attitude, &force, dt).is_ok()
         {
             return;
@@ -181,12 +182,12 @@ impl<E: AttitudeEstimator<f64>> PositionObserver<E> {
     ) -> Innovation<f64> {
         if let Some((last_ns, last)) = self.last
             && last == *position
-            && seconds(last_ns, time_ns).abs() < HELD_S
+            && seconds_between(last_ns, time_ns).abs() < HELD_S
         {
             return Innovation::skipped(SkipReason::Repeated);
         }
         self.last = Some((time_ns, *position));
-        let age = self.now_ns.map_or(0.0, |now| seconds(time_ns, now));
+        let age = self.now_ns.map_or(0.0, |now| seconds_between(time_ns, now));
         self.cascade
             .update_position(position, age, attitude, &self.rate)
     }
@@ -231,8 +232,4 @@ fn observer(
     force_at_rest: Vector3<f64>,
 ) -> Result<Cascade<f64>, EvaluationError> {
     Ok(Cascade::new(config, force_at_rest)?)
-}
-
-fn seconds(from_ns: i64, to_ns: i64) -> f64 {
-    to_ns.saturating_sub(from_ns) as f64 * 1e-9
 }

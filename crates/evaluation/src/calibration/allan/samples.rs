@@ -5,6 +5,7 @@ use northing_recording::{Event, Sample, SensorKind};
 
 use super::AllanConfig;
 use super::error::AllanError;
+use crate::statistics::seconds_between;
 
 /// Share of samples that may be missing and filled in.
 const MISSING_LIMIT: f64 = 0.05;
@@ -142,7 +143,9 @@ impl RestSamples {
 
     fn intervals_s(&self) -> Vec<f64> {
         let pairs = self.times_ns.windows(2);
-        pairs.map(|pair| seconds(pair[0], pair[1])).collect()
+        pairs
+            .map(|pair| seconds_between(pair[0], pair[1]))
+            .collect()
     }
 
     /// First and last index of the longest piece in which no interval is longer than `limit`, and
@@ -169,7 +172,7 @@ impl RestSamples {
         let mut filled = 0;
         for k in from..=to {
             if k > from {
-                let gap = seconds(self.times_ns[k - 1], self.times_ns[k]);
+                let gap = seconds_between(self.times_ns[k - 1], self.times_ns[k]);
                 let missing = ((gap / typical).round() as usize).saturating_sub(1);
                 for i in 1..=missing {
                     let part = i as f64 / (missing + 1) as f64;
@@ -179,7 +182,7 @@ impl RestSamples {
             }
             push(&mut axes, &self.values[k]);
         }
-        let span = [from, to].map(|k| seconds(self.times_ns[0], self.times_ns[k]));
+        let span = [from, to].map(|k| seconds_between(self.times_ns[0], self.times_ns[k]));
         let steps = axes[0].len().saturating_sub(1).max(1) as f64;
         Regular {
             interval_s: (span[1] - span[0]) / steps,
@@ -232,10 +235,6 @@ fn push(axes: &mut [Vec<f64>; 3], value: &Vector3<f64>) {
     for (axis, component) in axes.iter_mut().zip(value.iter()) {
         axis.push(*component);
     }
-}
-
-fn seconds(from_ns: i64, to_ns: i64) -> f64 {
-    to_ns.saturating_sub(from_ns) as f64 * 1e-9
 }
 
 fn mean_and_std(block: &[f64]) -> (f64, f64) {

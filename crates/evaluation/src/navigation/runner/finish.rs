@@ -4,8 +4,8 @@ use super::Session;
 use crate::error::EvaluationError;
 use crate::navigation::kinds::NavigationKind;
 use crate::navigation::outcome::{AidSummary, NavigationSummary, Origin};
-use crate::navigation::score::seconds_between;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
+use crate::statistics::seconds_between;
 use crate::used_parameters::VERSION;
 
 impl Session<'_> {

@@ -6,8 +6,9 @@ use northing_recording::{GnssPosition, GnssQuality, GnssVelocity};
 
 use super::Session;
 use crate::navigation::navigator::{Aid, AidKind};
-use crate::navigation::score::{LastFix, seconds_between};
+use crate::navigation::score::LastFix;
 use crate::navigation::smoothed::Scored;
+use crate::statistics::seconds_between;
 
 /// Error of a range to a satellite, m: with a dilution of 1 half the fixes are within 3 m.
 const RANGE_ERROR_M: f64 = 3.6;

@@ -1,0 +1,94 @@
+//! Enumerations of names as tables, one row a value: names of the command line and of files, and the estimators.
+
+/// Makes an enumeration whose values have a name each.
+#[macro_export]
+macro_rules! named {
+    ($(#[$about:meta])* pub enum $kind:ident { $( $(#[$meaning:meta])* $value:ident = $name:literal, )+ }) => {
+        $(#[$about])*
+        pub enum $kind {
+            $( $(#[$meaning])* $value, )+
+        }
+
+        impl $kind {
+            /// Every one, in the order of the table.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$value),+];
+
+            /// Its name for people, on the command line and in files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$value => $name,)+ }
+            }
+
+            /// The one of that name.
+            #[must_use]
+            pub fn named(name: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|kind| kind.name() == name)
+            }
+
+            /// Every name, for messages.
+            #[must_use]
+            pub fn names() -> String {
+                Self::ALL.map(Self::name).join(", ")
+            }
+        }
+    };
+}
+
+/// Makes the estimators of a question of their table: name, components of the error state, what it is, where to read
+/// about it, when to use it.
+#[macro_export]
+macro_rules! estimators {
+    (
+        $(#[$about:meta])*
+        pub enum $kind:ident for $question:ident, $command:literal, $parameters:path {
+            $(
+                $(#[$meaning:meta])*
+                $value:ident = $name:literal, $states:literal, $summary:literal, $paper:literal, $when:literal;
+            )+
+        }
+    ) => {
+        $crate::named! {
+            $(#[$about])*
+            pub enum $kind { $( $(#[$meaning])* $value = $name, )+ }
+        }
+
+        impl $kind {
+            /// What there is to know about it.
+            #[must_use]
+            pub fn info(self) -> $crate::registry::EstimatorInfo {
+                let [summary, paper, when] = match self {
+                    $(Self::$value => [$summary, $paper, $when],)+
+                };
+                let error_states: u8 = match self { $(Self::$value => $states,)+ };
+                $crate::registry::EstimatorInfo {
+                    name: self.name(),
+                    summary,
+                    error_states,
+                    has_covariance: error_states > 0,
+                    paper,
+                    when,
+                }
+            }
+        }
+
+        impl std::fmt::Display for $kind {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl $crate::registry::Registered for $kind {
+            const QUESTION: $crate::registry::Question = $crate::registry::Question::$question;
+            const COMMAND: &'static str = $command;
+            const EVERY: &'static [Self] = &Self::ALL;
+
+            fn info(self) -> $crate::registry::EstimatorInfo {
+                Self::info(self)
+            }
+
+            fn parameters(self) -> Vec<$crate::registry::ParameterInfo> {
+                $parameters(self)
+            }
+        }
+    };
+}
