@@ -14,7 +14,7 @@ use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
 use crate::issues::Issues;
 use crate::numbers;
-use crate::recording::EventSource;
+use crate::recording::Pieces;
 use crate::stamp;
 
 pub(crate) use blanks::Blanks;
@@ -188,9 +188,14 @@ impl<R: Read + Send> DelimitedSource<R> {
             previous_ns: None,
         }
     }
+}
 
-    /// Reads the next row into `self.row`; false at the end.
-    fn read_row(&mut self, issues: &mut Issues) -> Result<bool> {
+impl<R: Read + Send> Pieces for DelimitedSource<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.row.pop()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         let more = self
             .reader
             .read_byte_record(&mut self.record)
@@ -225,21 +230,6 @@ impl<R: Read + Send> DelimitedSource<R> {
             }
         }
         Ok(true)
-    }
-}
-
-impl<R: Read + Send> EventSource for DelimitedSource<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.row.pop() {
-                return Some(Ok(event));
-            }
-            match self.read_row(issues) {
-                Ok(true) => {}
-                Ok(false) => return None,
-                Err(error) => return Some(Err(error)),
-            }
-        }
     }
 }
 

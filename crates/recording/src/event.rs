@@ -18,6 +18,14 @@ pub struct Event {
     pub sample: Sample,
 }
 
+impl Event {
+    /// What events are sorted by: the stamp, then the place of the sensor in [`SensorKind::ALL`].
+    #[must_use]
+    pub const fn place(&self) -> (i64, usize) {
+        (self.time_ns, self.sample.kind().order())
+    }
+}
+
 /// Where the horizontal part of the body's y axis (a phone's top edge) points, as the device
 /// reports it. It is not defined while that axis stands near the vertical (filters skip it above
 /// 60 deg of elevation); screen up or down makes no difference.
@@ -196,13 +204,7 @@ impl Sample {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         match self {
-            Self::AngularRate(v)
-            | Self::SpecificForce(v)
-            | Self::MagneticField(v)
-            | Self::MagneticFieldUncalibrated(v)
-            | Self::DeviceGyroscopeBias(v)
-            | Self::Position(v)
-            | Self::Velocity(v) => v.iter().all(|x| x.is_finite()),
+            // A reference may know the horizontal velocity alone.
             Self::ReferenceVelocity(v) => v.x.is_finite() && v.y.is_finite() && !v.z.is_infinite(),
             Self::DeviceOrientation(q) => q.coords.iter().all(|x| x.is_finite()),
             Self::Reference(reference) => reference.attitude.coords.iter().all(|x| x.is_finite()),
@@ -217,6 +219,25 @@ impl Sample {
             Self::WaterVelocity(w) => {
                 w.forward_m_s.is_finite() && w.starboard_m_s.is_none_or(f64::is_finite)
             }
+            vector => vector
+                .vector()
+                .is_some_and(|v| v.iter().all(|x| x.is_finite())),
+        }
+    }
+
+    /// The vector of a vector sensor; `None` for the other kinds.
+    #[must_use]
+    pub const fn vector(&self) -> Option<Vector3<f64>> {
+        match self {
+            Self::AngularRate(v)
+            | Self::SpecificForce(v)
+            | Self::MagneticField(v)
+            | Self::MagneticFieldUncalibrated(v)
+            | Self::DeviceGyroscopeBias(v)
+            | Self::Position(v)
+            | Self::Velocity(v)
+            | Self::ReferenceVelocity(v) => Some(*v),
+            _ => None,
         }
     }
 

@@ -33,14 +33,6 @@ pub(crate) fn numbers(sample: &Sample) -> ([f64; MOST], usize) {
     let mut row = [f64::NAN; MOST];
     let mut put = |values: &[f64]| row[..values.len()].copy_from_slice(values);
     match sample {
-        S::AngularRate(v)
-        | S::SpecificForce(v)
-        | S::MagneticField(v)
-        | S::MagneticFieldUncalibrated(v)
-        | S::DeviceGyroscopeBias(v)
-        | S::Position(v)
-        | S::Velocity(v)
-        | S::ReferenceVelocity(v) => put(&[v.x, v.y, v.z]),
         S::DeviceOrientation(q) | S::Reference(Reference { attitude: q, .. }) => {
             put(&[q.w, q.i, q.j, q.k]);
         }
@@ -51,6 +43,7 @@ pub(crate) fn numbers(sample: &Sample) -> ([f64; MOST], usize) {
         S::GnssPosition(fix) | S::ReferencePosition(fix) => put(&of_position(fix)),
         S::GnssVelocity(velocity) => put(&of_velocity(velocity)),
         S::DeviceNavigation(estimate) => put(&estimate.row()),
+        vector => put(vector.vector().unwrap_or_default().as_slice()),
     }
     (row, widths(sample.kind()).0)
 }

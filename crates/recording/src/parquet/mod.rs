@@ -22,7 +22,7 @@ use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::numbers;
-use crate::recording::{EventSource, Opened};
+use crate::recording::{Opened, Pieces};
 use crate::stamp;
 
 pub(crate) const TIME: &str = "t";
@@ -129,7 +129,6 @@ fn open<R: ChunkReader + 'static>(input: R, file: &str, mut metadata: Metadata) 
         row: 0,
         rows_before: 0,
         events: Vec::new(),
-        failed: false,
     };
     Ok(Opened {
         metadata,
@@ -198,7 +197,6 @@ struct ParquetSource<R: ChunkReader + 'static> {
     rows_before: u64,
     /// Events of the current row, the next one last.
     events: Vec<Event>,
-    failed: bool,
 }
 
 impl<R: ChunkReader + 'static> ParquetSource<R> {
@@ -279,28 +277,16 @@ impl<R: ChunkReader + 'static> ParquetSource<R> {
     }
 }
 
-impl<R: ChunkReader + 'static> EventSource for ParquetSource<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.events.pop() {
-                return Some(Ok(event));
-            }
-            if self.failed {
-                return None;
-            }
-            let step = if self.row < self.rows {
-                self.read_row(issues).map(|()| true)
-            } else {
-                self.read_batch()
-            };
-            match step {
-                Ok(true) => {}
-                Ok(false) => return None,
-                Err(error) => {
-                    self.failed = true;
-                    return Some(Err(error));
-                }
-            }
+impl<R: ChunkReader + Send + 'static> Pieces for ParquetSource<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.events.pop()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
+        if self.row < self.rows {
+            self.read_row(issues).map(|()| true)
+        } else {
+            self.read_batch()
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::delimited::Channel;
 use crate::error::{RecordingError, Result, join};
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
-use crate::merge::{Merged, Paired, vector};
+use crate::merge::{Merged, Paired};
 use crate::metadata::{Metadata, WorldFrame};
 use crate::options::STANDARD_GRAVITY_M_S2;
 use crate::recording::{EventSource, Opened};
@@ -150,7 +150,7 @@ struct Kept {
 }
 
 impl EventSource for Kept {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
         self.source.next_event(issues)
     }
 }
@@ -269,16 +269,12 @@ struct Turned {
 }
 
 impl EventSource for Turned {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
         let mut event = self.source.next_event(issues)?;
-        if let Ok(Event {
-            sample: Sample::DeviceOrientation(q),
-            ..
-        }) = &mut event
-        {
+        if let Some(Sample::DeviceOrientation(q)) = event.as_mut().map(|e| &mut e.sample) {
             *q = self.turn * *q;
         }
-        Some(event)
+        Ok(event)
     }
 }
 
@@ -354,7 +350,7 @@ fn force_is_up(export: &Export) -> Result<Option<bool>> {
     let (mut latest, mut sum, mut count) = (None, 0.0, 0);
     while count < SAMPLES {
         // A broken row is told when the recording is read.
-        let Some(Ok(event)) = merged.next_event(&mut issues) else {
+        let Ok(Some(event)) = merged.next_event(&mut issues) else {
             break;
         };
         match event.sample {
@@ -368,7 +364,7 @@ fn force_is_up(export: &Export) -> Result<Option<bool>> {
                     }
                 }
             }
-            sample => latest = vector(&sample),
+            sample => latest = sample.vector(),
         }
     }
     let mean = sum / f64::from(count.max(1));

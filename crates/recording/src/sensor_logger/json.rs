@@ -163,8 +163,8 @@ struct Table {
     layout: Layout,
 }
 
-impl Table {
-    fn next(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+impl EventSource for Table {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
         loop {
             if self.entries.offset >= self.end {
                 return Ok(None);
@@ -199,12 +199,6 @@ impl Table {
                 return Ok(Some(Event { time_ns, sample }));
             }
         }
-    }
-}
-
-impl EventSource for Table {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        self.next(issues).transpose()
     }
 }
 
