@@ -48,7 +48,7 @@ macro_rules! position {
 }
 
 /// The columns of each sensor, in [`SensorKind::ALL`] order.
-pub(crate) const SENSORS: [(SensorKind, &[&str]); 19] = [
+pub(crate) const SENSORS: numbers::ColumnsOfKinds = [
     (SensorKind::Gyroscope, &["gx", "gy", "gz"]),
     (SensorKind::Accelerometer, &["ax", "ay", "az"]),
     (SensorKind::Magnetometer, &["mx", "my", "mz"]),
