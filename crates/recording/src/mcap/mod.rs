@@ -33,6 +33,7 @@ use crate::event::SensorKind;
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
+use crate::text::open_file;
 pub(crate) use file::Input;
 use file::{End, Messages, contents};
 use lab_source::LabSource;
@@ -153,10 +154,8 @@ fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
 /// The file cannot be opened, or is no MCAP.
 pub fn lab_records(path: &Path) -> Result<LabRecords> {
     let file = path.display().to_string();
-    let failed = |error| RecordingError::io(&file, "open it", error);
-    let input = std::fs::File::open(path).map_err(failed)?;
     Ok(LabRecords {
-        messages: Messages::new(Box::new(input), &file)?,
+        messages: Messages::new(Box::new(open_file(path, &file)?), &file)?,
     })
 }
 
@@ -206,7 +205,7 @@ pub struct Description {
 pub fn describe(path: &Path) -> Result<Description> {
     let file = path.display().to_string();
     let failed = |error| RecordingError::io(&file, "open it", error);
-    let mut input = std::fs::File::open(path).map_err(failed)?;
+    let mut input = open_file(path, &file)?;
     if is_complete(path).map_err(failed)?
         && let Some(summary) = file::summary(&mut input)
     {

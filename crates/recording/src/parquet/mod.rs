@@ -7,10 +7,8 @@
 mod column;
 mod layout;
 
-use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use bytes::Bytes;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 
@@ -97,17 +95,12 @@ pub(crate) const SENSORS: numbers::ColumnsOfKinds = [
     (SensorKind::Reference, &["qw", "qx", "qy", "qz"]),
 ];
 
-/// Opens a Parquet file on disk.
-pub(crate) fn open_file(input: File, file: &str, metadata: Metadata) -> Result<Opened> {
-    open(input, file, metadata)
-}
-
-/// Opens a Parquet file in memory.
-pub(crate) fn open_bytes(input: Vec<u8>, file: &str, metadata: Metadata) -> Result<Opened> {
-    open(Bytes::from(input), file, metadata)
-}
-
-fn open<R: ChunkReader + 'static>(input: R, file: &str, mut metadata: Metadata) -> Result<Opened> {
+/// Opens a file or bytes.
+pub(crate) fn open<R: ChunkReader + Send + 'static>(
+    input: R,
+    file: &str,
+    mut metadata: Metadata,
+) -> Result<Opened> {
     let reader = contained(file, || SerializedFileReader::new(input))?;
     let start_ns = read_metadata(&reader, file, &mut metadata)?;
     let layout = Layout::find(&reader, file)?;

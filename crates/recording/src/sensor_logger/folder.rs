@@ -13,6 +13,7 @@ use crate::event::SensorKind;
 use crate::open::{has_extension, stem};
 use crate::recording::EventSource;
 use crate::stamp;
+use crate::text::open_file;
 
 /// The name of the time column of every table.
 pub(super) const TIME: &str = "time";
@@ -123,8 +124,7 @@ impl Folder {
             ));
         };
         let file = format!("{}/{name}", self.shown);
-        let input =
-            File::open(path).map_err(|error| RecordingError::io(&file, "open it", error))?;
+        let input = open_file(path, &file)?;
         let reader = csv::ReaderBuilder::new()
             .buffer_capacity(1 << 16)
             .from_reader(input);
