@@ -120,6 +120,7 @@ fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
 }
 
 /// Opens a file or folder that describes itself; its format is told by content unless it is given.
+#[cfg_attr(not(feature = "mcap"), allow(unused_variables))]
 pub(crate) fn open_data_file(
     path: &Path,
     format: Option<Format>,
