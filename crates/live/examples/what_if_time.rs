@@ -9,7 +9,7 @@ use northing_evaluation::{EstimatorKind, Profile, RunOptions};
 use northing_live::experiments::Finished;
 use northing_live::session::experiment::ExperimentRun;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
-use serde_json::Map;
+use serde_json::{Map, Value};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let phone = VirtualPhone::new(VirtualPhoneConfig {
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut best = f64::INFINITY;
     for _ in 0..9 {
         let asked = Instant::now();
-        finished.what_if(&Map::new())?;
+        finished.what_if(&Map::new(), Value::Null)?;
         best = best.min(asked.elapsed().as_secs_f64() * 1e3);
     }
     let (events, estimators) = (finished.experiment.events.len(), finished.estimators.len());

@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use axum::http::{HeaderName, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
 /// The files that the build script found, by name such as `lab/index.html`.
 const EMBEDDED: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/assets.rs"));
 
@@ -45,6 +48,29 @@ impl Assets {
             None => None,
         }
     }
+}
+
+impl Assets {
+    /// The file `name` of `page` as an answer, with the lab's name in its title.
+    pub(crate) fn answer(&self, page: &str, name: &str, lab: &str) -> Response {
+        let Some((bytes, kind)) = self.get(page, name) else {
+            return StatusCode::NOT_FOUND.into_response();
+        };
+        let headers = [
+            (header::CONTENT_TYPE, kind),
+            (header::CACHE_CONTROL, "no-cache"),
+        ];
+        (headers, titled(bytes, name, lab)).into_response()
+    }
+}
+
+/// The headers of a file to be kept under a name.
+pub(crate) fn attachment(kind: &str, name: &str) -> [(HeaderName, String); 2] {
+    let disposition = format!("attachment; filename=\"{name}\"");
+    [
+        (header::CONTENT_TYPE, kind.to_owned()),
+        (header::CONTENT_DISPOSITION, disposition),
+    ]
 }
 
 /// A page with the lab's name in its title, where it has one; other files as they are.

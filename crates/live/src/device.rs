@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
-use northing_core::calibration::RestCalibration;
 use northing_recording::wire::{WireError, WireFormat};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
@@ -16,13 +15,10 @@ use crate::lab::{Device, Lab, Queuing, lock};
 use crate::messages::{Command, SensorUse, UnderWay};
 use crate::recorder::Control;
 use crate::session::Happening;
-use crate::session::calibration::CalibrationRun;
 use crate::session::experiment::Experiment;
-use crate::session::lamp::{Remark, Tone};
+use crate::session::lamp::Remark;
 use crate::session::magnetometer::MagnetometerAction;
-use crate::to_page::{
-    self, Calibration, CalibrationState, ExperimentState, Magnetometer, MagnetometerState, ToPage,
-};
+use crate::to_page::{self, ExperimentState, Magnetometer, MagnetometerState, ToPage};
 
 /// No more frames a second than this are made.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_000);
@@ -230,7 +226,10 @@ impl Task {
             match happening {
                 // The engine keeps these.
                 Happening::Note(_) => {}
-                Happening::Calibrated(run, made) => self.calibrated(&run, made),
+                Happening::Calibrated(run, made) => {
+                    let message = run.message(&self.device.id, Some(&made));
+                    self.lab.tell(&message);
+                }
                 Happening::Magnetometer(action, remark) => {
                     self.magnetometer_changed(action, &remark);
                 }
@@ -239,30 +238,6 @@ impl Task {
         }
     }
 
-    fn calibrated(
-        &mut self,
-        run: &CalibrationRun,
-        made: Result<Box<RestCalibration<f64>>, String>,
-    ) {
-        let (state, verdict) = match &made {
-            Ok(calibration) => (CalibrationState::Done, run.accepted(calibration)),
-            Err(reason) => (
-                CalibrationState::Refused,
-                Remark::new(Tone::Bad, reason.as_str()),
-            ),
-        };
-        self.lab.tell(&ToPage::Calibration(Box::new(Calibration {
-            device: self.device.id.clone(),
-            state,
-            progress: 1.0,
-            remaining_s: 0.0,
-            verdict: Some(verdict),
-            result: made.ok().map(|rest| (&*rest).into()),
-            samples: Some(run.samples()),
-        })));
-    }
-
-    /// Evaluates a finished experiment aside, so that this device goes on.
     fn experimented(&mut self, experiment: Experiment, arrival_ns: i64) {
         let lab = self.lab.clone();
         let name = lock(&self.device.status).name.clone();
@@ -331,15 +306,7 @@ impl Task {
         }
         self.last_progress = Instant::now();
         if let Some(run) = self.engine.session().calibration() {
-            self.lab.tell(&ToPage::Calibration(Box::new(Calibration {
-                device: self.device.id.clone(),
-                state: CalibrationState::Running,
-                progress: run.progress(),
-                remaining_s: run.remaining_s(),
-                verdict: None,
-                result: None,
-                samples: None,
-            })));
+            self.lab.tell(&run.message(&self.device.id, None));
         }
         if let Some(run) = self.engine.session().magnetometer_run() {
             let message = run.progress(&self.device.id);
@@ -351,8 +318,8 @@ impl Task {
                     device: self.device.id.clone(),
                     id: self.experiment_id.clone(),
                     state: ExperimentState::Running,
-                    progress: run.progress(),
-                    remaining_s: run.remaining_s(),
+                    progress: run.span.progress(),
+                    remaining_s: run.span.remaining_s(),
                     result: None,
                 })));
         }
@@ -385,10 +352,10 @@ impl Task {
         told.health
             .splice(0..0, self.engine.remarks().iter().cloned());
         let calibration = session.calibration().map(|run| UnderWay::Calibration {
-            remaining_s: run.remaining_s(),
+            remaining_s: run.span.remaining_s(),
         });
         let experiment = session.experiment().map(|run| UnderWay::Experiment {
-            remaining_s: run.remaining_s(),
+            remaining_s: run.span.remaining_s(),
         });
         let mut status = lock(&self.device.status);
         status.under_way = calibration.or(experiment);

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::time::Instant;
 
 use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::attitude::trace::Trace;
@@ -50,15 +51,6 @@ pub struct Finished {
     pub summaries: BTreeMap<&'static str, RunSummary>,
     /// SHA-256 of the events, in hexadecimal.
     pub hash: String,
-}
-
-/// The answer to a what-if.
-#[derive(Debug)]
-pub struct WhatIf {
-    /// The outcome of each estimator.
-    pub summaries: BTreeMap<&'static str, RunSummary>,
-    /// What plots need, of `mekf` or the first estimator.
-    pub trace: TraceColumns,
 }
 
 /// A time of arrival (ns since 1970) for people, in UTC.
@@ -168,17 +160,25 @@ impl Finished {
         }
     }
 
-    /// Runs it again with other parameters.
+    /// Runs it again with other parameters: the answer to this request.
     ///
     /// # Errors
     /// A name or value does not fit, in a sentence.
-    pub fn what_if(&self, settings: &Map<String, Value>) -> Result<WhatIf, String> {
+    pub fn what_if(
+        &self,
+        settings: &Map<String, Value>,
+        request: Value,
+    ) -> Result<to_page::WhatIf, String> {
+        let asked = Instant::now();
         let text = |error: EvaluationError| error.to_string();
         let options = with_settings(&self.options, None, settings).map_err(text)?;
         let (summaries, trace) =
             run_all(&self.experiment, &options, &self.estimators).map_err(text)?;
-        Ok(WhatIf {
-            summaries,
+        Ok(to_page::WhatIf {
+            request,
+            id: self.id.clone(),
+            elapsed_ms: asked.elapsed().as_secs_f64() * 1e3,
+            results: summaries,
             trace: trace_columns(&trace),
         })
     }

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-use crate::assets::{Assets, titled};
+use crate::assets::Assets;
 use crate::device::Work;
 use crate::lab::{Device, Lab, is_own_name, lock};
 use crate::limits::{Addresses, Peer};
@@ -85,25 +85,11 @@ pub fn app_router(ingest: Ingest) -> Router {
 }
 
 async fn page(State(ingest): State<Ingest>) -> Response {
-    file(&ingest, "index.html")
+    ingest.assets.answer("phone", "index.html", &ingest.name)
 }
 
 async fn asset(State(ingest): State<Ingest>, Path(name): Path<String>) -> Response {
-    file(&ingest, &name)
-}
-
-fn file(ingest: &Ingest, name: &str) -> Response {
-    match ingest.assets.get("phone", name) {
-        Some((bytes, kind)) => {
-            let bytes = titled(bytes, name, &ingest.name);
-            let headers = [
-                (header::CONTENT_TYPE, kind),
-                (header::CACHE_CONTROL, "no-cache"),
-            ];
-            (headers, bytes).into_response()
-        }
-        None => StatusCode::NOT_FOUND.into_response(),
-    }
+    ingest.assets.answer("phone", &name, &ingest.name)
 }
 
 /// Whether this connection and its address may send so many bytes more.

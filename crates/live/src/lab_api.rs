@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::addresses::Reach;
-use crate::assets::{Assets, titled};
+use crate::assets::{Assets, attachment};
 use crate::export;
 use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
@@ -57,10 +57,7 @@ pub struct LabApi {
 /// The listener of the lab page.
 pub fn router(api: LabApi) -> Router {
     Router::new()
-        .route(
-            "/",
-            get(|State(api): State<LabApi>| async move { file(&api, "index.html") }),
-        )
+        .route("/", get(page))
         .route("/assets/{name}", get(asset))
         .route("/api/status", get(status))
         .route("/api/qr.svg", get(qr_svg))
@@ -73,22 +70,12 @@ pub fn router(api: LabApi) -> Router {
         .with_state(api)
 }
 
-async fn asset(State(api): State<LabApi>, Path(name): Path<String>) -> Response {
-    file(&api, &name)
+async fn page(State(api): State<LabApi>) -> Response {
+    api.assets.answer("lab", "index.html", &api.facts.name)
 }
 
-fn file(api: &LabApi, name: &str) -> Response {
-    match api.assets.get("lab", name) {
-        Some((bytes, kind)) => {
-            let bytes = titled(bytes, name, &api.facts.name);
-            let headers = [
-                (header::CONTENT_TYPE, kind),
-                (header::CACHE_CONTROL, "no-cache"),
-            ];
-            (headers, bytes).into_response()
-        }
-        None => StatusCode::NOT_FOUND.into_response(),
-    }
+async fn asset(State(api): State<LabApi>, Path(name): Path<String>) -> Response {
+    api.assets.answer("lab", &name, &api.facts.name)
 }
 
 async fn status(State(api): State<LabApi>) -> Json<Value> {
@@ -181,16 +168,7 @@ async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) ->
         calibration,
     };
     match toml::to_string(&field) {
-        Ok(text) => {
-            let headers = [
-                (header::CONTENT_TYPE, "application/toml"),
-                (
-                    header::CONTENT_DISPOSITION,
-                    "attachment; filename=\"magnetometer.toml\"",
-                ),
-            ];
-            (headers, text).into_response()
-        }
+        Ok(text) => (attachment("application/toml", "magnetometer.toml"), text).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
     }
 }

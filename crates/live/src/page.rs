@@ -190,73 +190,58 @@ impl Page {
         let _ = self.answer.try_send(refusal(text, request_id));
     }
 
+    /// Answers from aside, for it takes a while; the page may have gone by then.
+    fn aside(
+        &self,
+        request_id: Value,
+        work: impl FnOnce(&Lab, &dyn Fn(ToPage)) -> Result<(), String> + Send + 'static,
+    ) {
+        let (lab, answer) = (self.lab.clone(), self.answer.clone());
+        tokio::task::spawn_blocking(move || {
+            let tell = |message| {
+                let _ = answer.blocking_send(message);
+            };
+            if let Err(text) = work(&lab, &tell) {
+                tell(refusal(text, request_id));
+            }
+        });
+    }
+
     /// The runs first, for somebody moves a slider; then the curve, if no newer question came.
     fn what_if(
         &self,
         id: String,
         settings: Map<String, Value>,
         curve: Option<String>,
-        request_id: Value,
+        request: Value,
     ) {
-        let (lab, answer) = (self.lab.clone(), self.answer.clone());
         let newest = self.newest.clone();
         let number = newest.fetch_add(1, Ordering::Relaxed) + 1;
-        tokio::task::spawn_blocking(move || {
-            let asked = Instant::now();
-            let finished = match lab.experiment(&id) {
-                Ok(finished) => finished,
-                Err(text) => return tell(&answer, refusal(text, request_id)),
+        self.aside(request.clone(), move |lab, tell| {
+            let finished = lab.experiment(&id)?;
+            tell(ToPage::WhatIf(
+                finished.what_if(&settings, request.clone())?,
+            ));
+            let Some(parameter) = curve else {
+                return Ok(());
             };
-            match finished.what_if(&settings) {
-                Ok(result) => tell(
-                    &answer,
-                    ToPage::WhatIf(to_page::WhatIf {
-                        request: request_id.clone(),
-                        id: id.clone(),
-                        elapsed_ms: asked.elapsed().as_secs_f64() * 1e3,
-                        results: result.summaries,
-                        trace: result.trace,
-                    }),
-                ),
-                Err(text) => return tell(&answer, refusal(text, request_id)),
-            }
-            let Some(parameter) = curve else { return };
             let is_wanted = || newest.load(Ordering::Relaxed) == number;
-            match finished.curve(&settings, &parameter, &is_wanted) {
-                Ok(Some(curve)) => tell(
-                    &answer,
-                    ToPage::Curve(to_page::Curve {
-                        request: request_id,
-                        id,
-                        curve,
-                    }),
-                ),
-                Ok(None) => {}
-                Err(text) => tell(&answer, refusal(text, request_id)),
+            if let Some(curve) = finished.curve(&settings, &parameter, &is_wanted)? {
+                tell(ToPage::Curve(to_page::Curve { request, id, curve }));
             }
+            Ok(())
         });
     }
 
-    fn allan(&self, id: String, sensor: String, request_id: Value) {
-        let (lab, answer) = (self.lab.clone(), self.answer.clone());
-        tokio::task::spawn_blocking(move || {
+    fn allan(&self, id: String, sensor: String, request: Value) {
+        self.aside(request.clone(), move |lab, tell| {
             let kind = SensorKind::ALL.into_iter().find(|k| k.name() == sensor);
-            let kind = kind.ok_or_else(|| format!("there is no sensor `{sensor}`"));
-            let found = kind.and_then(|kind| Ok((kind, lab.experiment(&id)?)));
-            let message = match found {
-                Ok((kind, finished)) => {
-                    ToPage::Allan(Box::new(allan::analysis(&finished, kind, request_id)))
-                }
-                Err(text) => refusal(text, request_id),
-            };
-            tell(&answer, message);
+            let kind = kind.ok_or_else(|| format!("there is no sensor `{sensor}`"))?;
+            let answer = allan::analysis(&*lab.experiment(&id)?, kind, request);
+            tell(ToPage::Allan(Box::new(answer)));
+            Ok(())
         });
     }
-}
-
-/// Answers from aside. The page may have gone.
-fn tell(answer: &mpsc::Sender<ToPage>, message: ToPage) {
-    let _ = answer.blocking_send(message);
 }
 
 async fn carry_out_in_order(

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use axum::body::Body;
 use axum::extract::{Path, State};
-use axum::http::{StatusCode, header};
+use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use tokio_util::io::ReaderStream;
 
+use crate::assets::attachment;
 use crate::recorder::{Listed, list, path_of};
 
 /// The folder, if there is one.
@@ -36,13 +37,7 @@ async fn one(State(folder): State<Folder>, Path(name): Path<String>) -> Response
     };
     match tokio::fs::File::open(path).await {
         Ok(file) => {
-            let headers = [
-                (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
-                (
-                    header::CONTENT_DISPOSITION,
-                    format!("attachment; filename=\"{name}\""),
-                ),
-            ];
+            let headers = attachment("application/octet-stream", &name);
             (headers, Body::from_stream(ReaderStream::new(file))).into_response()
         }
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),

@@ -40,7 +40,7 @@ const LAB_PLACES: usize = 128;
 const LOOK_INTERVAL: Duration = Duration::from_secs(3);
 
 /// What a lab is started with.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct LiveConfig {
     /// Port of the lab page; phones use the next, native apps the one after. 0 takes three free ones.
     pub port: u16,
@@ -62,23 +62,6 @@ pub struct LiveConfig {
     pub name: String,
     /// Further names under which the listeners answer, such as `lab.example.org`, without port.
     pub allowed_hosts: Vec<String>,
-}
-
-impl Default for LiveConfig {
-    fn default() -> Self {
-        Self {
-            port: 0,
-            data_dir: PathBuf::new(),
-            certificate: None,
-            web_dir: None,
-            network: false,
-            patience: Patience::default(),
-            recordings: None,
-            options: RunOptions::default(),
-            name: String::new(),
-            allowed_hosts: Vec::new(),
-        }
-    }
 }
 
 /// What can go wrong at the start.

@@ -1,6 +1,6 @@
 //! Our own CSV: one header line with a unit in every name, empty cells where there is no sample.
 //!
-//! Read first: `docs/formats.md`. The names are in [`VECTORS`] and below; any order of columns.
+//! Read first: `docs/formats.md`. The names are in [`COLUMNS`]; any order of columns.
 
 use std::io::{BufRead, BufReader, Read};
 
@@ -8,29 +8,27 @@ use crate::delimited::{Channel, DelimitedSource, Layout, TimeForm, csv_error};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::metadata::Metadata;
-use crate::numbers;
+use crate::numbers::{ColumnsOfKinds, widths};
 use crate::recording::Opened;
 use crate::stamp;
 use crate::text::read_line;
 
-/// Vector sensors: the parts of a column name before and after the axis letter.
-pub(crate) const VECTORS: [(SensorKind, &str, &str); 8] = [
-    (SensorKind::Gyroscope, "gyro_", "_rad_s"),
-    (SensorKind::Accelerometer, "acc_", "_m_s2"),
-    (SensorKind::Magnetometer, "mag_", "_ut"),
-    (SensorKind::MagnetometerUncalibrated, "mag_raw_", "_ut"),
-    (SensorKind::DeviceGyroscopeBias, "gyro_bias_", "_rad_s"),
-    (SensorKind::Position, "pos_", "_m"),
-    (SensorKind::Velocity, "vel_", "_m_s"),
-    // x, y, z of the world frame: north, east, down.
-    (SensorKind::ReferenceVelocity, "ref_vel_", "_m_s"),
-];
 pub(crate) const TIME_S: &str = "t_s";
 pub(crate) const TIME_NS: &str = "t_ns";
-pub(crate) const DEVICE_ORIENTATION: [&str; 4] =
-    ["device_qw", "device_qx", "device_qy", "device_qz"];
-pub(crate) const REFERENCE: [&str; 4] = ["ref_qw", "ref_qx", "ref_qy", "ref_qz"];
+/// Beside a reference: whether it is scored.
 pub(crate) const SCORED: &str = "scored";
+
+/// The columns of a vector: what stands before and after the letter of the axis.
+macro_rules! xyz {
+    ($name:literal, $unit:literal) => {
+        &[
+            concat!($name, "x", $unit),
+            concat!($name, "y", $unit),
+            concat!($name, "z", $unit),
+        ]
+    };
+}
+
 /// The columns of a position behind a prefix.
 macro_rules! position {
     ($prefix:literal) => {
@@ -48,9 +46,28 @@ macro_rules! position {
     };
 }
 
-/// The columns of the other kinds, in the order of their [`numbers`]. The last ones of a kind may be
-/// missing where its samples need not have them.
-pub(crate) const ROWS: [(SensorKind, &[&str]); 9] = [
+/// The columns of each kind, in the order of its [`numbers`]. The last ones of a kind may be missing where its
+/// samples need not have them.
+pub(crate) const COLUMNS: ColumnsOfKinds = [
+    (SensorKind::Gyroscope, xyz!("gyro_", "_rad_s")),
+    (SensorKind::Accelerometer, xyz!("acc_", "_m_s2")),
+    (SensorKind::Magnetometer, xyz!("mag_", "_ut")),
+    (
+        SensorKind::MagnetometerUncalibrated,
+        xyz!("mag_raw_", "_ut"),
+    ),
+    (
+        SensorKind::DeviceGyroscopeBias,
+        xyz!("gyro_bias_", "_rad_s"),
+    ),
+    (SensorKind::Position, xyz!("pos_", "_m")),
+    (SensorKind::Velocity, xyz!("vel_", "_m_s")),
+    // x, y, z of the world frame: north, east, down.
+    (SensorKind::ReferenceVelocity, xyz!("ref_vel_", "_m_s")),
+    (
+        SensorKind::DeviceOrientation,
+        &["device_qw", "device_qx", "device_qy", "device_qz"],
+    ),
     (SensorKind::Pressure, &["pressure_pa"]),
     (
         SensorKind::CompassHeading,
@@ -94,6 +111,10 @@ pub(crate) const ROWS: [(SensorKind, &[&str]); 9] = [
         ],
     ),
     (SensorKind::ReferencePosition, position!("ref_")),
+    (
+        SensorKind::Reference,
+        &["ref_qw", "ref_qx", "ref_qy", "ref_qz"],
+    ),
 ];
 
 /// Longest comment or header line that is accepted, bytes.
@@ -101,11 +122,6 @@ const LONGEST_LINE: u64 = 1 << 20;
 
 const ADVICE: &str = "name the columns as docs/formats.md says, e.g. t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,\
      acc_x_m_s2,..., or describe the file with a manifest (.toml)";
-
-/// Column names of a vector sensor, x, y, z.
-pub(crate) fn vector_columns(prefix: &str, suffix: &str) -> [String; 3] {
-    ["x", "y", "z"].map(|axis| format!("{prefix}{axis}{suffix}"))
-}
 
 /// Opens the CSV behind `input`, reading its comments and its header.
 pub(crate) fn open(
@@ -201,40 +217,11 @@ fn layout(names: Vec<String>, file: &str) -> Result<(Layout, Vec<String>)> {
     let (time, time_exponent) = match (header.find(TIME_NS)?, header.find(TIME_S)?) {
         (Some(column), _) => (column, stamp::NANOSECONDS),
         (None, Some(column)) => (column, stamp::SECONDS),
-        (None, None) => return Err(header.missing(&[TIME_S.to_owned()])),
+        (None, None) => return Err(header.missing(&[TIME_S])),
     };
     let mut channels = Vec::new();
-    for (kind, prefix, suffix) in VECTORS {
-        if let Some(columns) = header.group(&vector_columns(prefix, suffix))? {
-            let factors = [1.0; 3];
-            channels.push(Channel::Vector {
-                kind,
-                columns,
-                factors,
-                is_increment: false,
-            });
-        }
-    }
-    if let Some(columns) = header.group(&DEVICE_ORIENTATION.map(str::to_owned))? {
-        let inverse = false;
-        channels.push(Channel::DeviceOrientation { columns, inverse });
-    }
-    for (kind, names) in ROWS {
-        if let Some(columns) = header.row(kind, names)? {
-            let factors = [1.0; numbers::MOST];
-            channels.push(Channel::Numbers {
-                kind,
-                columns,
-                factors,
-            });
-        }
-    }
-    if let Some(columns) = header.group(&REFERENCE.map(str::to_owned))? {
-        channels.push(Channel::Reference {
-            columns,
-            inverse: false,
-            scored: header.find(SCORED)?,
-        });
+    for (kind, names) in COLUMNS {
+        channels.extend(header.channel(kind, names)?);
     }
     let unused = header.unused();
     let layout = Layout {
@@ -281,53 +268,32 @@ impl Header<'_> {
         Ok(first)
     }
 
-    /// All columns of a sensor, or none; some of them is an error.
-    fn group<const N: usize>(&mut self, names: &[String; N]) -> Result<Option<[usize; N]>> {
-        let mut places = [0; N];
-        let mut missing = Vec::new();
-        for (place, name) in places.iter_mut().zip(names) {
-            match self.find(name)? {
-                Some(found) => *place = found,
-                None => missing.push(name.clone()),
-            }
-        }
-        match missing.len() {
-            0 => Ok(Some(places)),
-            n if n == N => Ok(None),
-            _ => Err(self.missing(&missing)),
-        }
-    }
-
-    /// The columns of a kind whose last numbers may be absent; `None` without any of them.
-    fn row(
-        &mut self,
-        kind: SensorKind,
-        names: &[&str],
-    ) -> Result<Option<[Option<usize>; numbers::MOST]>> {
-        let mut columns = [None; numbers::MOST];
-        for (column, name) in columns.iter_mut().zip(names) {
+    /// The channel of a kind whose last numbers may be absent; `None` without any of its columns.
+    fn channel(&mut self, kind: SensorKind, names: &[&str]) -> Result<Option<Channel>> {
+        let mut channel = Channel::new(kind, &[]);
+        for (column, name) in channel.columns.iter_mut().zip(names) {
             *column = self.find(name)?;
         }
-        if columns.iter().all(Option::is_none) {
+        if channel.columns.iter().all(Option::is_none) {
             return Ok(None);
         }
-        let needed = names.iter().take(numbers::widths(kind).1).zip(&columns);
-        let missing: Vec<String> = needed
-            .filter(|(_, column)| column.is_none())
-            .map(|(name, _)| (*name).to_owned())
-            .collect();
-        if missing.is_empty() {
-            Ok(Some(columns))
-        } else {
-            Err(self.missing(&missing))
+        let needed = names.iter().take(widths(kind).1).zip(&channel.columns);
+        let missing = needed.filter(|(_, column)| column.is_none());
+        let missing: Vec<&str> = missing.map(|(name, _)| *name).collect();
+        if !missing.is_empty() {
+            return Err(self.missing(&missing));
         }
+        if kind == SensorKind::Reference {
+            channel.scored = self.find(SCORED)?;
+        }
+        Ok(Some(channel))
     }
 
-    fn missing(&self, missing: &[String]) -> RecordingError {
+    fn missing(&self, missing: &[&str]) -> RecordingError {
         let from_sensor_logger = self.names.iter().any(|name| name == "seconds_elapsed");
         RecordingError::MissingColumns {
             file: self.file.to_owned(),
-            missing: format!("column {}", join(missing.iter().map(String::as_str))),
+            missing: format!("column {}", join(missing.iter().copied())),
             present: join(self.names.iter().map(String::as_str)),
             advice: if from_sensor_logger {
                 "this is one sensor of a Sensor Logger export: open its folder or zip".to_owned()

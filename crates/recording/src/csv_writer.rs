@@ -5,11 +5,11 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use crate::atomic_file::AtomicFile;
-use crate::csv::{DEVICE_ORIENTATION, REFERENCE, ROWS, SCORED, TIME_S, VECTORS, vector_columns};
+use crate::csv::{COLUMNS, SCORED, TIME_S};
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
-use crate::numbers::widths;
+use crate::numbers::{columns, widths};
 use crate::stamp;
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
@@ -67,19 +67,20 @@ impl CsvWriter {
     }
 
     fn start(output: Output, metadata: &Metadata, sensors: &[SensorKind]) -> Result<Self> {
-        let sensors = in_order(sensors);
-        let mut header = vec![TIME_S.to_owned()];
-        header.extend(sensors.iter().flat_map(|kind| columns(*kind)));
+        let mut header = vec![TIME_S];
+        let mut widths = Vec::new();
+        for kind in in_order(sensors) {
+            let before = header.len();
+            header.extend(columns(&COLUMNS, kind));
+            header.extend((kind == SensorKind::Reference).then_some(SCORED));
+            widths.push((kind, header.len() - before));
+        }
         let mut writer = Self {
             output,
-            sensors: sensors
-                .iter()
-                .map(|kind| (*kind, columns(*kind).len()))
-                .collect(),
+            sensors: widths,
             row: Row::new(),
-            line: metadata_lines(metadata),
+            line: metadata_lines(metadata) + &header.join(","),
         };
-        writer.line.push_str(&header.join(","));
         writer.end_line()?;
         Ok(writer)
     }
@@ -176,26 +177,6 @@ impl EventWriter for CsvWriter {
     fn finish(mut self: Box<Self>) -> Result<()> {
         self.write_row()?;
         self.output.finish()
-    }
-}
-
-/// The columns of a sensor.
-fn columns(kind: SensorKind) -> Vec<String> {
-    let fixed =
-        |names: &[&str]| -> Vec<String> { names.iter().map(|name| (*name).to_owned()).collect() };
-    match kind {
-        SensorKind::DeviceOrientation => fixed(&DEVICE_ORIENTATION),
-        SensorKind::Reference => fixed(&[&REFERENCE[..], &[SCORED]].concat()),
-        _ => VECTORS
-            .iter()
-            .filter(|(vector, ..)| *vector == kind)
-            .flat_map(|(_, prefix, suffix)| vector_columns(prefix, suffix))
-            .chain(
-                ROWS.iter()
-                    .filter(|(row, _)| *row == kind)
-                    .flat_map(|(_, names)| fixed(names)),
-            )
-            .collect(),
     }
 }
 

@@ -7,20 +7,17 @@ mod navigation;
 
 use std::io::Read;
 
-use csv::{ByteRecord, Position};
-use nalgebra::Vector3;
-
 use crate::error::{RecordingError, Result, shown};
-use crate::event::{Event, Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
-use crate::numbers;
-use crate::recording::EventSource;
+use crate::numbers::{self, MOST};
+use crate::recording::Pieces;
 use crate::stamp;
+use csv::{ByteRecord, Position};
 
 pub(crate) use blanks::Blanks;
 #[cfg(feature = "ulog")]
 pub(crate) use navigation::standard_pressure;
-pub(crate) use navigation::{EcefPart, EcefPose};
 
 /// Which columns (numbered from 0) make the time and the sensors.
 #[derive(Debug, Clone)]
@@ -52,106 +49,86 @@ pub(crate) struct RowsOf {
     pub(crate) equals: Vec<u8>,
 }
 
-/// The columns of one sensor.
+/// The columns of one sensor: number `i` of its row (see [`numbers`]) is `factors[i]` times column
+/// `columns[i]`; NaN where there is none.
 #[derive(Debug, Clone)]
-pub(crate) enum Channel {
-    /// Body axis `i` is `factors[i]` times column `columns[i]`; of increments divided by the time since
-    /// the row before.
-    Vector {
-        kind: SensorKind,
-        columns: [usize; 3],
-        factors: [f64; 3],
-        is_increment: bool,
-    },
-    /// Order w, x, y, z; `inverse` when the file holds body-from-world.
-    DeviceOrientation {
-        columns: [usize; 4],
-        inverse: bool,
-    },
-    Reference {
-        columns: [usize; 4],
-        inverse: bool,
-        scored: Option<usize>,
-    },
-    /// Any other kind: number `i` of its row (see [`numbers`]) is `factors[i]` times column
-    /// `columns[i]`; NaN where there is none.
-    Numbers {
-        kind: SensorKind,
-        columns: [Option<usize>; numbers::MOST],
-        factors: [f64; numbers::MOST],
-    },
+pub(crate) struct Channel {
+    pub(crate) kind: SensorKind,
+    pub(crate) columns: [Option<usize>; MOST],
+    factors: [f64; MOST],
+    pub(crate) form: Form,
+    /// Whether a reference is scored; without the column it is.
+    pub(crate) scored: Option<usize>,
+}
+
+/// What the numbers of a channel are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Form {
+    /// Those of its kind.
+    Plain,
+    /// Increments of a vector: to be divided by the time since the row before.
+    Increment,
+    /// Body-from-world instead of world-from-body.
+    Inverse,
     /// Static pressure told as height in the standard atmosphere, m.
-    PressureHeight {
-        column: usize,
-    },
-    /// As [`Channel::Numbers`], with the quality in RTKLIB's numbers.
-    RtklibPosition {
-        columns: [Option<usize>; numbers::MOST],
-        factors: [f64; numbers::MOST],
-    },
-    SpeedAndCourse {
-        speed: usize,
-        course: usize,
-        std: Option<usize>,
-        to_m_per_s: f64,
-        to_rad: f64,
-    },
-    Ecef(EcefPose),
+    PressureHeight,
+    /// A position with the quality in RTKLIB's numbers.
+    RtklibPosition,
+    /// Speed over ground, course and the speed's standard deviation.
+    SpeedAndCourse,
+    /// In Earth-centred, Earth-fixed axes, at the position in these columns.
+    Ecef { place: [usize; 3], inverse: bool },
 }
 
 impl Channel {
-    /// The channel of a kind with one number.
-    pub(crate) fn one(kind: SensorKind, column: usize, factor: f64) -> Self {
-        let (mut columns, mut factors) = ([None; numbers::MOST], [1.0; numbers::MOST]);
-        (columns[0], factors[0]) = (Some(column), factor);
-        Self::Numbers {
+    /// A channel whose first numbers are in `columns`.
+    pub(crate) fn new(kind: SensorKind, columns: &[usize]) -> Self {
+        let mut channel = Self {
             kind,
-            columns,
-            factors,
+            columns: [None; MOST],
+            factors: [1.0; MOST],
+            form: Form::Plain,
+            scored: None,
+        };
+        for (number, column) in columns.iter().enumerate() {
+            channel.columns[number] = Some(*column);
         }
+        channel
+    }
+
+    pub(crate) fn put(&mut self, number: usize, column: Option<usize>, factor: f64) {
+        (self.columns[number], self.factors[number]) = (column, factor);
+    }
+
+    /// With every number multiplied by `factor`.
+    pub(crate) fn times(mut self, factor: f64) -> Self {
+        self.factors = [factor; MOST];
+        self
+    }
+
+    pub(crate) fn of_form(self, form: Form) -> Self {
+        Self { form, ..self }
     }
 
     /// The columns that it reads.
-    pub(crate) fn columns(&self) -> Vec<usize> {
-        match self {
-            Self::Vector { columns, .. } => columns.to_vec(),
-            Self::DeviceOrientation { columns, .. } => columns.to_vec(),
-            Self::Reference {
-                columns, scored, ..
-            } => columns.iter().copied().chain(*scored).collect(),
-            Self::Numbers { columns, .. } | Self::RtklibPosition { columns, .. } => {
-                // One radius may stand for the standard deviations north and east.
-                let is_radius = columns[3].is_some() && columns[3] == columns[4];
-                let skipped = usize::from(is_radius);
-                let rest = columns[..3].iter().chain(&columns[3 + skipped..]);
-                rest.flatten().copied().collect()
-            }
-            Self::PressureHeight { column } => vec![*column],
-            Self::SpeedAndCourse {
-                speed, course, std, ..
-            } => [*speed, *course].into_iter().chain(*std).collect(),
-            Self::Ecef(pose) => pose.columns(),
-        }
-    }
-
-    pub(crate) fn kind(&self) -> SensorKind {
-        match self {
-            Self::Vector { kind, .. } => *kind,
-            Self::DeviceOrientation { .. } => SensorKind::DeviceOrientation,
-            Self::Reference { .. } => SensorKind::Reference,
-            Self::Numbers { kind, .. } => *kind,
-            Self::PressureHeight { .. } => SensorKind::Pressure,
-            Self::RtklibPosition { .. } => SensorKind::GnssPosition,
-            Self::SpeedAndCourse { .. } => SensorKind::GnssVelocity,
-            Self::Ecef(pose) => pose.kind(),
-        }
+    pub(crate) fn read(&self) -> impl Iterator<Item = usize> {
+        let columns = &self.columns;
+        // One radius may stand for the standard deviations north and east.
+        let is_radius = columns[3].is_some() && columns[3] == columns[4];
+        let rest = &columns[3 + usize::from(is_radius)..];
+        columns[..3]
+            .iter()
+            .chain(rest)
+            .chain([&self.scored])
+            .flatten()
+            .copied()
     }
 }
 
 impl Layout {
     /// The sensors in [`SensorKind::ALL`] order.
     pub(crate) fn sensors(&self) -> Vec<SensorKind> {
-        let mut sensors: Vec<_> = self.channels.iter().map(Channel::kind).collect();
+        let mut sensors: Vec<_> = self.channels.iter().map(|channel| channel.kind).collect();
         sensors.sort_unstable_by_key(|kind| kind.order());
         sensors
     }
@@ -188,9 +165,14 @@ impl<R: Read + Send> DelimitedSource<R> {
             previous_ns: None,
         }
     }
+}
 
-    /// Reads the next row into `self.row`; false at the end.
-    fn read_row(&mut self, issues: &mut Issues) -> Result<bool> {
+impl<R: Read + Send> Pieces for DelimitedSource<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.row.pop()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         let more = self
             .reader
             .read_byte_record(&mut self.record)
@@ -225,21 +207,6 @@ impl<R: Read + Send> DelimitedSource<R> {
             }
         }
         Ok(true)
-    }
-}
-
-impl<R: Read + Send> EventSource for DelimitedSource<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.row.pop() {
-                return Some(Ok(event));
-            }
-            match self.read_row(issues) {
-                Ok(true) => {}
-                Ok(false) => return None,
-                Err(error) => return Some(Err(error)),
-            }
-        }
     }
 }
 
@@ -302,88 +269,28 @@ impl<'a> Cells<'a> {
         })
     }
 
-    /// The numbers of several cells: `None` when all are empty, NaN for single empty ones.
-    fn numbers<const N: usize>(&self, columns: &[usize; N]) -> Result<Option<[f64; N]>> {
-        let mut values = [f64::NAN; N];
-        let mut any = false;
-        for (value, &column) in values.iter_mut().zip(columns) {
-            if let Some(number) = self.number(column)? {
-                (*value, any) = (number, true);
-            }
-        }
-        Ok(any.then_some(values))
-    }
-
-    /// The row's sample of one sensor; `None` when its cells are empty.
+    /// The row's sample of one sensor; `None` when the cells that it needs are empty.
     pub(crate) fn sample(&self, channel: &Channel) -> Result<Option<Sample>> {
-        Ok(match channel {
-            Channel::Vector {
-                kind,
-                columns,
-                factors,
-                is_increment,
-            } => self.numbers(columns)?.and_then(|[x, y, z]| {
-                let v = Vector3::new(x * factors[0], y * factors[1], z * factors[2]);
-                if *is_increment {
-                    // Over how long the first row's increment was gained nobody knows.
-                    return Sample::from_vector(*kind, v / self.interval_s?);
-                }
-                Sample::from_vector(*kind, v)
-            }),
-            Channel::DeviceOrientation { columns, inverse } => self
-                .attitude(columns, *inverse)?
-                .map(Sample::DeviceOrientation),
-            Channel::Reference {
-                columns,
-                inverse,
-                scored,
-            } => {
-                let Some(attitude) = self.attitude(columns, *inverse)? else {
-                    return Ok(None);
-                };
-                let scored = scored.map_or(Ok(true), |column| self.flag(column))?;
-                Some(Sample::Reference(Reference { attitude, scored }))
-            }
-            Channel::Numbers {
-                kind,
-                columns,
-                factors,
-            } => self.row_of(*kind, columns, factors)?,
-            channel => self.navigation(channel)?,
-        })
-    }
-
-    /// The sample of a kind whose numbers may be absent; `None` when all that it needs are empty.
-    fn row_of(
-        &self,
-        kind: SensorKind,
-        columns: &[Option<usize>; numbers::MOST],
-        factors: &[f64; numbers::MOST],
-    ) -> Result<Option<Sample>> {
-        let mut row = [f64::NAN; numbers::MOST];
-        for ((value, column), factor) in row.iter_mut().zip(columns).zip(factors) {
+        let Channel { kind, columns, .. } = channel;
+        let mut row = [f64::NAN; MOST];
+        for ((value, column), factor) in row.iter_mut().zip(columns).zip(&channel.factors) {
             if let Some(column) = column
                 && let Some(number) = self.number(*column)?
             {
                 *value = number * factor;
             }
         }
-        let needed = columns.iter().take(numbers::widths(kind).1).flatten();
-        if needed.clone().all(|column| self.cell(*column).is_empty()) {
+        let mut needed = columns.iter().take(numbers::widths(*kind).1).flatten();
+        if needed.all(|column| self.cell(*column).is_empty()) {
             return Ok(None);
         }
-        Ok(numbers::sample(kind, &row, true))
-    }
-
-    fn attitude(
-        &self,
-        columns: &[usize; 4],
-        inverse: bool,
-    ) -> Result<Option<nalgebra::UnitQuaternion<f64>>> {
-        Ok(self.numbers(columns)?.map(|[w, x, y, z]| {
-            let q = quaternion_from_file(w, x, y, z);
-            if inverse { q.inverse() } else { q }
-        }))
+        let scored = channel
+            .scored
+            .map_or(Ok(true), |column| self.flag(column))?;
+        let sample = numbers::sample(*kind, &row, scored);
+        sample.map_or(Ok(None), |sample| {
+            self.converted(sample, channel.form, &row)
+        })
     }
 
     /// 0 or false: not scored; anything else that is allowed, and an empty cell: scored.

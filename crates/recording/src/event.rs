@@ -18,6 +18,14 @@ pub struct Event {
     pub sample: Sample,
 }
 
+impl Event {
+    /// What events are sorted by: the stamp, then the place of the sensor in [`SensorKind::ALL`].
+    #[must_use]
+    pub const fn place(&self) -> (i64, usize) {
+        (self.time_ns, self.sample.kind().order())
+    }
+}
+
 /// Where the horizontal part of the body's y axis (a phone's top edge) points, as the device
 /// reports it. It is not defined while that axis stands near the vertical (filters skip it above
 /// 60 deg of elevation); screen up or down makes no difference.
@@ -56,10 +64,11 @@ pub struct Reference {
     pub scored: bool,
 }
 
-/// Makes [`Sample`] and [`SensorKind`] of one table: a row for each sensor, with its name for people and
-/// files and with what it measures.
+/// Makes [`Sample`] and [`SensorKind`] of one table: a row for each sensor, with its place among the events of one
+/// instant (sensors first, the reference last, so that an estimate is scored after it has seen everything of that
+/// instant), its byte in stored payloads (new kinds are appended), its name for people and files, and what it measures.
 macro_rules! sensors {
-    ($($(#[$meaning:meta])* $kind:ident = $name:literal: $sample:ident($value:ty),)+) => {
+    ($($(#[$meaning:meta])* $kind:ident = $place:literal, $code:literal, $name:literal: $sample:ident($value:ty),)+) => {
         /// What a sensor measured. Vectors are in body axes unless the variant says otherwise; a value
         /// may be non-finite (readers pass it on, filters refuse and count it).
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,6 +88,29 @@ macro_rules! sensors {
         }
 
         impl SensorKind {
+            /// Every kind, in the order in which events of one instant are delivered.
+            pub const ALL: [Self; [$($name),+].len()] = {
+                let mut all = [Self::Gyroscope; [$($name),+].len()];
+                $(all[$place] = Self::$kind;)+
+                all
+            };
+
+            /// The place of this kind in [`SensorKind::ALL`].
+            #[must_use]
+            pub const fn order(self) -> usize {
+                match self { $(Self::$kind => $place,)+ }
+            }
+
+            /// Its byte in stored payloads.
+            pub(crate) const fn code(self) -> u8 {
+                match self { $(Self::$kind => $code,)+ }
+            }
+
+            /// The kind with that byte.
+            pub(crate) const fn of_code(code: u8) -> Option<Self> {
+                match code { $($code => Some(Self::$kind),)+ _ => None }
+            }
+
             /// The name for people and for files.
             #[must_use]
             pub const fn name(self) -> &'static str {
@@ -98,71 +130,47 @@ macro_rules! sensors {
 
 sensors! {
     /// Gyroscope: angular rate of the body with respect to the world, rad/s.
-    Gyroscope = "gyroscope": AngularRate(Vector3<f64>),
+    Gyroscope = 0, 0, "gyroscope": AngularRate(Vector3<f64>),
     /// Accelerometer: specific force, m/s^2 (at rest +9.81 on the axis that points up).
-    Accelerometer = "accelerometer": SpecificForce(Vector3<f64>),
+    Accelerometer = 1, 1, "accelerometer": SpecificForce(Vector3<f64>),
     /// Magnetometer as the device calibrated it, microtesla.
-    Magnetometer = "magnetometer": MagneticField(Vector3<f64>),
+    Magnetometer = 2, 2, "magnetometer": MagneticField(Vector3<f64>),
     /// Magnetometer without the device's hard-iron calibration, microtesla.
-    MagnetometerUncalibrated = "magnetometer-uncalibrated": MagneticFieldUncalibrated(Vector3<f64>),
+    MagnetometerUncalibrated = 3, 3, "magnetometer-uncalibrated": MagneticFieldUncalibrated(Vector3<f64>),
     /// The device's own estimate of its gyroscope bias, rad/s (uncalibrated rate = rate + bias).
-    DeviceGyroscopeBias = "device-gyroscope-bias": DeviceGyroscopeBias(Vector3<f64>),
+    DeviceGyroscopeBias = 4, 4, "device-gyroscope-bias": DeviceGyroscopeBias(Vector3<f64>),
     /// The device's own orientation, `world_from_body`.
-    DeviceOrientation = "device-orientation": DeviceOrientation(UnitQuaternion<f64>),
+    DeviceOrientation = 5, 5, "device-orientation": DeviceOrientation(UnitQuaternion<f64>),
     /// A reference track to score against (motion capture, simulation truth).
-    Reference = "reference": Reference(Reference),
+    Reference = 18, 10, "reference": Reference(Reference),
     /// Position in the recording's world frame, m.
-    Position = "position": Position(Vector3<f64>),
+    Position = 6, 6, "position": Position(Vector3<f64>),
     /// Velocity in the recording's world frame, m/s.
-    Velocity = "velocity": Velocity(Vector3<f64>),
+    Velocity = 7, 7, "velocity": Velocity(Vector3<f64>),
     /// Static pressure, Pa.
-    Pressure = "pressure": Pressure(f64),
+    Pressure = 8, 8, "pressure": Pressure(f64),
     /// Heading as the device reports it.
-    CompassHeading = "compass-heading": CompassHeading(CompassHeading),
+    CompassHeading = 9, 9, "compass-heading": CompassHeading(CompassHeading),
     /// A fix of a satellite navigation receiver.
-    GnssPosition = "gnss-position": GnssPosition(GnssPosition),
+    GnssPosition = 10, 11, "gnss-position": GnssPosition(GnssPosition),
     /// Velocity over ground of a satellite navigation receiver.
-    GnssVelocity = "gnss-velocity": GnssVelocity(GnssVelocity),
+    GnssVelocity = 11, 12, "gnss-velocity": GnssVelocity(GnssVelocity),
     /// Speed over ground along the body's x axis (wheels), m/s; backwards is negative.
-    ForwardSpeed = "forward-speed": ForwardSpeed(f64),
+    ForwardSpeed = 12, 13, "forward-speed": ForwardSpeed(f64),
     /// Velocity through the water (a ship's log).
-    WaterVelocity = "water-velocity": WaterVelocity(WaterVelocity),
+    WaterVelocity = 13, 14, "water-velocity": WaterVelocity(WaterVelocity),
     /// Heading from true north (a gyrocompass, two antennas).
-    TrueHeading = "true-heading": TrueHeading(TrueHeading),
+    TrueHeading = 14, 15, "true-heading": TrueHeading(TrueHeading),
     /// Where the device itself says that it is. Never fed to a filter.
-    DeviceNavigation = "device-navigation": DeviceNavigation(DeviceNavigation),
+    DeviceNavigation = 15, 18, "device-navigation": DeviceNavigation(DeviceNavigation),
     /// A position to score against. Never fed to a filter.
-    ReferencePosition = "reference-position": ReferencePosition(GnssPosition),
+    ReferencePosition = 16, 16, "reference-position": ReferencePosition(GnssPosition),
     /// A velocity to score against, north-east-down, m/s; down is NaN where it is not known. Never
     /// fed to a filter.
-    ReferenceVelocity = "reference-velocity": ReferenceVelocity(Vector3<f64>),
+    ReferenceVelocity = 17, 17, "reference-velocity": ReferenceVelocity(Vector3<f64>),
 }
 
 impl SensorKind {
-    /// Every kind, in the order in which events of one instant are delivered: sensors first, the
-    /// reference last, so that an estimate is scored after it has seen everything of that instant.
-    pub const ALL: [Self; 19] = [
-        Self::Gyroscope,
-        Self::Accelerometer,
-        Self::Magnetometer,
-        Self::MagnetometerUncalibrated,
-        Self::DeviceGyroscopeBias,
-        Self::DeviceOrientation,
-        Self::Position,
-        Self::Velocity,
-        Self::Pressure,
-        Self::CompassHeading,
-        Self::GnssPosition,
-        Self::GnssVelocity,
-        Self::ForwardSpeed,
-        Self::WaterVelocity,
-        Self::TrueHeading,
-        Self::DeviceNavigation,
-        Self::ReferencePosition,
-        Self::ReferenceVelocity,
-        Self::Reference,
-    ];
-
     /// Whether it is something to score against and not a sensor.
     #[must_use]
     pub const fn is_reference(self) -> bool {
@@ -171,24 +179,6 @@ impl SensorKind {
             Self::Reference | Self::ReferencePosition | Self::ReferenceVelocity
         )
     }
-
-    /// The place of this kind in [`SensorKind::ALL`].
-    #[must_use]
-    pub const fn order(self) -> usize {
-        const ORDER: [u8; SensorKind::ALL.len()] = SensorKind::places_in(&SensorKind::ALL);
-        ORDER[self as usize] as usize
-    }
-
-    /// For each kind, in the order of the enumeration, its place in a list of all of them.
-    pub(crate) const fn places_in(list: &[Self; Self::ALL.len()]) -> [u8; Self::ALL.len()] {
-        let mut places = [0; Self::ALL.len()];
-        let mut place = 0;
-        while place < list.len() {
-            places[list[place] as usize] = place as u8;
-            place += 1;
-        }
-        places
-    }
 }
 
 impl Sample {
@@ -196,13 +186,7 @@ impl Sample {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         match self {
-            Self::AngularRate(v)
-            | Self::SpecificForce(v)
-            | Self::MagneticField(v)
-            | Self::MagneticFieldUncalibrated(v)
-            | Self::DeviceGyroscopeBias(v)
-            | Self::Position(v)
-            | Self::Velocity(v) => v.iter().all(|x| x.is_finite()),
+            // A reference may know the horizontal velocity alone.
             Self::ReferenceVelocity(v) => v.x.is_finite() && v.y.is_finite() && !v.z.is_infinite(),
             Self::DeviceOrientation(q) => q.coords.iter().all(|x| x.is_finite()),
             Self::Reference(reference) => reference.attitude.coords.iter().all(|x| x.is_finite()),
@@ -217,6 +201,25 @@ impl Sample {
             Self::WaterVelocity(w) => {
                 w.forward_m_s.is_finite() && w.starboard_m_s.is_none_or(f64::is_finite)
             }
+            vector => vector
+                .vector()
+                .is_some_and(|v| v.iter().all(|x| x.is_finite())),
+        }
+    }
+
+    /// The vector of a vector sensor; `None` for the other kinds.
+    #[must_use]
+    pub const fn vector(&self) -> Option<Vector3<f64>> {
+        match self {
+            Self::AngularRate(v)
+            | Self::SpecificForce(v)
+            | Self::MagneticField(v)
+            | Self::MagneticFieldUncalibrated(v)
+            | Self::DeviceGyroscopeBias(v)
+            | Self::Position(v)
+            | Self::Velocity(v)
+            | Self::ReferenceVelocity(v) => Some(*v),
+            _ => None,
         }
     }
 

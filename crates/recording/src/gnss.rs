@@ -2,7 +2,7 @@
 //! the receiver itself trusts them.
 
 /// A position fix. Geodetic, WGS-84.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GnssPosition {
     /// Geodetic latitude, north positive, rad.
     pub latitude_rad: f64,
@@ -22,7 +22,7 @@ pub struct GnssPosition {
 }
 
 /// A velocity over ground, north-east-down.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GnssVelocity {
     /// Towards true north, m/s.
     pub north_m_s: f64,

@@ -1,6 +1,6 @@
 //! Streams with stamps of their own into one stream in time order.
 
-use nalgebra::Vector3;
+use std::cmp::Ordering;
 
 use crate::error::Result;
 use crate::event::{Event, Sample, SensorKind};
@@ -35,30 +35,18 @@ impl Merged {
 }
 
 impl EventSource for Merged {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        for stream in &mut self.streams {
-            if !stream.started {
-                stream.started = true;
-                match stream.source.next_event(issues) {
-                    Some(Ok(event)) => stream.head = Some(event),
-                    Some(Err(error)) => return Some(Err(error)),
-                    None => {}
-                }
-            }
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        for stream in self.streams.iter_mut().filter(|stream| !stream.started) {
+            stream.started = true;
+            stream.head = stream.source.next_event(issues)?;
         }
-        let earliest = self
-            .streams
-            .iter_mut()
-            .filter(|stream| stream.head.is_some())
-            .min_by_key(|stream| {
-                stream
-                    .head
-                    .map(|event| (event.time_ns, event.sample.kind().order()))
-            })?;
-        let event = earliest.head.take()?;
-        // Refilled when the next event is asked for, so that an error comes after this event.
-        earliest.started = false;
-        Some(Ok(event))
+        let waiting = self.streams.iter_mut().filter(|s| s.head.is_some());
+        let earliest = waiting.min_by_key(|stream| stream.head.map(|event| event.place()));
+        Ok(earliest.and_then(|stream| {
+            // Refilled when the next event is asked for, so that an error comes after this event.
+            stream.started = false;
+            stream.head.take()
+        }))
     }
 }
 
@@ -74,54 +62,33 @@ pub(crate) struct Paired {
     pub(crate) count_incomplete: bool,
 }
 
-impl Paired {
-    fn next_pair(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        let mut first = match self.first.next_event(issues)? {
-            Ok(event) => event,
-            Err(error) => return Some(Err(error)),
-        };
-        let mut second = match self.second.next_event(issues)? {
-            Ok(event) => event,
-            Err(error) => return Some(Err(error)),
+impl EventSource for Paired {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        let mut first = self.first.next_event(issues)?;
+        // A stream that has ended has no more partners for the other.
+        let mut second = match first {
+            Some(_) => self.second.next_event(issues)?,
+            None => None,
         };
         loop {
-            let behind = match first.time_ns.cmp(&second.time_ns) {
-                std::cmp::Ordering::Equal => break,
-                std::cmp::Ordering::Less => (&mut self.first, &mut first),
-                std::cmp::Ordering::Greater => (&mut self.second, &mut second),
+            let (Some(one), Some(other)) = (first, second) else {
+                return Ok(None);
             };
-            issues.incomplete_samples += u64::from(self.count_incomplete);
-            match behind.0.next_event(issues)? {
-                Ok(event) => *behind.1 = event,
-                Err(error) => return Some(Err(error)),
+            match one.time_ns.cmp(&other.time_ns) {
+                Ordering::Less => first = self.first.next_event(issues)?,
+                Ordering::Greater => second = self.second.next_event(issues)?,
+                Ordering::Equal => return Ok(self.pair(&one, &other)),
             }
+            issues.incomplete_samples += u64::from(self.count_incomplete);
         }
-        let sum = vector(&first.sample)? + vector(&second.sample)? * self.sign;
+    }
+}
+
+impl Paired {
+    fn pair(&self, one: &Event, other: &Event) -> Option<Event> {
+        let sum = one.sample.vector()? + other.sample.vector()? * self.sign;
         let sample = Sample::from_vector(self.kind, sum)?;
-        Some(Ok(Event {
-            time_ns: first.time_ns,
-            sample,
-        }))
-    }
-}
-
-impl EventSource for Paired {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        self.next_pair(issues)
-    }
-}
-
-pub(crate) fn vector(sample: &Sample) -> Option<Vector3<f64>> {
-    match sample {
-        Sample::AngularRate(v)
-        | Sample::SpecificForce(v)
-        | Sample::MagneticField(v)
-        | Sample::MagneticFieldUncalibrated(v)
-        | Sample::DeviceGyroscopeBias(v)
-        | Sample::Position(v)
-        | Sample::Velocity(v)
-        | Sample::ReferenceVelocity(v) => Some(*v),
-        _ => None,
+        Some(Event { sample, ..*one })
     }
 }
 
@@ -139,8 +106,8 @@ mod tests {
     struct List(std::vec::IntoIter<Result<Event>>);
 
     impl EventSource for List {
-        fn next_event(&mut self, _: &mut Issues) -> Option<Result<Event>> {
-            self.0.next()
+        fn next_event(&mut self, _: &mut Issues) -> Result<Option<Event>> {
+            self.0.next().transpose()
         }
     }
 
@@ -161,7 +128,7 @@ mod tests {
     }
 
     fn all(mut source: impl EventSource, issues: &mut Issues) -> Vec<Result<Event>> {
-        std::iter::from_fn(|| source.next_event(issues)).collect()
+        std::iter::from_fn(|| source.next_event(issues).transpose()).collect()
     }
 
     proptest! {

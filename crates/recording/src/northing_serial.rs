@@ -9,7 +9,7 @@ use crate::error::{RecordingError, Result};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
-use crate::recording::{EventSource, Opened};
+use crate::recording::{Opened, Pieces};
 use crate::text::read_piece;
 use crate::wire::northing_serial::{Axes, NorthingSerial};
 
@@ -50,9 +50,12 @@ struct Source<R> {
     notes: Vec<(String, u64)>,
 }
 
-impl<R: Read + Send> Source<R> {
-    /// Reads on; false at the end.
-    fn fill(&mut self) -> Result<bool> {
+impl<R: Read + Send> Pieces for Source<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.waiting.pop_front()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         let mut chunk = [0; CHUNK];
         let length = read_piece(&mut self.input, &mut chunk)
             .map_err(|error| RecordingError::io(&self.file, "read it", error))?;
@@ -63,37 +66,17 @@ impl<R: Read + Send> Source<R> {
             let known = self.notes.iter_mut().find(|(text, _)| *text == notice.text);
             match known {
                 Some((_, count)) => *count += notice.count,
-                None if room => {
-                    self.notes.push((notice.text, notice.count));
-                }
+                None if room => self.notes.push((notice.text, notice.count)),
                 None => {}
             }
         }
-        Ok(length > 0)
-    }
-}
-
-impl<R: Read + Send> EventSource for Source<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.waiting.pop_front() {
-                return Some(Ok(event));
-            }
-            match self.fill() {
-                Ok(true) => {}
-                Ok(false) if self.waiting.is_empty() => {
-                    let notes = std::mem::take(&mut self.notes);
-                    issues
-                        .notes
-                        .extend(notes.into_iter().map(|(text, count)| match count {
-                            1 => text,
-                            _ => format!("{text} ({count} times)"),
-                        }));
-                    return None;
-                }
-                Ok(false) => {}
-                Err(error) => return Some(Err(error)),
-            }
+        if length == 0 {
+            let notes = self.notes.drain(..).map(|(text, count)| match count {
+                1 => text,
+                _ => format!("{text} ({count} times)"),
+            });
+            issues.notes.extend(notes);
         }
+        Ok(length > 0)
     }
 }

@@ -14,6 +14,16 @@ use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 /// The most numbers that a sample has.
 pub(crate) const MOST: usize = DeviceNavigation::NUMBERS;
 
+/// The names of the columns of each kind in a format of tables.
+pub(crate) type ColumnsOfKinds = [(SensorKind, &'static [&'static str]); SensorKind::ALL.len()];
+
+/// The columns of a kind in such a table.
+pub(crate) fn columns(of: &ColumnsOfKinds, kind: SensorKind) -> &'static [&'static str] {
+    of.iter()
+        .find(|(known, _)| *known == kind)
+        .map_or(&[], |(_, names)| names)
+}
+
 /// How many numbers the samples of a kind have, and how many of them must be there.
 pub(crate) const fn widths(kind: SensorKind) -> (usize, usize) {
     match kind {
@@ -33,14 +43,6 @@ pub(crate) fn numbers(sample: &Sample) -> ([f64; MOST], usize) {
     let mut row = [f64::NAN; MOST];
     let mut put = |values: &[f64]| row[..values.len()].copy_from_slice(values);
     match sample {
-        S::AngularRate(v)
-        | S::SpecificForce(v)
-        | S::MagneticField(v)
-        | S::MagneticFieldUncalibrated(v)
-        | S::DeviceGyroscopeBias(v)
-        | S::Position(v)
-        | S::Velocity(v)
-        | S::ReferenceVelocity(v) => put(&[v.x, v.y, v.z]),
         S::DeviceOrientation(q) | S::Reference(Reference { attitude: q, .. }) => {
             put(&[q.w, q.i, q.j, q.k]);
         }
@@ -51,6 +53,7 @@ pub(crate) fn numbers(sample: &Sample) -> ([f64; MOST], usize) {
         S::GnssPosition(fix) | S::ReferencePosition(fix) => put(&of_position(fix)),
         S::GnssVelocity(velocity) => put(&of_velocity(velocity)),
         S::DeviceNavigation(estimate) => put(&estimate.row()),
+        vector => put(vector.vector().unwrap_or_default().as_slice()),
     }
     (row, widths(sample.kind()).0)
 }

@@ -8,7 +8,7 @@ use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
-use crate::text::read_piece;
+use crate::text::{open_file, read_piece};
 use crate::{csv, kf_gins, manifest, nmea, northing_serial, sensor_logger, ubx, vectornav};
 
 /// Bytes that are looked at to tell the format.
@@ -72,8 +72,13 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
     };
     let metadata = named(name.to_owned());
     let opened = match format {
-        Format::Parquet => open_parquet_bytes(bytes, name, metadata)?,
-        Format::Mcap => open_mcap(Cursor::new(bytes), name, metadata, options)?,
+        #[cfg(feature = "parquet")]
+        Format::Parquet => crate::parquet::open(bytes::Bytes::from(bytes), name, metadata)?,
+        #[cfg(feature = "mcap")]
+        Format::Mcap => {
+            let input = Box::new(Cursor::new(bytes));
+            crate::mcap::open(input, name, metadata, options.device.as_deref())?
+        }
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
         Format::Manifest => {
             return Err(RecordingError::unsupported(
@@ -115,13 +120,13 @@ fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
 }
 
 /// Opens a file or folder that describes itself; its format is told by content unless it is given.
+#[cfg_attr(not(feature = "mcap"), allow(unused_variables))]
 pub(crate) fn open_data_file(
     path: &Path,
     format: Option<Format>,
     options: &OpenOptions,
 ) -> Result<Opened> {
     let file = &path.display().to_string();
-    let failed = |error| RecordingError::io(file, "open it", error);
     let metadata = named(stem(path));
     if path.is_dir() {
         return match kf_gins::open_folder(path, file, &metadata)? {
@@ -129,20 +134,28 @@ pub(crate) fn open_data_file(
             None => sensor_logger::open_folder(path, file, metadata),
         };
     }
-    let mut input = File::open(path).map_err(failed)?;
+    let mut input = open_file(path, file)?;
     let format = match format {
         Some(format) => format,
-        None => detect(&head(&mut input).map_err(failed)?, file)?,
+        None => {
+            let head = head(&mut input).map_err(|error| RecordingError::io(file, "open it", error));
+            detect(&head?, file)?
+        }
     };
+    let input = open_file(path, file)?;
     match format {
         Format::Manifest => Err(RecordingError::unsupported(
             file,
             "a table needs the keys of its columns in the manifest",
         )),
         Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
-        Format::Parquet => open_parquet_file(File::open(path).map_err(failed)?, file, metadata),
-        Format::Mcap => open_mcap(File::open(path).map_err(failed)?, file, metadata, options),
-        format => open_stream(format, File::open(path).map_err(failed)?, file, metadata),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => crate::parquet::open(input, file, metadata),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => {
+            crate::mcap::open(Box::new(input), file, metadata, options.device.as_deref())
+        }
+        format => open_stream(format, input, file, metadata),
     }
 }
 
@@ -153,20 +166,22 @@ fn open_stream(
     name: &str,
     metadata: Metadata,
 ) -> Result<Opened> {
+    if let Some(problem) = not_built(format) {
+        return Err(RecordingError::unsupported(name, problem));
+    }
     match format {
         Format::Csv => csv::open(input, name, metadata),
         Format::Nmea => Ok(nmea::open(input, name, metadata)),
         Format::Ubx => Ok(ubx::open(input, name, metadata)),
         Format::VectorNav => Ok(vectornav::open(input, name, metadata)),
         Format::KfGins => kf_gins::open(input, name, metadata),
-        Format::Ulog => open_ulog(input, name, metadata),
+        #[cfg(feature = "ulog")]
+        Format::Ulog => crate::ulog::open(input, name, metadata),
         Format::NorthingSerial => Ok(northing_serial::open(input, name, metadata)),
-        Format::Parquet | Format::SensorLogger | Format::Mcap | Format::Manifest => {
-            Err(RecordingError::unsupported(
-                name,
-                format!("{format} cannot be read from a stream; save it to a file and open that"),
-            ))
-        }
+        format => Err(RecordingError::unsupported(
+            name,
+            format!("{format} cannot be read from a stream; save it to a file and open that"),
+        )),
     }
 }
 
@@ -296,61 +311,18 @@ pub(crate) fn named(name: String) -> Metadata {
     }
 }
 
-#[cfg(feature = "parquet")]
-fn open_parquet_file(input: File, file: &str, metadata: Metadata) -> Result<Opened> {
-    crate::parquet::open_file(input, file, metadata)
-}
-
-#[cfg(feature = "parquet")]
-fn open_parquet_bytes(input: Vec<u8>, file: &str, metadata: Metadata) -> Result<Opened> {
-    crate::parquet::open_bytes(input, file, metadata)
-}
-
-#[cfg(not(feature = "parquet"))]
-fn without_parquet(file: &str) -> Result<Opened> {
-    Err(RecordingError::unsupported(
-        file,
-        "this build cannot read Parquet; build with `--features parquet`, or convert the file to CSV",
-    ))
-}
-
-#[cfg(not(feature = "parquet"))]
-fn open_parquet_file(_: File, file: &str, _: Metadata) -> Result<Opened> {
-    without_parquet(file)
-}
-
-#[cfg(not(feature = "parquet"))]
-fn open_parquet_bytes(_: Vec<u8>, file: &str, _: Metadata) -> Result<Opened> {
-    without_parquet(file)
-}
-
-#[cfg(feature = "mcap")]
-fn open_mcap(
-    input: impl crate::mcap::Input + 'static,
-    file: &str,
-    metadata: Metadata,
-    options: &OpenOptions,
-) -> Result<Opened> {
-    crate::mcap::open(Box::new(input), file, metadata, options.device.as_deref())
-}
-
-#[cfg(not(feature = "mcap"))]
-fn open_mcap<T>(_: T, file: &str, _: Metadata, _: &OpenOptions) -> Result<Opened> {
-    Err(RecordingError::unsupported(
-        file,
-        "this build cannot read MCAP; build with `--features mcap`",
-    ))
-}
-
-#[cfg(feature = "ulog")]
-fn open_ulog(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Result<Opened> {
-    crate::ulog::open(input, file, metadata)
-}
-
-#[cfg(not(feature = "ulog"))]
-fn open_ulog<T>(_: T, file: &str, _: Metadata) -> Result<Opened> {
-    Err(RecordingError::unsupported(
-        file,
-        "this build cannot read ULog; build with `--features ulog`",
-    ))
+/// Why this build cannot read a format, if it cannot.
+fn not_built(format: Format) -> Option<&'static str> {
+    match format {
+        Format::Parquet if cfg!(not(feature = "parquet")) => Some(
+            "this build cannot read Parquet; build with `--features parquet`, or convert the file to CSV",
+        ),
+        Format::Mcap if cfg!(not(feature = "mcap")) => {
+            Some("this build cannot read MCAP; build with `--features mcap`")
+        }
+        Format::Ulog if cfg!(not(feature = "ulog")) => {
+            Some("this build cannot read ULog; build with `--features ulog`")
+        }
+        _ => None,
+    }
 }

@@ -17,7 +17,7 @@ use crate::atomic_file::AtomicFile;
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
-use crate::numbers::MOST;
+use crate::numbers::{MOST, columns};
 use crate::parquet::{MOVING, SENSORS, START_NS, TIME};
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
@@ -51,7 +51,12 @@ impl ParquetWriter {
         let file = path.display().to_string();
         let sensors = in_order(sensors);
         let names: Vec<&str> = std::iter::once(TIME)
-            .chain(sensors.iter().flat_map(|kind| columns(*kind)).copied())
+            .chain(
+                sensors
+                    .iter()
+                    .flat_map(|kind| columns(&SENSORS, *kind))
+                    .copied(),
+            )
             .collect();
         let mut message: String = names
             .iter()
@@ -90,7 +95,7 @@ impl ParquetWriter {
         self.columns[0].push(self.row.time_ns.saturating_sub(start_ns) as f64 * 1e-9);
         let mut place = 1;
         for &kind in &self.sensors {
-            let width = columns(kind).len();
+            let width = columns(&SENSORS, kind).len();
             let sample = self.row.get(kind);
             let values = sample.map_or([f64::NAN; MOST], |sample| numbers(sample).0);
             for (column, value) in self.columns[place..place + width].iter_mut().zip(values) {
@@ -194,13 +199,6 @@ impl std::fmt::Debug for ParquetWriter {
             .field("sensors", &self.sensors)
             .finish_non_exhaustive()
     }
-}
-
-fn columns(kind: SensorKind) -> &'static [&'static str] {
-    SENSORS
-        .iter()
-        .find(|(sensor, _)| *sensor == kind)
-        .map_or(&[], |(_, names)| names)
 }
 
 fn write_error(file: &str, error: &ParquetError) -> RecordingError {

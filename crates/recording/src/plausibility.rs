@@ -14,16 +14,35 @@ use nalgebra::Vector3;
 use position::PositionCheck;
 
 use crate::error::{RecordingError, Result};
-use crate::event::{Event, Sample};
+use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
 use crate::options::OpenOptions;
+
+/// What speaks against a recording: the sensor, the evidence, and what to do.
+#[derive(Debug)]
+struct Doubt {
+    sensor: SensorKind,
+    evidence: String,
+    hint: &'static str,
+}
+
+type Verdict = std::result::Result<(), Doubt>;
+
+impl Doubt {
+    fn error(self, file: &str) -> RecordingError {
+        RecordingError::ImplausibleUnit {
+            file: file.to_owned(),
+            sensor: self.sensor.name(),
+            evidence: self.evidence,
+            hint: self.hint,
+        }
+    }
+}
 
 /// The checks of one recording.
 #[derive(Debug, Clone)]
 pub struct Plausibility {
-    force: Option<NormCheck>,
-    field: Option<NormCheck>,
-    field_uncalibrated: Option<NormCheck>,
+    norms: Vec<NormCheck>,
     rate: Option<RateCheck>,
     position: Option<PositionCheck>,
 }
@@ -32,15 +51,27 @@ impl Plausibility {
     /// All checks, except those of sensors whose unit the user has named.
     #[must_use]
     pub fn new(options: &OpenOptions) -> Self {
-        let field =
-            (options.plausibility && options.magnetometer_unit.is_none()).then(NormCheck::default);
+        let is_named = [
+            (
+                SensorKind::Accelerometer,
+                options.accelerometer_unit.is_some(),
+            ),
+            (
+                SensorKind::Magnetometer,
+                options.magnetometer_unit.is_some(),
+            ),
+            (
+                SensorKind::MagnetometerUncalibrated,
+                options.magnetometer_unit.is_some(),
+            ),
+        ];
+        let checked = is_named
+            .iter()
+            .filter(|(_, named)| options.plausibility && !named);
+        let rate = options.plausibility && options.gyroscope_unit.is_none();
         Self {
-            force: (options.plausibility && options.accelerometer_unit.is_none())
-                .then(NormCheck::default),
-            field_uncalibrated: field.clone(),
-            field,
-            rate: (options.plausibility && options.gyroscope_unit.is_none())
-                .then(RateCheck::default),
+            norms: checked.map(|(kind, _)| NormCheck::new(*kind)).collect(),
+            rate: rate.then(RateCheck::default),
             position: options.plausibility.then(PositionCheck::default),
         }
     }
@@ -50,45 +81,27 @@ impl Plausibility {
     /// # Errors
     /// [`RecordingError::ImplausibleUnit`] once the evidence is in.
     pub fn check(&mut self, event: &Event, file: &str) -> Result<()> {
+        self.look(event).map_err(|doubt| doubt.error(file))
+    }
+
+    fn look(&mut self, event: &Event) -> Verdict {
         let (time_ns, sample) = (event.time_ns, &event.sample);
         if !sample.is_finite() {
             return Ok(());
         }
-        match sample {
-            Sample::AngularRate(rate) => {
-                let check = self.rate.as_mut();
-                rate_verdict(check.and_then(|check| check.turn(time_ns, rate)), file)?;
+        self.norms
+            .iter_mut()
+            .try_for_each(|check| check.look(event))?;
+        match (sample, &mut self.rate, &mut self.position) {
+            (Sample::AngularRate(rate), Some(check), _) => check.turn(time_ns, rate),
+            (Sample::SpecificForce(force), Some(check), _) => check.see(time_ns, force),
+            (Sample::GnssPosition(fix), _, Some(check)) => check.position(time_ns, fix),
+            (Sample::GnssVelocity(velocity), _, Some(check)) => {
+                check.velocity(time_ns, velocity);
+                Ok(())
             }
-            Sample::SpecificForce(force) => {
-                advance(&mut self.force, time_ns, force, |norm| {
-                    force_verdict(norm, file)
-                })?;
-                let check = self.rate.as_mut();
-                rate_verdict(check.and_then(|check| check.see(time_ns, force)), file)?;
-            }
-            Sample::MagneticField(field) => {
-                advance(&mut self.field, time_ns, field, |norm| {
-                    field_verdict(norm, "magnetometer", file)
-                })?;
-            }
-            Sample::MagneticFieldUncalibrated(field) => {
-                advance(&mut self.field_uncalibrated, time_ns, field, |norm| {
-                    field_verdict(norm, "magnetometer-uncalibrated", file)
-                })?;
-            }
-            Sample::GnssPosition(fix) => {
-                if let Some(check) = &mut self.position {
-                    check.position(time_ns, fix, file)?;
-                }
-            }
-            Sample::GnssVelocity(velocity) => {
-                if let Some(check) = &mut self.position {
-                    check.velocity(time_ns, velocity);
-                }
-            }
-            _ => {}
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Tells what was odd and is no reason to refuse the recording.
@@ -103,81 +116,83 @@ impl Plausibility {
     /// # Errors
     /// [`RecordingError::ImplausibleUnit`] as above.
     pub fn finish(&mut self, file: &str) -> Result<()> {
-        let median = |check: &mut Option<NormCheck>| check.as_mut().and_then(NormCheck::median);
-        median(&mut self.force).map_or(Ok(()), |norm| force_verdict(norm, file))?;
-        median(&mut self.field).map_or(Ok(()), |norm| field_verdict(norm, "magnetometer", file))?;
-        median(&mut self.field_uncalibrated).map_or(Ok(()), |norm| {
-            field_verdict(norm, "magnetometer-uncalibrated", file)
-        })?;
-        rate_verdict(self.rate.as_ref().and_then(RateCheck::at_end), file)
+        let mut unfinished = self.norms.iter_mut().filter(|check| !check.over);
+        let norms = unfinished.try_for_each(NormCheck::judge);
+        let rate = || self.rate.as_ref().map_or(Ok(()), RateCheck::at_end);
+        norms
+            .and_then(|()| rate())
+            .map_err(|doubt| doubt.error(file))
     }
 }
 
-fn rate_verdict(verdict: Option<RateVerdict>, file: &str) -> Result<()> {
-    verdict.map_or(Ok(()), |verdict| Err(verdict.error(file)))
+/// The median norm of the first two seconds of a vector sensor.
+#[derive(Debug, Clone)]
+struct NormCheck {
+    sensor: SensorKind,
+    norms: Norms,
+    over: bool,
 }
 
-/// Feeds a norm check and, when its window is full, judges and retires it.
-fn advance(
-    check: &mut Option<NormCheck>,
-    time_ns: i64,
-    v: &Vector3<f64>,
-    judge: impl FnOnce(f64) -> Result<()>,
-) -> Result<()> {
-    let Some(running) = check else { return Ok(()) };
-    if !running.add(time_ns, v.norm()) {
-        return Ok(());
+impl NormCheck {
+    fn new(sensor: SensorKind) -> Self {
+        Self {
+            sensor,
+            norms: Norms::default(),
+            over: false,
+        }
     }
-    let median = running.median();
-    *check = None;
-    median.map_or(Ok(()), judge)
-}
 
-fn force_verdict(median_norm: f64, file: &str) -> Result<()> {
-    // The upper limit is above 1 g for a sensor that is shaken by a runner from the first second on.
-    if !(0.5..3.0).contains(&median_norm) {
-        return Ok(());
+    fn look(&mut self, event: &Event) -> Verdict {
+        let is_own = event.sample.kind() == self.sensor && !self.over;
+        let Some(vector) = event.sample.vector().filter(|_| is_own) else {
+            return Ok(());
+        };
+        self.over = self.norms.add(event.time_ns, vector.norm());
+        if self.over { self.judge() } else { Ok(()) }
     }
-    Err(RecordingError::ImplausibleUnit {
-        file: file.to_owned(),
-        sensor: "accelerometer",
-        evidence: format!(
-            "the median norm of its first seconds is {median_norm:.3}, expected about 9.8 m/s^2; this looks like g"
-        ),
-        hint: "if so, use --accelerometer-unit g (or m-per-s2 if the numbers are right)",
-    })
-}
 
-fn field_verdict(median_norm: f64, sensor: &'static str, file: &str) -> Result<()> {
-    let (unit, hint) = match median_norm {
-        n if n >= 2.0 => return Ok(()),
-        n if n >= 0.01 => (
-            "gauss",
-            "if so, use --magnetometer-unit gauss (or microtesla if the numbers are right)",
-        ),
-        _ => (
-            "tesla",
-            "if so, use --magnetometer-unit tesla (or microtesla if the numbers are right)",
-        ),
-    };
-    Err(RecordingError::ImplausibleUnit {
-        file: file.to_owned(),
-        sensor,
-        evidence: format!(
-            "the median norm of its first seconds is {median_norm:.3e}, expected 20 to 70 microtesla; this looks like {unit}"
-        ),
-        hint,
-    })
+    fn judge(&mut self) -> Verdict {
+        let Some(norm) = self.norms.median() else {
+            return Ok(());
+        };
+        let (expected, looks, hint) = match (self.sensor, norm) {
+            // The upper limit is above 1 g for a sensor that is shaken by a runner from the first second on.
+            (SensorKind::Accelerometer, 0.5..3.0) => (
+                format!("{norm:.3}, expected about 9.8 m/s^2"),
+                "g",
+                "if so, use --accelerometer-unit g (or m-per-s2 if the numbers are right)",
+            ),
+            (SensorKind::Accelerometer, _) | (_, 2.0..) => return Ok(()),
+            (_, 0.01..) => (
+                format!("{norm:.3e}, expected 20 to 70 microtesla"),
+                "gauss",
+                "if so, use --magnetometer-unit gauss (or microtesla if the numbers are right)",
+            ),
+            _ => (
+                format!("{norm:.3e}, expected 20 to 70 microtesla"),
+                "tesla",
+                "if so, use --magnetometer-unit tesla (or microtesla if the numbers are right)",
+            ),
+        };
+        let evidence =
+            format!("the median norm of its first seconds is {expected}; this looks like {looks}");
+        let sensor = self.sensor;
+        Err(Doubt {
+            sensor,
+            evidence,
+            hint,
+        })
+    }
 }
 
 /// Collects the norms of the first two seconds of a sensor.
 #[derive(Debug, Clone, Default)]
-struct NormCheck {
+struct Norms {
     start_ns: Option<i64>,
     norms: Vec<f64>,
 }
 
-impl NormCheck {
+impl Norms {
     const SPAN_NS: i64 = 2_000_000_000;
     const MOST: usize = 4096;
 
@@ -201,7 +216,7 @@ impl NormCheck {
 #[derive(Debug, Clone, Default)]
 struct RateCheck {
     over: bool,
-    norms: NormCheck,
+    norms: Norms,
     median_force: Option<f64>,
     last_rate_ns: Option<i64>,
     fast_since_ns: Option<i64>,
@@ -225,12 +240,6 @@ struct Window {
     if_deg: Vector3<f64>,
     /// Length of the path in between, rad if the numbers are rad/s.
     turn: f64,
-}
-
-#[derive(Debug)]
-enum RateVerdict {
-    TooFast { rate: f64 },
-    Degrees { windows: u32, rad: f64, deg: f64 },
 }
 
 impl RateCheck {
@@ -263,12 +272,10 @@ impl RateCheck {
     const SETTLED: u32 = 7200;
 
     /// A gyroscope sample, rad/s if all is well.
-    fn turn(&mut self, time_ns: i64, rate: &Vector3<f64>) -> Option<RateVerdict> {
-        if let Some(verdict) = self.sustained(time_ns, rate.norm()) {
-            return Some(verdict);
-        }
+    fn turn(&mut self, time_ns: i64, rate: &Vector3<f64>) -> Verdict {
+        self.sustained(time_ns, rate.norm())?;
         if self.over {
-            return None;
+            return Ok(());
         }
         let previous = self.last_rate_ns.replace(time_ns);
         let pause_ns = time_ns.saturating_sub(previous.unwrap_or(time_ns));
@@ -281,13 +288,13 @@ impl RateCheck {
             window.if_rad = turned(&window.if_rad, &turn);
             window.if_deg = turned(&window.if_deg, &(turn * 1_f64.to_radians()));
         }
-        None
+        Ok(())
     }
 
-    fn sustained(&mut self, time_ns: i64, rate: f64) -> Option<RateVerdict> {
+    fn sustained(&mut self, time_ns: i64, rate: f64) -> Verdict {
         if rate <= Self::TOO_FAST {
             self.fast_since_ns = None;
-            return None;
+            return Ok(());
         }
         let since = *self.fast_since_ns.get_or_insert_with(|| {
             self.fast_samples = 0;
@@ -295,31 +302,43 @@ impl RateCheck {
         });
         self.fast_samples = self.fast_samples.saturating_add(1);
         let long = time_ns.saturating_sub(since) >= Self::TOO_FAST_NS;
-        (long && self.fast_samples >= Self::TOO_FAST_SAMPLES)
-            .then_some(RateVerdict::TooFast { rate })
+        if !long || self.fast_samples < Self::TOO_FAST_SAMPLES {
+            return Ok(());
+        }
+        Self::degrees(format!(
+            "the angular rate stays above 60 rad/s (now {rate:.0}); this looks like deg/s"
+        ))
+    }
+
+    fn degrees(evidence: String) -> Verdict {
+        Err(Doubt {
+            sensor: SensorKind::Gyroscope,
+            evidence,
+            hint: "if so, use --gyroscope-unit deg-per-s (or rad-per-s if the numbers are right)",
+        })
     }
 
     /// An accelerometer sample, in any unit: only directions and ratios of norms matter.
-    fn see(&mut self, time_ns: i64, force: &Vector3<f64>) -> Option<RateVerdict> {
+    fn see(&mut self, time_ns: i64, force: &Vector3<f64>) -> Verdict {
         if self.over {
-            return None;
+            return Ok(());
         }
         let norm = force.norm();
         let Some(median) = self.median_force else {
             if self.norms.add(time_ns, norm) {
                 self.median_force = self.norms.median();
-                self.norms = NormCheck::default();
+                self.norms = Norms::default();
             }
-            return None;
+            return Ok(());
         };
         if (norm - median).abs() > Self::CALM * median {
             self.window = None;
-            return None;
+            return Ok(());
         }
         let direction = force / norm;
         match &self.window {
             Some(window) if time_ns.saturating_sub(window.start_ns) < Self::WINDOW_NS => {
-                return None;
+                return Ok(());
             }
             Some(window) if time_ns.saturating_sub(window.start_ns) <= Self::WINDOW_MOST_NS => {
                 let window = window.clone();
@@ -349,22 +368,27 @@ impl RateCheck {
         self.error_deg += seen.angle(&window.if_deg).powi(2);
     }
 
-    fn at_end(&self) -> Option<RateVerdict> {
-        (!self.over)
-            .then(|| self.judge(Self::WINDOWS_AT_END))
-            .flatten()
+    fn at_end(&self) -> Verdict {
+        if self.over {
+            return Ok(());
+        }
+        self.judge(Self::WINDOWS_AT_END)
     }
 
-    fn judge(&self, windows_needed: u32) -> Option<RateVerdict> {
+    fn judge(&self, windows_needed: u32) -> Verdict {
         let windows = f64::from(self.windows);
-        let degrees = self.windows >= windows_needed
+        let is_degrees = self.windows >= windows_needed
             && self.error_rad > Self::RATIO * self.error_deg
             && self.error_rad > Self::LEAST_ERROR * windows;
-        degrees.then(|| RateVerdict::Degrees {
-            windows: self.windows,
-            rad: (self.error_rad / windows).sqrt(),
-            deg: (self.error_deg / windows).sqrt(),
-        })
+        if !is_degrees {
+            return Ok(());
+        }
+        let [rad, deg] =
+            [self.error_rad, self.error_deg].map(|e| (e / windows).sqrt().to_degrees());
+        Self::degrees(format!(
+            "the accelerometer contradicts it in {windows} turns (rms {rad:.0} deg off if the numbers are rad/s, \
+             {deg:.0} deg if they are deg/s)"
+        ))
     }
 }
 
@@ -379,28 +403,4 @@ fn turned(direction: &Vector3<f64>, turn: &Vector3<f64>) -> Vector3<f64> {
     let (sin, cos) = angle.sin_cos();
     // Rodrigues' formula for the rotation by -angle.
     direction * cos - axis.cross(direction) * sin + axis * (axis.dot(direction) * (1.0 - cos))
-}
-
-impl RateVerdict {
-    fn error(self, file: &str) -> RecordingError {
-        let evidence = match self {
-            Self::TooFast { rate } => {
-                format!(
-                    "the angular rate stays above 60 rad/s (now {rate:.0}); this looks like deg/s"
-                )
-            }
-            Self::Degrees { windows, rad, deg } => format!(
-                "the accelerometer contradicts it in {windows} turns (rms {:.0} deg off if the numbers are rad/s, \
-                 {:.0} deg if they are deg/s)",
-                rad.to_degrees(),
-                deg.to_degrees(),
-            ),
-        };
-        RecordingError::ImplausibleUnit {
-            file: file.to_owned(),
-            sensor: "gyroscope",
-            evidence,
-            hint: "if so, use --gyroscope-unit deg-per-s (or rad-per-s if the numbers are right)",
-        }
-    }
 }

@@ -15,7 +15,27 @@ use crate::timeline::Timeline;
 /// What a reader hands over: events in the order of the file.
 pub(crate) trait EventSource: Send {
     /// The next event; `issues` takes what only the reader sees.
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>>;
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>>;
+}
+
+/// A source that reads a piece (a line, a row, a block) at a time, of which come some events.
+pub(crate) trait Pieces: Send {
+    /// The next event that is ready.
+    fn ready(&mut self) -> Option<Event>;
+
+    /// Reads the next piece; false when nothing more comes.
+    fn read(&mut self, issues: &mut Issues) -> Result<bool>;
+}
+
+impl<S: Pieces> EventSource for S {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        loop {
+            let ready = self.ready();
+            if ready.is_some() || !self.read(issues)? {
+                return Ok(ready);
+            }
+        }
+    }
 }
 
 /// What a reader knows before the first event.
@@ -159,9 +179,9 @@ impl Recording {
         }
         loop {
             let mut event = match self.source.next_event(&mut self.issues) {
-                Some(Ok(event)) => event,
-                Some(Err(error)) => return self.ending = Some(Ending::Error(error)),
-                None => return self.ending = Some(Ending::End),
+                Ok(Some(event)) => event,
+                Ok(None) => return self.ending = Some(Ending::End),
+                Err(error) => return self.ending = Some(Ending::Error(error)),
             };
             self.scale.apply(&mut event.sample);
             if is_invalid_fix(&event.sample) {
@@ -309,8 +329,8 @@ impl Scale {
 struct Events<I>(I);
 
 impl<I: Iterator<Item = Result<Event>> + Send> EventSource for Events<I> {
-    fn next_event(&mut self, _: &mut Issues) -> Option<Result<Event>> {
-        self.0.next()
+    fn next_event(&mut self, _: &mut Issues) -> Result<Option<Event>> {
+        self.0.next().transpose()
     }
 }
 

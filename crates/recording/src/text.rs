@@ -29,6 +29,11 @@ pub(crate) fn read_line(
     Ok(read > 0)
 }
 
+/// Opens a file to read it.
+pub(crate) fn open_file(path: &Path, file: &str) -> Result<File> {
+    File::open(path).map_err(|error| RecordingError::io(file, "open it", error))
+}
+
 /// The text of a manifest and its name for messages.
 pub(crate) fn read_manifest(path: &Path) -> Result<(String, String)> {
     /// A manifest is a page; anything longer is another file.

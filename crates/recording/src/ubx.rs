@@ -16,7 +16,7 @@ use crate::event::{Event, Sample, SensorKind, TrueHeading};
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
-use crate::recording::{EventSource, Opened};
+use crate::recording::{Opened, Pieces};
 use crate::text::read_piece;
 
 /// What begins a frame.
@@ -80,9 +80,15 @@ struct UbxSource<R> {
     at_end: bool,
 }
 
-impl<R: Read + Send> UbxSource<R> {
-    /// Reads the next piece of the file.
-    fn read_piece(&mut self, issues: &mut Issues) -> Result<()> {
+impl<R: Read + Send> Pieces for UbxSource<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
+        if self.at_end {
+            return Ok(false);
+        }
         let mut piece = [0; 1 << 14];
         let read = read_piece(&mut self.input, &mut piece);
         let read = read.map_err(|error| RecordingError::io(&self.file, "read it", error))?;
@@ -94,9 +100,11 @@ impl<R: Read + Send> UbxSource<R> {
         } else {
             self.parse(&piece[..read], reason::CHECKSUM, issues);
         }
-        Ok(())
+        Ok(true)
     }
+}
 
+impl<R: Read + Send> UbxSource<R> {
     fn parse(&mut self, bytes: &[u8], broken: &'static str, issues: &mut Issues) {
         let mut packets = self.parser.consume_ubx(bytes);
         while let Some(packet) = packets.next() {
@@ -115,23 +123,6 @@ impl<R: Read + Send> UbxSource<R> {
                 Err(ParserError::InvalidChecksum { .. }) => issues.reject(broken),
                 // Other messages, among them those of newer receivers that the parser does not know.
                 Ok(_) | Err(_) => {}
-            }
-        }
-    }
-}
-
-impl<R: Read + Send> EventSource for UbxSource<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.events.pop_front() {
-                return Some(Ok(event));
-            }
-            if self.at_end {
-                return None;
-            }
-            if let Err(error) = self.read_piece(issues) {
-                self.at_end = true;
-                return Some(Err(error));
             }
         }
     }

@@ -18,7 +18,7 @@ use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::nmea::arrival;
 use crate::options::FieldUnit;
-use crate::recording::{EventSource, Opened};
+use crate::recording::{Opened, Pieces};
 use crate::text::read_line;
 
 /// How a line begins.
@@ -139,18 +139,17 @@ impl<R: Read + Send> Source<R> {
     }
 }
 
-impl<R: Read + Send> EventSource for Source<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.waiting.pop() {
-                return Some(Ok(event));
-            }
-            match read_line(&mut self.input, LONGEST_LINE, &mut self.text, &self.file) {
-                Ok(true) => self.take_line(issues),
-                Ok(false) => return None,
-                Err(error) => return Some(Err(error)),
-            }
+impl<R: Read + Send> Pieces for Source<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.waiting.pop()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
+        let more = read_line(&mut self.input, LONGEST_LINE, &mut self.text, &self.file)?;
+        if more {
+            self.take_line(issues);
         }
+        Ok(more)
     }
 }
 

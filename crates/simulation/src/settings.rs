@@ -28,4 +28,23 @@ macro_rules! named_values {
     };
 }
 
+/// Refuses a setting whose rule does not hold.
+pub(crate) fn rule(holds: bool, key: &str, value: f64, expected: &str) -> Result<(), String> {
+    if holds {
+        return Ok(());
+    }
+    Err(format!("{key} is {value}, expected {expected}"))
+}
+
+/// Refuses the first of these settings that is not finite, or not `good`.
+pub(crate) fn rules(
+    settings: impl IntoIterator<Item = (&'static str, f64)>,
+    expected: &str,
+    good: fn(f64) -> bool,
+) -> Result<(), String> {
+    let mut settings = settings.into_iter();
+    settings
+        .try_for_each(|(key, value)| rule(value.is_finite() && good(value), key, value, expected))
+}
+
 pub(crate) use {named_values, settings};

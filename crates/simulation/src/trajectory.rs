@@ -27,7 +27,7 @@ use crate::world::specific_force_at_rest;
 
 /// What is true of the body at one instant. World axes are east, north, up, unless the trajectory
 /// says otherwise ([`vessel`]: north, east, down).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Truth {
     /// Attitude, `world_from_body`.
     pub world_from_body: UnitQuaternion<f64>,
@@ -47,10 +47,7 @@ impl Truth {
     pub fn at_rest(world_from_body: UnitQuaternion<f64>) -> Self {
         Self {
             world_from_body,
-            angular_rate_body: Vector3::zeros(),
-            position: Vector3::zeros(),
-            velocity: Vector3::zeros(),
-            acceleration_world: Vector3::zeros(),
+            ..Self::default()
         }
     }
 
@@ -92,20 +89,11 @@ pub fn mean_rate(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>, dt_s: f64
     rotation::log(&(from.inverse() * to)) / dt_s
 }
 
-/// No motion: a fixed attitude at the origin.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// No motion: a fixed attitude at the origin; by default body axes equal to world axes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Rest {
     /// The attitude, `world_from_body`.
     pub world_from_body: UnitQuaternion<f64>,
-}
-
-impl Default for Rest {
-    /// In the reference pose: body axes equal to world axes.
-    fn default() -> Self {
-        Self {
-            world_from_body: UnitQuaternion::identity(),
-        }
-    }
 }
 
 impl Trajectory for Rest {

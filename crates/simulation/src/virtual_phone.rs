@@ -19,6 +19,7 @@ mod compass;
 mod config;
 mod device_orientation;
 mod events;
+mod slow_error;
 
 use nalgebra::Vector3;
 use northing_recording::{Metadata, WorldFrame};

@@ -179,6 +179,11 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         self.memory.started
     }
 
+    /// What the estimator started from last.
+    pub fn start(&self) -> Option<&InitialState<T>> {
+        self.memory.start.as_ref()
+    }
+
     /// Whether a compass has said where north is since the estimator started.
     pub fn knows_north(&self) -> bool {
         self.memory.has_heading

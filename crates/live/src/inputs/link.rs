@@ -1,5 +1,6 @@
 //! What all inputs share: saying how they are, delivering payloads at a bearable pace, trying again.
 
+use std::convert::Infallible;
 use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -47,6 +48,11 @@ impl Link {
     /// Where phones reach this computer, if they may.
     pub(super) fn reach(&self) -> Option<&crate::addresses::Reach> {
         self.inputs.reach.as_deref()
+    }
+
+    pub(super) fn connecting(&self, what: &str) {
+        let text = format!("{what} {}", self.spec.address);
+        self.say(InputState::Connecting, text);
     }
 
     pub(super) fn say(&self, state: InputState, text: impl Into<String>) {
@@ -204,14 +210,8 @@ impl Feed {
     }
 }
 
-/// Why a connection is over.
-#[derive(Debug)]
-pub(super) struct Ended {
-    /// In words.
-    pub(super) why: String,
-    /// Whether anything had come.
-    pub(super) delivered: bool,
-}
+/// How an attempt ends: it ends only by an error, in words.
+pub(super) type Ended = Result<Infallible, String>;
 
 /// Longer and longer pauses between attempts.
 #[derive(Debug)]
@@ -226,15 +226,13 @@ impl Default for BackOff {
 }
 
 impl BackOff {
-    /// Says why, and waits before the next attempt.
-    pub(super) async fn wait(&mut self, link: &Link, ended: Ended) {
-        if ended.delivered {
+    /// Says why the last attempt ended, and waits before the next; not long where it had `delivered`.
+    pub(super) async fn wait(&mut self, link: &Link, why: &str, delivered: bool) {
+        if delivered {
             self.pause = PAUSES[0];
         }
-        link.say(
-            InputState::Failed,
-            format!("{}; trying again", ended.why.trim_end_matches('.')),
-        );
+        let text = format!("{}; trying again", why.trim_end_matches('.'));
+        link.say(InputState::Failed, text);
         tokio::time::sleep(self.pause).await;
         self.pause = (self.pause * 2).min(PAUSES[1]);
     }

@@ -15,7 +15,7 @@ use tokio::task::JoinSet;
 use tokio::time::timeout;
 
 use super::InputState;
-use super::link::{BackOff, Ended, Feed, LineCutter, Link};
+use super::link::{Ended, Feed, LineCutter, Link};
 use super::spec::{Address, InputKind};
 use crate::lab::lock;
 
@@ -30,16 +30,10 @@ const SAY_INTERVAL: Duration = Duration::from_secs(1);
 /// A sender of datagrams that says nothing for so long is forgotten.
 const SENDER_GONE: Duration = Duration::from_secs(5);
 
-pub(super) async fn run(link: Link) {
-    let mut back_off = BackOff::default();
-    loop {
-        let why = match bind(&link).await {
-            Ok((tcp, udp)) => serve(&link, &tcp, udp.as_ref()).await,
-            Err(why) => why,
-        };
-        let delivered = false;
-        back_off.wait(&link, Ended { why, delivered }).await;
-    }
+/// Listens until the port breaks off.
+pub(super) async fn listening(link: &Link) -> Ended {
+    let (tcp, udp) = bind(link).await?;
+    Err(serve(link, &tcp, udp.as_ref()).await)
 }
 
 /// HyperIMU sends lines or datagrams; the others only lines.

@@ -25,7 +25,7 @@ use crate::addresses::Reach;
 use crate::lab::{Lab, lock};
 use crate::messages::Action;
 use crate::to_page::ToPage;
-use link::Link;
+use link::{BackOff, Link};
 
 /// Most inputs at a time.
 pub const MOST_INPUTS: usize = 32;
@@ -220,16 +220,29 @@ impl Inputs {
     }
 }
 
+/// Tries again and again.
 async fn run(link: Link) {
-    match link.kind() {
-        InputKind::SensorServer => sensorserver::run(link).await,
-        InputKind::Phyphox => phyphox::run(link).await,
-        InputKind::Linkoping | InputKind::SensorStreamer | InputKind::HyperImu => {
-            listener::run(link).await;
-        }
-        InputKind::Razor | InputKind::Northing => {
+    let mut feed = link.feed(&link.address().to_string());
+    let (mut back_off, mut experiment) = (BackOff::default(), None);
+    loop {
+        let mut delivered = false;
+        let Err(why) = match link.kind() {
+            InputKind::SensorServer => {
+                sensorserver::connected(&link, &mut feed, &mut delivered).await
+            }
+            InputKind::Phyphox => {
+                phyphox::connected(&link, &mut feed, &mut experiment, &mut delivered).await
+            }
+            InputKind::Linkoping | InputKind::SensorStreamer | InputKind::HyperImu => {
+                listener::listening(&link).await
+            }
             #[cfg(feature = "serial")]
-            razor::run(link).await;
-        }
+            InputKind::Razor | InputKind::Northing => {
+                razor::open(&link, &mut feed, &mut delivered).await
+            }
+            #[cfg(not(feature = "serial"))]
+            InputKind::Razor | InputKind::Northing => return,
+        };
+        back_off.wait(&link, &why, delivered).await;
     }
 }

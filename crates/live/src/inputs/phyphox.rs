@@ -12,7 +12,7 @@ use tokio::net::TcpStream;
 use tokio::time::{MissedTickBehavior, timeout};
 
 use super::InputState;
-use super::link::{BackOff, Ended, Feed, Link, in_words, not_reached};
+use super::link::{Ended, Feed, Link, in_words, not_reached};
 use super::spec::Address;
 
 /// Time between two questions.
@@ -22,41 +22,26 @@ const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Answers without anything new after which that is said: about three seconds.
 const NOTHING_NEW: u32 = 45;
 
-pub(super) async fn run(link: Link) {
-    let mut feed = link.feed(&link.address().to_string());
-    let mut back_off = BackOff::default();
-    let mut experiment = None;
-    loop {
-        link.say(
-            InputState::Connecting,
-            format!("connecting to {}", link.address()),
-        );
-        let ended = ask_again_and_again(&link, &mut feed, &mut experiment).await;
-        back_off.wait(&link, ended).await;
-    }
-}
-
 /// The experiment on the phone: its description, and what of it is known already.
-struct Experiment {
+pub(super) struct Experiment {
     config: Bytes,
     decoder: Phyphox,
 }
 
-async fn ask_again_and_again(
+/// Asks again and again until an answer fails.
+pub(super) async fn connected(
     link: &Link,
     feed: &mut Feed,
     experiment: &mut Option<Experiment>,
+    delivered: &mut bool,
 ) -> Ended {
-    let mut delivered = false;
+    link.connecting("connecting to");
     let mut server = Server {
         address: link.address(),
         connection: None,
     };
-    let why = match begin(&mut server, feed, experiment).await {
-        Ok(decoder) => poll(link, feed, &mut server, decoder, &mut delivered).await,
-        Err(why) => why,
-    };
-    Ended { why, delivered }
+    let decoder = begin(&mut server, feed, experiment).await?;
+    poll(link, feed, &mut server, decoder, delivered).await
 }
 
 /// Asks for the description of the experiment. The same one as before goes on where it was.
@@ -82,17 +67,14 @@ async fn poll(
     server: &mut Server<'_>,
     decoder: &mut Phyphox,
     delivered: &mut bool,
-) -> String {
+) -> Ended {
     link.say(InputState::Connected, "connected");
     let mut tick = tokio::time::interval(INTERVAL);
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut nothing_new = 0;
     loop {
         tick.tick().await;
-        let answer = match server.get(&decoder.request_path()).await {
-            Ok(answer) => answer,
-            Err(why) => return why,
-        };
+        let answer = server.get(&decoder.request_path()).await?;
         // Decoded here only to know what to ask for next.
         let decoded = decoder.push(&answer);
         if decoded.events.is_empty() {
@@ -105,9 +87,7 @@ async fn poll(
             continue;
         }
         nothing_new = 0;
-        if let Err(why) = feed.give(answer).await {
-            return why;
-        }
+        feed.give(answer).await?;
         *delivered = true;
         if let Some(text) = feed.news() {
             link.say(InputState::Connected, text);

@@ -8,7 +8,7 @@ use axum::body::Bytes;
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
-use super::link::{BackOff, Ended, LineCutter, Link};
+use super::link::{Ended, Feed, LineCutter, Link};
 use super::spec::Address;
 use super::{InputKind, InputState};
 
@@ -23,63 +23,42 @@ const QUEUE: usize = 16;
 /// Tells a Razor's firmware to send text of the calibrated sensors, continuously.
 const START: &[u8] = b"#osct#o1";
 
-pub(super) async fn run(link: Link) {
-    let mut feed = link.feed(&link.address().to_string());
-    let mut back_off = BackOff::default();
+/// Reads the line until it breaks off.
+pub(super) async fn open(link: &Link, feed: &mut Feed, delivered: &mut bool) -> Ended {
+    link.connecting("opening");
+    let (sender, mut chunks) = mpsc::channel(QUEUE);
+    let address = link.address().clone();
+    let start = if link.kind() == InputKind::Razor {
+        START
+    } else {
+        b""
+    };
+    let spawned = thread::Builder::new()
+        .name("serial line".to_owned())
+        .spawn(move || read(&address, start, &sender));
+    spawned.map_err(|error| error.to_string())?;
+    let mut cutter = LineCutter::default();
     loop {
-        link.say(
-            InputState::Connecting,
-            format!("opening {}", link.address()),
-        );
-        let (sender, mut chunks) = mpsc::channel(QUEUE);
-        let address = link.address().clone();
-        let start = if link.kind() == InputKind::Razor {
-            START
-        } else {
-            b""
-        };
-        let spawned = thread::Builder::new()
-            .name("serial line".to_owned())
-            .spawn(move || read(&address, start, &sender));
-        let mut ended = Ended {
-            why: spawned.map_or_else(
-                |error| error.to_string(),
-                |_| "the line is closed".to_owned(),
-            ),
-            delivered: false,
-        };
-        let mut cutter = LineCutter::default();
-        loop {
-            let chunk = match timeout(SILENCE, chunks.recv()).await {
-                Ok(Some(Ok(chunk))) => chunk,
-                Ok(Some(Err(why))) => {
-                    ended.why = why;
-                    break;
-                }
-                Ok(None) => break,
-                Err(_) => {
-                    let text = "the line is open, but nothing comes: is the board on, and is the speed right?";
-                    link.say(InputState::Connected, text);
-                    continue;
-                }
-            };
-            let lines: Bytes = cutter.push(&chunk);
-            if !lines.is_empty() {
-                if let Err(why) = feed.give(lines).await {
-                    ended.why = why;
-                    break;
-                }
-                ended.delivered = true;
-            }
-            if let Some(text) = feed.news() {
+        let chunk = match timeout(SILENCE, chunks.recv()).await {
+            Ok(chunk) => chunk.ok_or("the line is closed")??,
+            Err(_) => {
+                let text =
+                    "the line is open, but nothing comes: is the board on, and is the speed right?";
                 link.say(InputState::Connected, text);
-            } else if cutter.left_out > 0 && !ended.delivered {
-                let text = "what comes are no lines: is the speed right?";
-                link.say(InputState::Connected, text);
+                continue;
             }
+        };
+        let lines: Bytes = cutter.push(&chunk);
+        if !lines.is_empty() {
+            feed.give(lines).await?;
+            *delivered = true;
         }
-        drop(chunks);
-        back_off.wait(&link, ended).await;
+        if let Some(text) = feed.news() {
+            link.say(InputState::Connected, text);
+        } else if cutter.left_out > 0 && !*delivered {
+            let text = "what comes are no lines: is the speed right?";
+            link.say(InputState::Connected, text);
+        }
     }
 }
 

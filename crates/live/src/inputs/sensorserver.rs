@@ -13,7 +13,7 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
 
 use super::InputState;
-use super::link::{BackOff, Ended, Feed, Link, in_words, not_reached};
+use super::link::{Ended, Feed, Link, in_words, not_reached};
 
 /// A connection must be there within so long.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -24,23 +24,11 @@ const SILENT: [u32; 2] = [3, 15];
 
 type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
-pub(super) async fn run(link: Link) {
-    let mut feed = link.feed(&link.address().to_string());
-    let mut back_off = BackOff::default();
-    loop {
-        link.say(
-            InputState::Connecting,
-            format!("connecting to {}", link.address()),
-        );
-        let ended = match connect(&link).await {
-            Ok(socket) => listen(&link, &mut feed, socket).await,
-            Err(why) => Ended {
-                why,
-                delivered: false,
-            },
-        };
-        back_off.wait(&link, ended).await;
-    }
+/// Connects, and listens until the connection breaks off.
+pub(super) async fn connected(link: &Link, feed: &mut Feed, delivered: &mut bool) -> Ended {
+    link.connecting("connecting to");
+    let socket = connect(link).await?;
+    listen(link, feed, socket, delivered).await
 }
 
 async fn connect(link: &Link) -> Result<Socket, String> {
@@ -62,11 +50,11 @@ async fn connect(link: &Link) -> Result<Socket, String> {
     }
 }
 
-async fn listen(link: &Link, feed: &mut Feed, mut socket: Socket) -> Ended {
+async fn listen(link: &Link, feed: &mut Feed, mut socket: Socket, delivered: &mut bool) -> Ended {
     link.say(InputState::Connected, "connected");
-    let (mut delivered, mut silent) = (false, 0);
+    let mut silent = 0;
     loop {
-        let why = match timeout(STEP, socket.next()).await {
+        return Err(match timeout(STEP, socket.next()).await {
             Err(_) => {
                 silent += 1;
                 if silent == SILENT[0] {
@@ -80,14 +68,12 @@ async fn listen(link: &Link, feed: &mut Feed, mut socket: Socket) -> Ended {
             }
             Ok(Some(Ok(Message::Text(text)))) => {
                 silent = 0;
-                let Err(why) = feed.give(Bytes::from(text)).await else {
-                    delivered = true;
-                    if let Some(text) = feed.news() {
-                        link.say(InputState::Connected, text);
-                    }
-                    continue;
-                };
-                why
+                feed.give(Bytes::from(text)).await?;
+                *delivered = true;
+                if let Some(text) = feed.news() {
+                    link.say(InputState::Connected, text);
+                }
+                continue;
             }
             // The app says what it does not like in the reason: 4001 to 4004.
             Ok(Some(Ok(Message::Close(Some(frame))))) => {
@@ -103,8 +89,7 @@ async fn listen(link: &Link, feed: &mut Feed, mut socket: Socket) -> Ended {
             Ok(Some(Ok(_))) => continue,
             Ok(Some(Err(Error::Io(error)))) => in_words(&error, link.address()),
             Ok(Some(Err(error))) => format!("the connection broke off: {error}"),
-        };
-        return Ended { why, delivered };
+        });
     }
 }
 

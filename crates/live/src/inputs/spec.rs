@@ -7,25 +7,91 @@ use std::str::FromStr;
 use northing_recording::wire::{WireFormat, linkoping};
 use serde::{Deserialize, Serialize};
 
-/// The kinds of inputs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
-#[serde(rename_all = "lowercase")]
-pub enum InputKind {
+/// Makes the kinds of inputs of a table: the name on the command line and in messages, what their payloads are, the
+/// form of their addresses, what people call them, an address, and what to do in the app and here, in a sentence.
+macro_rules! kinds {
+    ($($(#[$about:meta])* $kind:ident = $name:literal, $format:ident, $form:expr, $title:literal, $example:literal, $hint:literal;)+) => {
+        /// The kinds of inputs.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        #[cfg_attr(test, derive(ts_rs::TS))]
+        pub enum InputKind {
+            $($(#[$about])* #[serde(rename = $name)] $kind,)+
+        }
+
+        impl InputKind {
+            /// Every kind.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$kind),+];
+
+            /// The name on the command line and in messages.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$kind => $name,)+ }
+            }
+
+            /// What people call it.
+            #[must_use]
+            pub const fn title(self) -> &'static str {
+                match self { $(Self::$kind => $title,)+ }
+            }
+
+            /// What to do in the app and here, in a sentence or two.
+            #[must_use]
+            pub const fn hint(self) -> &'static str {
+                match self { $(Self::$kind => $hint,)+ }
+            }
+
+            /// An address, as an example.
+            #[must_use]
+            pub const fn example(self) -> &'static str {
+                match self { $(Self::$kind => $example,)+ }
+            }
+
+            /// What its payloads are.
+            #[must_use]
+            pub const fn format(self) -> WireFormat {
+                match self { $(Self::$kind => WireFormat::$format,)+ }
+            }
+
+            const fn form(self) -> Form {
+                match self { $(Self::$kind => $form,)+ }
+            }
+        }
+    };
+}
+
+kinds! {
     /// The app SensorServer: we connect to it.
-    SensorServer,
+    SensorServer = "sensorserver", SensorServer, Form::Remote, "SensorServer", "192.168.1.20:8080",
+        "SensorServer (Android): in its settings set the sampling rate to 10000 microseconds, \
+         press start, and enter the address that the app shows, such as 192.168.1.20:8080.";
     /// The Sensor Fusion app of Linköping: it connects to us.
-    Linkoping,
+    Linkoping = "linkoping", Linkoping, Form::Listen(linkoping::PORT), "Sensor Fusion app", "3400",
+        "Sensor Fusion app (Android): the app connects to this computer. Enter the port \
+         (3400 if left empty), then enter this computer's address in the app and press \
+         stream. There is no token: anybody in the network can send.";
     /// phyphox with remote access: we ask it.
-    Phyphox,
+    Phyphox = "phyphox", Phyphox, Form::Remote, "phyphox", "192.168.1.21:8080",
+        "phyphox (Android, iOS): open an experiment with accelerometer and gyroscope, choose \
+         \"Allow remote access\" in its menu, press play, and enter the address that it shows, \
+         with the port: 192.168.1.21:8080 on Android, 192.168.1.21:80 on iOS.";
     /// A Razor board on a serial line.
-    Razor,
+    Razor = "razor", Razor, Form::Serial(57_600), "Razor board", "/dev/ttyUSB0@57600",
+        "Razor 9DOF board on a serial line: enter the device, such as /dev/ttyUSB0 or COM3; \
+         @57600 behind it is the speed.";
     /// A board with our own firmware on a serial line.
-    Northing,
+    Northing = "northing", NorthingSerial, Form::Serial(230_400), "Northing board", "/dev/ttyUSB0@230400",
+        "Board with Northing's firmware on a serial line: enter the device, such as /dev/ttyUSB0 or \
+         COM3; @230400 behind it is the speed. Its own estimate is drawn as the device's.";
     /// HyperIMU: it sends us lines, by TCP or UDP.
-    HyperImu,
+    HyperImu = "hyperimu", HyperImu, Form::Listen(2055), "HyperIMU", "2055",
+        "HyperIMU (Android): choose accelerometer, gyroscope, magnetometer in this order, a \
+         sampling of 10 ms, the protocol TCP or UDP, this computer's address and the port \
+         (2055 if left empty). There is no token: anybody in the network can send.";
     /// SensorStreamer: it connects to us.
-    SensorStreamer,
+    SensorStreamer = "sensorstreamer", SensorStreamer, Form::Listen(3401), "SensorStreamer", "3401",
+        "SensorStreamer (Android): choose the packet type JSON, the connection TCP client, this \
+         computer's address and the port (3401 if left empty). There is no token: anybody in \
+         the network can send.";
 }
 
 /// What a kind's addresses look like.
@@ -82,134 +148,8 @@ pub struct SpecError {
     expected: String,
 }
 
-/// The baud rates of the Razor's firmware and of ours.
-const RAZOR_BAUD: u32 = 57_600;
-const NORTHING_BAUD: u32 = 230_400;
 /// Longest address, bytes.
 const LONGEST: usize = 200;
-
-impl InputKind {
-    /// Every kind.
-    pub const ALL: [Self; 7] = [
-        Self::SensorServer,
-        Self::Linkoping,
-        Self::Phyphox,
-        Self::Razor,
-        Self::Northing,
-        Self::HyperImu,
-        Self::SensorStreamer,
-    ];
-
-    /// The name on the command line and in messages.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::SensorServer => "sensorserver",
-            Self::Linkoping => "linkoping",
-            Self::Phyphox => "phyphox",
-            Self::Razor => "razor",
-            Self::Northing => "northing",
-            Self::HyperImu => "hyperimu",
-            Self::SensorStreamer => "sensorstreamer",
-        }
-    }
-
-    /// What people call it, in a few words.
-    #[must_use]
-    pub const fn title(self) -> &'static str {
-        match self {
-            Self::SensorServer => "SensorServer",
-            Self::Linkoping => "Sensor Fusion app",
-            Self::Phyphox => "phyphox",
-            Self::Razor => "Razor board",
-            Self::Northing => "Northing board",
-            Self::HyperImu => "HyperIMU",
-            Self::SensorStreamer => "SensorStreamer",
-        }
-    }
-
-    /// What it is and what to do on the device, in words.
-    #[must_use]
-    pub const fn hint(self) -> &'static str {
-        match self {
-            Self::SensorServer => {
-                "SensorServer (Android): in its settings set the sampling rate to 10000 microseconds, \
-                 press start, and enter the address that the app shows, such as 192.168.1.20:8080."
-            }
-            Self::Linkoping => {
-                "Sensor Fusion app (Android): the app connects to this computer. Enter the port \
-                 (3400 if left empty), then enter this computer's address in the app and press \
-                 stream. There is no token: anybody in the network can send."
-            }
-            Self::Phyphox => {
-                "phyphox (Android, iOS): open an experiment with accelerometer and gyroscope, choose \
-                 \"Allow remote access\" in its menu, press play, and enter the address that it shows, \
-                 with the port: 192.168.1.21:8080 on Android, 192.168.1.21:80 on iOS."
-            }
-            Self::Razor => {
-                "Razor 9DOF board on a serial line: enter the device, such as /dev/ttyUSB0 or COM3; \
-                 @57600 behind it is the speed."
-            }
-            Self::Northing => {
-                "Board with Northing's firmware on a serial line: enter the device, such as /dev/ttyUSB0 or \
-                 COM3; @230400 behind it is the speed. Its own estimate is drawn as the device's."
-            }
-            Self::HyperImu => {
-                "HyperIMU (Android): choose accelerometer, gyroscope, magnetometer in this order, a \
-                 sampling of 10 ms, the protocol TCP or UDP, this computer's address and the port \
-                 (2055 if left empty). There is no token: anybody in the network can send."
-            }
-            Self::SensorStreamer => {
-                "SensorStreamer (Android): choose the packet type JSON, the connection TCP client, this \
-                 computer's address and the port (3401 if left empty). There is no token: anybody in \
-                 the network can send."
-            }
-        }
-    }
-
-    /// An address of this kind.
-    #[must_use]
-    pub const fn example(self) -> &'static str {
-        match self {
-            Self::SensorServer => "192.168.1.20:8080",
-            Self::Linkoping => "3400",
-            Self::Phyphox => "192.168.1.21:8080",
-            Self::Razor => "/dev/ttyUSB0@57600",
-            Self::Northing => "/dev/ttyUSB0@230400",
-            Self::HyperImu => "2055",
-            Self::SensorStreamer => "3401",
-        }
-    }
-
-    /// What its bytes are.
-    #[must_use]
-    pub const fn format(self) -> WireFormat {
-        match self {
-            Self::SensorServer => WireFormat::SensorServer,
-            Self::Linkoping => WireFormat::Linkoping,
-            Self::Phyphox => WireFormat::Phyphox,
-            Self::Razor => WireFormat::Razor,
-            Self::Northing => WireFormat::NorthingSerial,
-            Self::HyperImu => WireFormat::HyperImu,
-            Self::SensorStreamer => WireFormat::SensorStreamer,
-        }
-    }
-
-    const fn form(self) -> Form {
-        match self {
-            Self::SensorServer | Self::Phyphox => Form::Remote,
-            Self::Linkoping => Form::Listen(linkoping::PORT),
-            Self::HyperImu => Form::Listen(2055),
-            Self::SensorStreamer => Form::Listen(3401),
-            Self::Razor => Form::Serial(RAZOR_BAUD),
-            Self::Northing => Form::Serial(NORTHING_BAUD),
-        }
-    }
-
-    fn names() -> String {
-        Self::ALL.map(Self::name).join(", ")
-    }
-}
 
 impl InputSpec {
     /// An input of this kind at an address as people write it.
@@ -245,7 +185,10 @@ impl FromStr for InputSpec {
         let kind = InputKind::ALL.into_iter().find(|k| k.name() == name.trim());
         let kind = kind.ok_or_else(|| SpecError {
             text: shown(text),
-            expected: format!("KIND=ADDRESS with one of: {}", InputKind::names()),
+            expected: format!(
+                "KIND=ADDRESS with one of: {}",
+                InputKind::ALL.map(InputKind::name).join(", ")
+            ),
         })?;
         Self::new(kind, address)
     }

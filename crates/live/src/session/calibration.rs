@@ -9,10 +9,11 @@ use northing_evaluation::attitude::calibrated_start::CalibrationPhase;
 use northing_evaluation::attitude::instants::Instant;
 use northing_evaluation::attitude::options::SensorSelection;
 use northing_evaluation::statistics::thinned::Thinned;
-use northing_recording::{Event, Sample, SensorKind};
+use northing_recording::{Event, SensorKind};
 
 use super::lamp::{Remark, Tone};
-use crate::to_page;
+use super::span::Span;
+use crate::to_page::{self, Calibration, CalibrationState, ToPage};
 
 /// Points kept for the plot of one sensor.
 const PLOT_POINTS: usize = 600;
@@ -38,9 +39,8 @@ type Series = (SensorKind, Thinned<(f64, Vector3<f64>)>);
 #[derive(Debug)]
 pub struct CalibrationRun {
     phase: CalibrationPhase,
-    seconds: f64,
-    since_ns: Option<i64>,
-    now_ns: i64,
+    /// How far it is.
+    pub span: Span,
     series: [Series; 3],
     /// Known steps of gyroscope, accelerometer and magnetometer; zero where nothing is known.
     steps: [f64; 3],
@@ -53,9 +53,7 @@ impl CalibrationRun {
         let series = |kind| (kind, Thinned::new(PLOT_POINTS));
         Self {
             phase: CalibrationPhase::new(seconds, sensors),
-            seconds,
-            since_ns: None,
-            now_ns: 0,
+            span: Span::new(seconds),
             steps: [0.0; 3],
             series: SENSORS.map(|(kind, _)| series(kind)),
         }
@@ -63,46 +61,50 @@ impl CalibrationRun {
 
     /// Takes one event. Returns whether it has seen enough.
     pub fn add(&mut self, event: &Event) -> bool {
-        let since = *self.since_ns.get_or_insert(event.time_ns);
-        self.now_ns = self.now_ns.max(event.time_ns);
-        let mut instant = Instant {
-            time_ns: event.time_ns,
-            ..Instant::default()
-        };
-        let vector = match event.sample {
-            Sample::AngularRate(v) => {
-                instant.angular_rate = Some(v);
-                v
-            }
-            Sample::SpecificForce(v) => {
-                instant.specific_force = Some(v);
-                v
-            }
-            Sample::MagneticField(v) => {
-                instant.magnetic_field = Some(v);
-                v
-            }
-            _ => return self.elapsed_s() >= self.seconds,
-        };
-        self.phase.add(&instant);
-        let kind = event.sample.kind();
-        if let Some((_, series)) = self.series.iter_mut().find(|(k, _)| *k == kind) {
-            let t_s = event.time_ns.saturating_sub(since) as f64 * 1e-9;
+        let time_ns = event.time_ns;
+        self.span.begin(time_ns);
+        let since = self.span.reach(time_ns).unwrap_or(time_ns);
+        let (kind, vector) = (event.sample.kind(), event.sample.vector());
+        let series = self.series.iter_mut().find(|(k, _)| *k == kind);
+        if let (Some((_, series)), Some(vector)) = (series, vector) {
+            let of = |wanted| (kind == wanted).then_some(vector);
+            self.phase.add(&Instant {
+                time_ns,
+                angular_rate: of(SensorKind::Gyroscope),
+                specific_force: of(SensorKind::Accelerometer),
+                magnetic_field: of(SensorKind::Magnetometer),
+                ..Instant::default()
+            });
+            let t_s = time_ns.saturating_sub(since) as f64 * 1e-9;
             series.push(|| (t_s, vector));
         }
-        self.elapsed_s() >= self.seconds
+        self.span.elapsed_s() >= self.span.seconds
     }
 
-    /// How far it is: 0 to 1.
+    /// How it is, or, once it is `made`, what it came to.
     #[must_use]
-    pub fn progress(&self) -> f64 {
-        (self.elapsed_s() / self.seconds).clamp(0.0, 1.0)
-    }
-
-    /// Seconds still to come.
-    #[must_use]
-    pub fn remaining_s(&self) -> f64 {
-        (self.seconds - self.elapsed_s()).max(0.0)
+    pub fn message(
+        &self,
+        device: &str,
+        made: Option<&Result<Box<RestCalibration<f64>>, String>>,
+    ) -> ToPage {
+        let (state, verdict) = match made {
+            None => (CalibrationState::Running, None),
+            Some(Ok(rest)) => (CalibrationState::Done, Some(self.accepted(rest))),
+            Some(Err(reason)) => {
+                let verdict = Remark::new(Tone::Bad, reason.as_str());
+                (CalibrationState::Refused, Some(verdict))
+            }
+        };
+        ToPage::Calibration(Box::new(Calibration {
+            device: device.to_owned(),
+            state,
+            progress: self.span.progress(),
+            remaining_s: self.span.remaining_s(),
+            verdict,
+            result: made.and_then(|made| made.as_deref().ok()).map(Into::into),
+            samples: made.map(|_| self.samples()),
+        }))
     }
 
     /// Says to which steps the sensors are known to be rounded; of several the coarsest counts.
@@ -185,10 +187,5 @@ impl CalibrationRun {
             (kind.name(), columns)
         });
         series.filter(|(_, s)| !s.t_s.is_empty()).collect()
-    }
-
-    fn elapsed_s(&self) -> f64 {
-        let since = self.since_ns.unwrap_or(self.now_ns);
-        self.now_ns.saturating_sub(since) as f64 * 1e-9
     }
 }

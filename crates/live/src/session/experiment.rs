@@ -4,6 +4,8 @@ use northing_core::attitude::InitialState;
 use northing_evaluation::EstimatorKind;
 use northing_recording::{Event, SensorKind};
 
+use super::span::Span;
+
 /// Shortest and longest experiment, s.
 const SECONDS: [f64; 2] = [1.0, 3600.0];
 /// No experiment holds more events than this (one event is 56 bytes).
@@ -12,17 +14,13 @@ pub const MOST_EVENTS: usize = 4_000_000;
 /// An experiment under way.
 #[derive(Debug)]
 pub struct ExperimentRun {
-    name: String,
-    seconds: f64,
-    since_ns: Option<i64>,
-    now_ns: i64,
-    events: Vec<Event>,
-    starts: Vec<(EstimatorKind, InitialState<f64>)>,
-    changed: Vec<&'static str>,
+    /// How far it is.
+    pub span: Span,
+    made: Experiment,
 }
 
 /// The events of a finished experiment, in the order of time, each once.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Experiment {
     /// What people call it.
     pub name: String,
@@ -49,94 +47,64 @@ impl ExperimentRun {
             ));
         }
         Ok(Self {
-            name: name.to_owned(),
-            seconds,
-            since_ns: None,
-            now_ns: i64::MIN,
-            events: Vec::new(),
-            starts: Vec::new(),
-            changed: Vec::new(),
+            span: Span::new(seconds),
+            made: Experiment {
+                name: name.to_owned(),
+                seconds,
+                ..Experiment::default()
+            },
         })
     }
 
     /// Whether its first sample has come.
     #[must_use]
     pub fn has_begun(&self) -> bool {
-        self.since_ns.is_some()
+        self.span.since_ns().is_some()
     }
 
     /// Begins at this stamp, with the estimators in these states.
     pub fn begin(&mut self, time_ns: i64, starts: Vec<(EstimatorKind, InitialState<f64>)>) {
-        self.since_ns = Some(time_ns);
-        self.starts = starts;
+        self.span.begin(time_ns);
+        self.made.starts = starts;
     }
 
     /// Remembers that something was changed while it runs.
     pub fn note_change(&mut self, what: &'static str) {
-        if self.has_begun() && !self.changed.contains(&what) {
-            self.changed.push(what);
+        if self.has_begun() && !self.made.changed.contains(&what) {
+            self.made.changed.push(what);
         }
     }
 
     /// Takes one event; what comes before it has begun is not part of it. Returns whether the
     /// experiment is over.
     pub fn add(&mut self, event: &Event) -> bool {
-        let Some(since) = self.since_ns else {
+        let Some(since) = self.span.reach(event.time_ns) else {
             return false;
         };
-        self.now_ns = self.now_ns.max(event.time_ns);
         if event.time_ns >= since {
-            self.events.push(*event);
+            self.made.events.push(*event);
         }
-        self.elapsed_s() > self.seconds || self.events.len() >= MOST_EVENTS
+        self.span.elapsed_s() > self.span.seconds || self.made.events.len() >= MOST_EVENTS
     }
 
     /// Takes an event that came too late for the filters, if it belongs to the experiment. It does
     /// not move the experiment's clock.
     pub fn add_late(&mut self, event: &Event) {
-        if self.since_ns.is_some_and(|since| event.time_ns >= since)
-            && self.events.len() < MOST_EVENTS
-        {
-            self.events.push(*event);
+        let belongs = self
+            .span
+            .since_ns()
+            .is_some_and(|since| event.time_ns >= since);
+        if belongs && self.made.events.len() < MOST_EVENTS {
+            self.made.events.push(*event);
         }
-    }
-
-    /// How far it is: 0 to 1.
-    #[must_use]
-    pub fn progress(&self) -> f64 {
-        (self.elapsed_s() / self.seconds).clamp(0.0, 1.0)
-    }
-
-    /// Seconds still to come.
-    #[must_use]
-    pub fn remaining_s(&self) -> f64 {
-        (self.seconds - self.elapsed_s()).max(0.0)
-    }
-
-    /// What people call it.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
     }
 
     /// The events so far, put in the order of time.
     #[must_use]
     pub fn finish(mut self) -> Experiment {
-        let key = |event: &Event| (event.time_ns, event.sample.kind().order());
-        self.events.sort_by_key(key);
-        self.events.dedup_by_key(|event| key(event));
-        Experiment {
-            name: self.name,
-            seconds: self.seconds,
-            events: self.events,
-            starts: self.starts,
-            changed: self.changed,
-        }
-    }
-
-    fn elapsed_s(&self) -> f64 {
-        let since = self.since_ns.unwrap_or(self.now_ns);
-        self.now_ns.saturating_sub(since) as f64 * 1e-9
+        self.made.events.sort_by_key(Event::place);
+        self.made.events.dedup_by_key(|event| event.place());
+        self.made
     }
 }
 

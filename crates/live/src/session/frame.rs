@@ -8,6 +8,7 @@ use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::rotation;
 use northing_core::kalman::{Innovation, Outcome};
 use northing_evaluation::EstimatorKind;
+use northing_evaluation::attitude::kinds::AnyEstimator;
 use northing_evaluation::attitude::observer::angles_covariance;
 use northing_recording::SensorKind;
 use serde::Serialize;
@@ -177,7 +178,9 @@ impl DeviceSession {
             let q = estimator.attitude();
             let covariance = estimator.attitude_covariance();
             let mut estimate = estimate(&q, covariance, bias);
-            estimate.surroundings = estimator.bounded_velocity().map(Surroundings::of);
+            if let AnyEstimator::BoundedVelocity(filter) = estimator {
+                estimate.surroundings = Some(Surroundings::of(filter.state()));
+            }
             estimates.insert(track.kind.name(), estimate);
         }
         if let Some(q) = &self.device {

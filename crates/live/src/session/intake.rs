@@ -45,7 +45,7 @@ struct Channel {
 /// One wrong stamp must not move the device's time: a sample that is seconds ahead of all sensors,
 /// or seconds behind its own, is put aside until several agree with it (a pause, a clock that
 /// started again) or a sample in order contradicts it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Intake {
     channels: [Channel; SENSORS],
     newest_ns: Option<i64>,
@@ -54,20 +54,6 @@ pub struct Intake {
     duplicated: u64,
     late: u64,
     refused: u64,
-}
-
-impl Default for Intake {
-    fn default() -> Self {
-        Self {
-            channels: std::array::from_fn(|_| Channel::default()),
-            newest_ns: None,
-            aside: Aside::default(),
-            new_clock: false,
-            duplicated: 0,
-            late: 0,
-            refused: 0,
-        }
-    }
 }
 
 /// Where a stamp lies among the others.
@@ -150,10 +136,9 @@ impl Intake {
     /// The device goes on where it was: what was put aside was late, or wrong.
     fn contradict(&mut self, out: &mut Vec<(Admission, Event)>) {
         let aside = std::mem::take(&mut self.aside);
-        let (admission, count) = if aside.ahead {
-            (Admission::Unbelieved, &mut self.refused)
-        } else {
-            (Admission::Late, &mut self.late)
+        let (admission, count) = match aside.ahead {
+            true => (Admission::Unbelieved, &mut self.refused),
+            false => (Admission::Late, &mut self.late),
         };
         *count += aside.events.len() as u64;
         out.extend(aside.events.into_iter().map(|event| (admission, event)));

@@ -14,6 +14,7 @@ pub mod intake;
 pub mod lamp;
 pub mod magnetometer;
 pub mod resolution;
+pub mod span;
 pub mod track;
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -112,7 +113,7 @@ impl DeviceSession {
 
     /// Takes a batch of events of any order; it is put in the order of time.
     pub fn take(&mut self, events: &mut [Event]) -> Vec<Happening> {
-        events.sort_by_key(|event| (event.time_ns, event.sample.kind().order()));
+        events.sort_by_key(Event::place);
         let mut happenings = Vec::new();
         let mut admitted = Vec::new();
         for event in events.iter() {
@@ -528,20 +529,13 @@ fn note(text: &str) -> Happening {
 }
 
 fn new_lamps(config: &AttitudeConfig<f64>) -> [LampWindow; 3] {
+    use SensorKind::{Accelerometer, CompassHeading, Magnetometer};
     [
-        LampWindow::new(
-            SensorKind::Accelerometer,
-            config.accelerometer_correlation_time_s,
-        ),
-        LampWindow::new(
-            SensorKind::Magnetometer,
-            config.magnetometer_correlation_time_s,
-        ),
-        LampWindow::new(
-            SensorKind::CompassHeading,
-            config.compass_correlation_time_s,
-        ),
+        (Accelerometer, config.accelerometer_correlation_time_s),
+        (Magnetometer, config.magnetometer_correlation_time_s),
+        (CompassHeading, config.compass_correlation_time_s),
     ]
+    .map(|(sensor, time_s)| LampWindow::new(sensor, time_s))
 }
 
 fn seconds_since(first_ns: Option<i64>, time_ns: i64) -> f64 {

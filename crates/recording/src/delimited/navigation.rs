@@ -1,128 +1,92 @@
-//! Cells of satellite receivers and reference tracks whose numbers are not simply columns.
+//! Cells whose numbers are not simply those of a sample.
 
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use northing_core::earth::Geodetic;
 
-use super::{Cells, Channel};
+use super::{Cells, Form};
 use crate::error::Result;
-use crate::event::{Reference, Sample, SensorKind, quaternion_from_file};
+use crate::event::{Reference, Sample};
 use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
-
-/// A pose in Earth-centred, Earth-fixed axes; its parts are samples of their own.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct EcefPose {
-    pub(crate) position: [usize; 3],
-    pub(crate) part: EcefPart,
-}
-
-/// What of a pose a channel gives, with the columns beside those of the position.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum EcefPart {
-    Position,
-    Velocity([usize; 3]),
-    /// w, x, y, z; `inverse` when the file holds body-from-ECEF.
-    Attitude {
-        columns: [usize; 4],
-        inverse: bool,
-    },
-}
-
-impl EcefPose {
-    pub(super) fn columns(&self) -> Vec<usize> {
-        match self.part {
-            EcefPart::Position => self.position.to_vec(),
-            EcefPart::Velocity(columns) => columns.to_vec(),
-            EcefPart::Attitude { columns, .. } => columns.to_vec(),
-        }
-    }
-
-    pub(super) fn kind(&self) -> SensorKind {
-        match self.part {
-            EcefPart::Position => SensorKind::ReferencePosition,
-            EcefPart::Velocity(_) => SensorKind::ReferenceVelocity,
-            EcefPart::Attitude { .. } => SensorKind::Reference,
-        }
-    }
-}
+use crate::numbers::MOST;
 
 impl Cells<'_> {
-    /// The row's sample of the channels of this file; `None` when its cells are empty.
-    pub(super) fn navigation(&self, channel: &Channel) -> Result<Option<Sample>> {
-        match channel {
-            Channel::PressureHeight { column } => {
-                let height = self.number(*column)?;
-                Ok(height.map(|h| Sample::Pressure(standard_pressure(h))))
+    /// The sample that is meant by the numbers of a form, of which `sample` was made as if they were plain.
+    pub(super) fn converted(
+        &self,
+        sample: Sample,
+        form: Form,
+        row: &[f64; MOST],
+    ) -> Result<Option<Sample>> {
+        Ok(match (form, sample) {
+            (Form::Increment, vector) => {
+                // Over how long the first row's increment was gained nobody knows.
+                let rate = vector.vector().zip(self.interval_s).map(|(v, s)| v / s);
+                rate.and_then(|rate| Sample::from_vector(vector.kind(), rate))
             }
-            Channel::RtklibPosition { columns, factors } => {
-                let sample = self.row_of(SensorKind::GnssPosition, columns, factors)?;
-                let Some(Sample::GnssPosition(mut fix)) = sample else {
-                    return Ok(sample);
-                };
-                let code = columns[8].map_or(Ok(None), |column| self.number(column))?;
-                fix.quality = code.map_or(GnssQuality::Unknown, rtklib_quality);
-                Ok(Some(Sample::GnssPosition(fix)))
+            (Form::Inverse, Sample::DeviceOrientation(q)) => {
+                Some(Sample::DeviceOrientation(q.inverse()))
             }
-            Channel::SpeedAndCourse {
-                speed,
-                course,
-                std,
-                to_m_per_s,
-                to_rad,
-            } => {
-                let Some([speed, course]) = self.numbers(&[*speed, *course])? else {
-                    return Ok(None);
-                };
-                let std = std.map_or(Ok(None), |column| self.number(column))?;
-                let velocity = GnssVelocity::from_course(speed * to_m_per_s, course * to_rad);
-                Ok(Some(Sample::GnssVelocity(GnssVelocity {
-                    std_m_s: std.map(|std| [std * to_m_per_s; 3]),
-                    ..velocity
-                })))
+            (Form::Inverse, Sample::Reference(reference)) => Some(Sample::Reference(Reference {
+                attitude: reference.attitude.inverse(),
+                ..reference
+            })),
+            (Form::PressureHeight, _) => Some(Sample::Pressure(standard_pressure(row[0]))),
+            (Form::RtklibPosition, Sample::GnssPosition(fix)) => {
+                let quality = rtklib_quality(row[8]);
+                Some(Sample::GnssPosition(GnssPosition { quality, ..fix }))
             }
-            Channel::Ecef(pose) => self.ecef(pose),
-            _ => Ok(None),
-        }
+            (Form::SpeedAndCourse, _) => {
+                let [speed, course, std, ..] = *row;
+                Some(Sample::GnssVelocity(GnssVelocity {
+                    std_m_s: (!std.is_nan()).then_some([std; 3]),
+                    ..GnssVelocity::from_course(speed, course)
+                }))
+            }
+            (Form::Ecef { place, inverse }, sample) => self.of_ecef(place, inverse, sample)?,
+            (_, plain) => Some(plain),
+        })
     }
 
-    fn ecef(&self, pose: &EcefPose) -> Result<Option<Sample>> {
-        let Some([x, y, z]) = self.numbers(&pose.position)? else {
+    /// A sample in north, east, down of one in Earth-centred, Earth-fixed axes.
+    fn of_ecef(&self, place: [usize; 3], inverse: bool, read: Sample) -> Result<Option<Sample>> {
+        let mut ecef = Vector3::repeat(f64::NAN);
+        for (x, column) in ecef.iter_mut().zip(place) {
+            *x = self.number(column)?.unwrap_or(f64::NAN);
+        }
+        if ecef.iter().all(|x| x.is_nan()) {
             return Ok(None);
-        };
-        let place = Geodetic::from_ecef(&Vector3::new(x, y, z));
+        }
+        let place = Geodetic::from_ecef(&ecef);
         let ned_from_ecef = place.ned_from_ecef();
-        Ok(match pose.part {
-            EcefPart::Position => Some(Sample::ReferencePosition(GnssPosition {
+        Ok(match read {
+            Sample::ReferencePosition(_) => Some(Sample::ReferencePosition(GnssPosition {
                 latitude_rad: place.latitude_rad,
                 longitude_rad: place.longitude_rad,
                 height_m: Some(place.height_m),
-                std_m: None,
-                hdop: None,
-                satellites: None,
-                quality: GnssQuality::Unknown,
+                ..GnssPosition::default()
             })),
-            EcefPart::Velocity(columns) => self
-                .numbers(&columns)?
-                .map(|[x, y, z]| Sample::ReferenceVelocity(ned_from_ecef * Vector3::new(x, y, z))),
-            EcefPart::Attitude { columns, inverse } => {
-                self.numbers(&columns)?.map(|[w, x, y, z]| {
-                    let read = quaternion_from_file(w, x, y, z);
-                    let ecef_from_body = if inverse { read.inverse() } else { read };
-                    let rotation = Rotation3::from_matrix_unchecked(ned_from_ecef);
-                    let ned_from_ecef = UnitQuaternion::from_rotation_matrix(&rotation);
-                    Sample::Reference(Reference {
-                        attitude: ned_from_ecef * ecef_from_body,
-                        scored: true,
-                    })
-                })
+            Sample::ReferenceVelocity(v) => Some(Sample::ReferenceVelocity(ned_from_ecef * v)),
+            Sample::Reference(Reference { attitude, scored }) => {
+                let ecef_from_body = if inverse {
+                    attitude.inverse()
+                } else {
+                    attitude
+                };
+                let rotation = Rotation3::from_matrix_unchecked(ned_from_ecef);
+                let ned_from_ecef = UnitQuaternion::from_rotation_matrix(&rotation);
+                let attitude = ned_from_ecef * ecef_from_body;
+                Some(Sample::Reference(Reference { attitude, scored }))
             }
+            _ => None,
         })
     }
 }
 
-/// The quality of RTKLIB's number.
+/// The quality of RTKLIB's number; NaN where there is none.
 fn rtklib_quality(code: f64) -> GnssQuality {
     // A float as an integer saturates.
     match code as u8 {
+        _ if code.is_nan() => GnssQuality::Unknown,
         0 => GnssQuality::Invalid,
         1 => GnssQuality::RtkFixed,
         2 => GnssQuality::RtkFloat,

@@ -12,12 +12,11 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 
-use crate::delimited::{Blanks, Channel, DelimitedSource, Layout, TimeForm};
+use crate::delimited::{Blanks, Channel, DelimitedSource, Form, Layout, TimeForm};
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
 use crate::merge::Merged;
 use crate::metadata::Metadata;
-use crate::numbers;
 use crate::recording::{EventSource, Opened};
 use crate::stamp;
 
@@ -53,28 +52,16 @@ impl Table {
     }
 
     fn channels(self) -> Vec<Channel> {
-        let increments = |kind, columns| Channel::Vector {
-            kind,
-            columns,
-            factors: [1.0; 3],
-            is_increment: true,
-        };
         match self {
             Self::Increments => vec![
-                increments(SensorKind::Gyroscope, [1, 2, 3]),
-                increments(SensorKind::Accelerometer, [4, 5, 6]),
+                Channel::new(SensorKind::Gyroscope, &[1, 2, 3]).of_form(Form::Increment),
+                Channel::new(SensorKind::Accelerometer, &[4, 5, 6]).of_form(Form::Increment),
             ],
             Self::Positions => {
-                let (mut columns, mut factors) = ([None; numbers::MOST], [1.0; numbers::MOST]);
-                for (i, column) in columns[..6].iter_mut().enumerate() {
-                    *column = Some(i + 1);
-                }
-                factors[..2].fill(1_f64.to_radians());
-                vec![Channel::Numbers {
-                    kind: SensorKind::GnssPosition,
-                    columns,
-                    factors,
-                }]
+                let mut position = Channel::new(SensorKind::GnssPosition, &[1, 2, 3, 4, 5, 6]);
+                position.put(0, Some(1), 1_f64.to_radians());
+                position.put(1, Some(2), 1_f64.to_radians());
+                vec![position]
             }
         }
     }
@@ -111,7 +98,7 @@ impl Table {
     }
 
     fn sensors(self) -> Vec<SensorKind> {
-        self.channels().iter().map(Channel::kind).collect()
+        self.channels().iter().map(|channel| channel.kind).collect()
     }
 }
 

@@ -94,19 +94,14 @@ impl Adapted {
 }
 
 impl EventSource for Adapted {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            let mut event = match self.source.next_event(issues)? {
-                Ok(event) => event,
-                Err(error) => return Some(Err(error)),
-            };
-            let Some(sample) = self.sample(event.sample) else {
-                continue;
-            };
-            event.sample = sample;
-            event.time_ns = event.time_ns.saturating_add(self.offset_ns);
-            self.scale.apply(&mut event.sample);
-            return Some(Ok(event));
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        while let Some(event) = self.source.next_event(issues)? {
+            if let Some(mut sample) = self.sample(event.sample) {
+                let time_ns = event.time_ns.saturating_add(self.offset_ns);
+                self.scale.apply(&mut sample);
+                return Ok(Some(Event { time_ns, sample }));
+            }
         }
+        Ok(None)
     }
 }

@@ -6,7 +6,7 @@ use super::schema::{
     Column, ForceColumnUnit, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
     RateColumnUnit, Source, TimeColumn, TimeUnit, VectorColumns,
 };
-use crate::delimited::{Channel, Layout, RowsOf, TimeForm};
+use crate::delimited::{Channel, Form, Layout, RowsOf, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::options::{FieldUnit, ForceUnit, OpenOptions, RateUnit};
@@ -30,31 +30,22 @@ impl LayoutBuilder<'_> {
                     self.problem("[device_orientation] has `scored`, which belongs to [reference]")
                 );
             }
-            let (columns, inverse) = self.quaternion(device)?;
-            channels.push(Channel::DeviceOrientation { columns, inverse });
+            channels.push(self.quaternion(SensorKind::DeviceOrientation, device)?);
         }
         if let Some(pressure) = &source.pressure {
-            let column = self.column(&pressure.column)?;
+            let channel = Channel::new(SensorKind::Pressure, &[self.column(&pressure.column)?]);
             channels.push(match pressure.unit {
-                PressureUnit::Pa => Channel::one(SensorKind::Pressure, column, 1.0),
-                PressureUnit::Hpa => Channel::one(SensorKind::Pressure, column, 100.0),
-                PressureUnit::Kpa => Channel::one(SensorKind::Pressure, column, 1000.0),
-                PressureUnit::M => Channel::PressureHeight { column },
+                PressureUnit::Pa => channel,
+                PressureUnit::Hpa => channel.times(100.0),
+                PressureUnit::Kpa => channel.times(1000.0),
+                PressureUnit::M => channel.of_form(Form::PressureHeight),
             });
         }
         self.navigation(&mut channels)?;
         if let Some(reference) = &source.reference {
-            let (columns, inverse) = self.quaternion(reference)?;
-            let scored = reference
-                .scored
-                .as_ref()
-                .map(|c| self.column(c))
-                .transpose()?;
-            channels.push(Channel::Reference {
-                columns,
-                inverse,
-                scored,
-            });
+            let mut channel = self.quaternion(SensorKind::Reference, reference)?;
+            channel.scored = self.optional(reference.scored.as_ref())?;
+            channels.push(channel);
         }
         self.finish(channels)
     }
@@ -188,32 +179,32 @@ impl LayoutBuilder<'_> {
             })?,
             None => [(0, 1.0), (1, 1.0), (2, 1.0)],
         };
-        let mut places = [0; 3];
-        let mut factors = [1.0; 3];
+        let mut channel = Channel::new(kind, &[]);
         for (body_axis, (file_axis, sign)) in axes.into_iter().enumerate() {
-            places[body_axis] = self.column(&vector.columns[file_axis])?;
-            factors[body_axis] = sign * factor;
+            let column = self.column(&vector.columns[file_axis])?;
+            channel.put(body_axis, Some(column), sign * factor);
         }
-        Ok(Some(Channel::Vector {
-            kind,
-            columns: places,
-            factors,
-            is_increment,
-        }))
+        if is_increment {
+            channel.form = Form::Increment;
+        }
+        Ok(Some(channel))
     }
 
-    fn quaternion(&self, quaternion: &QuaternionColumns) -> Result<([usize; 4], bool)> {
-        let mut places = [0; 4];
-        for (place, column) in places.iter_mut().zip(&quaternion.columns) {
-            *place = self.column(column)?;
-        }
-        if matches!(quaternion.order, QuaternionOrder::Xyzw) {
+    fn quaternion(&self, kind: SensorKind, quaternion: &QuaternionColumns) -> Result<Channel> {
+        let channel = Channel::new(kind, &self.wxyz(&quaternion.columns, quaternion.order)?);
+        Ok(match quaternion.direction {
+            QuaternionDirection::BodyToWorld => channel,
+            QuaternionDirection::WorldToBody => channel.of_form(Form::Inverse),
+        })
+    }
+
+    /// The columns of a quaternion, w first.
+    fn wxyz(&self, columns: &[Column; 4], order: QuaternionOrder) -> Result<[usize; 4]> {
+        let mut places = self.places(columns)?;
+        if matches!(order, QuaternionOrder::Xyzw) {
             places.rotate_right(1);
         }
-        Ok((
-            places,
-            quaternion.direction == QuaternionDirection::WorldToBody,
-        ))
+        Ok(places)
     }
 }
 
@@ -251,14 +242,14 @@ fn parse_axes(text: &str) -> Option<[(usize, f64); 3]> {
 /// reference track share its position.
 fn check_columns(layout: &Layout, manifest_file: &str) -> Result<()> {
     let mut used = vec![layout.time];
-    let orientation = layout.channels.iter().find_map(|channel| match channel {
-        Channel::DeviceOrientation { columns, .. } => Some(columns),
-        _ => None,
-    });
+    let mut channels = layout.channels.iter();
+    let orientation = channels.find(|channel| channel.kind == SensorKind::DeviceOrientation);
     for channel in &layout.channels {
-        let is_reference = matches!(channel, Channel::Reference { .. });
-        for column in channel.columns() {
-            let is_shared = is_reference && orientation.is_some_and(|own| own.contains(&column));
+        let is_reference = channel.kind == SensorKind::Reference
+            && matches!(channel.form, Form::Plain | Form::Inverse);
+        for column in channel.read() {
+            let own = orientation.is_some_and(|own| own.columns.contains(&Some(column)));
+            let is_shared = is_reference && own;
             if used.contains(&column) && !is_shared {
                 let name = layout.names.get(column).map_or("", String::as_str);
                 return Err(RecordingError::manifest(

@@ -8,7 +8,6 @@ mod navigation;
 mod schema;
 mod table;
 
-use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
@@ -18,7 +17,7 @@ use crate::metadata::Metadata;
 use crate::open::{has_extension, open_data_file, stem};
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording, Scale};
-use crate::text::read_manifest;
+use crate::text::{open_file, read_manifest};
 
 pub use navigation::{
     AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, PositionColumns,
@@ -141,8 +140,7 @@ impl Loaded {
     ) -> Result<Opened> {
         if source.time.is_some() || source.format == Some(Format::Manifest) {
             let file = data.display().to_string();
-            let input =
-                File::open(data).map_err(|error| RecordingError::io(&file, "open it", error))?;
+            let input = open_file(data, &file)?;
             return table::open(source, &self.file, input, &file, options);
         }
         if same_file(manifest, data) || has_extension(data, "toml") {

@@ -9,6 +9,7 @@ use ::mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryRe
 use ::mcap::{Channel, McapError, Message};
 
 use crate::error::{RecordingError, Result};
+use crate::issues::Issues;
 
 /// What every MCAP file starts and every complete one ends with.
 pub(crate) const MAGIC: &[u8] = &[0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
@@ -59,6 +60,19 @@ impl Messages {
         self.end.as_ref()
     }
 
+    /// Tells that the file is cut, and how many messages could not be decoded.
+    pub(super) fn report(&self, unreadable: u64, issues: &mut Issues) {
+        if let Some(End::Cut(why)) = &self.end {
+            issues.notes.push(format!(
+                "The recording was not finished ({why}); it is read up to there."
+            ));
+        }
+        if unreadable > 0 {
+            let text = format!("Messages that could not be decoded: {unreadable}.");
+            issues.notes.push(text);
+        }
+    }
+
     /// From the beginning again.
     pub(crate) fn again(self, file: &str) -> Result<Self> {
         Self::new(self.reader.into_inner().into_inner(), file)
@@ -82,17 +96,11 @@ impl Iterator for Messages {
         if self.end.is_some() {
             return None;
         }
-        match self.reader.next() {
-            Some(Ok(message)) => Some(message),
-            Some(Err(error)) => {
-                self.end = Some(self.ended(Some(&error)));
-                None
-            }
-            None => {
-                self.end = Some(self.ended(None));
-                None
-            }
+        let next = self.reader.next().transpose();
+        if !matches!(next, Ok(Some(_))) {
+            self.end = Some(self.ended(next.as_ref().err()));
         }
+        next.ok().flatten()
     }
 }
 

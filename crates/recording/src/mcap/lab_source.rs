@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::file::{End, Messages};
+use super::OfMessages;
+use super::file::Messages;
 use super::lab::{LabRecord, RecordKind};
-use crate::error::{RecordingError, Result};
-use crate::event::{Event, SensorKind};
+use crate::error::Result;
+use crate::event::Event;
 use crate::issues::Issues;
-use crate::recording::EventSource;
+use crate::recording::Pieces;
 use crate::wire::{Decoded, Tone, WireDecoder, WireFormat};
 
 /// Batches overlap in time by less than this, ns; older events are handed out.
@@ -40,38 +41,6 @@ impl LabSource {
             remarks: Vec::new(),
             refused: 0,
             ended: false,
-        }
-    }
-
-    /// Reads everything once: which sensors come, and how often.
-    pub(crate) fn sensors(mut self) -> (Vec<SensorKind>, Messages) {
-        let mut seen = BTreeMap::new();
-        while let Some(event) = self.next_ordered() {
-            *seen.entry(event.sample.kind().order()).or_insert(0_u64) += 1;
-        }
-        let sensors = SensorKind::ALL
-            .into_iter()
-            .filter(|kind| seen.contains_key(&kind.order()))
-            .collect();
-        (sensors, self.messages)
-    }
-
-    fn next_ordered(&mut self) -> Option<Event> {
-        loop {
-            if let Some(event) = self.order.ready(self.ended) {
-                return Some(event);
-            }
-            if self.ended {
-                return None;
-            }
-            match self.messages.next() {
-                Some(message) => self.take(LabRecord::of(message)),
-                None => {
-                    self.ended = true;
-                    let rest = self.decoder.as_mut().map(WireDecoder::finish);
-                    self.keep(rest.unwrap_or_default(), i64::MAX);
-                }
-            }
         }
     }
 
@@ -142,15 +111,7 @@ impl LabSource {
     }
 
     fn report(&mut self, issues: &mut Issues) {
-        if let Some(End::Cut(why)) = self.messages.end() {
-            issues.notes.push(cut_remark(why));
-        }
-        if self.refused > 0 {
-            issues.notes.push(format!(
-                "Messages that could not be decoded: {}.",
-                self.refused
-            ));
-        }
+        self.messages.report(self.refused, issues);
         if self.order.clocks > 1 {
             issues.notes.push(format!(
                 "The device's clock began anew {} time(s) (the page was loaded again); the parts follow each other as they arrived.",
@@ -161,31 +122,31 @@ impl LabSource {
     }
 }
 
-/// What is said of a file that was cut.
-pub(crate) fn cut_remark(why: &str) -> String {
-    format!("The recording was not finished ({why}); it is read up to there.")
-}
+impl Pieces for LabSource {
+    fn ready(&mut self) -> Option<Event> {
+        self.order.ready(self.ended)
+    }
 
-impl EventSource for LabSource {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         let was_ended = self.ended;
-        let event = self.next_ordered();
-        if self.ended && !was_ended {
-            self.report(issues);
+        match self.messages.next() {
+            Some(message) => self.take(LabRecord::of(message)),
+            None if !was_ended => {
+                self.ended = true;
+                let rest = self.decoder.as_mut().map(WireDecoder::finish);
+                self.keep(rest.unwrap_or_default(), i64::MAX);
+                self.report(issues);
+            }
+            None => {}
         }
-        event.map(Ok)
+        Ok(!was_ended)
     }
 }
 
-/// Which devices a recording has.
-pub(crate) fn several(file: &str, devices: &[String]) -> RecordingError {
-    RecordingError::unsupported(
-        file,
-        format!(
-            "it holds several devices: {}; say which one with --device NAME",
-            crate::error::join(devices.iter().map(String::as_str))
-        ),
-    )
+impl OfMessages for LabSource {
+    fn into_messages(self) -> Messages {
+        self.messages
+    }
 }
 
 /// Puts the events of overlapping batches in the order of time, clock after clock.

@@ -22,14 +22,18 @@ mod ros;
 mod ros_source;
 mod ros_writer;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
 use ::mcap::Channel;
 
-use crate::error::{RecordingError, Result};
+use crate::error::{RecordingError, Result, join, shown};
+use crate::event::SensorKind;
+use crate::issues::Issues;
 use crate::metadata::Metadata;
-use crate::recording::Opened;
+use crate::recording::{EventSource, Opened};
+use crate::text::open_file;
 pub(crate) use file::Input;
 use file::{End, Messages, contents};
 use lab_source::LabSource;
@@ -57,21 +61,17 @@ pub(crate) fn open(
     metadata.format = "mcap".to_owned();
     let devices = devices(&contents.channels);
     let messages = messages.again(file)?;
-    let (sensors, source): (_, Box<dyn crate::recording::EventSource>) = if devices.is_empty() {
+    let (sensors, source) = if devices.is_empty() {
         let Some(topics) = ros_source::choose(&contents.channels, device, file)? else {
             return Err(nothing(file, &contents));
         };
-        let (sensors, messages) = RosSource::new(messages, topics.clone()).sensors();
-        let source = RosSource::new(messages.again(file)?, topics);
-        (sensors, Box::new(source))
+        known(messages, file, |messages| {
+            RosSource::new(messages, topics.clone())
+        })?
     } else {
-        let device = choose(&devices, device, file)?;
-        metadata.device = Some(device.to_owned());
-        let (sensors, messages) = LabSource::new(messages, device).sensors();
-        (
-            sensors,
-            Box::new(LabSource::new(messages.again(file)?, device)),
-        )
+        let device = one_of(&devices, device, ["device", "; it holds"], file)?;
+        metadata.device = Some(device.clone());
+        known(messages, file, |messages| LabSource::new(messages, device))?
     };
     Ok(Opened {
         metadata,
@@ -82,39 +82,59 @@ pub(crate) fn open(
     })
 }
 
-/// The devices of a recording of the lab.
-fn devices<'a>(channels: impl IntoIterator<Item = &'a Arc<Channel<'static>>>) -> Vec<String> {
-    let mut devices: Vec<String> = channels
-        .into_iter()
-        .filter_map(|channel| match lab::channel_of(&channel.metadata)? {
-            (device, RecordKind::Payload(_)) => Some(device.to_owned()),
-            _ => None,
-        })
-        .collect();
-    devices.sort();
-    devices.dedup();
-    devices
+/// A source that is made of the messages of a file.
+trait OfMessages: EventSource {
+    fn into_messages(self) -> Messages;
 }
 
-fn choose<'a>(devices: &'a [String], wanted: Option<&str>, file: &str) -> Result<&'a str> {
-    match (wanted, devices) {
-        (None, [only]) => Ok(only),
-        (None, _) => Err(lab_source::several(file, devices)),
-        (Some(wanted), _) => devices
-            .iter()
-            .find(|device| *device == wanted)
-            .map(String::as_str)
-            .ok_or_else(|| {
-                RecordingError::unsupported(
-                    file,
-                    format!(
-                        "there is no device `{}`; it holds {}",
-                        crate::error::shown(wanted),
-                        crate::error::join(devices.iter().map(String::as_str))
-                    ),
-                )
-            }),
+/// The source that `make` makes of the messages, and its sensors, for which everything is read once.
+fn known<S: OfMessages + 'static>(
+    messages: Messages,
+    file: &str,
+    make: impl Fn(Messages) -> S,
+) -> Result<(Vec<SensorKind>, Box<dyn EventSource>)> {
+    let (mut source, mut issues) = (make(messages), Issues::default());
+    let mut seen = [false; SensorKind::ALL.len()];
+    while let Some(event) = source.next_event(&mut issues)? {
+        seen[event.sample.kind().order()] = true;
     }
+    let sensors = SensorKind::ALL
+        .into_iter()
+        .filter(|kind| seen[kind.order()]);
+    let source = make(source.into_messages().again(file)?);
+    Ok((sensors.collect(), Box::new(source)))
+}
+
+/// The devices of a recording of the lab.
+fn devices<'a>(channels: impl IntoIterator<Item = &'a Arc<Channel<'static>>>) -> Vec<String> {
+    let name = |channel: &'a Arc<Channel<'static>>| match lab::channel_of(&channel.metadata)? {
+        (device, RecordKind::Payload(_)) => Some(device.to_owned()),
+        _ => None,
+    };
+    let devices: BTreeSet<_> = channels.into_iter().filter_map(name).collect();
+    devices.into_iter().collect()
+}
+
+/// The wanted one of several devices or topics, or the only one.
+fn one_of<'a>(
+    names: &'a [String],
+    wanted: Option<&str>,
+    [what, others]: [&str; 2],
+    file: &str,
+) -> Result<&'a String> {
+    let list = || join(names.iter().map(String::as_str));
+    let problem = match (wanted, names) {
+        (None, [only]) => return Ok(only),
+        (None, _) => format!(
+            "it holds several devices: {}; say which one with --device NAME",
+            list()
+        ),
+        (Some(wanted), _) => match names.iter().find(|name| *name == wanted) {
+            Some(found) => return Ok(found),
+            None => format!("there is no {what} `{}`{others} {}", shown(wanted), list()),
+        },
+    };
+    Err(RecordingError::unsupported(file, problem))
 }
 
 fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
@@ -123,7 +143,7 @@ fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
         file,
         format!(
             "MCAP with the topics {}, of which none is a device of the lab or sensor_msgs/msg/Imu",
-            crate::error::join(topics)
+            join(topics)
         ),
     )
 }
@@ -134,10 +154,8 @@ fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
 /// The file cannot be opened, or is no MCAP.
 pub fn lab_records(path: &Path) -> Result<LabRecords> {
     let file = path.display().to_string();
-    let failed = |error| RecordingError::io(&file, "open it", error);
-    let input = std::fs::File::open(path).map_err(failed)?;
     Ok(LabRecords {
-        messages: Messages::new(Box::new(input), &file)?,
+        messages: Messages::new(Box::new(open_file(path, &file)?), &file)?,
     })
 }
 
@@ -187,7 +205,7 @@ pub struct Description {
 pub fn describe(path: &Path) -> Result<Description> {
     let file = path.display().to_string();
     let failed = |error| RecordingError::io(&file, "open it", error);
-    let mut input = std::fs::File::open(path).map_err(failed)?;
+    let mut input = open_file(path, &file)?;
     if is_complete(path).map_err(failed)?
         && let Some(summary) = file::summary(&mut input)
     {

@@ -1,18 +1,18 @@
 //! The events of `sensor_msgs/Imu` and `MagneticField` in an MCAP file of ROS 2.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use ::mcap::{Channel, Message};
 
-use super::file::{End, Messages};
-use super::lab_source::{cut_remark, several};
+use super::file::Messages;
 use super::ros::{IMU, Imu, MAGNETIC_FIELD, MagneticField};
 use super::ros_writer::{DEVICE_ORIENTATION, REFERENCE};
-use crate::error::{RecordingError, Result};
-use crate::event::{Event, Reference, Sample, SensorKind};
+use super::{OfMessages, one_of};
+use crate::error::Result;
+use crate::event::{Event, Reference, Sample};
 use crate::issues::Issues;
-use crate::recording::EventSource;
+use crate::recording::Pieces;
 
 /// The topics that are read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,44 +32,37 @@ pub(crate) fn choose(
     file: &str,
 ) -> Result<Option<Topics>> {
     let of = |kind: &str| -> Vec<String> {
-        let mut topics: Vec<String> = channels
-            .iter()
-            .filter(|channel| is(channel, kind))
+        let topics = channels.iter().filter(|channel| is(channel, kind));
+        let topics: BTreeSet<_> = topics
             .map(|channel| channel.topic.clone())
             .filter(|topic| topic != DEVICE_ORIENTATION && topic != REFERENCE)
             .collect();
-        topics.sort();
-        topics.dedup();
-        topics
+        topics.into_iter().collect()
     };
     let imus = of(IMU);
     if imus.is_empty() {
         return Ok(None);
     }
     let raw: Vec<&String> = imus.iter().filter(|t| t.ends_with("data_raw")).collect();
-    let imu = match (wanted, imus.as_slice(), raw.as_slice()) {
-        (Some(wanted), ..) => imus.iter().find(|topic| *topic == wanted).ok_or_else(|| {
-            RecordingError::unsupported(
-                file,
-                format!(
-                    "there is no topic `{}` of sensor_msgs/Imu; it has {}",
-                    crate::error::shown(wanted),
-                    crate::error::join(imus.iter().map(String::as_str))
-                ),
-            )
-        })?,
-        (None, [only], _) => only,
-        (None, _, [raw]) => raw,
-        _ => return Err(several(file, &imus)),
+    let imu = match (wanted, raw.as_slice()) {
+        (None, [raw]) => raw,
+        _ => one_of(
+            &imus,
+            wanted,
+            ["topic", " of sensor_msgs/Imu; it has"],
+            file,
+        )?,
     };
-    let namespace = imu.rsplit_once('/').map_or("", |(namespace, _)| namespace);
-    let fields = of(MAGNETIC_FIELD);
-    let beside = fields.iter().find(|topic| {
-        let of = topic
+    let namespace = |topic: &str| {
+        topic
             .rsplit_once('/')
-            .map_or("", |(namespace, _)| namespace);
-        of == namespace
-    });
+            .map_or("", |(name, _)| name)
+            .to_owned()
+    };
+    let fields = of(MAGNETIC_FIELD);
+    let beside = fields
+        .iter()
+        .find(|field| namespace(field) == namespace(imu));
     let field = match fields.as_slice() {
         [only] => Some(only.clone()),
         _ => beside.cloned(),
@@ -92,7 +85,6 @@ pub(crate) struct RosSource {
     topics: Topics,
     ready: VecDeque<Event>,
     unreadable: u64,
-    ended: bool,
 }
 
 impl RosSource {
@@ -102,38 +94,6 @@ impl RosSource {
             topics,
             ready: VecDeque::new(),
             unreadable: 0,
-            ended: false,
-        }
-    }
-
-    /// Reads everything once: which sensors come.
-    pub(crate) fn sensors(mut self) -> (Vec<SensorKind>, Messages) {
-        let mut seen = [false; SensorKind::ALL.len()];
-        while let Some(event) = self.next() {
-            seen[event.sample.kind().order()] = true;
-        }
-        let sensors = SensorKind::ALL
-            .into_iter()
-            .filter(|kind| seen[kind.order()]);
-        (sensors.collect(), self.messages)
-    }
-
-    fn next(&mut self) -> Option<Event> {
-        loop {
-            if let Some(event) = self.ready.pop_front() {
-                return Some(event);
-            }
-            if self.ended {
-                return None;
-            }
-            match self.messages.next() {
-                Some(message) => {
-                    if self.take(&message).is_none() {
-                        self.unreadable += 1;
-                    }
-                }
-                None => self.ended = true,
-            }
         }
     }
 
@@ -178,21 +138,23 @@ impl RosSource {
     }
 }
 
-impl EventSource for RosSource {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        let was_ended = self.ended;
-        let event = self.next();
-        if self.ended && !was_ended {
-            if let Some(End::Cut(why)) = self.messages.end() {
-                issues.notes.push(cut_remark(why));
-            }
-            if self.unreadable > 0 {
-                issues.notes.push(format!(
-                    "Messages that could not be decoded: {}.",
-                    self.unreadable
-                ));
-            }
-        }
-        event.map(Ok)
+impl Pieces for RosSource {
+    fn ready(&mut self) -> Option<Event> {
+        self.ready.pop_front()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
+        let Some(message) = self.messages.next() else {
+            self.messages.report(self.unreadable, issues);
+            return Ok(false);
+        };
+        self.unreadable += u64::from(self.take(&message).is_none());
+        Ok(true)
+    }
+}
+
+impl OfMessages for RosSource {
+    fn into_messages(self) -> Messages {
+        self.messages
     }
 }

@@ -24,7 +24,7 @@ use crate::event::{Event, Sample, SensorKind};
 use crate::hold::Hold;
 use crate::issues::Issues;
 use crate::metadata::Metadata;
-use crate::recording::{EventSource, Opened};
+use crate::recording::{Opened, Pieces};
 use crate::text::read_line;
 
 pub(crate) use line::{arrival, recognises};
@@ -50,6 +50,7 @@ pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Meta
     let source = Box::new(NmeaSource {
         file: file.to_owned(),
         input: BufReader::with_capacity(1 << 16, input),
+        line: Vec::new(),
         log: Log::default(),
         at_end: false,
     });
@@ -60,30 +61,26 @@ pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Meta
 struct NmeaSource<R> {
     file: String,
     input: BufReader<R>,
+    line: Vec<u8>,
     log: Log,
     at_end: bool,
 }
 
-impl<R: Read + Send> EventSource for NmeaSource<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        let mut line = Vec::new();
-        loop {
-            if let Some(event) = self.log.hold.take(self.at_end) {
-                return Some(Ok(event));
-            }
-            if self.at_end {
-                return None;
-            }
-            match read_line(&mut self.input, LONGEST_LINE, &mut line, &self.file) {
-                Ok(true) => self.log.take(&line, issues),
-                Ok(false) => {
-                    self.log.close(issues);
-                    self.log.remark(issues);
-                    self.at_end = true;
-                }
-                Err(error) => return Some(Err(error)),
-            }
+impl<R: Read + Send> Pieces for NmeaSource<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.log.hold.take(self.at_end)
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
+        let was_at_end = self.at_end;
+        if read_line(&mut self.input, LONGEST_LINE, &mut self.line, &self.file)? {
+            self.log.take(&self.line, issues);
+        } else if !was_at_end {
+            self.log.close(issues);
+            self.log.remark(issues);
+            self.at_end = true;
         }
+        Ok(!was_at_end)
     }
 }
 

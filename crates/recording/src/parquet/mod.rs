@@ -7,10 +7,8 @@
 mod column;
 mod layout;
 
-use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use bytes::Bytes;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 
@@ -22,7 +20,7 @@ use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::numbers;
-use crate::recording::{EventSource, Opened};
+use crate::recording::{Opened, Pieces};
 use crate::stamp;
 
 pub(crate) const TIME: &str = "t";
@@ -48,7 +46,7 @@ macro_rules! position {
 }
 
 /// The columns of each sensor, in [`SensorKind::ALL`] order.
-pub(crate) const SENSORS: [(SensorKind, &[&str]); 19] = [
+pub(crate) const SENSORS: numbers::ColumnsOfKinds = [
     (SensorKind::Gyroscope, &["gx", "gy", "gz"]),
     (SensorKind::Accelerometer, &["ax", "ay", "az"]),
     (SensorKind::Magnetometer, &["mx", "my", "mz"]),
@@ -97,17 +95,12 @@ pub(crate) const SENSORS: [(SensorKind, &[&str]); 19] = [
     (SensorKind::Reference, &["qw", "qx", "qy", "qz"]),
 ];
 
-/// Opens a Parquet file on disk.
-pub(crate) fn open_file(input: File, file: &str, metadata: Metadata) -> Result<Opened> {
-    open(input, file, metadata)
-}
-
-/// Opens a Parquet file in memory.
-pub(crate) fn open_bytes(input: Vec<u8>, file: &str, metadata: Metadata) -> Result<Opened> {
-    open(Bytes::from(input), file, metadata)
-}
-
-fn open<R: ChunkReader + 'static>(input: R, file: &str, mut metadata: Metadata) -> Result<Opened> {
+/// Opens a file or bytes.
+pub(crate) fn open<R: ChunkReader + Send + 'static>(
+    input: R,
+    file: &str,
+    mut metadata: Metadata,
+) -> Result<Opened> {
     let reader = contained(file, || SerializedFileReader::new(input))?;
     let start_ns = read_metadata(&reader, file, &mut metadata)?;
     let layout = Layout::find(&reader, file)?;
@@ -129,7 +122,6 @@ fn open<R: ChunkReader + 'static>(input: R, file: &str, mut metadata: Metadata) 
         row: 0,
         rows_before: 0,
         events: Vec::new(),
-        failed: false,
     };
     Ok(Opened {
         metadata,
@@ -198,7 +190,6 @@ struct ParquetSource<R: ChunkReader + 'static> {
     rows_before: u64,
     /// Events of the current row, the next one last.
     events: Vec<Event>,
-    failed: bool,
 }
 
 impl<R: ChunkReader + 'static> ParquetSource<R> {
@@ -279,28 +270,16 @@ impl<R: ChunkReader + 'static> ParquetSource<R> {
     }
 }
 
-impl<R: ChunkReader + 'static> EventSource for ParquetSource<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.events.pop() {
-                return Some(Ok(event));
-            }
-            if self.failed {
-                return None;
-            }
-            let step = if self.row < self.rows {
-                self.read_row(issues).map(|()| true)
-            } else {
-                self.read_batch()
-            };
-            match step {
-                Ok(true) => {}
-                Ok(false) => return None,
-                Err(error) => {
-                    self.failed = true;
-                    return Some(Err(error));
-                }
-            }
+impl<R: ChunkReader + Send + 'static> Pieces for ParquetSource<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.events.pop()
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
+        if self.row < self.rows {
+            self.read_row(issues).map(|()| true)
+        } else {
+            self.read_batch()
         }
     }
 }

@@ -2,25 +2,15 @@
 //!
 //! Numbers beyond a pole tell at once. Numbers that could be a place are compared with the receiver's own
 //! velocity: over stretches of some metres the way between fixes must be the way that the velocity
-//! went. Several hypotheses compete, "the numbers are right" and those of [`Hypothesis`]; only a clear
+//! went. Several hypotheses compete, "the numbers are right", latitude and longitude swapped, radians, west positive; only a clear
 //! win of another one refuses the recording, so a receiver at rest, or one without velocity, passes.
 
 use northing_core::earth::Radii;
 
-use crate::error::{RecordingError, Result};
+use super::{Doubt, Verdict};
+use crate::event::SensorKind;
 use crate::gnss::{GnssPosition, GnssVelocity};
 use crate::issues::Issues;
-
-/// What may be wrong with coordinates that look like a place.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Hypothesis {
-    /// Latitude for longitude, or north for east in the velocity.
-    Swapped,
-    /// Radians under the name of degrees.
-    Radians,
-    /// West is positive.
-    West,
-}
 
 /// The checks of the fixes of one recording.
 #[derive(Debug, Clone, Default)]
@@ -72,8 +62,8 @@ impl PositionCheck {
     ///
     /// # Errors
     /// [`RecordingError::ImplausibleUnit`] once the evidence is in.
-    pub(super) fn position(&mut self, time_ns: i64, fix: &GnssPosition, file: &str) -> Result<()> {
-        in_range(fix, file)?;
+    pub(super) fn position(&mut self, time_ns: i64, fix: &GnssPosition) -> Verdict {
+        in_range(fix)?;
         let Some((last_ns, last)) = self.last.replace((time_ns, *fix)) else {
             return Ok(());
         };
@@ -87,7 +77,7 @@ impl PositionCheck {
         match velocity {
             Some(velocity) if dt <= Self::LONGEST_PAUSE_S => {
                 self.compare(&last, fix, dt, velocity);
-                self.judge(file)
+                self.judge()
             }
             _ => {
                 self.stretch = None;
@@ -156,41 +146,35 @@ impl PositionCheck {
         }
     }
 
-    fn judge(&self, file: &str) -> Result<()> {
+    fn judge(&self) -> Verdict {
+        /// What speaks for each other reading of the numbers, and what to do.
+        const LOOKS: [(&str, &str); 3] = [
+            (
+                "latitude and longitude look swapped, or north and east of the velocity",
+                "if so, exchange the columns in the manifest",
+            ),
+            (
+                "the coordinates look like radians under the name of degrees",
+                "if so, say unit = \"rad\" in the manifest",
+            ),
+            (
+                "longitudes look as if west were positive",
+                "if so, turn the sign of the longitude, or exchange east and west of the velocity",
+            ),
+        ];
         let stretches = f64::from(self.stretches);
         if self.stretches < Self::STRETCHES || self.errors[0] < Self::WRONG * stretches {
             return Ok(());
         }
-        let hypotheses = [Hypothesis::Swapped, Hypothesis::Radians, Hypothesis::West];
-        let best = hypotheses
-            .into_iter()
-            .zip(&self.errors[1..])
-            .find(|(_, error)| **error < Self::RIGHT * stretches);
-        let Some((hypothesis, _)) = best else {
+        let mut others = LOOKS.into_iter().zip(&self.errors[1..]);
+        let best = others.find(|(_, error)| **error < Self::RIGHT * stretches);
+        let Some(((looks, hint), _)) = best else {
             return Ok(());
         };
-        let (looks, hint) = match hypothesis {
-            Hypothesis::Swapped => (
-                "latitude and longitude look swapped, or north and east of the velocity",
-                "if so, exchange the columns in the manifest",
-            ),
-            Hypothesis::Radians => (
-                "the coordinates look like radians under the name of degrees",
-                "if so, say unit = \"rad\" in the manifest",
-            ),
-            Hypothesis::West => (
-                "longitudes look as if west were positive",
-                "if so, turn the sign of the longitude, or exchange east and west of the velocity",
-            ),
-        };
-        Err(implausible(
-            file,
-            format!(
-                "over {} stretches the fixes do not go where the receiver's own velocity goes; {looks}",
-                self.stretches
-            ),
-            hint,
-        ))
+        let evidence = format!(
+            "over {stretches} stretches the fixes do not go where the receiver's own velocity goes; {looks}"
+        );
+        implausible(evidence, hint)
     }
 
     /// Tells what was counted.
@@ -211,7 +195,7 @@ impl PositionCheck {
 }
 
 /// Refuses what is no place on the Earth.
-fn in_range(fix: &GnssPosition, file: &str) -> Result<()> {
+fn in_range(fix: &GnssPosition) -> Verdict {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
     /// Rounding at a pole or at the date line.
     const ROUNDING: f64 = 1e-9;
@@ -221,41 +205,38 @@ fn in_range(fix: &GnssPosition, file: &str) -> Result<()> {
     }
     if latitude <= PI + ROUNDING && longitude <= FRAC_PI_2 + ROUNDING {
         let [latitude, longitude] = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
-        return Err(implausible(
-            file,
+        return implausible(
             format!(
                 "a latitude of {latitude:.4} deg is beyond the pole, the longitude is {longitude:.4} deg; the two look swapped"
             ),
             "if so, exchange `latitude` and `longitude` in the manifest",
-        ));
+        );
     }
     if latitude <= 90.0 && longitude <= 360.0 {
-        return Err(implausible(
-            file,
+        return implausible(
             format!(
                 "latitude {:.4} rad and longitude {:.4} rad are no place; they look like degrees under the name of radians",
                 fix.latitude_rad, fix.longitude_rad
             ),
             "if so, say unit = \"deg\" in the manifest",
-        ));
+        );
     }
     let [latitude, longitude] = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
-    Err(implausible(
-        file,
+    implausible(
         format!(
             "latitude {latitude:.4} deg and longitude {longitude:.4} deg are no place on the Earth"
         ),
         "check the columns and their unit (`1e-7-deg` for integers of ten-millionths of a degree)",
-    ))
+    )
 }
 
-fn implausible(file: &str, evidence: String, hint: &'static str) -> RecordingError {
-    RecordingError::ImplausibleUnit {
-        file: file.to_owned(),
-        sensor: "gnss-position",
+fn implausible(evidence: String, hint: &'static str) -> Verdict {
+    let sensor = SensorKind::GnssPosition;
+    Err(Doubt {
+        sensor,
         evidence,
         hint,
-    }
+    })
 }
 
 fn way(from: &GnssPosition, to: [f64; 2]) -> [f64; 2] {

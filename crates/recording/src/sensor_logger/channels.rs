@@ -7,11 +7,10 @@ use tempfile::TempDir;
 
 use super::folder::Folder;
 use super::json::Json;
-use crate::delimited::Channel;
 use crate::error::{RecordingError, Result, join};
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
-use crate::merge::{Merged, Paired, vector};
+use crate::merge::{Merged, Paired};
 use crate::metadata::{Metadata, WorldFrame};
 use crate::options::STANDARD_GRAVITY_M_S2;
 use crate::recording::{EventSource, Opened};
@@ -30,9 +29,6 @@ pub(super) const TABLES: [&str; 11] = [
     "orientation",
     "totalacceleration",
 ];
-
-const XYZ: [&str; 3] = ["x", "y", "z"];
-const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
 
 /// Where the tables are.
 pub(super) enum Export {
@@ -62,25 +58,21 @@ impl Export {
         }
     }
 
-    fn stream<const N: usize>(
+    fn stream(
         &self,
         table: &str,
-        columns: [&'static str; N],
-        channel: impl FnOnce([usize; N]) -> Channel,
+        columns: &[&str],
+        kind: SensorKind,
+        factor: f64,
     ) -> Result<Box<dyn EventSource>> {
         match self {
-            Self::Folder(folder) => folder.stream(table, columns, channel),
-            Self::Json(json) => json.stream(table, columns, channel),
+            Self::Folder(folder) => folder.stream(table, columns, kind, factor),
+            Self::Json(json) => json.stream(table, columns, kind, factor),
         }
     }
 
     fn vectors(&self, table: &str, kind: SensorKind, factor: f64) -> Result<Box<dyn EventSource>> {
-        self.stream(table, XYZ, |columns| Channel::Vector {
-            kind,
-            columns,
-            factors: [factor; 3],
-            is_increment: false,
-        })
+        self.stream(table, &["x", "y", "z"], kind, factor)
     }
 }
 
@@ -150,7 +142,7 @@ struct Kept {
 }
 
 impl EventSource for Kept {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
         self.source.next_event(issues)
     }
 }
@@ -200,10 +192,11 @@ fn streams(export: &Export, convention: Convention, notes: &mut Vec<String>) -> 
     }
     if export.has("barometer") {
         // The app gives millibar.
-        let pressure = export.stream("barometer", ["pressure"], |[column]| {
-            Channel::one(SensorKind::Pressure, column, 100.0)
-        })?;
-        streams.push((SensorKind::Pressure, pressure));
+        let kind = SensorKind::Pressure;
+        streams.push((
+            kind,
+            export.stream("barometer", &["pressure"], kind, 100.0)?,
+        ));
     }
     Ok(streams)
 }
@@ -246,12 +239,8 @@ fn specific_force(
 }
 
 fn orientation(export: &Export, convention: Convention) -> Result<Box<dyn EventSource>> {
-    let source = export.stream("orientation", QUATERNION, |columns| {
-        Channel::DeviceOrientation {
-            columns,
-            inverse: false,
-        }
-    })?;
+    let (kind, columns) = (SensorKind::DeviceOrientation, ["qw", "qx", "qy", "qz"]);
+    let source = export.stream("orientation", &columns, kind, 1.0)?;
     Ok(match convention {
         Convention::Standard => source,
         // World axes x north, y west: a quarter turn about the vertical makes them east, north.
@@ -269,16 +258,12 @@ struct Turned {
 }
 
 impl EventSource for Turned {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
         let mut event = self.source.next_event(issues)?;
-        if let Ok(Event {
-            sample: Sample::DeviceOrientation(q),
-            ..
-        }) = &mut event
-        {
+        if let Some(Sample::DeviceOrientation(q)) = event.as_mut().map(|e| &mut e.sample) {
             *q = self.turn * *q;
         }
-        Some(event)
+        Ok(event)
     }
 }
 
@@ -354,7 +339,7 @@ fn force_is_up(export: &Export) -> Result<Option<bool>> {
     let (mut latest, mut sum, mut count) = (None, 0.0, 0);
     while count < SAMPLES {
         // A broken row is told when the recording is read.
-        let Some(Ok(event)) = merged.next_event(&mut issues) else {
+        let Ok(Some(event)) = merged.next_event(&mut issues) else {
             break;
         };
         match event.sample {
@@ -368,7 +353,7 @@ fn force_is_up(export: &Export) -> Result<Option<bool>> {
                     }
                 }
             }
-            sample => latest = vector(&sample),
+            sample => latest = sample.vector(),
         }
     }
     let mean = sum / f64::from(count.max(1));

@@ -9,9 +9,11 @@ use tempfile::TempDir;
 use super::plain;
 use crate::delimited::{Channel, DelimitedSource, Layout, TimeForm, csv_error};
 use crate::error::{RecordingError, Result, join};
+use crate::event::SensorKind;
 use crate::open::{has_extension, stem};
 use crate::recording::EventSource;
 use crate::stamp;
+use crate::text::open_file;
 
 /// The name of the time column of every table.
 pub(super) const TIME: &str = "time";
@@ -72,12 +74,13 @@ impl Folder {
         ))
     }
 
-    /// The events of one table; `channel` makes the channel from the places of `columns`.
-    pub(super) fn stream<const N: usize>(
+    /// The events of one table: of `columns` times `factor`.
+    pub(super) fn stream(
         &self,
         table: &str,
-        columns: [&str; N],
-        channel: impl FnOnce([usize; N]) -> Channel,
+        columns: &[&str],
+        kind: SensorKind,
+        factor: f64,
     ) -> Result<Box<dyn EventSource>> {
         let (file, mut reader) = self.reader(table)?;
         let headers = reader
@@ -100,15 +103,13 @@ impl Folder {
                 }
             })
         };
-        let mut places = [0; N];
-        for (place, column) in places.iter_mut().zip(columns) {
-            *place = find(column)?;
-        }
+        let places = columns.iter().map(|column| find(column));
+        let places = places.collect::<Result<Vec<usize>>>()?;
         let layout = Layout {
             time: find(TIME)?,
             time_form: TimeForm::Decimal(stamp::NANOSECONDS),
             rows: None,
-            channels: vec![channel(places)],
+            channels: vec![Channel::new(kind, &places).times(factor)],
             decimal_comma: false,
             names,
         };
@@ -123,8 +124,7 @@ impl Folder {
             ));
         };
         let file = format!("{}/{name}", self.shown);
-        let input =
-            File::open(path).map_err(|error| RecordingError::io(&file, "open it", error))?;
+        let input = open_file(path, &file)?;
         let reader = csv::ReaderBuilder::new()
             .buffer_capacity(1 << 16)
             .from_reader(input);

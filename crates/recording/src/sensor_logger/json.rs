@@ -18,7 +18,7 @@ use super::folder::TIME;
 use super::plain;
 use crate::delimited::{Cells, Channel, Layout, TimeForm};
 use crate::error::{RecordingError, Result, join};
-use crate::event::Event;
+use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
 use crate::recording::EventSource;
 use crate::stamp;
@@ -116,12 +116,13 @@ impl Json {
         self.metadata.clone()
     }
 
-    /// The events of one table; `channel` makes the channel from the places of `columns`.
-    pub(super) fn stream<const N: usize>(
+    /// The events of one table: of `columns` times `factor`.
+    pub(super) fn stream(
         &self,
         table: &str,
-        columns: [&'static str; N],
-        channel: impl FnOnce([usize; N]) -> Channel,
+        columns: &[&str],
+        kind: SensorKind,
+        factor: f64,
     ) -> Result<Box<dyn EventSource>> {
         let Some(span) = self.tables.get(table) else {
             return Err(RecordingError::unsupported(
@@ -134,9 +135,10 @@ impl Json {
             .read_from(span.start)
             .map_err(|error| RecordingError::io(&self.file, "open it", error))?;
         let names: Vec<String> = std::iter::once(TIME)
-            .chain(columns)
+            .chain(columns.iter().copied())
             .map(str::to_owned)
             .collect();
+        let places: Vec<usize> = (1..=columns.len()).collect();
         Ok(Box::new(Table {
             file: self.file.clone(),
             table: table.to_owned(),
@@ -147,7 +149,7 @@ impl Json {
                 time: 0,
                 time_form: TimeForm::Decimal(stamp::NANOSECONDS),
                 rows: None,
-                channels: vec![channel(std::array::from_fn(|index| index + 1))],
+                channels: vec![Channel::new(kind, &places).times(factor)],
                 decimal_comma: false,
             },
         }))
@@ -163,8 +165,8 @@ struct Table {
     layout: Layout,
 }
 
-impl Table {
-    fn next(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+impl EventSource for Table {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
         loop {
             if self.entries.offset >= self.end {
                 return Ok(None);
@@ -199,12 +201,6 @@ impl Table {
                 return Ok(Some(Event { time_ns, sample }));
             }
         }
-    }
-}
-
-impl EventSource for Table {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        self.next(issues).transpose()
     }
 }
 

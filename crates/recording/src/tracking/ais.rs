@@ -3,7 +3,6 @@
 //! A file of sentences may hold `!AIVDM` (other ships), `RMC`, `GGA` and `HDT` (own ship). The time
 //! of a sentence is that of its tag block (`\c:1452603731*hh\`), or else of the last `RMC`.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -19,7 +18,7 @@ use super::tables::Table;
 use super::{TrackingIssues, TrackingRecording};
 use crate::error::{RecordingError, Result};
 use crate::stamp;
-use crate::text::read_line;
+use crate::text::{open_file, read_line};
 
 /// One knot, m/s.
 const KNOT: f64 = 1852.0 / 3600.0;
@@ -135,8 +134,7 @@ fn read_sentences(
     const LONGEST: u64 = 512;
     let path = folder.join(&wanted.file);
     let file = path.display().to_string();
-    let input = File::open(&path).map_err(|error| RecordingError::io(&file, "open it", error))?;
-    let mut input = BufReader::new(input);
+    let mut input = BufReader::new(open_file(&path, &file)?);
     let mut log = Sentences::new(*plane);
     let mut line = Vec::new();
     while read_line(&mut input, LONGEST, &mut line, &file)? {

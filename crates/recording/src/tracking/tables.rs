@@ -11,6 +11,7 @@ use super::manifest::{DetectionTable, ScanTable, TrackingManifest, TruthTable};
 use super::sample::{Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent, TrackingSample};
 use crate::error::{RecordingError, Result, join, shown};
 use crate::stamp;
+use crate::text::open_file;
 
 /// A table being read: cells by the names of its columns.
 pub(super) struct Table {
@@ -25,8 +26,7 @@ impl Table {
     pub(super) fn open(folder: &Path, name: &Path) -> Result<Self> {
         let path = folder.join(name);
         let file = path.display().to_string();
-        let input =
-            File::open(&path).map_err(|error| RecordingError::io(&file, "open it", error))?;
+        let input = open_file(&path, &file)?;
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
             .from_reader(input);

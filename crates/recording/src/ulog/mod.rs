@@ -27,7 +27,7 @@ use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 use crate::hold::Hold;
 use crate::issues::Issues;
 use crate::metadata::Metadata;
-use crate::recording::{EventSource, Opened};
+use crate::recording::{Opened, Pieces};
 use screen::Screen;
 
 const TOPICS: &[&str] = &[
@@ -86,11 +86,14 @@ struct UlogSource<R: Read> {
     cut_off: Arc<AtomicBool>,
 }
 
-impl<R: Read> UlogSource<R> {
-    /// Reads one message.
-    fn read(&mut self, issues: &mut Issues) -> Result<()> {
+impl<R: Read + Send> Pieces for UlogSource<R> {
+    fn ready(&mut self) -> Option<Event> {
+        self.hold.take(self.log.is_none())
+    }
+
+    fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         let Some(log) = &mut self.log else {
-            return Ok(());
+            return Ok(false);
         };
         // A panic on garbage must not take the program down; the parser is not used again after one.
         let next = catch_unwind(AssertUnwindSafe(|| log.next()));
@@ -104,26 +107,24 @@ impl<R: Read> UlogSource<R> {
                 self.log = None;
                 return Err(failed(&self.file, &error));
             }
-            Ok(None) => self.end(issues),
+            Ok(None) => {
+                self.log = None;
+                if self.cut_off.load(Ordering::Relaxed) {
+                    let text = "The log is cut off within a message; it is read up to there.";
+                    issues.notes.push(text.to_owned());
+                }
+            }
             Err(_) => {
                 self.log = None;
-                let detail = "the ULog parser gave up".to_owned();
-                let file = self.file.clone();
-                return Err(RecordingError::damaged(file, detail));
+                let detail = "the ULog parser gave up";
+                return Err(RecordingError::damaged(&self.file, detail));
             }
         }
-        Ok(())
+        Ok(true)
     }
+}
 
-    fn end(&mut self, issues: &mut Issues) {
-        self.log = None;
-        if self.cut_off.load(Ordering::Relaxed) {
-            issues
-                .notes
-                .push("The log is cut off within a message; it is read up to there.".to_owned());
-        }
-    }
-
+impl<R: Read> UlogSource<R> {
     fn data(&mut self, data: &LoggedData) {
         let Some(topic) = self.topics.get(&data.msg_id) else {
             return;
@@ -177,20 +178,6 @@ impl<R: Read> UlogSource<R> {
                 put(None, velocity.map(Sample::GnssVelocity));
             }
             _ => {}
-        }
-    }
-}
-
-impl<R: Read + Send> EventSource for UlogSource<R> {
-    fn next_event(&mut self, issues: &mut Issues) -> Option<Result<Event>> {
-        loop {
-            if let Some(event) = self.hold.take(self.log.is_none()) {
-                return Some(Ok(event));
-            }
-            self.log.as_ref()?;
-            if let Err(error) = self.read(issues) {
-                return Some(Err(error));
-            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Our own events as bytes, exact to the bit: what virtual phones and replays deliver.
 //!
-//! A payload is the byte 1 (the version) and then, for each event: the sensor's place in `CODES`
-//! (1 byte), a flag (1 byte; of a reference whether it is scored), the stamp
+//! A payload is the byte 1 (the version) and then, for each event: the sensor's byte in the
+//! table of sensors, a flag (1 byte; of a reference whether it is scored), the stamp
 //! (`i64`, ns), and the numbers of the sample (`f64`): three of a vector, four of a quaternion in the
 //! order w, x, y, z with the sign it has inside, two of a compass heading, one of a pressure, and so on (NaN
 //! where a number is absent). Little-endian throughout.
@@ -18,35 +18,6 @@ const HEAD: usize = 10;
 /// A quaternion whose norm is farther than this from 1 was not written by this program.
 const NORM_TOLERANCE: f64 = 1e-6;
 
-/// The sensors by their byte. Stored payloads hold these bytes: new kinds are appended.
-const CODES: [SensorKind; SensorKind::ALL.len()] = [
-    SensorKind::Gyroscope,
-    SensorKind::Accelerometer,
-    SensorKind::Magnetometer,
-    SensorKind::MagnetometerUncalibrated,
-    SensorKind::DeviceGyroscopeBias,
-    SensorKind::DeviceOrientation,
-    SensorKind::Position,
-    SensorKind::Velocity,
-    SensorKind::Pressure,
-    SensorKind::CompassHeading,
-    SensorKind::Reference,
-    SensorKind::GnssPosition,
-    SensorKind::GnssVelocity,
-    SensorKind::ForwardSpeed,
-    SensorKind::WaterVelocity,
-    SensorKind::TrueHeading,
-    SensorKind::ReferencePosition,
-    SensorKind::ReferenceVelocity,
-    SensorKind::DeviceNavigation,
-];
-
-/// The byte of a sensor.
-const fn code(kind: SensorKind) -> u8 {
-    const CODE: [u8; CODES.len()] = SensorKind::places_in(&CODES);
-    CODE[kind as usize]
-}
-
 /// The events as bytes.
 #[must_use]
 pub fn encode(events: &[Event]) -> Vec<u8> {
@@ -58,7 +29,7 @@ pub fn encode(events: &[Event]) -> Vec<u8> {
             event.sample,
             Sample::Reference(Reference { scored: true, .. })
         );
-        bytes.push(code(event.sample.kind()));
+        bytes.push(event.sample.kind().code());
         bytes.push(u8::from(scored));
         bytes.extend_from_slice(&event.time_ns.to_le_bytes());
         for number in &numbers[..count] {
@@ -93,7 +64,7 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<Event>, WireError> {
 
 fn next(rest: &mut &[u8]) -> Option<Event> {
     let [sensor, flag] = take::<2>(rest)?;
-    let kind = *CODES.get(usize::from(sensor))?;
+    let kind = SensorKind::of_code(sensor)?;
     let time_ns = i64::from_le_bytes(take(rest)?);
     let sample = match kind {
         SensorKind::DeviceOrientation => Sample::DeviceOrientation(quaternion(rest)?),
@@ -199,8 +170,9 @@ mod tests {
 
     #[test]
     fn every_sensor_has_one_byte_of_its_own() {
-        for (place, kind) in CODES.into_iter().enumerate() {
-            assert_eq!(usize::from(code(kind)), place);
+        for (place, kind) in SensorKind::ALL.into_iter().enumerate() {
+            assert_eq!(kind.order(), place);
+            assert_eq!(SensorKind::of_code(kind.code()), Some(kind));
         }
     }
 

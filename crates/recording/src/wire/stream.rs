@@ -58,8 +58,7 @@ impl Stream {
         out.events.retain(|event| self.believes(event.time_ns));
         let left_out = (before - out.events.len()) as u64;
         out.bad_many("Readings whose time stamp is more than an hour away from the others' were left out: check the device's clock.", left_out);
-        out.events
-            .sort_by_key(|event| (event.time_ns, event.sample.kind().order()));
+        out.events.sort_by_key(Event::place);
         let mut low = Vec::new();
         for event in &out.events {
             for watch in &mut self.rates {

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::file::ScenarioTables;
-use crate::settings::named_values;
+use crate::settings::{named_values, rule, rules};
 use crate::trajectory::FlightAttitude;
 
 /// Samples of a flight at most.
@@ -182,35 +182,25 @@ impl ScenarioTables for FlightScenario {
             magnetometer.dip_deg,
             magnetometer.burst_ut,
         ];
-        let of = |list: &[(&'static str, f64)], expected, good: fn(f64) -> bool| {
-            let bad = list.iter().find(|(_, v)| !(v.is_finite() && good(*v)));
-            bad.map(|(key, value)| format!("{key} is {value}, expected {expected}"))
-        };
-        let complaint = of(&positive, "a finite number above zero", |v| v > 0.0)
-            .or_else(|| of(&not_negative, "zero or more", |v| v >= 0.0))
-            .or_else(|| of(&finite, "a finite number", |_| true))
-            .or_else(|| self.spans());
-        complaint.map_or(Ok(()), Err)
+        rules(positive, "a finite number above zero", |v| v > 0.0)?;
+        rules(not_negative, "zero or more", |v| v >= 0.0)?;
+        rules(finite, "a finite number", |_| true)?;
+        self.spans()
     }
 }
 
 impl FlightScenario {
-    fn spans(&self) -> Option<String> {
+    fn spans(&self) -> Result<(), String> {
         let (from, end) = (self.meta.scored_from_s, self.scored_until_s());
-        if !(end > from && end <= self.meta.duration_s) {
-            return Some(format!(
-                "meta.scored_until_s is {end}, expected a time after meta.scored_from_s ({from}) and not after \
-                 meta.duration_s ({})",
-                self.meta.duration_s
-            ));
-        }
-        let samples = self.meta.duration_s * self.gyroscope.rate_hz;
-        (samples > MOST_SAMPLES).then(|| {
-            format!(
-                "meta.duration_s is {}, expected at most {MOST_SAMPLES} samples a flight",
-                self.meta.duration_s
-            )
-        })
+        let duration_s = self.meta.duration_s;
+        let expected = format!(
+            "a time after meta.scored_from_s ({from}) and not after meta.duration_s ({duration_s})"
+        );
+        let is_within = end > from && end <= duration_s;
+        rule(is_within, "meta.scored_until_s", end, &expected)?;
+        let expected = format!("at most {MOST_SAMPLES} samples a flight");
+        let is_short = duration_s * self.gyroscope.rate_hz <= MOST_SAMPLES;
+        rule(is_short, "meta.duration_s", duration_s, &expected)
     }
 
     /// End of what is scored, s.

@@ -126,18 +126,12 @@ impl<'a> TrackingRun<'a> {
         if self.world.scenario().faults.is_empty() {
             return Some([rate, force]);
         }
-        let lost = [f64::NAN; 3];
-        let rate = self
-            .faults
-            .gyroscope
-            .apply(t_s, rate.into())
-            .unwrap_or(lost);
-        let force = self
-            .faults
-            .accelerometer
-            .apply(t_s, force.into())
-            .unwrap_or(lost);
-        Some([rate.into(), force.into()])
+        let faulty = |faults: &mut FaultInjector<3>, measured: Vector3<f64>| {
+            let sample = faults.apply(t_s, measured.into());
+            Vector3::from(sample.unwrap_or([f64::NAN; 3]))
+        };
+        let rate = faulty(&mut self.faults.gyroscope, rate);
+        Some([rate, faulty(&mut self.faults.accelerometer, force)])
     }
 
     /// The fix that is due; `None` when it does not come.

@@ -43,6 +43,7 @@ fn sum(sines: &[Sine], t_s: f64) -> [f64; 2] {
 }
 
 /// Where the body is, four times over: position, velocity, acceleration, jerk.
+#[derive(Default)]
 struct Course {
     position: Vector3<f64>,
     velocity: Vector3<f64>,
@@ -89,12 +90,7 @@ impl Flight {
     }
 
     fn course(&self, t_s: f64) -> Course {
-        let mut course = Course {
-            position: Vector3::zeros(),
-            velocity: Vector3::zeros(),
-            acceleration: Vector3::zeros(),
-            jerk: Vector3::zeros(),
-        };
+        let mut course = Course::default();
         for (axis, sines) in self.acceleration.iter().enumerate() {
             for sine in sines {
                 let [value, slope] = sine.at(t_s);

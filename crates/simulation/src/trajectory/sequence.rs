@@ -87,17 +87,17 @@ impl Sequence {
     }
 
     fn start_pose(&self) -> Truth {
-        match self.segments.first() {
-            Some(first) => at_rest_in_the_pose_of(&first.at(0.0)),
-            None => Truth::at_rest(UnitQuaternion::identity()),
-        }
+        let first = self.segments.first();
+        first.map_or_else(Truth::default, |first| {
+            at_rest_in_the_pose_of(&first.at(0.0))
+        })
     }
 
     fn end_pose(&self) -> Truth {
-        match self.segments.last() {
-            Some(last) => at_rest_in_the_pose_of(&last.at(last.duration_s)),
-            None => Truth::at_rest(UnitQuaternion::identity()),
-        }
+        let last = self.segments.last();
+        last.map_or_else(Truth::default, |last| {
+            at_rest_in_the_pose_of(&last.at(last.duration_s))
+        })
     }
 }
 

@@ -3,43 +3,30 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::config::DeviceOrientationConfig;
-use crate::random::{Stream, normal_vector, stream};
+use super::slow_error::SlowError;
 use crate::rotation::exp;
 
 /// A first-order Gauss-Markov error, as a rotation vector in world axes.
 #[derive(Debug, Clone)]
 pub(super) struct DeviceOrientation {
-    /// The error in units of its standard deviation, per axis.
-    unit_error: Vector3<f64>,
+    error: SlowError,
     error_std_rad: Vector3<f64>,
-    /// Correlation of the error from one report to the next.
-    keeps: f64,
-    noise: Stream,
 }
 
 impl DeviceOrientation {
     pub(super) fn new(seed: u64, config: &DeviceOrientationConfig) -> Self {
-        let mut noise = stream(seed, "device-orientation");
+        let time_s = config.correlation_time_s;
         let tilt_rad = config.inclination_error_std_deg.to_radians();
-        let interval_s = config.sampling.interval_s();
+        let heading_rad = config.heading_error_std_deg.to_radians();
         Self {
-            unit_error: normal_vector(&mut noise, 1.0),
-            error_std_rad: Vector3::new(
-                tilt_rad,
-                tilt_rad,
-                config.heading_error_std_deg.to_radians(),
-            ),
-            keeps: nalgebra::ComplexField::exp(-interval_s / config.correlation_time_s),
-            noise,
+            error: SlowError::new(seed, "device-orientation", &config.sampling, time_s),
+            error_std_rad: Vector3::new(tilt_rad, tilt_rad, heading_rad),
         }
     }
 
     /// The next report, given the true attitude.
     pub(super) fn report(&mut self, world_from_body: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        let error = self.unit_error.component_mul(&self.error_std_rad);
-        let fresh = (1.0 - self.keeps * self.keeps).sqrt();
-        self.unit_error = self.unit_error * self.keeps + normal_vector(&mut self.noise, fresh);
-        exp(&error) * world_from_body
+        exp(&self.error.next().component_mul(&self.error_std_rad)) * world_from_body
     }
 }
 

@@ -1,7 +1,7 @@
 //! The stream of events of a virtual phone: one clock per sensor, merged in time.
 
 use nalgebra::Vector3;
-use northing_recording::{Event, Reference, Sample};
+use northing_recording::{Event, Reference, Sample, SensorKind};
 
 use super::compass::Compass;
 use super::device_orientation::DeviceOrientation;
@@ -27,21 +27,10 @@ pub struct VirtualPhoneEvents {
     end_ns: i64,
 }
 
-/// What a channel delivers, in the order of events of one instant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Gyroscope,
-    Accelerometer,
-    Magnetometer,
-    DeviceOrientation,
-    CompassHeading,
-    Reference,
-}
-
 /// A clock and the tick it is at.
 #[derive(Debug)]
 struct Channel {
-    kind: Kind,
+    kind: SensorKind,
     clock: SampleClock,
     tick: Tick,
     /// Stamp of the tick since the start of the recording.
@@ -49,7 +38,7 @@ struct Channel {
 }
 
 impl Channel {
-    fn new(kind: Kind, mut clock: SampleClock) -> Self {
+    fn new(kind: SensorKind, mut clock: SampleClock) -> Self {
         let tick = clock.tick();
         Self {
             kind,
@@ -60,7 +49,7 @@ impl Channel {
     }
 
     /// Hands out the current tick and goes to the next.
-    fn advance(&mut self) -> (Kind, Tick, i64) {
+    fn advance(&mut self) -> (SensorKind, Tick, i64) {
         let now = (self.kind, self.tick, self.stamp_ns);
         self.tick = self.clock.tick();
         self.stamp_ns = to_ns(self.tick.stamp_s);
@@ -128,9 +117,7 @@ struct Gyroscope {
 }
 
 impl Gyroscope {
-    fn measure(&mut self, world: &mut World, tick: &Tick) -> Vector3<f64> {
-        let t_s = tick.measured_s;
-        let truth = world.at(t_s);
+    fn measure(&mut self, truth: &Truth, t_s: f64) -> Vector3<f64> {
         let rate = if self.averages {
             mean_rate(&self.last.1, &truth.world_from_body, t_s - self.last.0)
         } else {
@@ -158,7 +145,7 @@ impl VirtualPhoneEvents {
         // The first gyroscope sample is the mean over one interval, too.
         let before_first_s = channels
             .iter()
-            .find(|channel| channel.kind == Kind::Gyroscope)
+            .find(|channel| channel.kind == SensorKind::Gyroscope)
             .map_or(0.0, |channel| {
                 channel.tick.measured_s - gyroscope.sampling.interval_s()
             });
@@ -194,31 +181,33 @@ impl VirtualPhoneEvents {
         self.gyroscope.errors.bias()
     }
 
-    fn sample(&mut self, kind: Kind, tick: &Tick) -> Sample {
-        let measured_s = tick.measured_s;
+    /// The sample of a tick; `kind` is that of a channel.
+    fn sample(&mut self, kind: SensorKind, tick: &Tick) -> Sample {
+        let is_reference = kind == SensorKind::Reference;
+        let t_s = if is_reference {
+            tick.stamp_s
+        } else {
+            tick.measured_s
+        };
+        let field = self.world.magnetic_field_ut(t_s);
+        let truth = *self.world.at(t_s);
+        let attitude = truth.world_from_body;
         match kind {
-            Kind::Gyroscope => Sample::AngularRate(self.gyroscope.measure(&mut self.world, tick)),
-            Kind::Accelerometer => {
-                let force = self.world.at(measured_s).specific_force_body();
-                Sample::SpecificForce(self.accelerometer.measure(&force))
+            SensorKind::Gyroscope => Sample::AngularRate(self.gyroscope.measure(&truth, t_s)),
+            SensorKind::Accelerometer => {
+                Sample::SpecificForce(self.accelerometer.measure(&truth.specific_force_body()))
             }
-            Kind::Magnetometer => {
-                let field = self.world.magnetic_field_ut(measured_s);
-                let attitude = self.world.at(measured_s).world_from_body;
+            SensorKind::Magnetometer => {
                 let seen = attitude.inverse_transform_vector(&field);
                 Sample::MagneticField(self.magnetometer.measure(&seen))
             }
-            Kind::DeviceOrientation => {
-                let attitude = self.world.at(measured_s).world_from_body;
+            SensorKind::DeviceOrientation => {
                 Sample::DeviceOrientation(self.device_orientation.report(&attitude))
             }
-            Kind::CompassHeading => {
-                let attitude = self.world.at(measured_s).world_from_body;
-                Sample::CompassHeading(self.compass.report(&attitude))
-            }
-            Kind::Reference => Sample::Reference(Reference {
-                attitude: self.world.at(tick.stamp_s).world_from_body,
-                scored: tick.stamp_s >= self.scored_from_s,
+            SensorKind::CompassHeading => Sample::CompassHeading(self.compass.report(&attitude)),
+            _ => Sample::Reference(Reference {
+                attitude,
+                scored: t_s >= self.scored_from_s,
             }),
         }
     }
@@ -240,24 +229,28 @@ fn channels(phone: &VirtualPhone) -> Vec<Channel> {
         Sampling::at_rate(REFERENCE_RATE_WITHOUT_GYROSCOPE_HZ)
     };
     [
-        (Kind::Gyroscope, "gyroscope", gyroscope),
+        (SensorKind::Gyroscope, "gyroscope", gyroscope),
         (
-            Kind::Accelerometer,
+            SensorKind::Accelerometer,
             "accelerometer",
             config.accelerometer.sampling,
         ),
         (
-            Kind::Magnetometer,
+            SensorKind::Magnetometer,
             "magnetometer",
             config.magnetometer.sampling,
         ),
         (
-            Kind::DeviceOrientation,
+            SensorKind::DeviceOrientation,
             "device-orientation",
             config.device_orientation.sampling,
         ),
-        (Kind::CompassHeading, "compass", config.compass.sampling),
-        (Kind::Reference, "gyroscope", reference),
+        (
+            SensorKind::CompassHeading,
+            "compass",
+            config.compass.sampling,
+        ),
+        (SensorKind::Reference, "gyroscope", reference),
     ]
     .into_iter()
     .filter(|(_, _, sampling)| sampling.rate_hz > 0.0)

@@ -3,39 +3,11 @@
 use super::super::navigation::{
     EcefColumns, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
 };
-use super::super::schema::{Column, QuaternionDirection, QuaternionOrder};
+use super::super::schema::{Column, QuaternionDirection};
 use super::LayoutBuilder;
-use crate::delimited::{Channel, EcefPart, EcefPose};
+use crate::delimited::{Channel, Form};
 use crate::error::Result;
 use crate::event::SensorKind;
-use crate::numbers::MOST;
-
-/// The places of a kind's numbers in the file and what they are multiplied by.
-struct Row {
-    columns: [Option<usize>; MOST],
-    factors: [f64; MOST],
-}
-
-impl Row {
-    const fn new() -> Self {
-        Self {
-            columns: [None; MOST],
-            factors: [1.0; MOST],
-        }
-    }
-
-    fn put(&mut self, number: usize, column: Option<usize>, factor: f64) {
-        (self.columns[number], self.factors[number]) = (column, factor);
-    }
-
-    fn channel(self, kind: SensorKind) -> Channel {
-        Channel::Numbers {
-            kind,
-            columns: self.columns,
-            factors: self.factors,
-        }
-    }
-}
 
 impl LayoutBuilder<'_> {
     /// Adds the channels of navigation.
@@ -50,21 +22,21 @@ impl LayoutBuilder<'_> {
         if let Some(speed) = &source.forward_speed {
             let column = self.column(&speed.column)?;
             let factor = speed.unit.to_m_per_s();
-            channels.push(Channel::one(SensorKind::ForwardSpeed, column, factor));
+            channels.push(Channel::new(SensorKind::ForwardSpeed, &[column]).times(factor));
         }
         if let Some(water) = &source.water_velocity {
             let factor = water.unit.to_m_per_s();
-            let mut row = Row::new();
-            row.put(0, Some(self.column(&water.forward)?), factor);
-            row.put(1, self.optional(water.starboard.as_ref())?, factor);
-            channels.push(row.channel(SensorKind::WaterVelocity));
+            let forward = [self.column(&water.forward)?];
+            let mut row = Channel::new(SensorKind::WaterVelocity, &forward).times(factor);
+            row.columns[1] = self.optional(water.starboard.as_ref())?;
+            channels.push(row);
         }
         if let Some(heading) = &source.true_heading {
             let factor = heading.unit.to_rad();
-            let mut row = Row::new();
-            row.put(0, Some(self.column(&heading.column)?), factor);
-            row.put(1, self.optional(heading.std.as_ref())?, factor);
-            channels.push(row.channel(SensorKind::TrueHeading));
+            let column = [self.column(&heading.column)?];
+            let mut row = Channel::new(SensorKind::TrueHeading, &column).times(factor);
+            row.columns[1] = self.optional(heading.std.as_ref())?;
+            channels.push(row);
         }
         if let Some(ecef) = &source.ecef_reference {
             self.ecef(ecef, channels)?;
@@ -74,7 +46,7 @@ impl LayoutBuilder<'_> {
 
     fn gnss_position(&self, position: &PositionColumns) -> Result<Channel> {
         let to_rad = position.unit.to_rad();
-        let mut row = Row::new();
+        let mut row = Channel::new(SensorKind::GnssPosition, &[]);
         row.put(0, Some(self.column(&position.latitude)?), to_rad);
         row.put(1, Some(self.column(&position.longitude)?), to_rad);
         let height = self.optional(position.height.as_ref())?;
@@ -98,15 +70,12 @@ impl LayoutBuilder<'_> {
             }
             (None, None) => {}
         }
-        row.put(6, self.optional(position.hdop.as_ref())?, 1.0);
-        row.put(7, self.optional(position.satellites.as_ref())?, 1.0);
-        row.put(8, self.optional(position.quality.as_ref())?, 1.0);
+        row.columns[6] = self.optional(position.hdop.as_ref())?;
+        row.columns[7] = self.optional(position.satellites.as_ref())?;
+        row.columns[8] = self.optional(position.quality.as_ref())?;
         Ok(match position.quality_code {
-            QualityCode::Gga => row.channel(SensorKind::GnssPosition),
-            QualityCode::Rtklib => Channel::RtklibPosition {
-                columns: row.columns,
-                factors: row.factors,
-            },
+            QualityCode::Gga => row,
+            QualityCode::Rtklib => row.of_form(Form::RtklibPosition),
         })
     }
 
@@ -123,13 +92,12 @@ impl LayoutBuilder<'_> {
                 if velocity.std.is_some() {
                     return wrong("has `std` without `columns`; with `speed` it is `speed_std`");
                 }
-                Ok(Channel::SpeedAndCourse {
-                    speed: self.column(speed)?,
-                    course: self.column(course)?,
-                    std: self.optional(velocity.speed_std.as_ref())?,
-                    to_m_per_s: velocity.speed_unit.to_m_per_s(),
-                    to_rad: velocity.course_unit.to_rad(),
-                })
+                let mut row = Channel::new(SensorKind::GnssVelocity, &[self.column(speed)?])
+                    .times(velocity.speed_unit.to_m_per_s())
+                    .of_form(Form::SpeedAndCourse);
+                row.put(1, Some(self.column(course)?), velocity.course_unit.to_rad());
+                row.columns[2] = self.optional(velocity.speed_std.as_ref())?;
+                Ok(row)
             }
             _ => wrong("needs either three `columns`, or `speed` and `course`"),
         }
@@ -142,7 +110,7 @@ impl LayoutBuilder<'_> {
             VelocityAxes::Neu => ([0, 1, 2], -1.0),
             VelocityAxes::Enu => ([1, 0, 2], -1.0),
         };
-        let mut row = Row::new();
+        let mut row = Channel::new(SensorKind::GnssVelocity, &[]);
         for (column, number) in columns.iter().zip(order) {
             let factor = if number == 2 { vertical } else { 1.0 };
             row.put(number, Some(self.column(column)?), factor);
@@ -150,28 +118,26 @@ impl LayoutBuilder<'_> {
         for (column, number) in velocity.std.iter().flatten().zip(order) {
             row.put(3 + number, Some(self.column(column)?), 1.0);
         }
-        Ok(row.channel(SensorKind::GnssVelocity))
+        Ok(row)
     }
 
     fn ecef(&self, ecef: &EcefColumns, channels: &mut Vec<Channel>) -> Result<()> {
-        let position = self.places(&ecef.position_m)?;
-        let mut put = |part| channels.push(Channel::Ecef(EcefPose { position, part }));
-        put(EcefPart::Position);
+        let place = self.places(&ecef.position_m)?;
+        let mut put = |kind, columns: &[usize]| {
+            let inverse = ecef.direction == QuaternionDirection::WorldToBody;
+            channels.push(Channel::new(kind, columns).of_form(Form::Ecef { place, inverse }));
+        };
+        put(SensorKind::ReferencePosition, &place);
         if let Some(velocity) = &ecef.velocity_m_s {
-            put(EcefPart::Velocity(self.places(velocity)?));
+            put(SensorKind::ReferenceVelocity, &self.places(velocity)?);
         }
         if let Some(attitude) = &ecef.attitude {
-            let mut columns = self.places(attitude)?;
-            if matches!(ecef.order, QuaternionOrder::Xyzw) {
-                columns.rotate_right(1);
-            }
-            let inverse = ecef.direction == QuaternionDirection::WorldToBody;
-            put(EcefPart::Attitude { columns, inverse });
+            put(SensorKind::Reference, &self.wxyz(attitude, ecef.order)?);
         }
         Ok(())
     }
 
-    fn places<const N: usize>(&self, columns: &[Column; N]) -> Result<[usize; N]> {
+    pub(super) fn places<const N: usize>(&self, columns: &[Column; N]) -> Result<[usize; N]> {
         let mut places = [0; N];
         for (place, column) in places.iter_mut().zip(columns) {
             *place = self.column(column)?;
@@ -179,7 +145,7 @@ impl LayoutBuilder<'_> {
         Ok(places)
     }
 
-    fn optional(&self, column: Option<&Column>) -> Result<Option<usize>> {
+    pub(super) fn optional(&self, column: Option<&Column>) -> Result<Option<usize>> {
         column.map(|column| self.column(column)).transpose()
     }
 }
