@@ -37,7 +37,7 @@ pub struct DriverConfig<T: Scalar> {
     pub gap_limit_s: T,
     /// How the attitude drifts while its rate is unknown, rad/sqrt(s), default 0.5.
     pub gap_angle_random_walk: T,
-    /// What is known beforehand.
+    /// What is known beforehand, among it the axes of the reference (east, north, up).
     pub prior: Prior<T>,
 }
 
@@ -199,6 +199,16 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     pub fn attitude_covariance(&self) -> Option<Matrix3<T>> {
         let started = self.memory.started.then_some(&self.estimator)?;
         started.attitude_covariance()
+    }
+
+    /// Yaw, pitch and roll (rad, [`rotation::to_yaw_pitch_roll`]) and their standard deviations, once started and where
+    /// the estimator states them. Without a magnetometer or compass the yaw counts from where it began.
+    pub fn yaw_pitch_roll(&self) -> Option<([T; 3], [T; 3])> {
+        let (attitude, body) = (self.attitude()?, self.attitude_covariance()?);
+        let axes = attitude.to_rotation_matrix();
+        let reference = axes * body * axes.transpose();
+        let std = rotation::yaw_pitch_roll_std(&attitude, &reference);
+        Some((rotation::to_yaw_pitch_roll(&attitude), std))
     }
 
     /// Gyroscope bias (rad/s, body axes) and its covariance, once started; `None` when it is not estimated.

@@ -7,14 +7,17 @@
 //! | estimator | file | error states | when |
 //! |---|---|---|---|
 //! | [`integration::Integration`] | `integration.rs` | none | the baseline: gyroscope alone |
-//! | [`mekf::Mekf`] | `mekf.rs` | attitude, gyroscope bias | the first choice on a bench |
+//! | [`mekf::Mekf`] | `mekf.rs` | attitude, gyroscope bias | the first choice on a bench; in a vehicle without GNSS (`AttitudeConfig::hand_held()`) |
 //! | [`mekf3::Mekf3`] | `mekf3.rs` | attitude | the paper's filter, to the letter where asked |
 //! | [`bounded_velocity::BoundedVelocity`] | `bounded_velocity.rs` | attitude, velocity, bias, scale, field, hard iron | the first choice: phones and wearables in real use |
 //! | [`usque::Usque`] | `usque.rs` | attitude, gyroscope bias | unscented, large errors |
 //! | [`quaternion_ekf::QuaternionEkf`] | `quaternion_ekf.rs` | quaternion, gyroscope bias | additive EKF |
-//! | [`axis_filters::AxisFilters`] | `axis_filters.rs` | two an axis | roll, pitch, yaw by themselves: the smallest, not of this trait |
+//! | [`axis_filters::AxisFilters`] | `axis_filters.rs` | two an axis | decoupled roll, pitch, yaw: the smallest, not of this trait |
 //! | [`complementary::Complementary`] | `complementary.rs` | none | fixed gains: cheap, no covariance |
 //! | [`ekf_reconstruction::EkfReconstruction`] | `ekf_reconstruction.rs` | none | a passive filter behind the additive EKF |
+//!
+//! Where there is GNSS, [`crate::navigation::GnssIns`] has the better attitude: it knows the accelerations. The axes of
+//! the reference are east, north, up unless [`Prior::frame`] says otherwise.
 
 pub mod alignment;
 pub mod axis_filters;

@@ -105,6 +105,24 @@ pub fn to_yaw_pitch_roll<T: Scalar>(ref_from_body: &UnitQuaternion<T>) -> [T; 3]
     ]
 }
 
+/// Standard deviations of yaw, pitch and roll (rad), of an attitude error about the axes of the reference with this
+/// covariance (rad^2); large near a pitch of +-90 degrees, where yaw and roll are not defined. To first order:
+/// `docs/derivations/error_state.md`, (E13).
+pub fn yaw_pitch_roll_std<T: Scalar>(
+    ref_from_body: &UnitQuaternion<T>,
+    covariance: &Matrix3<T>,
+) -> [T; 3] {
+    let [yaw, pitch, _] = to_yaw_pitch_roll(ref_from_body);
+    let (sin, cos, zero) = (yaw.sin(), yaw.cos(), T::zero());
+    let ahead = Vector3::new(cos, sin, zero) / pitch.cos().max(lit(1e-6));
+    let by_error = [
+        ahead * pitch.sin() + Vector3::z(),
+        Vector3::new(-sin, cos, zero),
+        ahead,
+    ];
+    by_error.map(|row| (covariance * row).dot(&row).max(zero).sqrt())
+}
+
 /// `ref_from_body` of yaw, pitch and roll (rad); inverse of [`to_yaw_pitch_roll`].
 #[inline]
 pub fn from_yaw_pitch_roll<T: Scalar>([yaw, pitch, roll]: [T; 3]) -> UnitQuaternion<T> {

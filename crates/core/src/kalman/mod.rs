@@ -12,6 +12,7 @@ pub mod sparse_update;
 
 pub use feedback::{
     ErrorFeedback, ErrorListener, ErrorPropagation, OutsideCorrection, ScalarCorrection,
+    ScaledState,
 };
 pub use gate::{CountedGate, Gate, GateDecision, GateState};
 pub use innovation::{Innovation, Outcome, SkipReason};

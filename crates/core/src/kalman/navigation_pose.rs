@@ -16,6 +16,18 @@ pub struct NavigationPose<'a, T: Scalar, const N: usize> {
     pub pose_from_error: SMatrix<T, 3, N>,
 }
 
+impl<'a, T: Scalar> NavigationPose<'a, T, 3> {
+    /// Of a navigation that is known by its pose alone: `[north, east, heading]` (m, rad) and their covariance.
+    pub fn new(pose: Vector3<T>, covariance: &'a Matrix3<T>) -> Self {
+        let pose_from_error = Matrix3::identity();
+        Self {
+            pose,
+            covariance,
+            pose_from_error,
+        }
+    }
+}
+
 impl<T: Scalar, const N: usize> NavigationPose<'_, T, N> {
     /// Covariance of the pose.
     pub fn pose_covariance(&self) -> Matrix3<T> {

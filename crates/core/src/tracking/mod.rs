@@ -68,7 +68,7 @@ pub use pose_as_known::PoseAsKnown;
 pub use radar::{RadarDetection, RadarNoise};
 pub use schmidt_kalman::{Coupling, SchmidtKalman};
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix2, Matrix4, Vector4};
 
 use crate::kalman::SkipReason;
 use crate::parameters::{ConfigError, Range};
@@ -97,6 +97,31 @@ impl<T: Scalar> TrackEstimate<T> {
     /// Standard deviations of `[north, v_north, east, v_east]`, m and m/s.
     pub fn std(&self) -> Vector4<T> {
         self.covariance.diagonal().map(|v| v.max(T::zero()).sqrt())
+    }
+
+    /// Covariance of the position, north and east, m^2.
+    pub fn position_covariance(&self) -> Matrix2<T> {
+        let p = &self.covariance;
+        Matrix2::new(p[(0, 0)], p[(0, 2)], p[(2, 0)], p[(2, 2)])
+    }
+
+    /// The ellipse about the position that holds the target with this probability (0.95, say): both semi-axes (m), the
+    /// longer one first, and the direction of the longer one, rad clockwise from north.
+    pub fn position_ellipse(&self, probability: T) -> ([T; 2], T) {
+        let p = self.position_covariance();
+        let (mean, half) = (
+            (p[(0, 0)] + p[(1, 1)]) * lit(0.5),
+            (p[(0, 0)] - p[(1, 1)]) * lit(0.5),
+        );
+        let spread = half.hypot(p[(0, 1)]);
+        // The quantile of chi-square with two degrees of freedom in closed form.
+        let quantile = (T::one() - probability).ln() * lit(-2.0);
+        let semi_axis = |variance: T| (variance.max(T::zero()) * quantile).sqrt();
+        let azimuth = p[(0, 1)].atan2(half) * lit(0.5);
+        (
+            [semi_axis(mean + spread), semi_axis(mean - spread)],
+            azimuth,
+        )
     }
 
     /// Whether a saved one can be continued from.
@@ -159,6 +184,29 @@ fn check_step<T: Scalar>(dt: T) -> Result<(), SkipReason> {
         Err(SkipReason::OutOfRange)
     } else {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ellipse_of_a_position_has_its_axes_its_direction_and_its_probability() {
+        // Standard deviations of 30 m towards 20 degrees east of north and of 10 m across.
+        let turn = nalgebra::Rotation2::new(20_f64.to_radians());
+        let p = turn * Matrix2::new(900.0, 0.0, 0.0, 100.0) * turn.inverse();
+        let mut covariance = Matrix4::zeros();
+        for (i, row) in [0, 2].into_iter().enumerate() {
+            for (j, column) in [0, 2].into_iter().enumerate() {
+                covariance[(row, column)] = p[(i, j)];
+            }
+        }
+        let state = Vector4::zeros();
+        let ([long, short], azimuth) = TrackEstimate { state, covariance }.position_ellipse(0.95);
+        let quantile = 5.991_464_547_107_98_f64.sqrt();
+        assert!((long - 30.0 * quantile).abs() < 1e-9 && (short - 10.0 * quantile).abs() < 1e-9);
+        assert!((azimuth.to_degrees() - 20.0).abs() < 1e-9);
     }
 }
 

@@ -3,14 +3,15 @@
 //! Given the true pose it is the bound of what is possible; given the navigation's pose it is
 //! the *uncompensated* tracker, which is overconfident whenever the heading is in error.
 
+use super::initiation::one_point;
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
-use crate::kalman::{Innovation, SkipReason};
+use crate::kalman::{Innovation, NavigationPose, SkipReason};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::Scalar;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// The tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +42,36 @@ impl<T: Scalar> PoseAsKnown<T> {
     pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
         config.validate()?;
         Ok(Self { config, track })
+    }
+
+    /// Starts a track from its first detection ([`super::initiation::one_point`]), seen from this pose: it stands where
+    /// it was seen, give or take a speed of `velocity_std` (m/s) on each axis.
+    ///
+    /// # Errors
+    /// Why detection, pose or standard deviation is refused.
+    pub fn from_detection(
+        config: TrackerConfig<T>,
+        detection: &RadarDetection<T>,
+        velocity_std: T,
+        pose: &Vector3<T>,
+    ) -> Result<Self, SkipReason> {
+        let exact = Matrix3::zeros();
+        let own = NavigationPose::new(*pose, &exact);
+        let (track, _) = one_point(detection, &config.radar, velocity_std, &own)?;
+        Self::new(config, track).map_err(|_| SkipReason::OutOfRange)
+    }
+
+    /// Moves the target on by `dt` seconds and fuses a detection.
+    pub fn scan(
+        &mut self,
+        dt: T,
+        detection: &RadarDetection<T>,
+        pose: &Vector3<T>,
+    ) -> Innovation<T> {
+        match self.predict(dt) {
+            Ok(()) => self.update(detection, pose),
+            Err(reason) => Innovation::skipped(reason),
+        }
     }
 
     /// The target.

@@ -67,7 +67,7 @@ pub enum Coupling {
 ///
 /// // The own ship's north (m), east (m) and heading (rad), and their covariance.
 /// let covariance = Matrix3::from_diagonal(&Vector3::new(4.0, 4.0, 1e-4));
-/// let own = NavigationPose { pose: Vector3::zeros(), covariance: &covariance, pose_from_error: Matrix3::identity() };
+/// let own = NavigationPose::new(Vector3::zeros(), &covariance);
 /// let config = TrackerConfig::new(ConstantVelocity::new(0.05), RadarNoise::new(5.0, 0.005));
 /// let seen = RadarDetection::new(1000.0, 0.5);
 /// let mut tracker = SchmidtKalman::from_detection(config, &seen, 5.0, &own)?;

@@ -365,3 +365,21 @@ fn a_state_taken_over_from_a_filter_that_knew_north_is_not_turned() {
     let turned = rotation::angle_between(&before, &next.attitude().unwrap());
     assert!(turned < 0.05, "{turned}");
 }
+
+#[test]
+fn an_unknown_yaw_is_not_in_the_deviations_of_pitch_and_roll() {
+    let mut driver = mekf();
+    assert!(driver.yaw_pitch_roll().is_none());
+    let tilted = rotation::from_yaw_pitch_roll([0.0, 0.3, 0.5]);
+    for t in (0..2000).step_by(10) {
+        driver.gyroscope(t * MS, &Vector3::zeros());
+        driver.accelerometer(t * MS, &(tilted.inverse() * up()));
+    }
+    let (angles, [yaw_std, pitch_std, roll_std]) = driver.yaw_pitch_roll().unwrap();
+    assert_relative_eq!(angles[1], 0.3, epsilon = 1e-6);
+    assert_relative_eq!(angles[2], 0.5, epsilon = 1e-6);
+    assert!(yaw_std > 0.1 && pitch_std < 2e-3 && roll_std < 2e-3);
+    // About the body's axes the yaw leaks into all three.
+    let body = driver.attitude_covariance().unwrap().diagonal();
+    assert!(body.map(f64::sqrt).min() > 0.02);
+}

@@ -37,18 +37,10 @@ impl<T: Scalar> NavigationState<T> {
     /// Standard deviations of roll, pitch and yaw, degrees; large near the poles of the pitch, where roll and yaw are
     /// not defined.
     pub fn roll_pitch_yaw_std_deg(&self) -> [T; 3] {
-        let [yaw, pitch, _] = rotation::to_yaw_pitch_roll(&self.ned_from_body);
-        let (sin, cos, zero) = (yaw.sin(), yaw.cos(), T::zero());
-        let level = pitch.cos().max(lit(1e-6));
-        // What the attitude error about the NED axes does to each angle (E13).
-        let ahead = Vector3::new(cos, sin, zero) / level;
-        let by_error = [
-            ahead,
-            Vector3::new(-sin, cos, zero),
-            ahead * pitch.sin() + Vector3::z(),
-        ];
         let p = self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE);
-        by_error.map(|row| (p * row).dot(&row).max(zero).sqrt() * lit(DEGREES))
+        let std = rotation::yaw_pitch_roll_std(&self.ned_from_body, &p.into_owned());
+        let [yaw, pitch, roll] = std;
+        [roll, pitch, yaw].map(|std| std * lit(DEGREES))
     }
 
     fn std_of(&self, first: usize) -> Vector3<T> {
@@ -58,6 +50,15 @@ impl<T: Scalar> NavigationState<T> {
 }
 
 impl<T: Scalar> GnssPosition<T> {
+    /// A position (m, north, east and down of the origin) with its standard deviations, all three measured.
+    pub fn new(ned: Vector3<T>, std: Vector3<T>) -> Self {
+        Self {
+            ned,
+            std,
+            has_height: true,
+        }
+    }
+
     /// A fix as receivers print it: latitude and longitude (degrees), height above the ellipsoid (m), and the standard
     /// deviations north, east and down (m). `frame` is where positions count from. `None` when it is no place on Earth.
     pub fn from_degrees(
@@ -66,11 +67,7 @@ impl<T: Scalar> GnssPosition<T> {
         std: Vector3<T>,
     ) -> Option<Self> {
         let place = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m)?;
-        Some(Self {
-            ned: frame.ned(&place).map(lit),
-            std,
-            has_height: true,
-        })
+        Some(Self::new(frame.ned(&place).map(lit), std))
     }
 }
 
