@@ -49,9 +49,6 @@ pub mod statistics;
 pub mod tracking;
 pub mod used_parameters;
 
-/// Program and version, as outcomes and pages name it.
-pub const PROGRAM: &str = concat!("northing ", env!("CARGO_PKG_VERSION"));
-
 pub use attitude::kinds::EstimatorKind;
 pub use attitude::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
 pub use attitude::options::{RunOptions, SensorSelection};
@@ -59,4 +56,4 @@ pub use attitude::outcome::RunSummary;
 pub use attitude::parameters::Profile;
 pub use attitude::runner::{run, run_recording};
 pub use error::EvaluationError;
-pub use used_parameters::{Origin, UsedParameter};
+pub use used_parameters::{Origin, PROGRAM, UsedParameter};

@@ -12,6 +12,9 @@ use serde_json::Value as Json;
 use crate::by_name;
 use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 
+/// Program and version, as outcomes and pages name it.
+pub const PROGRAM: &str = concat!("northing ", env!("CARGO_PKG_VERSION"));
+
 /// Version of the program, as outcomes state it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 

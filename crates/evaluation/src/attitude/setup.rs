@@ -14,7 +14,7 @@ use crate::attitude::options::{RunOptions, SensorSelection};
 use crate::attitude::parameters::{self, Parameters, Profile};
 use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 use crate::error::EvaluationError;
-use crate::used_parameters::{Origin, Origins};
+use crate::used_parameters::{Origin, Origins, PROGRAM};
 
 /// The options of a run as plain data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -113,7 +113,7 @@ impl RunSetup {
     #[must_use]
     pub fn of(options: &RunOptions) -> Self {
         Self {
-            program: crate::PROGRAM.to_owned(),
+            program: PROGRAM.to_owned(),
             estimator: options.estimator,
             profile: options.profile,
             config: options.config,
