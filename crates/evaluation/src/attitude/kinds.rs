@@ -19,9 +19,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::attitude::parameters::{Parameters, parameters_of};
 use crate::error::EvaluationError;
-use crate::estimators;
 
-estimators! {
+crate::estimators! {
     /// An estimator that can be asked for by name.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
     #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]

@@ -13,12 +13,11 @@ use crate::attitude::kinds::EstimatorKind;
 use crate::by_name;
 pub(crate) use crate::by_name::Row;
 use crate::error::EvaluationError;
-use crate::named;
 use crate::registry::ParameterInfo;
 pub(crate) use set::rows;
 pub use set::{CascadeRotation, Parameters};
 
-named! {
+crate::named! {
     /// A named set of parameters, the default first.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
     #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]

@@ -11,13 +11,12 @@ use northing_recording::{Event, Sample};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
-use crate::named;
 use crate::statistics::seconds_between;
 
 /// Hard iron whose standard deviation is above this share of the field is called uncertain.
 const UNCERTAIN: f64 = 0.02;
 
-named! {
+crate::named! {
     /// Which magnetometer stream is used.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
     #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]

@@ -6,9 +6,8 @@ use serde::Serialize;
 
 use super::parameters::parameters_of;
 use crate::error::EvaluationError;
-use crate::estimators;
 
-estimators! {
+crate::estimators! {
     /// A navigation estimator that can be asked for by name.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
     #[serde(rename_all = "kebab-case")]

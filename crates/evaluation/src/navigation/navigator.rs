@@ -9,7 +9,6 @@ use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
 use serde::Serialize;
 
-use crate::named;
 use crate::statistics::nis::UpdateCounts;
 
 /// A measurement that aids.
@@ -52,7 +51,7 @@ pub enum Aid {
     WaterVelocity(Vector2<f64>),
 }
 
-named! {
+crate::named! {
     /// Which aid, by the name in summaries.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
     #[serde(rename_all = "kebab-case")]

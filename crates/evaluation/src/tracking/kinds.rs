@@ -3,10 +3,9 @@
 use northing_core::tracking::multi_target::{MotionModels, MultiTargetSettings};
 
 use super::options::MOTION;
-use crate::estimators;
 use crate::registry::ParameterInfo;
 
-estimators! {
+crate::estimators! {
     /// What a tracker does about the uncertainty of its own ship.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub enum TrackerKind for Tracking, "track --tracker", parameters_of {
