@@ -92,3 +92,5 @@ macro_rules! estimators {
         }
     };
 }
+
+pub(crate) use estimators;

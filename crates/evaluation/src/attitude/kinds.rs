@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::attitude::parameters::{Parameters, parameters_of};
 use crate::error::EvaluationError;
 
-crate::estimators! {
+crate::named::estimators! {
     /// An estimator that can be asked for by name.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
     #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]

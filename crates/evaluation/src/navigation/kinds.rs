@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::parameters::parameters_of;
 use crate::error::EvaluationError;
 
-crate::estimators! {
+crate::named::estimators! {
     /// A navigation estimator that can be asked for by name.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
     #[serde(rename_all = "kebab-case")]

@@ -5,7 +5,7 @@ use northing_core::tracking::multi_target::{MotionModels, MultiTargetSettings};
 use super::options::MOTION;
 use crate::registry::ParameterInfo;
 
-crate::estimators! {
+crate::named::estimators! {
     /// What a tracker does about the uncertainty of its own ship.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub enum TrackerKind for Tracking, "track --tracker", parameters_of {
