@@ -47,6 +47,8 @@ pub(super) struct Alignment<T: Scalar> {
     tilted_windows: u32,
     /// Whether the last window was still.
     pub(super) is_still: bool,
+    /// Whether the receiver's last velocity was none of a vehicle that stands.
+    moves: bool,
     /// Specific force summed in level axes, and for how long.
     force_sum: Vector3<T>,
     force_time: T,
@@ -75,6 +77,7 @@ impl<T: Scalar> Default for Alignment<T> {
             still_windows: 0,
             tilted_windows: 0,
             is_still: false,
+            moves: false,
             force_sum: Vector3::zeros(),
             force_time: T::zero(),
             heading: None,
@@ -137,7 +140,7 @@ impl<T: Scalar> Alignment<T> {
             0
         };
         let pulling = (1..=PULLING_WINDOWS).contains(&self.tilted_windows);
-        self.is_still = window.may_be_still && !pulling;
+        self.is_still = window.may_be_still && !pulling && !self.moves;
         if !self.is_still {
             return;
         }
@@ -146,6 +149,21 @@ impl<T: Scalar> Alignment<T> {
         self.bias += (window.mean_rate - self.bias) * share.max(lit(LEAST_SHARE));
         self.level(&force);
         self.tilt_std = Some(lit(TILT_STD_AT_REST));
+    }
+
+    /// Takes whether the receiver's velocity is that of a vehicle in motion. A vehicle that rolls smoothly looks to its
+    /// inertial sensors as if it stood, and a steady turn is then no bias: what was learnt as at rest is given up.
+    /// Whether it was.
+    pub(super) fn receiver_moves(&mut self, moves: bool) -> bool {
+        self.moves = moves;
+        let mistaken = moves && self.is_still;
+        if mistaken {
+            self.is_still = false;
+            self.still_windows = 0;
+            self.bias = Vector3::zeros();
+            self.tilt_std = self.tilt_std.map(|_| lit(TILT_STD_MOVING));
+        }
+        mistaken
     }
 
     /// Takes the body to be level: there is no accelerometer.

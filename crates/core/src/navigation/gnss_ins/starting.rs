@@ -3,6 +3,7 @@
 use nalgebra::{SMatrix, Vector3};
 
 use super::alignment::Aligned;
+use super::stillness::Quiet;
 use super::{Aid, ERRORS, ErrorListener, GnssIns, seconds};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
@@ -30,6 +31,9 @@ const LONGEST_CHORD_S: f64 = 6.0;
 /// Speed (m/s) below which a receiver does not contradict a standstill, and that of a standstill.
 const STANDING_SPEED: f64 = 0.5;
 const STANDING_STD: f64 = 0.1;
+/// A receiver contradicts a standstill when its velocity is so many times its standard deviation: by chance once in
+/// ten million fixes.
+const MOTION_OVER_STD: f64 = 6.0;
 /// A magnetic heading that is worse than a course waits for one so long after the first fix, s.
 const COURSE_PATIENCE_S: f64 = 5.0;
 /// Standard deviation of a velocity of which nothing is known, m/s.
@@ -125,6 +129,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         let length = chord.xy().norm();
         let across = std.x.max(std.y);
+        let least = (across * lit(MOTION_OVER_STD)).max(dt * lit(STANDING_SPEED));
+        self.see_motion(length > least);
         let Some((from, to)) = before.heading.zip(after.heading) else {
             return false;
         };
@@ -159,9 +165,19 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         });
         let speed = ned.xy().norm();
         let across = std.x.max(std.y);
+        self.see_motion(speed > (across * lit(MOTION_OVER_STD)).max(lit(STANDING_SPEED)));
         let enough = (across * lit(COURSE_OVER_STD)).max(lit(LEAST_COURSE_SPEED));
         if let Some(heading) = heading.filter(|_| speed > enough) {
             self.see_course(ned.y.atan2(ned.x), heading, across / speed);
+        }
+    }
+
+    /// Sees whether the receiver moves during alignment.
+    fn see_motion(&mut self, moves: bool) {
+        let alignment = self.memory.aligning.as_mut();
+        if alignment.is_some_and(|alignment| alignment.receiver_moves(moves)) {
+            self.memory.quiet = Quiet::default();
+            self.memory.still_windows = 0;
         }
     }
 

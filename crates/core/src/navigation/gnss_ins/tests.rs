@@ -2,6 +2,7 @@
 
 mod magnetometer;
 mod models;
+mod start_in_motion;
 
 use super::*;
 use crate::geometry::rotation;
