@@ -5,12 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::attitude::calibrations::Calibrations;
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::observer::RunObserver;
-use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
-use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::attitude::runner::run;
+use northing_evaluation::attitude::{
+    Calibrations, EstimatorKind, RunObserver, RunOptions, RunSummary, SensorSelection,
+};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use northing_evaluation::calibration::set::CalibrationSet;

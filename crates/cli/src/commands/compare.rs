@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::attitude::compare::{CompareOptions, scores};
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::outcome::RunSummary;
+use northing_evaluation::attitude::{EstimatorKind, RunSummary};
 
 use crate::arguments::estimation::{Asked, EstimationArgs};
 use crate::arguments::input::InputArgs;

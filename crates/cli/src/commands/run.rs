@@ -6,9 +6,8 @@ mod navigation;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
-use northing_evaluation::attitude::calibrations::Calibrations;
-use northing_evaluation::attitude::observer::TraceObserver;
 use northing_evaluation::attitude::setup::RunSetup;
+use northing_evaluation::attitude::{Calibrations, TraceObserver};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::estimation::{Asked, run_over};

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use northing_evaluation::attitude::final_test::FinalVerdict;
-use northing_evaluation::attitude::outcome::{PositionSummary, RunSummary};
+use northing_evaluation::attitude::{PositionSummary, RunSummary};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::statistics::consistency::nees_in_words;
 use northing_evaluation::statistics::nis::UpdateCounts;

@@ -6,12 +6,8 @@ use northing_recording::{Metadata, OpenOptions};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::attitude::calibrations::Calibrations;
-use crate::attitude::kinds::EstimatorKind;
-use crate::attitude::observer::RunObserver;
-use crate::attitude::options::RunOptions;
-use crate::attitude::outcome::RunSummary;
 use crate::attitude::runner;
+use crate::attitude::{Calibrations, EstimatorKind, RunObserver, RunOptions, RunSummary};
 use crate::error::EvaluationError;
 
 /// What is compared, and how.

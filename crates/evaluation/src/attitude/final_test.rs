@@ -18,7 +18,7 @@ use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::covariance::normalized_square;
 use serde::Serialize;
 
-use crate::attitude::instants::Instant;
+use crate::attitude::Instant;
 
 /// 95 % of chi-square with 3 degrees of freedom lie between these.
 const BOUNDS: [f64; 2] = [0.22, 9.35];

@@ -10,12 +10,10 @@ use northing_recording::SensorKind;
 
 use crate::attitude::field_watch::FieldWatch;
 use crate::attitude::final_test::FinalTest;
-use crate::attitude::instants::Instant;
-use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::observability::{self, Present};
-use crate::attitude::observer::EstimateRecord;
-use crate::attitude::options::RunOptions;
-use crate::attitude::outcome::{Gaps, NisOf, PerSensor, RunSummary};
+use crate::attitude::{
+    EstimateRecord, EstimatorKind, Gaps, Instant, NisOf, PerSensor, RunOptions, RunSummary,
+};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, SensorVerdict};
 use crate::statistics::metrics::ErrorStatistics;

@@ -7,7 +7,7 @@ use crate::drawing::plot::{Figure, Layer, Panel, Sign, key};
 use crate::drawing::rows::{Row, Rows};
 use crate::drawing::series::{self, Point};
 use crate::drawing::style::{SERIES, series_class};
-use northing_evaluation::attitude::trace::{Trace, TracePoint};
+use northing_evaluation::attitude::{Trace, TracePoint};
 
 /// Room at the right for names of lines.
 const RIGHT: f64 = 150.0;

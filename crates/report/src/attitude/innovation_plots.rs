@@ -9,7 +9,7 @@ use crate::drawing::fate::Fate;
 use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, key};
 use crate::drawing::residuals::{self, Residual};
 use crate::drawing::series::{self, Point};
-use northing_evaluation::attitude::trace::{InnovationPoint, Trace};
+use northing_evaluation::attitude::{InnovationPoint, Trace};
 
 /// Room at the right for the names of bounds.
 const RIGHT: f64 = 80.0;

@@ -9,11 +9,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use northing_core::calibration::RestCalibration;
 use northing_core::nalgebra::Vector3;
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::observer::{RunObserver, TraceObserver};
-use northing_evaluation::attitude::options::RunOptions;
-use northing_evaluation::attitude::outcome::RunSummary;
-use northing_evaluation::attitude::parameters::Profile;
+use northing_evaluation::attitude::{
+    EstimatorKind, Profile, RunObserver, RunOptions, RunSummary, TraceObserver,
+};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::statistics::consistency::nees_in_words;
 use northing_recording::atomic_file::write_whole;
