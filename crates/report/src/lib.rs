@@ -15,7 +15,7 @@
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
-//! | `tracking.rs`, `tracking_map.rs` | sections of [`TrackingReport`], the map of tracks |
+//! | `tracking/` | the page of a tracking run, the map of tracks |
 //! | `navigation.rs`, `navigation_plots.rs` | the page of a navigation run: track, outages, the paper's figures |
 //! | `navigation_picture.rs` | those figures as one picture |
 //! | `map.rs` | a map with its scale and grid |
@@ -52,4 +52,3 @@ pub use page::facts::{Fact, Source, Tone, Verdict};
 pub use page::setup::setup_of;
 pub use page::table::{Best, Cell, Column, Table};
 pub use tracking::followed_targets;
-pub use tracking::page::TrackingReport;

@@ -243,25 +243,18 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
             ),
         ));
     }
-    if verdicts.is_empty()
-        && summary
-            .issues
-            .iter()
-            .any(|issue| issue.contains("--score-from"))
-    {
-        let text =
-            "Nothing to judge by yet: the recording ends before scores count; see --score-from.";
-        verdicts.push(Verdict::new(Tone::Warn, text));
-    } else if verdicts.is_empty() && summary.estimator == NavigationKind::Device {
-        let text = "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
-                    beside the recording (docs/formats.md).";
-        verdicts.push(Verdict::new(Tone::Warn, text));
-    } else if verdicts.is_empty() {
-        verdicts.push(Verdict::new(
-            Tone::Warn,
+    if verdicts.is_empty() {
+        let mut issues = summary.issues.iter();
+        let text = if issues.any(|issue| issue.contains("--score-from")) {
+            "Nothing to judge by yet: the recording ends before scores count; see --score-from."
+        } else if summary.estimator == NavigationKind::Device {
+            "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
+             beside the recording (docs/formats.md)."
+        } else {
             "Nothing to judge by: every fix was used and there is no reference. Keep some back with --gnss-every 2 or \
-             --outage 120:30.",
-        ));
+             --outage 120:30."
+        };
+        verdicts.push(Verdict::new(Tone::Warn, text));
     }
     verdicts
 }

@@ -26,7 +26,6 @@ use crate::files::estimate_file::EstimateFile;
 use crate::files::output::{check_free, number, print};
 use crate::files::rest_calibration;
 use crate::invocation::{called, command_line};
-use crate::progress::Progress;
 use crate::text::rest_calibration::values;
 use crate::text::sheet::paragraph;
 use crate::text::table::Table;
@@ -256,8 +255,7 @@ impl<'a> Lab<'a> {
         observer: &mut dyn RunObserver,
     ) -> Result<RunSummary> {
         let name = self.folder.recording.display().to_string();
-        let mut progress = Progress::of_stream("estimating");
-        run_over(recording, &name, options, observer, || progress.event())
+        run_over(recording, &name, options, observer)
     }
 
     fn compare(&mut self, options: &RunOptions) -> Result<()> {
