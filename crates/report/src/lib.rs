@@ -44,7 +44,6 @@ pub use attitude::run_page;
 pub use attitude::run_report::{FinalTest, RunReport, SensorUpdates};
 pub use calibration::allan::render as allan_html;
 pub use calibration::magnetometer::render as magnetometer_html;
-pub use experiments::campaign::{CampaignReport, TrackerCurves};
 pub use experiments::campaign_outcome;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
 pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};

@@ -163,11 +163,7 @@ impl Tally {
             (field, &mut self.updates.magnetometer),
         ];
         for (_, counts) in used.into_iter().filter(|(present, _)| *present) {
-            counts.skipped += 1;
-            *counts
-                .skipped_because
-                .entry("used for the calibration")
-                .or_default() += 1;
+            counts.skip_because("used for the calibration");
         }
     }
 

@@ -67,7 +67,7 @@ pub(crate) fn innovations(trace: &Trace) -> Option<Figure> {
 
 fn keys(trace: &Trace) -> Vec<Key> {
     let outcomes = trace.positions.items().iter().map(|p| p.outcome);
-    residuals::keys(outcomes, |fate| match fate {
+    residuals::keys(&outcomes, |fate| match fate {
         Fate::Fused => "used",
         Fate::Inflated => "accepted after several outliers",
         Fate::Gated => "refused as an outlier",

@@ -10,6 +10,7 @@ use crate::page::table::{Cell, Column, Table};
 use northing_evaluation::navigation::score::{OutageScore, PositionScore};
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{NavigationKind, NavigationSummary};
+use northing_evaluation::statistics::median;
 
 /// How the page is read.
 const READING: &str = "Positions are metres from the first fix. An ellipse, or a band of 95 %, holds the truth 95 times \
@@ -320,8 +321,7 @@ fn outage_consistency(outages: &[OutageScore]) -> Option<Verdict> {
         .filter_map(|o| o.horizontal_error_m)
         .collect();
     errors.sort_by(f64::total_cmp);
-    let middle = errors.get(errors.len() / 2).copied()?;
-    let low = errors.get((errors.len() - 1) / 2).copied()?;
+    let median = median(&errors)?;
     // Of a dozen, one or two outside are chance.
     let tone = if 10 * inside >= 8 * all {
         Tone::Good
@@ -332,7 +332,7 @@ fn outage_consistency(outages: &[OutageScore]) -> Option<Verdict> {
         tone,
         format!(
             "Outages: {inside} of {all} ended inside the 95 % ellipse that was predicted, with a median error of {} m.",
-            metres(0.5 * (low + middle))
+            metres(median)
         ),
     ))
 }
