@@ -19,6 +19,7 @@
 //! | `navigation.rs`, `navigation_plots.rs` | the page of a navigation run: track, outages, the paper's figures |
 //! | `navigation_picture.rs` | those figures as one picture |
 //! | `map.rs` | a map with its scale and grid |
+//! | `rows.rs`, `residuals.rs` | marks in rows, residuals by what became of each |
 //! | `style.rs` | colours of both themes, layout, print |
 //!
 //! The plots are written here and not by a plotting library because they need fractions of a

@@ -19,7 +19,6 @@ use northing_core::kalman::covariance::normalized_square;
 use serde::Serialize;
 
 use crate::attitude::Instant;
-use crate::named;
 
 /// 95 % of chi-square with 3 degrees of freedom lie between these.
 const BOUNDS: [f64; 2] = [0.22, 9.35];
@@ -40,7 +39,7 @@ const HAND_NOTE_DEG: f64 = 3.0;
 /// A window never holds more samples than this, however many share a second.
 const MOST_SAMPLES: usize = 5000;
 
-named! {
+crate::named! {
     /// Whether the covariance at the end fits the error at the end.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
     #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
