@@ -5,6 +5,9 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use northing_recording::{Event, RecordingError};
+
+use crate::interrupt::interruptible;
 
 /// Nothing is drawn before this has passed.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -107,6 +110,15 @@ impl SharedProgress {
             progress.step();
         }
     }
+}
+
+/// Events as they come, until the program is interrupted, with their progress.
+pub(crate) fn watched(
+    events: impl IntoIterator<Item = Result<Event, RecordingError>>,
+    what: &str,
+) -> impl Iterator<Item = Result<Event, RecordingError>> {
+    let mut progress = Progress::of_stream(what);
+    interruptible(events).inspect(move |_| progress.event())
 }
 
 impl Drop for Progress {

@@ -49,11 +49,10 @@ pub mod statistics;
 pub mod tracking;
 pub mod used_parameters;
 
-pub use attitude::kinds::EstimatorKind;
-pub use attitude::observer::{EstimateRecord, InnovationRecord, RunObserver, TraceObserver};
-pub use attitude::options::{RunOptions, SensorSelection};
-pub use attitude::outcome::RunSummary;
-pub use attitude::parameters::Profile;
 pub use attitude::runner::{run, run_recording};
+pub use attitude::{
+    EstimateRecord, EstimatorKind, InnovationRecord, Profile, RunObserver, RunOptions, RunSummary,
+    SensorSelection, TraceObserver,
+};
 pub use error::EvaluationError;
 pub use used_parameters::{Origin, PROGRAM, UsedParameter};

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use northing_core::kalman::Outcome;
-use northing_evaluation::attitude::trace::{InnovationPoint, Trace, TracePoint};
+use northing_evaluation::attitude::{InnovationPoint, Trace, TracePoint};
 use northing_evaluation::{Origin, UsedParameter};
 use northing_report::{
     Best, Cell, Column, ComparedRun, ComparisonReport, Distribution, Fact, FinalTest, HeroPicture,

@@ -15,10 +15,11 @@
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
-//! | `tracking.rs`, `tracking_map.rs` | sections of [`TrackingReport`], the map of tracks |
+//! | `tracking/` | the page of a tracking run, the map of tracks |
 //! | `navigation.rs`, `navigation_plots.rs` | the page of a navigation run: track, outages, the paper's figures |
 //! | `navigation_picture.rs` | those figures as one picture |
 //! | `map.rs` | a map with its scale and grid |
+//! | `rows.rs`, `residuals.rs` | marks in rows, residuals by what became of each |
 //! | `style.rs` | colours of both themes, layout, print |
 //!
 //! The plots are written here and not by a plotting library because they need fractions of a
@@ -44,7 +45,6 @@ pub use attitude::run_page;
 pub use attitude::run_report::{FinalTest, RunReport, SensorUpdates};
 pub use calibration::allan::render as allan_html;
 pub use calibration::magnetometer::render as magnetometer_html;
-pub use experiments::campaign::{CampaignReport, TrackerCurves};
 pub use experiments::campaign_outcome;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
 pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};
@@ -52,4 +52,3 @@ pub use page::facts::{Fact, Source, Tone, Verdict};
 pub use page::setup::setup_of;
 pub use page::table::{Best, Cell, Column, Table};
 pub use tracking::followed_targets;
-pub use tracking::page::TrackingReport;

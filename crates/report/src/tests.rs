@@ -8,7 +8,7 @@ use crate::page::markup_checks::{
 };
 use northing_evaluation::Origin;
 use northing_evaluation::UsedParameter;
-use northing_evaluation::attitude::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
+use northing_evaluation::attitude::{InnovationPoint, PositionPoint, Trace, TracePoint};
 
 /// A trace with everything in it: wrapping heading, a gap in the reference, gated updates.
 fn full_trace(samples: u64, capacity: usize) -> Trace {

@@ -5,12 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::EvaluationError;
-use northing_evaluation::attitude::calibrations::Calibrations;
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::observer::RunObserver;
-use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
-use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::attitude::runner::run;
+use northing_evaluation::attitude::{
+    Calibrations, EstimatorKind, RunObserver, RunOptions, RunSummary, SensorSelection,
+};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use northing_evaluation::calibration::set::CalibrationSet;
@@ -25,7 +23,7 @@ use crate::arguments::settings::SettingArgs;
 use crate::files::magnetometer_calibration;
 use crate::files::rest_calibration;
 use crate::files::shown;
-use crate::interrupt::interruptible;
+use crate::progress::watched;
 
 /// Options about the estimation.
 #[derive(Debug, Clone, Args)]
@@ -227,20 +225,24 @@ pub(crate) fn run_over(
     name: &str,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
-    mut on_event: impl FnMut(),
 ) -> Result<RunSummary> {
     let options = RunOptions {
         recording: name.to_owned(),
         world_frame: recording.metadata().world_frame,
         ..options.clone()
     };
-    let events = interruptible(recording.by_ref()).inspect(|_| on_event());
-    let mut summary = match run(events, &options, observer) {
-        Ok(summary) => summary,
-        // Its message begins with the file already.
-        Err(error @ EvaluationError::Recording(_)) => return Err(error.into()),
-        Err(error) => return Err(anyhow::Error::from(error).context(name.to_owned())),
-    };
+    let events = watched(recording.by_ref(), "estimating");
+    let summary = run(events, &options, observer);
+    let mut summary = summary.map_err(|error| of_recording(error, name))?;
     summary.issues.splice(0..0, recording.issues().sentences());
     Ok(summary)
+}
+
+/// What went wrong with a recording, its name before it.
+pub(crate) fn of_recording(error: EvaluationError, name: &str) -> anyhow::Error {
+    match error {
+        // Its message begins with the file already.
+        error @ EvaluationError::Recording(_) => error.into(),
+        error => anyhow::Error::from(error).context(name.to_owned()),
+    }
 }

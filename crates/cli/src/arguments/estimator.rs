@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::EstimatorKind;
 use northing_evaluation::navigation::NavigationKind;
 use northing_recording::SensorKind;
 

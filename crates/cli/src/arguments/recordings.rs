@@ -4,8 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use northing_evaluation::attitude::calibrations::Calibrations;
-use northing_evaluation::attitude::options::RunOptions;
+use northing_evaluation::attitude::{Calibrations, RunOptions};
 use northing_recording::{OpenOptions, RecordingError, open};
 
 /// Endings of files that may be recordings.

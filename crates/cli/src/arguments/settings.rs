@@ -6,9 +6,8 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::options::RunOptions;
-use northing_evaluation::attitude::parameters::{Profile, parameters_of};
+use northing_evaluation::attitude::parameters::parameters_of;
+use northing_evaluation::attitude::{EstimatorKind, Profile, RunOptions};
 use northing_evaluation::navigation::NavigationOptions;
 use northing_evaluation::{EvaluationError, Origin, by_name};
 use serde_json::{Map, Value as Json};

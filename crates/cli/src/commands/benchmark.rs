@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
+use northing_evaluation::attitude::EstimatorKind;
 use northing_evaluation::attitude::compare::{CompareOptions, Score, TableRow, scores, statistics};
-use northing_evaluation::attitude::kinds::EstimatorKind;
 use serde::Serialize;
 
 use crate::arguments::estimation::{Asked, EstimationArgs};

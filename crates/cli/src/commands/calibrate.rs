@@ -97,11 +97,7 @@ impl OutputArgs {
         let out = self
             .file()
             .map(|path| format!("Written to {}\n", path.display()));
-        let report = report.map(|path| {
-            report_written(path)
-                + "
-"
-        });
+        let report = report.map(|path| format!("{}\n", report_written(path)));
         out.into_iter().chain(report).collect()
     }
 }

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::attitude::compare::{CompareOptions, scores};
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::outcome::RunSummary;
+use northing_evaluation::attitude::final_test::FinalVerdict;
+use northing_evaluation::attitude::{EstimatorKind, RunSummary};
 
 use crate::arguments::estimation::{Asked, EstimationArgs};
 use crate::arguments::input::InputArgs;
@@ -15,7 +15,6 @@ use crate::commands::comparison::{self, Outcome, describe, notes, streams};
 use crate::files::STDIN;
 use crate::files::output::{ReportArgs, number, print, print_json};
 use crate::invocation::command_line;
-use crate::text::attitude as text;
 use crate::text::table::Table;
 use northing_report::compared_runs::{self, Run};
 
@@ -151,7 +150,7 @@ fn cells(summary: &RunSummary) -> Vec<String> {
     let number = |value: Option<f64>| number(value, 2);
     let error = summary.error_deg;
     let test = summary.final_test.as_ref();
-    let verdict = test.and_then(|test| test.verdict).map(text::verdict_word);
+    let verdict = test.and_then(|test| test.verdict).map(FinalVerdict::name);
     vec![
         summary.estimator.to_string(),
         number(error.map(|e| e.total_rmse)),

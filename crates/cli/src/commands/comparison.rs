@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use northing_evaluation::EvaluationError;
+use northing_evaluation::attitude::TraceObserver;
 use northing_evaluation::attitude::compare::{
     CompareOptions, MeanMedian, Score, compare_observed, distinct, statistics, totals,
 };
-use northing_evaluation::attitude::observer::TraceObserver;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_recording::Metadata;
 use northing_report::compared_runs::Run;

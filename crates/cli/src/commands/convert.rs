@@ -12,8 +12,7 @@ use crate::arguments::input::{DataArgs, InputArgs};
 use crate::files::has_extension;
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::files::shown;
-use crate::interrupt::interruptible;
-use crate::progress::Progress;
+use crate::progress::watched;
 
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
@@ -126,11 +125,9 @@ fn write_recording(recording: &mut Recording, output: &Path, args: &ConvertArgs)
     let metadata = recording.metadata().clone();
     let sensors = recording.sensors().to_vec();
     let mut writer = create(output, &metadata, &sensors, args.force)?;
-    let mut progress = Progress::of_stream("converting");
     let mut samples = 0;
-    for event in interruptible(recording) {
+    for event in watched(recording, "converting") {
         writer.write(&event?)?;
-        progress.event();
         samples += 1;
     }
     writer.finish()?;
@@ -139,11 +136,9 @@ fn write_recording(recording: &mut Recording, output: &Path, args: &ConvertArgs)
 
 /// The fixes of a satellite receiver as a track.
 fn write_fixes(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> Result<u64> {
-    let mut progress = Progress::of_stream("converting");
     let mut points = Vec::new();
-    for event in interruptible(recording.by_ref()) {
+    for event in watched(recording.by_ref(), "converting") {
         let event = event?;
-        progress.event();
         if let Sample::GnssPosition(fix) = event.sample
             && fix.is_usable()
         {
@@ -181,12 +176,10 @@ fn write_trajectory(recording: &mut Recording, output: &Path, args: &ConvertArgs
     }
     let from_reference = sensors.contains(&Reference);
     let mut writer = TumWriter::create(output, args.force)?;
-    let mut progress = Progress::of_stream("converting");
     let mut position = Vector3::zeros();
     let mut samples = 0;
-    for event in interruptible(recording) {
+    for event in watched(recording, "converting") {
         let event = event?;
-        progress.event();
         let attitude = match event.sample {
             Sample::Position(p) if event.sample.is_finite() => {
                 position = p;

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::EstimatorKind;
 use northing_evaluation::by_name;
 use northing_evaluation::navigation::NavigationKind;
 use northing_evaluation::registry::{Listed, Question, listed};

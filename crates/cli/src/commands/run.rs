@@ -6,9 +6,8 @@ mod navigation;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
-use northing_evaluation::attitude::calibrations::Calibrations;
-use northing_evaluation::attitude::observer::TraceObserver;
 use northing_evaluation::attitude::setup::RunSetup;
+use northing_evaluation::attitude::{Calibrations, TraceObserver};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::estimation::{Asked, run_over};
@@ -19,7 +18,6 @@ use crate::files::output::{
 };
 use crate::files::shown;
 use crate::invocation::command_line;
-use crate::progress::Progress;
 use crate::text::attitude as text;
 pub(crate) use arguments::RunArgs;
 use northing_report::{TRACE_CAPACITY, run_page, setup_of};
@@ -77,13 +75,8 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let trace = traced.map(|_| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame));
     // Plots and a file, each where it is asked for.
     let mut watchers = (trace, file);
-    let mut progress = Progress::of_stream("estimating");
     let name = shown(&args.recording);
-    let summary = run_over(&mut recording, &name, &options, &mut watchers, || {
-        progress.event();
-    });
-    drop(progress);
-    let summary = summary?;
+    let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
     let (trace, file) = watchers;
     let mut written = Vec::new();
     if let (Some(path), Some(trace)) = (&args.report, trace) {

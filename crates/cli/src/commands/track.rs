@@ -145,7 +145,7 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         })?);
     }
     if let (Some(path), [summary]) = (&args.report, &summaries[..]) {
-        let html = followed_targets::render(summary, &epochs, command_line());
+        let html = followed_targets::render(summary, &epochs, &command_line());
         write_whole(path, html.as_bytes(), args.force)?;
     }
     match &summaries[..] {

@@ -4,8 +4,8 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
+use northing_evaluation::attitude::EstimatorKind;
 use northing_evaluation::attitude::compare::{ErrorsDeg, Score, folder_of};
-use northing_evaluation::attitude::kinds::EstimatorKind;
 
 use crate::files::shown;
 

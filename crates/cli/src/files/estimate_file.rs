@@ -8,8 +8,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use northing_core::geometry::rotation;
 use northing_core::nalgebra::{Matrix3, Vector3};
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::observer::{EstimateRecord, RunObserver};
+use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, RunObserver};
 use northing_recording::{AtomicFile, TumWriter};
 
 use crate::files::has_extension;

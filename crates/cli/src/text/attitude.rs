@@ -2,8 +2,7 @@
 
 use std::fmt::Write as _;
 
-use northing_evaluation::attitude::final_test::FinalVerdict;
-use northing_evaluation::attitude::outcome::{PositionSummary, RunSummary};
+use northing_evaluation::attitude::{PositionSummary, RunSummary};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::statistics::consistency::nees_in_words;
 use northing_evaluation::statistics::nis::UpdateCounts;
@@ -32,24 +31,14 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
     if let Some(nees) = summary.nees_mean {
         sheet.row("uncertainty", nees_in_words(nees));
     }
-    sensor(
-        &mut sheet,
-        summary,
-        SensorKind::Accelerometer,
-        &summary.updates.accelerometer,
-    );
-    sensor(
-        &mut sheet,
-        summary,
-        SensorKind::Magnetometer,
-        &summary.updates.magnetometer,
-    );
-    sensor(
-        &mut sheet,
-        summary,
-        SensorKind::CompassHeading,
-        &summary.updates.compass,
-    );
+    let updates = &summary.updates;
+    for (kind, counts) in [
+        (SensorKind::Accelerometer, &updates.accelerometer),
+        (SensorKind::Magnetometer, &updates.magnetometer),
+        (SensorKind::CompassHeading, &updates.compass),
+    ] {
+        sensor(&mut sheet, summary, kind, counts);
+    }
     if let Some(position) = &summary.position {
         sheet.row("position", place(position));
     }
@@ -136,13 +125,4 @@ fn sensor(sheet: &mut Sheet, summary: &RunSummary, kind: SensorKind, counts: &Up
         text.push_str(sentence);
     }
     sheet.row(kind.name(), text);
-}
-
-/// A verdict of the final test in a word.
-pub(crate) fn verdict_word(verdict: FinalVerdict) -> &'static str {
-    match verdict {
-        FinalVerdict::Consistent => "consistent",
-        FinalVerdict::Overconfident => "overconfident",
-        FinalVerdict::Conservative => "conservative",
-    }
 }

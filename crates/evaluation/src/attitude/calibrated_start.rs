@@ -11,9 +11,7 @@ use northing_core::attitude::{AttitudeConfig, InitialState, References};
 use northing_core::calibration::{RestCalibration, RestCalibrator, RestLimits, Sensor};
 use northing_core::parameters::Value;
 
-use crate::attitude::instants::Instant;
-use crate::attitude::options::{RunOptions, SensorSelection};
-use crate::attitude::parameters::Profile;
+use crate::attitude::{Instant, Profile, RunOptions, SensorSelection};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
 use crate::statistics::seconds_between;

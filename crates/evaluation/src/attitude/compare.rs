@@ -6,13 +6,10 @@ use northing_recording::{Metadata, OpenOptions};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::attitude::calibrations::Calibrations;
-use crate::attitude::kinds::EstimatorKind;
-use crate::attitude::observer::RunObserver;
-use crate::attitude::options::RunOptions;
-use crate::attitude::outcome::RunSummary;
 use crate::attitude::runner;
+use crate::attitude::{Calibrations, EstimatorKind, RunObserver, RunOptions, RunSummary};
 use crate::error::EvaluationError;
+use crate::statistics::median;
 
 /// What is compared, and how.
 #[derive(Debug, Clone)]
@@ -135,16 +132,9 @@ impl MeanMedian {
     #[must_use]
     pub fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
-        let (n, half) = (values.len(), values.len() / 2);
-        let upper = *values.get(half)?;
-        let median = if n % 2 == 1 {
-            upper
-        } else {
-            0.5 * (values[half - 1] + upper)
-        };
         Some(Self {
-            mean: values.iter().sum::<f64>() / n as f64,
-            median,
+            mean: values.iter().sum::<f64>() / values.len() as f64,
+            median: median(&values)?,
         })
     }
 }

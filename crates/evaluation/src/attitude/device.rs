@@ -8,11 +8,8 @@ use std::collections::VecDeque;
 
 use nalgebra::UnitQuaternion;
 
-use crate::attitude::instants::Instant;
-use crate::attitude::observer::{EstimateRecord, RunObserver};
-use crate::attitude::options::RunOptions;
-use crate::attitude::outcome::RunSummary;
 use crate::attitude::tally::Tally;
+use crate::attitude::{EstimateRecord, Instant, RunObserver, RunOptions, RunSummary};
 use crate::error::EvaluationError;
 
 /// Longest pause between reports that is interpolated across, ns.

@@ -18,7 +18,7 @@ use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::covariance::normalized_square;
 use serde::Serialize;
 
-use crate::attitude::instants::Instant;
+use crate::attitude::Instant;
 
 /// 95 % of chi-square with 3 degrees of freedom lie between these.
 const BOUNDS: [f64; 2] = [0.22, 9.35];
@@ -39,17 +39,19 @@ const HAND_NOTE_DEG: f64 = 3.0;
 /// A window never holds more samples than this, however many share a second.
 const MOST_SAMPLES: usize = 5000;
 
-/// Whether the covariance at the end fits the error at the end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-#[serde(rename_all = "kebab-case")]
-pub enum FinalVerdict {
-    /// The error is as large as the filter says.
-    Consistent,
-    /// The error is larger than the filter says.
-    Overconfident,
-    /// The error is smaller than the filter says.
-    Conservative,
+crate::named! {
+    /// Whether the covariance at the end fits the error at the end.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum FinalVerdict {
+        /// The error is as large as the filter says.
+        Consistent = "consistent",
+        /// The error is larger than the filter says.
+        Overconfident = "overconfident",
+        /// The error is smaller than the filter says.
+        Conservative = "conservative",
+    }
 }
 
 /// The outcome of the final test: `final` in a summary.
@@ -178,12 +180,7 @@ fn compare(
 
 /// `predicted` is the standard deviation, deg, that the verdict was made with.
 fn sentence(calculated: f64, predicted: Option<f64>, verdict: Option<FinalVerdict>) -> String {
-    let word = match verdict {
-        Some(FinalVerdict::Consistent) => "consistent",
-        Some(FinalVerdict::Overconfident) => "overconfident",
-        Some(FinalVerdict::Conservative) => "conservative",
-        None => "",
-    };
+    let word = verdict.map_or("", FinalVerdict::name);
     let judged = match predicted.filter(|_| verdict.is_some()) {
         Some(predicted) => format!("predicted {predicted:.2} deg: {word}."),
         None => "no prediction: this estimator has no covariance.".to_owned(),

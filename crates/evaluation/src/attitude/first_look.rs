@@ -16,9 +16,7 @@ use nalgebra::Vector3;
 use northing_core::calibration::RestCalibration;
 
 use crate::attitude::calibrated_start::is_of_this_place;
-use crate::attitude::instants::Instant;
-use crate::attitude::kinds::EstimatorKind;
-use crate::attitude::options::RunOptions;
+use crate::attitude::{EstimatorKind, Instant, RunOptions};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::error::EvaluationError;
 use crate::used_parameters::Origin;

@@ -17,7 +17,8 @@ use northing_core::attitude::{
 use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::parameters::{Parameters, parameters_of};
+use crate::attitude::Parameters;
+use crate::attitude::parameters::parameters_of;
 use crate::error::EvaluationError;
 
 crate::named::estimators! {

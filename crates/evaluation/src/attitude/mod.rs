@@ -35,3 +35,12 @@ pub mod runner;
 pub mod setup;
 mod tally;
 pub mod trace;
+
+pub use calibrations::Calibrations;
+pub use instants::{Instant, Instants};
+pub use kinds::{AnyEstimator, EstimatorKind};
+pub use observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver};
+pub use options::{CompassUse, RunOptions, SensorSelection};
+pub use outcome::{Gaps, NisOf, PerSensor, PositionRms, PositionSummary, RunSummary};
+pub use parameters::{CascadeRotation, Parameters, Profile};
+pub use trace::{InnovationPoint, PositionPoint, Trace, TracePoint};

@@ -1,6 +1,6 @@
 //! Observability: what a choice of sensors cannot determine, in words.
 
-use crate::attitude::options::SensorSelection;
+use crate::attitude::SensorSelection;
 use crate::calibration::magnetometer::MagnetometerSource;
 
 /// Which sensors gave samples that were usable, among those chosen.

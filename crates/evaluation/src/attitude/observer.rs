@@ -7,7 +7,7 @@ use northing_core::kalman::{Innovation, Outcome};
 use northing_recording::{Reference, SensorKind, WorldFrame};
 
 use crate::attitude::options::tangent_frame;
-use crate::attitude::trace::{InnovationPoint, PositionPoint, Trace, TracePoint};
+use crate::attitude::{InnovationPoint, PositionPoint, Trace, TracePoint};
 use crate::observers::observers;
 use crate::statistics::metrics::AttitudeError;
 

@@ -9,8 +9,8 @@ use northing_core::geometry::frames::TangentFrame;
 use northing_recording::{Event, WorldFrame};
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::kinds::EstimatorKind;
-use crate::attitude::parameters::{self, Parameters, Profile};
+use crate::attitude::parameters::{self};
+use crate::attitude::{EstimatorKind, Parameters, Profile};
 use crate::by_name;
 use crate::calibration::magnetometer::{MagnetometerSource, MagnetometerStreamCalibration};
 use crate::error::EvaluationError;

@@ -6,8 +6,7 @@ use northing_recording::SensorKind;
 use serde::Serialize;
 
 use crate::attitude::final_test::FinalSummary;
-use crate::attitude::kinds::EstimatorKind;
-use crate::attitude::parameters::Profile;
+use crate::attitude::{EstimatorKind, Profile};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::SensorVerdict;
 use crate::statistics::metrics::ErrorSummary;

@@ -9,7 +9,7 @@ use northing_core::navigation::cascade::CascadeConfig;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::EstimatorKind;
 use crate::by_name;
 pub(crate) use crate::by_name::Row;
 use crate::error::EvaluationError;

@@ -15,15 +15,13 @@ use northing_recording::{Event, Recording, SensorKind};
 use crate::attitude::calibrated_start::{self, CalibrationPhase};
 use crate::attitude::device;
 use crate::attitude::first_look::FirstLook;
-use crate::attitude::instants::{Instant, Instants};
-use crate::attitude::kinds::{AnyEstimator, EstimatorKind};
-use crate::attitude::observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver};
-use crate::attitude::options::RunOptions;
-use crate::attitude::outcome::RunSummary;
-use crate::attitude::parameters::{CascadeRotation, Parameters};
 use crate::attitude::rts_smoother::bounded_velocity::Steps;
 use crate::attitude::rts_smoother::{Recorder, Smoother};
 use crate::attitude::tally::Tally;
+use crate::attitude::{
+    AnyEstimator, CascadeRotation, EstimateRecord, EstimatorKind, InnovationRecord, Instant,
+    Instants, Parameters, PositionRecord, RunObserver, RunOptions, RunSummary,
+};
 use crate::error::EvaluationError;
 use position_observer::PositionObserver;
 

@@ -9,9 +9,8 @@ use northing_core::attitude::{InitialState, References};
 use northing_core::calibration::RestCalibration;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::kinds::EstimatorKind;
-use crate::attitude::options::{RunOptions, SensorSelection};
-use crate::attitude::parameters::{self, Parameters, Profile};
+use crate::attitude::parameters::{self};
+use crate::attitude::{EstimatorKind, Parameters, Profile, RunOptions, SensorSelection};
 use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 use crate::error::EvaluationError;
 use crate::used_parameters::{Origin, Origins, PROGRAM};

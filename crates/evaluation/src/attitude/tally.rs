@@ -10,12 +10,10 @@ use northing_recording::SensorKind;
 
 use crate::attitude::field_watch::FieldWatch;
 use crate::attitude::final_test::FinalTest;
-use crate::attitude::instants::Instant;
-use crate::attitude::kinds::EstimatorKind;
 use crate::attitude::observability::{self, Present};
-use crate::attitude::observer::EstimateRecord;
-use crate::attitude::options::RunOptions;
-use crate::attitude::outcome::{Gaps, NisOf, PerSensor, RunSummary};
+use crate::attitude::{
+    EstimateRecord, EstimatorKind, Gaps, Instant, NisOf, PerSensor, RunOptions, RunSummary,
+};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, SensorVerdict};
 use crate::statistics::metrics::ErrorStatistics;
@@ -165,11 +163,7 @@ impl Tally {
             (field, &mut self.updates.magnetometer),
         ];
         for (_, counts) in used.into_iter().filter(|(present, _)| *present) {
-            counts.skipped += 1;
-            *counts
-                .skipped_because
-                .entry("used for the calibration")
-                .or_default() += 1;
+            counts.skip_because("used for the calibration");
         }
     }
 

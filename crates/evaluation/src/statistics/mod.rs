@@ -18,3 +18,16 @@ pub mod thinned;
 pub(crate) fn seconds_between(from_ns: i64, to_ns: i64) -> f64 {
     to_ns.saturating_sub(from_ns) as f64 * 1e-9
 }
+
+/// Median of sorted values; `None` without any.
+#[must_use]
+pub fn median(sorted: &[f64]) -> Option<f64> {
+    let half = sorted.len() / 2;
+    let upper = *sorted.get(half)?;
+    let odd = !sorted.len().is_multiple_of(2);
+    Some(if odd {
+        upper
+    } else {
+        0.5 * (sorted[half - 1] + upper)
+    })
+}

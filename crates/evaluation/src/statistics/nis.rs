@@ -38,11 +38,13 @@ impl UpdateCounts {
 
     /// Counts one skipped sample.
     pub fn skip(&mut self, reason: SkipReason) {
+        self.skip_because(reason.description());
+    }
+
+    /// Counts one that was skipped for a reason beside those of the filters.
+    pub(crate) fn skip_because(&mut self, reason: &'static str) {
         self.skipped += 1;
-        *self
-            .skipped_because
-            .entry(reason.description())
-            .or_default() += 1;
+        *self.skipped_because.entry(reason).or_default() += 1;
     }
 
     /// Share of the samples looked at that the gate refused, 0 to 1.

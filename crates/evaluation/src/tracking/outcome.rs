@@ -135,9 +135,9 @@ struct TargetTally {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Score {
     targets: BTreeMap<u32, TargetTally>,
-    confirmed: BTreeSet<u32>,
+    pub(super) confirmed: BTreeSet<u32>,
     matched: BTreeSet<u32>,
-    false_epochs: usize,
+    pub(super) false_epochs: usize,
     gospa_sum: f64,
     gospa_count: usize,
 }
@@ -174,19 +174,11 @@ impl Score {
         each.map(|(number, tally)| tally.summary(*number)).collect()
     }
 
-    pub(super) fn confirmed_tracks(&self) -> usize {
-        self.confirmed.len()
-    }
-
     pub(super) fn false_tracks(&self) -> usize {
         if self.targets.is_empty() {
             return 0;
         }
         self.confirmed.difference(&self.matched).count()
-    }
-
-    pub(super) fn false_track_epochs(&self) -> usize {
-        self.false_epochs
     }
 
     pub(super) fn gospa_m(&self) -> Option<f64> {
@@ -255,8 +247,8 @@ mod tests {
         assert_relative_eq!(target.median_error_m.unwrap(), 4.0);
         // 3^2/4 and 4^2/4 are inside 5.99, 25^2/4 is not
         assert_relative_eq!(target.inside_95.unwrap(), 2.0 / 3.0);
-        assert_eq!((score.confirmed_tracks(), score.false_tracks()), (3, 1));
-        assert_eq!(score.false_track_epochs(), 1);
+        assert_eq!((score.confirmed.len(), score.false_tracks()), (3, 1));
+        assert_eq!(score.false_epochs, 1);
     }
 
     #[test]
@@ -264,6 +256,6 @@ mod tests {
         let mut score = Score::default();
         score.seen(&[track(1, 3.0)]);
         assert!(score.targets().is_empty() && score.gospa_m().is_none());
-        assert_eq!((score.confirmed_tracks(), score.false_tracks()), (1, 0));
+        assert_eq!((score.confirmed.len(), score.false_tracks()), (1, 0));
     }
 }

@@ -168,11 +168,6 @@ pub struct Campaign {
     runs: u64,
 }
 
-/// Adds the records of runs to sums.
-struct Adder {
-    sums: CampaignSums,
-}
-
 /// `e^T P^-1 e`, also for matrices that are not positive: what a broken recursion gives is shown.
 fn normalized<const N: usize>(
     error: &nalgebra::SVector<f64, N>,
@@ -181,9 +176,9 @@ fn normalized<const N: usize>(
     inverse.map_or(f64::NAN, |inverse| error.dot(&(inverse * error)))
 }
 
-impl RunWatcher for Adder {
+impl RunWatcher for CampaignSums {
     fn scan(&mut self, step: usize, navigation: &NavigationRecord, _target: &Vector4<f64>) {
-        let Some(sums) = self.sums.navigation.get_mut(step) else {
+        let Some(sums) = self.navigation.get_mut(step) else {
             return;
         };
         let mut error = navigation.true_pose - navigation.pose;
@@ -203,8 +198,8 @@ impl RunWatcher for Adder {
         record: &TrackRecord<'_>,
         target: &Vector4<f64>,
     ) {
-        self.sums.skipped[index] += u64::from(record.skipped);
-        let Some(sums) = self.sums.trackers[index].get_mut(step) else {
+        self.skipped[index] += u64::from(record.skipped);
+        let Some(sums) = self.trackers[index].get_mut(step) else {
             return;
         };
         let (position, velocity, nees) = match record.estimate {
@@ -287,22 +282,17 @@ impl Campaign {
             return Err(CampaignError::NoSuchShard { text });
         }
         let started = Instant::now();
-        let empty = || Adder {
-            sums: CampaignSums::new(&self.kinds, self.world.scans()),
-        };
-        let adders = range
+        let empty = || CampaignSums::new(&self.kinds, self.world.scans());
+        let sums = range
             .clone()
             .into_par_iter()
-            .fold(empty, |mut adder, number| {
-                run(&self.world, &self.kinds, self.seed, number, &mut adder);
-                adder.sums.runs += 1;
+            .fold(empty, |mut sums, number| {
+                run(&self.world, &self.kinds, self.seed, number, &mut sums);
+                sums.runs += 1;
                 done();
-                adder
+                sums
             });
-        let sums = adders.map(|adder| adder.sums).reduce(
-            || CampaignSums::new(&self.kinds, self.world.scans()),
-            |a, b| a.merged(&b),
-        );
+        let sums = sums.reduce(empty, |a, b| a.merged(&b));
         Ok(Part {
             key: CampaignKey {
                 scenario: self.world.scenario().clone(),

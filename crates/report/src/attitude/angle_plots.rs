@@ -4,7 +4,7 @@ use crate::drawing::axis::{self, Axis};
 use crate::drawing::curves::{angle_axis, band, curve, error_limit, is_drawn, time_axis};
 use crate::drawing::plot::{Figure, Key, Layer, Panel, Sign, key};
 use crate::drawing::series::{BandPoint, Point};
-use northing_evaluation::attitude::trace::{Trace, TracePoint};
+use northing_evaluation::attitude::{Trace, TracePoint};
 
 /// Heading, pitch and roll with their bands, the reference and the device's own; `None` without
 /// estimates.

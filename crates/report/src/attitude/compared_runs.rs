@@ -9,9 +9,7 @@ use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::compare::{
     Compared, MeanMedian, Score, TableRow, distinct, statistics, totals,
 };
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::observer::TraceObserver;
-use northing_evaluation::attitude::outcome::RunSummary;
+use northing_evaluation::attitude::{EstimatorKind, RunSummary, TraceObserver};
 
 /// A run with what its plots need, where they are wanted.
 pub type Run = Compared<Option<TraceObserver>>;

@@ -8,7 +8,7 @@ use crate::page::facts::{Fact, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Table};
 use northing_evaluation::UsedParameter;
-use northing_evaluation::attitude::trace::Trace;
+use northing_evaluation::attitude::Trace;
 
 /// What a comparison's report shows. Sections without data are left out.
 #[derive(Debug, Clone, Default)]

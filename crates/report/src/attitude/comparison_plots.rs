@@ -7,7 +7,8 @@ use crate::drawing::plot::{Figure, Layer, Panel, Sign, key};
 use crate::drawing::rows::{Row, Rows};
 use crate::drawing::series::{self, Point};
 use crate::drawing::style::{SERIES, series_class};
-use northing_evaluation::attitude::trace::{Trace, TracePoint};
+use northing_evaluation::attitude::{Trace, TracePoint};
+use northing_evaluation::statistics::median;
 
 /// Room at the right for names of lines.
 const RIGHT: f64 = 150.0;
@@ -134,7 +135,7 @@ pub(crate) fn distribution(all: &[Distribution], runs: &[ComparedRun<'_>]) -> Op
             rows.push(Row {
                 name: one.name.as_str(),
                 class: format!("tag end s{}-fill", colour % SERIES),
-                note: format!("median {}", short(median(&errors))),
+                note: format!("median {}", short(median(&errors).unwrap_or(f64::NAN))),
                 marks: (colour, errors),
             });
         }
@@ -162,19 +163,9 @@ pub(crate) fn distribution(all: &[Distribution], runs: &[ComparedRun<'_>]) -> Op
         let dots = errors.iter().enumerate();
         let dots: Vec<Point> = dots.map(|(k, e)| [x(*e), y + lift(k)]).collect();
         svg.dots(&dots, &format!("dots big soft s{}", colour % SERIES));
-        let x = x(median(errors));
+        let x = x(median(errors).unwrap_or(f64::NAN));
         svg.lines(&[vec![[x, y - 16.0], [x, y + 16.0]]], "line bold mean");
     }))
-}
-
-/// Median of sorted values, which are not empty.
-fn median(sorted: &[f64]) -> f64 {
-    let half = sorted.len() / 2;
-    if sorted.len().is_multiple_of(2) {
-        0.5 * (sorted[half - 1] + sorted[half])
-    } else {
-        sorted[half]
-    }
 }
 
 #[cfg(test)]

@@ -3,8 +3,7 @@
 use crate::attitude::run_report::{FinalTest, RunReport, SensorUpdates};
 use crate::page::facts::{Fact, Tone, Verdict};
 use northing_evaluation::attitude::final_test::{FinalSummary, FinalVerdict};
-use northing_evaluation::attitude::outcome::RunSummary;
-use northing_evaluation::attitude::trace::Trace;
+use northing_evaluation::attitude::{RunSummary, Trace};
 use northing_evaluation::statistics::consistency::{
     NoiseVerdict, is_consistent_nees, nees_in_words,
 };

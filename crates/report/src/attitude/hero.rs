@@ -5,7 +5,7 @@ use crate::drawing::curves::{angle_axis, band, curve, short, time_axis};
 use crate::drawing::plot::{Figure, Layer, Panel, Sign, WIDTH, key};
 use crate::drawing::style;
 use crate::drawing::svg::Svg;
-use northing_evaluation::attitude::trace::{Trace, TracePoint};
+use northing_evaluation::attitude::{Trace, TracePoint};
 
 /// What the picture shows.
 #[derive(Debug, Clone, Copy)]

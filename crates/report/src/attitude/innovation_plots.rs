@@ -9,7 +9,7 @@ use crate::drawing::fate::Fate;
 use crate::drawing::plot::{DOTS, Figure, Key, Layer, Panel, Sign, key};
 use crate::drawing::residuals::{self, Residual};
 use crate::drawing::series::{self, Point};
-use northing_evaluation::attitude::trace::{InnovationPoint, Trace};
+use northing_evaluation::attitude::{InnovationPoint, Trace};
 
 /// Room at the right for the names of bounds.
 const RIGHT: f64 = 80.0;
@@ -58,7 +58,7 @@ impl Updates<'_> {
     }
 
     fn keys(&self) -> Vec<Key> {
-        let mut keys = residuals::keys(self.points.iter().map(|p| p.outcome), Fate::name);
+        let mut keys = residuals::keys(&self.points.iter().map(|p| p.outcome), Fate::name);
         keys.push(residuals::band_key());
         keys.push(key(Sign::Line, "line bold mean", "mean NIS of a window"));
         keys
@@ -127,7 +127,7 @@ fn nis_panel(updates: &Updates<'_>) -> Panel {
     let nis = |p: &&InnovationPoint| (p.outcome, [p.time_s, p.nis.max(LEAST_NIS)]);
     let sorted = axis::sorted(updates.points.iter().map(|p| p.nis));
     let high = (axis::quantile(&sorted, 0.9995) * 1.6).clamp(100.0, 1e6);
-    let mut layers: Vec<Layer> = residuals::dots(updates.points.iter().map(nis)).into();
+    let mut layers: Vec<Layer> = residuals::dots(&updates.points.iter().map(nis)).into();
     for (value, label) in bounds(updates.components) {
         layers.push(Layer::rule(value, label));
     }

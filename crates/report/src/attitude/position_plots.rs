@@ -5,7 +5,7 @@ use crate::drawing::fate::Fate;
 use crate::drawing::map::{self, Place, Scale};
 use crate::drawing::plot::{DOTS, Figure, Key, Panel, Sign, key};
 use crate::drawing::residuals::{self, Residual};
-use northing_evaluation::attitude::trace::{PositionPoint, Trace};
+use northing_evaluation::attitude::{PositionPoint, Trace};
 
 /// Room around a track, m.
 const ROOM_M: f64 = 1.0;
@@ -67,7 +67,7 @@ pub(crate) fn innovations(trace: &Trace) -> Option<Figure> {
 
 fn keys(trace: &Trace) -> Vec<Key> {
     let outcomes = trace.positions.items().iter().map(|p| p.outcome);
-    residuals::keys(outcomes, |fate| match fate {
+    residuals::keys(&outcomes, |fate| match fate {
         Fate::Fused => "used",
         Fate::Inflated => "accepted after several outliers",
         Fate::Gated => "refused as an outlier",

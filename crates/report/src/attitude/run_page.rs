@@ -2,8 +2,7 @@
 
 use crate::attitude::run_report::RunReport;
 use crate::page::facts::Fact;
-use northing_evaluation::attitude::outcome::RunSummary;
-use northing_evaluation::attitude::trace::Trace;
+use northing_evaluation::attitude::{RunSummary, Trace};
 use northing_recording::Metadata;
 
 /// The page of a run; `command` makes it again.

@@ -1,7 +1,7 @@
 //! The report of one run as plain data that any runner can fill.
 
 use northing_evaluation::UsedParameter;
-use northing_evaluation::attitude::trace::Trace;
+use northing_evaluation::attitude::Trace;
 
 use crate::page::facts::{Fact, Verdict};
 

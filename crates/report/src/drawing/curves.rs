@@ -1,6 +1,6 @@
 //! Curves, bands and axes that plots over time share.
 
-use northing_evaluation::attitude::trace::{Trace, TracePoint};
+use northing_evaluation::attitude::{Trace, TracePoint};
 
 use super::axis::{self, Axis};
 use super::series::{BandPoint, Point};

@@ -25,14 +25,14 @@ pub(crate) fn panel(name: &str, unit: &str, residuals: &[Residual]) -> Panel {
     let all: Vec<Point> = points.clone().map(|(_, point)| point).collect();
     let (limit, note) = error_limit(&all, &bounds, unit);
     let mut layers = vec![Layer::band(bounds, false)];
-    layers.extend(dots(points));
+    layers.extend(dots(&points));
     Panel::new(name, unit, Axis::linear(-limit, limit, 5), layers)
         .height(118.0)
         .note(note)
 }
 
 /// Dots, those refused on top.
-pub(crate) fn dots(points: impl Iterator<Item = (Outcome, Point)> + Clone) -> [Layer; 3] {
+pub(crate) fn dots(points: &(impl Iterator<Item = (Outcome, Point)> + Clone)) -> [Layer; 3] {
     Fate::ALL.map(|fate| {
         let of = points.clone().filter(|(o, _)| Fate::of(*o) == Some(fate));
         Layer::dots(of.map(|(_, point)| point).collect(), fate.class())
@@ -41,7 +41,7 @@ pub(crate) fn dots(points: impl Iterator<Item = (Outcome, Point)> + Clone) -> [L
 
 /// Keys of the fates that there are.
 pub(crate) fn keys(
-    outcomes: impl Iterator<Item = Outcome> + Clone,
+    outcomes: &(impl Iterator<Item = Outcome> + Clone),
     name: fn(Fate) -> &'static str,
 ) -> Vec<Key> {
     let shown = |fate: &Fate| outcomes.clone().any(|o| Fate::of(o) == Some(*fate));

@@ -1,4 +1,4 @@
-//! The report of a Monte Carlo campaign on trackers: the figures of Wilthil & Brekke (2016).
+//! Figures of a Monte Carlo campaign on trackers: those of Wilthil & Brekke (2016).
 
 use std::fmt::Write as _;
 
@@ -6,62 +6,41 @@ use crate::drawing::axis::{Axis, extent};
 use crate::drawing::plot::{Figure, Layer, Panel, line_key};
 use crate::drawing::series::Point;
 use crate::drawing::style::series_class;
-use crate::page::facts::{Fact, Verdict};
-use crate::page::html::{self, Frame, Page};
-use crate::page::table::{self, Table};
+use crate::page::html::{self, Page};
 
 /// One tracker's lines over time: `[t, value]`.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct TrackerCurves {
+pub(crate) struct TrackerCurves {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Root mean square position error, m.
-    pub position_rmse_m: Vec<[f64; 2]>,
+    pub(crate) position_rmse_m: Vec<[f64; 2]>,
     /// Root mean square velocity error, m/s.
-    pub velocity_rmse_m_s: Vec<[f64; 2]>,
+    pub(crate) velocity_rmse_m_s: Vec<[f64; 2]>,
     /// Mean NEES.
-    pub nees: Vec<[f64; 2]>,
+    pub(crate) nees: Vec<[f64; 2]>,
     /// Its track in one run: east and north, m.
-    pub track_m: Vec<[f64; 2]>,
+    pub(crate) track_m: Vec<[f64; 2]>,
 }
 
-/// What a campaign's report shows. Sections without data are left out.
+/// What the figures of a campaign show. Those without data are left out.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct CampaignReport {
-    /// Heading of the page.
-    pub title: String,
-    /// One sentence on what was run.
-    pub lead: String,
-    /// The numbers that matter most.
-    pub summary: Vec<Fact>,
-    /// What they mean.
-    pub verdicts: Vec<Verdict>,
-    /// Tables, in this order.
-    pub tables: Vec<Table>,
+pub(crate) struct Figures {
     /// Path of the own ship: east and north, m.
-    pub own_ship_m: Vec<[f64; 2]>,
+    pub(crate) own_ship_m: Vec<[f64; 2]>,
     /// Path of the target in one run: east and north, m.
-    pub target_m: Vec<[f64; 2]>,
+    pub(crate) target_m: Vec<[f64; 2]>,
     /// Bands of the mean NEES, with their names.
-    pub nees_bands: Vec<(String, [f64; 2])>,
+    pub(crate) nees_bands: Vec<(String, [f64; 2])>,
     /// The trackers to be drawn.
-    pub trackers: Vec<TrackerCurves>,
+    pub(crate) trackers: Vec<TrackerCurves>,
     /// Names of those that lost the target: their lines would leave no room for the others.
-    pub lost: Vec<String>,
+    pub(crate) lost: Vec<String>,
 }
 
-/// What the words of the page mean.
-const READING: &str = "Errors are estimate minus truth in north and east, as root mean square over the runs. NEES is \
-     the squared error in units of the stated covariance: 4 on average for a consistent tracker of position and \
-     velocity. The band holds the mean of as many consistent runs at 95 % of the scans.";
-
-impl CampaignReport {
-    /// The report as one HTML page that needs nothing else.
-    #[must_use]
-    pub fn render(&self) -> String {
-        let mut page = Page::default();
-        let tables: String = self.tables.iter().map(table::table).collect();
-        page.section("numbers", "Numbers", &tables);
+impl Figures {
+    /// One section each.
+    pub(crate) fn draw(&self, page: &mut Page) {
         page.section("geometry", "Trajectories", &self.geometry());
         page.section(
             "position",
@@ -74,16 +53,6 @@ impl CampaignReport {
             &self.errors("Velocity RMSE", "m/s", |t| &t.velocity_rmse_m_s),
         );
         page.section("consistency", "Consistency (NEES)", &self.consistency());
-        page.finish(&Frame {
-            kicker: "Monte Carlo",
-            title: &self.title,
-            lead: &self.lead,
-            summary: &self.summary,
-            verdicts: &self.verdicts,
-            recording: "",
-            command: None,
-            reading: READING,
-        })
     }
 
     /// Figure 1 and 2 of the paper: the two paths, and the tracks of one run.
@@ -245,9 +214,25 @@ fn square<'a>(points: &(impl Iterator<Item = &'a [f64; 2]> + Clone)) -> Option<(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::page::html::Frame;
     use crate::page::markup_checks::{
         assert_numbers_are_finite, assert_self_contained, assert_well_formed,
     };
+
+    fn page_of(figures: &Figures) -> String {
+        let mut page = Page::default();
+        figures.draw(&mut page);
+        page.finish(&Frame {
+            kicker: "Monte Carlo",
+            title: "paper <1>",
+            lead: "",
+            summary: &[],
+            verdicts: &[],
+            recording: "",
+            command: None,
+            reading: "",
+        })
+    }
 
     #[test]
     fn a_report_is_well_formed_even_with_a_tracker_that_diverges() {
@@ -265,26 +250,19 @@ mod tests {
         };
         let mut lost = tracker("schmidt-literal", 1e12);
         lost.nees.push([50.0, f64::INFINITY]);
-        let report = CampaignReport {
-            title: "paper <1>".to_owned(),
+        let figures = Figures {
             nees_bands: vec![("4 degrees of freedom".to_owned(), [3.5, 4.6])],
             own_ship_m: vec![[0.0, 0.0], [100.0, 900.0]],
             target_m: vec![[500.0, 900.0], [300.0, 100.0]],
             trackers: vec![tracker("schmidt", 1.0), lost],
-            ..CampaignReport::default()
+            ..Figures::default()
         };
-        let html = report.render();
+        let html = page_of(&figures);
         assert_well_formed(&html);
         assert_self_contained(&html);
         assert_numbers_are_finite(&html);
         assert!(html.contains("paper &lt;1&gt;") && html.matches("<figure>").count() == 4);
         // Nothing to show is no figure.
-        assert_eq!(
-            CampaignReport::default()
-                .render()
-                .matches("<figure>")
-                .count(),
-            0
-        );
+        assert_eq!(page_of(&Figures::default()).matches("<figure>").count(), 0);
     }
 }

@@ -1,13 +1,19 @@
 //! The HTML report of a campaign.
 
-use crate::experiments::campaign::{CampaignReport, TrackerCurves};
+use crate::experiments::campaign::{Figures, TrackerCurves};
 use crate::page::facts::{Fact, Tone, Verdict};
-use crate::page::table::{Best, Cell, Column, Table};
+use crate::page::html::{Frame, Page};
+use crate::page::table::{self, Best, Cell, Column, Table};
 use nalgebra::Vector4;
 use northing_experiments::radar::experiment::{NavigationRecord, RunWatcher, TrackRecord, run};
 use northing_experiments::radar::outcome::TrackerOutcome;
 use northing_experiments::radar::{CampaignOutcome, Part};
 use northing_simulation::scenario::TrackingWorld;
+
+/// What the words of the page mean.
+const READING: &str = "Errors are estimate minus truth in north and east, as root mean square over the runs. NEES is \
+     the squared error in units of the stated covariance: 4 on average for a consistent tracker of position and \
+     velocity. The band holds the mean of as many consistent runs at 95 % of the scans.";
 
 /// The paths of one run.
 #[derive(Default)]
@@ -61,36 +67,34 @@ pub fn render(part: &Part, outcome: &CampaignOutcome) -> String {
                 track_m,
             })
         });
-    CampaignReport {
-        title: format!("{}: {} runs", outcome.scenario, outcome.runs),
-        lead: "A target tracked by radar from a ship whose own position and heading are uncertain."
-            .to_owned(),
-        summary: vec![
-            Fact::new("runs", outcome.runs.to_string()),
-            Fact::new("seed", outcome.seed.to_string()),
-            Fact::new(
-                "heading error",
-                format!("{:.2}\u{b0}", outcome.navigation.heading_rmse_deg),
-            ),
-        ],
-        verdicts: outcome
-            .trackers
-            .iter()
-            .map(|(name, t)| verdict(name, t))
-            .collect(),
-        tables: vec![table(outcome)],
+    let lost = outcome.trackers.iter();
+    let lost = lost.filter(|(_, tracker)| tracker.has_lost_the_target());
+    let figures = Figures {
         own_ship_m: paths.own,
         target_m: paths.target,
         nees_bands: bands(part, outcome),
-        lost: outcome
-            .trackers
-            .iter()
-            .filter(|(_, tracker)| tracker.has_lost_the_target())
-            .map(|(name, _)| name.clone())
-            .collect(),
+        lost: lost.map(|(name, _)| name.clone()).collect(),
         trackers: trackers.collect(),
-    }
-    .render()
+    };
+    let mut page = Page::default();
+    page.section("numbers", "Numbers", &table::table(&numbers(outcome)));
+    figures.draw(&mut page);
+    let heading = outcome.navigation.heading_rmse_deg;
+    let verdicts = outcome.trackers.iter().map(|(name, t)| verdict(name, t));
+    page.finish(&Frame {
+        kicker: "Monte Carlo",
+        title: &format!("{}: {} runs", outcome.scenario, outcome.runs),
+        lead: "A target tracked by radar from a ship whose own position and heading are uncertain.",
+        summary: &[
+            Fact::new("runs", outcome.runs.to_string()),
+            Fact::new("seed", outcome.seed.to_string()),
+            Fact::new("heading error", format!("{heading:.2}\u{b0}")),
+        ],
+        verdicts: &verdicts.collect::<Vec<_>>(),
+        recording: "",
+        command: None,
+        reading: READING,
+    })
 }
 
 /// The band of four degrees of freedom; that of the paper's plots where the scenario asks for it.
@@ -123,7 +127,7 @@ fn verdict(name: &str, tracker: &TrackerOutcome) -> Verdict {
     }
 }
 
-fn table(outcome: &CampaignOutcome) -> Table {
+fn numbers(outcome: &CampaignOutcome) -> Table {
     let lowest = Some(Best::Lowest);
     let rows = outcome.trackers.iter().map(|(name, tracker)| {
         let kept = !tracker.has_lost_the_target();

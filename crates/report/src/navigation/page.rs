@@ -10,6 +10,7 @@ use crate::page::table::{Cell, Column, Table};
 use northing_evaluation::navigation::score::{OutageScore, PositionScore};
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{NavigationKind, NavigationSummary};
+use northing_evaluation::statistics::median;
 
 /// How the page is read.
 const READING: &str = "Positions are metres from the first fix. An ellipse, or a band of 95 %, holds the truth 95 times \
@@ -243,25 +244,18 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
             ),
         ));
     }
-    if verdicts.is_empty()
-        && summary
-            .issues
-            .iter()
-            .any(|issue| issue.contains("--score-from"))
-    {
-        let text =
-            "Nothing to judge by yet: the recording ends before scores count; see --score-from.";
-        verdicts.push(Verdict::new(Tone::Warn, text));
-    } else if verdicts.is_empty() && summary.estimator == NavigationKind::Device {
-        let text = "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
-                    beside the recording (docs/formats.md).";
-        verdicts.push(Verdict::new(Tone::Warn, text));
-    } else if verdicts.is_empty() {
-        verdicts.push(Verdict::new(
-            Tone::Warn,
+    if verdicts.is_empty() {
+        let mut issues = summary.issues.iter();
+        let text = if issues.any(|issue| issue.contains("--score-from")) {
+            "Nothing to judge by yet: the recording ends before scores count; see --score-from."
+        } else if summary.estimator == NavigationKind::Device {
+            "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
+             beside the recording (docs/formats.md)."
+        } else {
             "Nothing to judge by: every fix was used and there is no reference. Keep some back with --gnss-every 2 or \
-             --outage 120:30.",
-        ));
+             --outage 120:30."
+        };
+        verdicts.push(Verdict::new(Tone::Warn, text));
     }
     verdicts
 }
@@ -327,8 +321,7 @@ fn outage_consistency(outages: &[OutageScore]) -> Option<Verdict> {
         .filter_map(|o| o.horizontal_error_m)
         .collect();
     errors.sort_by(f64::total_cmp);
-    let middle = errors.get(errors.len() / 2).copied()?;
-    let low = errors.get((errors.len() - 1) / 2).copied()?;
+    let median = median(&errors)?;
     // Of a dozen, one or two outside are chance.
     let tone = if 10 * inside >= 8 * all {
         Tone::Good
@@ -339,7 +332,7 @@ fn outage_consistency(outages: &[OutageScore]) -> Option<Verdict> {
         tone,
         format!(
             "Outages: {inside} of {all} ended inside the 95 % ellipse that was predicted, with a median error of {} m.",
-            metres(0.5 * (low + middle))
+            metres(median)
         ),
     ))
 }

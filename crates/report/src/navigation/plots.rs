@@ -527,7 +527,7 @@ pub(crate) fn innovations(trace: &NavigationTrace, aid: AidKind) -> Option<Figur
     };
     let panels = names.iter().take(usize::from(components)).enumerate();
     let panels = panels.map(|(i, name)| innovation_panel(points, aid, i, name));
-    let mut legend = residuals::keys(points.iter().map(|p| p.outcome), Fate::name);
+    let mut legend = residuals::keys(&points.iter().map(|p| p.outcome), Fate::name);
     legend.push(residuals::band_key());
     let label = format!("Innovations of {} over time", aid.name());
     Some(Figure::new(

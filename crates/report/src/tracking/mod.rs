@@ -2,4 +2,3 @@
 
 pub mod followed_targets;
 mod map;
-pub(crate) mod page;

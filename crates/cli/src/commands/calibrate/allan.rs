@@ -17,9 +17,8 @@ use crate::arguments::span::SpanArgs;
 use crate::files::output::{print, print_json};
 use crate::files::shown;
 use crate::files::toml_file::in_comment;
-use crate::interrupt::interruptible;
 use crate::invocation::{called, command_line};
-use crate::progress::Progress;
+use crate::progress::watched;
 use crate::text::sheet::Sheet;
 
 /// Arguments of `calibrate allan`.
@@ -133,10 +132,9 @@ fn analyzed(args: &AllanArgs, name: &str) -> Result<AllanReport> {
         sensor: args.sensor,
         ..AllanConfig::default()
     };
-    let mut progress = Progress::of_stream("reading");
-    let events = args.span.of(interruptible(recording.by_ref()));
+    let events = args.span.of(watched(recording.by_ref(), "reading"));
     let mut samples = RestSamples::new(args.sensor);
-    for event in events.inspect(|_| progress.event()) {
+    for event in events {
         samples.add_event(&event?);
     }
     let report = analyze(&samples, &config).context("Allan deviation");

@@ -17,9 +17,8 @@ use crate::arguments::span::SpanArgs;
 use crate::files::magnetometer_calibration;
 use crate::files::output::{print, print_json};
 use crate::files::shown;
-use crate::interrupt::interruptible;
 use crate::invocation::{called, command_line};
-use crate::progress::Progress;
+use crate::progress::watched;
 use crate::text::sheet::Sheet;
 
 /// Arguments of `calibrate magnetometer`.
@@ -106,10 +105,8 @@ pub(super) fn execute(args: &MagnetometerArgs) -> Result<()> {
 
 fn calibrate(args: &MagnetometerArgs, name: &str) -> Result<(MagnetometerReport, Vec<String>)> {
     let mut recording = args.input.open(&args.recording)?;
-    let mut progress = Progress::of_stream("calibrating");
     let mut samples = FieldSamples::default();
-    for event in args.span.of(interruptible(recording.by_ref())) {
-        progress.event();
+    for event in args.span.of(watched(recording.by_ref(), "calibrating")) {
         samples.add(&event?);
     }
     let limits = MagnetometerLimits {

@@ -17,9 +17,8 @@ use crate::arguments::span::SpanArgs;
 use crate::files::output::{print, print_json};
 use crate::files::shown;
 use crate::files::{magnetometer_calibration, rest_calibration};
-use crate::interrupt::interruptible;
 use crate::invocation::called;
-use crate::progress::Progress;
+use crate::progress::watched;
 use crate::text::rest_calibration::values;
 use northing_evaluation::calibration::rest::{self, Calibrated, Span};
 
@@ -111,9 +110,7 @@ fn calibrate(args: &RestArgs) -> Result<Calibrated> {
         from_s: args.span.from,
         to_s: args.span.to,
     };
-    let mut progress = Progress::of_stream("calibrating");
-    let events = interruptible(recording.by_ref()).inspect(|_| progress.event());
-    let events = events.map(|event| {
+    let events = watched(recording.by_ref(), "calibrating").map(|event| {
         let apply = |event| field.map_or(event, |field| field.apply(event));
         event.map(apply)
     });

@@ -9,11 +9,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use northing_core::calibration::RestCalibration;
 use northing_core::nalgebra::Vector3;
-use northing_evaluation::attitude::kinds::EstimatorKind;
-use northing_evaluation::attitude::observer::{RunObserver, TraceObserver};
-use northing_evaluation::attitude::options::RunOptions;
-use northing_evaluation::attitude::outcome::RunSummary;
-use northing_evaluation::attitude::parameters::Profile;
+use northing_evaluation::attitude::{
+    EstimatorKind, Profile, RunObserver, RunOptions, RunSummary, TraceObserver,
+};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::statistics::consistency::nees_in_words;
 use northing_recording::atomic_file::write_whole;
@@ -28,7 +26,6 @@ use crate::files::estimate_file::EstimateFile;
 use crate::files::output::{check_free, number, print};
 use crate::files::rest_calibration;
 use crate::invocation::{called, command_line};
-use crate::progress::Progress;
 use crate::text::rest_calibration::values;
 use crate::text::sheet::paragraph;
 use crate::text::table::Table;
@@ -258,8 +255,7 @@ impl<'a> Lab<'a> {
         observer: &mut dyn RunObserver,
     ) -> Result<RunSummary> {
         let name = self.folder.recording.display().to_string();
-        let mut progress = Progress::of_stream("estimating");
-        run_over(recording, &name, options, observer, || progress.event())
+        run_over(recording, &name, options, observer)
     }
 
     fn compare(&mut self, options: &RunOptions) -> Result<()> {

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use northing_evaluation::EvaluationError;
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{
     NavigationKind, NavigationObserver, NavigationOptions, NavigationSummary, run_navigation,
@@ -13,14 +12,14 @@ use northing_recording::atomic_file::write_whole;
 use northing_report::{NavigationReport, TRACE_CAPACITY};
 
 use super::arguments::RunArgs;
+use crate::arguments::estimation::of_recording;
 use crate::files::navigation_file::NavigationFile;
 use crate::files::output::{
     check_free, check_not_input, print, print_json, report_written, same_file,
 };
 use crate::files::shown;
-use crate::interrupt::interruptible;
 use crate::invocation::command_line;
-use crate::progress::Progress;
+use crate::progress::watched;
 use crate::text::navigation as text;
 
 /// Runs.
@@ -86,15 +85,10 @@ fn run_over(
     options: &NavigationOptions,
     observer: &mut dyn NavigationObserver,
 ) -> Result<NavigationSummary> {
-    let mut progress = Progress::of_stream("navigating");
     let world = recording.metadata().world_frame;
-    let events = interruptible(recording.by_ref()).inspect(|_| progress.event());
-    let mut summary = match run_navigation(events, name, world, options, observer) {
-        Ok(summary) => summary,
-        // Its message begins with the file already.
-        Err(error @ EvaluationError::Recording(_)) => return Err(error.into()),
-        Err(error) => return Err(anyhow::Error::from(error).context(name.to_owned())),
-    };
+    let events = watched(recording.by_ref(), "navigating");
+    let summary = run_navigation(events, name, world, options, observer);
+    let mut summary = summary.map_err(|error| of_recording(error, name))?;
     summary.issues.splice(0..0, recording.issues().sentences());
     Ok(summary)
 }

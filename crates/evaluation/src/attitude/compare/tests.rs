@@ -2,9 +2,7 @@
 
 use super::*;
 use crate::attitude::calibrated_start::CalibrationPhase;
-use crate::attitude::instants::Instants;
-use crate::attitude::options::SensorSelection;
-use crate::attitude::parameters::Profile;
+use crate::attitude::{Instants, Profile, SensorSelection};
 use crate::calibration::magnetometer::FieldSamples;
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::calibration::set::CalibrationSet;

@@ -7,7 +7,7 @@ use northing_core::parameters::{Choice, ConfigError, Parameter, Range, Value};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json};
 
-use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::EstimatorKind;
 use crate::by_name::{self, Configuration, Row, Tables};
 use crate::error::EvaluationError;
 

@@ -11,9 +11,8 @@ use northing_core::attitude::driver::AttitudeDriver;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::cascade::{Cascade, CascadeConfig, CascadeState};
 
-use crate::attitude::instants::Instant;
-use crate::attitude::options::{RunOptions, tangent_frame};
-use crate::attitude::outcome::{PositionRms, PositionSummary, RunSummary};
+use crate::attitude::options::tangent_frame;
+use crate::attitude::{Instant, PositionRms, PositionSummary, RunOptions, RunSummary};
 use crate::error::EvaluationError;
 use crate::statistics::nis::UpdateCounts;
 use crate::statistics::seconds_between;

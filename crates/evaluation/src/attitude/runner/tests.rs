@@ -1,7 +1,7 @@
 //! Runs on the virtual phone and on events made by hand.
 
 use super::*;
-use crate::attitude::parameters::Profile;
+use crate::attitude::Profile;
 use nalgebra::Vector3;
 use northing_recording::{RecordingError, Reference, Sample};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
