@@ -121,26 +121,14 @@ pub(crate) fn open(
     }
     let (layout, unused) = layout(names, file)?;
     metadata.format = "csv".to_owned();
-    let notes = if unused.is_empty() {
-        Vec::new()
-    } else {
-        vec![format!(
-            "Columns not used: {}.",
-            join(unused.iter().map(String::as_str))
-        )]
-    };
-    Ok(Opened {
-        metadata,
-        sensors: layout.sensors(),
-        source: Box::new(DelimitedSource::new(
-            file.to_owned(),
-            reader,
-            layout,
-            lines_before,
-        )),
-        notes,
-        units_applied: false,
-    })
+    let sensors = layout.sensors();
+    let source = DelimitedSource::new(file.to_owned(), reader, layout, lines_before);
+    let mut opened = Opened::new(metadata, sensors, Box::new(source));
+    if !unused.is_empty() {
+        let names = join(unused.iter().map(String::as_str));
+        opened.notes.push(format!("Columns not used: {names}."));
+    }
+    Ok(opened)
 }
 
 /// Whether a header line looks like ours.

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
+use super::channels::Export;
 use super::entries::{Entries, Entry};
 use super::folder::TIME;
 use super::plain;
@@ -103,21 +104,22 @@ impl Json {
             metadata,
         })
     }
+}
 
-    pub(super) fn has(&self, table: &str) -> bool {
+impl Export for Json {
+    fn has(&self, table: &str) -> bool {
         self.tables.contains_key(table)
     }
 
-    pub(super) fn names(&self) -> Vec<String> {
+    fn names(&self) -> Vec<String> {
         self.tables.values().map(|span| span.name.clone()).collect()
     }
 
-    pub(super) fn metadata(&self) -> Option<BTreeMap<String, String>> {
-        self.metadata.clone()
+    fn metadata(&self) -> Result<Option<BTreeMap<String, String>>> {
+        Ok(self.metadata.clone())
     }
 
-    /// The events of one table: of `columns` times `factor`.
-    pub(super) fn stream(
+    fn stream(
         &self,
         table: &str,
         columns: &[&str],
