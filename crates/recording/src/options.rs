@@ -147,6 +147,8 @@ macro_rules! units {
 
 pub(crate) use {named, named_values, units};
 
+/// One knot, m/s.
+pub(crate) const KNOT: f64 = 1852.0 / 3600.0;
 /// Degrees as radians.
 pub(crate) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 

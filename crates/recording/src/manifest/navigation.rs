@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::schema::{Column, QuaternionDirection, QuaternionOrder};
-use crate::options::{DEGREE, units};
+use crate::options::{DEGREE, KNOT, units};
 
 /// The columns of position fixes.
 #[derive(Debug, Clone, Deserialize)]
@@ -120,7 +120,7 @@ units! {
         #[default]
         MPerS = "m-per-s" => 1.0,
         /// Knots, 1852 m in an hour.
-        Knots = "knots" => 1852.0 / 3600.0,
+        Knots = "knots" => KNOT,
         /// Kilometres per hour.
         KmPerH = "km-per-h" => 1000.0 / 3600.0,
     }
