@@ -221,25 +221,20 @@ async fn app_upload(
     ConnectInfo(peer): ConnectInfo<Peer>,
     headers: HeaderMap,
     content: Body,
-) -> Response {
+) -> Result<Response, Refusal> {
     if !ingest.token.matches(&token) {
-        return shown("wrong token: copy the address from the lab's page again");
+        let text = "wrong token: copy the address from the lab's page again";
+        return Ok(shown(text));
     }
-    let bytes = match body(&ingest, &peer, &headers, content).await {
-        Ok(bytes) => bytes,
-        Err(refusal) => return refusal.into_response(),
+    let bytes = body(&ingest, &peer, &headers, content).await?;
+    let answer = match Push::parse(&bytes) {
+        Ok(push) => match take_push(&ingest.lab, &peer, &push, bytes).await {
+            Err(Refusal(StatusCode::SERVICE_UNAVAILABLE, text)) => return Ok(shown(&text)),
+            answer => answer?,
+        },
+        Err(_) => take_page(&ingest.lab, bytes).await?,
     };
-    if let Ok(push) = Push::parse(&bytes) {
-        return match take_push(&ingest.lab, &peer, &push, bytes).await {
-            Ok(answer) => axum::Json(answer).into_response(),
-            Err(Refusal(StatusCode::SERVICE_UNAVAILABLE, text)) => shown(&text),
-            Err(refusal) => refusal.into_response(),
-        };
-    }
-    match take_page(&ingest.lab, bytes).await {
-        Ok(answer) => axum::Json(answer).into_response(),
-        Err(refusal) => refusal.into_response(),
-    }
+    Ok(axum::Json(answer).into_response())
 }
 
 async fn take_push(

@@ -16,6 +16,7 @@ use crate::engine::DeviceEngine;
 use crate::experiments::Finished;
 use crate::frames::FrameText;
 use crate::identities::Identities;
+use crate::inputs::InputKind;
 use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
@@ -24,18 +25,6 @@ use crate::to_page::{ExperimentRow, ToPage};
 
 /// Most devices at a time.
 pub const MOST_DEVICES: usize = 64;
-/// How a device of the lab's own is called: no phone can call itself so.
-const OWN_NAMES: [&str; 9] = [
-    "virtual-",
-    "replay-",
-    "sensorserver-",
-    "linkoping-",
-    "phyphox-",
-    "razor-",
-    "northing-",
-    "hyperimu-",
-    "sensorstreamer-",
-];
 /// A device that has been silent for so long makes room for another when the lab is full.
 const EVICTABLE: Duration = Duration::from_secs(10);
 /// Batches that may wait for one device.
@@ -451,7 +440,9 @@ impl Device {
 /// Whether an identifier is one of the lab's own devices, which no client may use.
 #[must_use]
 pub fn is_own_name(id: &str) -> bool {
-    OWN_NAMES.iter().any(|start| id.starts_with(start))
+    let kind = id.split_once('-').map_or("", |(kind, _)| kind);
+    let mut inputs = InputKind::ALL.iter().map(|kind| kind.name());
+    matches!(kind, "virtual" | "replay") || inputs.any(|input| input == kind)
 }
 
 /// Takes away the device that has been silent for longest.

@@ -115,62 +115,57 @@ async fn qr_svg(State(api): State<LabApi>, Query(which): Query<Which>) -> Respon
     }
 }
 
+/// An answer, or the reason why there is none.
+type Answer = Result<Response, (StatusCode, String)>;
+
+fn not_found(text: impl Into<String>) -> (StatusCode, String) {
+    (StatusCode::NOT_FOUND, text.into())
+}
+
+fn failed(error: impl ToString) -> (StatusCode, String) {
+    (StatusCode::INTERNAL_SERVER_ERROR, error.to_string())
+}
+
 async fn experiment_file(
     State(api): State<LabApi>,
     Path((id, name)): Path<(String, String)>,
-) -> Response {
-    let finished = match api.lab.experiment(&id) {
-        Ok(finished) => finished,
-        Err(text) => return (StatusCode::NOT_FOUND, text).into_response(),
+) -> Answer {
+    let finished = api.lab.experiment(&id).map_err(not_found)?;
+    let file = name.clone();
+    let made = tokio::task::spawn_blocking(move || export::export(&finished, &file));
+    let made = made.await.map_err(|_| failed(""))?.map_err(failed)?;
+    let export = made.ok_or_else(|| not_found("there is no such file"))?;
+    let shown = if name == "report.html" {
+        "inline"
+    } else {
+        "attachment"
     };
-    let made = tokio::task::spawn_blocking(move || {
-        let made = export::export(&finished, &name);
-        made.map(|export| export.map(|export| (export, name)))
-    });
-    match made.await {
-        Ok(Ok(Some((export, name)))) => {
-            let shown = if name == "report.html" {
-                "inline"
-            } else {
-                "attachment"
-            };
-            let disposition = format!("{shown}; filename=\"{id}-{name}\"");
-            let headers = [
-                (header::CONTENT_TYPE, export.content_type.to_owned()),
-                (header::CONTENT_DISPOSITION, disposition),
-                // The report has its style sheet and pictures within itself.
-                (
-                    header::CONTENT_SECURITY_POLICY,
-                    "default-src 'none'; style-src 'unsafe-inline'; img-src data:".to_owned(),
-                ),
-            ];
-            (headers, export.bytes).into_response()
-        }
-        Ok(Ok(None)) => (StatusCode::NOT_FOUND, "there is no such file").into_response(),
-        Ok(Err(text)) => (StatusCode::INTERNAL_SERVER_ERROR, text).into_response(),
-        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
-    }
+    let headers = [
+        (header::CONTENT_TYPE, export.content_type.to_owned()),
+        (
+            header::CONTENT_DISPOSITION,
+            format!("{shown}; filename=\"{id}-{name}\""),
+        ),
+        // The report has its style sheet and pictures within itself.
+        (
+            header::CONTENT_SECURITY_POLICY,
+            "default-src 'none'; style-src 'unsafe-inline'; img-src data:".to_owned(),
+        ),
+    ];
+    Ok((headers, export.bytes).into_response())
 }
 
 /// The magnetometer calibration in force, to be used elsewhere.
-async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) -> Response {
-    let calibration = match api.lab.find(&id) {
-        Ok(device) => device.magnetometer(),
-        Err(text) => return (StatusCode::NOT_FOUND, text).into_response(),
-    };
-    let Some(calibration) = calibration else {
-        let text = "this device has no magnetometer calibration in force";
-        return (StatusCode::NOT_FOUND, text).into_response();
-    };
+async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) -> Answer {
+    let calibration = api.lab.find(&id).map_err(not_found)?.magnetometer();
+    let none = || not_found("this device has no magnetometer calibration in force");
     // As `northing run --magnetometer-calibration` reads it; the lab uses the device's own stream.
     let field = MagnetometerStreamCalibration {
         magnetometer: MagnetometerSource::Device,
-        calibration,
+        calibration: calibration.ok_or_else(none)?,
     };
-    match toml::to_string(&field) {
-        Ok(text) => (attachment("application/toml", "magnetometer.toml"), text).into_response(),
-        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
-    }
+    let text = toml::to_string(&field).map_err(failed)?;
+    Ok((attachment("application/toml", "magnetometer.toml"), text).into_response())
 }
 
 async fn socket(State(api): State<LabApi>, upgrade: WebSocketUpgrade) -> Response {

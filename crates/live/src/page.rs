@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use axum::extract::ws::{Message, WebSocket};
 use northing_evaluation::Profile;
 use northing_recording::SensorKind;
+use northing_simulation::VirtualPhoneConfig;
 use serde_json::{Map, Value};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
@@ -22,7 +23,7 @@ use crate::lab_api::{LabApi, hello};
 use crate::messages::{Action, Command, Request};
 use crate::pulse::Pulse;
 use crate::to_page::{self, ToPage};
-use crate::virtual_phones::{self, VirtualPhoneRequest};
+use crate::virtual_phones;
 
 /// Frames a second that a page gets unless it asks for others.
 const DISPLAY_HZ: f64 = 30.0;
@@ -268,13 +269,13 @@ async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
             hard_iron_ut,
             ..
         } => {
-            let request = VirtualPhoneRequest {
+            let mut config = VirtualPhoneConfig {
                 motion,
                 disturbance,
-                seed,
-                hard_iron_ut,
+                ..VirtualPhoneConfig::default()
             };
-            virtual_phones::add(lab, request)?;
+            config.magnetometer.bias_ut = hard_iron_ut;
+            virtual_phones::add(lab, config, seed)?;
             return Ok(());
         }
         Request::VirtualPhone { device, .. } => {

@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use northing_recording::Event;
 use northing_recording::wire::{WireFormat, events};
-use northing_simulation::virtual_phone::{Disturbance, Motion};
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 use tokio::time::{Instant, MissedTickBehavior};
 
@@ -17,37 +16,25 @@ const BATCH: Duration = Duration::from_millis(40);
 /// A virtual phone plays its script again and again for so long, s.
 const DURATION_S: f64 = 86_400.0;
 
-/// What a virtual phone is like.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct VirtualPhoneRequest {
-    /// How it is moved.
-    pub motion: Motion,
-    /// What disturbs it.
-    pub disturbance: Disturbance,
-    /// Determines everything random; without it each one is another phone.
-    pub seed: Option<u64>,
-    /// Hard iron of its magnetometer, microtesla, body axes.
-    pub hard_iron_ut: [f64; 3],
-}
-
-/// Adds a virtual phone that delivers in real time. Returns its identifier.
+/// Adds a virtual phone that delivers in real time; without a `seed` each one is another phone. Returns its identifier.
 ///
 /// # Errors
 /// The lab is full, in a sentence.
-pub fn add(lab: &Arc<Lab>, request: VirtualPhoneRequest) -> Result<String, String> {
+pub fn add(
+    lab: &Arc<Lab>,
+    config: VirtualPhoneConfig,
+    seed: Option<u64>,
+) -> Result<String, String> {
     let mut number = lab.next_virtual();
     // A phone may call itself so.
     while lab.find(&format!("virtual-{number}")).is_ok() {
         number = lab.next_virtual();
     }
-    let mut config = VirtualPhoneConfig {
-        seed: request.seed.unwrap_or(number),
+    let config = VirtualPhoneConfig {
+        seed: seed.unwrap_or(number),
         duration_s: Some(DURATION_S),
-        motion: request.motion,
-        disturbance: request.disturbance,
-        ..VirtualPhoneConfig::default()
+        ..config
     };
-    config.magnetometer.bias_ut = request.hard_iron_ut;
     let phone = VirtualPhone::new(config).map_err(|error| error.to_string())?;
     let id = format!("virtual-{number}");
     let device = lab.device(&id, &format!("Virtual phone {number}"), "virtual")?;

@@ -24,13 +24,8 @@ impl AtomicFile {
     /// [`RecordingError::Exists`]; [`RecordingError::Io`] when the folder is missing or not writable.
     pub fn create(path: &Path, force: bool) -> Result<Self> {
         let file = path.display().to_string();
-        let refused = |kind, why: &str| {
-            Err(RecordingError::io(
-                &file,
-                "write it",
-                io::Error::new(kind, why),
-            ))
-        };
+        let failed = |error| RecordingError::io(&file, "write it", error);
+        let refused = |kind, why: &str| Err(failed(io::Error::new(kind, why)));
         if path.is_dir() {
             return refused(
                 io::ErrorKind::IsADirectory,
@@ -59,8 +54,7 @@ impl AtomicFile {
                 ),
             );
         }
-        let temporary =
-            temporary_in(folder).map_err(|error| RecordingError::io(&file, "write it", error))?;
+        let temporary = temporary_in(folder).map_err(failed)?;
         Ok(Self {
             path: path.to_owned(),
             force,

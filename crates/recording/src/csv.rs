@@ -18,103 +18,73 @@ pub(crate) const TIME_NS: &str = "t_ns";
 /// Beside a reference: whether it is scored.
 pub(crate) const SCORED: &str = "scored";
 
-/// The columns of a vector: what stands before and after the letter of the axis.
-macro_rules! xyz {
-    ($name:literal, $unit:literal) => {
-        &[
-            concat!($name, "x", $unit),
-            concat!($name, "y", $unit),
-            concat!($name, "z", $unit),
-        ]
-    };
-}
-
-/// The columns of a position behind a prefix.
-macro_rules! position {
-    ($prefix:literal) => {
-        &[
-            concat!($prefix, "latitude_rad"),
-            concat!($prefix, "longitude_rad"),
-            concat!($prefix, "height_m"),
-            concat!($prefix, "std_n_m"),
-            concat!($prefix, "std_e_m"),
-            concat!($prefix, "std_d_m"),
-            concat!($prefix, "hdop"),
-            concat!($prefix, "satellites"),
-            concat!($prefix, "quality"),
-        ]
-    };
-}
-
 /// The columns of each kind, in the order of its [`numbers`]. The last ones of a kind may be missing where its
 /// samples need not have them.
 pub(crate) const COLUMNS: ColumnsOfKinds = [
-    (SensorKind::Gyroscope, xyz!("gyro_", "_rad_s")),
-    (SensorKind::Accelerometer, xyz!("acc_", "_m_s2")),
-    (SensorKind::Magnetometer, xyz!("mag_", "_ut")),
+    (
+        SensorKind::Gyroscope,
+        "gyro_x_rad_s gyro_y_rad_s gyro_z_rad_s",
+    ),
+    (
+        SensorKind::Accelerometer,
+        "acc_x_m_s2 acc_y_m_s2 acc_z_m_s2",
+    ),
+    (SensorKind::Magnetometer, "mag_x_ut mag_y_ut mag_z_ut"),
     (
         SensorKind::MagnetometerUncalibrated,
-        xyz!("mag_raw_", "_ut"),
+        "mag_raw_x_ut mag_raw_y_ut mag_raw_z_ut",
     ),
     (
         SensorKind::DeviceGyroscopeBias,
-        xyz!("gyro_bias_", "_rad_s"),
+        "gyro_bias_x_rad_s gyro_bias_y_rad_s gyro_bias_z_rad_s",
     ),
-    (SensorKind::Position, xyz!("pos_", "_m")),
-    (SensorKind::Velocity, xyz!("vel_", "_m_s")),
+    (SensorKind::Position, "pos_x_m pos_y_m pos_z_m"),
+    (SensorKind::Velocity, "vel_x_m_s vel_y_m_s vel_z_m_s"),
     // x, y, z of the world frame: north, east, down.
-    (SensorKind::ReferenceVelocity, xyz!("ref_vel_", "_m_s")),
+    (
+        SensorKind::ReferenceVelocity,
+        "ref_vel_x_m_s ref_vel_y_m_s ref_vel_z_m_s",
+    ),
     (
         SensorKind::DeviceOrientation,
-        &["device_qw", "device_qx", "device_qy", "device_qz"],
+        "device_qw device_qx device_qy device_qz",
     ),
-    (SensorKind::Pressure, &["pressure_pa"]),
+    (SensorKind::Pressure, "pressure_pa"),
     (
         SensorKind::CompassHeading,
-        &["compass_heading_rad", "compass_std_rad"],
+        "compass_heading_rad compass_std_rad",
     ),
-    (SensorKind::GnssPosition, position!("gnss_")),
+    (
+        SensorKind::GnssPosition,
+        "gnss_latitude_rad gnss_longitude_rad gnss_height_m gnss_std_n_m gnss_std_e_m \
+         gnss_std_d_m gnss_hdop gnss_satellites gnss_quality",
+    ),
     (
         SensorKind::GnssVelocity,
-        &[
-            "gnss_vel_n_m_s",
-            "gnss_vel_e_m_s",
-            "gnss_vel_d_m_s",
-            "gnss_vel_std_n_m_s",
-            "gnss_vel_std_e_m_s",
-            "gnss_vel_std_d_m_s",
-        ],
+        "gnss_vel_n_m_s gnss_vel_e_m_s gnss_vel_d_m_s gnss_vel_std_n_m_s gnss_vel_std_e_m_s \
+         gnss_vel_std_d_m_s",
     ),
-    (SensorKind::ForwardSpeed, &["forward_speed_m_s"]),
+    (SensorKind::ForwardSpeed, "forward_speed_m_s"),
     (
         SensorKind::WaterVelocity,
-        &["water_vel_forward_m_s", "water_vel_starboard_m_s"],
+        "water_vel_forward_m_s water_vel_starboard_m_s",
     ),
     (
         SensorKind::TrueHeading,
-        &["true_heading_rad", "true_heading_std_rad"],
+        "true_heading_rad true_heading_std_rad",
     ),
     (
         SensorKind::DeviceNavigation,
-        &[
-            "device_latitude_rad",
-            "device_longitude_rad",
-            "device_height_m",
-            "device_std_n_m",
-            "device_std_e_m",
-            "device_std_d_m",
-            "device_vel_n_m_s",
-            "device_vel_e_m_s",
-            "device_vel_d_m_s",
-            "device_heading_std_rad",
-            "device_validity",
-        ],
+        "device_latitude_rad device_longitude_rad device_height_m device_std_n_m \
+         device_std_e_m device_std_d_m device_vel_n_m_s device_vel_e_m_s device_vel_d_m_s \
+         device_heading_std_rad device_validity",
     ),
-    (SensorKind::ReferencePosition, position!("ref_")),
     (
-        SensorKind::Reference,
-        &["ref_qw", "ref_qx", "ref_qy", "ref_qz"],
+        SensorKind::ReferencePosition,
+        "ref_latitude_rad ref_longitude_rad ref_height_m ref_std_n_m ref_std_e_m ref_std_d_m \
+         ref_hdop ref_satellites ref_quality",
     ),
+    (SensorKind::Reference, "ref_qw ref_qx ref_qy ref_qz"),
 ];
 
 /// Longest comment or header line that is accepted, bytes.
@@ -151,26 +121,14 @@ pub(crate) fn open(
     }
     let (layout, unused) = layout(names, file)?;
     metadata.format = "csv".to_owned();
-    let notes = if unused.is_empty() {
-        Vec::new()
-    } else {
-        vec![format!(
-            "Columns not used: {}.",
-            join(unused.iter().map(String::as_str))
-        )]
-    };
-    Ok(Opened {
-        metadata,
-        sensors: layout.sensors(),
-        source: Box::new(DelimitedSource::new(
-            file.to_owned(),
-            reader,
-            layout,
-            lines_before,
-        )),
-        notes,
-        units_applied: false,
-    })
+    let sensors = layout.sensors();
+    let source = DelimitedSource::new(file.to_owned(), reader, layout, lines_before);
+    let mut opened = Opened::new(metadata, sensors, Box::new(source));
+    if !unused.is_empty() {
+        let names = join(unused.iter().map(String::as_str));
+        opened.notes.push(format!("Columns not used: {names}."));
+    }
+    Ok(opened)
 }
 
 /// Whether a header line looks like ours.
@@ -221,7 +179,8 @@ fn layout(names: Vec<String>, file: &str) -> Result<(Layout, Vec<String>)> {
     };
     let mut channels = Vec::new();
     for (kind, names) in COLUMNS {
-        channels.extend(header.channel(kind, names)?);
+        let names: Vec<&str> = names.split(' ').collect();
+        channels.extend(header.channel(kind, &names)?);
     }
     let unused = header.unused();
     let layout = Layout {

@@ -29,50 +29,29 @@ impl DeviceNavigation {
     /// As a row of numbers: in the order of the fields, the validity last (0 aligning, 1 aided, 2 dead
     /// reckoning, 3 invalid).
     pub(crate) fn row(&self) -> [f64; Self::NUMBERS] {
-        let [north, east, down] = self.std_m;
-        let [v_north, v_east, v_down] = self.velocity_m_s;
-        [
-            self.latitude_rad,
-            self.longitude_rad,
-            self.height_m,
-            north,
-            east,
-            down,
-            v_north,
-            v_east,
-            v_down,
-            self.heading_std_rad,
-            VALIDITIES
-                .iter()
-                .position(|v| *v == self.validity)
-                .unwrap_or(3) as f64,
-        ]
+        let place = [self.latitude_rad, self.longitude_rad, self.height_m];
+        let validity = VALIDITIES.iter().position(|v| *v == self.validity);
+        let mut row = [0.0; Self::NUMBERS];
+        row[..3].copy_from_slice(&place);
+        row[3..6].copy_from_slice(&self.std_m);
+        row[6..9].copy_from_slice(&self.velocity_m_s);
+        row[9..].copy_from_slice(&[self.heading_std_rad, validity.unwrap_or(3) as f64]);
+        row
     }
 
     /// From such a row; a validity that is none of those is invalid.
     pub(crate) fn from_row(row: [f64; Self::NUMBERS]) -> Self {
-        let [
-            latitude_rad,
-            longitude_rad,
-            height_m,
-            north,
-            east,
-            down,
-            v_north,
-            v_east,
-            v_down,
-            heading_std_rad,
-            validity,
-        ] = row;
+        let three = |first| std::array::from_fn(|i| row[first + i]);
+        let [latitude_rad, longitude_rad, height_m] = three(0);
         Self {
             latitude_rad,
             longitude_rad,
             height_m,
-            std_m: [north, east, down],
-            velocity_m_s: [v_north, v_east, v_down],
-            heading_std_rad,
+            std_m: three(3),
+            velocity_m_s: three(6),
+            heading_std_rad: row[9],
             validity: (0..=2)
-                .find(|number| (f64::from(*number) - validity).abs() < 1e-6)
+                .find(|number| (f64::from(*number) - row[10]).abs() < 1e-6)
                 .map_or(Validity::Invalid, validity_of),
         }
     }

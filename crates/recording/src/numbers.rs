@@ -14,14 +14,13 @@ use crate::gnss::{GnssPosition, GnssQuality, GnssVelocity};
 /// The most numbers that a sample has.
 pub(crate) const MOST: usize = DeviceNavigation::NUMBERS;
 
-/// The names of the columns of each kind in a format of tables.
-pub(crate) type ColumnsOfKinds = [(SensorKind, &'static [&'static str]); SensorKind::ALL.len()];
+/// The names of the columns of each kind in a format of tables, with blanks between them.
+pub(crate) type ColumnsOfKinds = [(SensorKind, &'static str); SensorKind::ALL.len()];
 
 /// The columns of a kind in such a table.
-pub(crate) fn columns(of: &ColumnsOfKinds, kind: SensorKind) -> &'static [&'static str] {
-    of.iter()
-        .find(|(known, _)| *known == kind)
-        .map_or(&[], |(_, names)| names)
+pub(crate) fn columns(of: &ColumnsOfKinds, kind: SensorKind) -> Vec<&'static str> {
+    let own = of.iter().filter(|(known, _)| *known == kind);
+    own.flat_map(|(_, names)| names.split(' ')).collect()
 }
 
 /// How many numbers the samples of a kind have, and how many of them must be there.

@@ -1,11 +1,7 @@
 //! What the user may say about a recording: its format, its manifest, units that differ from what
 //! the format promises.
 
-use std::fmt;
 use std::path::PathBuf;
-use std::str::FromStr;
-
-use serde::{Deserialize, Serialize};
 
 /// How to open a recording. The default detects everything and checks everything.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,21 +68,21 @@ macro_rules! named {
 /// The same for the command line, for TOML and for people.
 macro_rules! named_values {
     ($(#[$meta:meta])* $name:ident, $what:literal { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
-        named! {
+        $crate::options::named! {
             $(#[$meta])*
-            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
             pub enum $name {
                 $($(#[$doc])* #[serde(rename = $text)] $variant = $text,)+
             }
         }
 
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.write_str(self.name())
             }
         }
 
-        impl FromStr for $name {
+        impl std::str::FromStr for $name {
             type Err = String;
 
             fn from_str(text: &str) -> Result<Self, String> {
@@ -102,8 +98,6 @@ macro_rules! named_values {
         }
     };
 }
-
-pub(crate) use named;
 
 named_values! {
     /// The formats that can be read.
@@ -133,77 +127,66 @@ named_values! {
     }
 }
 
-named_values! {
+/// A unit in files: a named value, with what a number in it is multiplied by.
+macro_rules! units {
+    ($(#[$meta:meta])* $name:ident, $what:literal, $to:ident { $($(#[$doc:meta])* $variant:ident = $text:literal => $factor:expr,)+ }) => {
+        $crate::options::named_values! {
+            $(#[$meta])*
+            $name, $what { $($(#[$doc])* $variant = $text,)+ }
+        }
+
+        impl $name {
+            /// What a number in this unit is multiplied by.
+            #[must_use]
+            pub const fn $to(self) -> f64 {
+                match self { $(Self::$variant => $factor,)+ }
+            }
+        }
+    };
+}
+
+pub(crate) use {named, named_values, units};
+
+/// One knot, m/s.
+pub(crate) const KNOT: f64 = 1852.0 / 3600.0;
+/// Degrees as radians.
+pub(crate) const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+units! {
     /// Unit of angular rates in a file.
-    RateUnit, "angular rate unit" {
+    RateUnit, "angular rate unit", to_rad_per_s {
         /// Radians per second.
-        RadPerS = "rad-per-s",
+        RadPerS = "rad-per-s" => 1.0,
         /// Degrees per second.
-        DegPerS = "deg-per-s",
+        DegPerS = "deg-per-s" => DEGREE,
     }
 }
 
-named_values! {
+units! {
     /// Unit of specific force in a file.
-    ForceUnit, "specific force unit" {
+    ForceUnit, "specific force unit", to_m_per_s2 {
         /// Metres per second squared.
-        MPerS2 = "m-per-s2",
+        MPerS2 = "m-per-s2" => 1.0,
         /// Standard gravity, 9.80665 m/s^2.
-        G = "g",
+        G = "g" => STANDARD_GRAVITY_M_S2,
     }
 }
 
-named_values! {
+units! {
     /// Unit of magnetic field in a file.
-    FieldUnit, "magnetic field unit" {
+    FieldUnit, "magnetic field unit", to_microtesla {
         /// Microtesla.
-        Microtesla = "microtesla",
+        Microtesla = "microtesla" => 1.0,
         /// Nanotesla.
-        Nanotesla = "nanotesla",
+        Nanotesla = "nanotesla" => 1e-3,
         /// Tesla.
-        Tesla = "tesla",
+        Tesla = "tesla" => 1e6,
         /// Gauss, 100 microtesla.
-        Gauss = "gauss",
+        Gauss = "gauss" => 100.0,
         /// Milligauss, 0.1 microtesla.
-        Milligauss = "milligauss",
+        Milligauss = "milligauss" => 0.1,
     }
 }
 
 /// Standard gravity, m/s^2: the exact unit `g` of accelerometers, not the local gravity.
 pub(crate) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
-
-impl RateUnit {
-    /// What a number in this unit is multiplied by to become rad/s.
-    #[must_use]
-    pub const fn to_rad_per_s(self) -> f64 {
-        match self {
-            Self::RadPerS => 1.0,
-            Self::DegPerS => std::f64::consts::PI / 180.0,
-        }
-    }
-}
-
-impl ForceUnit {
-    /// What a number in this unit is multiplied by to become m/s^2.
-    #[must_use]
-    pub const fn to_m_per_s2(self) -> f64 {
-        match self {
-            Self::MPerS2 => 1.0,
-            Self::G => STANDARD_GRAVITY_M_S2,
-        }
-    }
-}
-
-impl FieldUnit {
-    /// What a number in this unit is multiplied by to become microtesla.
-    #[must_use]
-    pub const fn to_microtesla(self) -> f64 {
-        match self {
-            Self::Microtesla => 1.0,
-            Self::Nanotesla => 1e-3,
-            Self::Tesla => 1e6,
-            Self::Gauss => 100.0,
-            Self::Milligauss => 0.1,
-        }
-    }
-}

@@ -17,7 +17,7 @@ use crate::atomic_file::AtomicFile;
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
 use crate::metadata::Metadata;
-use crate::numbers::{MOST, columns};
+use crate::numbers::{MOST, columns, widths};
 use crate::parquet::{MOVING, SENSORS, START_NS, TIME};
 use crate::writer::{EventWriter, Row, in_order, numbers};
 
@@ -51,12 +51,7 @@ impl ParquetWriter {
         let file = path.display().to_string();
         let sensors = in_order(sensors);
         let names: Vec<&str> = std::iter::once(TIME)
-            .chain(
-                sensors
-                    .iter()
-                    .flat_map(|kind| columns(&SENSORS, *kind))
-                    .copied(),
-            )
+            .chain(sensors.iter().flat_map(|kind| columns(&SENSORS, *kind)))
             .collect();
         let mut message: String = names
             .iter()
@@ -95,7 +90,7 @@ impl ParquetWriter {
         self.columns[0].push(self.row.time_ns.saturating_sub(start_ns) as f64 * 1e-9);
         let mut place = 1;
         for &kind in &self.sensors {
-            let width = columns(&SENSORS, kind).len();
+            let width = widths(kind).0;
             let sample = self.row.get(kind);
             let values = sample.map_or([f64::NAN; MOST], |sample| numbers(sample).0);
             for (column, value) in self.columns[place..place + width].iter_mut().zip(values) {

@@ -51,23 +51,36 @@ pub(crate) struct Opened {
 }
 
 impl Opened {
-    /// What navigation sensors write: in north, east, down, and in units that need no option.
+    /// A recording as it is, without notes.
+    pub(crate) fn new(
+        metadata: Metadata,
+        sensors: Vec<SensorKind>,
+        source: Box<dyn EventSource>,
+    ) -> Self {
+        Self {
+            metadata,
+            sensors,
+            source,
+            notes: Vec::new(),
+            units_applied: false,
+        }
+    }
+
+    /// A recording in north, east, down, whose units are those of its format.
     pub(crate) fn ned(
         format: &str,
         metadata: Metadata,
         sensors: &[SensorKind],
         source: Box<dyn EventSource>,
     ) -> Self {
+        let metadata = Metadata {
+            format: format.to_owned(),
+            world_frame: WorldFrame::Ned,
+            ..metadata
+        };
         Self {
-            metadata: Metadata {
-                format: format.to_owned(),
-                world_frame: WorldFrame::Ned,
-                ..metadata
-            },
-            sensors: sensors.to_vec(),
-            source,
-            notes: Vec::new(),
             units_applied: true,
+            ..Self::new(metadata, sensors.to_vec(), source)
         }
     }
 }
@@ -117,13 +130,7 @@ impl Recording {
         I: Iterator<Item = Result<Event>> + Send + 'static,
     {
         let file = metadata.name.clone();
-        let opened = Opened {
-            metadata,
-            sensors: sensors.to_vec(),
-            source: Box::new(Events(events)),
-            notes: Vec::new(),
-            units_applied: false,
-        };
+        let opened = Opened::new(metadata, sensors.to_vec(), Box::new(Events(events)));
         Self::new(file, opened, options)
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -22,33 +22,9 @@ const SYNC_INTERVAL: Duration = Duration::from_secs(5);
 /// How often pages are told how long it is.
 const TELL_INTERVAL: Duration = Duration::from_secs(1);
 
-/// A file that knows its length, and does without another handle for syncing.
-struct Counted {
-    file: File,
-    bytes: u64,
-}
-
-impl Write for Counted {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.file.write(bytes)?;
-        self.bytes += written as u64;
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
-}
-
-impl Seek for Counted {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.file.seek(to)
-    }
-}
-
 /// A file being written.
 struct Writing {
-    writer: LabWriter<BufWriter<Counted>>,
+    writer: LabWriter<BufWriter<File>>,
     /// The same file, to sync it.
     file: File,
     name: String,
@@ -127,12 +103,8 @@ impl Writing {
         let (file, name) = create(folder, arrival_ns)?;
         // Whoever recovers files leaves this one alone; a file system without locks has no second lab.
         let _ = file.try_lock();
-        let counted = Counted {
-            file: file.try_clone()?,
-            bytes: 0,
-        };
         let facts = BTreeMap::from([("started".to_owned(), crate::experiments::utc(arrival_ns))]);
-        let writer = LabWriter::new(BufWriter::new(counted), &facts).map_err(refused)?;
+        let writer = LabWriter::new(BufWriter::new(file.try_clone()?), &facts).map_err(refused)?;
         let now = Instant::now();
         Ok(Self {
             writer,
@@ -162,9 +134,9 @@ impl Writing {
 
     fn finish(self) -> io::Result<u64> {
         let output = self.writer.finish().map_err(refused)?;
-        let counted = output.into_inner().map_err(|error| error.into_error())?;
+        output.into_inner().map_err(|error| error.into_error())?;
         self.file.sync_all()?;
-        Ok(counted.bytes)
+        Ok(self.file.metadata()?.len())
     }
 
     fn bytes(&self) -> u64 {

@@ -28,26 +28,15 @@ const HEAD: u64 = 4096;
 const MOST_FILES: usize = 256;
 
 impl Table {
-    const fn names(self) -> [&'static str; 7] {
+    /// What stands in the columns.
+    const fn names(self) -> &'static str {
         match self {
-            Self::Increments => [
-                "time of week",
-                "angle x",
-                "angle y",
-                "angle z",
-                "velocity x",
-                "velocity y",
-                "velocity z",
-            ],
-            Self::Positions => [
-                "time of week",
-                "latitude",
-                "longitude",
-                "height",
-                "std north",
-                "std east",
-                "std down",
-            ],
+            Self::Increments => {
+                "time of week, angle x, angle y, angle z, velocity x, velocity y, velocity z"
+            }
+            Self::Positions => {
+                "time of week, latitude, longitude, height, std north, std east, std down"
+            }
         }
     }
 
@@ -87,7 +76,7 @@ impl Table {
             .buffer_capacity(1 << 16)
             .from_reader(input);
         let layout = Layout {
-            names: self.names().map(str::to_owned).to_vec(),
+            names: self.names().split(", ").map(str::to_owned).collect(),
             time: 0,
             time_form: TimeForm::Decimal(stamp::SECONDS),
             channels: self.channels(),

@@ -36,11 +36,9 @@ pub(super) fn combine(parts: Vec<(&Source, Opened)>, scale: Scale) -> Opened {
         _ => Box::new(Merged::new(streams)),
     };
     Opened {
-        metadata: Default::default(),
-        sensors,
-        source,
         notes,
         units_applied: true,
+        ..Opened::new(Default::default(), sensors, source)
     }
 }
 

@@ -21,11 +21,11 @@ use crate::text::{open_file, read_manifest};
 
 pub use navigation::{
     AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, PositionColumns,
-    QualityCode, SpeedColumn, SpeedUnit, VelocityAxes, VelocityColumns, WaterColumns,
+    QualityCode, SpeedUnit, VelocityAxes, VelocityColumns, WaterColumns,
 };
 pub use schema::{
     Column, ForceColumnUnit, General, Latency, LeverArm, Manifest, Metre, MetrePerSecond,
-    PressureColumn, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
+    NumberColumn, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
     RateColumnUnit, Role, RowFilter, Source, TimeColumn, TimeUnit, VectorColumns, parse,
 };
 

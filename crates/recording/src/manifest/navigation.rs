@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use super::schema::{Column, QuaternionDirection, QuaternionOrder};
+use crate::options::{DEGREE, KNOT, units};
 
 /// The columns of position fixes.
 #[derive(Debug, Clone, Deserialize)]
@@ -36,30 +37,30 @@ pub struct PositionColumns {
     pub quality_code: QualityCode,
 }
 
-/// Unit of latitude and longitude in a file.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-pub enum CoordinateUnit {
-    /// Degrees.
-    #[default]
-    #[serde(rename = "deg")]
-    Degrees,
-    /// Radians.
-    #[serde(rename = "rad")]
-    Radians,
-    /// Ten-millionths of a degree, an integer.
-    #[serde(rename = "1e-7-deg")]
-    TenMillionths,
+units! {
+    /// Unit of latitude and longitude in a file.
+    #[derive(Default)]
+    CoordinateUnit, "unit of coordinates", to_rad {
+        /// Degrees.
+        #[default]
+        Degrees = "deg" => DEGREE,
+        /// Radians.
+        Radians = "rad" => 1.0,
+        /// Ten-millionths of a degree, an integer.
+        TenMillionths = "1e-7-deg" => DEGREE * 1e-7,
+    }
 }
 
-/// Unit of heights in a file.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum HeightUnit {
-    /// Metres.
-    #[default]
-    M,
-    /// Millimetres.
-    Mm,
+units! {
+    /// Unit of heights in a file.
+    #[derive(Default)]
+    HeightUnit, "unit of heights", to_m {
+        /// Metres.
+        #[default]
+        M = "m" => 1.0,
+        /// Millimetres.
+        Mm = "mm" => 1e-3,
+    }
 }
 
 /// Whose numbers tell the kind of a fix.
@@ -111,41 +112,30 @@ pub enum VelocityAxes {
     Neu,
 }
 
-/// Unit of speeds in a file.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-pub enum SpeedUnit {
-    /// Metres per second.
-    #[default]
-    #[serde(rename = "m-per-s")]
-    MPerS,
-    /// Knots, 1852 m in an hour.
-    #[serde(rename = "knots")]
-    Knots,
-    /// Kilometres per hour.
-    #[serde(rename = "km-per-h")]
-    KmPerH,
+units! {
+    /// Unit of speeds in a file.
+    #[derive(Default)]
+    SpeedUnit, "unit of speeds", to_m_per_s {
+        /// Metres per second.
+        #[default]
+        MPerS = "m-per-s" => 1.0,
+        /// Knots, 1852 m in an hour.
+        Knots = "knots" => KNOT,
+        /// Kilometres per hour.
+        KmPerH = "km-per-h" => 1000.0 / 3600.0,
+    }
 }
 
-/// Unit of angles in a file.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum AngleUnit {
-    /// Degrees.
-    #[default]
-    Deg,
-    /// Radians.
-    Rad,
-}
-
-/// The column of a speed.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SpeedColumn {
-    /// Which column.
-    pub column: Column,
-    /// Its unit. Default `m-per-s`.
-    #[serde(default)]
-    pub unit: SpeedUnit,
+units! {
+    /// Unit of angles in a file.
+    #[derive(Default)]
+    AngleUnit, "unit of angles", to_rad {
+        /// Degrees.
+        #[default]
+        Deg = "deg" => DEGREE,
+        /// Radians.
+        Rad = "rad" => 1.0,
+    }
 }
 
 /// The columns of a ship's log.
@@ -190,44 +180,4 @@ pub struct EcefColumns {
     /// What it does to a vector; "world" are the Earth-centred axes. Default `body-to-world`.
     #[serde(default)]
     pub direction: QuaternionDirection,
-}
-
-impl CoordinateUnit {
-    /// What a number in this unit is multiplied by to become radians.
-    pub(super) const fn to_rad(self) -> f64 {
-        match self {
-            Self::Degrees => std::f64::consts::PI / 180.0,
-            Self::Radians => 1.0,
-            Self::TenMillionths => std::f64::consts::PI / 180.0 * 1e-7,
-        }
-    }
-}
-
-impl HeightUnit {
-    pub(super) const fn to_m(self) -> f64 {
-        match self {
-            Self::M => 1.0,
-            Self::Mm => 1e-3,
-        }
-    }
-}
-
-impl SpeedUnit {
-    /// What a number in this unit is multiplied by to become m/s.
-    pub(super) const fn to_m_per_s(self) -> f64 {
-        match self {
-            Self::MPerS => 1.0,
-            Self::Knots => 1852.0 / 3600.0,
-            Self::KmPerH => 1000.0 / 3600.0,
-        }
-    }
-}
-
-impl AngleUnit {
-    pub(super) const fn to_rad(self) -> f64 {
-        match self {
-            Self::Deg => std::f64::consts::PI / 180.0,
-            Self::Rad => 1.0,
-        }
-    }
 }

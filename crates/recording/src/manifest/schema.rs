@@ -8,7 +8,7 @@ use toml::Spanned;
 use toml::de::{DeTable, Deserializer};
 
 use super::navigation::{
-    EcefColumns, HeadingColumn, PositionColumns, SpeedColumn, VelocityColumns, WaterColumns,
+    EcefColumns, HeadingColumn, PositionColumns, SpeedUnit, VelocityColumns, WaterColumns,
 };
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
@@ -127,13 +127,13 @@ pub struct Source {
     /// A reference orientation to score against.
     pub reference: Option<QuaternionColumns>,
     /// Static pressure.
-    pub pressure: Option<PressureColumn>,
+    pub pressure: Option<NumberColumn<PressureUnit>>,
     /// Fixes of a satellite receiver.
     pub gnss_position: Option<PositionColumns>,
     /// Velocity over ground of a satellite receiver.
     pub gnss_velocity: Option<VelocityColumns>,
     /// Speed over ground along the body's x axis (wheels).
-    pub forward_speed: Option<SpeedColumn>,
+    pub forward_speed: Option<NumberColumn<SpeedUnit>>,
     /// Velocity through the water (a ship's log).
     pub water_velocity: Option<WaterColumns>,
     /// Heading of the bow from true north (a gyrocompass).
@@ -279,15 +279,18 @@ pub enum QuaternionDirection {
     WorldToBody,
 }
 
-/// The column of a pressure sensor.
+/// The column of a number.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PressureColumn {
+#[serde(
+    deny_unknown_fields,
+    bound(deserialize = "U: Deserialize<'de> + Default")
+)]
+pub struct NumberColumn<U> {
     /// Which column.
     pub column: Column,
-    /// Its unit. Default `pa`.
+    /// Its unit. Default that of the International System, of pressure `pa`, of speed `m-per-s`.
     #[serde(default)]
-    pub unit: PressureUnit,
+    pub unit: U,
 }
 
 /// Unit of pressure in a file.

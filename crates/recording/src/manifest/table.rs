@@ -42,17 +42,11 @@ pub(super) fn open(
         options,
     }
     .build()?;
+    let sensors = layout.sensors();
+    let source = DelimitedSource::new(file.to_owned(), reader, layout, source.skip_rows);
     Ok(Opened {
-        metadata: Metadata::default(),
-        sensors: layout.sensors(),
-        source: Box::new(DelimitedSource::new(
-            file.to_owned(),
-            reader,
-            layout,
-            source.skip_rows,
-        )),
-        notes: Vec::new(),
         units_applied: true,
+        ..Opened::new(Metadata::default(), sensors, Box::new(source))
     })
 }
 

@@ -73,13 +73,7 @@ pub(crate) fn open(
         metadata.device = Some(device.clone());
         known(messages, file, |messages| LabSource::new(messages, device))?
     };
-    Ok(Opened {
-        metadata,
-        sensors,
-        source,
-        notes: Vec::new(),
-        units_applied: false,
-    })
+    Ok(Opened::new(metadata, sensors, source))
 }
 
 /// A source that is made of the messages of a file.

@@ -159,24 +159,18 @@ impl<W: Write + Seek> RosWriter<W> {
         }
         let row = std::mem::replace(&mut self.row, Row::new());
         let time_ns = row.time_ns;
-        let mut raw = Imu {
+        let vector = |kind| row.get(kind).and_then(Sample::vector);
+        let raw = Imu {
             time_ns,
+            angular_rate: vector(SensorKind::Gyroscope),
+            specific_force: vector(SensorKind::Accelerometer),
             ..Imu::default()
         };
-        if let Some(Sample::AngularRate(v)) = row.get(SensorKind::Gyroscope) {
-            raw.angular_rate = Some(*v);
-        }
-        if let Some(Sample::SpecificForce(v)) = row.get(SensorKind::Accelerometer) {
-            raw.specific_force = Some(*v);
-        }
         if raw.angular_rate.is_some() || raw.specific_force.is_some() {
             self.message(Topic::Raw, time_ns, raw.encode(FRAME))?;
         }
-        if let Some(Sample::MagneticField(v)) = row.get(SensorKind::Magnetometer) {
-            let field = MagneticField {
-                time_ns,
-                field_ut: *v,
-            };
+        if let Some(field_ut) = vector(SensorKind::Magnetometer) {
+            let field = MagneticField { time_ns, field_ut };
             self.message(Topic::Field, time_ns, field.encode(FRAME))?;
         }
         if let Some(Sample::DeviceOrientation(q)) = row.get(SensorKind::DeviceOrientation) {

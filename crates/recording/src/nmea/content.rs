@@ -10,9 +10,7 @@ use nmea::sentences::{FaaMode, FixType};
 use super::line::Sentence;
 use crate::event::{Sample, TrueHeading, WaterVelocity};
 use crate::gnss::GnssQuality;
-
-/// One knot, m/s.
-const KNOT: f64 = 1852.0 / 3600.0;
+use crate::options::KNOT;
 
 /// What a sentence says.
 #[derive(Debug, Clone, PartialEq)]

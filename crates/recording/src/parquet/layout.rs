@@ -45,33 +45,23 @@ impl Layout {
             moving: None,
         };
         for (kind, names) in SENSORS {
-            let absent: Vec<&str> = names
-                .iter()
-                .copied()
-                .filter(|n| place_of(n).is_none())
-                .collect();
-            if absent.len() == names.len() {
+            let names = names.split(' ');
+            let absent: Vec<&str> = names.clone().filter(|n| place_of(n).is_none()).collect();
+            if absent.len() == names.clone().count() {
                 continue;
             }
             if !absent.is_empty() {
                 return Err(missing(&absent));
             }
             layout.sensors.push((kind, layout.columns.len()));
-            layout
-                .columns
-                .extend(names.iter().filter_map(|n| place_of(n)));
+            layout.columns.extend(names.filter_map(place_of));
         }
-        if !layout
-            .sensors
-            .iter()
-            .any(|(kind, _)| *kind == SensorKind::Gyroscope)
-        {
-            let others: Vec<_> = layout.sensors.iter().map(|(kind, _)| *kind).collect();
-            return if others.is_empty() {
-                Err(missing(&["gx", "gy", "gz"]))
-            } else {
-                Err(RecordingError::no_gyroscope(file, &others))
-            };
+        let kinds: Vec<_> = layout.sensors.iter().map(|(kind, _)| *kind).collect();
+        if kinds.is_empty() {
+            return Err(missing(&["gx", "gy", "gz"]));
+        }
+        if !kinds.contains(&SensorKind::Gyroscope) {
+            return Err(RecordingError::no_gyroscope(file, &kinds));
         }
         if let Some(place) = place_of(MOVING) {
             layout.moving = Some(layout.columns.len());

@@ -28,71 +28,38 @@ pub(crate) const MOVING: &str = "moving";
 /// Time stamp of `t = 0`, ns; our writer's key, so that stamps survive exactly.
 pub(crate) const START_NS: &str = "start_time_ns";
 
-/// The columns of a position behind a prefix.
-macro_rules! position {
-    ($prefix:literal) => {
-        &[
-            concat!($prefix, "lat"),
-            concat!($prefix, "lon"),
-            concat!($prefix, "height"),
-            concat!($prefix, "std_n"),
-            concat!($prefix, "std_e"),
-            concat!($prefix, "std_d"),
-            concat!($prefix, "hdop"),
-            concat!($prefix, "satellites"),
-            concat!($prefix, "quality"),
-        ]
-    };
-}
-
 /// The columns of each sensor, in [`SensorKind::ALL`] order.
 pub(crate) const SENSORS: numbers::ColumnsOfKinds = [
-    (SensorKind::Gyroscope, &["gx", "gy", "gz"]),
-    (SensorKind::Accelerometer, &["ax", "ay", "az"]),
-    (SensorKind::Magnetometer, &["mx", "my", "mz"]),
-    (SensorKind::MagnetometerUncalibrated, &["umx", "umy", "umz"]),
-    (SensorKind::DeviceGyroscopeBias, &["bgx", "bgy", "bgz"]),
-    (SensorKind::DeviceOrientation, &["dqw", "dqx", "dqy", "dqz"]),
-    (SensorKind::Position, &["px", "py", "pz"]),
-    (SensorKind::Velocity, &["vx", "vy", "vz"]),
-    (SensorKind::Pressure, &["pressure"]),
-    (SensorKind::CompassHeading, &["heading", "heading_std"]),
-    (SensorKind::GnssPosition, position!("")),
+    (SensorKind::Gyroscope, "gx gy gz"),
+    (SensorKind::Accelerometer, "ax ay az"),
+    (SensorKind::Magnetometer, "mx my mz"),
+    (SensorKind::MagnetometerUncalibrated, "umx umy umz"),
+    (SensorKind::DeviceGyroscopeBias, "bgx bgy bgz"),
+    (SensorKind::DeviceOrientation, "dqw dqx dqy dqz"),
+    (SensorKind::Position, "px py pz"),
+    (SensorKind::Velocity, "vx vy vz"),
+    (SensorKind::Pressure, "pressure"),
+    (SensorKind::CompassHeading, "heading heading_std"),
     (
-        SensorKind::GnssVelocity,
-        &["vn", "ve", "vd", "vn_std", "ve_std", "vd_std"],
+        SensorKind::GnssPosition,
+        "lat lon height std_n std_e std_d hdop satellites quality",
     ),
-    (SensorKind::ForwardSpeed, &["forward_speed"]),
-    (
-        SensorKind::WaterVelocity,
-        &["water_forward", "water_starboard"],
-    ),
-    (
-        SensorKind::TrueHeading,
-        &["true_heading", "true_heading_std"],
-    ),
+    (SensorKind::GnssVelocity, "vn ve vd vn_std ve_std vd_std"),
+    (SensorKind::ForwardSpeed, "forward_speed"),
+    (SensorKind::WaterVelocity, "water_forward water_starboard"),
+    (SensorKind::TrueHeading, "true_heading true_heading_std"),
     (
         SensorKind::DeviceNavigation,
-        &[
-            "device_lat",
-            "device_lon",
-            "device_height",
-            "device_std_n",
-            "device_std_e",
-            "device_std_d",
-            "device_vn",
-            "device_ve",
-            "device_vd",
-            "device_heading_std",
-            "device_validity",
-        ],
+        "device_lat device_lon device_height device_std_n device_std_e device_std_d \
+         device_vn device_ve device_vd device_heading_std device_validity",
     ),
-    (SensorKind::ReferencePosition, position!("ref_")),
     (
-        SensorKind::ReferenceVelocity,
-        &["ref_vn", "ref_ve", "ref_vd"],
+        SensorKind::ReferencePosition,
+        "ref_lat ref_lon ref_height ref_std_n ref_std_e ref_std_d ref_hdop ref_satellites \
+         ref_quality",
     ),
-    (SensorKind::Reference, &["qw", "qx", "qy", "qz"]),
+    (SensorKind::ReferenceVelocity, "ref_vn ref_ve ref_vd"),
+    (SensorKind::Reference, "qw qx qy qz"),
 ];
 
 /// Opens a file or bytes.
@@ -123,13 +90,7 @@ pub(crate) fn open<R: ChunkReader + Send + 'static>(
         rows_before: 0,
         events: Vec::new(),
     };
-    Ok(Opened {
-        metadata,
-        sensors,
-        source: Box::new(source),
-        notes: Vec::new(),
-        units_applied: false,
-    })
+    Ok(Opened::new(metadata, sensors, Box::new(source)))
 }
 
 /// Runs a piece of the Parquet decoder. Panics on garbage have been seen in decoders of this size;

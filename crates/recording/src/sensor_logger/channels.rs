@@ -5,8 +5,6 @@ use std::collections::BTreeMap;
 use nalgebra::{UnitQuaternion, Vector3};
 use tempfile::TempDir;
 
-use super::folder::Folder;
-use super::json::Json;
 use crate::error::{RecordingError, Result, join};
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
@@ -14,9 +12,10 @@ use crate::merge::{Merged, Paired};
 use crate::metadata::{Metadata, WorldFrame};
 use crate::options::STANDARD_GRAVITY_M_S2;
 use crate::recording::{EventSource, Opened};
+use crate::wire::ForceSign;
 
 /// The tables that are used, by plain name.
-pub(super) const TABLES: [&str; 11] = [
+pub(crate) const TABLES: [&str; 11] = [
     "accelerometer",
     "accelerometeruncalibrated",
     "barometer",
@@ -30,45 +29,28 @@ pub(super) const TABLES: [&str; 11] = [
     "totalacceleration",
 ];
 
-/// Where the tables are.
-pub(super) enum Export {
-    Folder(Folder),
-    Json(Json),
-}
+/// The tables of an export.
+pub(super) trait Export {
+    fn has(&self, table: &str) -> bool;
 
-impl Export {
-    fn has(&self, table: &str) -> bool {
-        match self {
-            Self::Folder(folder) => folder.has(table),
-            Self::Json(json) => json.has(table),
-        }
-    }
+    /// The names of all tables as they stand there.
+    fn names(&self) -> Vec<String>;
 
-    fn names(&self) -> Vec<String> {
-        match self {
-            Self::Folder(folder) => folder.names(),
-            Self::Json(json) => json.names(),
-        }
-    }
+    /// What the export says about itself.
+    fn metadata(&self) -> Result<Option<BTreeMap<String, String>>>;
 
-    fn metadata(&self) -> Result<Option<BTreeMap<String, String>>> {
-        match self {
-            Self::Folder(folder) => folder.metadata(),
-            Self::Json(json) => Ok(json.metadata()),
-        }
-    }
-
+    /// The events of one table: of `columns` times `factor`.
     fn stream(
         &self,
         table: &str,
         columns: &[&str],
         kind: SensorKind,
         factor: f64,
-    ) -> Result<Box<dyn EventSource>> {
-        match self {
-            Self::Folder(folder) => folder.stream(table, columns, kind, factor),
-            Self::Json(json) => json.stream(table, columns, kind, factor),
-        }
+    ) -> Result<Box<dyn EventSource>>;
+
+    /// The temporary files in which the tables are.
+    fn unpacked(&mut self) -> Option<TempDir> {
+        None
     }
 
     fn vectors(&self, table: &str, kind: SensorKind, factor: f64) -> Result<Box<dyn EventSource>> {
@@ -76,27 +58,8 @@ impl Export {
     }
 }
 
-/// How the platform writes accelerations and orientation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Convention {
-    /// Android, or iOS with "Standardise Units & Frames".
-    Standard,
-    /// iOS as it is by default.
-    Ios,
-}
-
-impl Convention {
-    /// Factor from the app's accelerations to specific force.
-    fn force_sign(self) -> f64 {
-        match self {
-            Self::Standard => 1.0,
-            Self::Ios => -1.0,
-        }
-    }
-}
-
 /// Opens the tables of an export as one recording.
-pub(super) fn open(export: Export, file: &str, mut metadata: Metadata) -> Result<Opened> {
+pub(super) fn open(mut export: impl Export, file: &str, mut metadata: Metadata) -> Result<Opened> {
     if !TABLES.iter().any(|table| export.has(table)) {
         return Err(RecordingError::NotARecording {
             file: file.to_owned(),
@@ -119,19 +82,13 @@ pub(super) fn open(export: Export, file: &str, mut metadata: Metadata) -> Result
         return Err(RecordingError::no_gyroscope(file, &sensors));
     }
     let source = Merged::new(streams.into_iter().map(|(_, source)| source).collect());
-    let unpacked = match export {
-        Export::Folder(folder) => folder.unpacked,
-        Export::Json(_) => None,
-    };
+    let source = Box::new(Kept {
+        source,
+        _unpacked: export.unpacked(),
+    });
     Ok(Opened {
-        metadata,
-        sensors,
-        source: Box::new(Kept {
-            source,
-            _unpacked: unpacked,
-        }),
         notes,
-        units_applied: false,
+        ..Opened::new(metadata, sensors, source)
     })
 }
 
@@ -150,7 +107,11 @@ impl EventSource for Kept {
 type Streams = Vec<(SensorKind, Box<dyn EventSource>)>;
 
 /// The streams of all sensors that the export has.
-fn streams(export: &Export, convention: Convention, notes: &mut Vec<String>) -> Result<Streams> {
+fn streams(
+    export: &impl Export,
+    convention: ForceSign,
+    notes: &mut Vec<String>,
+) -> Result<Streams> {
     let mut streams = Streams::new();
     if export.has("gyroscope") {
         let rate = export.vectors("gyroscope", SensorKind::Gyroscope, 1.0)?;
@@ -202,12 +163,12 @@ fn streams(export: &Export, convention: Convention, notes: &mut Vec<String>) -> 
 }
 
 fn specific_force(
-    export: &Export,
-    convention: Convention,
+    export: &impl Export,
+    convention: ForceSign,
     notes: &mut Vec<String>,
 ) -> Result<Option<Box<dyn EventSource>>> {
     let kind = SensorKind::Accelerometer;
-    let sign = convention.force_sign();
+    let sign = convention.factor();
     if export.has("totalacceleration") {
         return export.vectors("totalacceleration", kind, sign).map(Some);
     }
@@ -222,8 +183,8 @@ fn specific_force(
     }
     if export.has("accelerometeruncalibrated") {
         let unit = match convention {
-            Convention::Standard => 1.0,
-            Convention::Ios => STANDARD_GRAVITY_M_S2,
+            ForceSign::Standard => 1.0,
+            ForceSign::Opposite => STANDARD_GRAVITY_M_S2,
         };
         return export
             .vectors("accelerometeruncalibrated", kind, sign * unit)
@@ -238,13 +199,13 @@ fn specific_force(
     Ok(None)
 }
 
-fn orientation(export: &Export, convention: Convention) -> Result<Box<dyn EventSource>> {
+fn orientation(export: &impl Export, convention: ForceSign) -> Result<Box<dyn EventSource>> {
     let (kind, columns) = (SensorKind::DeviceOrientation, ["qw", "qx", "qy", "qz"]);
     let source = export.stream("orientation", &columns, kind, 1.0)?;
     Ok(match convention {
-        Convention::Standard => source,
+        ForceSign::Standard => source,
         // World axes x north, y west: a quarter turn about the vertical makes them east, north.
-        Convention::Ios => Box::new(Turned {
+        ForceSign::Opposite => Box::new(Turned {
             source,
             turn: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2),
         }),
@@ -269,7 +230,7 @@ impl EventSource for Turned {
 
 /// The convention by the export's metadata, checked against the phone's own orientation; also
 /// fills our metadata. Notes tell what is doubtful.
-fn convention(export: &Export, metadata: &mut Metadata) -> Result<(Convention, Vec<String>)> {
+fn convention(export: &impl Export, metadata: &mut Metadata) -> Result<(ForceSign, Vec<String>)> {
     let mut notes = Vec::new();
     let pairs = export.metadata()?;
     for (key, value) in pairs.iter().flatten() {
@@ -290,31 +251,31 @@ fn convention(export: &Export, metadata: &mut Metadata) -> Result<(Convention, V
         said("platform").as_deref(),
         said("standardisation").as_deref(),
     ) {
-        (Some("ios"), standardised) if standardised != Some("true") => Convention::Ios,
-        (Some(_), _) => Convention::Standard,
+        (Some("ios"), standardised) if standardised != Some("true") => ForceSign::Opposite,
+        (Some(_), _) => ForceSign::Standard,
         (None, _) => {
             let (convention, reason) = match up {
                 Some(false) => (
-                    Convention::Ios,
+                    ForceSign::Opposite,
                     "the phone's own orientation says that it is an iPhone's",
                 ),
                 Some(true) => (
-                    Convention::Standard,
+                    ForceSign::Standard,
                     "the phone's own orientation confirms it",
                 ),
                 None => (
-                    Convention::Standard,
+                    ForceSign::Standard,
                     "on an iPhone without \"Standardise Units & Frames\" it would be the opposite",
                 ),
             };
             notes.push(format!(
                 "The export does not name its platform; the sign of its accelerations is taken as {}: {reason}.",
-                if convention == Convention::Ios { "inverted" } else { "it is" }
+                if convention == ForceSign::Opposite { "inverted" } else { "it is" }
             ));
             return Ok((convention, notes));
         }
     };
-    if up == Some(convention == Convention::Ios) {
+    if up == Some(convention == ForceSign::Opposite) {
         notes.push(
             "By the phone's own orientation the accelerations have the wrong sign for the platform that the export names."
                 .to_owned(),
@@ -325,16 +286,16 @@ fn convention(export: &Export, metadata: &mut Metadata) -> Result<(Convention, V
 
 /// Whether the accelerations as written point up in the phone's own orientation, from the first
 /// samples; `None` when they do not tell.
-fn force_is_up(export: &Export) -> Result<Option<bool>> {
+fn force_is_up(export: &impl Export) -> Result<Option<bool>> {
     const SAMPLES: u32 = 200;
     let mut unused_notes = Vec::new();
     if !export.has("orientation") {
         return Ok(None);
     }
-    let Some(force) = specific_force(export, Convention::Standard, &mut unused_notes)? else {
+    let Some(force) = specific_force(export, ForceSign::Standard, &mut unused_notes)? else {
         return Ok(None);
     };
-    let mut merged = Merged::new(vec![force, orientation(export, Convention::Standard)?]);
+    let mut merged = Merged::new(vec![force, orientation(export, ForceSign::Standard)?]);
     let mut issues = Issues::default();
     let (mut latest, mut sum, mut count) = (None, 0.0, 0);
     while count < SAMPLES {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
+use super::channels::Export;
 use super::plain;
 use crate::delimited::{Channel, DelimitedSource, Layout, TimeForm, csv_error};
 use crate::error::{RecordingError, Result, join};
@@ -48,16 +49,33 @@ impl Folder {
         })
     }
 
-    pub(super) fn has(&self, table: &str) -> bool {
+    fn reader(&self, table: &str) -> Result<(String, csv::Reader<File>)> {
+        let Some((path, name)) = self.tables.get(table) else {
+            return Err(RecordingError::unsupported(
+                &self.shown,
+                format!("there is no table `{table}` in it"),
+            ));
+        };
+        let file = format!("{}/{name}", self.shown);
+        let input = open_file(path, &file)?;
+        let reader = csv::ReaderBuilder::new()
+            .buffer_capacity(1 << 16)
+            .from_reader(input);
+        Ok((file, reader))
+    }
+}
+
+impl Export for Folder {
+    fn has(&self, table: &str) -> bool {
         self.tables.contains_key(table)
     }
 
-    pub(super) fn names(&self) -> Vec<String> {
+    fn names(&self) -> Vec<String> {
         self.tables.values().map(|(_, name)| name.clone()).collect()
     }
 
-    /// The first row of `Metadata.csv` by column name.
-    pub(super) fn metadata(&self) -> Result<Option<BTreeMap<String, String>>> {
+    fn metadata(&self) -> Result<Option<BTreeMap<String, String>>> {
+        // The first row of `Metadata.csv` by column name.
         if !self.has("metadata") {
             return Ok(None);
         }
@@ -74,8 +92,7 @@ impl Folder {
         ))
     }
 
-    /// The events of one table: of `columns` times `factor`.
-    pub(super) fn stream(
+    fn stream(
         &self,
         table: &str,
         columns: &[&str],
@@ -116,18 +133,7 @@ impl Folder {
         Ok(Box::new(DelimitedSource::new(file, reader, layout, 0)))
     }
 
-    fn reader(&self, table: &str) -> Result<(String, csv::Reader<File>)> {
-        let Some((path, name)) = self.tables.get(table) else {
-            return Err(RecordingError::unsupported(
-                &self.shown,
-                format!("there is no table `{table}` in it"),
-            ));
-        };
-        let file = format!("{}/{name}", self.shown);
-        let input = open_file(path, &file)?;
-        let reader = csv::ReaderBuilder::new()
-            .buffer_capacity(1 << 16)
-            .from_reader(input);
-        Ok((file, reader))
+    fn unpacked(&mut self) -> Option<TempDir> {
+        self.unpacked.take()
     }
 }

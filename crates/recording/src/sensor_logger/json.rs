@@ -11,8 +11,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde::Deserialize;
-use serde::de::{IgnoredAny, MapAccess, SeqAccess};
+use serde::de::IgnoredAny;
 
+use super::channels::Export;
 use super::entries::{Entries, Entry};
 use super::folder::TIME;
 use super::plain;
@@ -103,21 +104,22 @@ impl Json {
             metadata,
         })
     }
+}
 
-    pub(super) fn has(&self, table: &str) -> bool {
+impl Export for Json {
+    fn has(&self, table: &str) -> bool {
         self.tables.contains_key(table)
     }
 
-    pub(super) fn names(&self) -> Vec<String> {
+    fn names(&self) -> Vec<String> {
         self.tables.values().map(|span| span.name.clone()).collect()
     }
 
-    pub(super) fn metadata(&self) -> Option<BTreeMap<String, String>> {
-        self.metadata.clone()
+    fn metadata(&self) -> Result<Option<BTreeMap<String, String>>> {
+        Ok(self.metadata.clone())
     }
 
-    /// The events of one table: of `columns` times `factor`.
-    pub(super) fn stream(
+    fn stream(
         &self,
         table: &str,
         columns: &[&str],
@@ -212,7 +214,7 @@ fn record(row: &Row<'_>, names: &[String]) -> std::result::Result<csv::ByteRecor
             let present = join(row.keys().map(Cow::as_ref));
             format!("without `{name}`; it has {present}")
         })?;
-        record.push_field(value.0.as_bytes());
+        record.push_field(value.text().as_bytes());
     }
     Ok(record)
 }
@@ -226,62 +228,29 @@ struct Name<'a> {
     sensor: Cow<'a, str>,
 }
 
-/// A value as text: strings and numbers as they are, anything else as nothing.
-struct Value<'a>(Cow<'a, str>);
-
-impl<'de: 'a, 'a> Deserialize<'de> for Value<'a> {
-    fn deserialize<D: serde::Deserializer<'de>>(
-        deserializer: D,
-    ) -> std::result::Result<Self, D::Error> {
-        deserializer.deserialize_any(ValueVisitor)
-    }
+/// A value: of strings and numbers it matters what they say.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Value<'a> {
+    Text(#[serde(borrow)] Cow<'a, str>),
+    Unsigned(u64),
+    Signed(i64),
+    Float(f64),
+    Flag(bool),
+    Other(IgnoredAny),
 }
 
-struct ValueVisitor;
-
-impl<'de> serde::de::Visitor<'de> for ValueVisitor {
-    type Value = Value<'de>;
-
-    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("a string or a number")
-    }
-
-    fn visit_borrowed_str<E>(self, v: &'de str) -> std::result::Result<Value<'de>, E> {
-        Ok(Value(Cow::Borrowed(v)))
-    }
-
-    fn visit_str<E>(self, v: &str) -> std::result::Result<Value<'de>, E> {
-        Ok(Value(Cow::Owned(v.to_owned())))
-    }
-
-    fn visit_i64<E>(self, v: i64) -> std::result::Result<Value<'de>, E> {
-        Ok(Value(Cow::Owned(v.to_string())))
-    }
-
-    fn visit_u64<E>(self, v: u64) -> std::result::Result<Value<'de>, E> {
-        Ok(Value(Cow::Owned(v.to_string())))
-    }
-
-    fn visit_f64<E>(self, v: f64) -> std::result::Result<Value<'de>, E> {
-        Ok(Value(Cow::Owned(v.to_string())))
-    }
-
-    fn visit_bool<E>(self, v: bool) -> std::result::Result<Value<'de>, E> {
-        Ok(Value(Cow::Borrowed(if v { "true" } else { "false" })))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> std::result::Result<Value<'de>, A::Error> {
-        while seq.next_element::<IgnoredAny>()?.is_some() {}
-        self.visit_unit()
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> std::result::Result<Value<'de>, A::Error> {
-        while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
-        self.visit_unit()
-    }
-
-    fn visit_unit<E>(self) -> std::result::Result<Value<'de>, E> {
-        Ok(Value(Cow::Borrowed("")))
+impl Value<'_> {
+    /// As text; what is neither a text nor a number nor a flag as nothing.
+    fn text(&self) -> Cow<'_, str> {
+        match self {
+            Self::Text(text) => Cow::Borrowed(text),
+            Self::Unsigned(number) => number.to_string().into(),
+            Self::Signed(number) => number.to_string().into(),
+            Self::Float(number) => number.to_string().into(),
+            Self::Flag(flag) => flag.to_string().into(),
+            Self::Other(_) => Cow::Borrowed(""),
+        }
     }
 }
 
@@ -289,6 +258,6 @@ fn metadata_of(entry: &Entry<'_>, file: &str) -> Result<BTreeMap<String, String>
     let row: Row<'_> = entry.parse(file)?;
     let pairs = row.into_iter().filter(|(key, _)| key != "sensor");
     Ok(pairs
-        .map(|(key, value)| (key.into_owned(), value.0.into_owned()))
+        .map(|(key, value)| (key.into_owned(), value.text().into_owned()))
         .collect())
 }

@@ -17,18 +17,19 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
+pub(crate) use channels::TABLES;
+
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::recording::Opened;
 
-use channels::Export;
 use folder::Folder;
 use json::{Json, Store};
 
 /// Opens a folder of CSV files.
 pub(crate) fn open_folder(path: &Path, file: &str, metadata: Metadata) -> Result<Opened> {
     let folder = Folder::list(path, file)?;
-    channels::open(Export::Folder(folder), file, metadata)
+    channels::open(folder, file, metadata)
 }
 
 /// Opens a zip or a JSON file.
@@ -39,20 +40,20 @@ pub(crate) fn open_file(path: &Path, file: &str, metadata: Metadata) -> Result<O
     let head_length = input.read(&mut head).map_err(failed)?;
     if head[..head_length] == *b"PK" {
         let folder = zip::unpack(input, file)?;
-        return channels::open(Export::Folder(folder), file, metadata);
+        return channels::open(folder, file, metadata);
     }
     let json = Json::index(Store::File(path.to_owned()), file)?;
-    channels::open(Export::Json(json), file, metadata)
+    channels::open(json, file, metadata)
 }
 
 /// Opens a zip or a JSON file in memory.
 pub(crate) fn open_bytes(bytes: Vec<u8>, file: &str, metadata: Metadata) -> Result<Opened> {
     if bytes.starts_with(b"PK") {
         let folder = zip::unpack(std::io::Cursor::new(bytes), file)?;
-        return channels::open(Export::Folder(folder), file, metadata);
+        return channels::open(folder, file, metadata);
     }
     let json = Json::index(Store::Bytes(Arc::from(bytes)), file)?;
-    channels::open(Export::Json(json), file, metadata)
+    channels::open(json, file, metadata)
 }
 
 /// A table's name as it is compared: letters and digits, small (`Total Acceleration` is

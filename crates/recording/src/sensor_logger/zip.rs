@@ -7,9 +7,8 @@ use std::io::{self, Read, Seek};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use super::channels::TABLES;
 use super::folder::Folder;
-use super::plain;
+use super::{TABLES, plain};
 use crate::error::{RecordingError, Result, join};
 
 /// Unpacks the tables that are used.

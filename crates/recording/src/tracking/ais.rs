@@ -17,11 +17,9 @@ use super::sample::{AisReport, OwnShipPose, TrackingEvent, TrackingSample};
 use super::tables::Table;
 use super::{TrackingIssues, TrackingRecording};
 use crate::error::{RecordingError, Result};
+use crate::options::KNOT;
 use crate::stamp;
 use crate::text::{open_file, read_line};
-
-/// One knot, m/s.
-const KNOT: f64 = 1852.0 / 3600.0;
 
 /// Reads the file of AIS reports.
 pub(super) fn read(

@@ -342,25 +342,28 @@ impl WireDecoder {
     /// Messages that never came.
     #[must_use]
     pub fn lost(&self) -> u64 {
-        self.lost_before
-            + self.ended.iter().map(|p| p.order.lost()).sum::<u64>()
-            + match &self.state {
-                State::Page(Some(page)) => page.order.lost(),
-                State::SensorLogger(decoder) => decoder.lost(),
-                _ => 0,
-            }
+        match &self.state {
+            State::SensorLogger(decoder) => decoder.lost(),
+            _ => self.lost_before + self.orders().map(Resequencer::lost).sum::<u64>(),
+        }
     }
 
     /// Messages that came more than once.
     #[must_use]
     pub fn duplicated(&self) -> u64 {
-        self.duplicated_before
-            + self.ended.iter().map(|p| p.order.duplicated()).sum::<u64>()
-            + match &self.state {
-                State::Page(Some(page)) => page.order.duplicated(),
-                State::SensorLogger(decoder) => decoder.duplicated(),
-                _ => 0,
-            }
+        match &self.state {
+            State::SensorLogger(decoder) => decoder.duplicated(),
+            _ => self.duplicated_before + self.orders().map(Resequencer::duplicated).sum::<u64>(),
+        }
+    }
+
+    /// Those of the page loads that are remembered.
+    fn orders(&self) -> impl Iterator<Item = &Resequencer<Batch>> {
+        let current = match &self.state {
+            State::Page(page) => page.as_ref(),
+            _ => None,
+        };
+        self.ended.iter().chain(current).map(|page| &page.order)
     }
 }
 

@@ -31,7 +31,7 @@ impl HyperImu {
         Self {
             order: order.to_vec(),
             lines: Lines::default(),
-            stream: Stream::new("set the sampling rate to 10 ms in the app"),
+            stream: Stream::default(),
         }
     }
 
@@ -54,7 +54,8 @@ impl HyperImu {
             }
         });
         out.bad_many("A line that does not end was left out.", too_long);
-        self.stream.settle(&mut out);
+        self.stream
+            .settle("set the sampling rate to 10 ms in the app", &mut out);
         out
     }
 }

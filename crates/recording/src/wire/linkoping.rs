@@ -21,19 +21,10 @@ const MILLISECONDS: i32 = 6;
 const MOST_VALUES: usize = 4;
 
 /// The decoder of one connection.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Linkoping {
     lines: Lines,
     stream: Stream,
-}
-
-impl Default for Linkoping {
-    fn default() -> Self {
-        Self {
-            lines: Lines::default(),
-            stream: Stream::new("choose the fastest sensor rate in the app"),
-        }
-    }
 }
 
 impl Linkoping {
@@ -45,7 +36,8 @@ impl Linkoping {
             "A line that does not end was left out: is this the Sensor Fusion app?",
             too_long,
         );
-        self.stream.settle(&mut out);
+        self.stream
+            .settle("choose the fastest sensor rate in the app", &mut out);
         out
     }
 }

@@ -5,8 +5,9 @@
 //! down, its world north, east, down; [`Axes`] says whether they stay so, as files have them, or become
 //! those of all wire formats.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::earth::wgs84::{Geodetic, LocalFrame};
+use northing_core::geometry::frames::{enu_from_ned, enu_from_ned_rotation};
 use northing_core::navigation::Validity;
 
 use super::Decoded;
@@ -210,15 +211,14 @@ impl NorthingSerial {
 
     fn body(&self, v: Vector3<f64>) -> Vector3<f64> {
         match self.axes {
-            Axes::Phone => Vector3::new(v.y, v.x, -v.z),
+            Axes::Phone => enu_from_ned(&v),
             Axes::Board => v,
         }
     }
 
     fn attitude(&self, ned_from_frd: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        // Swapping the first two axes and turning the third over is half a turn about (1, 1, 0).
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        let swap = UnitQuaternion::new_unchecked(Quaternion::new(0.0, half, half, 0.0));
+        // It takes NED to ENU and our body axes to FRD alike.
+        let swap = enu_from_ned_rotation();
         match self.axes {
             Axes::Phone => swap * ned_from_frd * swap,
             Axes::Board => ned_from_frd,

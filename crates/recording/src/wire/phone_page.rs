@@ -22,6 +22,12 @@ use readings::{Motion, Orientation, heading_of};
 
 /// The version of the batches that is read.
 const VERSION: u64 = 1;
+/// What to do about a low rate.
+const ADVICE: &str =
+    "keep the page in front and the screen on, and switch the phone's power saving off";
+/// A sensor and the step to which browsers round it.
+const FORCE: [&str; 2] = ["accelerometer", "0.1 m/s^2"];
+const RATE: [&str; 2] = ["gyroscope", "0.1 deg/s"];
 /// Longest name or identifier that is kept, characters.
 const LONGEST_NAME: usize = 60;
 
@@ -164,7 +170,7 @@ fn page_event(value: &Value) -> PageEvent {
 }
 
 /// The decoder of one page load.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct PhonePage {
     sign: SignRule,
     force: Preference,
@@ -176,24 +182,6 @@ pub struct PhonePage {
     force_rounding: Rounding,
     rate_rounding: Rounding,
     stream: Stream,
-}
-
-impl Default for PhonePage {
-    fn default() -> Self {
-        Self {
-            sign: SignRule::default(),
-            force: Preference::default(),
-            rate: Preference::default(),
-            attitude: Preference::default(),
-            north: None,
-            last_heading_ns: None,
-            force_rounding: Rounding::new(0.1, "accelerometer", "0.1 m/s^2"),
-            rate_rounding: Rounding::new(0.1, "gyroscope", "0.1 deg/s"),
-            stream: Stream::new(
-                "keep the page in front and the screen on, and switch the phone's power saving off",
-            ),
-        }
-    }
 }
 
 impl PhonePage {
@@ -222,7 +210,7 @@ impl PhonePage {
         for row in &batch.orientation {
             self.device_orientation(row, &mut out);
         }
-        self.stream.settle(&mut out);
+        self.stream.settle(ADVICE, &mut out);
         out
     }
 
@@ -253,7 +241,7 @@ impl PhonePage {
                 continue;
             };
             self.force.better(time_ns);
-            self.force_rounding.see(&force, out);
+            self.force_rounding.see(FORCE, &force, out);
             // Only Chromium has these sensors, and it writes them as the standard says.
             out.vector(time_ns, SensorKind::Accelerometer, force);
         }
@@ -262,7 +250,8 @@ impl PhonePage {
                 continue;
             };
             self.rate.better(time_ns);
-            self.rate_rounding.see(&rate.map(f64::to_degrees), out);
+            self.rate_rounding
+                .see(RATE, &rate.map(f64::to_degrees), out);
             out.vector(time_ns, SensorKind::Gyroscope, rate);
         }
         for row in &batch.magnetometer {
@@ -295,7 +284,7 @@ impl PhonePage {
                     );
                 } else {
                     let sign = *sign.get_or_insert_with(|| self.sign.decide(out));
-                    self.force_rounding.see(&row.with_gravity, out);
+                    self.force_rounding.see(FORCE, &row.with_gravity, out);
                     let force = row.with_gravity * sign.factor();
                     out.vector(time_ns, SensorKind::Accelerometer, force);
                 }
@@ -306,7 +295,7 @@ impl PhonePage {
                         "The browser gives no rotation rate: this phone may have no gyroscope.",
                     );
                 } else {
-                    self.rate_rounding.see(&row.rate_deg_s, out);
+                    self.rate_rounding.see(RATE, &row.rate_deg_s, out);
                     let rate = row.rate_deg_s.map(f64::to_radians);
                     out.vector(time_ns, SensorKind::Gyroscope, rate);
                 }

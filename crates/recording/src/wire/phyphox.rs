@@ -89,7 +89,7 @@ impl Phyphox {
         Self {
             channels,
             session: None,
-            stream: Stream::new("choose the fastest sensor rate in the phyphox experiment"),
+            stream: Stream::default(),
         }
     }
 
@@ -139,7 +139,8 @@ impl Phyphox {
                 );
             }
         }
-        self.stream.settle(&mut out);
+        let advice = "choose the fastest sensor rate in the phyphox experiment";
+        self.stream.settle(advice, &mut out);
         out
     }
 

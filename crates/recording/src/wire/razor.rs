@@ -5,7 +5,8 @@
 //! right, down and its accelerations point along gravity; ours are right, forward, up (a phone's)
 //! and specific force.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
+use northing_core::geometry::frames::{enu_from_ned, enu_from_ned_rotation};
 
 use super::Decoded;
 use super::lines::Lines;
@@ -215,23 +216,18 @@ impl RazorConfig {
     }
 
     fn force(&self, time_ns: i64, counts: Vector3<f64>, out: &mut Decoded) {
-        let force = swapped(counts) * (-STANDARD_GRAVITY_M_S2 / self.counts_per_g);
+        let force = enu_from_ned(&counts) * (-STANDARD_GRAVITY_M_S2 / self.counts_per_g);
         out.vector(time_ns, SensorKind::Accelerometer, force);
     }
 
     fn rate(&self, time_ns: i64, counts: Vector3<f64>, out: &mut Decoded) {
-        let rate = swapped(counts) * self.rate_deg_s_per_count.to_radians();
+        let rate = enu_from_ned(&counts) * self.rate_deg_s_per_count.to_radians();
         out.vector(time_ns, SensorKind::Gyroscope, rate);
     }
 
     fn field(&self, time_ns: i64, kind: SensorKind, counts: Vector3<f64>, out: &mut Decoded) {
-        out.vector(time_ns, kind, swapped(counts) / self.counts_per_ut);
+        out.vector(time_ns, kind, enu_from_ned(&counts) / self.counts_per_ut);
     }
-}
-
-/// Forward, right, down to right, forward, up, and back.
-fn swapped(v: Vector3<f64>) -> Vector3<f64> {
-    Vector3::new(v.y, v.x, -v.z)
 }
 
 fn line(text: &[u8], config: &RazorConfig, clock: &mut FrameClock, out: &mut Decoded) {
@@ -273,10 +269,8 @@ fn angles(time_ns: i64, angles_deg: [f64; 3], out: &mut Decoded) {
     let ned_from_frd = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw)
         * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), pitch)
         * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), roll);
-    // Swapping the first two axes and turning the third over is half a turn about (1, 1, 0); it
-    // takes NED to ENU and our body axes to FRD alike.
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    let swap = UnitQuaternion::new_unchecked(Quaternion::new(0.0, half, half, 0.0));
+    // It takes NED to ENU and our body axes to FRD alike.
+    let swap = enu_from_ned_rotation();
     out.attitude(time_ns, swap * ned_from_frd * swap);
 }
 

@@ -124,7 +124,7 @@ impl Default for SensorLoggerPush {
             ones: 0,
             pairs: Pairs::default(),
             forced: None,
-            stream: Stream::new("set the sampling period to 10 ms in the app"),
+            stream: Stream::default(),
             newest_ns: i64::MIN,
             lost_before: 0,
             duplicated_before: 0,
@@ -227,7 +227,8 @@ impl SensorLoggerPush {
         for push in pushes {
             let mut one = Decoded::default();
             self.decode(push, &mut one);
-            self.stream.settle(&mut one);
+            self.stream
+                .settle("set the sampling period to 10 ms in the app", &mut one);
             out.append(one);
         }
     }

@@ -12,6 +12,8 @@ use super::{Decoded, json};
 use crate::error::shown;
 use crate::event::SensorKind;
 
+const ADVICE: &str =
+    "set the sampling rate to 10000 microseconds in SensorServer's settings and connect again";
 const PREFIX: &str = "android.sensor.";
 
 /// The path, with its query, under which the app serves the sensors that this decoder uses;
@@ -19,7 +21,7 @@ const PREFIX: &str = "android.sensor.";
 pub const CONNECT_PATH: &str = "/sensors/connect?types=%5B%22android.sensor.accelerometer%22,%22android.sensor.gyroscope%22,%22android.sensor.magnetic_field%22,%22android.sensor.rotation_vector%22%5D";
 
 /// The decoder of one connection.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct SensorServer {
     /// The sensor of frames that do not name theirs, as Android names it.
     only_sensor: Option<String>,
@@ -63,7 +65,7 @@ impl SensorServer {
         };
         let values = json::array(object.get("values"));
         self.reading(&sensor, time_ns, values, &mut out);
-        self.stream.settle(&mut out);
+        self.stream.settle(ADVICE, &mut out);
         out
     }
 
@@ -107,20 +109,6 @@ impl SensorServer {
             // Android gives hectopascal.
             "pressure" => out.pressure(time_ns, 100.0 * json::number(values.first())),
             _ => out.info(format!("The sensor {} is not used.", shown(sensor))),
-        }
-    }
-}
-
-impl Default for SensorServer {
-    fn default() -> Self {
-        Self {
-            only_sensor: None,
-            force: Preference::default(),
-            rate: Preference::default(),
-            attitude: Preference::default(),
-            stream: Stream::new(
-                "set the sampling rate to 10000 microseconds in SensorServer's settings and connect again",
-            ),
         }
     }
 }

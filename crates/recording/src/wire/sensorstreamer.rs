@@ -10,19 +10,10 @@ use crate::error::shown;
 use crate::event::SensorKind;
 
 /// The decoder of one connection.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct SensorStreamer {
     lines: Lines,
     stream: Stream,
-}
-
-impl Default for SensorStreamer {
-    fn default() -> Self {
-        Self {
-            lines: Lines::default(),
-            stream: Stream::new("set the sampling period to 10 ms in the app"),
-        }
-    }
 }
 
 impl SensorStreamer {
@@ -31,7 +22,8 @@ impl SensorStreamer {
         let mut out = Decoded::default();
         let too_long = self.lines.push(bytes, |text| object(text, &mut out));
         out.bad_many("A line that does not end was left out.", too_long);
-        self.stream.settle(&mut out);
+        self.stream
+            .settle("set the sampling period to 10 ms in the app", &mut out);
         out
     }
 }

@@ -14,45 +14,29 @@ const WINDOW_NS: u64 = 2_000_000_000;
 /// Below this rate attitude estimates suffer, Hz.
 const LOWEST_RATE_HZ: f64 = 20.0;
 
+/// Sensors whose rates are judged.
+const JUDGED: [SensorKind; 2] = [SensorKind::Gyroscope, SensorKind::Accelerometer];
+
 /// One device's stream, across its messages.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Stream {
-    /// What the person at the device can do about a low rate.
-    advice: &'static str,
     newest_ns: Option<i64>,
     /// Stamps that were not accepted: the last of them and how many agreed.
     unbelieved: Option<(i64, u32)>,
-    rates: [RateWatch; 2],
+    rates: [RateWatch; JUDGED.len()],
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct RateWatch {
-    kind: SensorKind,
     /// First and last stamp of the window and how many there were.
     window: Option<(i64, i64, u32)>,
     low: bool,
 }
 
 impl Stream {
-    pub(super) fn new(advice: &'static str) -> Self {
-        let watch = |kind| RateWatch {
-            kind,
-            window: None,
-            low: false,
-        };
-        Self {
-            advice,
-            newest_ns: None,
-            unbelieved: None,
-            rates: [
-                watch(SensorKind::Gyroscope),
-                watch(SensorKind::Accelerometer),
-            ],
-        }
-    }
-
-    /// Puts the events in order, leaves out those whose stamp cannot be, and judges the rates.
-    pub(super) fn settle(&mut self, out: &mut Decoded) {
+    /// Puts the events in order, leaves out those whose stamp cannot be, and judges the rates;
+    /// `advice` is what the person at the device can do about a low one.
+    pub(super) fn settle(&mut self, advice: &str, out: &mut Decoded) {
         let before = out.events.len();
         // Judged in the order of arrival, so that a stamp far in the past cannot hide behind the sorting.
         out.events.retain(|event| self.believes(event.time_ns));
@@ -61,14 +45,17 @@ impl Stream {
         out.events.sort_by_key(Event::place);
         let mut low = Vec::new();
         for event in &out.events {
-            for watch in &mut self.rates {
-                if let Some(rate_hz) = watch.judge(event) {
-                    let text = format!(
-                        "The {} comes only {rate_hz:.0} times a second: {}.",
-                        watch.kind.name(),
-                        self.advice
-                    );
-                    low.push(text);
+            let kind = event.sample.kind();
+            for (_, watch) in JUDGED
+                .iter()
+                .zip(&mut self.rates)
+                .filter(|(k, _)| **k == kind)
+            {
+                if let Some(rate_hz) = watch.judge(event.time_ns) {
+                    low.push(format!(
+                        "The {} comes only {rate_hz:.0} times a second: {advice}.",
+                        kind.name(),
+                    ));
                 }
             }
         }
@@ -103,11 +90,7 @@ impl Stream {
 
 impl RateWatch {
     /// The rate when it has just been found to be too low, Hz.
-    fn judge(&mut self, event: &Event) -> Option<f64> {
-        if event.sample.kind() != self.kind {
-            return None;
-        }
-        let time_ns = event.time_ns;
+    fn judge(&mut self, time_ns: i64) -> Option<f64> {
         let (first, last, count) = match self.window {
             Some((first, last, count)) => (first.min(time_ns), last.max(time_ns), count + 1),
             None => (time_ns, time_ns, 1),
@@ -148,9 +131,9 @@ mod tests {
 
     #[test]
     fn events_come_out_in_order() {
-        let mut stream = Stream::new("");
+        let mut stream = Stream::default();
         let mut out = decoded([3, 1, 2]);
-        stream.settle(&mut out);
+        stream.settle("", &mut out);
         assert_eq!(stamps(&out), [1, 2, 3]);
         assert!(out.notices.is_empty());
     }
@@ -158,23 +141,23 @@ mod tests {
     #[test]
     fn a_stamp_from_another_day_is_left_out_and_a_clock_that_was_set_is_followed() {
         const DAY: i64 = 86_400_000_000_000;
-        let mut stream = Stream::new("");
+        let mut stream = Stream::default();
         let mut out = decoded([0, 1, DAY, 2, -DAY, 3]);
-        stream.settle(&mut out);
+        stream.settle("", &mut out);
         assert_eq!(stamps(&out), [0, 1, 2, 3]);
         assert_eq!(out.notices[0].count, 2);
         let mut out = decoded(DAY..DAY + 60);
-        stream.settle(&mut out);
+        stream.settle("", &mut out);
         assert_eq!(stamps(&out), Vec::from_iter(DAY + 49..DAY + 60));
     }
 
     #[test]
     fn a_low_rate_is_said_once() {
-        let mut stream = Stream::new("set the period to 10 ms");
+        let mut stream = Stream::default();
         let mut said = Vec::new();
         for index in 0..50_i64 {
             let mut out = decoded([index * 200_000_000]);
-            stream.settle(&mut out);
+            stream.settle("set the period to 10 ms", &mut out);
             said.extend(out.notices);
         }
         assert_eq!(said.len(), 1);
@@ -186,11 +169,11 @@ mod tests {
 
     #[test]
     fn a_good_rate_and_a_pause_are_not_remarked_on() {
-        let mut stream = Stream::new("");
+        let mut stream = Stream::default();
         let fast = (0..500_i64).map(|index| index * 10_000_000);
         let late = (0..500_i64).map(|index| 60_000_000_000 + index * 10_000_000);
         let mut out = decoded(fast.chain(late));
-        stream.settle(&mut out);
+        stream.settle("", &mut out);
         assert!(out.notices.is_empty(), "{:?}", out.notices);
     }
 }

@@ -9,6 +9,7 @@ use super::{Reading, SensorLoggerPush};
 use crate::error::shown;
 use crate::event::{SensorKind, quaternion_from_file};
 use crate::options::STANDARD_GRAVITY_M_S2;
+use crate::sensor_logger::TABLES;
 use crate::wire::force_sign::ForceSign;
 use crate::wire::{Decoded, json};
 
@@ -103,17 +104,8 @@ fn orientation(time_ns: i64, values: &Value, sign: ForceSign, out: &mut Decoded)
 /// Says once that a sensor is not used, or what is missing beside it.
 pub(super) fn remark_on(name: &str, out: &mut Decoded) {
     match name {
-        "accelerometer"
-        | "accelerometeruncalibrated"
-        | "annotation"
-        | "barometer"
-        | "gravity"
-        | "gyroscope"
-        | "gyroscopeuncalibrated"
-        | "magnetometer"
-        | "magnetometeruncalibrated"
-        | "orientation"
-        | "totalacceleration" => {}
+        "annotation" => {}
+        _ if name != "metadata" && TABLES.contains(&name) => {}
         "" => out.bad("An entry of the payload has no `name`; it is left out."),
         _ => out.info(format!("The sensor {} is not used.", shown(name))),
     }
