@@ -179,6 +179,35 @@ impl<T: Scalar> ErrorTransition<T> {
         }
     }
 
+    /// The blocks `B`, `D`, `F`, `E`.
+    pub(super) fn bias_blocks(&self) -> [&Matrix3<T>; 4] {
+        [
+            &self.integrated_axes,
+            &self.velocity_from_gyroscope_bias,
+            &self.position_from_accelerometer_bias,
+            &self.position_from_gyroscope_bias,
+        ]
+    }
+
+    /// Velocity and position that the specific force has brought about: `-a` and `-e`.
+    pub(super) fn increments(&self) -> [Vector3<T>; 2] {
+        [-self.velocity_from_attitude, -self.position_from_attitude]
+    }
+
+    /// The same transition in axes that `axes` turns into, for these increments of velocity and position.
+    pub(super) fn turned(&self, axes: &Matrix3<T>, [velocity, position]: &[Vector3<T>; 2]) -> Self {
+        Self {
+            duration: self.duration,
+            is_one_sample: false,
+            velocity_from_attitude: -(axes * velocity),
+            position_from_attitude: -(axes * position),
+            integrated_axes: axes * self.integrated_axes,
+            velocity_from_gyroscope_bias: axes * self.velocity_from_gyroscope_bias,
+            position_from_accelerometer_bias: axes * self.position_from_accelerometer_bias,
+            position_from_gyroscope_bias: axes * self.position_from_gyroscope_bias,
+        }
+    }
+
     /// The full matrix, for those who need one.
     pub fn to_matrix(&self) -> SMatrix<T, STATES, STATES> {
         let mut phi = SMatrix::<T, STATES, STATES>::identity();

@@ -60,22 +60,32 @@ impl<T: Scalar> ErrorTransition<T> {
         if self.is_one_sample {
             self.shear_one_sample(&mut p.data.0);
         } else {
-            self.shear_samples(&mut p.data.0);
+            self.shear_samples::<STATES, 6, 9, 12>(&mut p.data.0);
         }
         self.add_noise(&mut p.data.0, noise);
     }
 
     /// `Phi P Phi^T` by one shear for position, velocity and attitude each, in this order: each needs the others as
-    /// they were.
+    /// they were. Of the `N` states so many stand behind the position, the velocity and the attitude; those beyond the
+    /// 15 stay as they are.
     // Not inlined: on a chip its memory is then free again for what follows.
     #[inline(never)]
-    fn shear_samples(&self, p: &mut Columns<T>) {
+    pub(in crate::navigation) fn shear_samples<
+        const N: usize,
+        const BEHIND_POSITION: usize,
+        const BEHIND_VELOCITY: usize,
+        const BEHIND_ATTITUDE: usize,
+    >(
+        &self,
+        p: &mut [[T; N]; N],
+    ) {
         let axes = &self.integrated_axes;
         let sources = [ATTITUDE, VELOCITY, ACCELEROMETER_BIAS, GYROSCOPE_BIAS];
-        shear::<T, STATES, POSITION, 6, 4>(p, sources, &ToPosition(self));
+        shear::<T, N, POSITION, BEHIND_POSITION, 4>(p, sources, &ToPosition(self));
         let sources = [ATTITUDE, ACCELEROMETER_BIAS, GYROSCOPE_BIAS];
-        shear::<T, STATES, VELOCITY, 9, 3>(p, sources, &ToVelocity(self));
-        shear::<T, STATES, ATTITUDE, 12, 1>(p, [GYROSCOPE_BIAS], &ToAttitude { axes });
+        shear::<T, N, VELOCITY, BEHIND_VELOCITY, 3>(p, sources, &ToVelocity(self));
+        let to_attitude = ToAttitude { axes };
+        shear::<T, N, ATTITUDE, BEHIND_ATTITUDE, 1>(p, [GYROSCOPE_BIAS], &to_attitude);
     }
 
     /// The same over one sample, for a third less: the velocity changes with the attitude of mid-sample, and the
