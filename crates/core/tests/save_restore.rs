@@ -15,6 +15,7 @@ use northing_core::geometry::frames::TangentFrame;
 use northing_core::geometry::rotation;
 use northing_core::nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector2, Vector3, Vector4};
 use northing_core::navigation::axis_filters::{PositionAxisConfig, PositionAxisFilters};
+use northing_core::navigation::in_motion_alignment::{InMotionAlignment, InMotionAlignmentConfig};
 use northing_core::navigation::{
     Cascade, CascadeConfig, DeadReckoning, DeadReckoningConfig, ErrorStateConfig, ErrorStateFilter,
     GnssCompassFix, GnssIns, GnssInsConfig, GnssPosition, GnssVelocity, NavigationState,
@@ -332,6 +333,35 @@ fn gnss_ins() {
             }
         });
     }
+}
+
+/// Circles without turning, with a position a second, a velocity with each, and a heading now and then.
+#[test]
+fn in_motion_alignment() {
+    type Alignment<T> = InMotionAlignment<T, 2, 4>;
+    let config = InMotionAlignmentConfig::default();
+    let single = Alignment::<f32>::new(InMotionAlignmentConfig::default()).unwrap();
+    let make = || Alignment::<f64>::new(config).unwrap();
+    check("in-motion alignment", make, single, |alignment, k| {
+        let t = f64::from(k) * 0.05;
+        let circle = Vector3::new(-t.cos(), -t.sin(), 0.0) * 4.0;
+        if k % 20 == 0 {
+            let fix = GnssPosition {
+                ned: circle,
+                std: Vector3::repeat(0.5),
+                has_height: true,
+            };
+            let _ = alignment.gnss_position(&fix);
+            let ned = Vector3::new(t.sin(), -t.cos(), 0.0) * 4.0;
+            let _ = alignment.gnss_velocity(&GnssVelocity::new(ned, Vector3::repeat(0.1)));
+        }
+        if k % 30 == 7 {
+            let _ = alignment.heading(0.1, 0.2);
+        }
+        let force = Vector3::new(-circle.x, -circle.y, -9.806_65);
+        let rate = Vector3::new(0.0, 0.01 * t.sin(), 0.0);
+        alignment.propagate(&rate, &force, 0.05).unwrap();
+    });
 }
 
 const RADAR: RadarNoise<f64> = RadarNoise {

@@ -22,6 +22,7 @@ pub mod error_state;
 mod gauss_markov_bias;
 pub mod gnss_ins;
 pub mod history;
+pub mod in_motion_alignment;
 pub mod preintegration;
 pub mod transition;
 pub mod validity;

@@ -5,7 +5,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::with_turned;
-use crate::navigation::augmented_states::{AugmentedStates, GNSS_OFFSET, TIME_OFFSET};
+use crate::navigation::augmented_states::{GNSS_OFFSET, TIME_OFFSET};
 use crate::navigation::error_state::{Row, SIDE, SparseMeasurement};
 use crate::navigation::history::Instant;
 use crate::navigation::{POSITION, VELOCITY};
@@ -13,6 +13,7 @@ use crate::scalar::{Scalar, lit};
 
 /// A position as a receiver gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct GnssPosition<T: Scalar> {
     /// Position of the antenna, m, north, east and down of the origin.
     pub ned: Vector3<T>,
@@ -22,11 +23,11 @@ pub struct GnssPosition<T: Scalar> {
     pub has_height: bool,
 }
 
-/// Rows of a position that was valid at `then` (E21). `variance` is that of what changes from fix to fix;
+/// Rows of a position that was valid at `then` (E21). `offset` is the receiver's correlated error, NED; `variance` is that of what changes from fix to fix;
 /// `components` are those measured: 0 north, 1 east, 2 down.
 pub fn measurement<T: Scalar, const M: usize>(
     then: &Instant<T>,
-    side: &AugmentedStates<T>,
+    offset: &Vector3<T>,
     lever_arm: &Vector3<T>,
     ned: &Vector3<T>,
     variance: &Vector3<T>,
@@ -35,7 +36,7 @@ pub fn measurement<T: Scalar, const M: usize>(
     let axes = then.ned_from_body;
     let arm = axes * lever_arm;
     let antenna_velocity = then.velocity + axes * then.angular_rate.cross(lever_arm);
-    let predicted = then.position + arm + side.values.fixed_rows::<3>(GNSS_OFFSET);
+    let predicted = then.position + arm + offset;
     // p_then = p - v t + ...: what the attitude did to the specific force since, twice integrated.
     let turned = arm + then.force_integral * (then.age_s * lit::<T>(0.5));
     let row = |i: usize| {

@@ -14,6 +14,7 @@ use crate::scalar::Scalar;
 
 /// A velocity as a receiver gives it (NMEA RMC and VTG, UBX NAV-PVT).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct GnssVelocity<T: Scalar> {
     /// Velocity of the antenna, m/s, north, east, down.
     pub ned: Vector3<T>,

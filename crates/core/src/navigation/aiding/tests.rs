@@ -132,7 +132,7 @@ fn position_rows_equal_dual_numbers_at_any_latency() {
         let then = instant(latency + side.values[TIME_OFFSET]);
         let made = gnss_position::measurement(
             &then,
-            &side,
+            &side.values.fixed_rows::<3>(GNSS_OFFSET).into(),
             &arm,
             &Vector3::zeros(),
             &Vector3::repeat(1.0),

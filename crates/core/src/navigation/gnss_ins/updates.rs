@@ -148,7 +148,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let latency = self.config.position_latency_s + self.memory.side.values[TIME_OFFSET];
         let then = self.instant(time_ns, latency);
         let arm = Vector3::from(self.config.lever_arm_m);
-        gnss_position::measurement(&then, &self.memory.side, &arm, ned, variance, components)
+        let offset = self.memory.side.values.fixed_rows::<3>(GNSS_OFFSET);
+        gnss_position::measurement(&then, &offset.into(), &arm, ned, variance, components)
     }
 
     /// Holds the receiver's slow error to the standard deviation that it states now. When that falls by half

@@ -1,0 +1,154 @@
+//! Student-t measurement update: the noise of a fix is divided by a weight that falls with how far the fix is off.
+//!
+//! *Read first:* `docs/derivations/in_motion_alignment.md`, section 4 (W12-W15).
+//!
+//! Rows are divided by their standard deviation first, so that the noise is the identity: the weight is then one number
+//! on its diagonal, and single precision keeps its digits whatever the units are.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::{Covariance, ErrorVector};
+use crate::kalman::covariance::cholesky;
+use crate::kalman::sparse_update::add_scaled;
+use crate::kalman::{Innovation, Outcome};
+use crate::navigation::error_state::SparseMeasurement;
+use crate::scalar::{Scalar, lit};
+
+use super::ALIGNMENT_ERRORS;
+
+/// Iterations of weight and posterior.
+const ITERATIONS: usize = 3;
+
+/// What an update said.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Weighted<T: Scalar> {
+    /// Innovation with the noise as stated.
+    pub(super) innovation: Innovation<T>,
+    /// Weight, above 0 up to 1: its noise was divided by it.
+    pub(super) weight: T,
+    /// Log likelihood of the measurement, but for a constant.
+    pub(super) log_likelihood: T,
+}
+
+/// Inverse of a lower triangle.
+fn inverse_lower<T: Scalar, const M: usize>(l: &SMatrix<T, M, M>) -> SMatrix<T, M, M> {
+    let mut inverse = SMatrix::<T, M, M>::zeros();
+    for j in 0..M {
+        inverse[(j, j)] = T::one() / l[(j, j)];
+        for i in (j + 1)..M {
+            let mut sum = T::zero();
+            for k in j..i {
+                sum += l[(i, k)] * inverse[(k, j)];
+            }
+            inverse[(i, j)] = -sum / l[(i, i)];
+        }
+    }
+    inverse
+}
+
+/// Inverse of the lower factor of `predicted` and noise of one variance.
+fn factor<T: Scalar, const M: usize>(
+    predicted: &SMatrix<T, M, M>,
+    variance: T,
+) -> Option<SMatrix<T, M, M>> {
+    let s = predicted + SMatrix::<T, M, M>::from_diagonal_element(variance);
+    cholesky(&s).map(|l| inverse_lower(&l))
+}
+
+/// The weight at which it agrees with the residual that is expected after the update (W13).
+fn weight_of<T: Scalar, const M: usize>(
+    predicted: &SMatrix<T, M, M>,
+    residual: &SVector<T, M>,
+    dof: T,
+) -> Option<T> {
+    let m = lit::<T>(M as f64);
+    let mut weight = T::one();
+    for _ in 0..ITERATIONS {
+        let inverse = factor(predicted, T::one() / weight)?;
+        // S^-1 = L^-T L^-1: the residual after the update is S^-1 r / w, its covariance (I - S^-1 / w) / w.
+        let after = inverse.transpose() * (inverse * residual) / weight;
+        let spread = (m - inverse.norm_squared() / weight).max(T::zero()) / weight;
+        weight = ((dof + m) / (dof + after.norm_squared() + spread)).min(T::one());
+    }
+    (weight > T::zero()).then_some(weight)
+}
+
+/// Fuses a measurement into the error that is estimated so far and its covariance. `None`, and nothing changed, when
+/// the innovation covariance is not positive or a number not finite.
+// Not inlined: on a chip its memory is then free again for what follows.
+#[inline(never)]
+pub(super) fn fuse<T: Scalar, const M: usize>(
+    covariance: &mut Covariance<T>,
+    error: &mut ErrorVector<T>,
+    measurement: &SparseMeasurement<T, M>,
+    dof: T,
+) -> Option<Weighted<T>> {
+    const { assert!(M <= 3) };
+    let std = measurement.variance.map(|v| v.sqrt());
+    let mut projected = [[T::zero(); ALIGNMENT_ERRORS]; M];
+    let mut off = measurement.residual;
+    for (i, (row, out)) in measurement.rows.iter().zip(&mut projected).enumerate() {
+        for (state, h) in row.elements() {
+            if let Some(column) = covariance.data.0.get(*state) {
+                add_scaled(out, column, *h / std[i], ALIGNMENT_ERRORS);
+            }
+        }
+        off[i] -= row.dot(error.as_slice());
+    }
+    let residual = off.component_div(&std);
+    let predicted = SMatrix::<T, M, M>::from_fn(|i, j| {
+        let (row, column) = (i.min(j), i.max(j));
+        measurement.rows[row].dot(&projected[column]) / std[row]
+    });
+    let stated = factor(&predicted, T::one())?;
+    let nis = (stated * residual).norm_squared();
+    if !nis.is_finite() {
+        return None;
+    }
+    let weight = weight_of(&predicted, &residual, dof)?;
+    let gain = factor(&predicted, T::one() / weight)?;
+    // W = P H^T L^-T: x += W L^-1 r, P -= W W^T.
+    let whitened = gain * residual;
+    for i in 0..M {
+        let mut column = [T::zero(); ALIGNMENT_ERRORS];
+        for (k, h) in projected.iter().enumerate().take(i + 1) {
+            add_scaled(&mut column, h, gain[(i, k)], ALIGNMENT_ERRORS);
+        }
+        add_scaled(error.as_mut_slice(), &column, whitened[i], ALIGNMENT_ERRORS);
+        for (out, factor) in covariance.data.0.iter_mut().zip(column) {
+            add_scaled(out, &column, -factor, ALIGNMENT_ERRORS);
+        }
+    }
+    let mut log_likelihood = T::zero();
+    for i in 0..M {
+        log_likelihood += stated[(i, i)].ln() - std[i].ln();
+    }
+    let m = lit::<T>(M as f64);
+    log_likelihood -= (dof + m) * lit(0.5) * (nis / dof).ln_1p();
+    Some(Weighted {
+        innovation: record(&off, &predicted, &std, nis),
+        weight,
+        log_likelihood,
+    })
+}
+
+/// The record in the units of the measurement.
+fn record<T: Scalar, const M: usize>(
+    residual: &SVector<T, M>,
+    predicted: &SMatrix<T, M, M>,
+    std: &SVector<T, M>,
+    nis: T,
+) -> Innovation<T> {
+    let mut covariance = Matrix3::zeros();
+    for (i, j) in (0..M).flat_map(|i| (0..M).map(move |j| (i, j))) {
+        let noise = if i == j { T::one() } else { T::zero() };
+        covariance[(i, j)] = (predicted[(i, j)] + noise) * std[i] * std[j];
+    }
+    Innovation {
+        residual: Vector3::from_fn(|i, _| residual.get(i).copied().unwrap_or_else(T::zero)),
+        covariance,
+        nis,
+        degrees_of_freedom: M as u8,
+        outcome: Outcome::Fused,
+    }
+}

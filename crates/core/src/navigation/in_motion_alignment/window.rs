@@ -1,0 +1,364 @@
+//! The sliding window: the last intervals with their fixes, and the linear pass of one hypothesis through them.
+//!
+//! *Read first:* `docs/derivations/in_motion_alignment.md`, sections 3 and 4 (W10-W12).
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::estimate::{Estimate, Mean, Triangle, propagate};
+use super::robust_update::{Weighted, fuse};
+use super::{Covariance, ErrorVector, InMotionAlignmentConfig};
+use crate::geometry::so3;
+use crate::kalman::{Innovation, SkipReason};
+use crate::navigation::aiding::{gnss_position, gnss_velocity, heading};
+use crate::navigation::error_state::SparseMeasurement;
+use crate::navigation::history::Instant;
+use crate::navigation::preintegration::Preintegration;
+use crate::navigation::{
+    ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, GnssPosition, GnssVelocity, VELOCITY,
+};
+use crate::restorable::{InvalidState, finite, unit};
+use crate::scalar::{Scalar, lit};
+
+/// Speed (m/s) beyond which a time offset is not made more of.
+const FASTEST_FOR_OFFSET: f64 = 300.0;
+/// NIS of three components at which a fix is as bad as any.
+const WORST_NIS: f64 = 12.0;
+/// A fix with less weight than this disagrees with the rest of the window.
+const DISAGREEING_WEIGHT: f64 = 0.1;
+
+/// A heading that was measured within an interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct SeenHeading<T: Scalar> {
+    /// What the body had turned by since the interval began.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
+    pub(super) turned: UnitQuaternion<T>,
+    pub(super) heading: T,
+    pub(super) variance: T,
+}
+
+/// The inertial samples from one fix to the next, and that next one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Interval<T: Scalar> {
+    pub(super) inertial: Preintegration<T>,
+    /// As measured at its end.
+    pub(super) angular_rate: Vector3<T>,
+    pub(super) heading: Option<SeenHeading<T>>,
+    pub(super) position: GnssPosition<T>,
+    pub(super) velocity: Option<GnssVelocity<T>>,
+}
+
+/// The point about which a pass is linear: attitude at the window's beginning, and biases.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Linearization<T: Scalar> {
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
+    pub(super) ned_from_body: UnitQuaternion<T>,
+    pub(super) accelerometer_bias: Vector3<T>,
+    pub(super) gyroscope_bias: Vector3<T>,
+}
+
+/// The newest fix as a hypothesis saw it, and how the window fits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fit<T: Scalar> {
+    /// Log evidence of the window.
+    pub(super) log_evidence: T,
+    /// Mean NIS of the positions for a component, each cut at four.
+    pub(super) nis: T,
+    /// Newest positions in a row that disagree with the rest.
+    pub(super) disagreeing: u32,
+    /// The newest position, velocity and heading of the window, with their weights.
+    pub(super) newest: [(Innovation<T>, T); 3],
+}
+
+/// What a pass ends with.
+pub(super) struct Pass<T: Scalar> {
+    pub(super) fit: Fit<T>,
+    pub(super) end: Estimate<T>,
+    /// The state after the first interval and the log evidence of that.
+    pub(super) second: (Estimate<T>, T),
+}
+
+/// The state of a pass.
+struct Running<'a, T: Scalar> {
+    config: &'a InMotionAlignmentConfig<T>,
+    scale: T,
+    mean: Mean<T>,
+    error: ErrorVector<T>,
+    covariance: Covariance<T>,
+    log_evidence: T,
+}
+
+impl<T: Scalar> Linearization<T> {
+    pub(super) fn at(mean: &Mean<T>) -> Self {
+        Self {
+            ned_from_body: mean.ned_from_body,
+            accelerometer_bias: mean.accelerometer_bias,
+            gyroscope_bias: mean.gyroscope_bias,
+        }
+    }
+
+    /// The end of the window carried back by the gyroscope with the bias found there (W12).
+    pub(super) fn carried_back(end: &Mean<T>, intervals: &[Interval<T>]) -> Self {
+        let mut turned = UnitQuaternion::identity();
+        for interval in intervals {
+            let inertial = &interval.inertial;
+            let increment = inertial.corrected(&end.accelerometer_bias, &end.gyroscope_bias);
+            turned *= increment.rotation;
+        }
+        Self {
+            ned_from_body: end.ned_from_body * turned.inverse(),
+            ..Self::at(end)
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        unit("linearisation", &self.ned_from_body)?;
+        let biases = self.accelerometer_bias.iter().chain(&self.gyroscope_bias);
+        finite("linearisation", biases)
+    }
+}
+
+impl<T: Scalar> Interval<T> {
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        self.inertial.check()?;
+        if let Some(seen) = &self.heading {
+            seen.check()?;
+        }
+        let velocity = self.velocity.iter();
+        let velocity = velocity.flat_map(|v| v.ned.iter().chain(&v.std));
+        let position = self.position.ned.iter().chain(&self.position.std);
+        let numbers = position.chain(&self.angular_rate).chain(velocity);
+        finite("fixes", numbers)
+    }
+}
+
+impl<T: Scalar> SeenHeading<T> {
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        unit("heading", &self.turned)?;
+        finite("heading", [&self.heading, &self.variance])
+    }
+}
+
+/// One hypothesis through the window: linear about the trajectory that starts at `about`, from `anchor` (W10, W11).
+/// `None`: the numbers have failed.
+// Not inlined: on a chip its memory is then free again for what follows.
+#[inline(never)]
+pub(super) fn pass<T: Scalar>(
+    anchor: &Estimate<T>,
+    about: &Linearization<T>,
+    intervals: &[Interval<T>],
+    scale: T,
+    config: &InMotionAlignmentConfig<T>,
+) -> Option<Pass<T>> {
+    let mut running = Running::begin(anchor, about, scale, config);
+    let nothing = (Innovation::skipped(SkipReason::NotUsed), T::zero());
+    let mut fit = Fit {
+        log_evidence: T::zero(),
+        nis: T::zero(),
+        disagreeing: 0,
+        newest: [nothing; 3],
+    };
+    let mut second = None;
+    for interval in intervals {
+        let heading = running.heading(interval)?;
+        running.propagate(interval);
+        let position = running.position(interval)?;
+        let velocity = running.velocity(interval)?;
+        fit.see(&position);
+        for (newest, seen) in fit
+            .newest
+            .iter_mut()
+            .zip([Some(position), velocity, heading])
+        {
+            *newest = seen.map_or(*newest, |w| (w.innovation, w.weight));
+        }
+        if second.is_none() {
+            second = Some((running.estimate()?, running.log_evidence));
+        }
+    }
+    fit.log_evidence = running.log_evidence;
+    fit.nis /= lit(intervals.len().max(1) as f64);
+    Some(Pass {
+        fit,
+        end: running.estimate()?,
+        second: second?,
+    })
+}
+
+impl<T: Scalar> Fit<T> {
+    fn see(&mut self, position: &Weighted<T>) {
+        let record = &position.innovation;
+        let components = lit::<T>(f64::from(record.degrees_of_freedom.max(1)));
+        let worst = lit::<T>(WORST_NIS / 3.0);
+        self.nis += (record.nis / components).min(worst);
+        self.disagreeing = if position.weight < lit(DISAGREEING_WEIGHT) {
+            self.disagreeing.saturating_add(1)
+        } else {
+            0
+        };
+    }
+}
+
+impl<'a, T: Scalar> Running<'a, T> {
+    fn begin(
+        anchor: &Estimate<T>,
+        about: &Linearization<T>,
+        scale: T,
+        config: &'a InMotionAlignmentConfig<T>,
+    ) -> Self {
+        let from = &anchor.mean;
+        let mean = Mean {
+            ned_from_body: about.ned_from_body,
+            accelerometer_bias: about.accelerometer_bias,
+            gyroscope_bias: about.gyroscope_bias,
+            ..*from
+        };
+        let mut error = ErrorVector::<T>::zeros();
+        let turn = so3::log(&(from.ned_from_body * about.ned_from_body.inverse()));
+        let force = from.accelerometer_bias - about.accelerometer_bias;
+        let rate = from.gyroscope_bias - about.gyroscope_bias;
+        for (first, part) in [
+            (ATTITUDE, turn),
+            (ACCELEROMETER_BIAS, force),
+            (GYROSCOPE_BIAS, rate),
+        ] {
+            error.fixed_rows_mut::<3>(first).copy_from(&part);
+        }
+        Self {
+            config,
+            scale,
+            mean,
+            error,
+            covariance: anchor.covariance.full(),
+            log_evidence: T::zero(),
+        }
+    }
+
+    fn estimate(&self) -> Option<Estimate<T>> {
+        let estimate = Estimate {
+            mean: self.mean.corrected(&self.error),
+            covariance: Triangle::of(&self.covariance),
+        };
+        estimate.is_usable().then_some(estimate)
+    }
+
+    fn propagate(&mut self, interval: &Interval<T>) {
+        let slow = interval.position.std * self.config.position_correlated_fraction;
+        let Self {
+            mean,
+            error,
+            covariance,
+            config,
+            ..
+        } = self;
+        propagate(mean, error, covariance, &interval.inertial, &slow, config);
+    }
+
+    fn fuse<const M: usize>(
+        &mut self,
+        measurement: &SparseMeasurement<T, M>,
+    ) -> Option<Weighted<T>> {
+        let dof = self.config.student_dof;
+        let seen = fuse(&mut self.covariance, &mut self.error, measurement, dof)?;
+        self.log_evidence += seen.log_likelihood;
+        Some(seen)
+    }
+
+    /// The instant of the fix at the end of an interval, as the aids of navigation want it.
+    fn instant(&self, interval: &Interval<T>) -> Instant<T> {
+        let mean = &self.mean;
+        let fastest = lit::<T>(FASTEST_FOR_OFFSET);
+        let corrected = mean.velocity + self.error.fixed_rows::<3>(VELOCITY);
+        let t = interval.inertial.duration_s();
+        let increment = interval.inertial.increment();
+        let force = mean.ned_from_body * (increment.rotation.inverse() * increment.velocity) / t;
+        Instant {
+            ned_from_body: mean.ned_from_body,
+            velocity: corrected.map(|v| v.max(-fastest).min(fastest)),
+            position: mean.position - mean.velocity * mean.lateness,
+            angular_rate: interval.angular_rate - mean.gyroscope_bias,
+            acceleration: force + Vector3::z() * self.config.gravity,
+            age_s: mean.lateness,
+            force_integral: Vector3::zeros(),
+        }
+    }
+
+    /// A heading within the interval, at its beginning.
+    fn heading(&mut self, interval: &Interval<T>) -> Option<Option<Weighted<T>>> {
+        let Some(seen) = interval.heading else {
+            return Some(None);
+        };
+        let mut then = self.instant(interval);
+        then.ned_from_body = self.mean.ned_from_body * seen.turned;
+        match heading::measurement(&then, seen.heading, seen.variance) {
+            Ok(measurement) => self.fuse(&measurement).map(Some),
+            Err(_) => Some(None),
+        }
+    }
+
+    fn position(&mut self, interval: &Interval<T>) -> Option<Weighted<T>> {
+        let then = self.instant(interval);
+        let c = self.config;
+        let fix = &interval.position;
+        let variance = position_variance(&fix.std, &then.velocity, self.scale, c);
+        let arm = Vector3::from(c.lever_arm_m);
+        let offset = self.mean.gnss_offset;
+        if fix.has_height {
+            let all = [0, 1, 2];
+            self.fuse(&gnss_position::measurement(
+                &then, &offset, &arm, &fix.ned, &variance, all,
+            ))
+        } else {
+            let flat = [0, 1];
+            self.fuse(&gnss_position::measurement(
+                &then, &offset, &arm, &fix.ned, &variance, flat,
+            ))
+        }
+    }
+
+    fn velocity(&mut self, interval: &Interval<T>) -> Option<Option<Weighted<T>>> {
+        let Some(fix) = &interval.velocity else {
+            return Some(None);
+        };
+        let then = Instant {
+            age_s: T::zero(),
+            velocity: self.mean.velocity,
+            ..self.instant(interval)
+        };
+        let variance = fix.std.component_mul(&fix.std);
+        let arm = Vector3::from(self.config.lever_arm_m);
+        let seen = if fix.has_vertical {
+            self.fuse(&gnss_velocity::measurement(
+                &then,
+                &arm,
+                &fix.ned,
+                &variance,
+                [0, 1, 2],
+            ))
+        } else {
+            self.fuse(&gnss_velocity::measurement(
+                &then,
+                &arm,
+                &fix.ned,
+                &variance,
+                [0, 1],
+            ))
+        };
+        seen.map(Some)
+    }
+}
+
+/// Variance of what changes from fix to fix (W11).
+pub(super) fn position_variance<T: Scalar>(
+    std: &Vector3<T>,
+    velocity: &Vector3<T>,
+    scale: T,
+    config: &InMotionAlignmentConfig<T>,
+) -> Vector3<T> {
+    let white = scale * config.position_uncorrelated_fraction;
+    let along = config.time_jitter_s * config.time_jitter_s * velocity.norm_squared();
+    let added = config.lever_arm_std_m * config.lever_arm_std_m + along;
+    std.map(|s| s * s * white * white + added)
+}
