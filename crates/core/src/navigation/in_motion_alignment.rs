@@ -95,9 +95,14 @@ const FARTHEST_M: f64 = 2e7;
 const LARGEST_STD: f64 = 1e3;
 /// Speed (m/s) that no fix's distance from the last can have been travelled with.
 const FASTEST_M_S: f64 = 1e3;
-/// So many impossible positions in a row, or disagreeing ones, are where it begins again.
+/// So many impossible positions in a row are where it begins again.
 const IMPOSSIBLE_IN_A_ROW: u32 = 3;
-const DISAGREEING_IN_A_ROW: u32 = 4;
+/// NIS of three components beyond which a position disagrees: one in thirty does by chance.
+const DISAGREEING_NIS: f64 = 8.7;
+/// It begins again at so many that disagree, less those that agree; ...
+const MOST_DISAGREEING: u32 = 5;
+/// ... and from so many on the heading is in doubt.
+const DOUBTED_FROM: u32 = 2;
 /// How much more uncertain than accepted the heading may become before it counts as unknown again.
 const HYSTERESIS: f64 = 1.5;
 /// Least specific force that shows where down is, as a fraction of gravity.
@@ -347,10 +352,17 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             T::one()
         };
         memory.is_aligned = bank.is_aligned(loose, &self.config);
-        if best.disagreeing >= DISAGREEING_IN_A_ROW {
+        let [(position, p), (velocity, v), (heading, h)] = fit.newest;
+        let components = lit::<T>(f64::from(position.degrees_of_freedom) / 3.0);
+        memory.disagreeing = if position.nis > components * lit(DISAGREEING_NIS) {
+            memory.disagreeing.saturating_add(1)
+        } else {
+            memory.disagreeing.saturating_sub(1)
+        };
+        memory.is_aligned &= memory.disagreeing < DOUBTED_FROM;
+        if memory.disagreeing >= MOST_DISAGREEING {
             self.begin_again(fix);
         }
-        let [(position, p), (velocity, v), (heading, h)] = fit.newest;
         AlignmentUpdate {
             position,
             velocity,
@@ -416,7 +428,19 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
     pub fn solution(&self) -> Option<AlignmentSolution<T>> {
         let memory = &self.memory;
         let bank = memory.bank.as_ref()?;
-        bank.solution(&memory.since, &self.slow_std()?, &self.config)
+        let mut solution = bank.solution(&memory.since, &self.slow_std()?, &self.config)?;
+        let doubt = self.heading_doubt();
+        solution.heading_std = (solution.heading_std * solution.heading_std + doubt).sqrt();
+        Some(solution)
+    }
+
+    /// Variance of the heading for fixes that disagree (W20): the more they are, the more probable it is that the
+    /// hypotheses are wrong, and that it points anywhere.
+    fn heading_doubt(&self) -> T {
+        let doubted = (self.memory.disagreeing + 1).saturating_sub(DOUBTED_FROM);
+        let most = MOST_DISAGREEING + 1 - DOUBTED_FROM;
+        let anywhere = T::pi() * T::pi() / lit(3.0);
+        anywhere * lit(f64::from(doubted) / f64::from(most))
     }
 
     /// The state of the best hypothesis for a filter that goes on from here, at this instant, with the heading as
@@ -454,22 +478,23 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         Some(std * self.config.position_correlated_fraction)
     }
 
-    /// Begins a bank at a position, if level is known.
+    /// Begins a bank at a position, if level is known; what has been learnt of the receiver's noise stays.
     fn begin(&mut self, fix: &GnssPosition<T>) {
         let memory = &mut self.memory;
         let force = memory.force.norm();
         if memory.levelled_s < self.config.levelling_time_s
             || !(force > self.config.gravity * lit(LEAST_FORCE))
         {
+            memory.forget_window();
             return;
         }
+        let scale = memory.bank.as_ref().map_or(T::one(), |bank| bank.scale);
         memory.forget_window();
-        memory.bank = Some(Bank::new(&memory.force, fix, &self.config));
+        memory.bank = Some(Bank::new(&memory.force, fix, scale, &self.config));
     }
 
     fn begin_again(&mut self, fix: &GnssPosition<T>) {
         self.memory.restarts = self.memory.restarts.saturating_add(1);
-        self.memory.forget_window();
         self.begin(fix);
     }
 

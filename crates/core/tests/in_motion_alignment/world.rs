@@ -182,6 +182,17 @@ fn motion(
 
 /// A world of `duration` seconds with a consumer's inertial unit and a fix a second.
 pub(crate) fn world(vehicle: Vehicle, receiver: &Receiver, seed: u64, duration: f64) -> World {
+    world_with(1.0, vehicle, receiver, seed, duration)
+}
+
+/// The same with so much of the scale errors that no filter here has a state for.
+pub(crate) fn world_with(
+    unit_errors: f64,
+    vehicle: Vehicle,
+    receiver: &Receiver,
+    seed: u64,
+    duration: f64,
+) -> World {
     let mut random = Random(Pcg64Mcg::seed_from_u64(
         seed.wrapping_mul(0x9e37_79b9_7f4a_7c15),
     ));
@@ -191,7 +202,7 @@ pub(crate) fn world(vehicle: Vehicle, receiver: &Receiver, seed: u64, duration: 
     for k in 1..n {
         position[k] = position[k - 1] + (velocity[k - 1] + velocity[k]) * (0.5 * DT);
     }
-    let scale = [3e-3, 1.5e-3].map(|std| random.vector(std).map(|x| 1.0 + x));
+    let scale = [3e-3, 1.5e-3].map(|std| random.vector(std * unit_errors).map(|x| 1.0 + x));
     let bias = [0.3_f64.to_radians(), 0.05].map(|std| random.vector(std));
     let samples = (1..n)
         .map(|k| {

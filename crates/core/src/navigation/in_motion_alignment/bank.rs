@@ -50,7 +50,7 @@ pub(super) struct Bank<T: Scalar, const K: usize> {
     /// Whether the velocity of its instant was measured.
     has_velocity: bool,
     /// What the stated standard deviations are multiplied by.
-    scale: T,
+    pub(super) scale: T,
 }
 
 /// How sure the mixture is.
@@ -65,6 +65,7 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
     pub(super) fn new(
         force: &Vector3<T>,
         fix: &GnssPosition<T>,
+        scale: T,
         config: &InMotionAlignmentConfig<T>,
     ) -> Self {
         let level = super::hypothesis::levelled(force);
@@ -80,7 +81,7 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
             first,
             fixes: 0,
             has_velocity: false,
-            scale: T::one(),
+            scale,
         }
     }
 

@@ -132,10 +132,13 @@ impl<T: Scalar> Estimate<T> {
         covariance("covariance", &self.covariance.full())
     }
 
-    /// Whether every number is finite and every variance positive.
+    /// Whether every number is finite, and every variance one: zero only of what is not estimated.
     pub(super) fn is_usable(&self) -> bool {
-        let variances = (0..LATE).all(|i| self.covariance.variance(i) > T::zero());
-        variances && self.mean.is_finite() && self.covariance.0.iter().all(|x| x.is_finite())
+        let variance = |i| self.covariance.variance(i);
+        let estimated = (0..STATES).all(|i| variance(i) > T::zero());
+        let rest = (STATES..ALIGNMENT_ERRORS).all(|i| variance(i) >= T::zero());
+        let finite = self.covariance.0.iter().all(|x| x.is_finite());
+        estimated && rest && finite && self.mean.is_finite()
     }
 }
 

@@ -41,7 +41,6 @@ pub(super) struct Hypothesis<T: Scalar> {
     pub(super) end: Estimate<T>,
     /// Mean NIS of the window for a component.
     pub(super) nis: T,
-    pub(super) disagreeing: u32,
 }
 
 /// The attitude that a mean specific force at rest belongs to, heading zero.
@@ -84,7 +83,6 @@ impl<T: Scalar> Hypothesis<T> {
             log_evidence: T::zero(),
             end: estimate,
             nis: T::zero(),
-            disagreeing: 0,
         };
         let speed = Vector3::repeat(config.speed_std_m_s);
         made.begin(fix, &Vector3::zeros(), &speed, heading_std, config);
@@ -196,7 +194,6 @@ impl<T: Scalar> Hypothesis<T> {
         self.end = pass.end;
         self.log_evidence = self.departed + pass.fit.log_evidence;
         self.nis = pass.fit.nis;
-        self.disagreeing = pass.fit.disagreeing;
         let mut ahead = intervals;
         if full {
             let (anchor, evidence) = pass.second;

@@ -51,6 +51,8 @@ pub(super) struct Memory<T: Scalar, const K: usize, const N: usize> {
     pub(super) is_aligned: bool,
     /// Impossible positions in a row.
     pub(super) impossible: u32,
+    /// Positions that disagree, less those that agree.
+    pub(super) disagreeing: u32,
     pub(super) restarts: u32,
 }
 
@@ -129,6 +131,7 @@ impl<T: Scalar, const K: usize, const N: usize> Default for Memory<T, K, N> {
             bank: None,
             is_aligned: false,
             impossible: 0,
+            disagreeing: 0,
             restarts: 0,
         }
     }
@@ -143,6 +146,7 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         self.bank = None;
         self.is_aligned = false;
         self.impossible = 0;
+        self.disagreeing = 0;
     }
 
     fn check(&self) -> Result<(), InvalidState> {

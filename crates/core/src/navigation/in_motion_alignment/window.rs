@@ -23,8 +23,6 @@ use crate::scalar::{Scalar, lit};
 const FASTEST_FOR_OFFSET: f64 = 300.0;
 /// NIS of three components at which a fix is as bad as any.
 const WORST_NIS: f64 = 12.0;
-/// A fix with less weight than this disagrees with the rest of the window.
-const DISAGREEING_WEIGHT: f64 = 0.1;
 
 /// A heading that was measured within an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,8 +64,6 @@ pub(super) struct Fit<T: Scalar> {
     pub(super) log_evidence: T,
     /// Mean NIS of the positions for a component, each cut at four.
     pub(super) nis: T,
-    /// Newest positions in a row that disagree with the rest.
-    pub(super) disagreeing: u32,
     /// The newest position, velocity and heading of the window, with their weights.
     pub(super) newest: [(Innovation<T>, T); 3],
 }
@@ -157,7 +153,6 @@ pub(super) fn pass<T: Scalar>(
     let mut fit = Fit {
         log_evidence: T::zero(),
         nis: T::zero(),
-        disagreeing: 0,
         newest: [nothing; 3],
     };
     let mut second = None;
@@ -193,11 +188,6 @@ impl<T: Scalar> Fit<T> {
         let components = lit::<T>(f64::from(record.degrees_of_freedom.max(1)));
         let worst = lit::<T>(WORST_NIS / 3.0);
         self.nis += (record.nis / components).min(worst);
-        self.disagreeing = if position.weight < lit(DISAGREEING_WEIGHT) {
-            self.disagreeing.saturating_add(1)
-        } else {
-            0
-        };
     }
 }
 
