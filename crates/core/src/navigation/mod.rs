@@ -5,6 +5,7 @@
 //! |---|---|---|---|
 //! | [`ErrorStateFilter`] | `error_state.rs` | attitude, velocity, position, two biases | GNSS compass, tangent plane |
 //! | [`GnssIns`] | `gnss_ins.rs` | the same, and up to seven beside | an inertial unit and a receiver, stamped, start to outage |
+//! | [`InMotionAlignment`] | `in_motion_alignment.rs` | the same and four of the receiver, a hypothesis | attitude to begin with, in any motion |
 //! | [`Cascade`] | `cascade.rs` | none | positions behind any attitude estimator; fixed gains |
 //! | [`DeadReckoning`] | `dead_reckoning.rs` | position and current | a ship's compass, log and fixes, no inertial sensors |
 //! | [`axis_filters::PositionAxisFilters`] | `axis_filters.rs` | three an axis | the smallest there is, on a chip |
@@ -37,6 +38,8 @@ pub use error_state::{
     ErrorStateConfig, ErrorStateFilter, GnssCompassFix, GnssCompassUpdate, NavigationState,
 };
 pub use gnss_ins::{Aid, GnssIns, GnssInsConfig, GnssInsState, GnssPositionUpdate};
+pub use in_motion_alignment::{InMotionAlignment, InMotionAlignmentConfig};
+pub use preintegration::Preintegration;
 pub use transition::ErrorTransition;
 pub use validity::{Validity, ValidityLimits};
 

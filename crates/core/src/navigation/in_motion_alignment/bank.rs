@@ -1,6 +1,6 @@
 //! The bank: hypotheses beside each other, their evidence, and the mixture that they are.
 //!
-//! *Read first:* `docs/derivations/in_motion_alignment.md`, section 5 (W17-W19).
+//! *Read first:* `docs/derivations/in_motion_alignment.md`, section 5 (W16-W19).
 
 use nalgebra::{Matrix3, Vector3};
 

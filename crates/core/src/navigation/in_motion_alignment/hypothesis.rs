@@ -181,7 +181,7 @@ impl<T: Scalar> Hypothesis<T> {
         self.anchor.covariance.variance(ATTITUDE + 2)
     }
 
-    /// One Gauss-Newton step over the window (W10-W12); with `full` its first interval is then part of the anchor.
+    /// One Gauss-Newton step over the window (W11, W12); with `full` its first interval is then part of the anchor.
     /// `None`: the numbers have failed.
     pub(super) fn step(
         &mut self,

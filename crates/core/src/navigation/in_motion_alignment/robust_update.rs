@@ -1,6 +1,6 @@
 //! Student-t measurement update: the noise of a fix is divided by a weight that falls with how far the fix is off.
 //!
-//! *Read first:* `docs/derivations/in_motion_alignment.md`, section 4 (W12-W15).
+//! *Read first:* `docs/derivations/in_motion_alignment.md`, section 4 (W13-W15).
 //!
 //! Rows are divided by their standard deviation first, so that the noise is the identity: the weight is then one number
 //! on its diagonal, and single precision keeps its digits whatever the units are.
@@ -55,7 +55,7 @@ fn factor<T: Scalar, const M: usize>(
     cholesky(&s).map(|l| inverse_lower(&l))
 }
 
-/// The weight at which it agrees with the residual that is expected after the update (W13).
+/// The weight at which it agrees with the residual that is expected after the update (W13, W14).
 fn weight_of<T: Scalar, const M: usize>(
     predicted: &SMatrix<T, M, M>,
     residual: &SVector<T, M>,
@@ -119,6 +119,7 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
             add_scaled(out, &column, -factor, ALIGNMENT_ERRORS);
         }
     }
+    // (W15)
     let mut log_likelihood = T::zero();
     for i in 0..M {
         log_likelihood += stated[(i, i)].ln() - std[i].ln();

@@ -1,6 +1,6 @@
 //! The sliding window: the last intervals with their fixes, and the linear pass of one hypothesis through them.
 //!
-//! *Read first:* `docs/derivations/in_motion_alignment.md`, sections 3 and 4 (W10-W12).
+//! *Read first:* `docs/derivations/in_motion_alignment.md`, section 3 (W11, W12).
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -340,7 +340,7 @@ impl<'a, T: Scalar> Running<'a, T> {
     }
 }
 
-/// Variance of what changes from fix to fix (W11).
+/// Variance of what changes from fix to fix (section 3 of the derivation).
 pub(super) fn position_variance<T: Scalar>(
     std: &Vector3<T>,
     velocity: &Vector3<T>,
