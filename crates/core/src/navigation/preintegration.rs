@@ -16,7 +16,7 @@
 //! Of `J` four blocks are stored, as the [`ErrorTransition`] that they are; of `Q` 28 numbers, since white noise of one
 //! density on all axes makes the block of the attitude a multiple of the identity, and those beside it cross products.
 //!
-//! Cost: about 320 multiplications a sample. Memory in single precision: 330 bytes.
+//! Cost: about 400 multiplications a sample. Memory in single precision: 330 bytes.
 
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 

@@ -130,7 +130,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
     }
 
     /// Uses a velocity of this instant: it is fused with the position of the same instant, and is refused as not due
-    /// where there is none. Give it after the position.
+    /// where there is none. Give it after the position. A latency of its own is not made up for.
     pub fn gnss_velocity(&mut self, fix: &GnssVelocity<T>) -> Innovation<T> {
         let mut fix = *fix;
         if !fix.has_vertical {
