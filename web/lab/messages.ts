@@ -289,7 +289,7 @@ export type NoiseKind = "quantisation" | "white" | "bias-instability" | "random-
 
 export type NoiseVerdict = "consistent" | "too-small" | "too-large" | "outliers" | "too-few";
 
-export type Origin = "default" | "profile" | "file" | "set" | "setup" | "recording" | "calibration" | "learnt";
+export type Origin = "default" | "profile" | "file" | "set" | "setup" | "setup-default" | "recording" | "calibration" | "learnt";
 
 export type Parameter = {
   name: string,

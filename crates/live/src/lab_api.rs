@@ -122,7 +122,7 @@ fn not_found(text: impl Into<String>) -> (StatusCode, String) {
     (StatusCode::NOT_FOUND, text.into())
 }
 
-fn failed(error: impl ToString) -> (StatusCode, String) {
+fn failed(error: &impl ToString) -> (StatusCode, String) {
     (StatusCode::INTERNAL_SERVER_ERROR, error.to_string())
 }
 
@@ -133,7 +133,10 @@ async fn experiment_file(
     let finished = api.lab.experiment(&id).map_err(not_found)?;
     let file = name.clone();
     let made = tokio::task::spawn_blocking(move || export::export(&finished, &file));
-    let made = made.await.map_err(|_| failed(""))?.map_err(failed)?;
+    let made = made
+        .await
+        .map_err(|_| failed(&""))?
+        .map_err(|error| failed(&error))?;
     let export = made.ok_or_else(|| not_found("there is no such file"))?;
     let shown = if name == "report.html" {
         "inline"
@@ -164,7 +167,7 @@ async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) ->
         magnetometer: MagnetometerSource::Device,
         calibration: calibration.ok_or_else(none)?,
     };
-    let text = toml::to_string(&field).map_err(failed)?;
+    let text = toml::to_string(&field).map_err(|error| failed(&error))?;
     Ok((attachment("application/toml", "magnetometer.toml"), text).into_response())
 }
 

@@ -22,7 +22,7 @@ const DURATION_S: f64 = 86_400.0;
 /// The lab is full, in a sentence.
 pub fn add(
     lab: &Arc<Lab>,
-    config: VirtualPhoneConfig,
+    mut config: VirtualPhoneConfig,
     seed: Option<u64>,
 ) -> Result<String, String> {
     let mut number = lab.next_virtual();
@@ -30,11 +30,8 @@ pub fn add(
     while lab.find(&format!("virtual-{number}")).is_ok() {
         number = lab.next_virtual();
     }
-    let config = VirtualPhoneConfig {
-        seed: seed.unwrap_or(number),
-        duration_s: Some(DURATION_S),
-        ..config
-    };
+    config.seed = seed.unwrap_or(number);
+    config.duration_s = Some(DURATION_S);
     let phone = VirtualPhone::new(config).map_err(|error| error.to_string())?;
     let id = format!("virtual-{number}");
     let device = lab.device(&id, &format!("Virtual phone {number}"), "virtual")?;
