@@ -65,21 +65,22 @@ fn list(all: &[Listed]) -> String {
         (Question::Navigation, "Navigation: where is it?"),
         (Question::Tracking, "Tracking: where are the others?"),
     ] {
-        let mut rows = Table::new(&["<name", "states", "<what it is", "<when", "<read", "<with"]);
+        text.push_str(&format!("{heading}\n"));
+        let mut command = "";
         for known in all.iter().filter(|known| known.question == question) {
             let info = &known.info;
-            rows.row([
-                info.name.to_owned(),
-                states(info.error_states),
-                info.summary.to_owned(),
-                info.when.to_owned(),
-                info.paper.to_owned(),
-                known.command.to_owned(),
-            ]);
+            if known.command != command {
+                command = known.command;
+                text.push_str(&format!("\nnorthing {command} NAME\n\n"));
+            }
+            text.push_str(&format!(
+                "  {:<26}{}\n{:28}when: {}; read: {}\n",
+                info.name, info.summary, "", info.when, info.paper
+            ));
         }
-        text.push_str(&format!("{heading}\n\n{}\n", rows.render("  ")));
+        text.push('\n');
     }
-    text.push_str("`northing estimators NAME` shows the parameters of one.\n");
+    text.push_str("`northing estimators NAME` shows the states and the parameters of one.\n");
     text
 }
 

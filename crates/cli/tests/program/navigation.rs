@@ -158,6 +158,9 @@ fn estimates_and_a_report_are_written() {
         ],
     );
     assert!(!report.contains("NaN"));
+    // The car has no magnetometer: no caption speaks of one.
+    assert!(report.contains("what the accelerometer says without a filter"));
+    assert!(!report.contains("accelerometer and magnetometer say"));
 }
 
 #[test]

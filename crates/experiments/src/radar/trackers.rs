@@ -25,11 +25,11 @@ estimators! {
     /// The trackers of the experiment. Error states: of the Schmidt-Kalman filters and the joint one with the navigation's.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum TrackerKind for Tracking, "montecarlo --trackers", no_parameters {
-        /// Extended Kalman filter, told the true pose.
+        /// Extended Kalman filter with the true pose.
         TruePose = "true-pose", 4, "EKF, given the true own pose: the baseline",
             "docs/derivations/schmidt_kalman.md", "the baseline without pose error";
-        /// Converted measurements, told the true pose.
-        TruePoseConverted = "true-pose-converted", 4, "converted measurements, told the true own pose",
+        /// Converted measurements with the true pose.
+        TruePoseConverted = "true-pose-converted", 4, "converted measurements with the true own pose",
             "docs/derivations/schmidt_kalman.md", "the baseline without pose error";
         /// Extended Kalman filter that takes the navigation's pose as true.
         Uncompensated = "uncompensated", 4, "EKF that takes the navigation's pose as true",

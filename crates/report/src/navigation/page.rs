@@ -120,8 +120,17 @@ impl NavigationReport<'_> {
         let mut content = html::figure(
             figure,
             "Which way it pointed.",
-            "The dots are what accelerometer and magnetometer say without a filter: every acceleration of the vehicle \
-             tilts them, and that tilt turns their heading, which counts from magnetic north.",
+            match (self.trace.raw_tilt.items(), self.trace.raw_heading.items()) {
+                ([], []) => "No accelerometer or magnetometer stands beside it.",
+                (_, []) => {
+                    "The dots are what the accelerometer says without a filter: every acceleration of the vehicle tilts \
+                     them."
+                }
+                (_, _) => {
+                    "The dots are what accelerometer and magnetometer say without a filter: every acceleration of the \
+                     vehicle tilts them, and that tilt turns their heading, which counts from magnetic north."
+                }
+            },
         );
         content.push_str(&html::figure(
             plots::close_orientation(self.trace, kind),
