@@ -49,6 +49,26 @@ pub trait Restorable {
     fn restore(&mut self, state: Self::State) -> Result<(), InvalidState>;
 }
 
+/// Makes a filter [`Restorable`] whose state is one field that checks itself.
+macro_rules! restorable {
+    ($filter:ty, $field:ident: $state:ty) => {
+        impl<T: $crate::Scalar> $crate::Restorable for $filter {
+            type State = $state;
+
+            fn save(&self) -> Self::State {
+                self.$field
+            }
+
+            fn restore(&mut self, state: Self::State) -> Result<(), $crate::InvalidState> {
+                state.check()?;
+                self.$field = state;
+                Ok(())
+            }
+        }
+    };
+}
+pub(crate) use restorable;
+
 /// Why a saved state was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct InvalidState {

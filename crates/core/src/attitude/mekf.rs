@@ -35,7 +35,7 @@ use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::cap_variance;
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
+use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
@@ -187,19 +187,7 @@ fn reset<T: Scalar>(p: &mut Matrix6<T>, a: &Vector3<T>) {
     }
 }
 
-impl<T: Scalar> Restorable for Mekf<T> {
-    type State = MekfState<T>;
-
-    fn save(&self) -> Self::State {
-        self.state
-    }
-
-    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
-        state.check()?;
-        self.state = state;
-        Ok(())
-    }
-}
+restorable!(Mekf<T>, state: MekfState<T>);
 
 impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {

@@ -28,7 +28,7 @@ use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
+use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::Scalar;
 
 /// Everything the filter remembers.
@@ -146,19 +146,7 @@ impl<T: Scalar> Mekf3<T> {
     }
 }
 
-impl<T: Scalar> Restorable for Mekf3<T> {
-    type State = Mekf3State<T>;
-
-    fn save(&self) -> Self::State {
-        self.state
-    }
-
-    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
-        state.check()?;
-        self.state = state;
-        Ok(())
-    }
-}
+restorable!(Mekf3<T>, state: Mekf3State<T>);
 
 impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {

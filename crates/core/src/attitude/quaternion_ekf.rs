@@ -54,7 +54,7 @@ use crate::kalman::Innovation;
 use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::kalman::scalar_update::update_full;
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
+use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::{Scalar, lit};
 
 /// A 7 by 7 matrix on `[w, x, y, z, bias]`.
@@ -379,19 +379,7 @@ fn add_process_noise<T: Scalar>(p: &mut Matrix7<T>, q: &Vector4<T>, [q11, q12, q
     }
 }
 
-impl<T: Scalar> Restorable for QuaternionEkf<T> {
-    type State = QuaternionEkfState<T>;
-
-    fn save(&self) -> Self::State {
-        self.state
-    }
-
-    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
-        state.check()?;
-        self.state = state;
-        Ok(())
-    }
-}
+restorable!(QuaternionEkf<T>, state: QuaternionEkfState<T>);
 
 impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {

@@ -62,7 +62,7 @@ use crate::kalman::innovation::Outcome;
 use crate::kalman::scalar_update::update_leading3;
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable, covariance, finite, unit};
+use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::{Scalar, lit};
 
 mod rodrigues;
@@ -355,19 +355,7 @@ fn recentred<T: Scalar>(covariance: &Matrix6<T>, p: &Vector3<T>) -> Matrix6<T> {
     result
 }
 
-impl<T: Scalar> Restorable for Usque<T> {
-    type State = UsqueState<T>;
-
-    fn save(&self) -> Self::State {
-        self.state
-    }
-
-    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
-        state.check()?;
-        self.state = state;
-        Ok(())
-    }
-}
+restorable!(Usque<T>, state: UsqueState<T>);
 
 impl<T: Scalar> AttitudeEstimator<T> for Usque<T> {
     fn initialize(&mut self, initial: &InitialState<T>) {

@@ -16,7 +16,7 @@ use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable};
+use crate::restorable::restorable;
 use crate::scalar::Scalar;
 
 /// How the own ship moved since the last scan.
@@ -37,19 +37,7 @@ pub struct BodyFrameTracker<T: Scalar> {
     track: TrackEstimate<T>,
 }
 
-impl<T: Scalar> Restorable for BodyFrameTracker<T> {
-    type State = TrackEstimate<T>;
-
-    fn save(&self) -> Self::State {
-        self.track
-    }
-
-    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
-        state.check()?;
-        self.track = state;
-        Ok(())
-    }
-}
+restorable!(BodyFrameTracker<T>, track: TrackEstimate<T>);
 
 impl<T: Scalar> BodyFrameTracker<T> {
     /// Starts from a track in body axes.

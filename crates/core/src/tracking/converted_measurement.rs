@@ -15,7 +15,7 @@ use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable};
+use crate::restorable::restorable;
 use crate::scalar::{Scalar, lit};
 
 /// How a detection becomes a position.
@@ -38,19 +38,7 @@ pub struct ConvertedMeasurement<T: Scalar> {
     track: TrackEstimate<T>,
 }
 
-impl<T: Scalar> Restorable for ConvertedMeasurement<T> {
-    type State = TrackEstimate<T>;
-
-    fn save(&self) -> Self::State {
-        self.track
-    }
-
-    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
-        state.check()?;
-        self.track = state;
-        Ok(())
-    }
-}
+restorable!(ConvertedMeasurement<T>, track: TrackEstimate<T>);
 
 impl<T: Scalar> ConvertedMeasurement<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.

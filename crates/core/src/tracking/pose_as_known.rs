@@ -9,7 +9,7 @@ use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, NavigationPose, SkipReason};
 use crate::parameters::ConfigError;
-use crate::restorable::{InvalidState, Restorable};
+use crate::restorable::restorable;
 use crate::scalar::Scalar;
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,19 +20,7 @@ pub struct PoseAsKnown<T: Scalar> {
     track: TrackEstimate<T>,
 }
 
-impl<T: Scalar> Restorable for PoseAsKnown<T> {
-    type State = TrackEstimate<T>;
-
-    fn save(&self) -> Self::State {
-        self.track
-    }
-
-    fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
-        state.check()?;
-        self.track = state;
-        Ok(())
-    }
-}
+restorable!(PoseAsKnown<T>, track: TrackEstimate<T>);
 
 impl<T: Scalar> PoseAsKnown<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.

@@ -5,6 +5,7 @@ use crate::attitude::{MagnetometerUse, References};
 use crate::geometry::frames::TangentFrame;
 use crate::kalman::covariance::cholesky;
 use crate::kalman::{Outcome, SkipReason};
+use crate::restorable::Restorable as _;
 use approx::assert_relative_eq;
 use num_dual::{DualSVec64, jacobian};
 use rand::{RngExt, SeedableRng};

@@ -10,6 +10,7 @@ use crate::attitude::mekf::Mekf;
 use crate::attitude::test_world::*;
 use crate::geometry::rotation;
 use crate::kalman::covariance::cholesky;
+use crate::restorable::Restorable as _;
 
 fn make<T: Scalar>(config: AttitudeConfig<T>) -> QuaternionEkf<T> {
     QuaternionEkf::new(config).unwrap()

@@ -9,6 +9,7 @@ use super::*;
 use crate::attitude::mekf::Mekf;
 use crate::attitude::propagation;
 use crate::attitude::test_world::*;
+use crate::restorable::Restorable as _;
 
 fn make<T: Scalar>(config: AttitudeConfig<T>) -> Usque<T> {
     Usque::new(config).unwrap()
