@@ -13,6 +13,12 @@ pub(crate) fn lit<T: Scalar>(value: f64) -> T {
     nalgebra::convert(value)
 }
 
+/// Seconds from one stamp (ns) to another.
+#[inline]
+pub(crate) fn seconds<T: Scalar>(from_ns: i64, to_ns: i64) -> T {
+    lit(to_ns.saturating_sub(from_ns) as f64 * 1e-9)
+}
+
 /// Evaluates a polynomial with up to eight `f64` coefficients, lowest power first. In pairs (Estrin):
 /// the sums do not wait for one another, which halves the time of a Horner chain.
 #[inline(always)]

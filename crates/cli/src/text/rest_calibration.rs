@@ -11,7 +11,7 @@ pub(crate) fn values(c: &RestCalibration<f64>, indent: &str) -> String {
     let density = density
         .map(|d| format!(", {d:.2e} rad/s/sqrt(Hz)"))
         .unwrap_or_default();
-    let std = rms(&c.gyroscope_std_rad_s);
+    let std = c.gyroscope_std();
     lines.push(format!("gyroscope      {} samples", c.gyroscope_samples));
     lines.push(format!(
         "  bias         {} deg/s, each known to {known:.4}",
@@ -53,8 +53,4 @@ pub(crate) fn values(c: &RestCalibration<f64>, indent: &str) -> String {
 fn vector(v: &[f64; 3], decimals: usize) -> String {
     let [x, y, z] = v;
     format!("{x:+.decimals$} {y:+.decimals$} {z:+.decimals$}")
-}
-
-fn rms([x, y, z]: &[f64; 3]) -> f64 {
-    ((x * x + y * y + z * z) / 3.0).sqrt()
 }

@@ -24,7 +24,7 @@ use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::geometry::{rotation, so3};
 use crate::kalman::{Innovation, SkipReason};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lit, seconds};
 
 /// Settings of a driver.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -518,12 +518,6 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             left -= dt;
         }
     }
-}
-
-/// Seconds between two stamps.
-#[inline]
-fn seconds<T: Scalar>(from_ns: i64, to_ns: i64) -> T {
-    lit(to_ns.saturating_sub(from_ns) as f64 * 1e-9)
 }
 
 /// A short time in nanoseconds.

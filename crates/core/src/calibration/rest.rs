@@ -313,12 +313,17 @@ impl<T: Scalar> RestCalibration<T> {
         self.gyroscope_covariance_rad2_s2.into()
     }
 
+    /// Standard deviation of a gyroscope's sample (rad/s), root mean square of the axes.
+    pub fn gyroscope_std(&self) -> T {
+        rms(&self.gyroscope_std_rad_s)
+    }
+
     /// White noise of the gyroscope (rad/s/sqrt(Hz)), root mean square of the axes: the standard
     /// deviation of a sample times the square root of the sample interval. `None` where the
     /// interval is unknown.
     pub fn gyroscope_noise_density(&self) -> Option<T> {
         let interval = self.gyroscope_interval_s?;
-        Some(rms(&self.gyroscope_std_rad_s) * interval.sqrt())
+        Some(self.gyroscope_std() * interval.sqrt())
     }
 
     /// Standard deviation (m/s^2) of one accelerometer sample, root mean square of the axes.

@@ -77,7 +77,7 @@ use super::{
 };
 use crate::kalman::{ErrorListener, ErrorPropagation, NavigationPose};
 use crate::parameters::ConfigError;
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lit, seconds};
 
 /// Longest interval between inertial samples that counts as continuous, s.
 pub const GAP_LIMIT_S: f64 = 0.5;
@@ -334,9 +334,4 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub fn is_still(&self) -> bool {
         self.memory.still_windows > 0
     }
-}
-
-/// Seconds between two stamps.
-fn seconds<T: Scalar>(from_ns: i64, to_ns: i64) -> T {
-    lit(to_ns.saturating_sub(from_ns) as f64 * 1e-9)
 }

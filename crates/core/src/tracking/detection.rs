@@ -16,6 +16,7 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, SMatrix, Vector2};
 
 use super::coordinated_turn::{STATES, TargetCovariance, TargetState};
 use super::own_ship::OwnShip;
+use crate::geometry::trigonometry::wrap;
 use crate::scalar::{Scalar, lit};
 
 /// Cross-covariance of a target's error with the own ship's (north, east, heading).
@@ -93,11 +94,6 @@ pub struct SchmidtInnovation<T> {
     pub degrees_of_freedom: u8,
 }
 
-/// The angle in `(-pi, pi]`.
-pub fn wrap_angle<T: Scalar>(angle: T) -> T {
-    angle.sin().atan2(angle.cos())
-}
-
 impl<T: Scalar> Detection<T> {
     /// Whether every number is finite and a range is positive.
     pub fn is_valid(&self) -> bool {
@@ -155,7 +151,7 @@ impl<T: Scalar> Detection<T> {
         let (Self::RangeBearing { bearing_rad, .. } | Self::Bearing { bearing_rad }) = *self else {
             return None;
         };
-        out.residual[bearing_at] = wrap_angle(bearing_rad - bearing);
+        out.residual[bearing_at] = wrap(bearing_rad - bearing);
         out.set_row(bearing_at, bearing_row);
         out.pose_jacobian[(bearing_at, 2)] = -T::one();
         out.noise[(bearing_at, bearing_at)] = bearing_variance;
@@ -267,7 +263,7 @@ mod tests {
                 let mut v = SVector::from(v);
                 v[7] = heading;
                 let (dn, de) = (v[0] - v[5], v[2] - v[6]);
-                let bearing = wrap_angle(f64::atan2(de, dn) - heading);
+                let bearing = wrap(f64::atan2(de, dn) - heading);
                 prop_assume!(dn.hypot(de) > 1.0 && bearing.abs() < 3.0);
                 let (_, expected) = jacobian(|w| predicted(kind, &w), &v);
                 let own = OwnShip::exact(v[5], v[6], v[7]);

@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::detection::wrap_angle;
+use crate::geometry::trigonometry::wrap;
 use crate::kalman::covariance::is_covariance;
 use crate::parameters::parameters;
 use crate::scalar::{Scalar, lit};
@@ -66,7 +66,7 @@ impl<T: Scalar> PoseLimits<T> {
             lit::<T>(6.0) * (p[(i, i)] + p[(j, j)]).sqrt()
         };
         let (dn, de) = (to.north_m - from.north_m, to.east_m - from.east_m);
-        let turned = wrap_angle(to.heading_rad - from.heading_rad).abs();
+        let turned = wrap(to.heading_rad - from.heading_rad).abs();
         (dn * dn + de * de).sqrt() <= self.speed_m_s * dt + spread(0, 1) + lit(20.0)
             && turned <= self.turn_rad_s * dt + spread(2, 2) + lit(0.5)
     }

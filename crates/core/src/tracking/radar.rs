@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix2, SMatrix, Vector2, Vector3, Vector4};
 
-pub use super::detection::wrap_angle as wrap;
+use crate::geometry::trigonometry::wrap;
 use crate::kalman::SkipReason;
 use crate::scalar::{Scalar, lit};
 

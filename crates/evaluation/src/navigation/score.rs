@@ -5,6 +5,7 @@
 //! points: holding the last fix, and moving on from it with its velocity.
 
 use nalgebra::{Matrix2, UnitQuaternion, Vector2, Vector3};
+use northing_core::geometry::trigonometry::wrap;
 use serde::Serialize;
 
 use super::navigator::NavigationEstimate;
@@ -269,10 +270,10 @@ impl Scorer {
         }
         let straight = turn_rate < STRAIGHT && ned.xy().norm() > COURSE_ABOVE;
         if let Some(heading) = estimate.heading().filter(|_| straight) {
-            let off = wrapped(heading - ned.y.atan2(ned.x));
+            let off = wrap(heading - ned.y.atan2(ned.x));
             // About the mean so far, so that a unit mounted backwards is not cut in two.
             let mean = self.course.mean().unwrap_or(off);
-            self.course.add(mean + wrapped(off - mean));
+            self.course.add(mean + wrap(off - mean));
         }
     }
 
@@ -349,12 +350,6 @@ fn inside_95(error: &Vector2<f64>, estimate: &NavigationEstimate, std: f64) -> b
     covariance
         .try_inverse()
         .is_some_and(|inverse| error.dot(&(inverse * error)) <= CHI_SQUARE_95)
-}
-
-/// An angle in -pi to pi.
-pub(crate) fn wrapped(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    (angle + PI).rem_euclid(TAU) - PI
 }
 
 #[cfg(test)]

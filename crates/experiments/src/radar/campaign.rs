@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use nalgebra::Vector4;
-use northing_core::tracking::radar::wrap;
+use northing_core::geometry::trigonometry::wrap;
 use northing_simulation::scenario::TrackingWorld;
 use northing_simulation::scenario::schema::Scenario;
 use rayon::prelude::*;

@@ -1,10 +1,10 @@
 //! One run: a navigation filter, and every tracker on the same measurements.
 
 use nalgebra::{Matrix3, Vector3, Vector4};
+use northing_core::geometry::trigonometry::wrap;
 use northing_core::kalman::{ErrorListener as _, Outcome};
 use northing_core::navigation::{ERRORS, GnssCompassFix, STATES};
 use northing_core::tracking::own_ship::PoseErrorCorrelation;
-use northing_core::tracking::radar::wrap;
 use northing_core::tracking::{
     ConstantVelocity, RadarDetection, RadarNoise, TrackEstimate, TrackerConfig,
 };

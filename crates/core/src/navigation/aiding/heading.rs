@@ -9,6 +9,7 @@
 use nalgebra::{Vector1, Vector3};
 
 use crate::geometry::rotation;
+use crate::geometry::trigonometry::wrap;
 use crate::kalman::SkipReason;
 use crate::navigation::ATTITUDE;
 use crate::navigation::error_state::{Row, SparseMeasurement};
@@ -17,11 +18,6 @@ use crate::scalar::{Scalar, lit};
 
 /// Squared cosine of the pitch, and square of the horizontal share of a field, below which there is no heading.
 const LEAST_HORIZONTAL: f64 = 0.01;
-
-/// An angle from -pi to pi.
-pub(crate) fn wrapped<T: Scalar>(angle: T) -> T {
-    angle - T::two_pi() * (angle / T::two_pi()).round()
-}
 
 /// Row of a true heading (rad, clockwise from north) of the forward axis (E13).
 ///
@@ -41,7 +37,7 @@ pub fn measurement<T: Scalar>(
     let row = Row::of_state(ATTITUDE + 2)
         .with(ATTITUDE, tangent * forward.x)
         .with(ATTITUDE + 1, tangent * forward.y);
-    let residual = wrapped(heading - forward.y.atan2(forward.x));
+    let residual = wrap(heading - forward.y.atan2(forward.x));
     Ok(one(row, residual, variance))
 }
 
@@ -71,7 +67,7 @@ pub fn magnetic<T: Scalar>(
     let row = Row::of_state(ATTITUDE + 2)
         .with(ATTITUDE, -tangent * declination.cos())
         .with(ATTITUDE + 1, -tangent * declination.sin());
-    let residual = wrapped(declination - m.y.atan2(m.x));
+    let residual = wrap(declination - m.y.atan2(m.x));
     Ok(one(row, residual, variance))
 }
 

@@ -8,8 +8,8 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::stillness::Window;
+use crate::geometry::trigonometry::wrap;
 use crate::geometry::{rotation, so3};
-use crate::navigation::aiding::heading::wrapped;
 use crate::restorable::{InvalidState, finite, unit};
 use crate::scalar::{Scalar, lit};
 
@@ -205,7 +205,7 @@ impl<T: Scalar> Alignment<T> {
     /// Takes the angle (rad) from arbitrary to true north, unless a better one is known.
     pub(super) fn offset(&mut self, angle: T, std: T) {
         if self.heading.is_none_or(|[_, known]| std < known) && angle.is_finite() {
-            self.heading = Some([wrapped(angle), std]);
+            self.heading = Some([wrap(angle), std]);
         }
     }
 
@@ -241,7 +241,7 @@ impl<T: Scalar> Alignment<T> {
         if !better || waits {
             return other;
         }
-        let angle = wrapped(declination + magnetic.angle);
+        let angle = wrap(declination + magnetic.angle);
         Some(([angle, magnetic.std], Some(magnetic.iron)))
     }
 

@@ -5,6 +5,7 @@ use nalgebra::{SMatrix, Vector3};
 use super::alignment::Aligned;
 use super::stillness::Quiet;
 use super::{Aid, ERRORS, ErrorListener, GnssIns, seconds};
+use crate::geometry::trigonometry::wrap;
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
 use crate::navigation::augmented_states::{
@@ -138,7 +139,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             length > across * lit(CHORD_OVER_STD) && length > dt * lit(LEAST_COURSE_SPEED);
         if is_long {
             // The chord has the course of mid-interval.
-            let turned = crate::navigation::aiding::heading::wrapped(to - from);
+            let turned = wrap(to - from);
             let course = chord.y.atan2(chord.x);
             self.see_course(course, from + turned * lit(0.5), across / length);
         }
