@@ -29,7 +29,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
     InMotionAlignment<T, HYPOTHESES, WINDOW>
 {
     /// Uses a position of this instant. The first one, once level is known, begins the bank and is skipped as not
-    /// initialised; one sooner after the last than [`InMotionAlignmentConfig::shortest_interval_s`] is skipped as not due.
+    /// initialised; one sooner after the last than [`shortest_interval_s`](super::InMotionAlignmentConfig::shortest_interval_s) is skipped as not due.
     pub fn gnss_position(&mut self, fix: &GnssPosition<T>) -> AlignmentUpdate<T> {
         let fix = match self.checked_position(fix) {
             Ok(fix) => fix,
