@@ -32,9 +32,11 @@ const LONGEST_CHORD_S: f64 = 6.0;
 /// Speed (m/s) below which a receiver does not contradict a standstill, and that of a standstill.
 const STANDING_SPEED: f64 = 0.5;
 const STANDING_STD: f64 = 0.1;
-/// A receiver contradicts a standstill when its velocity is so many times its standard deviation: by chance once in
-/// ten million fixes.
+/// A receiver contradicts a standstill when its velocity is so many times its standard deviation: of two normal errors
+/// exp(-18) are so large.
 const MOTION_OVER_STD: f64 = 6.0;
+/// It shows one when its velocity and so many standard deviations are less than the slowest course.
+const STANDING_OVER_STD: f64 = 3.0;
 /// A magnetic heading that is worse than a course waits for one so long after the first fix, s.
 const COURSE_PATIENCE_S: f64 = 5.0;
 /// Standard deviation of a velocity of which nothing is known, m/s.
@@ -130,8 +132,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         let length = chord.xy().norm();
         let across = std.x.max(std.y);
-        let least = (across * lit(MOTION_OVER_STD)).max(dt * lit(STANDING_SPEED));
-        self.see_motion(length > least);
+        self.see_motion(length / dt, across / dt);
         let Some((from, to)) = before.heading.zip(after.heading) else {
             return false;
         };
@@ -166,15 +167,21 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         });
         let speed = ned.xy().norm();
         let across = std.x.max(std.y);
-        self.see_motion(speed > (across * lit(MOTION_OVER_STD)).max(lit(STANDING_SPEED)));
+        self.see_motion(speed, across);
         let enough = (across * lit(COURSE_OVER_STD)).max(lit(LEAST_COURSE_SPEED));
         if let Some(heading) = heading.filter(|_| speed > enough) {
             self.see_course(ned.y.atan2(ned.x), heading, across / speed);
         }
     }
 
-    /// Sees whether the receiver moves during alignment.
-    fn see_motion(&mut self, moves: bool) {
+    /// Sees a speed and its standard deviation (m/s) during alignment. One that shows neither motion nor standstill, as
+    /// that of two coarse positions, leaves what a better one has shown.
+    fn see_motion(&mut self, speed: T, std: T) {
+        let moves = speed > (std * lit(MOTION_OVER_STD)).max(lit(STANDING_SPEED));
+        let stands = speed + std * lit(STANDING_OVER_STD) < lit(LEAST_COURSE_SPEED);
+        if !moves && !stands {
+            return;
+        }
         let alignment = self.memory.aligning.as_mut();
         if alignment.is_some_and(|alignment| alignment.receiver_moves(moves)) {
             self.memory.quiet = Quiet::default();
