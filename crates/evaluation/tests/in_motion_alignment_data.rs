@@ -198,8 +198,7 @@ impl Outcome {
 
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    0.5 * (values[middle] + values[(values.len() - 1) / 2])
+    northing_evaluation::statistics::median(&values).expect("a value")
 }
 
 /// Extrapolation of the last two fixes has 1.3 m in the median.

@@ -156,12 +156,7 @@ pub(crate) fn notes(found: &Recordings, report: Option<&Path>) -> String {
         text.push_str(&format!("\nLeft out: {sentence}\n"));
     }
     if let Some(path) = report {
-        text.push_str(&format!(
-            "
-{}
-",
-            report_written(path)
-        ));
+        text.push_str(&format!("\n{}\n", report_written(path)));
     }
     text
 }

@@ -105,8 +105,8 @@ impl<T: Scalar> TrackEstimate<T> {
         Matrix2::new(p[(0, 0)], p[(0, 2)], p[(2, 0)], p[(2, 2)])
     }
 
-    /// The ellipse about the position that holds the target with this probability (0.95, say): both semi-axes (m), the
-    /// longer one first, and the direction of the longer one, rad clockwise from north.
+    /// The ellipse about the position that holds the target with this probability, from 0 to below 1: both semi-axes (m),
+    /// the longer one first, and the direction of the longer one, rad clockwise from north.
     pub fn position_ellipse(&self, probability: T) -> ([T; 2], T) {
         let p = self.position_covariance();
         let (mean, half) = (

@@ -9,7 +9,7 @@ use northing_core::geometry::frames::TangentFrame;
 use northing_recording::{Event, WorldFrame};
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::parameters::{self};
+use crate::attitude::parameters;
 use crate::attitude::{EstimatorKind, Parameters, Profile};
 use crate::by_name;
 use crate::calibration::magnetometer::{MagnetometerSource, MagnetometerStreamCalibration};

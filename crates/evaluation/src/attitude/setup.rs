@@ -9,7 +9,7 @@ use northing_core::attitude::{InitialState, References};
 use northing_core::calibration::RestCalibration;
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::parameters::{self};
+use crate::attitude::parameters;
 use crate::attitude::{EstimatorKind, Parameters, Profile, RunOptions, SensorSelection};
 use crate::calibration::magnetometer::MagnetometerStreamCalibration;
 use crate::error::EvaluationError;
