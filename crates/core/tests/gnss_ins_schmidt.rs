@@ -64,6 +64,13 @@ fn config() -> GnssInsConfig<f64> {
         velocity_std_floor_m_s: 0.01,
         magnetic_offset_std_ut: 0.0,
         damping_speed_m_s: 0.0,
+        // Errors are as stated.
+        time_offset_std_s: 0.0,
+        lever_arm_std_m: Some(0.0),
+        least_noise_scale: 1.0,
+        largest_noise_scale: 1.0,
+        robust_weights: false,
+        vibration_noise: false,
         ..GnssInsConfig::default()
     }
 }

@@ -67,11 +67,12 @@ impl DeviceNavigation {
 }
 
 /// The states of a solution by their number in files and on the wire.
-const VALIDITIES: [Validity; 4] = [
+const VALIDITIES: [Validity; 5] = [
     Validity::Aligning,
     Validity::Aided,
     Validity::DeadReckoning,
     Validity::Invalid,
+    Validity::HeadingUnknown,
 ];
 
 /// What a number stands for; any other is invalid.
@@ -86,7 +87,7 @@ mod tests {
 
     #[test]
     fn it_comes_back_from_its_row_with_every_validity() {
-        for number in 0..4 {
+        for number in 0..5 {
             let estimate = DeviceNavigation {
                 latitude_rad: 0.9,
                 longitude_rad: -0.4,

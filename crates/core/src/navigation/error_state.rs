@@ -33,7 +33,7 @@
 //! up or down is undefined.
 
 mod aiding;
-mod sparse;
+pub(in crate::navigation) mod sparse;
 mod state;
 
 use nalgebra::{SMatrix, Vector3};
@@ -153,6 +153,12 @@ impl<T: Scalar> ErrorStateFilter<T> {
             self.state = state.with_symmetric_covariance();
         }
         usable
+    }
+
+    /// Noise densities of gyroscope and accelerometer from now on, (rad/s)/sqrt(Hz) and (m/s^2)/sqrt(Hz).
+    pub(super) fn set_noise_densities(&mut self, [gyroscope, accelerometer]: [T; 2]) {
+        self.config.gyroscope_noise_density = gyroscope;
+        self.config.accelerometer_noise_density = accelerometer;
     }
 
     /// Moves on by `dt` seconds with the angular rate (rad/s) and specific force (m/s^2) that held

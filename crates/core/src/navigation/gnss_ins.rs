@@ -41,12 +41,16 @@
 //!   with where the body was when it was valid: stamp less latency. The last `HISTORY` samples are kept for that;
 //!   at 100 Hz the default reaches 0.3 s back.
 //! - Every measurement returns its innovation and is counted. What is not finite changes nothing.
-//! - Before the start it aligns; in an outage its variance grows, and [`GnssIns::validity`] says when to stop
-//!   believing it. A covariance that is no longer one starts it again.
+//! - It starts in any motion, at the first fix, and states the heading as unknown until accelerations have shown it:
+//!   [`Validity::HeadingUnknown`]. Nothing is taken to stand still or to point where it moves.
+//! - Fixes are weighed by how far they are off, and the receiver's noise is learnt. When fixes disagree for long it aligns
+//!   again ([`GnssIns::realignments`]).
+//! - In an outage its variance grows, and [`GnssIns::validity`] says when to stop believing it. A covariance that is no
+//!   longer one starts it again.
 //!
-//! Cost, limits: see [`ErrorStateFilter`]. Memory in single precision: 3.7 KB, and 28 bytes a sample of history.
+//! Cost, limits: see [`ErrorStateFilter`] and, until the heading is known, [`super::in_motion_alignment`]. Memory in single
+//! precision: 25 KB, of which 20 KB are the alignment's, and 28 bytes a sample of history.
 
-mod alignment;
 mod clock;
 mod config;
 mod counts;
@@ -54,14 +58,17 @@ mod inertial;
 mod memory;
 mod propagation;
 mod solution;
-mod starting;
+mod start;
+mod start_without_inertial;
 mod stillness;
 mod updates;
+mod vibration;
+mod weighting;
 
 #[cfg(test)]
 mod tests;
 
-use nalgebra::{SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 pub use config::{GnssInsConfig, ImuSamples};
 pub use counts::{Aid, AidCounts};
@@ -71,6 +78,7 @@ pub use updates::{ErrorShares, GnssPositionUpdate};
 use self::memory::Memory;
 use super::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
+use super::in_motion_alignment::AlignmentStatus;
 use super::validity::Validity;
 use super::{
     ACCELEROMETER_BIAS, ERRORS, ErrorTransition, GYROSCOPE_BIAS, NavigationState, POSITION, STATES,
@@ -144,6 +152,7 @@ impl<T: Scalar> PoseWithErrors<T> {
 pub struct GnssIns<T: Scalar, const HISTORY: usize = 32, L = ()> {
     config: GnssInsConfig<T>,
     filter: ErrorStateFilter<T>,
+    alignment: start::Alignment<T>,
     memory: Memory<T, HISTORY>,
     listener: L,
 }
@@ -196,6 +205,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         Ok(Self {
             config,
             filter: ErrorStateFilter::new(settings, nowhere)?,
+            alignment: start::alignment(&config)?,
             memory: Memory::default(),
             listener,
         })
@@ -215,10 +225,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// Pose and errors of this instant, with the covariance brought up to it, and the listener, to fuse what was seen from
     /// there; `None` before the start.
     pub fn pose_and_listener(&mut self) -> Option<(PoseWithErrors<T>, &mut L)> {
-        if self.memory.aligning.is_none() {
+        if self.memory.started {
             self.catch_up();
         }
-        if self.memory.aligning.is_some() {
+        if !self.memory.started {
             return None;
         }
         let mut covariance = SMatrix::<T, ERRORS, ERRORS>::zeros();
@@ -255,7 +265,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// The state once it has started: position, velocity, attitude and biases at [`Self::time_ns`]. Its covariance
     /// is at most 0.1 s older.
     pub fn state(&self) -> Option<&NavigationState<T>> {
-        self.memory.aligning.is_none().then(|| self.filter.state())
+        self.memory.started.then(|| self.filter.state())
     }
 
     /// The states beside: the receiver's slow error, time offset, barometer's offset, mount angles, the
@@ -298,9 +308,17 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let east = p[(POSITION + 1, POSITION + 1)];
         // A maximum would hide what is not a number.
         let variance = if north > east { north } else { east };
-        self.config
+        let worth = self
+            .config
             .validity
-            .judge(since, variance + T::zero() * north)
+            .judge(since, variance + T::zero() * north);
+        let unknown = self.memory.aligning && self.alignment.status() != AlignmentStatus::Aligned;
+        let doubted = self.memory.disagreeing >= weighting::DOUBTED_FROM;
+        if worth == Validity::Aided && (unknown || doubted) {
+            Validity::HeadingUnknown
+        } else {
+            worth
+        }
     }
 
     /// Position of a point fixed to the body (m, NED), `arm` metres from the unit (body axes): the antenna, to
@@ -308,6 +326,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub fn position_of(&self, arm: &Vector3<T>) -> Option<Vector3<T>> {
         let state = self.state()?;
         Some(state.position + state.ned_from_body * arm)
+    }
+
+    /// Position (m, NED) of the antenna as the receiver dates it, with its covariance (m^2): what its fixes are to be compared
+    /// with.
+    pub fn antenna_position(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
+        let arm = Vector3::from(self.config.lever_arm_m);
+        let state = self.state()?;
+        Some(state.antenna_position(&self.memory.side, &arm))
     }
 
     /// What became of the measurements of an aid.
@@ -328,6 +354,27 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// How often it had to start again: after [`LONGEST_GAP_S`], a clock that went back, or a covariance that was none.
     pub fn restarts(&self) -> u32 {
         self.memory.restarts
+    }
+
+    /// How often it aligned again, because the fixes disagreed with its state for long.
+    pub fn realignments(&self) -> u32 {
+        self.memory.realignments
+    }
+
+    /// How often the state was taken over from the alignment: at each fix until the heading is known well. It then jumps.
+    pub fn take_overs(&self) -> u32 {
+        self.memory.take_overs
+    }
+
+    /// What the receiver's stated standard deviations are multiplied by, as its fixes have shown: of a horizontal position, a
+    /// height, a velocity; from 1 on.
+    pub fn noise_scales(&self) -> [T; 3] {
+        if self.memory.aligning {
+            let scale = self.alignment.noise_scale();
+            [scale, scale, T::one()]
+        } else {
+            self.memory.noise_scale
+        }
     }
 
     /// Whether the unit was found at rest in the last half second.

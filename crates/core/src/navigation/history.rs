@@ -104,6 +104,42 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
         self.len = 0;
     }
 
+    /// Angular rate, specific force and duration (s) of the samples of the last `age_s` seconds, oldest first; of the oldest
+    /// only the part that is within.
+    pub fn since(&self, age_s: T) -> impl Iterator<Item = (&Vector3<T>, &Vector3<T>, T)> {
+        let (mut count, mut left) = (0, age_s);
+        for step in self.newest_first() {
+            if left <= T::zero() {
+                break;
+            }
+            left -= step.dt;
+            count += 1;
+        }
+        // What the oldest one has before.
+        let mut before = -left.min(T::zero());
+        (1..=count).rev().filter_map(move |back| {
+            let step = self.steps.get((self.next + N - back) % N)?;
+            let dt = step.dt - core::mem::replace(&mut before, T::zero());
+            Some((&step.angular_rate, &step.specific_force, dt))
+        })
+    }
+
+    /// Seconds of the newest `samples` samples.
+    pub fn duration_s(&self, samples: usize) -> T {
+        let newest = self.newest_first().take(samples);
+        newest.fold(T::zero(), |sum, step| sum + step.dt)
+    }
+
+    /// Samples kept.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
     fn newest_first(&self) -> impl Iterator<Item = &Step<T>> {
         (1..=self.len).filter_map(move |back| self.steps.get((self.next + N - back) % N))
     }
@@ -216,6 +252,24 @@ mod tests {
         let half = history.at(filter.state(), gravity, 0.5 * DT);
         let mean = (states[39].position + filter.state().position) * 0.5;
         assert_relative_eq!(half.position, mean, epsilon = 1e-4);
+    }
+
+    #[test]
+    fn the_samples_of_the_last_seconds_come_oldest_first() {
+        let mut history = ImuHistory::<f64, 4>::default();
+        for k in 0..6 {
+            let (rate, force) = sample(k);
+            history.push(&rate, &force, DT);
+        }
+        let all: std::vec::Vec<_> = history.since(1.0).collect();
+        assert_eq!(all.len(), 4);
+        assert_eq!(*all[0].0, sample(2).0);
+        let last: std::vec::Vec<_> = history.since(1.25 * DT).collect();
+        assert_eq!(last.len(), 2);
+        assert_eq!(*last[1].1, sample(5).1);
+        assert_relative_eq!(last[0].2, 0.25 * DT, epsilon = 1e-12);
+        assert_relative_eq!(history.duration_s(3), 3.0 * DT, epsilon = 1e-12);
+        assert_eq!(history.since(-1.0).count(), 0);
     }
 
     #[test]

@@ -44,8 +44,8 @@
 //! fix returns its innovation. What is not finite, or is impossible, changes nothing.
 //!
 //! Cost: an inertial sample is one preintegration, about 400 multiplications, whatever the number of hypotheses; a fix
-//! is at most `HYPOTHESES` times `WINDOW` steps of 19 states. Memory in single precision: 1.8 KB a hypothesis and 450
-//! bytes an interval, 11 KB for four and eight.
+//! is at most `HYPOTHESES` times `WINDOW` steps of 19 states. Memory in single precision: 1.8 KB a hypothesis and 490
+//! bytes an interval, 12 KB for four and eight.
 
 mod bank;
 mod config;
@@ -67,7 +67,7 @@ pub use memory::InMotionAlignmentState;
 use self::memory::Memory;
 use super::augmented_states::{AUGMENTED_STATES, AugmentedStates, GNSS_OFFSET, TIME_OFFSET};
 use super::preintegration::{SampleNoise, check_sample};
-use super::{NavigationState, STATES};
+use super::{ATTITUDE, NavigationState, STATES};
 use crate::geometry::so3;
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
@@ -274,13 +274,13 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         anywhere * lit(f64::from(doubted) / f64::from(most))
     }
 
-    /// The state of the best hypothesis for a filter that goes on from here, at this instant, with the heading as
-    /// uncertain as that of the mixture; `None` unless [`AlignmentStatus::Aligned`].
+    /// The mixture for a filter that goes on from here, at this instant: mean of all states but the attitude, which is that
+    /// of the best hypothesis, and the covariance about it (W21); `None` before the first position.
     pub fn hand_over(&self) -> Option<(NavigationState<T>, AugmentedStates<T>)> {
         let memory = &self.memory;
-        let bank = memory.bank.as_ref().filter(|_| memory.is_aligned)?;
-        let estimate = bank.hand_over(&memory.since, &self.slow_std()?, &self.config)?;
-        let (mean, p) = (&estimate.mean, estimate.covariance.full());
+        let bank = memory.bank.as_ref()?;
+        let (mean, mut p) = bank.moments(&memory.since, &self.slow_std()?, &self.config)?;
+        p[(ATTITUDE + 2, ATTITUDE + 2)] += self.heading_doubt();
         let mut state = NavigationState::new(mean.ned_from_body, mean.velocity, mean.position);
         state.accelerometer_bias = mean.accelerometer_bias;
         state.gyroscope_bias = mean.gyroscope_bias;
@@ -301,15 +301,50 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         Some((state, side))
     }
 
-    /// Standard deviations of the receiver's correlated error.
+    /// What the receiver's stated standard deviations are multiplied by, as its positions have shown; from 1 on.
+    pub fn noise_scale(&self) -> T {
+        let memory = &self.memory;
+        memory.bank.as_ref().map_or(memory.scale, |bank| bank.scale)
+    }
+
+    /// Whether it would use a position of this instant, and not wait for a later one.
+    pub(super) fn is_due(&self) -> bool {
+        let since = self.memory.since.duration_s();
+        self.memory.bank.is_none() || since >= self.config.shortest_interval_s
+    }
+
+    /// Noise densities of gyroscope and accelerometer from now on.
+    pub(super) fn set_noise_densities(&mut self, [gyroscope, accelerometer]: [T; 2]) {
+        self.config.gyroscope_noise_density = gyroscope;
+        self.config.accelerometer_noise_density = accelerometer;
+    }
+
+    /// Fractions of the stated standard deviations from now on: independent from fix to fix, and correlated.
+    pub(super) fn set_error_fractions(&mut self, uncorrelated: T, correlated: T) {
+        self.config.position_uncorrelated_fraction = uncorrelated;
+        self.config.position_correlated_fraction = correlated;
+    }
+
+    /// Standard deviations of the receiver's correlated error, m.
+    pub(super) fn correlated_std(&self) -> Vector3<T> {
+        self.slow_std().unwrap_or_else(Vector3::zeros)
+    }
+
     fn slow_std(&self) -> Option<Vector3<T>> {
         let bank = self.memory.bank.as_ref()?;
         let newest = self.memory.window.intervals().last();
-        let std = newest.map_or(bank.first.std, |interval| interval.position.std);
+        let std = newest.map_or(bank.first.std, |newest| {
+            newest.position.std * bank.scale.max(T::one())
+        });
         Some(std * self.config.position_correlated_fraction)
     }
 
     /// Forgets everything.
+    pub(super) fn forget(&mut self) {
+        self.memory = Memory::default();
+    }
+
+    /// Forgets everything, and counts it.
     fn restart(&mut self) {
         let memory = &mut self.memory;
         let restarts = u32::from(memory.bank.is_some());

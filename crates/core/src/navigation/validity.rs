@@ -13,6 +13,8 @@ use crate::scalar::Scalar;
 pub enum Validity {
     /// There is no position yet.
     Aligning,
+    /// Fixes come, and position and velocity are good; the heading is not known yet, or the fixes disagree with it.
+    HeadingUnknown,
     /// Fixes come.
     Aided,
     /// None for longer than [`ValidityLimits::dead_reckoning_after_s`]: inertial sensors, and whatever else aids.

@@ -1,6 +1,6 @@
 //! The GNSS/INS of core behind the interface of all navigation estimators.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use northing_core::ConfigError;
 use northing_core::earth::wgs84::Geodetic;
 use northing_core::kalman::{Innovation, SkipReason};
@@ -9,7 +9,7 @@ use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
 use northing_core::navigation::augmented_states::MAGNETIC_OFFSET;
 use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
-use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, POSITION, Validity};
+use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, Validity};
 
 use super::magnetic_model;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
@@ -156,13 +156,12 @@ impl Navigator for InsNavigator {
         let spin = self.rate - state.gyroscope_bias;
         let p = &state.covariance;
         let heading_variance = p[(ATTITUDE + 2, ATTITUDE + 2)];
-        let position_covariance: Matrix3<f64> =
-            p.fixed_view::<3, 3>(POSITION, POSITION).into_owned();
+        let (position, position_covariance) = self.ins.antenna_position()?;
         Some(NavigationEstimate {
             time_ns: self.ins.time_ns()?,
             ned_from_body: Some(attitude),
             heading_std: Some(heading_variance.max(0.0).sqrt()),
-            position: state.position + attitude * self.arm,
+            position,
             position_covariance,
             velocity: state.velocity + attitude * spin.cross(&self.arm),
             validity: self.ins.validity(),
@@ -183,15 +182,14 @@ impl Navigator for InsNavigator {
         let told = nodes.map(|node| {
             let attitude = node.ned_from_body;
             let p = &node.covariance;
-            let position_covariance: Matrix3<f64> =
-                p.fixed_view::<3, 3>(POSITION, POSITION).into_owned();
+            let position_covariance = node.antenna_covariance;
             let variance = position_covariance.m11.max(position_covariance.m22);
             let heading_variance = p[(ATTITUDE + 2, ATTITUDE + 2)];
             NavigationEstimate {
                 time_ns: node.time_ns,
                 ned_from_body: Some(attitude),
                 heading_std: Some(heading_variance.max(0.0).sqrt()),
-                position: node.position + attitude * arm,
+                position: node.antenna,
                 position_covariance,
                 velocity: node.velocity + attitude * node.angular_rate.cross(&arm),
                 // The smoother knows the fix after as well as the one before.
@@ -242,6 +240,11 @@ impl Navigator for InsNavigator {
         say(
             self.ins.gaps(),
             "gaps of more than 0.5 s between inertial samples; the velocity was held over them.",
+        );
+        say(
+            self.ins.realignments(),
+            "realignments: fixes disagreed with the solution for long; heading, velocity and position were found anew \
+             from the fixes.",
         );
         say(
             self.ins.restarts(),

@@ -27,6 +27,8 @@ pub struct AidSummary {
 pub struct ValidityTimes {
     /// Before the start.
     pub aligning_s: f64,
+    /// With fixes, but without a heading that is known.
+    pub heading_unknown_s: f64,
     /// With fixes.
     pub aided_s: f64,
     /// Without, and still of use.
@@ -40,6 +42,7 @@ impl ValidityTimes {
     pub fn add(&mut self, validity: Validity, seconds: f64) {
         let slot = match validity {
             Validity::Aligning => &mut self.aligning_s,
+            Validity::HeadingUnknown => &mut self.heading_unknown_s,
             Validity::Aided => &mut self.aided_s,
             Validity::DeadReckoning => &mut self.dead_reckoning_s,
             Validity::Invalid => &mut self.invalid_s,

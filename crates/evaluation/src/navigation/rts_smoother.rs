@@ -24,7 +24,7 @@
 //!
 //! A restart of the filter and a gap between its samples end the chain: nothing is carried back across them.
 
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::ErrorPropagation as _;
 use northing_core::navigation::augmented_states::AUGMENTED_STATES;
@@ -71,6 +71,10 @@ pub struct SmoothedNavigation {
     pub ned_from_body: UnitQuaternion<f64>,
     /// Angular rate less the bias, rad/s, body axes.
     pub angular_rate: Vector3<f64>,
+    /// Position of the antenna as the receiver dates it, m, NED.
+    pub antenna: Vector3<f64>,
+    /// Covariance of that, m^2.
+    pub antenna_covariance: Matrix3<f64>,
     /// Covariance of the 15 errors.
     pub covariance: SMatrix<f64, STATES, STATES>,
     /// Time to the nearest fix that was fused, before or after, s; `None` without any.
@@ -83,8 +87,8 @@ pub struct NavigationRecorder {
     steps: Vec<Step>,
     open: Option<Snapshot>,
     chain: u32,
-    /// Gaps and restarts seen.
-    broken: [u32; 2],
+    /// Gaps, restarts and states taken over from the alignment.
+    broken: [u32; 3],
 }
 
 impl NavigationRecorder {
@@ -118,7 +122,7 @@ impl NavigationRecorder {
     }
 
     fn note_breaks<const H: usize>(&mut self, ins: &GnssIns<f64, H>) {
-        let now = [ins.gaps(), ins.restarts()];
+        let now = [ins.gaps(), ins.restarts(), ins.take_overs()];
         if now != self.broken {
             self.broken = now;
             self.open = None;
@@ -154,25 +158,26 @@ impl NavigationRecorder {
         let Some(end) = snapshot(ins) else {
             return smoothed;
         };
+        let arm = Vector3::from(ins.config().lever_arm_m);
         let mut next = (end, joint(&end));
         let mut chain = self.chain;
         // The first fix after the instant at hand: what later instants call their last one.
         let mut later_fix_ns = None;
-        smoothed.push(in_words(&next, later_fix_ns));
+        smoothed.push(in_words(&next, later_fix_ns, &arm));
         for step in self.steps.iter().rev() {
             if step.chain != chain {
                 // What comes after is no continuation: the filter's own end of this chain stands.
                 chain = step.chain;
                 later_fix_ns = None;
                 next = (step.predicted, joint(&step.predicted));
-                smoothed.push(in_words(&next, later_fix_ns));
+                smoothed.push(in_words(&next, later_fix_ns, &arm));
             }
             let last = next.0.last_fix_ns;
             later_fix_ns = last
                 .filter(|fix| *fix > step.filtered.time_ns)
                 .or(later_fix_ns);
             next = step.back(&next);
-            smoothed.push(in_words(&next, later_fix_ns));
+            smoothed.push(in_words(&next, later_fix_ns, &arm));
         }
         smoothed.reverse();
         smoothed
@@ -277,8 +282,17 @@ fn corrected(snapshot: &Snapshot, x: &SVector<f64, ALL>) -> Snapshot {
 fn in_words(
     (snapshot, covariance): &(Snapshot, Joint),
     later_fix_ns: Option<i64>,
+    arm: &Vector3<f64>,
 ) -> SmoothedNavigation {
     let fixes = snapshot.last_fix_ns.into_iter().chain(later_fix_ns);
+    let mut state = snapshot.state;
+    state.covariance = covariance.fixed_view::<STATES, STATES>(0, 0).into_owned();
+    let mut side = snapshot.side;
+    let beside = covariance.fixed_view::<STATES, AUGMENTED_STATES>(0, STATES);
+    side.cross.copy_from(&beside);
+    let own = covariance.fixed_view::<AUGMENTED_STATES, AUGMENTED_STATES>(STATES, STATES);
+    side.covariance.copy_from(&own);
+    let (antenna, antenna_covariance) = state.antenna_position(&side, arm);
     let nearest_ns = fixes.map(|fix| snapshot.time_ns.abs_diff(fix)).min();
     SmoothedNavigation {
         time_ns: snapshot.time_ns,
@@ -287,7 +301,9 @@ fn in_words(
         ned_from_body: snapshot.state.ned_from_body,
         angular_rate: snapshot.rate - snapshot.state.gyroscope_bias,
         since_fix_s: nearest_ns.map(|ns| ns as f64 * 1e-9),
-        covariance: covariance.fixed_view::<STATES, STATES>(0, 0).into_owned(),
+        antenna,
+        antenna_covariance,
+        covariance: state.covariance,
     }
 }
 

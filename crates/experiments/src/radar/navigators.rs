@@ -253,6 +253,13 @@ impl Navigator<ERRORS> for GnssInsNavigator {
             time_jitter_s: 0.0,
             magnetic_offset_std_ut: 0.0,
             damping_speed_m_s: 0.0,
+            // Errors are as stated.
+            time_offset_std_s: 0.0,
+            lever_arm_std_m: Some(0.0),
+            least_noise_scale: 1.0,
+            largest_noise_scale: 1.0,
+            robust_weights: false,
+            vibration_noise: false,
             ..GnssInsConfig::default()
         };
         let mut ins = GnssIns::listened_to(config, Followers::none()).ok()?;

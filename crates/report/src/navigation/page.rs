@@ -424,6 +424,7 @@ fn aid_table(summary: &NavigationSummary) -> Table {
 pub fn validity_word(validity: Validity) -> &'static str {
     match validity {
         Validity::Aligning => "aligning",
+        Validity::HeadingUnknown => "heading-unknown",
         Validity::Aided => "aided",
         Validity::DeadReckoning => "dead-reckoning",
         Validity::Invalid => "invalid",

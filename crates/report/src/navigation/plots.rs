@@ -78,7 +78,8 @@ pub(crate) fn track(trace: &NavigationTrace, kind: NavigationKind) -> Option<Str
     let rough = Scale::new(&places, ROOM_M)?;
     places.extend(points.iter().filter_map(|p| corner_of(&rough, p)).flatten());
     let scale = Scale::new(&places, ROOM_M)?;
-    let dead = |p: &NavigationPoint| p.validity != Validity::Aided;
+    let dead =
+        |p: &NavigationPoint| matches!(p.validity, Validity::DeadReckoning | Validity::Invalid);
     let mut keys = vec![
         curve_key(kind),
         key(Sign::Dot, &format!("{USED} big"), "fixes used"),

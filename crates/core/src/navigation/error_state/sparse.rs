@@ -35,6 +35,24 @@ pub const SIDE: usize = STATES;
 /// How many measurements in a row a gate refuses before it accepts them.
 pub const REJECTIONS_ACCEPTED: u8 = 5;
 
+/// What becomes of a measurement that is far off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::navigation) enum Weighting {
+    /// It is fused like any other.
+    None,
+    /// It is fused with a smaller gain, and very far off left out.
+    Robust,
+    /// It is left out.
+    AllOrNothing,
+}
+
+/// The 97 % points of chi-square, by degrees of freedom: up to them a measurement has its full weight.
+pub(in crate::navigation) const NOMINAL_NIS: [f64; 3] = [4.71, 7.01, 8.95];
+/// Degrees of freedom of Student's t distribution, which the weight follows beyond.
+const STUDENT_FREEDOM: f64 = 4.0;
+/// Below this weight a measurement is left out.
+const LEAST_WEIGHT: f64 = 0.1;
+
 /// Largest variances of attitude (rad^2), velocity, position, accelerometer and gyroscope bias: beyond them
 /// nothing is known.
 const LARGEST_VARIANCES: [f64; 5] = [10.0, 1e5, 1e8, 1e2, 1.0];
@@ -85,6 +103,50 @@ impl<T: Scalar> ErrorStateFilter<T> {
             self.fuse_expected(side, used, measurement, &mut expected, listener);
         } else if outcome == Outcome::Inflated {
             self.accept(side, used, measurement, listener);
+        }
+        record
+    }
+
+    /// Fuses a measurement with a weight that falls with how far it is off (E37): noise comes to it so that its gain is
+    /// that much smaller, and with less than a tenth of it it is left out; or as `how` says. The record has the noise as it was stated. The
+    /// covariance must have [caught up](Self::catch_up).
+    #[inline(never)]
+    pub(in crate::navigation) fn fuse_weighted<const M: usize>(
+        &mut self,
+        side: &mut AugmentedStates<T>,
+        measurement: &SparseMeasurement<T, M>,
+        how: Weighting,
+        listener: &mut impl ErrorListener<T, ERRORS>,
+    ) -> Innovation<T> {
+        const { assert!(M <= 3) };
+        let used = Used::of_states(side);
+        let Some(mut expected) = Expected::of(&self.state.covariance, side, used, measurement)
+        else {
+            self.count_skipped();
+            return Innovation::skipped(SkipReason::Numerical);
+        };
+        let weight = weight_of::<T, M>(expected.nis);
+        let outcome = if weight >= T::one() || how == Weighting::None {
+            Outcome::Fused
+        } else if weight > T::zero() && how == Weighting::Robust {
+            Outcome::Inflated
+        } else {
+            Outcome::Gated
+        };
+        let record = record(&measurement.residual, &expected, outcome);
+        if outcome == Outcome::Inflated {
+            let mut weighted = *measurement;
+            for i in 0..M {
+                let added = expected.covariance[(i, i)] * (T::one() / weight - T::one());
+                weighted.variance[i] += added;
+            }
+            match Expected::of(&self.state.covariance, side, used, &weighted) {
+                Some(inflated) => expected = inflated,
+                None => return Innovation::skipped(SkipReason::Numerical),
+            }
+        }
+        if outcome.is_fused() {
+            self.fuse_expected(side, used, measurement, &mut expected, listener);
         }
         record
     }
@@ -247,6 +309,22 @@ impl<T: Scalar> ErrorStateFilter<T> {
                 *variance += error * error;
             }
         }
+    }
+}
+
+/// Weight of a measurement of `M` components by its NIS: one up to the 97 % point of chi-square, then as Student's t
+/// distribution of four degrees of freedom falls, and nothing where less than a tenth would be left.
+fn weight_of<T: Scalar, const M: usize>(nis: T) -> T {
+    let row = NOMINAL_NIS.get(M.saturating_sub(1));
+    let nominal = lit::<T>(row.copied().unwrap_or(NOMINAL_NIS[2]));
+    let freedom = lit::<T>(STUDENT_FREEDOM);
+    let weight = (freedom + nominal) / (freedom + nis);
+    if weight >= T::one() {
+        T::one()
+    } else if weight >= lit(LEAST_WEIGHT) {
+        weight
+    } else {
+        T::zero()
     }
 }
 

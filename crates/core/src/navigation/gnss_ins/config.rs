@@ -73,14 +73,17 @@ parameters! {
         "0.0015 m/s^2 a kilometre.";
     lever_arm_m: [T; 3], "m", Vector(&From(-100.0, 100.0)), [[0.0; 3]],
         "from the unit to the antenna";
+    lever_arm_std_m: Option<T>, "m", Optional(&From(0.0, 100.0)), [None],
+        "standard deviation of what the lever arm is off by; none: 0.02 where there is one, 0.1 where it is zero",
+        "Part of the noise of each position.";
     position_latency_s: T, "s", From(-2.0, 2.0), [0.0],
         "how long before its stamp a position was valid; negative when it was valid after it";
     velocity_latency_s: T, "s", From(-2.0, 2.0), [0.0],
         "the same of a velocity";
-    time_offset_std_s: T, "s", From(0.0, 1.0), [0.0],
+    time_offset_std_s: T, "s", From(0.0, 1.0), [0.1],
         "standard deviation of what both latencies are off by; 0: not estimated",
         "Raising it learns a time offset from accelerations and turns.";
-    time_jitter_s: T, "s", From(0.0, 1.0), [0.001],
+    time_jitter_s: T, "s", From(0.0, 1.0), [0.005],
         "jitter of the stamps between the two clocks",
         "Adds speed times jitter to the noise of a position.";
     position_uncorrelated_fraction: T, "-", Above(0.0, 100.0), [0.8], was "position_white_share",
@@ -93,6 +96,16 @@ parameters! {
         "correlation time of that fraction";
     position_std_floor_m: T, "m", Above(0.0, 1e3), [0.01],
         "least standard deviation of a horizontal position; of a height two and a half times that";
+    least_noise_scale: T, "-", Above(0.0, 1.0), [0.1],
+        "least that a receiver's stated standard deviations are multiplied by, as its fixes show",
+        "Of the fraction that is independent from fix to fix. 1, and 1 for the largest: they are taken as stated.";
+    largest_noise_scale: T, "-", From(1.0, 1e3), [20.0],
+        "most that they are multiplied by";
+    robust_weights: bool, "-", Flag, [true],
+        "whether a fix that is further off than 97 of 100 counts less, as Student's t distribution says",
+        "Without it the errors of fixes are taken to be normal, and none is left out.";
+    vibration_noise: bool, "-", Flag, [true],
+        "whether the noise that the inertial samples themselves show is expected where it is above the noise densities";
     velocity_std_floor_m_s: T, "m/s", Above(0.0, 1e3), [0.1],
         "least standard deviation of a velocity",
         "Receivers smooth it, and state what is left.";

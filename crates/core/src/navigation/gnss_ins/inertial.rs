@@ -6,8 +6,13 @@ use super::stillness::Window;
 use super::{ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, ImuSamples, seconds};
 use crate::kalman::SkipReason;
 use crate::kalman::innovation::check_vector;
+use crate::navigation::Validity;
+use crate::navigation::in_motion_alignment::AlignmentStatus;
 use crate::scalar::{Scalar, lit};
 
+/// A body stands when its velocity is below so many of its standard deviations, and these below this, m/s.
+const STANDING_SIGMAS: f64 = 3.0;
+pub(super) const STANDING_SPEED: f64 = 0.3;
 /// Earth's mean radius, m: how gravity turns and falls with position.
 const EARTH_RADIUS_M: f64 = 6.371e6;
 
@@ -53,7 +58,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             .replace((time_ns, *angular_rate, *specific_force));
         let now = self.memory.now_ns.replace(time_ns);
         // After a start from a known state the first sample stands for the time since.
-        let start = now.filter(|_| self.memory.aligning.is_none());
+        let start = now.filter(|_| self.memory.started);
         let last = last.or(start.map(|start| (start, *angular_rate, *specific_force)));
         let Some((last_ns, last_rate, last_force)) = last else {
             return Ok(());
@@ -64,6 +69,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             return Ok(());
         }
         self.settle();
+        self.expect_vibration(angular_rate, specific_force, dt);
         let half = lit::<T>(0.5);
         let (rate, force) = match self.config.imu_samples {
             ImuSamples::Instants => (
@@ -76,35 +82,68 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         Ok(())
     }
 
+    /// Lets the filter expect the noise that the samples show.
+    fn expect_vibration(&mut self, angular_rate: &Vector3<T>, specific_force: &Vector3<T>, dt: T) {
+        if !self.config.vibration_noise {
+            return;
+        }
+        self.memory.vibration.add(angular_rate, specific_force, dt);
+        let c = &self.config;
+        let stated = [c.gyroscope_noise_density, c.accelerometer_noise_density];
+        let densities = self.memory.vibration.noise_densities(stated);
+        self.filter.set_noise_densities(densities);
+        self.alignment.set_noise_densities(densities);
+    }
+
     /// Moves on by `dt` with a rate and force that held over it.
     fn step(&mut self, rate: &Vector3<T>, force: &Vector3<T>, dt: T) {
         let window = self.memory.window.add(rate, force, self.config.gravity, dt);
-        if let Some(alignment) = &mut self.memory.aligning {
-            alignment.propagate(rate, force, dt);
-            if let Some(window) = &window {
-                alignment.window(window);
-                let is_still = alignment.is_still;
-                self.see_window(window, is_still);
-            }
-            self.try_to_start();
-            return;
-        }
         if let Some(window) = &window {
-            let stands = self.memory.stands_until_ns >= self.memory.now_ns && window.may_be_still;
-            self.see_window(window, stands);
+            let stands = self.memory.stands_until_ns >= self.memory.now_ns || self.seems_to_stand();
+            self.see_window(window, stands && window.may_be_still);
         }
-        let (rate, force) = self.on_the_earth(rate, force);
+        let (rate, force) = if self.memory.started {
+            self.on_the_earth(rate, force)
+        } else {
+            (*rate, *force)
+        };
         // Cannot be refused: checked above, and the interval is positive and short.
-        if self.filter.propagate(&rate, &force, dt).is_ok() {
+        if !self.memory.started || self.filter.propagate(&rate, &force, dt).is_ok() {
             self.memory.history.push(&rate, &force, dt);
+        }
+        if self.memory.aligning {
+            self.keep_for_alignment(dt);
+            self.go_on_alone_in_an_outage();
         }
         self.memory.since_velocity += dt;
         self.memory.since_constraint += dt;
         self.memory.due_window = window.or(self.memory.due_window);
     }
 
+    /// Whether fixes say that it stands: the estimate's velocity is none within its standard deviations, which are small.
+    fn seems_to_stand(&self) -> bool {
+        let Some(state) = self.state() else {
+            return false;
+        };
+        let std = state.velocity_std().norm() * lit(STANDING_SIGMAS);
+        let aided = !matches!(self.validity(), Validity::DeadReckoning | Validity::Invalid);
+        aided && std < lit(STANDING_SPEED) && state.velocity.norm() < std
+    }
+
+    /// Where the heading is known and fixes stay away, the filter and all that aids it go on.
+    fn go_on_alone_in_an_outage(&mut self) {
+        let since = self.memory.last_fix_ns.zip(self.memory.now_ns);
+        let since = since.map(|(fix, now)| seconds::<T>(fix, now));
+        let outage = since.is_some_and(|s| s > self.config.validity.dead_reckoning_after_s);
+        let aligned = self.alignment.status() == AlignmentStatus::Aligned;
+        if self.memory.started && outage && aligned {
+            self.go_on_alone();
+        }
+    }
+
     /// Counts windows at rest, and learns from those in which it is `known` to stand.
     fn see_window(&mut self, window: &Window<T>, known: bool) {
+        self.memory.may_be_still = window.may_be_still;
         if known {
             self.memory.quiet.learn(window);
         }

@@ -2,16 +2,17 @@
 
 use nalgebra::Vector3;
 
-use super::alignment::Alignment;
 use super::counts::{Aid, AidCounts};
-use super::starting::Seen;
+use super::start_without_inertial::LevelStart;
 use super::stillness::{Quiet, StillnessWindow, Window};
+use super::vibration::Vibration;
 use super::{CovarianceStep, ERRORS, GnssIns};
 use crate::kalman::{CountedGate, ErrorListener};
 use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::gauss_markov_bias::BiasAtRest;
 use crate::navigation::history::ImuHistory;
-use crate::navigation::{ErrorTransition, NavigationState};
+use crate::navigation::in_motion_alignment::InMotionAlignmentState;
+use crate::navigation::{ErrorTransition, GnssVelocity, NavigationState};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::Scalar;
 
@@ -21,11 +22,44 @@ use crate::scalar::Scalar;
 pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) side: AugmentedStates<T>,
     pub(super) history: ImuHistory<T, HISTORY>,
-    /// What the alignment has, while it aligns.
-    pub(super) aligning: Option<Alignment<T>>,
-    pub(super) seen: Seen<T>,
+    /// Whether there is a state.
+    pub(super) started: bool,
+    /// Whether the alignment makes it.
+    pub(super) aligning: bool,
+    /// Seconds of samples that the alignment has not had yet (below zero: it is ahead), and how many.
+    pub(super) unfed_s: T,
+    pub(super) unfed: usize,
+    /// Stamp of the newest position that the alignment has used.
+    pub(super) aligned_fix_ns: Option<i64>,
+    /// Since when the alignment knows the heading.
+    pub(super) aligned_since_ns: Option<i64>,
+    /// A velocity that waits for the position of its instant.
+    pub(super) held_velocity: Option<(i64, GnssVelocity<T>)>,
+    /// Whether the alignment has used the magnetometer.
+    pub(super) magnetic_is_used: bool,
+    /// The start without inertial unit.
+    pub(super) level: LevelStart<T>,
+    /// What the receiver's standard deviations are multiplied by: horizontal, vertical, velocity.
+    pub(super) noise_scale: [T; 3],
+    /// Positions that disagree, less twice those that agree, and the stamp of the last one that was judged.
+    pub(super) disagreeing: u8,
+    pub(super) judged_ns: Option<i64>,
+    /// The last position that was given, to see one that is repeated.
+    pub(super) last_position: Option<Vector3<T>>,
+    /// Whether the receiver repeats a position from which the body has gone.
+    pub(super) frozen: bool,
+    /// The same of a velocity.
+    pub(super) last_velocity: Option<Vector3<T>>,
+    /// The fastest that the vehicle was in the last minutes, m/s.
+    pub(super) fastest: T,
+    /// How often it aligned again, and how often a state was taken over from the alignment.
+    pub(super) realignments: u32,
+    pub(super) take_overs: u32,
     pub(super) window: StillnessWindow<T>,
     pub(super) quiet: Quiet<T>,
+    pub(super) vibration: Vibration<T>,
+    /// Whether the last window may have been one at rest.
+    pub(super) may_be_still: bool,
     /// Windows at rest in a row.
     pub(super) still_windows: u32,
     /// Until when the receiver's last velocity says that it stands.
@@ -66,6 +100,8 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
 pub struct GnssInsState<T: Scalar, const HISTORY: usize = 32> {
     /// Position, velocity, attitude, biases and their covariance.
     pub navigation: NavigationState<T>,
+    /// What the alignment has.
+    pub alignment: InMotionAlignmentState<T>,
     memory: Memory<T, HISTORY>,
 }
 
@@ -75,10 +111,28 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
         Self {
             side: AugmentedStates::default(),
             history: ImuHistory::default(),
-            aligning: Some(Alignment::default()),
-            seen: Seen::default(),
+            started: false,
+            aligning: true,
+            unfed_s: T::zero(),
+            unfed: 0,
+            aligned_fix_ns: None,
+            aligned_since_ns: None,
+            held_velocity: None,
+            magnetic_is_used: false,
+            level: LevelStart::default(),
+            noise_scale: [T::one(); 3],
+            disagreeing: 0,
+            judged_ns: None,
+            last_position: None,
+            frozen: false,
+            last_velocity: None,
+            fastest: T::zero(),
+            realignments: 0,
+            take_overs: 0,
             window: StillnessWindow::default(),
             quiet: Quiet::default(),
+            vibration: Vibration::default(),
+            may_be_still: false,
             still_windows: 0,
             stands_until_ns: None,
             now_ns: None,
@@ -113,12 +167,19 @@ impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
     fn check(&self) -> Result<(), InvalidState> {
         self.side.check()?;
         self.history.check()?;
-        if let Some(alignment) = &self.aligning {
-            alignment.check()?;
-        }
-        finite("fixes seen", self.seen.numbers())?;
+        finite("fixes seen", self.level.numbers())?;
+        let held = self.held_velocity.iter();
+        let held = held.flat_map(|(_, fix)| fix.ned.iter().chain(&fix.std));
+        let held = held.chain(self.last_position.iter().flatten());
+        let held = held.chain(self.last_velocity.iter().flatten());
+        let start = held
+            .chain(&self.noise_scale)
+            .chain([&self.unfed_s, &self.fastest]);
+        finite("start", start)?;
+        expect("start", self.unfed <= HISTORY, "within the history")?;
         finite("standstill", self.window.numbers())?;
         finite("standstill", self.quiet.numbers())?;
+        finite("vibration", self.vibration.numbers())?;
         finite(
             "standstill",
             self.due_window.iter().flat_map(Window::numbers),
@@ -151,15 +212,19 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> Restorable
     fn save(&self) -> Self::State {
         GnssInsState {
             navigation: self.filter.save(),
+            alignment: self.alignment.save(),
             memory: self.memory,
         }
     }
 
     fn restore(&mut self, state: Self::State) -> Result<(), InvalidState> {
         state.memory.check()?;
-        let started = state.memory.aligning.is_none() && state.memory.now_ns.is_none();
-        expect("time", !started, "there once it has started")?;
+        let timeless = state.memory.started && state.memory.now_ns.is_none();
+        expect("time", !timeless, "there once it has started")?;
+        let mut alignment = self.alignment;
+        alignment.restore(state.alignment)?;
         self.filter.restore(state.navigation)?;
+        self.alignment = alignment;
         self.memory = state.memory;
         self.listener.restarted();
         Ok(())

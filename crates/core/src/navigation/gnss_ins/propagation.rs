@@ -1,7 +1,6 @@
 //! The covariance of a GNSS/INS brought up to its state: augmented states, biases that relax, gaps, and the restart.
 
-use super::alignment::{self, Alignment};
-use super::starting::Seen;
+use super::start_without_inertial::{LevelStart, TILT_STD_ASSUMED};
 use super::stillness::StillnessWindow;
 use super::{Aid, CovarianceStep, ERRORS, ErrorListener, GnssIns, LONGEST_GAP_S, seconds};
 use crate::kalman::CountedGate;
@@ -22,7 +21,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// which the filter constrains itself.
     pub fn is_due(&self) -> bool {
         let behind = self.pending_s() >= lit(COVARIANCE_INTERVAL_S);
-        self.memory.aligning.is_none()
+        self.memory.started
             && (behind || self.memory.due_window.is_some() || self.is_constraint_due())
     }
 
@@ -132,17 +131,23 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// Goes on over a time without inertial samples: the velocity is held and everything grows uncertain.
     pub(super) fn bridge(&mut self, duration: T) {
         self.memory.gaps = self.memory.gaps.saturating_add(1);
+        if self.memory.aligning {
+            self.feed(T::zero());
+        }
+        (self.memory.unfed_s, self.memory.unfed) = (T::zero(), 0);
         self.memory.history.clear();
         self.memory.window = StillnessWindow::default();
         self.memory.still_windows = 0;
         if duration > lit(LONGEST_GAP_S) {
             self.restart();
-        } else if self.memory.aligning.is_some() {
-            // North is another arbitrary one: what was seen against the old one is over.
-            self.memory.aligning = Some(Alignment::default());
-            self.memory.seen = Seen::default();
         } else if duration > T::zero() {
-            self.hold_velocity(duration);
+            if let (true, Some((_, rate, force))) = (self.memory.aligning, self.memory.last_imu) {
+                // It knows what a gap is.
+                let _ = self.alignment.propagate(&rate, &force, duration);
+            }
+            if self.memory.started {
+                self.hold_velocity(duration);
+            }
         }
     }
 
@@ -171,18 +176,15 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         if duration > lit(LONGEST_GAP_S) {
             self.restart();
         }
-        match &mut self.memory.aligning {
-            Some(alignment) => alignment.assume_level(),
-            None => {
-                self.hold_velocity(duration);
-                let tilt = lit(alignment::TILT_STD_ASSUMED);
-                self.filter
-                    .hold_level(&mut self.memory.side, tilt, &mut self.listener);
-                self.memory.since_velocity += duration;
-                self.memory.since_constraint += duration;
-                self.constrain();
-                self.damp(duration);
-            }
+        if self.memory.started {
+            self.hold_velocity(duration);
+            let tilt = lit(TILT_STD_ASSUMED);
+            self.filter
+                .hold_level(&mut self.memory.side, tilt, &mut self.listener);
+            self.memory.since_velocity += duration;
+            self.memory.since_constraint += duration;
+            self.constrain();
+            self.damp(duration);
         }
     }
 
@@ -191,9 +193,17 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.memory.restarts = self
             .memory
             .restarts
-            .saturating_add(u32::from(self.memory.aligning.is_none()));
-        self.memory.aligning = Some(Alignment::default());
-        self.memory.seen = Seen::default();
+            .saturating_add(u32::from(self.memory.started));
+        self.memory.started = false;
+        self.memory.aligning = true;
+        self.alignment.forget();
+        (self.memory.unfed_s, self.memory.unfed) = (T::zero(), 0);
+        self.memory.aligned_fix_ns = None;
+        self.memory.aligned_since_ns = None;
+        self.memory.held_velocity = None;
+        self.memory.level = LevelStart::default();
+        self.memory.noise_scale = [T::one(); 3];
+        self.memory.disagreeing = 0;
         self.memory.side = AugmentedStates::default();
         self.memory.history.clear();
         self.memory.due_window = None;

@@ -1,9 +1,10 @@
 //! The navigation state as people ask for it: latitude and longitude, degrees, standard deviations.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::earth::{Geodetic, LocalFrame};
-use crate::geometry::rotation;
+use crate::geometry::{rotation, so3};
+use crate::navigation::augmented_states::{AugmentedStates, TIME_OFFSET};
 use crate::navigation::{
     ATTITUDE, GnssPosition, GnssVelocity, NavigationState, POSITION, VELOCITY,
 };
@@ -21,6 +22,29 @@ impl<T: Scalar> NavigationState<T> {
     /// Standard deviations of the position, m: north, east, down.
     pub fn position_std(&self) -> Vector3<T> {
         self.std_of(POSITION)
+    }
+
+    /// Position (m, NED) of an antenna `arm` metres from the unit (body axes) as its receiver dates it, with its covariance
+    /// (m^2): the estimated offset between the two clocks is taken out (E39).
+    pub fn antenna_position(
+        &self,
+        side: &AugmentedStates<T>,
+        arm: &Vector3<T>,
+    ) -> (Vector3<T>, Matrix3<T>) {
+        let late = side.values[TIME_OFFSET];
+        let arm = self.ned_from_body * arm;
+        let swing = -so3::skew(&arm);
+        let block = |i: usize, j: usize| self.covariance.fixed_view::<3, 3>(i, j).into_owned();
+        let with =
+            |j: usize| block(POSITION, j) - block(VELOCITY, j) * late + swing * block(ATTITUDE, j);
+        let own = with(POSITION) - with(VELOCITY) * late + with(ATTITUDE) * swing.transpose();
+        let timed = |i: usize| side.cross.fixed_view::<3, 1>(i, TIME_OFFSET).into_owned();
+        let timed = timed(POSITION) - timed(VELOCITY) * late + swing * timed(ATTITUDE);
+        let moved = timed * self.velocity.transpose();
+        let variance = side.covariance[(TIME_OFFSET, TIME_OFFSET)];
+        let covariance =
+            own - moved - moved.transpose() + self.velocity * self.velocity.transpose() * variance;
+        (self.position + arm - self.velocity * late, covariance)
     }
 
     /// Standard deviations of the velocity, m/s: north, east, down.

@@ -250,7 +250,7 @@ fn an_outage_is_flagged_and_its_variance_grows_until_the_fixes_return() {
         said.push((second, ins.validity(), p.sqrt()));
     });
     let at = |second: usize| said[second - 1];
-    assert_eq!(at(2).1, Validity::Aligning);
+    assert_eq!(at(2).1, Validity::HeadingUnknown, "it stands");
     assert_eq!(at(39).1, Validity::Aided);
     assert_eq!(at(41).1, Validity::Aided);
     assert_eq!(at(43).1, Validity::DeadReckoning);
@@ -341,29 +341,42 @@ fn a_standstill_is_found_only_when_it_is_one() {
 }
 
 #[test]
-fn fixes_that_jump_are_refused_and_accepted_when_they_stay() {
-    let mut outcomes = std::vec::Vec::new();
-    let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
-    let now = ins.time_ns().unwrap();
-    for k in 1..=7_i64 {
-        for sample in 1..=10 {
-            let time_ns = now + (k * 10 + sample - 10) * 10_000_000;
-            ins.imu(time_ns, &motion.rate(), &motion.force()).unwrap();
+fn fixes_that_jump_are_left_out_and_accepted_when_they_stay() {
+    let (mut ins, mut motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    assert_eq!(ins.validity(), Validity::Aided);
+    let before = ins.state().unwrap().ned_from_body;
+    let (mut outcomes, mut statuses) = (std::vec::Vec::new(), std::vec::Vec::new());
+    let turned = |ins: &GnssIns<f64, 64>, motion: &Motion| {
+        let [yaw, _, _] = rotation::to_yaw_pitch_roll(&ins.state().unwrap().ned_from_body);
+        (yaw - motion.heading).sin().abs()
+    };
+    let mut worst_heading = 0.0_f64;
+    for k in 1..=2000_i64 {
+        motion.step(60.0 + k as f64 * 0.01, 0.01);
+        let time_ns = 60_000_000_000 + k * 10_000_000;
+        ins.imu(time_ns, &motion.rate(), &motion.force()).unwrap();
+        if k % 100 == 0 {
+            let jumped = GnssPosition {
+                ned: motion.position + Vector3::new(50.0, 0.0, 0.0),
+                std: Vector3::new(0.05, 0.05, 0.1),
+                has_height: true,
+            };
+            outcomes.push(ins.gnss_position(time_ns, &jumped).horizontal.outcome);
+            statuses.push(ins.validity());
+            let std = ins.state().unwrap().covariance[(2, 2)].sqrt();
+            worst_heading = worst_heading.max(turned(&ins, &motion) / std);
         }
-        let jumped = GnssPosition {
-            ned: motion.position + Vector3::new(500.0, 0.0, 0.0),
-            std: Vector3::repeat(1.0),
-            has_height: true,
-        };
-        outcomes.push(
-            ins.gnss_position(now + k * 100_000_000, &jumped)
-                .horizontal
-                .outcome,
-        );
     }
-    assert_eq!(outcomes[..5], [Outcome::Gated; 5]);
-    assert_eq!(outcomes[5], Outcome::Inflated);
-    assert!((ins.state().unwrap().position.x - motion.position.x - 500.0).abs() < 20.0);
+    assert_eq!(outcomes[..4], [Outcome::Gated; 4]);
+    assert_eq!(statuses[3], Validity::DeadReckoning, "it says so");
+    assert!(statuses.contains(&Validity::HeadingUnknown));
+    assert_eq!((ins.realignments(), ins.restarts()), (1, 0));
+    let off = ins.state().unwrap().position - motion.position - Vector3::x() * 50.0;
+    assert!(off.norm() < 0.2, "{off}");
+    // The attitude of before has won: only the position was wrong.
+    assert!(worst_heading < 3.0, "{worst_heading} standard deviations");
+    assert!(turned(&ins, &motion) < 0.03 && before != ins.state().unwrap().ned_from_body);
+    assert_eq!(ins.validity(), Validity::Aided);
 }
 
 #[test]
@@ -787,7 +800,7 @@ fn the_covariance_is_one_after_a_day_in_single_precision() {
 fn a_chip_holds_it_in_what_is_said() {
     let bytes = size_of::<GnssIns<f32, 0>>();
     assert!(
-        (3500..3750).contains(&bytes),
+        (24_000..25_000).contains(&bytes),
         "{bytes} bytes without history"
     );
 }

@@ -39,6 +39,8 @@ const STANDING_RATE_STD: f64 = 1e-3;
 const CONSTRAINT_INTERVAL_S: f64 = 0.2;
 /// The velocity is damped when no receiver has measured it for so long, s.
 const DAMPED_AFTER_S: f64 = 2.0;
+/// Speed (m/s) that any vehicle may reach in an outage, however slow it was before.
+const SLOWEST_M_S: f64 = 3.0;
 /// Standard deviation of a barometer's offset before anything is known, m.
 const UNKNOWN_OFFSET_STD_M: f64 = 100.0;
 
@@ -85,15 +87,8 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     ) -> GnssPositionUpdate<T> {
         let checked = check_fix(&fix.ned, &fix.std, FURTHEST_M)
             .and_then(|()| self.accept(Aid::GnssPosition, time_ns));
-        if checked.is_ok() && self.memory.aligning.is_some() {
-            self.see_position(time_ns, fix);
-            if self.config.imu_samples == ImuSamples::None {
-                self.try_to_start();
-            }
-        }
-        let ready = checked.and_then(|()| self.make_ready());
-        let update = match ready {
-            Ok(()) => self.fuse_position(time_ns, fix, shares),
+        let update = match checked.and_then(|()| self.use_position(time_ns, fix, shares)) {
+            Ok(update) => update,
             Err(reason) => GnssPositionUpdate {
                 horizontal: Innovation::skipped(reason),
                 vertical: Innovation::skipped(reason),
@@ -103,32 +98,65 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.memory.counts[Aid::GnssHeight as usize].count(&update.vertical);
         if update.horizontal.outcome.is_fused() {
             self.memory.since_velocity = T::zero();
+            self.note_speed(time_ns);
             self.memory.last_fix_ns = Some(time_ns);
         }
         update
     }
 
-    fn fuse_position(
+    fn use_position(
         &mut self,
         time_ns: i64,
         fix: &GnssPosition<T>,
         shares: ErrorShares<T>,
+    ) -> Result<GnssPositionUpdate<T>, SkipReason> {
+        let has_imu = self.config.imu_samples != ImuSamples::None;
+        // The very same digits again: a receiver that stands, or one that is frozen.
+        let repeated = self.memory.last_position.replace(fix.ned) == Some(fix.ned);
+        self.memory.frozen = repeated && (self.memory.frozen || self.is_frozen());
+        if self.memory.frozen && has_imu {
+            return Err(SkipReason::NotNewer);
+        }
+        if self.memory.aligning && has_imu {
+            return Ok(self.align_with_position(time_ns, fix, shares));
+        }
+        if self.memory.aligning {
+            let course_std = self.config.course_std;
+            self.memory.level.position(time_ns, fix, course_std);
+            self.try_to_start_level();
+        }
+        self.make_ready()?;
+        let update = self.fuse_position(time_ns, fix, shares, repeated);
+        if !repeated && self.judge(time_ns, &update) && has_imu {
+            self.align_again(time_ns, fix, shares);
+        }
+        Ok(update)
+    }
+
+    pub(super) fn fuse_position(
+        &mut self,
+        time_ns: i64,
+        fix: &GnssPosition<T>,
+        shares: ErrorShares<T>,
+        repeated: bool,
     ) -> GnssPositionUpdate<T> {
         let floor = self.config.position_std_floor_m;
         let floor = Vector3::new(floor, floor, floor * lit(VERTICAL_FLOOR));
+        let [flat, high, _] = self.memory.noise_scale;
+        let scale = Vector3::new(flat, flat, high);
         let std = fix.std.zip_map(&floor, |stated, floor| stated.max(floor));
-        self.follow_slow_error(&(std * shares.slow));
-        let velocity = self.filter.state().velocity;
-        let white = std * shares.white;
-        let jitter = velocity * self.config.time_jitter_s;
-        let variance = white.component_mul(&white) + jitter.component_mul(&jitter);
+        // What is correlated does not show from fix to fix: it may be larger than stated, never smaller.
+        let slow = std.component_mul(&scale.map(|s| s.max(T::one()))) * shares.slow;
+        self.follow_slow_error(&slow);
+        let white = std.component_mul(&scale) * shares.white;
+        let variance = self.uncorrelated_variance(&white);
         let horizontal = {
             let m = self.position_rows(time_ns, &fix.ned, &variance, [0, 1]);
-            self.fuse(Aid::GnssPosition, &m)
+            self.fuse_weighted(&m, 0, repeated)
         };
         let vertical = if fix.has_height {
             let m = self.position_rows(time_ns, &fix.ned, &variance, [2]);
-            self.fuse(Aid::GnssHeight, &m)
+            self.fuse_weighted(&m, 1, repeated)
         } else {
             Innovation::skipped(SkipReason::NotUsed)
         };
@@ -178,12 +206,9 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             let stands = fix.ned.norm() < slow;
             self.memory.stands_until_ns =
                 stands.then(|| time_ns.saturating_add(RECEIVER_STANDS_NS));
-            if self.memory.aligning.is_some() {
-                self.see_velocity(time_ns, fix);
-            }
         }
-        let innovation = match checked.and_then(|()| self.make_ready()) {
-            Ok(()) => self.fuse_velocity(time_ns, fix),
+        let innovation = match checked.and_then(|()| self.use_velocity(time_ns, fix)) {
+            Ok(innovation) => innovation,
             Err(reason) => Innovation::skipped(reason),
         };
         self.memory.counts[Aid::GnssVelocity as usize].count(&innovation);
@@ -193,19 +218,41 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         innovation
     }
 
-    fn fuse_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) -> Innovation<T> {
+    fn use_velocity(
+        &mut self,
+        time_ns: i64,
+        fix: &GnssVelocity<T>,
+    ) -> Result<Innovation<T>, SkipReason> {
+        let has_imu = self.config.imu_samples != ImuSamples::None;
+        let repeated = self.memory.last_velocity.replace(fix.ned) == Some(fix.ned);
+        if repeated && has_imu && fix.ned.norm_squared() > T::zero() {
+            return Err(SkipReason::NotNewer);
+        }
+        if self.memory.aligning && has_imu {
+            return Ok(self.align_with_velocity(time_ns, fix));
+        }
+        if self.memory.aligning {
+            let course_std = self.config.course_std;
+            self.memory.level.velocity(time_ns, fix, course_std);
+        }
+        self.make_ready()?;
+        Ok(self.fuse_velocity(time_ns, fix))
+    }
+
+    pub(super) fn fuse_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) -> Innovation<T> {
         let latency = self.config.velocity_latency_s + self.memory.side.values[TIME_OFFSET];
         let then = self.instant(time_ns, latency);
         let arm = Vector3::from(self.config.lever_arm_m);
         let floor = self.config.velocity_std_floor_m_s;
-        let std = fix.std.map(|s| s.max(floor));
+        let [.., scale] = self.memory.noise_scale;
+        let std = fix.std.map(|s| s.max(floor)) * scale;
         let variance = std.component_mul(&std);
         if fix.has_vertical {
             let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1, 2]);
-            self.fuse(Aid::GnssVelocity, &m)
+            self.fuse_weighted(&m, 2, false)
         } else {
             let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1]);
-            self.fuse(Aid::GnssVelocity, &m)
+            self.fuse_weighted(&m, 2, false)
         }
     }
 
@@ -213,8 +260,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub fn heading(&mut self, time_ns: i64, heading: T, std: T) -> Innovation<T> {
         let checked =
             check_scalar(heading, std, 100.0).and_then(|()| self.accept(Aid::Heading, time_ns));
-        if let (Ok(()), Some(alignment)) = (checked, &mut self.memory.aligning) {
-            alignment.heading(heading, std);
+        if checked.is_ok() && self.memory.aligning {
+            self.memory.level.heading(heading, std);
+            let now = self.memory.now_ns.unwrap_or(time_ns);
+            self.feed(seconds(time_ns, now));
+            self.alignment.heading(heading, std);
         }
         let innovation = match checked.and_then(|()| self.make_ready()) {
             Ok(()) => {
@@ -233,8 +283,13 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub fn magnetometer(&mut self, time_ns: i64, magnetic_field: &Vector3<T>) -> Innovation<T> {
         let checked = check_vector(magnetic_field, lit(1e-6), lit(1e6))
             .and_then(|()| self.accept(Aid::Magnetometer, time_ns));
-        if checked.is_ok() {
-            self.see_magnetic_field(magnetic_field);
+        if checked.is_ok() && self.memory.aligning {
+            let (std, iron) = (
+                self.config.magnetic_heading_std,
+                self.config.magnetic_offset_std_ut,
+            );
+            self.memory.level.magnetic_field(magnetic_field, std, iron);
+            self.align_with_magnetic_field(time_ns, magnetic_field);
         }
         let due = self.magnetic_is_due(time_ns);
         let ready = checked.and(if due { Ok(()) } else { Err(SkipReason::NotDue) });
@@ -344,12 +399,17 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub(super) fn constrain(&mut self) {
         if let Some(window) = self.memory.due_window.take() {
             // The first window at rest may have begun before the stop.
-            if self.config.zero_velocity && self.memory.still_windows > 1 {
+            let stands = self.config.zero_velocity && self.memory.still_windows > 1;
+            if stands && self.memory.aligning {
+                let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
+                let variance = window.rate_variance.max(least);
+                self.alignment.rate_at_rest(&window.mean_rate, variance);
+            } else if stands {
                 self.stand(&window);
             }
             self.damp(lit(WINDOW_S));
         }
-        if self.is_constraint_due() && self.memory.aligning.is_none() {
+        if self.is_constraint_due() && self.runs_alone() {
             self.memory.since_constraint = T::zero();
             self.use_mount();
             let state = self.filter.state();
@@ -367,9 +427,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Pulls the velocity towards zero as weakly as its prior says over `duration`, when nothing has measured it (E31).
     pub(super) fn damp(&mut self, duration: T) {
-        let std = self.config.damping_speed_m_s;
+        let mut std = self.config.damping_speed_m_s;
+        if self.memory.fastest > T::zero() {
+            std = std.min(self.memory.fastest.max(lit(SLOWEST_M_S)));
+        }
         let measured = self.memory.since_velocity <= lit(DAMPED_AFTER_S);
-        if measured || std <= T::zero() || duration <= T::zero() || self.memory.aligning.is_some() {
+        if measured || std <= T::zero() || duration <= T::zero() || !self.memory.started {
             return;
         }
         let visits = self.config.damping_time_s / duration;
@@ -384,7 +447,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
     fn stand(&mut self, window: &Window<T>) {
-        if self.memory.aligning.is_some() {
+        if !self.runs_alone() {
             return;
         }
         let state = self.filter.state();
@@ -453,13 +516,21 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Brings the covariance up to the state, if there is one.
     fn make_ready(&mut self) -> Result<(), SkipReason> {
-        if self.memory.aligning.is_none() {
-            self.catch_up();
+        if !self.runs_alone() {
+            return Err(SkipReason::NotInitialized);
         }
-        match self.memory.aligning {
-            None => Ok(()),
-            Some(_) => Err(SkipReason::NotInitialized),
+        self.catch_up();
+        // Catching up may have shown that the covariance is none.
+        if self.runs_alone() {
+            Ok(())
+        } else {
+            Err(SkipReason::NotInitialized)
         }
+    }
+
+    /// Whether there is a state and the alignment does not make it.
+    fn runs_alone(&self) -> bool {
+        self.memory.started && !self.memory.aligning
     }
 }
 

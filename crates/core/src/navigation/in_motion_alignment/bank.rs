@@ -4,10 +4,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::estimate::{Estimate, Triangle, at_receiver_time, propagate};
-use super::hypothesis::Hypothesis;
+use super::estimate::{Mean, at_receiver_time, propagate};
+use super::hypothesis::{AttitudePrior, Hypothesis};
 use super::window::{Fit, Interval};
-use super::{AlignmentSolution, ErrorVector, InMotionAlignmentConfig};
+use super::{AlignmentSolution, Covariance, ErrorVector, InMotionAlignmentConfig};
 use crate::geometry::so3;
 use crate::navigation::preintegration::Preintegration;
 use crate::navigation::{ATTITUDE, GnssPosition, GnssVelocity, VELOCITY};
@@ -24,6 +24,8 @@ const FIXES_BEFORE_END: u32 = 4;
 const SAME_TILT: f64 = 0.05;
 /// ... and the least and the most that their headings may differ by for that, rad.
 const SAME_HEADING: [f64; 2] = [0.03, 0.075];
+/// Log odds of an attitude that is known otherwise against one of the others: positions jump more often than attitudes.
+const LOG_ODDS_OF_PRIOR: f64 = 8.0;
 /// How much of the mean NIS's excess goes into the logarithm of the scale at a fix.
 const SCALE_GAIN: f64 = 0.15;
 
@@ -43,13 +45,24 @@ pub(super) struct Bank<T: Scalar, const K: usize> {
     count: usize,
     /// Where positions inside count from, m, NED.
     pub(super) origin: Vector3<T>,
-    /// The first position, relative to it.
+    /// The first position, relative to it, with its standard deviations as the receiver's scale has made them.
     pub(super) first: GnssPosition<T>,
     /// Positions used after the first.
     pub(super) fixes: u32,
     /// Whether the velocity of its instant was measured.
     has_velocity: bool,
     /// What the stated standard deviations are multiplied by.
+    pub(super) scale: T,
+}
+
+/// What a bank begins with.
+pub(super) struct BankStart<'a, T: Scalar> {
+    /// Mean specific force, body axes.
+    pub(super) force: &'a Vector3<T>,
+    pub(super) fix: &'a GnssPosition<T>,
+    /// An attitude that is known otherwise.
+    pub(super) prior: Option<&'a AttitudePrior<T>>,
+    /// What the receiver's standard deviations are multiplied by.
     pub(super) scale: T,
 }
 
@@ -61,27 +74,35 @@ pub(super) struct Spread<T> {
 }
 
 impl<T: Scalar, const K: usize> Bank<T, K> {
-    /// One hypothesis for each heading, at a first position.
-    pub(super) fn new(
-        force: &Vector3<T>,
-        fix: &GnssPosition<T>,
-        scale: T,
-        config: &InMotionAlignmentConfig<T>,
-    ) -> Self {
-        let level = super::hypothesis::levelled(force);
+    /// One hypothesis for each heading, at a first position; the first may be another one's attitude.
+    pub(super) fn new(start: &BankStart<'_, T>, config: &InMotionAlignmentConfig<T>) -> Self {
+        let level = super::hypothesis::levelled(start.force);
         let first = GnssPosition {
             ned: Vector3::zeros(),
-            ..*fix
+            std: start.fix.std * start.scale.max(T::one()),
+            ..*start.fix
         };
-        let make = |k| Hypothesis::first(&level, k, K, &first, config);
+        let known = usize::from(start.prior.is_some());
+        let make = |k: usize| {
+            let prior = match start.prior {
+                Some(prior) if k == 0 => *prior,
+                _ => AttitudePrior::heading(&level, k - known, K - known, config),
+            };
+            let favour = if k < known {
+                lit(LOG_ODDS_OF_PRIOR)
+            } else {
+                T::zero()
+            };
+            Hypothesis::first(&prior, favour, &first, config)
+        };
         Self {
             hypotheses: core::array::from_fn(make),
             count: K,
-            origin: fix.ned,
+            origin: start.fix.ned,
             first,
             fixes: 0,
             has_velocity: false,
-            scale,
+            scale: start.scale,
         }
     }
 
@@ -152,9 +173,10 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         }
         self.count_evidence_from_the_best();
         if self.fixes >= FIXES_BEFORE_SCALE {
-            let excess = fit.nis.min(lit(3.0)) - T::one();
-            let scale = self.scale * (excess * lit(SCALE_GAIN)).exp();
-            self.scale = scale.max(T::one()).min(config.largest_noise_scale);
+            let scale = self.scale * (fit.excess.min(lit(2.0)) * lit(SCALE_GAIN)).exp();
+            self.scale = scale
+                .max(config.least_noise_scale)
+                .min(config.largest_noise_scale);
         }
         Some(fit)
     }
@@ -279,25 +301,38 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         })
     }
 
-    /// The best hypothesis alone, moved on likewise, its heading as uncertain as that of the mixture.
-    pub(super) fn hand_over(
+    /// Mean and covariance of the mixture in all states (W21), moved on likewise; the attitude is that of the best
+    /// hypothesis, since headings all around have no mean.
+    pub(super) fn moments(
         &self,
         since: &Preintegration<T>,
         slow: &Vector3<T>,
         config: &InMotionAlignmentConfig<T>,
-    ) -> Option<Estimate<T>> {
-        let spread = self.spread(config)?;
-        let mut made = self.best()?.end;
-        let mut p = made.covariance.full();
+    ) -> Option<(Mean<T>, Covariance<T>)> {
+        let best = self.best()?.end.mean;
+        let (mut total, mut sum) = (T::zero(), ErrorVector::<T>::zeros());
+        let mut p = Covariance::<T>::zeros();
+        for hypothesis in self.in_use() {
+            let weight = self.weight(hypothesis, config);
+            let end = &hypothesis.end;
+            let off = end.mean.less(&best);
+            total += weight;
+            sum += off * weight;
+            p += (end.covariance.full() + off * off.transpose()) * weight;
+        }
+        let mut off = sum / total;
+        off.fixed_rows_mut::<3>(ATTITUDE).fill(T::zero());
+        let mut p = p / total;
+        // About the mean: what the attitude is off by on average stays part of its variance.
+        p -= off * (sum / total).transpose() + (sum / total) * off.transpose()
+            - off * off.transpose();
+        let mut mean = best.corrected(&off);
         if since.duration_s() > T::zero() {
             let none = &mut ErrorVector::<T>::zeros();
-            propagate(&mut made.mean, none, &mut p, since, slow, config);
+            propagate(&mut mean, none, &mut p, since, slow, config);
         }
-        let heading = &mut p[(ATTITUDE + 2, ATTITUDE + 2)];
-        *heading = heading.max(spread.heading_std * spread.heading_std);
-        made.mean.position += self.origin;
-        made.covariance = Triangle::of(&p);
-        Some(made)
+        mean.position += self.origin;
+        Some((mean, p))
     }
 
     /// Whether a saved one can be continued from.

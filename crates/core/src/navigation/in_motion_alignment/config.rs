@@ -72,8 +72,11 @@ parameters! {
     accepted_nis: T, "-", Above(0.0, 100.0), [2.5],
         "largest mean NIS of the window for a component for that",
         "One where the noise is as stated; beyond this nothing explains the fixes.";
+    least_noise_scale: T, "-", Above(0.0, 1.0), [0.1],
+        "least that the receiver's stated standard deviations are multiplied by, as the fixes show",
+        "Of that part which is independent from fix to fix; what is correlated cannot be seen.";
     largest_noise_scale: T, "-", From(1.0, 1e3), [20.0],
-        "most that the receiver's stated standard deviations are multiplied by, as the fixes show";
+        "most that they are multiplied by";
     gap_attitude_random_walk: T, "rad/sqrt(s)", From(0.0, 100.0), [0.3],
         "random walk of the attitude over a gap of inertial samples";
     gap_velocity_random_walk: T, "m/s/sqrt(s)", From(0.0, 1e3), [2.0],

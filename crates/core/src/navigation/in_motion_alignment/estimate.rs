@@ -107,6 +107,27 @@ impl<T: Scalar> Mean<T> {
         }
     }
 
+    /// The error of `other` with which it would be this one.
+    pub(super) fn less(&self, other: &Self) -> ErrorVector<T> {
+        let mut error = ErrorVector::<T>::zeros();
+        let turned = so3::log(&(self.ned_from_body * other.ned_from_body.inverse()));
+        for (first, part) in [
+            (ATTITUDE, turned),
+            (VELOCITY, self.velocity - other.velocity),
+            (POSITION, self.position - other.position),
+            (
+                ACCELEROMETER_BIAS,
+                self.accelerometer_bias - other.accelerometer_bias,
+            ),
+            (GYROSCOPE_BIAS, self.gyroscope_bias - other.gyroscope_bias),
+            (CORRELATED, self.gnss_offset - other.gnss_offset),
+        ] {
+            error.fixed_rows_mut::<3>(first).copy_from(&part);
+        }
+        error[LATE] = self.lateness - other.lateness;
+        error
+    }
+
     fn numbers(&self) -> impl Iterator<Item = &T> {
         let vectors = [
             &self.velocity,

@@ -2,22 +2,28 @@
 //!
 //! *Read first:* `docs/derivations/in_motion_alignment.md`, sections 3 to 5.
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::estimate::{Estimate, Mean, Triangle};
 use super::window::{Fit, Interval, Linearization, pass, position_variance};
 use super::{ALIGNMENT_ERRORS, CORRELATED, Covariance, InMotionAlignmentConfig, LATE};
 use crate::geometry::{rotation, so3};
 use crate::navigation::{
-    ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, GnssPosition, GnssVelocity, POSITION, VELOCITY,
+    ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, GnssPosition, GnssVelocity, NavigationState,
+    POSITION, VELOCITY,
 };
-use crate::restorable::{InvalidState, finite};
+use crate::restorable::{InvalidState, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
 /// Standard deviation of a height that is not measured, m.
 const UNKNOWN_HEIGHT_STD: f64 = 100.0;
 /// Standard deviation of a hypothesis's heading as a share of half the distance to the next one.
 const OVERLAP: f64 = 1.15;
+
+/// First of the errors of attitude, accelerometer and gyroscope bias.
+const ATTITUDE_AND_BIASES: [usize; 3] = [ATTITUDE, ACCELEROMETER_BIAS, GYROSCOPE_BIAS];
+/// What comes to the standard deviations of an attitude from before, rad: tilt, tilt, heading.
+const LOOSENED_STD: [f64; 3] = [0.02, 0.02, 0.1];
 
 /// A hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +49,19 @@ pub(super) struct Hypothesis<T: Scalar> {
     pub(super) nis: T,
 }
 
+/// Attitude and biases that a hypothesis begins with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct AttitudePrior<T: Scalar> {
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
+    ned_from_body: UnitQuaternion<T>,
+    accelerometer_bias: Vector3<T>,
+    gyroscope_bias: Vector3<T>,
+    /// Of attitude, accelerometer and gyroscope bias.
+    #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
+    covariance: SMatrix<T, 9, 9>,
+}
+
 /// The attitude that a mean specific force at rest belongs to, heading zero.
 pub(super) fn levelled<T: Scalar>(force: &Vector3<T>) -> UnitQuaternion<T> {
     let roll = (-force.y).atan2(-force.z);
@@ -50,78 +69,155 @@ pub(super) fn levelled<T: Scalar>(force: &Vector3<T>) -> UnitQuaternion<T> {
     rotation::from_yaw_pitch_roll([T::zero(), force.x.atan2(across), roll])
 }
 
-impl<T: Scalar> Hypothesis<T> {
-    /// The one of number `k` of `count`, evenly around the horizon, at the first position.
-    pub(super) fn first(
+impl<T: Scalar> AttitudePrior<T> {
+    /// Heading number `k` of `count`, evenly around the horizon.
+    pub(super) fn heading(
         level: &UnitQuaternion<T>,
         k: usize,
         count: usize,
-        fix: &GnssPosition<T>,
         config: &InMotionAlignmentConfig<T>,
     ) -> Self {
         let step = T::two_pi() / lit(count.max(1) as f64);
         let heading = Vector3::z() * (step * lit(k as f64));
-        let mean = Mean {
+        let tilt = config.levelling_acceleration_m_s2 / config.gravity;
+        let (force, rate) = (config.accelerometer_bias_std, config.gyroscope_bias_std);
+        let std = [
+            tilt,
+            tilt,
+            step * lit(0.5 * OVERLAP),
+            force,
+            force,
+            force,
+            rate,
+            rate,
+            rate,
+        ];
+        let variances = SVector::from(std.map(|s| s * s));
+        Self {
             ned_from_body: so3::exp(&heading) * level,
-            velocity: Vector3::zeros(),
-            position: Vector3::zeros(),
             accelerometer_bias: Vector3::zeros(),
             gyroscope_bias: Vector3::zeros(),
+            covariance: SMatrix::from_diagonal(&variances),
+        }
+    }
+
+    /// That of an estimate.
+    pub(super) fn of(estimate: &Estimate<T>) -> Self {
+        Self {
+            ned_from_body: estimate.mean.ned_from_body,
+            accelerometer_bias: estimate.mean.accelerometer_bias,
+            gyroscope_bias: estimate.mean.gyroscope_bias,
+            covariance: attitude_and_biases(&estimate.covariance.full()),
+        }
+    }
+
+    /// That of a navigation state.
+    pub(super) fn of_state(state: &NavigationState<T>) -> Self {
+        Self {
+            ned_from_body: state.ned_from_body,
+            accelerometer_bias: state.accelerometer_bias,
+            gyroscope_bias: state.gyroscope_bias,
+            covariance: attitude_and_biases(&state.covariance),
+        }
+    }
+
+    /// Less certain than stated: something was wrong.
+    pub(super) fn loosened(mut self) -> Self {
+        self.covariance *= lit::<T>(4.0);
+        for (i, std) in LOOSENED_STD.into_iter().enumerate() {
+            self.covariance[(i, i)] += lit(std * std);
+        }
+        self
+    }
+
+    pub(super) fn check(&self) -> Result<(), InvalidState> {
+        unit("attitude of before", &self.ned_from_body)?;
+        let biases = self.accelerometer_bias.iter().chain(&self.gyroscope_bias);
+        finite("biases of before", biases)?;
+        covariance("covariance of before", &self.covariance)
+    }
+}
+
+/// Covariance of attitude and biases out of that of all errors.
+fn attitude_and_biases<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> SMatrix<T, 9, 9> {
+    let place = |i: usize| ATTITUDE_AND_BIASES[i / 3] + i % 3;
+    SMatrix::from_fn(|i, j| p[(place(i), place(j))])
+}
+
+impl<T: Scalar> Hypothesis<T> {
+    /// One with the attitude and biases of `prior` at the first position, ahead of others by the log odds `favour`.
+    pub(super) fn first(
+        prior: &AttitudePrior<T>,
+        favour: T,
+        fix: &GnssPosition<T>,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Self {
+        let mean = Mean {
+            ned_from_body: prior.ned_from_body,
+            velocity: Vector3::zeros(),
+            position: Vector3::zeros(),
+            accelerometer_bias: prior.accelerometer_bias,
+            gyroscope_bias: prior.gyroscope_bias,
             gnss_offset: Vector3::zeros(),
             lateness: config.position_latency_s,
         };
-        let heading_std = step * lit(0.5 * OVERLAP);
-        let none = Covariance::<T>::zeros();
         let estimate = Estimate {
             mean,
-            covariance: Triangle::of(&none),
+            covariance: Triangle::of(&Covariance::<T>::zeros()),
         };
         let mut made = Self {
             anchor: estimate,
             about: Linearization::at(&mean),
-            departed: T::zero(),
-            log_evidence: T::zero(),
+            departed: favour,
+            log_evidence: favour,
             end: estimate,
             nis: T::zero(),
         };
         let speed = Vector3::repeat(config.speed_std_m_s);
-        made.begin(fix, &Vector3::zeros(), &speed, heading_std, config);
+        made.begin(fix, &Vector3::zeros(), &speed, &prior.covariance, config);
         made
     }
 
-    /// Sets the anchor (W10): the first position, and a velocity with its standard deviations.
+    /// Sets the anchor (W10): the first position, a velocity with its standard deviations, and the covariance of attitude
+    /// and biases.
     fn begin(
         &mut self,
         fix: &GnssPosition<T>,
         velocity: &Vector3<T>,
         velocity_std: &Vector3<T>,
-        heading_std: T,
+        prior: &SMatrix<T, 9, 9>,
         config: &InMotionAlignmentConfig<T>,
     ) {
         let mean = &mut self.anchor.mean;
         let arm = mean.ned_from_body * Vector3::from(config.lever_arm_m);
         mean.velocity = *velocity;
         mean.position = velocity * mean.lateness - arm;
-        let tilt = config.levelling_acceleration_m_s2 / config.gravity;
-        let attitude = Vector3::new(tilt, tilt, heading_std).map(|s| s * s);
-        let swung = so3::skew(&arm) * Matrix3::from_diagonal(&attitude);
         let late = config.time_offset_std_s * config.time_offset_std_s;
         let slow = fix.std * config.position_correlated_fraction;
         let white = position_variance(&fix.std, velocity, T::one(), config);
-        let position = swung * so3::skew(&arm).transpose() + velocity * velocity.transpose() * late;
+        // The antenna was measured: what the attitude is off by swings the unit about it.
+        let swung = so3::skew(&arm) * prior.fixed_rows::<3>(0);
+        let own = swung.fixed_columns::<3>(0) * so3::skew(&arm).transpose()
+            + velocity * velocity.transpose() * late;
 
         let mut p = Covariance::<T>::zeros();
-        set(&mut p, POSITION, ATTITUDE, &swung);
-        set(&mut p, POSITION, POSITION, &position);
+        for (i, row) in ATTITUDE_AND_BIASES.into_iter().enumerate() {
+            for (j, column) in ATTITUDE_AND_BIASES.into_iter().enumerate() {
+                let block = prior.fixed_view::<3, 3>(3 * i, 3 * j);
+                p.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+            }
+            set(
+                &mut p,
+                POSITION,
+                row,
+                &swung.fixed_columns::<3>(3 * i).into_owned(),
+            );
+        }
+        set(&mut p, POSITION, POSITION, &own);
         for i in 0..3 {
             let slow = slow[i] * slow[i];
-            p[(ATTITUDE + i, ATTITUDE + i)] = attitude[i];
             p[(VELOCITY + i, VELOCITY + i)] = velocity_std[i] * velocity_std[i];
             p[(POSITION + i, POSITION + i)] += white[i] + slow;
-            p[(ACCELEROMETER_BIAS + i, ACCELEROMETER_BIAS + i)] =
-                config.accelerometer_bias_std * config.accelerometer_bias_std;
-            p[(GYROSCOPE_BIAS + i, GYROSCOPE_BIAS + i)] =
-                config.gyroscope_bias_std * config.gyroscope_bias_std;
             p[(CORRELATED + i, CORRELATED + i)] = slow;
             p[(POSITION + i, CORRELATED + i)] = -slow;
             p[(CORRELATED + i, POSITION + i)] = -slow;
@@ -136,6 +232,11 @@ impl<T: Scalar> Hypothesis<T> {
         self.end = self.anchor;
     }
 
+    /// Covariance of attitude and biases in the anchor.
+    fn prior_covariance(&self) -> SMatrix<T, 9, 9> {
+        attitude_and_biases(&self.anchor.covariance.full())
+    }
+
     /// Sets the anchor again with a velocity of the first instant.
     pub(super) fn begin_with_velocity(
         &mut self,
@@ -148,8 +249,8 @@ impl<T: Scalar> Hypothesis<T> {
         if !velocity.has_vertical {
             (ned.z, std.z) = (T::zero(), config.speed_std_m_s);
         }
-        let heading_std = self.heading_variance().sqrt();
-        self.begin(fix, &ned, &std, heading_std, config);
+        let prior = self.prior_covariance();
+        self.begin(fix, &ned, &std, &prior, config);
     }
 
     /// Sets the anchor again with the velocity that the first two positions and the samples between them have.
@@ -172,13 +273,9 @@ impl<T: Scalar> Hypothesis<T> {
         if !(first.has_height && second.position.has_height) {
             velocity.z = T::zero();
         }
-        let heading_std = self.heading_variance().sqrt();
+        let prior = self.prior_covariance();
         let speed = Vector3::repeat(config.speed_std_m_s);
-        self.begin(first, &velocity, &speed, heading_std, config);
-    }
-
-    fn heading_variance(&self) -> T {
-        self.anchor.covariance.variance(ATTITUDE + 2)
+        self.begin(first, &velocity, &speed, &prior, config);
     }
 
     /// One Gauss-Newton step over the window (W11, W12); with `full` its first interval is then part of the anchor.

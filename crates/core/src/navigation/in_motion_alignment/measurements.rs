@@ -2,12 +2,15 @@
 
 use nalgebra::Vector3;
 
-use super::bank::Bank;
-use super::window::{Interval, SeenHeading};
+use super::bank::{Bank, BankStart};
+use super::hypothesis::AttitudePrior;
+use super::window::{HeadingSource, Interval, SeenHeading};
 use super::{AlignmentUpdate, DOUBTED_FROM, InMotionAlignment, MOST_DISAGREEING};
+use crate::kalman::covariance::normalized_square3;
+use crate::kalman::innovation::check_vector;
 use crate::kalman::{Innovation, SkipReason};
 use crate::navigation::preintegration::Preintegration;
-use crate::navigation::{GnssPosition, GnssVelocity};
+use crate::navigation::{GnssPosition, GnssVelocity, NavigationState};
 use crate::scalar::{Scalar, lit};
 
 /// Where a position may be, m from the origin in each direction.
@@ -18,6 +21,12 @@ const LARGEST_STD: f64 = 1e3;
 const FASTEST_M_S: f64 = 1e3;
 /// So many impossible positions in a row are where it begins again.
 const IMPOSSIBLE_IN_A_ROW: u32 = 3;
+/// ... and so many against fewer than five.
+const IMPOSSIBLE_AFTER_FEW: u32 = 2;
+const FEW_FIXES: u32 = 5;
+/// Among so many first positions a NIS of more says that one of them is wrong.
+const EARLY_FIXES: u32 = 5;
+const CONTRADICTING_NIS: f64 = 100.0;
 /// NIS of three components beyond which a position disagrees: one in thirty does by chance.
 const DISAGREEING_NIS: f64 = 8.7;
 /// Least specific force that shows where down is, as a fraction of gravity.
@@ -52,15 +61,38 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         } else {
             (fix.ned - from).xy().push(T::zero())
         };
-        if off.norm() > t.max(T::one()) * lit(FASTEST_M_S) {
+        let fixes = bank.fixes;
+        let impossible = off.norm() > t.max(T::one()) * lit(FASTEST_M_S);
+        if impossible || (fixes < EARLY_FIXES && self.contradicts(&fix)) {
             self.memory.impossible = self.memory.impossible.saturating_add(1);
-            if self.memory.impossible >= IMPOSSIBLE_IN_A_ROW {
+            let needed = if fixes < FEW_FIXES {
+                IMPOSSIBLE_AFTER_FEW
+            } else {
+                IMPOSSIBLE_IN_A_ROW
+            };
+            if self.memory.impossible >= needed {
                 self.begin_again(&fix);
             }
             return AlignmentUpdate::skipped(SkipReason::OutOfRange);
         }
         self.memory.impossible = 0;
         self.use_position(&fix)
+    }
+
+    /// Whether a position is beyond all noise: of the first few one can be wrong, and too few are there to outvote it.
+    fn contradicts(&self, fix: &GnssPosition<T>) -> bool {
+        let Some(solution) = self.solution() else {
+            return false;
+        };
+        let mut expected = solution.position_covariance;
+        let mut off = fix.ned - solution.position;
+        for i in 0..3 {
+            expected[(i, i)] += fix.std[i] * fix.std[i];
+        }
+        if !fix.has_height {
+            off.z = T::zero();
+        }
+        normalized_square3(&off, &expected).is_none_or(|nis| nis > lit(CONTRADICTING_NIS))
     }
 
     /// The position with its standard deviations held to the floor, and without what was not measured.
@@ -90,6 +122,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             inertial: memory.since,
             angular_rate: memory.angular_rate,
             heading: memory.heading.take(),
+            rate_at_rest: memory.rate_at_rest.take(),
             position,
             velocity: None,
         });
@@ -100,6 +133,10 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             return AlignmentUpdate::skipped(SkipReason::Numerical);
         };
         let end = &best.end.mean;
+        if end.velocity.norm() > lit(FASTEST_M_S) {
+            self.begin_again(fix);
+            return AlignmentUpdate::skipped(SkipReason::NotInitialized);
+        }
         memory.since = Preintegration::new(end.accelerometer_bias, end.gyroscope_bias);
         if full {
             memory.window.drop_first();
@@ -118,6 +155,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             memory.disagreeing.saturating_sub(1)
         };
         memory.is_aligned &= memory.disagreeing < DOUBTED_FROM;
+        memory.was_aligned |= memory.is_aligned;
         if memory.disagreeing >= MOST_DISAGREEING {
             self.begin_again(fix);
         }
@@ -165,6 +203,40 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         if let Err(reason) = check_measured(&known, &Vector3::repeat(std), lit(10.0)) {
             return Innovation::skipped(reason);
         }
+        self.see_heading(HeadingSource::Heading(heading), std)
+    }
+
+    /// Uses a magnetic field (body axes, of any unit) as a heading, likewise: `declination` (rad, east positive) is that
+    /// of the place, `std` (rad) the heading's standard deviation with all that iron does.
+    pub fn magnetic_field(&mut self, field: &Vector3<T>, declination: T, std: T) -> Innovation<T> {
+        let known = Vector3::new(declination, T::zero(), T::zero());
+        let checked = check_measured(&known, &Vector3::repeat(std), lit(10.0))
+            .and_then(|()| check_vector(field, lit(1e-6), lit(1e6)));
+        match checked {
+            Ok(()) => self.see_heading(HeadingSource::MagneticField(*field, declination), std),
+            Err(reason) => Innovation::skipped(reason),
+        }
+    }
+
+    /// Uses a mean angular rate (rad/s, as measured) of a time in which the body stood, with its variance, as the
+    /// gyroscope's bias: one more measurement, that takes effect with the next position. Of several in an interval the last
+    /// counts.
+    pub fn rate_at_rest(&mut self, mean_rate: &Vector3<T>, variance: T) -> Innovation<T> {
+        let checked = check_measured(mean_rate, &Vector3::repeat(variance), lit(10.0));
+        if let Err(reason) = checked {
+            return Innovation::skipped(reason);
+        }
+        if self.memory.bank.is_none() {
+            return Innovation::skipped(SkipReason::NotInitialized);
+        }
+        if variance <= T::zero() {
+            return Innovation::skipped(SkipReason::OutOfRange);
+        }
+        self.memory.rate_at_rest = Some((*mean_rate, variance));
+        Innovation::skipped(SkipReason::Accumulated)
+    }
+
+    fn see_heading(&mut self, source: HeadingSource<T>, std: T) -> Innovation<T> {
         let memory = &mut self.memory;
         if memory.bank.is_none() {
             return Innovation::skipped(SkipReason::NotInitialized);
@@ -176,7 +248,7 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         let turned = memory.since.duration_s() * self.config.gyroscope_bias_std;
         memory.heading = Some(SeenHeading {
             turned: memory.since.increment().rotation,
-            heading,
+            source,
             variance: std * std + turned * turned,
         });
         Innovation::skipped(SkipReason::Accumulated)
@@ -192,14 +264,37 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             memory.forget_window();
             return;
         }
-        let scale = memory.bank.as_ref().map_or(T::one(), |bank| bank.scale);
+        let scale = memory.bank.as_ref().map_or(memory.scale, |bank| bank.scale);
+        let prior = memory.prior.take();
         memory.forget_window();
-        memory.bank = Some(Bank::new(&memory.force, fix, scale, &self.config));
+        let start = BankStart {
+            force: &memory.force,
+            fix,
+            prior: prior.as_ref(),
+            scale,
+        };
+        memory.bank = Some(Bank::new(&start, &self.config));
     }
 
     fn begin_again(&mut self, fix: &GnssPosition<T>) {
-        self.memory.restarts = self.memory.restarts.saturating_add(1);
+        let memory = &mut self.memory;
+        memory.restarts = memory.restarts.saturating_add(1);
+        let best = memory.bank.as_ref().and_then(Bank::best);
+        // Where the receiver jumped the attitude is still right.
+        memory.prior = best
+            .filter(|_| memory.was_aligned)
+            .map(|best| AttitudePrior::of(&best.end).loosened());
         self.begin(fix);
+    }
+
+    /// Begins anew with the next position. The attitude and the biases of `state`, less certain than stated, are one more
+    /// hypothesis: it wins where the position alone was wrong. What is known of the level stays.
+    pub(in crate::navigation) fn begin_from(&mut self, state: &NavigationState<T>, scale: T) {
+        let memory = &mut self.memory;
+        memory.forget_window();
+        memory.was_aligned = true;
+        memory.scale = scale;
+        memory.prior = Some(AttitudePrior::of_state(state).loosened());
     }
 }
 

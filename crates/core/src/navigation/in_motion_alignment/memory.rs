@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::InMotionAlignment;
 use super::bank::Bank;
+use super::hypothesis::AttitudePrior;
 use super::window::{Interval, SeenHeading};
 use crate::navigation::GnssPosition;
 use crate::navigation::preintegration::Preintegration;
@@ -46,9 +47,16 @@ pub(super) struct Memory<T: Scalar, const K: usize, const N: usize> {
     /// The samples since the newest position used.
     pub(super) since: Preintegration<T>,
     pub(super) heading: Option<SeenHeading<T>>,
+    pub(super) rate_at_rest: Option<(Vector3<T>, T)>,
     pub(super) window: Window<T, N>,
     pub(super) bank: Option<Bank<T, K>>,
     pub(super) is_aligned: bool,
+    /// Whether it was since it began.
+    pub(super) was_aligned: bool,
+    /// What the next bank begins with besides.
+    pub(super) prior: Option<AttitudePrior<T>>,
+    /// What the receiver's standard deviations are multiplied by in it.
+    pub(super) scale: T,
     /// Impossible positions in a row.
     pub(super) impossible: u32,
     /// Positions that disagree, less those that agree.
@@ -77,6 +85,7 @@ impl<T: Scalar, const N: usize> Default for Window<T, N> {
             inertial: Preintegration::new(Vector3::zeros(), Vector3::zeros()),
             angular_rate: Vector3::zeros(),
             heading: None,
+            rate_at_rest: None,
             position: GnssPosition {
                 ned: Vector3::zeros(),
                 std: Vector3::zeros(),
@@ -127,9 +136,13 @@ impl<T: Scalar, const K: usize, const N: usize> Default for Memory<T, K, N> {
             angular_rate: Vector3::zeros(),
             since: Preintegration::new(Vector3::zeros(), Vector3::zeros()),
             heading: None,
+            rate_at_rest: None,
             window: Window::default(),
             bank: None,
             is_aligned: false,
+            was_aligned: false,
+            prior: None,
+            scale: T::one(),
             impossible: 0,
             disagreeing: 0,
             restarts: 0,
@@ -142,9 +155,11 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
     pub(super) fn forget_window(&mut self) {
         self.since = Preintegration::new(Vector3::zeros(), Vector3::zeros());
         self.heading = None;
+        self.rate_at_rest = None;
         self.window.len = 0;
         self.bank = None;
         self.is_aligned = false;
+        self.was_aligned = false;
         self.impossible = 0;
         self.disagreeing = 0;
     }
@@ -156,6 +171,13 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         if let Some(heading) = &self.heading {
             heading.check()?;
         }
+        if let Some(prior) = &self.prior {
+            prior.check()?;
+        }
+        finite("scale", [&self.scale])?;
+        let rest = self.rate_at_rest.iter();
+        let rest = rest.flat_map(|(rate, variance)| rate.iter().chain([variance]));
+        finite("rate at rest", rest)?;
         // After a fix there is always room for the next.
         expect("window", self.window.len < N, "shorter than its room")?;
         let all = &self.window.intervals;

@@ -26,6 +26,9 @@ pub(super) struct Weighted<T: Scalar> {
     pub(super) innovation: Innovation<T>,
     /// Weight, above 0 up to 1: its noise was divided by it.
     pub(super) weight: T,
+    /// Share of the stated noise in what was expected of the residual, mean of the components: near one where the state is
+    /// known well.
+    pub(super) noise_share: T,
     /// Log likelihood of the measurement, but for a constant.
     pub(super) log_likelihood: T,
 }
@@ -126,9 +129,13 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
     }
     let m = lit::<T>(M as f64);
     log_likelihood -= (dof + m) * lit(0.5) * (nis / dof).ln_1p();
+    let share = (0..M).fold(T::zero(), |sum, i| {
+        sum + T::one() / (T::one() + predicted[(i, i)])
+    });
     Some(Weighted {
         innovation: record(&off, &predicted, &std, nis),
         weight,
+        noise_share: share / m,
         log_likelihood,
     })
 }

@@ -164,10 +164,13 @@ fn a_state_goes_on_exactly_and_a_broken_one_is_refused() {
 }
 
 #[test]
-fn the_hand_over_is_the_best_hypothesis() {
+fn the_hand_over_is_the_mixture() {
     let mut made = InMotionAlignment::<f64>::new(InMotionAlignmentConfig::default()).unwrap();
-    drive(&mut made, 0, 150);
     assert!(made.hand_over().is_none());
+    drive(&mut made, 0, 150);
+    let (early, _) = made.hand_over().unwrap();
+    let heading_std = early.covariance[(2, 2)].sqrt();
+    assert!(heading_std > 1.5, "anywhere: {heading_std}");
     drive(&mut made, 150, 1550);
     let (solution, (state, side)) = (made.solution().unwrap(), made.hand_over().unwrap());
     assert!(state.is_usable() && side.is_used(TIME_OFFSET) && side.is_used(GNSS_OFFSET));
@@ -199,8 +202,8 @@ fn a_gap_makes_uncertain_and_a_long_one_is_the_end() {
 #[test]
 fn memory_is_bounded_and_stated() {
     let size = size_of::<InMotionAlignment<f32, 4, 8>>();
-    assert!(size < 11_200, "{size}");
+    assert!(size < 11_900, "{size}");
     assert!(size_of::<hypothesis::Hypothesis<f32>>() < 1_800);
-    assert!(size_of::<window::Interval<f32>>() < 460);
+    assert!(size_of::<window::Interval<f32>>() < 490);
     assert!(size_of::<Estimate<f32>>() < 860);
 }

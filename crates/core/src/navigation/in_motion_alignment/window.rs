@@ -9,7 +9,7 @@ use super::robust_update::{Weighted, fuse};
 use super::{Covariance, ErrorVector, InMotionAlignmentConfig};
 use crate::geometry::so3;
 use crate::kalman::{Innovation, SkipReason};
-use crate::navigation::aiding::{gnss_position, gnss_velocity, heading};
+use crate::navigation::aiding::{gnss_position, gnss_velocity, heading, zero_velocity};
 use crate::navigation::error_state::SparseMeasurement;
 use crate::navigation::history::Instant;
 use crate::navigation::preintegration::Preintegration;
@@ -31,8 +31,18 @@ pub(super) struct SeenHeading<T: Scalar> {
     /// What the body had turned by since the interval began.
     #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
     pub(super) turned: UnitQuaternion<T>,
-    pub(super) heading: T,
+    pub(super) source: HeadingSource<T>,
     pub(super) variance: T,
+}
+
+/// What measured it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) enum HeadingSource<T: Scalar> {
+    /// A compass: true heading of the forward axis, rad.
+    Heading(T),
+    /// A magnetometer: field in body axes of any unit, and the declination, rad.
+    MagneticField(Vector3<T>, T),
 }
 
 /// The inertial samples from one fix to the next, and that next one.
@@ -43,6 +53,8 @@ pub(super) struct Interval<T: Scalar> {
     /// As measured at its end.
     pub(super) angular_rate: Vector3<T>,
     pub(super) heading: Option<SeenHeading<T>>,
+    /// Mean angular rate while it stood (rad/s) and its variance.
+    pub(super) rate_at_rest: Option<(Vector3<T>, T)>,
     pub(super) position: GnssPosition<T>,
     pub(super) velocity: Option<GnssVelocity<T>>,
 }
@@ -64,6 +76,8 @@ pub(super) struct Fit<T: Scalar> {
     pub(super) log_evidence: T,
     /// Mean NIS of the positions for a component, each cut at four.
     pub(super) nis: T,
+    /// Mean of what that is above one, each as far as the receiver's noise is what is uncertain.
+    pub(super) excess: T,
     /// The newest position, velocity and heading of the window, with their weights.
     pub(super) newest: [(Innovation<T>, T); 3],
 }
@@ -122,6 +136,9 @@ impl<T: Scalar> Interval<T> {
         if let Some(seen) = &self.heading {
             seen.check()?;
         }
+        let rest = self.rate_at_rest.iter();
+        let rest = rest.flat_map(|(rate, variance)| rate.iter().chain([variance]));
+        finite("rate at rest", rest)?;
         let velocity = self.velocity.iter();
         let velocity = velocity.flat_map(|v| v.ned.iter().chain(&v.std));
         let position = self.position.ned.iter().chain(&self.position.std);
@@ -133,7 +150,13 @@ impl<T: Scalar> Interval<T> {
 impl<T: Scalar> SeenHeading<T> {
     pub(super) fn check(&self) -> Result<(), InvalidState> {
         unit("heading", &self.turned)?;
-        finite("heading", [&self.heading, &self.variance])
+        let [angle, field] = match &self.source {
+            HeadingSource::Heading(heading) => [*heading, T::zero()],
+            HeadingSource::MagneticField(field, declination) => {
+                [*declination, field.norm_squared()]
+            }
+        };
+        finite("heading", [&angle, &field, &self.variance])
     }
 }
 
@@ -153,12 +176,14 @@ pub(super) fn pass<T: Scalar>(
     let mut fit = Fit {
         log_evidence: T::zero(),
         nis: T::zero(),
+        excess: T::zero(),
         newest: [nothing; 3],
     };
     let mut second = None;
     for interval in intervals {
         let heading = running.heading(interval)?;
         running.propagate(interval);
+        running.rate_at_rest(interval)?;
         let position = running.position(interval)?;
         let velocity = running.velocity(interval)?;
         fit.see(&position);
@@ -174,7 +199,9 @@ pub(super) fn pass<T: Scalar>(
         }
     }
     fit.log_evidence = running.log_evidence;
-    fit.nis /= lit(intervals.len().max(1) as f64);
+    let count = lit::<T>(intervals.len().max(1) as f64);
+    fit.nis /= count;
+    fit.excess /= count;
     Some(Pass {
         fit,
         end: running.estimate()?,
@@ -187,7 +214,9 @@ impl<T: Scalar> Fit<T> {
         let record = &position.innovation;
         let components = lit::<T>(f64::from(record.degrees_of_freedom.max(1)));
         let worst = lit::<T>(WORST_NIS / 3.0);
-        self.nis += (record.nis / components).min(worst);
+        let nis = (record.nis / components).min(worst);
+        self.nis += nis;
+        self.excess += (nis - T::one()) * position.noise_share;
     }
 }
 
@@ -235,7 +264,8 @@ impl<'a, T: Scalar> Running<'a, T> {
     }
 
     fn propagate(&mut self, interval: &Interval<T>) {
-        let slow = interval.position.std * self.config.position_correlated_fraction;
+        let scale = self.scale.max(T::one());
+        let slow = interval.position.std * (scale * self.config.position_correlated_fraction);
         let Self {
             mean,
             error,
@@ -275,6 +305,15 @@ impl<'a, T: Scalar> Running<'a, T> {
         }
     }
 
+    /// At rest the gyroscope shows its bias.
+    fn rate_at_rest(&mut self, interval: &Interval<T>) -> Option<()> {
+        if let Some((rate, variance)) = &interval.rate_at_rest {
+            let bias = self.mean.gyroscope_bias;
+            self.fuse(&zero_velocity::rate(rate, &bias, *variance))?;
+        }
+        Some(())
+    }
+
     /// A heading within the interval, at its beginning.
     fn heading(&mut self, interval: &Interval<T>) -> Option<Option<Weighted<T>>> {
         let Some(seen) = interval.heading else {
@@ -282,7 +321,13 @@ impl<'a, T: Scalar> Running<'a, T> {
         };
         let mut then = self.instant(interval);
         then.ned_from_body = self.mean.ned_from_body * seen.turned;
-        match heading::measurement(&then, seen.heading, seen.variance) {
+        let made = match &seen.source {
+            HeadingSource::Heading(heading) => heading::measurement(&then, *heading, seen.variance),
+            HeadingSource::MagneticField(field, declination) => {
+                heading::magnetic(&then, field, *declination, seen.variance)
+            }
+        };
+        match made {
             Ok(measurement) => self.fuse(&measurement).map(Some),
             Err(_) => Some(None),
         }
@@ -312,12 +357,15 @@ impl<'a, T: Scalar> Running<'a, T> {
         let Some(fix) = &interval.velocity else {
             return Some(None);
         };
+        // As late as the position; the acceleration is the interval's mean, and half of it may be of another moment.
+        let late = self.instant(interval);
+        let moved = late.acceleration * late.age_s;
         let then = Instant {
-            age_s: T::zero(),
-            velocity: self.mean.velocity,
-            ..self.instant(interval)
+            velocity: self.mean.velocity - moved,
+            ..late
         };
-        let variance = fix.std.component_mul(&fix.std);
+        let variance =
+            fix.std.component_mul(&fix.std) + moved.component_mul(&moved) * lit::<T>(0.25);
         let arm = Vector3::from(self.config.lever_arm_m);
         let seen = if fix.has_vertical {
             self.fuse(&gnss_velocity::measurement(
