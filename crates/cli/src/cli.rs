@@ -88,6 +88,7 @@ northing: which way is it pointing, where is it, and where are the others?
   northing simulate scenario.toml        one run of a tracking scenario
   northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker
   northing experiment observers          observers in cascade: errors, gains, cost
+  northing experiment navigation-worlds  GNSS/INS on random worlds: lost, coverage, heading
   northing tune drive.toml               noise parameters fitted to a recording
   northing estimators                    the estimators and their parameters
 

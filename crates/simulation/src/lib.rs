@@ -11,6 +11,7 @@
 //! | faults that wrap a sensor | [`faults`] |
 //! | a vessel and its manoeuvres | [`trajectory::vessel`] |
 //! | a person and a car with a 1 Hz receiver, for GNSS/INS | [`ground`] |
+//! | random vehicles, units and receivers for GNSS/INS, wider than life | [`navigation_world`] |
 //! | scenarios as files, and the runs they describe | [`scenario`] |
 //! | arrays for Monte Carlo consistency tests of attitude filters | [`monte_carlo`] |
 //! | a recording of a phone that never existed | [`virtual_phone`] |
@@ -26,6 +27,7 @@
 pub mod faults;
 pub mod ground;
 pub mod monte_carlo;
+pub mod navigation_world;
 pub mod random;
 mod rotation;
 pub mod scenario;

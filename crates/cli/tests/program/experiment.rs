@@ -1,4 +1,4 @@
-//! `experiment observers` on a few short flights.
+//! `experiment observers` on a few short flights, `experiment navigation-worlds` on a few worlds.
 
 use crate::support::{Lab, contains};
 
@@ -102,5 +102,77 @@ fn what_cannot_be_flown_is_said_in_one_line() {
     contains(
         &lab.refuses(&one),
         &["one: 1 of its recordings have gyroscope", "at least 2"],
+    );
+}
+
+#[test]
+fn random_worlds_print_a_table_or_one_document_and_a_report() {
+    let lab = Lab::new();
+    let with = |more: &[&'static str]| [&["experiment", "navigation-worlds"][..], more].concat();
+    let text = lab.succeeds(&with(&["--worlds", "18"]));
+    contains(
+        &text,
+        &[
+            "18 worlds, seed 1, default parameters",
+            "class worlds lost known",
+            "drone-hovering",
+            "worlds with",
+            "The worst:",
+            "Lost where it can be known:",
+        ],
+    );
+    let document = lab.json(&with(&[
+        "--worlds", "18", "--class", "ship", "--json", "--report", "w.html",
+    ]));
+    assert_eq!(document["worlds"].as_array().unwrap().len(), 2);
+    assert_eq!(document["total"]["worlds"], 2);
+    let ship = &document["worlds"][1];
+    assert_eq!(
+        (
+            &ship["description"]["number"],
+            &ship["description"]["class"]
+        ),
+        (&16.into(), &"ship".into())
+    );
+    assert!(ship["all"]["extrapolation_rms_m"].as_f64().unwrap() > 0.0);
+    contains(
+        &lab.read("w.html"),
+        &["<svg", "is it ever lost?", "World 16, ship."],
+    );
+
+    // The same world alone, second by second.
+    let text = lab.succeeds(&with(&["--world", "16"]));
+    contains(
+        &text,
+        &["World 16: ship,", "Receiver:", "stated 95 % m", "status"],
+    );
+    let run = lab.json(&with(&["--world", "16", "--json"]));
+    let instants = run["instants"].as_array().unwrap();
+    assert_eq!(
+        instants.len() as u64,
+        ship["all"]["instants"].as_u64().unwrap()
+    );
+}
+
+#[test]
+fn random_worlds_that_are_not_there_are_said_in_one_line() {
+    let lab = Lab::new();
+    let with = |more: &[&'static str]| [&["experiment", "navigation-worlds"][..], more].concat();
+    contains(
+        &lab.refuses(&with(&["--class", "tank"])),
+        &["no class `tank`", "car-smooth, ", "ship"],
+    );
+    contains(
+        &lab.refuses(&with(&["--worlds", "0"])),
+        &["--worlds is 0, expected from 1"],
+    );
+    contains(
+        &lab.refuses(&with(&["--worlds", "3", "--class", "ship"])),
+        &["no world of this class among the numbers 0 to 2"],
+    );
+    lab.write("w.html", "mine");
+    contains(
+        &lab.refuses(&with(&["--world", "1", "--report", "w.html"])),
+        &["w.html"],
     );
 }
