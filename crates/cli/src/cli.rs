@@ -41,7 +41,7 @@ pub(crate) enum Command {
     Run(Box<run::RunArgs>),
     /// Compare estimators over recordings, in one table
     Compare(Box<compare::CompareArgs>),
-    /// All estimators beside third-party baselines (VQF, Fusion, AHRS) over folders of recordings
+    /// Attitude or navigation over folders of recordings, beside third-party baselines or extrapolated fixes
     Benchmark(benchmark::BenchmarkArgs),
     /// Track targets in recordings of radar, lidar, cameras and AIS
     Track(track::TrackArgs),
@@ -80,6 +80,7 @@ northing: which way is it pointing, where is it, and where are the others?
   northing run walk.zip --report w.html  one recording: attitude or position, consistency, report
   northing compare a.csv b.csv           several recordings and estimators in one table
   northing benchmark attitude --data d   all estimators beside third-party baselines
+  northing benchmark navigation --data d GNSS/INS over a folder, beside extrapolated fixes
   northing track harbour.toml            targets in recordings of radar, cameras and AIS
   northing calibrate rest desk.csv       bias, noise and references of a device at rest
   northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions

@@ -149,11 +149,46 @@ pub enum EvaluationError {
     },
     /// A navigation run without one usable fix.
     #[error(
-        "no usable fix of a satellite receiver in the recording ({fixes} in all): a navigation estimator needs \
+        "no usable fix of a satellite receiver in the recording ({fixes} in all{because}): a navigation estimator needs \
          positions to start from; for attitude alone choose another --estimator, e.g. mekf"
     )]
     NoFix {
         /// Fixes there were, the unusable ones.
+        fixes: u64,
+        /// Why they are unusable, as `; 3: fewer than 4 satellites`; empty without any.
+        because: String,
+    },
+    /// A navigation run over inertial samples and fixes of different times.
+    #[error(
+        "the inertial samples are of {:.0} s to {:.0} s and the fixes of {:.0} s to {:.0} s: from first to first their clocks are \
+         {apart_s:.0} s apart; in a manifest `time_offset_s` shifts a table",
+        inertial_s[0], inertial_s[1], fixes_s[0], fixes_s[1]
+    )]
+    NoCommonTime {
+        /// First and last of the inertial samples, s since the start of the recording.
+        inertial_s: [f64; 2],
+        /// First and last of the usable fixes.
+        fixes_s: [f64; 2],
+        /// From the first of one to the first of the other, s.
+        apart_s: f64,
+    },
+    /// A navigation run in which the estimator used no fix, and so gave no estimate.
+    #[error(
+        "not one estimate: the estimator could use none of the {given} fixes it got ({because})"
+    )]
+    NoFixUsed {
+        /// Fixes that it got.
+        given: u64,
+        /// Why it used none.
+        because: String,
+    },
+    /// A navigation run over fixes of which none could have been travelled to from another.
+    #[error(
+        "no two of the {fixes} fixes lie so that a vehicle below 600 m/s could have been at both: expected fixes of one \
+         way, with times in the unit of the format; look at their latitudes, longitudes and times"
+    )]
+    NoConsensus {
+        /// Usable fixes there were.
         fixes: u64,
     },
     /// A navigation run without gyroscope and accelerometer.

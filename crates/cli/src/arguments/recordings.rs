@@ -7,8 +7,15 @@ use anyhow::{Context, Result, bail};
 use northing_evaluation::attitude::{Calibrations, RunOptions};
 use northing_recording::{OpenOptions, RecordingError, open};
 
-/// Endings of files that may be recordings.
-const ENDINGS: [&str; 4] = ["parquet", "csv", "zip", "json"];
+use crate::files::has_extension;
+
+/// Endings of files that may be recordings of attitude ...
+const ATTITUDE_ENDINGS: &[&str] = &["parquet", "csv", "zip", "json"];
+/// ... and of navigation; `toml` is a manifest of several files.
+const NAVIGATION_ENDINGS: &[&str] = &[
+    "parquet", "csv", "zip", "json", "mcap", "ulg", "ubx", "nmea", "log", "txt", MANIFEST,
+];
+const MANIFEST: &str = "toml";
 /// Recordings made for calibration begin so; they are left out of folders.
 const CALIBRATION_PREFIX: &str = "calib_";
 
@@ -42,6 +49,18 @@ pub(crate) fn find_calibrated(
 /// # Errors
 /// A folder cannot be read, or has no recording.
 pub(crate) fn find(arguments: &[PathBuf], options: &OpenOptions) -> Result<Recordings> {
+    find_with(arguments, options, ATTITUDE_ENDINGS)
+}
+
+/// The recordings of navigation behind the arguments, also in the formats of receivers and autopilots.
+///
+/// # Errors
+/// As [`find`].
+pub(crate) fn find_navigation(arguments: &[PathBuf], options: &OpenOptions) -> Result<Recordings> {
+    find_with(arguments, options, NAVIGATION_ENDINGS)
+}
+
+fn find_with(arguments: &[PathBuf], options: &OpenOptions, endings: &[&str]) -> Result<Recordings> {
     let mut found = Recordings::default();
     for path in arguments {
         if !path.is_dir() || open(path, options).is_ok() {
@@ -50,12 +69,12 @@ pub(crate) fn find(arguments: &[PathBuf], options: &OpenOptions) -> Result<Recor
             continue;
         }
         let before = found.paths.len();
-        found.search(path, options)?;
+        found.search(path, options, endings)?;
         if found.paths.len() == before && found.broken.is_empty() {
             bail!(
                 "{}: no recordings in this folder; expected files that end in .{}, or name the files",
                 path.display(),
-                ENDINGS.join(", .")
+                endings.join(", .")
             );
         }
     }
@@ -63,7 +82,7 @@ pub(crate) fn find(arguments: &[PathBuf], options: &OpenOptions) -> Result<Recor
 }
 
 impl Recordings {
-    fn search(&mut self, folder: &Path, options: &OpenOptions) -> Result<()> {
+    fn search(&mut self, folder: &Path, options: &OpenOptions, endings: &[&str]) -> Result<()> {
         let entries = fs::read_dir(folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
         let entries = entries.with_context(|| format!("{}: cannot search it", folder.display()))?;
         let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
@@ -80,16 +99,34 @@ impl Recordings {
             if path.is_dir() {
                 match open(&path, options) {
                     Ok(_) => self.paths.push(path),
-                    Err(_) => self.search(&path, options)?,
+                    Err(_) => self.search(&path, options, endings)?,
                 }
-            } else if ENDINGS
-                .iter()
-                .any(|e| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
-            {
+            } else if has_extension(&path, MANIFEST) && endings.contains(&MANIFEST) {
+                self.take_manifest(path, options);
+            } else if endings.iter().any(|ending| has_extension(&path, ending)) {
                 self.take(path, options);
             }
         }
         Ok(())
+    }
+
+    /// Takes a manifest, unless it is that of one file beside it, which is taken with it. Other TOML files are no
+    /// recordings.
+    fn take_manifest(&mut self, path: PathBuf, options: &OpenOptions) {
+        let stem = path.file_stem();
+        let of_a_file = path.with_extension("").is_file()
+            || fs::read_dir(path.parent().unwrap_or(Path::new("."))).is_ok_and(|entries| {
+                let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+                let mut others = paths.filter(|other| *other != path && other.is_file());
+                others.any(|other| other.file_stem() == stem)
+            });
+        if of_a_file {
+            return;
+        }
+        match open(&path, options) {
+            Ok(_) => self.paths.push(path),
+            Err(error) => self.left_out.push(error.to_string()),
+        }
     }
 
     /// Leaves recordings out that have no calibration in a folder of them.

@@ -1,4 +1,6 @@
-//! `northing benchmark`: all estimators and third-party baselines over folders of recordings.
+//! `northing benchmark`: attitude or navigation over folders of recordings, beside baselines.
+
+mod navigation;
 
 use std::path::PathBuf;
 
@@ -31,6 +33,8 @@ pub(crate) struct BenchmarkArgs {
 enum Benchmark {
     /// Attitude: every estimator over every recording with a reference, beside third-party baselines (VQF, Fusion, AHRS)
     Attitude(Box<AttitudeArgs>),
+    /// Navigation: GNSS/INS with its defaults over every recording with fixes, beside holding and extrapolating
+    Navigation(Box<navigation::NavigationBenchmarkArgs>),
 }
 
 /// Arguments of `benchmark attitude`.
@@ -82,6 +86,7 @@ struct Document<'a> {
 pub(crate) fn execute(args: &BenchmarkArgs) -> Result<()> {
     match &args.benchmark {
         Benchmark::Attitude(args) => attitude(args),
+        Benchmark::Navigation(args) => navigation::execute(args),
     }
 }
 

@@ -58,7 +58,8 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
         .collect();
     sheet.sentences("verdict", &verdicts);
     for (reason, count) in &summary.fixes_unusable {
-        sheet.row("not used", format!("{count} fixes: {reason}"));
+        let fixes = if *count == 1 { "fix" } else { "fixes" };
+        sheet.row("not used", format!("{count} {fixes}: {reason}"));
     }
     sheet.parameters(&summary.parameters);
     sheet.sentences("recording", &summary.issues);
@@ -77,7 +78,7 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
 
 fn position(summary: &NavigationSummary) -> String {
     let Some(score) = &summary.position else {
-        let reason = if summary.outages.is_empty() && summary.fixes_used == summary.fixes {
+        let reason = if summary.outages.is_empty() && summary.fixes_given == summary.fixes {
             "every fix was used and there is no reference"
         } else {
             "nothing to score at outside outages, or before scores count"

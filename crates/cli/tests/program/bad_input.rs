@@ -555,3 +555,141 @@ fn a_column_with_two_meanings_is_refused() {
     let message = lab.refuses(&["run", "data.toml"]);
     contains(&message, &["data.toml", "column `a` is used twice"]);
 }
+
+/// A car at 10 m/s that turns into streets as if by chance, 240 s at 50 Hz with a fix a second; `change` gets each row of
+/// numbers: time, rates, forces, and those of the fix where there is one.
+fn car(change: impl Fn(usize, &mut Vec<f64>)) -> String {
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    let (mut course, mut north, mut east) = (0.5_f64, 0.0, 0.0);
+    for k in 0..12_000_usize {
+        let t = k as f64 * 0.02;
+        let street = ((t / 6.0).floor() + 1.0).powi(2);
+        let turn = 0.15 * ((7.3 * street).sin() * 2.0).round();
+        let mut row = vec![t, 0.0, 0.0, turn, 0.0, 10.0 * turn, -9.80665];
+        if k % 50 == 0 {
+            let place = [0.82 + north / 6_367_400.0, 0.14 + east / 4_370_000.0];
+            row.extend([place[0], place[1], 100.0, 1.0, 1.0, 2.0]);
+        }
+        change(k, &mut row);
+        rows.push(row);
+        course += turn * 0.02;
+        north += 0.2 * course.cos();
+        east += 0.2 * course.sin();
+    }
+    let mut text = format!(
+        "# world_frame: ned\n{IMU},gnss_latitude_rad,gnss_longitude_rad,gnss_height_m,gnss_std_n_m,gnss_std_e_m,gnss_std_d_m\n"
+    );
+    for row in rows {
+        let mut cells: Vec<String> = row.iter().map(|x| format!("{x:.10}")).collect();
+        cells.resize(13, String::new());
+        text += &format!("{}\n", cells.join(","));
+    }
+    text
+}
+
+/// The same with the fixes in a file of their own, whose clock is another: a manifest and two tables.
+fn car_with_clocks_apart(lab: &Lab, offset_s: f64) {
+    let [mut imu, mut gnss] = ["t,wx,wy,wz,fx,fy,fz\n", "t,lat,lon,h\n"].map(str::to_owned);
+    for line in car(|_, _| {}).lines().skip(2) {
+        let cells: Vec<&str> = line.split(',').collect();
+        imu += &format!("{}\n", cells[..7].join(","));
+        if let (Ok(latitude), Ok(longitude)) = (cells[7].parse::<f64>(), cells[8].parse::<f64>()) {
+            let [latitude, longitude] = [latitude, longitude].map(f64::to_degrees);
+            gnss += &format!("{},{latitude:.10},{longitude:.10},100\n", cells[0]);
+        }
+    }
+    lab.write("imu.csv", imu);
+    lab.write("gnss.csv", gnss);
+    let manifest = format!(
+        "name = \"car\"\nworld_frame = \"ned\"\n\n[[source]]\nfile = \"imu.csv\"\n\
+         time = {{ column = \"t\", unit = \"s\" }}\ntime_offset_s = {offset_s:.1}\n\
+         gyroscope = {{ columns = [\"wx\", \"wy\", \"wz\"] }}\naccelerometer = {{ columns = [\"fx\", \"fy\", \"fz\"] }}\n\n\
+         [[source]]\nfile = \"gnss.csv\"\ntime = {{ column = \"t\", unit = \"s\" }}\n\
+         gnss_position = {{ latitude = \"lat\", longitude = \"lon\", height = \"h\" }}\n"
+    );
+    lab.write("car.toml", manifest);
+}
+
+const NAVIGATE: [&str; 4] = ["run", "car.csv", "--estimator", "error-state"];
+
+#[test]
+fn fixes_that_cannot_be_used_are_one_line() {
+    let lab = Lab::new();
+    let refused = |content: String, expected: &[&str]| {
+        lab.write("car.csv", content);
+        contains(&lab.refuses(&NAVIGATE), expected);
+    };
+    let no_fix = car(|_, row| row.truncate(7));
+    refused(no_fix, &["car.csv: no usable fix", "0 in all"]);
+    let wide = car(|_, row| row.iter_mut().skip(10).for_each(|std| *std = 1e6));
+    refused(wide, &["240 in all; 240: an error above 100 km is stated"]);
+    let wild = car(|k, row| {
+        if let Some(latitude) = row.get_mut(7) {
+            *latitude = 0.01 * (k / 50 * 37 % 140) as f64;
+        }
+    });
+    refused(wild, &["no two of the 240 fixes"]);
+    // Fixes in rows of their own that have no time.
+    let mut text = String::new();
+    for line in car(|_, _| {}).lines() {
+        let cells: Vec<&str> = line.split(',').collect();
+        if line.starts_with("0.0000000000,")
+            || !line.starts_with(char::is_numeric)
+            || cells[7].is_empty()
+        {
+            text += &format!("{line}\n");
+            continue;
+        }
+        text += &format!(
+            "{},,,,,,\n,,,,,,,{}\n",
+            cells[..7].join(","),
+            cells[7..].join(",")
+        );
+    }
+    let text = text.replacen(",0.8200000000,", ",,", 1);
+    refused(
+        text,
+        &[
+            "no usable fix",
+            "rows without a time stamp, which were dropped: 239",
+        ],
+    );
+}
+
+#[test]
+fn inertial_samples_and_fixes_of_different_times_are_one_line() {
+    let lab = Lab::new();
+    car_with_clocks_apart(&lab, 86_400.0);
+    let message = lab.refuses(&["run", "car.toml", "--estimator", "error-state"]);
+    contains(
+        &message,
+        &[
+            "the inertial samples are of 86400 s to 86640 s and the fixes of 0 s to 239 s",
+            "their clocks are 86400 s apart",
+            "time_offset_s",
+        ],
+    );
+}
+
+#[test]
+fn what_is_odd_about_the_turns_and_the_receiver_is_said() {
+    let lab = Lab::new();
+    let said = |expected: &str| {
+        contains(&lab.succeeds(&NAVIGATE), &[expected]);
+    };
+    lab.write(
+        "car.csv",
+        car(|_, row| row.iter_mut().skip(10).for_each(|std| *std = 0.0)),
+    );
+    said("240 fixes state a standard deviation of 0 or below: taken as not stated.");
+    lab.write("car.csv", car(|_, row| row[3] = row[3].to_degrees()));
+    said("its rates are in degrees per second; say --gyroscope-unit deg-per-s");
+    lab.write("car.csv", car(|_, row| row[3] = -row[3]));
+    said("The gyroscope turns against the course");
+    car_with_clocks_apart(&lab, -90.0);
+    let text = lab.succeeds(&["run", "car.toml", "--estimator", "error-state"]);
+    contains(
+        &text,
+        &["The clock of the inertial samples is 90 s behind the receiver's"],
+    );
+}

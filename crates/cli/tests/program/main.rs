@@ -5,6 +5,7 @@
 mod allan;
 mod bad_input;
 mod benchmark;
+mod benchmark_navigation;
 mod board;
 mod calibrate;
 mod campaign;

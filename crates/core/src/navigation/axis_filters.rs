@@ -45,8 +45,12 @@ use crate::scalar::{Scalar, lit};
 const LONGEST_STEP_S: f64 = 10.0;
 /// The usual interval, s: a first one that is the same needs no new noise.
 const USUAL_STEP_S: f64 = 0.02;
-/// Outliers in a row after which the state is what is wrong.
+/// Outliers in a row after which the state is what is wrong, if the next one could have been travelled to from the last ...
 const OUTLIERS_ACCEPTED: u8 = 5;
+/// ... and after which it is in any case.
+const OUTLIERS_AT_MOST: u8 = 20;
+/// Nothing that carries a receiver is faster, m/s: civil receivers give no fix above 515 m/s.
+const FASTEST: f64 = 600.0;
 
 /// One axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,6 +93,16 @@ impl<T: Scalar> Uncertainty<T> {
     }
 }
 
+/// A fix that was left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Outlier<T: Scalar> {
+    /// Position, m.
+    position: Vector3<T>,
+    /// Seconds since the last fix that was used.
+    since_fix: T,
+}
+
 /// Everything that the filters remember: save it, restore it, and they continue exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -106,7 +120,10 @@ pub struct PositionAxesState<T: Scalar> {
     since_fix: Option<T>,
     /// Number of the last fix that was looked at.
     last_fix: Option<u64>,
+    /// Outliers in a row, and the last of them.
     outliers: u8,
+    #[cfg_attr(feature = "serde", serde(default))]
+    last_outlier: Option<Outlier<T>>,
 }
 
 /// The three filters: north, east, down.
@@ -135,6 +152,10 @@ impl<T: Scalar> Restorable for PositionAxisFilters<T> {
         }
         let last_dt = [&state.last_dt];
         not_negative("times", state.since_fix.iter().chain(last_dt))?;
+        if let Some(outlier) = &state.last_outlier {
+            finite("outlier", &outlier.position)?;
+            not_negative("times", [&outlier.since_fix])?;
+        }
         self.state = state;
         Ok(())
     }
@@ -159,6 +180,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
                 since_fix: None,
                 last_fix: None,
                 outliers: 0,
+                last_outlier: None,
             },
         })
     }
@@ -270,7 +292,8 @@ impl<T: Scalar> PositionAxisFilters<T> {
 
     /// Corrects with a fix (m, north, east, down). `number` counts the fixes of the receiver: one that is
     /// not above the last is held, not new, and refused. The first one starts the filters; one that jumps
-    /// too far is left out, five times in a row, and then the filters start again there.
+    /// too far is left out, five times in a row, and then the filters start again at one that could have been
+    /// travelled to from the one before, so that not one wild fix alone is followed; after twenty at any.
     pub fn update_position(&mut self, number: u64, position: &Vector3<T>) -> Innovation<T> {
         if let Err(reason) = check_within(position, lit(1e8)) {
             return Innovation::skipped(reason);
@@ -289,6 +312,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
             return self.outlier(position, &fix);
         }
         self.state.outliers = 0;
+        self.state.last_outlier = None;
         self.correct(&fix);
         fix.record(Outcome::Fused)
     }
@@ -322,13 +346,30 @@ impl<T: Scalar> PositionAxisFilters<T> {
     }
 
     fn outlier(&mut self, position: &Vector3<T>, fix: &FixInnovation<T>) -> Innovation<T> {
-        if self.state.outliers >= OUTLIERS_ACCEPTED {
+        let count = self.state.outliers;
+        let insists = count >= OUTLIERS_ACCEPTED && self.follows_the_last_outlier(position);
+        if insists || count >= OUTLIERS_AT_MOST {
             self.start(position);
-            fix.record(Outcome::Inflated)
-        } else {
-            self.state.outliers += 1;
-            fix.record(Outcome::Gated)
+            return fix.record(Outcome::Inflated);
         }
+        self.state.outliers += 1;
+        self.state.last_outlier = self.state.since_fix.map(|since_fix| Outlier {
+            position: *position,
+            since_fix,
+        });
+        fix.record(Outcome::Gated)
+    }
+
+    /// Whether a receiver can have been here and at the outlier before.
+    fn follows_the_last_outlier(&self, position: &Vector3<T>) -> bool {
+        let (Some(last), Some(since_fix)) = (&self.state.last_outlier, self.state.since_fix) else {
+            return false;
+        };
+        let way = (since_fix - last.since_fix) * lit(FASTEST);
+        // Three standard deviations of each.
+        let reach = way + self.config.position_std * lit(6.0);
+        let (x, y) = (position.x - last.position.x, position.y - last.position.y);
+        x * x + y * y <= reach * reach
     }
 
     fn start(&mut self, position: &Vector3<T>) {
@@ -340,6 +381,7 @@ impl<T: Scalar> PositionAxisFilters<T> {
         }
         self.state.since_fix = Some(T::zero());
         self.state.outliers = 0;
+        self.state.last_outlier = None;
     }
 }
 

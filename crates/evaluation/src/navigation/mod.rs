@@ -11,10 +11,12 @@
 //! | `runner.rs`, `observer.rs` | from events to estimates; what watches |
 //! | `score.rs`, `outcome.rs` | errors at held-out fixes, at a reference and in outages; the outcome |
 //! | `rts_smoother.rs`, `smoothed_states.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
+//! | `benchmark.rs` | one rule over many recordings, beside answers that need no filter |
 //! | `trace.rs` | what plots need |
 //! | `tune.rs` | noise parameters by innovation likelihood, with a part held out |
 
 mod axis_navigator;
+pub mod benchmark;
 mod device_navigator;
 mod ins_navigator;
 pub mod kinds;

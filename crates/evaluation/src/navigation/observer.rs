@@ -19,6 +19,8 @@ pub struct ScoredPoint {
     pub horizontal_std: f64,
     /// That of the height, m.
     pub vertical_std: f64,
+    /// Standard deviation of the truth per horizontal axis, m: that of a held-out fix.
+    pub truth_std: f64,
     /// Whether the truth of the height is known.
     pub vertical: bool,
 }

@@ -51,7 +51,7 @@ impl ValidityTimes {
     }
 }
 
-/// Where the first fix was, degrees and metres.
+/// Where the origin of the local frame is, degrees and metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Origin {
     /// Latitude, degrees, north positive.
@@ -88,11 +88,13 @@ pub struct NavigationSummary {
     pub inertial_samples: u64,
     /// Fixes that the recording holds, the unusable ones among them.
     pub fixes: u64,
-    /// Fixes that the estimator got.
+    /// Fixes that the estimator got: usable, and not held out.
+    pub fixes_given: u64,
+    /// Those of them that it used: not gated, and not skipped, as before it had aligned.
     pub fixes_used: u64,
     /// Fixes that nobody should use, by reason.
     pub fixes_unusable: BTreeMap<&'static str, u64>,
-    /// Where the local frame has its origin: the first usable fix.
+    /// Where the local frame has its origin: the first usable fix that a later one confirmed.
     pub origin: Option<Origin>,
     /// What was scored at: `reference` or `held-out fixes`.
     pub scored_against: Option<&'static str>,

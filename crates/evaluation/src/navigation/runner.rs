@@ -1,20 +1,25 @@
 //! Runs a navigation estimator over a stream of events.
 //!
-//! The first usable fix is the origin of a local frame, north, east, down; everything inside is metres
-//! from there. Fixes can be thinned and held out, and what is held out is scored at. Memory does not grow
+//! The first fix that a later one confirms is the origin of a local frame, north, east, down; everything inside is
+//! metres from there. Fixes can be thinned and held out, and what is held out is scored at. Memory does not grow
 //! with the recording, unless the estimates are smoothed.
 
+mod consensus;
 mod finish;
-mod receiver;
+pub(super) mod receiver;
 mod scoring;
+mod turn_agreement;
 
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_core::geometry::frames::{flu_from_frd, flu_from_phone};
+use northing_core::kalman::{Outcome, SkipReason};
 use northing_recording::{DeviceNavigation, Event, Sample, SensorKind, WorldFrame};
 
+use self::consensus::{FixConsensus, Step};
+use self::turn_agreement::TurnAgreement;
 use super::axis_navigator::AxisNavigator;
 use super::device_navigator::DeviceNavigator;
 use super::ins_navigator::InsNavigator;
@@ -39,7 +44,7 @@ const HEADING_STD: f64 = 0.01;
 /// with the axes of a phone.
 ///
 /// # Errors
-/// The options are invalid, the events end in an error, or there was not one usable fix.
+/// The options are invalid, the events end in an error, there was not one usable fix, or no two agree.
 pub fn run_navigation<I, X>(
     events: I,
     name: &str,
@@ -57,11 +62,18 @@ where
         let event = event.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
         session.take(&event);
     }
+    session.end()?;
     session.flush_inertial();
     if options.smooth {
         session.smooth();
     }
     session.finish(name)
+}
+
+/// Whether a measurement changed the state, or will with a later one.
+fn is_used(outcome: Outcome) -> bool {
+    let accumulated = Outcome::Skipped(SkipReason::Accumulated);
+    matches!(outcome, Outcome::Fused | Outcome::Inflated) || outcome == accumulated
 }
 
 fn navigator(options: &NavigationOptions) -> Result<Box<dyn Navigator>, EvaluationError> {
@@ -84,8 +96,10 @@ struct Session<'a> {
     world: WorldFrame,
     observer: &'a mut dyn NavigationObserver,
     navigator: Box<dyn Navigator>,
+    consensus: FixConsensus,
     frame: Option<LocalFrame>,
     inertial: Inertial,
+    turns: TurnAgreement,
     scorer: Scorer,
     has_reference: bool,
     /// Usable fixes so far.
@@ -114,13 +128,32 @@ struct Counts {
     first_ns: Option<i64>,
     last_ns: i64,
     inertial: u64,
+    inertial_ns: Span,
     fixes: u64,
+    /// Of usable fixes.
+    fixes_ns: Span,
+    /// Fixes that state a standard deviation that is not above zero.
+    zero_std: u64,
+    /// Fixes that the estimator got.
+    given: u64,
+    /// Those of them that changed its state, or will.
     used: u64,
     unusable: BTreeMap<&'static str, u64>,
     aids: BTreeMap<AidKind, (UpdateCounts, NisStatistics)>,
     validity: ValidityTimes,
     last_validity_ns: Option<i64>,
     scored_at_reference: bool,
+}
+
+/// The first and the last stamp of something.
+#[derive(Debug, Clone, Copy, Default)]
+struct Span(Option<[i64; 2]>);
+
+impl Span {
+    fn add(&mut self, time_ns: i64) {
+        let [first, _] = self.0.unwrap_or([time_ns; 2]);
+        self.0 = Some([first, time_ns]);
+    }
 }
 
 /// Pairs rates and forces of one instant; a force that is missing is the one before.
@@ -142,8 +175,10 @@ impl<'a> Session<'a> {
             world,
             observer,
             navigator: navigator(options)?,
+            consensus: FixConsensus::default(),
             frame: None,
             inertial: Inertial::default(),
+            turns: TurnAgreement::default(),
             scorer: Scorer::new(options.score_from_s, &options.outages),
             has_reference: false,
             fix_index: 0,
@@ -161,7 +196,29 @@ impl<'a> Session<'a> {
         })
     }
 
+    /// Takes an event, or lets it wait until it is known where the origin is.
     fn take(&mut self, event: &Event) {
+        match self.consensus.look_at(event) {
+            Step::Take => self.process(event, false),
+            Step::Wait => self.take_waiting(),
+        }
+    }
+
+    fn take_waiting(&mut self) {
+        while let Some((event, left_out)) = self.consensus.next() {
+            self.process(&event, left_out);
+        }
+    }
+
+    /// There are no more events: what still waits is taken.
+    fn end(&mut self) -> Result<(), EvaluationError> {
+        self.consensus.end()?;
+        self.take_waiting();
+        Ok(())
+    }
+
+    /// Takes an event now; `left_out`: it is a fix that those after it contradict.
+    fn process(&mut self, event: &Event, left_out: bool) {
         let time_ns = event.time_ns;
         self.counts.first_ns.get_or_insert(time_ns);
         self.counts.last_ns = time_ns;
@@ -181,7 +238,7 @@ impl<'a> Session<'a> {
                     self.flush_inertial();
                 }
             }
-            Sample::GnssPosition(fix) => self.gnss_position(time_ns, &fix),
+            Sample::GnssPosition(fix) => self.gnss_position(time_ns, &fix, left_out),
             Sample::GnssVelocity(velocity) => self.gnss_velocity(time_ns, &velocity),
             Sample::ReferencePosition(place) => self.reference_position(time_ns, &place),
             Sample::ReferenceVelocity(velocity) => {
@@ -282,6 +339,8 @@ impl<'a> Session<'a> {
             return;
         };
         self.counts.inertial += 1;
+        self.counts.inertial_ns.add(time_ns);
+        self.turns.inertial(time_ns, &rate, &force);
         self.turn_rate = rate.norm();
         self.navigator
             .inertial(time_ns, &rate, &force, &mut self.told);
@@ -301,8 +360,10 @@ impl<'a> Session<'a> {
 
     fn count_told(&mut self, time_ns: i64) {
         for (kind, innovation) in self.told.drain(..) {
+            let outcome = innovation.outcome;
+            self.counts.used += u64::from(kind == AidKind::GnssPosition && is_used(outcome));
             let (updates, nis) = self.counts.aids.entry(kind).or_default();
-            updates.add(innovation.outcome);
+            updates.add(outcome);
             nis.add(&innovation);
             self.observer.innovation(time_ns, kind, &innovation);
         }

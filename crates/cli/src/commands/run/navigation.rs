@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use northing_evaluation::navigation::trace::NavigationTrace;
 use northing_evaluation::navigation::{
     NavigationKind, NavigationObserver, NavigationOptions, NavigationSummary, run_navigation,
@@ -88,7 +88,15 @@ fn run_over(
     let world = recording.metadata().world_frame;
     let events = watched(recording.by_ref(), "navigating");
     let summary = run_navigation(events, name, world, options, observer);
-    let mut summary = summary.map_err(|error| of_recording(error, name))?;
+    let mut summary = summary.map_err(|error| {
+        let dropped = recording.issues().rows_without_stamp;
+        let error = of_recording(error, name);
+        if dropped == 0 {
+            return error;
+        }
+        // What was dropped may be all the fixes that there are.
+        anyhow!("{error:#}; rows without a time stamp, which were dropped: {dropped}")
+    })?;
     summary.issues.splice(0..0, recording.issues().sentences());
     Ok(summary)
 }

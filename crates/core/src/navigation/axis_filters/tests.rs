@@ -153,6 +153,38 @@ fn a_jump_is_left_out_and_a_receiver_that_insists_is_accepted() {
 }
 
 #[test]
+fn one_wild_fix_is_not_followed_and_nothing_is_locked_out_for_good() {
+    let level = Vector3::new(0.0, 0.0, -G);
+    let mut f = filters(PositionAxisConfig::default());
+    let mut number = 0;
+    let mut fix = |f: &mut PositionAxisFilters<f64>, north: f64| {
+        for _ in 0..50 {
+            let attitude = UnitQuaternion::identity();
+            f.propagate(&attitude, &level, G, DT).unwrap();
+        }
+        number += 1;
+        let place = Vector3::new(north, 0.0, 0.0);
+        f.update_position(number, &place).outcome
+    };
+    for _ in 0..100 {
+        fix(&mut f, 0.0);
+    }
+    // The state is wrong by 500 m, and the fix that is due to be accepted is a wild one.
+    for _ in 0..5 {
+        assert_eq!(fix(&mut f, 500.0), Outcome::Gated);
+    }
+    assert_eq!(fix(&mut f, 10_000.0), Outcome::Gated);
+    assert_eq!(fix(&mut f, 500.0), Outcome::Gated);
+    assert_eq!(fix(&mut f, 503.0), Outcome::Inflated);
+    assert!((f.position().x - 503.0).abs() < 1e-9);
+    // Two receivers that contradict each other and the state.
+    let sides = [-20_000.0, 20_000.0];
+    let outcomes: Vec<Outcome> = (0..21).map(|k| fix(&mut f, sides[k % 2])).collect();
+    assert!(outcomes[..20].iter().all(|o| *o == Outcome::Gated));
+    assert_eq!(outcomes[20], Outcome::Inflated);
+}
+
+#[test]
 fn bad_samples_leave_the_state_untouched_and_bad_settings_are_named() {
     let mut f = filters(PositionAxisConfig::default());
     f.update_position(1, &Vector3::x());

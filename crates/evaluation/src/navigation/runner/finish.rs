@@ -1,21 +1,29 @@
 //! The summary of a run.
 
+use northing_core::kalman::SkipReason;
+
 use super::Session;
 use crate::error::EvaluationError;
 use crate::navigation::kinds::NavigationKind;
+use crate::navigation::navigator::AidKind;
 use crate::navigation::outcome::{AidSummary, NavigationSummary, Origin};
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
 use crate::statistics::seconds_between;
 use crate::used_parameters::VERSION;
 
+/// Inertial samples and fixes with so long a time between them have none in common, s.
+const NO_COMMON_TIME_S: f64 = 10.0;
+
 impl Session<'_> {
-    pub(super) fn finish(self, name: &str) -> Result<NavigationSummary, EvaluationError> {
-        let counts = self.counts;
-        let Some(frame) = self.frame else {
+    /// What stands in the way of a summary.
+    fn check(&mut self) -> Result<(), EvaluationError> {
+        let counts = &self.counts;
+        if self.frame.is_none() {
             return Err(EvaluationError::NoFix {
                 fixes: counts.fixes,
+                because: self.unusable_in_words(),
             });
-        };
+        }
         let kind = self.options.estimator;
         if kind == NavigationKind::Device {
             if self.device_estimates == 0 {
@@ -26,6 +34,70 @@ impl Session<'_> {
                 estimator: self.options.estimator.name(),
             });
         }
+        if matches!(
+            kind,
+            NavigationKind::ErrorState | NavigationKind::AxisFilters
+        ) && let Some(error) = self.without_common_time()
+        {
+            return Err(error);
+        }
+        let never = counts.given > 0 && counts.used == 0 && self.navigator.estimate().is_none();
+        if never && kind != NavigationKind::Device {
+            return Err(EvaluationError::NoFixUsed {
+                given: self.counts.given,
+                because: self.why_none_was_used(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Why fixes are not usable, to stand behind their number.
+    fn unusable_in_words(&self) -> String {
+        let reasons = self.counts.unusable.iter();
+        let reasons: Vec<String> = reasons.map(|(why, n)| format!("{n}: {why}")).collect();
+        if reasons.is_empty() {
+            return String::new();
+        }
+        format!("; {}", reasons.join("; "))
+    }
+
+    fn why_none_was_used(&self) -> String {
+        if let Some(issue) = self.turns.issue() {
+            return issue.trim_end_matches('.').to_owned();
+        }
+        let aid = self.counts.aids.get(&AidKind::GnssPosition);
+        let reasons = aid.map(|(updates, _)| &updates.skipped_because);
+        let most = reasons.and_then(|reasons| reasons.iter().max_by_key(|(_, count)| **count));
+        match most {
+            Some((why, _)) if *why == SkipReason::NotInitialized.description() => {
+                let mut reasons = vec!["it had not aligned".to_owned()];
+                reasons.extend(self.navigator.issues());
+                reasons.join("; ").trim_end_matches('.').to_owned()
+            }
+            Some((why, count)) => format!("{count}: {why}"),
+            None => "all were refused".to_owned(),
+        }
+    }
+
+    /// That inertial samples and fixes are of different times: nothing carries a position on.
+    fn without_common_time(&self) -> Option<EvaluationError> {
+        let (inertial, fixes) = (self.counts.inertial_ns.0?, self.counts.fixes_ns.0?);
+        let gap =
+            seconds_between(inertial[1], fixes[0]).max(seconds_between(fixes[1], inertial[0]));
+        let start = self.counts.first_ns?;
+        let since_start = |span: [i64; 2]| span.map(|at| seconds_between(start, at));
+        (gap > NO_COMMON_TIME_S).then(|| EvaluationError::NoCommonTime {
+            inertial_s: since_start(inertial),
+            fixes_s: since_start(fixes),
+            apart_s: seconds_between(fixes[0], inertial[0]).abs(),
+        })
+    }
+
+    pub(super) fn finish(mut self, name: &str) -> Result<NavigationSummary, EvaluationError> {
+        self.check()?;
+        let counts = self.counts;
+        let kind = self.options.estimator;
+        let origin = self.frame.map(|frame| Origin::from(frame.origin()));
         let first = counts.first_ns.unwrap_or(counts.last_ns);
         let position = self.scorer.position_score();
         let outages = self.scorer.outage_scores();
@@ -36,7 +108,16 @@ impl Session<'_> {
             "held-out fixes"
         };
         let heading = self.scorer.heading_score();
-        let mut issues = self.navigator.issues();
+        let mut issues = Vec::new();
+        issues.extend(self.consensus.left_out().map(|fixes| fixes.sentence(first)));
+        issues.extend(self.turns.issue());
+        if counts.zero_std > 0 {
+            issues.push(format!(
+                "{} fixes state a standard deviation of 0 or below: taken as not stated.",
+                counts.zero_std
+            ));
+        }
+        issues.extend(self.navigator.issues());
         if position.is_none() && self.scorer.too_early() > 0 {
             issues.push(format!(
                 "{} points could be scored, all in the first {:.0} s after the first fix: --score-from 10 counts \
@@ -58,9 +139,15 @@ impl Session<'_> {
             duration_s: seconds_between(first, counts.last_ns),
             inertial_samples: counts.inertial,
             fixes: counts.fixes,
-            fixes_used: counts.used,
+            fixes_given: counts.given,
+            // Nothing was kept from a device, and it does not say what it used.
+            fixes_used: if kind == NavigationKind::Device {
+                counts.given
+            } else {
+                counts.used
+            },
             fixes_unusable: counts.unusable,
-            origin: Some(Origin::from(frame.origin())),
+            origin,
             scored_against: scored.then_some(against),
             position,
             velocity_rmse_m_s: self.scorer.velocity_rmse(),

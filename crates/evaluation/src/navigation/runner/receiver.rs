@@ -16,17 +16,22 @@ const RANGE_ERROR_M: f64 = 3.6;
 const VERTICAL_DILUTION: f64 = 1.7;
 /// Above this dilution a fix is not worth using.
 const LARGEST_HDOP: f64 = 8.0;
+/// A fix that states a larger standard deviation says nothing, m.
+const LARGEST_STD_M: f64 = 1e5;
 /// Fewer satellites give no position.
 const FEWEST_SATELLITES: u8 = 4;
 /// Standard deviations of a velocity where the receiver states none, m/s: across, down.
 const VELOCITY_STD: [f64; 2] = [0.15, 0.25];
+/// Why a fix is left out that the consensus of the first fixes contradicts.
+const CONTRADICTED: &str = "too far from the next ones to have been travelled";
 /// A velocity this much older than a fix does not belong to it, s.
 const SAME_FIX_S: f64 = 1.5;
 
 impl Session<'_> {
-    pub(super) fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition) {
+    /// `left_out`: those after it contradict it.
+    pub(super) fn gnss_position(&mut self, time_ns: i64, fix: &GnssPosition, left_out: bool) {
         self.counts.fixes += 1;
-        if let Some(reason) = unusable(fix) {
+        if let Some(reason) = unusable(fix).or(left_out.then_some(CONTRADICTED)) {
             *self.counts.unusable.entry(reason).or_default() += 1;
             self.unusable = true;
             return;
@@ -42,6 +47,9 @@ impl Session<'_> {
         self.held_out = thinned || left_out || self.scorer.in_outage(time_ns);
         self.observer.fix(time_ns, &ned, !self.held_out);
         let std = position_std(fix);
+        self.counts.fixes_ns.add(time_ns);
+        self.turns.fix(time_ns, &ned, std.x.max(std.y));
+        self.counts.zero_std += u64::from(fix.std_m.is_some() && stated(fix.std_m).is_none());
         let vertical = fix.height_m.is_some();
         let latencies = &self.options.parameters.error_state;
         let valid_ns = before(time_ns, latencies.position_latency_s);
@@ -51,11 +59,11 @@ impl Session<'_> {
             }
             return;
         }
-        self.counts.used += 1;
+        self.counts.given += 1;
         self.score(Scored::FixUsed);
         self.remember(valid_ns, &ned);
         let vertical = vertical && !self.options.without.contains(&AidKind::GnssHeight);
-        let stated = fix.std_m.is_some();
+        let stated = stated(fix.std_m).is_some();
         let aid = Aid::Position {
             ned,
             std,
@@ -65,7 +73,7 @@ impl Session<'_> {
         self.aid(time_ns, &aid);
     }
 
-    /// Metres from the origin, which the first usable fix is.
+    /// Metres from the origin, which the first fix is that got here.
     fn place(&mut self, time_ns: i64, fix: &GnssPosition) -> Vector3<f64> {
         let height = self.frame.as_ref().map_or(0.0, |f| f.origin().height_m);
         let place = Geodetic {
@@ -112,6 +120,7 @@ impl Session<'_> {
             velocity.east_m_s,
             velocity.down_m_s.unwrap_or(0.0),
         );
+        self.turns.velocity(time_ns, &ned);
         if !self.has_reference {
             let latencies = &self.options.parameters.error_state;
             let valid_ns = before(time_ns, latencies.velocity_latency_s);
@@ -129,9 +138,7 @@ impl Session<'_> {
             last.velocity = ned;
         }
         let [across, down] = VELOCITY_STD;
-        let std = velocity
-            .std_m_s
-            .map_or_else(|| Vector3::new(across, across, down), Vector3::from);
+        let std = stated(velocity.std_m_s).unwrap_or(Vector3::new(across, across, down));
         self.aid(time_ns, &Aid::Velocity { ned, std, vertical });
     }
 }
@@ -142,13 +149,18 @@ fn before(time_ns: i64, latency_s: f64) -> i64 {
 }
 
 /// Why a fix is not to be used.
-fn unusable(fix: &GnssPosition) -> Option<&'static str> {
+pub(crate) fn unusable(fix: &GnssPosition) -> Option<&'static str> {
     if matches!(fix.quality, GnssQuality::Invalid) {
         Some("the receiver calls it invalid")
     } else if matches!(fix.quality, GnssQuality::Estimated) {
         Some("dead reckoning of the receiver")
     } else if !fix.is_usable() {
         Some("not a place on the Earth")
+    } else if fix
+        .std_m
+        .is_some_and(|[north, east, _]| north.max(east) > LARGEST_STD_M)
+    {
+        Some("an error above 100 km is stated")
     } else if fix.satellites.is_some_and(|n| n < FEWEST_SATELLITES) {
         Some("fewer than 4 satellites")
     } else if fix.hdop.is_some_and(|hdop| hdop > LARGEST_HDOP) {
@@ -158,10 +170,15 @@ fn unusable(fix: &GnssPosition) -> Option<&'static str> {
     }
 }
 
+/// Standard deviations as a receiver states them; one that is not above zero states nothing.
+fn stated(std: Option<[f64; 3]>) -> Option<Vector3<f64>> {
+    std.map(Vector3::from).filter(|std| std.min() > 0.0)
+}
+
 /// Standard deviations of a fix, m, north, east, down: the receiver's, or from its dilution.
-fn position_std(fix: &GnssPosition) -> Vector3<f64> {
-    if let Some(std) = fix.std_m {
-        return Vector3::from(std);
+pub(super) fn position_std(fix: &GnssPosition) -> Vector3<f64> {
+    if let Some(std) = stated(fix.std_m) {
+        return std;
     }
     let hdop = fix.hdop.unwrap_or(1.0).max(0.5);
     let across = RANGE_ERROR_M * hdop * std::f64::consts::FRAC_1_SQRT_2;

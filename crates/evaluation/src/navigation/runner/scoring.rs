@@ -67,6 +67,7 @@ impl Session<'_> {
                 error,
                 horizontal_std: (c.m11 + c.m22).max(0.0).sqrt(),
                 vertical_std: c.m33.max(0.0).sqrt(),
+                truth_std: point.std,
                 vertical: point.vertical,
             });
         }
