@@ -92,6 +92,7 @@ mod tests {
         assert_relative_eq!(force, 0.02, max_relative = 0.15);
         assert_relative_eq!(rate, 0.001, max_relative = 0.15);
         let stated = vibration.noise_densities([0.1, 0.2]);
-        assert_eq!(stated, [0.1, 0.2]);
+        assert_relative_eq!(stated[0], 0.1);
+        assert_relative_eq!(stated[1], 0.2);
     }
 }

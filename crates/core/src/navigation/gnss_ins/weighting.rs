@@ -144,6 +144,6 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub(super) fn uncorrelated_variance(&self, white: &Vector3<T>) -> Vector3<T> {
         let jitter = self.filter.state().velocity * self.config.time_jitter_s;
         let arm = super::start::lever_arm_std(&self.config);
-        white.component_mul(&white) + jitter.component_mul(&jitter) + Vector3::repeat(arm * arm)
+        white.component_mul(white) + jitter.component_mul(&jitter) + Vector3::repeat(arm * arm)
     }
 }
