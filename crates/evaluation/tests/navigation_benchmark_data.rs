@@ -58,7 +58,7 @@ fn flights_are_scored_at_their_reference() {
             row.recording
         );
     }
-    let totals = Totals::of(rows.iter());
+    let totals = Totals::of(&rows.iter().collect::<Vec<_>>());
     assert_eq!((totals.recordings, totals.scored), (18, 18));
     let [hold, extrapolation] =
         [totals.hold_rmse_m, totals.extrapolation_rmse_m].map(Option::unwrap);

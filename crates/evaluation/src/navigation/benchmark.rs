@@ -258,16 +258,17 @@ impl OutageRow {
 
 impl Totals {
     /// Over these rows.
-    pub fn of<'a>(rows: impl Iterator<Item = &'a Row> + Clone) -> Self {
+    #[must_use]
+    pub fn of(rows: &[&Row]) -> Self {
         let middle = |value: &dyn Fn(&Row) -> Option<f64>| {
-            let mut values: Vec<f64> = rows.clone().filter_map(value).collect();
+            let mut values: Vec<f64> = rows.iter().filter_map(|row| value(row)).collect();
             values.sort_by(f64::total_cmp);
             median(&values)
         };
         let position = |value: fn(&PositionScore) -> Option<f64>| {
             middle(&|row: &Row| row.position.as_ref().and_then(value))
         };
-        let count = |is: fn(&Row) -> bool| rows.clone().filter(|row| is(row)).count() as u64;
+        let count = |is: fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count() as u64;
         Self {
             recordings: count(|_| true),
             scored: count(|row| row.position.is_some()),

@@ -199,7 +199,7 @@ fn nothing_to_run(found: &Recordings) -> anyhow::Error {
 }
 
 fn show(args: &NavigationBenchmarkArgs, rows: &[&Row], left_out: &[String]) -> Result<()> {
-    let totals = Totals::of(rows.iter().copied());
+    let totals = Totals::of(rows);
     if args.json {
         return print_json(&Document {
             rule: RULE,
