@@ -140,6 +140,7 @@ fn a_drive_is_entered_anywhere() {
         return;
     };
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/recordings/car_rtk.toml");
+    let mut standing = f64::INFINITY;
     for is_quiet in [false, true] {
         for start in 0..10 {
             let from_s = 32.0 * f64::from(start);
@@ -159,7 +160,11 @@ fn a_drive_is_entered_anywhere() {
                 position.extrapolation_rmse_m.unwrap(),
                 summary.validity,
             );
-            assert!(position.horizontal_rmse_m < 0.15, "{position:?}");
+            if start == 0 && !is_quiet {
+                standing = position.horizontal_rmse_m;
+            }
+            let most = 0.15_f64.min(1.3 * standing);
+            assert!(position.horizontal_rmse_m <= most, "{position:?}");
         }
     }
 }

@@ -48,8 +48,8 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
     sheet.row(
         "solution status",
         format!(
-            "aided {:.1} s, dead reckoning {:.1} s, invalid {:.1} s, aligning {:.1} s",
-            v.aided_s, v.dead_reckoning_s, v.invalid_s, v.aligning_s
+            "aided {:.1} s, heading unknown {:.1} s, dead reckoning {:.1} s, invalid {:.1} s, aligning {:.1} s",
+            v.aided_s, v.heading_unknown_s, v.dead_reckoning_s, v.invalid_s, v.aligning_s
         ),
     );
     let verdicts: Vec<String> = navigation_verdicts(summary)

@@ -221,7 +221,7 @@ fn facts(summary: &NavigationSummary) -> Vec<Fact> {
             format!("{:.1}\u{00b0}", heading.rmse_deg),
         ));
     }
-    let aided = summary.validity.aided_s;
+    let aided = summary.validity.aided_s + summary.validity.heading_unknown_s;
     facts.push(Fact::new("time with fixes", format!("{aided:.0} s")));
     facts
 }
@@ -244,6 +244,16 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
         verdicts.push(consistency(position));
     }
     verdicts.extend(outage_consistency(&summary.outages));
+    if summary.validity.heading_unknown_s > summary.validity.aided_s {
+        verdicts.push(Verdict::new(
+            Tone::Warn,
+            format!(
+                "For {:.0} s the heading was not known, or the fixes disagreed with it: accelerations in the horizontal \
+                 show it, straight driving and standing do not.",
+                summary.validity.heading_unknown_s
+            ),
+        ));
+    }
     if summary.validity.invalid_s > 0.0 {
         verdicts.push(Verdict::new(
             Tone::Warn,

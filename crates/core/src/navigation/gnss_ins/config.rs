@@ -96,7 +96,7 @@ parameters! {
         "correlation time of that fraction";
     position_std_floor_m: T, "m", Above(0.0, 1e3), [0.01],
         "least standard deviation of a horizontal position; of a height two and a half times that";
-    least_noise_scale: T, "-", Above(0.0, 1.0), [0.1],
+    least_noise_scale: T, "-", Above(0.0, 1.0), [1.0],
         "least that a receiver's stated standard deviations are multiplied by, as its fixes show",
         "Of the fraction that is independent from fix to fix. 1, and 1 for the largest: they are taken as stated.";
     largest_noise_scale: T, "-", From(1.0, 1e3), [20.0],

@@ -72,7 +72,7 @@ parameters! {
     accepted_nis: T, "-", Above(0.0, 100.0), [2.5],
         "largest mean NIS of the window for a component for that",
         "One where the noise is as stated; beyond this nothing explains the fixes.";
-    least_noise_scale: T, "-", Above(0.0, 1.0), [0.1],
+    least_noise_scale: T, "-", Above(0.0, 1.0), [1.0],
         "least that the receiver's stated standard deviations are multiplied by, as the fixes show",
         "Of that part which is independent from fix to fix; what is correlated cannot be seen.";
     largest_noise_scale: T, "-", From(1.0, 1e3), [20.0],
