@@ -27,7 +27,7 @@ impl DeviceNavigation {
     pub(crate) const NUMBERS: usize = 11;
 
     /// As a row of numbers: in the order of the fields, the validity last (0 aligning, 1 aided, 2 dead
-    /// reckoning, 3 invalid).
+    /// reckoning, 3 invalid, 4 aided with the heading unknown).
     pub(crate) fn row(&self) -> [f64; Self::NUMBERS] {
         let place = [self.latitude_rad, self.longitude_rad, self.height_m];
         let validity = VALIDITIES.iter().position(|v| *v == self.validity);
@@ -50,7 +50,7 @@ impl DeviceNavigation {
             std_m: three(3),
             velocity_m_s: three(6),
             heading_std_rad: row[9],
-            validity: (0..=2)
+            validity: (0..=4)
                 .find(|number| (f64::from(*number) - row[10]).abs() < 1e-6)
                 .map_or(Validity::Invalid, validity_of),
         }

@@ -240,13 +240,6 @@ fn true_noises(sensors: &GroundSensors) -> GnssInsConfig<f64> {
         accelerometer_bias_std: sensors.accelerometer_bias / 3_f64.sqrt(),
         magnetic_heading_std: sensors.magnetometer_std / horizontal_field,
         time_jitter_s: 0.0,
-        // Errors are as stated.
-        time_offset_std_s: 0.0,
-        lever_arm_std_m: Some(0.0),
-        least_noise_scale: 1.0,
-        largest_noise_scale: 1.0,
-        robust_weights: false,
-        vibration_noise: false,
         ..error_state_config(sensors)
     }
 }

@@ -279,6 +279,13 @@ pub(super) fn error_state_config(sensors: &GroundSensors) -> GnssInsConfig<f64> 
         magnetic_interval_s: 0.0,
         magnetic_offset_std_ut: 0.0,
         damping_speed_m_s: 0.0,
+        // Errors are as stated.
+        time_offset_std_s: 0.0,
+        lever_arm_std_m: Some(0.0),
+        least_noise_scale: 1.0,
+        largest_noise_scale: 1.0,
+        robust_weights: false,
+        vibration_noise: false,
         // The simulated ground is flat.
         earth_curvature: false,
         ..GnssInsConfig::default()
