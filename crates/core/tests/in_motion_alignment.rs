@@ -353,11 +353,12 @@ fn it_follows_a_jump_of_the_fixes() {
         let mut alignment =
             InMotionAlignment::<f64>::new(InMotionAlignmentConfig::default()).unwrap();
         let moments = run(&mut alignment, &world);
-        assert!(!moments.iter().any(Moment::is_wrong), "{seed}");
+        let wrong: Vec<_> = moments.iter().filter(|m| m.is_wrong()).collect();
+        assert!(wrong.is_empty(), "{seed}: {wrong:?}");
         for m in moments.iter().filter(|m| m.t > 45.0) {
             assert!(m.horizontal_m < 0.3, "{seed}: {m:?}");
         }
-        assert!((1..=2).contains(&alignment.restarts()), "{seed}");
+        assert_eq!(alignment.restarts(), 1, "{seed}");
     }
 }
 

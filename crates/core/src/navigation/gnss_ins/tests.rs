@@ -216,7 +216,8 @@ fn late_fixes_are_compared_with_where_the_body_was() {
         worst
     };
     let (with, without) = (worst(told), worst(config()));
-    assert!(with < 0.1 && without > 1.0, "{with} {without}");
+    // Not told, it learns it, from what it can see.
+    assert!(with < 0.1 && without > 10.0 * with, "{with} {without}");
     // Both are 0.2 s later than told: learnt from turns and accelerations.
     let told_wrong = GnssInsConfig {
         velocity_latency_s: 0.1,

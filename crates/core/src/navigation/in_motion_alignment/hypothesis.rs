@@ -101,16 +101,6 @@ impl<T: Scalar> AttitudePrior<T> {
         }
     }
 
-    /// That of an estimate.
-    pub(super) fn of(estimate: &Estimate<T>) -> Self {
-        Self {
-            ned_from_body: estimate.mean.ned_from_body,
-            accelerometer_bias: estimate.mean.accelerometer_bias,
-            gyroscope_bias: estimate.mean.gyroscope_bias,
-            covariance: attitude_and_biases(&estimate.covariance.full()),
-        }
-    }
-
     /// That of a navigation state.
     pub(super) fn of_state(state: &NavigationState<T>) -> Self {
         Self {

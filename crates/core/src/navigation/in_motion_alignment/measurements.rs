@@ -155,7 +155,6 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             memory.disagreeing.saturating_sub(1)
         };
         memory.is_aligned &= memory.disagreeing < DOUBTED_FROM;
-        memory.was_aligned |= memory.is_aligned;
         if memory.disagreeing >= MOST_DISAGREEING {
             self.begin_again(fix);
         }
@@ -277,13 +276,8 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
     }
 
     fn begin_again(&mut self, fix: &GnssPosition<T>) {
-        let memory = &mut self.memory;
-        memory.restarts = memory.restarts.saturating_add(1);
-        let best = memory.bank.as_ref().and_then(Bank::best);
-        // Where the receiver jumped the attitude is still right.
-        memory.prior = best
-            .filter(|_| memory.was_aligned)
-            .map(|best| AttitudePrior::of(&best.end).loosened());
+        // Its own attitude is no prior: the fixes that disagree have bent it.
+        self.memory.restarts = self.memory.restarts.saturating_add(1);
         self.begin(fix);
     }
 
@@ -292,7 +286,6 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
     pub(in crate::navigation) fn begin_from(&mut self, state: &NavigationState<T>, scale: T) {
         let memory = &mut self.memory;
         memory.forget_window();
-        memory.was_aligned = true;
         memory.scale = scale;
         memory.prior = Some(AttitudePrior::of_state(state).loosened());
     }

@@ -51,8 +51,6 @@ pub(super) struct Memory<T: Scalar, const K: usize, const N: usize> {
     pub(super) window: Window<T, N>,
     pub(super) bank: Option<Bank<T, K>>,
     pub(super) is_aligned: bool,
-    /// Whether it was since it began.
-    pub(super) was_aligned: bool,
     /// What the next bank begins with besides.
     pub(super) prior: Option<AttitudePrior<T>>,
     /// What the receiver's standard deviations are multiplied by in it.
@@ -140,7 +138,6 @@ impl<T: Scalar, const K: usize, const N: usize> Default for Memory<T, K, N> {
             window: Window::default(),
             bank: None,
             is_aligned: false,
-            was_aligned: false,
             prior: None,
             scale: T::one(),
             impossible: 0,
@@ -159,7 +156,6 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         self.window.len = 0;
         self.bank = None;
         self.is_aligned = false;
-        self.was_aligned = false;
         self.impossible = 0;
         self.disagreeing = 0;
     }
