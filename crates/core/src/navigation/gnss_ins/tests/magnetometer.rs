@@ -36,7 +36,7 @@ fn iron_around_the_magnetometer_is_learnt_and_does_not_turn_the_heading() {
         magnetic_interval_s: 0.0,
         ..told
     };
-    let (ins, turned) = heading_error(accepted);
+    let (_, turned) = heading_error(accepted);
     assert!(turned < 0.03, "{turned}");
 }
 
