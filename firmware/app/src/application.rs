@@ -337,6 +337,7 @@ fn say_estimate(time_ms: u32, estimate: &Estimate, fingerprint: u32, out: &mut i
         Validity::Aided => 1,
         Validity::DeadReckoning => 2,
         Validity::Invalid => 3,
+        Validity::HeadingUnknown => 4,
     };
     Sentence::new(out, b'E')
         .unsigned(time_ms)
