@@ -151,7 +151,7 @@ parameters! {
     initial_heading: Option<[T; 2]>, "rad", Optional(&Pair(&From(-10.0, 10.0), &Above(0.0, 10.0))), [None],
         "true heading at the start and its standard deviation, if known";
     course_std: T, "rad", Above(0.0, 1.0), [0.15],
-        "standard deviation of heading against course at the start: crab and mount";
+        "standard deviation of heading against course at the start without inertial unit: crab and mount";
     gap_attitude_random_walk: T, "rad/sqrt(s)", From(0.0, 100.0), [0.3],
         "random walk of the attitude while there are no inertial samples",
         "0.02 for a ship without any.";
