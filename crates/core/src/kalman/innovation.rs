@@ -41,7 +41,7 @@ pub struct Innovation<T> {
 pub enum Outcome {
     /// Used with its stated noise.
     Fused,
-    /// Used with inflated noise, because the gate had refused everything for its time-out.
+    /// Used with inflated noise: it is further off than nearly all are, or the gate had refused everything for its time-out.
     Inflated,
     /// Refused: the NIS was above the gate.
     Gated,

@@ -108,7 +108,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     }
 
     /// Fuses a measurement with a weight that falls with how far it is off (E37): noise comes to it so that its gain is
-    /// that much smaller, and with less than a tenth of it it is left out; or as `how` says. The record has the noise as it was stated. The
+    /// that much smaller, and where less than a tenth would be left it is left out; or as `how` says. The record has the noise as stated. The
     /// covariance must have [caught up](Self::catch_up).
     #[inline(never)]
     pub(in crate::navigation) fn fuse_weighted<const M: usize>(

@@ -1,8 +1,8 @@
 //! Standstill detection, from windows of inertial samples.
 //!
 //! A window *may* be still when the rate is that of a bias, neither rate nor force shakes more than an idling
-//! engine, and the force is as long as gravity. That is enough before the start; a car that rolls along on a smooth
-//! road passes too (4 % of the time on a real drive). [`Quiet`] therefore learns how much each axis shakes while
+//! engine, and the force is as long as gravity. A car that rolls along on a smooth road passes too (4 % of the time on a
+//! real drive), so that alone is never a standstill. [`Quiet`] therefore learns how much each axis shakes while
 //! the vehicle is known to stand, and then tells standing from rolling: 91 % of the windows at rest are found, and
 //! 1 of 695 in motion is taken for one.
 
