@@ -313,9 +313,12 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             .config
             .validity
             .judge(since, variance + T::zero() * north);
-        let unknown = self.memory.aligning && self.alignment.status() != AlignmentStatus::Aligned;
-        let doubted = self.memory.disagreeing >= weighting::DOUBTED_FROM;
-        if worth == Validity::Aided && (unknown || doubted) {
+        let in_doubt = if self.memory.aligning {
+            self.alignment.status() != AlignmentStatus::Aligned
+        } else {
+            self.memory.disagreeing >= weighting::DOUBTED_FROM
+        };
+        if worth == Validity::Aided && in_doubt {
             Validity::HeadingUnknown
         } else {
             worth

@@ -243,8 +243,7 @@ impl Navigator for InsNavigator {
         );
         say(
             self.ins.realignments(),
-            "realignments: fixes disagreed with the solution for long; heading, velocity and position were found anew \
-             from the fixes.",
+            "realignments: fixes disagreed with the solution for long, and the filter aligned again from them.",
         );
         say(
             self.ins.restarts(),

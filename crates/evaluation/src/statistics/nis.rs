@@ -16,7 +16,7 @@ pub struct UpdateCounts {
     pub gated: u64,
     /// Samples that were not looked at.
     pub skipped: u64,
-    /// Fused with inflated noise, because the gate had refused everything for its time-out.
+    /// Fused with inflated noise: far off, or after the gate had refused everything for its time-out.
     pub inflated: u64,
     /// Why samples were skipped, in words.
     pub skipped_because: BTreeMap<&'static str, u64>,

@@ -52,9 +52,9 @@ impl Aid {
 pub struct AidCounts<T> {
     /// Used with their stated noise.
     pub fused: u32,
-    /// Used after too many refusals, with the state set free.
+    /// Used with more noise: a fix that was far off, or a measurement after too many refusals, with the state set free.
     pub inflated: u32,
-    /// Refused by the gate.
+    /// Refused by the gate; a fix so far off that it was left out.
     pub gated: u32,
     /// Not looked at: not finite, not newer, out of range, before the start.
     pub skipped: u32,

@@ -8,7 +8,9 @@
 
 use nalgebra::{SMatrix, Vector3};
 
-use super::{Aid, ERRORS, ErrorListener, ErrorShares, GnssIns, GnssInsConfig, seconds};
+use super::{
+    Aid, ERRORS, ErrorListener, ErrorShares, GnssIns, GnssInsConfig, GnssPositionUpdate, seconds,
+};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
@@ -23,8 +25,6 @@ use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, Navigation
 use crate::parameters::ConfigError;
 use crate::scalar::{Scalar, lit};
 
-use super::GnssPositionUpdate;
-
 /// Standard deviation of the heading (rad) from which one linearisation is enough, and ...
 const HANDED_OVER_HEADING_STD: f64 = 0.035;
 /// ... the time (s) after which the filter goes on alone even above it.
@@ -33,6 +33,9 @@ const WATCHED_FOR_S: f64 = 60.0;
 const CARRIED_BY_S: f64 = 0.1;
 /// Weight below which a fix was not taken as stated.
 const FULL_WEIGHT: f64 = 0.55;
+/// Standard deviation of a lever arm that was measured, and of one of which nothing was said, m.
+const MEASURED_ARM_STD_M: f64 = 0.02;
+const UNKNOWN_ARM_STD_M: f64 = 0.1;
 
 /// The alignment as a GNSS/INS uses it.
 pub(super) type Alignment<T> = InMotionAlignment<T>;
@@ -88,10 +91,6 @@ pub(super) fn lever_arm_std<T: Scalar>(c: &GnssInsConfig<T>) -> T {
         })
     })
 }
-
-/// Standard deviation of a lever arm that was measured, and of one of which nothing was said, m.
-const MEASURED_ARM_STD_M: f64 = 0.02;
-const UNKNOWN_ARM_STD_M: f64 = 0.1;
 
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Takes a sample for the alignment to have once a fix says where to cut.

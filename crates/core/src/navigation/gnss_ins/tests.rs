@@ -691,6 +691,28 @@ fn a_ship_without_an_inertial_unit_is_carried_by_gyrocompass_and_log() {
 }
 
 #[test]
+fn without_an_inertial_unit_fixes_that_jump_for_good_are_followed() {
+    let ship = GnssInsConfig {
+        imu_samples: ImuSamples::None,
+        gap_velocity_random_walk: 0.1,
+        initial_heading: Some([0.0, 0.02]),
+        ..GnssInsConfig::<f64>::default()
+    };
+    let mut ins = GnssIns::<f64>::new(ship).unwrap();
+    let mut off = 0.0;
+    for k in 1..=120_i64 {
+        let time_ns = k * 1_000_000_000;
+        let jumped = if k > 60 { 2000.0 } else { 0.0 };
+        let ned = Vector3::new(5.0 * k as f64 + jumped, 0.0, 0.0);
+        ins.heading(time_ns, 0.0, 0.01);
+        ins.gnss_position(time_ns, &GnssPosition::new(ned, Vector3::repeat(1.0)));
+        off = (ins.state().unwrap().position - ned).norm();
+    }
+    assert!(off < 10.0, "{off}");
+    assert_eq!((ins.validity(), ins.realignments()), (Validity::Aided, 0));
+}
+
+#[test]
 fn single_precision_follows_double() {
     let (mut double, motion) = drive(config(), &Drive::default(), |_, _, _| ());
     let mut single = GnssIns::<f32, 64>::new(GnssInsConfig {

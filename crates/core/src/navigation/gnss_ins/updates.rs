@@ -44,7 +44,7 @@ const SLOWEST_M_S: f64 = 3.0;
 /// Standard deviation of a barometer's offset before anything is known, m.
 const UNKNOWN_OFFSET_STD_M: f64 = 100.0;
 
-/// What a position told, horizontally and vertically: each has its own gate.
+/// What a position told, horizontally and vertically: each has its own weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GnssPositionUpdate<T> {
     /// North and east, m.
@@ -127,7 +127,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         self.make_ready()?;
         let update = self.fuse_position(time_ns, fix, shares, repeated);
-        if !repeated && self.judge(time_ns, &update) && has_imu {
+        if has_imu && !repeated && self.judge(time_ns, &update) {
             self.align_again(time_ns, fix, shares);
         }
         Ok(update)
@@ -152,11 +152,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let variance = self.uncorrelated_variance(&white);
         let horizontal = {
             let m = self.position_rows(time_ns, &fix.ned, &variance, [0, 1]);
-            self.fuse_weighted(&m, 0, repeated)
+            self.fuse_weighted(&m, Aid::GnssPosition, repeated)
         };
         let vertical = if fix.has_height {
             let m = self.position_rows(time_ns, &fix.ned, &variance, [2]);
-            self.fuse_weighted(&m, 1, repeated)
+            self.fuse_weighted(&m, Aid::GnssHeight, repeated)
         } else {
             Innovation::skipped(SkipReason::NotUsed)
         };
@@ -249,10 +249,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         let variance = std.component_mul(&std);
         if fix.has_vertical {
             let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1, 2]);
-            self.fuse_weighted(&m, 2, false)
+            self.fuse_weighted(&m, Aid::GnssVelocity, false)
         } else {
             let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1]);
-            self.fuse_weighted(&m, 2, false)
+            self.fuse_weighted(&m, Aid::GnssVelocity, false)
         }
     }
 
@@ -474,7 +474,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
     }
 
-    fn fuse<const M: usize>(
+    pub(super) fn fuse<const M: usize>(
         &mut self,
         aid: Aid,
         measurement: &SparseMeasurement<T, M>,

@@ -6,7 +6,9 @@
 use nalgebra::Vector3;
 
 use super::inertial::STANDING_SPEED;
-use super::{ERRORS, ErrorListener, ErrorShares, GnssIns, GnssPositionUpdate, seconds};
+use super::{
+    Aid, ERRORS, ErrorListener, ErrorShares, GnssIns, GnssPositionUpdate, ImuSamples, seconds,
+};
 use crate::kalman::Innovation;
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::error_state::SparseMeasurement;
@@ -28,13 +30,16 @@ const SCALE_GAIN: f64 = 0.05;
 
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Fuses what a receiver measured, weighed by how far it is off, or left out where its weight is not full; learns the
-    /// scale of this number.
+    /// scale of its aid. Without inertial unit nothing could align it again: there the gate decides, which lets in what insists.
     pub(super) fn fuse_weighted<const M: usize>(
         &mut self,
         measurement: &SparseMeasurement<T, M>,
-        scale: usize,
+        aid: Aid,
         all_or_nothing: bool,
     ) -> Innovation<T> {
+        if self.config.imu_samples == ImuSamples::None {
+            return self.fuse(aid, measurement);
+        }
         let how = if all_or_nothing {
             Weighting::AllOrNothing
         } else if self.config.robust_weights {
@@ -44,7 +49,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         };
         let (side, listener) = (&mut self.memory.side, &mut self.listener);
         let record = self.filter.fuse_weighted(side, measurement, how, listener);
-        self.learn_scale(measurement, &record, scale);
+        self.learn_scale(measurement, &record, aid);
         record
     }
 
@@ -53,7 +58,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         &mut self,
         measurement: &SparseMeasurement<T, M>,
         record: &Innovation<T>,
-        which: usize,
+        aid: Aid,
     ) {
         if !record.outcome.is_fused() {
             return;
@@ -64,7 +69,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             share += measurement.variance[i] / record.covariance[(i, i)];
         }
         let excess = (record.nis / m).min(lit(4.0)) - T::one();
-        if let Some(scale) = self.memory.noise_scale.get_mut(which) {
+        if let Some(scale) = self.memory.noise_scale.get_mut(aid as usize) {
             *scale *= (excess * share / m * lit(SCALE_GAIN)).exp();
             let (least, largest) = (
                 self.config.least_noise_scale,
@@ -135,7 +140,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.memory.unfed_s = self.memory.history.duration_s(HISTORY);
         self.memory.aligning = true;
         self.memory.aligned_since_ns = None;
-        self.memory.disagreeing = DOUBTED_FROM;
+        self.memory.disagreeing = 0;
         self.align_with_position(time_ns, fix, shares);
     }
 
