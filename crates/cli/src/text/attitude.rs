@@ -31,6 +31,12 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
     if let Some(nees) = summary.nees_mean {
         sheet.row("uncertainty", nees_in_words(nees));
     }
+    let causes = summary
+        .findings
+        .iter()
+        .filter(|finding| finding.cause.is_mendable());
+    let causes: Vec<String> = causes.map(|finding| finding.sentence.clone()).collect();
+    sheet.sentences("look at first", &causes);
     let updates = &summary.updates;
     for (kind, counts) in [
         (SensorKind::Accelerometer, &updates.accelerometer),

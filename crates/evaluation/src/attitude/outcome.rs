@@ -11,6 +11,7 @@ use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::SensorVerdict;
 use crate::statistics::metrics::ErrorSummary;
 use crate::statistics::nis::{NisSummary, UpdateCounts};
+use crate::statistics::verdict::findings::Finding;
 use crate::used_parameters::{UsedCalibrations, UsedParameter};
 
 /// The outcome of one estimator on one recording. What does not apply is `None`, `null` in JSON.
@@ -42,6 +43,8 @@ pub struct RunSummary {
     pub nis: NisOf<NisSummary>,
     /// Whether each sensor's stated noise is consistent, in words.
     pub verdicts: Vec<SensorVerdict>,
+    /// What is wrong, the first to act on first: causes, and R last. Empty where nothing is.
+    pub findings: Vec<Finding>,
     /// What the sensors used cannot tell, in words.
     pub unobservable: Vec<String>,
     /// The profile of the parameters; `None` for what has no parameters.

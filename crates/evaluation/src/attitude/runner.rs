@@ -287,7 +287,7 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
             (SensorKind::CompassHeading, innovation)
         });
         for (sensor, innovation) in by_force.into_iter().chain(by_field).chain(by_compass) {
-            self.tally.updated(sensor, &innovation);
+            self.tally.updated(time_ns, sensor, &innovation);
             observer.innovation(&InnovationRecord {
                 time_ns,
                 time_s,

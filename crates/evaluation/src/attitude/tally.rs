@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use northing_core::attitude::Propagation;
 use northing_core::calibration::RestCalibration;
 use northing_core::kalman::Innovation;
-use northing_recording::SensorKind;
+use northing_recording::{Sample, SensorKind};
 
 use crate::attitude::field_watch::FieldWatch;
 use crate::attitude::final_test::FinalTest;
@@ -15,10 +15,11 @@ use crate::attitude::{
     EstimateRecord, EstimatorKind, Gaps, Instant, NisOf, PerSensor, RunOptions, RunSummary,
 };
 use crate::calibration::magnetometer::MagnetometerSource;
-use crate::statistics::consistency::{self, SensorVerdict};
+use crate::statistics::consistency::{self, JudgeBy, SensorVerdict};
 use crate::statistics::metrics::ErrorStatistics;
 use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
 use crate::statistics::seconds_between;
+use crate::statistics::verdict::Diagnosis;
 use crate::used_parameters::{Named, UsedCalibrations, UsedParameter, VERSION};
 
 /// Fewer zeros than this may be chance.
@@ -42,6 +43,7 @@ pub(crate) struct Tally {
     first_estimate_s: Option<f64>,
     watch: FieldWatch,
     rates: Rates,
+    diagnosis: Diagnosis,
     parameters: Vec<UsedParameter>,
     calibrations: UsedCalibrations,
 }
@@ -93,6 +95,7 @@ impl Tally {
         for kind in instant.sensors() {
             self.samples[kind.order()] += 1;
         }
+        self.diagnose(instant, force, field);
         self.present.accelerometer |= force.is_some_and(usable);
         self.present.magnetometer |= field.is_some_and(usable);
         self.final_test.measured(instant, field);
@@ -110,6 +113,23 @@ impl Tally {
             .is_some_and(|rate| rate.norm_squared().is_finite())
         {
             self.watch_gap(instant.time_ns);
+        }
+    }
+
+    /// Shows the samples of the sensors in use to what looks for causes.
+    fn diagnose(
+        &mut self,
+        instant: &Instant,
+        force: Option<Vector3<f64>>,
+        field: Option<Vector3<f64>>,
+    ) {
+        let samples = [
+            instant.angular_rate.map(Sample::AngularRate),
+            force.map(Sample::SpecificForce),
+            field.map(Sample::MagneticField),
+        ];
+        for sample in samples.iter().flatten() {
+            self.diagnosis.sample(instant.time_ns, sample);
         }
     }
 
@@ -143,7 +163,12 @@ impl Tally {
         }
     }
 
-    pub(crate) fn updated(&mut self, sensor: SensorKind, innovation: &Innovation<f64>) {
+    pub(crate) fn updated(
+        &mut self,
+        time_ns: i64,
+        sensor: SensorKind,
+        innovation: &Innovation<f64>,
+    ) {
         let (counts, nis) = match sensor {
             SensorKind::Accelerometer => (&mut self.updates.accelerometer, &mut self.nis[0]),
             SensorKind::CompassHeading => (&mut self.updates.compass, &mut self.nis[2]),
@@ -153,6 +178,7 @@ impl Tally {
         let fused = innovation.outcome.is_fused();
         self.present.compass |= fused && sensor == SensorKind::CompassHeading;
         nis.add(innovation);
+        self.diagnosis.innovation(time_ns, sensor, innovation);
     }
 
     /// Samples that went into a calibration instead of an update.
@@ -197,6 +223,7 @@ impl Tally {
             compass,
         };
         let error_deg = self.scores.summary();
+        let verdicts = self.verdicts(&nis, options);
         let mut unobservable = Vec::new();
         if runs_filter {
             let other = match options.sensors.magnetometer_source {
@@ -223,7 +250,11 @@ impl Tally {
                 compass: nis.compass.map(|n| n.mean),
             },
             final_test: self.final_test.summary(),
-            verdicts: self.verdicts(&nis, options),
+            findings: match runs_filter {
+                true => self.diagnosis.findings(&verdicts),
+                false => Vec::new(),
+            },
+            verdicts,
             nis,
             unobservable,
             magnetometer: (runs_filter && self.present.magnetometer)
@@ -294,7 +325,19 @@ impl Tally {
         let judged = judged
             .into_iter()
             .filter_map(|(sensor, nis, counts, lasts)| {
-                Some(consistency::judge(sensor, nis?, counts, lasts))
+                let by = JudgeBy {
+                    correlation_time_s: lasts,
+                    is_coarse: self.diagnosis.is_coarse(sensor),
+                };
+                let unexplained = self.diagnosis.unexplained(sensor).summary();
+                let judged =
+                    unexplained.filter(|left| 2 * left.samples > nis.map_or(0, |n| n.samples));
+                Some(consistency::judge(
+                    sensor,
+                    judged.as_ref().or(nis)?,
+                    counts,
+                    by,
+                ))
             });
         judged.collect()
     }

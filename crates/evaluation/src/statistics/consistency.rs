@@ -5,6 +5,10 @@
 //! unmoved by outliers and by a gate; its mean and its tails tell of outliers; its correlation from
 //! one sample to the next tells whether white noise is the right picture at all. As `S` is mostly
 //! the sensor's `R` once a filter has settled, that factor is named as the factor of `R`.
+//!
+//! Values on a grid coarser than the noise have no such distribution: NIS takes a few values, and its median is one of
+//! them. They are judged by the mean. What explains innovations better than R is found by
+//! [`verdict`](super::verdict), and named first.
 
 use northing_recording::SensorKind;
 use serde::Serialize;
@@ -25,6 +29,9 @@ pub enum NoiseVerdict {
     TooLarge,
     /// The bulk is as stated, but far more samples than chance allows are far out.
     Outliers,
+    /// The residuals say nothing about R: they are alike from one sample to the next for so long, or their values lie on a
+    /// grid that hides the noise.
+    Undetermined,
     /// Too few samples to tell.
     TooFew,
 }
@@ -40,6 +47,9 @@ pub struct SensorVerdict {
     /// By how much the variance of the bulk of the residuals differs from what was stated: 9 means
     /// that `R` is about 9 times too small. `None` with too few samples.
     pub variance_factor: Option<f64>,
+    /// 0 to 1: one less the probability that a consistent R shows as large a mean NIS by chance; for a consistent R that
+    /// probability.
+    pub confidence: f64,
     /// 95 % band of the mean NIS for consistent noise, widened for the residuals' correlation.
     pub mean_nis_band: [f64; 2],
     /// The verdict in sentences, the most important first.
@@ -52,6 +62,8 @@ const FEWEST_SAMPLES: u64 = 30;
 const CONSISTENT_FACTOR: f64 = 1.25;
 /// Correlation from one residual to the next above which white noise is the wrong picture.
 const STRONG_CORRELATION: f64 = 0.5;
+/// Independent samples that a mean NIS must be worth before correlated residuals are judged by it.
+const FEWEST_INDEPENDENT: f64 = 10.0;
 /// Share of refused samples above which the gate is named.
 const LARGE_GATED_SHARE: f64 = 0.05;
 
@@ -85,21 +97,38 @@ pub fn nees_in_words(nees: f64) -> String {
     format!("mean NEES {nees:.2} per degree of freedom (1 is ideal): {verdict}")
 }
 
-/// Judges one sensor; `correlation_time_s` is how long its errors are already taken to last.
+/// What is known of a sensor beside its NIS.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct JudgeBy {
+    /// How long its errors are already taken to last, s.
+    pub correlation_time_s: f64,
+    /// Whether its values lie on a grid that is coarser than the noise stated.
+    pub is_coarse: bool,
+}
+
+/// Judges one sensor.
 #[must_use]
 pub fn judge(
     sensor: SensorKind,
     nis: &NisSummary,
     counts: &UpdateCounts,
-    correlation_time_s: f64,
+    by: JudgeBy,
 ) -> SensorVerdict {
+    let correlation_time_s = by.correlation_time_s;
     let band = mean_band(nis);
     let median = chi_square_quantile(nis.degrees_of_freedom, 0.5);
-    let factor = nis.median / median;
-    let verdict = classify(nis, factor, band);
+    let factor = match by.is_coarse {
+        true => nis.mean / f64::from(nis.degrees_of_freedom.max(1)),
+        false => nis.median / median,
+    };
+    let verdict = match classify(nis, factor, band) {
+        // A value that repeats says nothing of the noise below its step.
+        NoiseVerdict::TooLarge if by.is_coarse => NoiseVerdict::Undetermined,
+        verdict => verdict,
+    };
     let enough = verdict != NoiseVerdict::TooFew;
-    let mut sentences = vec![main_sentence(sensor, nis, verdict, factor)];
-    if enough && is_correlated(nis) {
+    let mut sentences = vec![main_sentence(sensor, nis, verdict, factor, by.is_coarse)];
+    if enough && is_correlated(nis) && verdict != NoiseVerdict::Undetermined {
         sentences.push(correlation_sentence(sensor, nis, correlation_time_s));
     }
     if enough && counts.gated_share() > LARGE_GATED_SHARE {
@@ -112,7 +141,8 @@ pub fn judge(
     SensorVerdict {
         sensor,
         verdict,
-        variance_factor: enough.then_some(factor),
+        variance_factor: (enough && verdict != NoiseVerdict::Undetermined).then_some(factor),
+        confidence: confidence(nis, verdict),
         mean_nis_band: band,
         sentences,
     }
@@ -125,30 +155,27 @@ fn is_correlated(nis: &NisSummary) -> bool {
 fn classify(nis: &NisSummary, factor: f64, [low, high]: [f64; 2]) -> NoiseVerdict {
     let consistent = 1.0 / CONSISTENT_FACTOR..=CONSISTENT_FACTOR;
     let mean_factor = nis.mean / f64::from(nis.degrees_of_freedom.max(1));
+    let in_band = (low..=high).contains(&nis.mean);
     if nis.samples < FEWEST_SAMPLES {
         NoiseVerdict::TooFew
     } else if consistent.contains(&factor) && nis.mean > high && mean_factor > CONSISTENT_FACTOR {
         NoiseVerdict::Outliers
-    } else if consistent.contains(&factor)
-        // The band of correlated residuals is so wide that it excuses anything.
-        || (!is_correlated(nis) && (low..=high).contains(&nis.mean))
-    {
+    } else if is_correlated(nis) && nis.effective_samples < FEWEST_INDEPENDENT && in_band {
+        // The band is so wide that it excuses anything.
+        NoiseVerdict::Undetermined
+    } else if in_band || consistent.contains(&factor) || consistent.contains(&mean_factor) {
         NoiseVerdict::Consistent
-    } else if factor > 1.0 {
+    } else if mean_factor > 1.0 {
         NoiseVerdict::TooSmall
     } else {
         NoiseVerdict::TooLarge
     }
 }
 
-/// 95 % band of a mean of `n` NIS values. Residuals with correlation `c` from one to the next are
-/// worth fewer independent ones: their squares correlate as `c^2`, which leaves
-/// `n (1 - c^2) / (1 + c^2)`.
+/// 95 % band of a mean of NIS values that are worth [`NisSummary::effective_samples`] independent ones.
 fn mean_band(nis: &NisSummary) -> [f64; 2] {
-    let c2 = nis.lag1_autocorrelation.powi(2).min(1.0);
-    let independent = (nis.samples as f64 * (1.0 - c2) / (1.0 + c2)).max(1.0);
     let dof = f64::from(nis.degrees_of_freedom.max(1));
-    let total = independent * dof;
+    let total = nis.effective_samples.max(1.0) * dof;
     let bounds = match ChiSquared::new(total) {
         Ok(sum) if total < 1e4 => [0.025, 0.975].map(|p| sum.inverse_cdf(p) / total),
         // A sum of so many is normal to all figures that matter.
@@ -157,11 +184,25 @@ fn mean_band(nis: &NisSummary) -> [f64; 2] {
     bounds.map(|ratio| dof * ratio)
 }
 
+/// Of a verdict, from how likely a mean NIS as far off is.
+fn confidence(nis: &NisSummary, verdict: NoiseVerdict) -> f64 {
+    let dof = f64::from(nis.degrees_of_freedom.max(1));
+    let total = nis.effective_samples.max(1.0) * dof;
+    let below = ChiSquared::new(total).map_or(0.5, |sum| sum.cdf(nis.mean / dof * total));
+    let by_chance = 2.0 * below.min(1.0 - below);
+    match verdict {
+        NoiseVerdict::Consistent => by_chance,
+        NoiseVerdict::TooFew => 0.0,
+        _ => 1.0 - by_chance,
+    }
+}
+
 fn main_sentence(
     sensor: SensorKind,
     nis: &NisSummary,
     verdict: NoiseVerdict,
     factor: f64,
+    is_coarse: bool,
 ) -> String {
     let name = sensor.name();
     let your = if is_correlated(nis) {
@@ -190,6 +231,16 @@ fn main_sentence(
              (its standard deviation should be about {} times smaller).",
             rounded(1.0 / factor),
             rounded((1.0 / factor).sqrt())
+        ),
+        NoiseVerdict::Undetermined if is_coarse => format!(
+            "Your {name} R cannot be judged from below: the values come in steps that hide a smaller noise (mean NIS {:.2} for {}).",
+            nis.mean,
+            degrees_of_freedom(nis)
+        ),
+        NoiseVerdict::Undetermined => format!(
+            "Your {name} R cannot be judged: its residuals are strongly correlated ({:.2} from one sample to the next), so {} of \
+             them are worth {:.0}. Such errors last, and no R is consistent for them.",
+            nis.lag1_autocorrelation, nis.samples, nis.effective_samples
         ),
         NoiseVerdict::Outliers => format!(
             "{your} {name} R fits the bulk of the samples, but {:.1} % of them lie beyond the 99 % \
@@ -244,7 +295,7 @@ mod tests {
             SensorKind::Accelerometer,
             &nis,
             &UpdateCounts::default(),
-            0.0,
+            JudgeBy::default(),
         )
     }
 
@@ -301,7 +352,10 @@ mod tests {
             SensorKind::Accelerometer,
             &nis,
             &UpdateCounts::default(),
-            0.5,
+            JudgeBy {
+                correlation_time_s: 0.5,
+                ..JudgeBy::default()
+            },
         );
         assert!(
             stated.sentences[1].contains("time_s = 0.5 allows for it"),
@@ -324,7 +378,7 @@ mod tests {
             counts.add(outcome);
         }
         let nis = statistics.summary().unwrap();
-        let verdict = judge(SensorKind::Magnetometer, &nis, &counts, 0.0);
+        let verdict = judge(SensorKind::Magnetometer, &nis, &counts, JudgeBy::default());
         assert_eq!(verdict.verdict, NoiseVerdict::Outliers);
         assert!(
             verdict.sentences[0].contains("beyond the 99 % bound"),

@@ -7,12 +7,14 @@
 //! | "your accelerometer R is about 9 times too small" | [`consistency`] |
 //! | one step back of RTS smoothing, whatever the states | `rts_step.rs` |
 //! | a series of bounded length for plots | [`thinned`] |
+//! | the causes of a wrong verdict: holes, rounding, saturation, disturbance | [`verdict`] |
 
 pub mod consistency;
 pub mod metrics;
 pub mod nis;
 pub(crate) mod rts_step;
 pub mod thinned;
+pub mod verdict;
 
 /// Seconds from one stamp to another.
 pub(crate) fn seconds_between(from_ns: i64, to_ns: i64) -> f64 {

@@ -72,6 +72,9 @@ pub struct NisSummary {
     pub share_above_99: f64,
     /// Correlation of one residual with the next, -1 to 1; 0 when they are white.
     pub lag1_autocorrelation: f64,
+    /// Independent samples that the mean NIS is worth: fewer than `samples` where NIS values are alike from one to the
+    /// next, over however many samples that goes on.
+    pub effective_samples: f64,
 }
 
 /// Gathers the NIS of one sensor.
@@ -86,6 +89,7 @@ pub struct NisStatistics {
     last: Option<Vector3<f64>>,
     products: f64,
     squares: f64,
+    blocks: Blocks,
 }
 
 impl NisStatistics {
@@ -105,6 +109,7 @@ impl NisStatistics {
             *count += u64::from(innovation.nis > bound);
         }
         self.histogram.add(innovation.nis);
+        self.blocks.add(innovation.nis);
         self.correlate(innovation);
     }
 
@@ -137,7 +142,80 @@ impl NisStatistics {
             } else {
                 0.0
             },
+            effective_samples: self.blocks.effective_samples(),
         })
+    }
+}
+
+/// Means over blocks of 1, 2, 4, ... values, in constant memory: where values are alike over many samples, the means of long
+/// blocks scatter more than those of independent values would (Flyvbjerg & Petersen 1989).
+#[derive(Debug, Clone, Copy, Default)]
+struct Blocks {
+    levels: [Level; Blocks::LEVELS],
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Level {
+    waiting: Option<f64>,
+    count: u64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Level {
+    /// Takes a block's mean; gives that of two.
+    fn add(&mut self, value: f64) -> Option<f64> {
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.squares += before * (value - self.mean);
+        match self.waiting.take() {
+            Some(first) => Some(0.5 * (first + value)),
+            None => {
+                self.waiting = Some(value);
+                None
+            }
+        }
+    }
+
+    /// Variance of the mean of all.
+    fn variance_of_mean(&self) -> f64 {
+        let n = self.count as f64;
+        self.squares / (n * (n - 1.0).max(1.0))
+    }
+}
+
+impl Blocks {
+    const LEVELS: usize = 24;
+    /// With fewer blocks their scatter says nothing.
+    const FEWEST: u64 = 8;
+    /// A level whose scatter is within this many standard deviations of independent values' is taken to be theirs.
+    const BY_CHANCE: f64 = 3.0;
+
+    fn add(&mut self, value: f64) {
+        // One wild value must not decide how many samples the others are worth.
+        let mut mean = value.min(1e3);
+        for level in &mut self.levels {
+            match level.add(mean) {
+                Some(next) => mean = next,
+                None => return,
+            }
+        }
+    }
+
+    fn effective_samples(&self) -> f64 {
+        let single = &self.levels[0];
+        let n = single.count as f64;
+        let known = self
+            .levels
+            .iter()
+            .filter(|level| level.count >= Self::FEWEST);
+        let ratios = known.filter_map(|level| {
+            let ratio = level.variance_of_mean() / single.variance_of_mean();
+            let chance = 1.0 + Self::BY_CHANCE * (2.0 / level.count as f64).sqrt();
+            (ratio > chance).then_some(ratio)
+        });
+        (n / ratios.fold(1.0, f64::max)).max(1.0)
     }
 }
 
@@ -241,6 +319,24 @@ pub(crate) mod tests {
         assert!((summary.share_above_99 - 0.01).abs() < 0.003, "{summary:?}");
         assert!(summary.lag1_autocorrelation.abs() < 0.02, "{summary:?}");
         assert_eq!((summary.samples, summary.degrees_of_freedom), (20_000, 3));
+    }
+
+    /// An AR(1) process of correlation c has squares that correlate as c^2: n (1 - c^2) / (1 + c^2) of them are independent.
+    #[test]
+    fn samples_that_are_alike_are_worth_fewer() {
+        let worth = |correlation| {
+            of_noise(20_000, 1.0, correlation)
+                .summary()
+                .unwrap()
+                .effective_samples
+        };
+        assert!(worth(0.0) > 8000.0, "{}", worth(0.0));
+        let expected = 20_000.0 * (1.0 - 0.95_f64.powi(2)) / (1.0 + 0.95_f64.powi(2));
+        assert!(
+            (0.4..1.6).contains(&(worth(0.95) / expected)),
+            "{} of {expected}",
+            worth(0.95)
+        );
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use northing_recording::{Event, Sample, SensorKind};
 
 use super::aside::Aside;
-use super::resolution::Resolution;
+use northing_evaluation::statistics::verdict::resolution::Resolution;
 
 const SENSORS: usize = SensorKind::ALL.len();
 /// Rates are means over this long, ns.

@@ -1,7 +1,7 @@
 //! Consistency of the last seconds of innovations with the stated noise (NIS), in words: the lamps.
 
 use northing_core::kalman::Innovation;
-use northing_evaluation::statistics::consistency::{NoiseVerdict, judge};
+use northing_evaluation::statistics::consistency::{JudgeBy, NoiseVerdict, judge};
 use northing_evaluation::statistics::nis::{NisStatistics, UpdateCounts};
 use northing_recording::SensorKind;
 use serde::Serialize;
@@ -115,10 +115,19 @@ impl LampWindow {
 
     fn judge(&self) -> Option<Lamp> {
         let nis = self.old.0.summary()?;
-        let verdict = judge(self.sensor, &nis, &self.old.1, self.correlation_time_s);
+        let verdict = judge(
+            self.sensor,
+            &nis,
+            &self.old.1,
+            JudgeBy {
+                correlation_time_s: self.correlation_time_s,
+                is_coarse: false,
+            },
+        );
         let tone = match verdict.verdict {
             NoiseVerdict::Consistent => Tone::Good,
             NoiseVerdict::TooSmall => Tone::Bad,
+            NoiseVerdict::Undetermined => Tone::Info,
             _ => Tone::Warn,
         };
         Some(Lamp {

@@ -13,7 +13,6 @@ pub mod health;
 pub mod intake;
 pub mod lamp;
 pub mod magnetometer;
-pub mod resolution;
 pub mod span;
 pub mod track;
 

@@ -75,6 +75,7 @@ fn verdicts(summary: &RunSummary) -> Vec<Verdict> {
     let sensors = summary.verdicts.iter().map(|verdict| {
         let tone = match verdict.verdict {
             NoiseVerdict::Consistent => Tone::Good,
+            NoiseVerdict::Undetermined => Tone::Info,
             _ => Tone::Warn,
         };
         Verdict::new(tone, verdict.sentences.join(" "))
@@ -82,7 +83,14 @@ fn verdicts(summary: &RunSummary) -> Vec<Verdict> {
     let test = summary.final_test.as_ref().and_then(final_verdict);
     let unobservable = summary.unobservable.iter();
     let unobservable = unobservable.map(|text| Verdict::new(Tone::Warn, text.as_str()));
+    // R has the word of its sensor.
+    let causes = summary
+        .findings
+        .iter()
+        .filter(|finding| finding.cause.is_mendable());
+    let causes = causes.map(|finding| Verdict::new(Tone::Warn, finding.sentence.as_str()));
     nees.into_iter()
+        .chain(causes)
         .chain(sensors)
         .chain(test)
         .chain(unobservable)

@@ -23,6 +23,8 @@ pub struct Fact {
 pub enum Tone {
     /// As it should be.
     Good,
+    /// Good to know: nothing to judge.
+    Info,
     /// Worth a look.
     Warn,
     /// Wrong: results should not be trusted before it is mended.
@@ -63,6 +65,7 @@ impl Tone {
     pub(crate) const fn class_and_word(self) -> (&'static str, &'static str) {
         match self {
             Self::Good => ("good", "\u{2713} Good"),
+            Self::Info => ("info", "Note"),
             Self::Warn => ("warn", "! Look"),
             Self::Bad => ("bad", "\u{2717} Wrong"),
         }

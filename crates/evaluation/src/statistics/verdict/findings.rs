@@ -1,0 +1,340 @@
+//! The causes in words, in the order in which a user should act, R last.
+
+use northing_recording::SensorKind;
+use serde::Serialize;
+
+use super::Diagnosis;
+use super::excursions::Condition;
+use crate::statistics::consistency::{NoiseVerdict, SensorVerdict};
+use crate::statistics::seconds_between;
+
+/// What is wrong, in the order in which a user should act.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+#[serde(rename_all = "kebab-case")]
+pub enum Cause {
+    /// Samples of the gyroscope are missing while the device turned.
+    Hole,
+    /// A sensor was at the end of its range.
+    Saturation,
+    /// Samples come in bunches.
+    Bursts,
+    /// The gyroscope's bias changed.
+    BiasChange,
+    /// The accelerometer's axes are not those of the gyroscope.
+    Misalignment,
+    /// The measured gravity depends on the pose.
+    Scale,
+    /// The magnetic field was not the Earth's alone.
+    MagneticDisturbance,
+    /// The device was accelerated.
+    Acceleration,
+    /// Values lie on a grid that is coarser than the noise stated.
+    Rounding,
+    /// Intervals between samples vary.
+    Jitter,
+    /// Residuals are alike from one sample to the next: errors that last.
+    LastingErrors,
+    /// R does not fit the noise.
+    Noise,
+}
+
+impl Cause {
+    /// Whether it is something other than the stated noise, which a verdict on its sensor is about.
+    #[must_use]
+    pub const fn is_mendable(self) -> bool {
+        !matches!(self, Self::Noise | Self::LastingErrors)
+    }
+}
+
+/// A cause, with its number and a confidence.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+pub struct Finding {
+    /// What is wrong.
+    pub cause: Cause,
+    /// The sensor.
+    pub sensor: SensorKind,
+    /// 0 to 1: the share of the samples beyond the 99 % bound that it explains, or one less the probability that it is
+    /// chance.
+    pub confidence: f64,
+    /// In a sentence or two, with its number and what to do.
+    pub sentence: String,
+}
+
+/// A hole in which the device may have turned this far (rad) is named even where no innovation shows it: a compass
+/// is no better.
+const LARGE_HOLE_RAD: f64 = 0.05;
+/// A condition is named when it explains this share of the samples beyond their bound.
+const EXPLAINS: f64 = 0.3;
+/// Axes less than this apart (rad) are those of one chip as it is sold.
+const ONE_CHIP_RAD: f64 = 0.006;
+/// Gravity may differ by this share from pose to pose in an accelerometer as it is sold.
+const AS_SOLD: f64 = 0.01;
+
+impl Diagnosis {
+    /// The causes, the first to act on first; `verdicts` are those on the stated noise of this run.
+    #[must_use]
+    pub fn findings(&self, verdicts: &[SensorVerdict]) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        findings.extend(self.hole());
+        self.saturations(&mut findings);
+        self.from_rests(&mut findings);
+        findings.extend(self.disturbance());
+        findings.extend(self.acceleration());
+        self.stamps(&mut findings);
+        self.rounding(verdicts, &mut findings);
+        findings.extend(
+            verdicts
+                .iter()
+                .filter_map(|v| noise(v, self.is_coarse(v.sensor))),
+        );
+        findings.sort_by_key(|finding| finding.cause);
+        findings
+    }
+
+    fn explained(&self, condition: Condition) -> f64 {
+        [
+            &self.by_accelerometer,
+            &self.by_magnetometer,
+            &self.by_compass,
+        ]
+        .map(|updates| updates.excursions.share_explained_by(condition))
+        .into_iter()
+        .fold(0.0, f64::max)
+    }
+
+    fn hole(&self) -> Option<Finding> {
+        let worst = self.worst_hole?;
+        let explains = self.explained(Condition::Hole);
+        let angle = worst.angle_rad();
+        if angle < LARGE_HOLE_RAD && explains < EXPLAINS {
+            return None;
+        }
+        let count = self.gyroscope.timing.summary().holes;
+        let others = match count {
+            0 | 1 => String::new(),
+            n => format!(" It is the worst of {n}."),
+        };
+        Some(Finding {
+            cause: Cause::Hole,
+            sensor: SensorKind::Gyroscope,
+            confidence: explains.max(angle / (angle + LARGE_HOLE_RAD)),
+            sentence: format!(
+                "The gyroscope has a hole of {:.2} s at {:.1} s, while the device turned at {:.0} deg/s: it may have turned by \
+                 {:.0} deg that nobody measured.{others} Look for what interrupts the samples: power saving, the network, \
+                 a busy phone.",
+                worst.hole.seconds,
+                self.time_s(worst.hole.start_ns),
+                worst.rate_rad_s.to_degrees(),
+                angle.to_degrees(),
+            ),
+        })
+    }
+
+    fn saturations(&self, findings: &mut Vec<Finding>) {
+        let channels = [
+            (
+                SensorKind::Gyroscope,
+                &self.gyroscope,
+                180.0 / std::f64::consts::PI,
+                "deg/s",
+            ),
+            (
+                SensorKind::Accelerometer,
+                &self.accelerometer,
+                1.0,
+                "m/s\u{00b2}",
+            ),
+            (
+                SensorKind::Magnetometer,
+                &self.magnetometer,
+                1.0,
+                "\u{00b5}T",
+            ),
+        ];
+        for (sensor, channel, unit, name) in channels {
+            let Some((count, level)) = channel.saturation.found() else {
+                continue;
+            };
+            findings.push(Finding {
+                cause: Cause::Saturation,
+                sensor,
+                confidence: 1.0 - 0.5_f64.powi(count.min(50) as i32),
+                sentence: format!(
+                    "The {} was at the end of its range, {:.0} {name}, in {count} samples: what was beyond is lost. Choose a \
+                     larger range, or move more slowly.",
+                    sensor.name(),
+                    level * unit,
+                ),
+            });
+        }
+    }
+
+    fn from_rests(&self, findings: &mut Vec<Finding>) {
+        let chance = |sigmas: f64| 1.0 - (-0.5 * sigmas * sigmas).exp();
+        if let Some(change) = self.rests.bias_change() {
+            findings.push(Finding {
+                cause: Cause::BiasChange,
+                sensor: SensorKind::Gyroscope,
+                confidence: chance(change.sigmas),
+                sentence: format!(
+                    "The gyroscope's bias changed by {:.2} deg/s between the rests at {:.1} s and {:.1} s: a filter has to \
+                     learn it anew, and the heading is off until it has. Let it warm up, or rest more often.",
+                    change.rad_s.to_degrees(),
+                    self.time_s(change.before_ns),
+                    self.time_s(change.after_ns),
+                ),
+            });
+        }
+        if let Some(axes) = self
+            .rests
+            .misalignment()
+            .filter(|m| m.rotation.norm() > ONE_CHIP_RAD)
+        {
+            findings.push(Finding {
+                cause: Cause::Misalignment,
+                sensor: SensorKind::Accelerometer,
+                confidence: chance(axes.sigmas),
+                sentence: format!(
+                    "The accelerometer's axes are {:.1} deg off those of the gyroscope ({} turns between rests say so): two \
+                     chips on one board. Calibrate the board, or state a larger accelerometer_std.",
+                    axes.rotation.norm().to_degrees(),
+                    axes.turns,
+                ),
+            });
+        }
+        if let Some(scale) = self.rests.scale_error().filter(|s| s.share > AS_SOLD) {
+            findings.push(Finding {
+                cause: Cause::Scale,
+                sensor: SensorKind::Accelerometer,
+                confidence: chance(scale.sigmas),
+                sentence: format!(
+                    "At rest the accelerometer measures a gravity that differs by {:.1} % from pose to pose: its scale or its \
+                     bias is off. Calibrate it in six poses.",
+                    100.0 * scale.share,
+                ),
+            });
+        }
+    }
+
+    fn disturbance(&self) -> Option<Finding> {
+        let explains = self.explained(Condition::Disturbed);
+        let explained = self
+            .by_magnetometer
+            .excursions
+            .explained_by(Condition::Disturbed);
+        (explains > EXPLAINS).then(|| Finding {
+            cause: Cause::MagneticDisturbance,
+            sensor: SensorKind::Magnetometer,
+            confidence: explains,
+            sentence: format!(
+                "The strength of the magnetic field leaves its usual {:.0} \u{00b5}T{}: {} samples are off for that reason, and R has \
+                 nothing to do with it. Keep away from iron and magnets, or leave the magnetometer out.",
+                self.strength.mean,
+                self.from(explained.first_ns),
+                explained.beyond,
+            ),
+        })
+    }
+
+    fn acceleration(&self) -> Option<Finding> {
+        let explains = self.explained(Condition::Accelerated);
+        let explained = self
+            .by_accelerometer
+            .excursions
+            .explained_by(Condition::Accelerated);
+        (explains > EXPLAINS).then(|| Finding {
+            cause: Cause::Acceleration,
+            sensor: SensorKind::Accelerometer,
+            confidence: explains,
+            sentence: format!(
+                "The device was accelerated{}: {} accelerometer samples are not gravity alone, and R of a device at rest does not \
+                 fit them. State how long accelerations last (accelerometer_correlation_time_s), or take an estimator that \
+                 expects them (bounded-velocity).",
+                self.from(explained.first_ns),
+                explained.beyond,
+            ),
+        })
+    }
+
+    fn from(&self, first_ns: Option<i64>) -> String {
+        match (first_ns, self.first_ns) {
+            (Some(first), Some(start)) => {
+                format!(", first at {:.1} s", seconds_between(start, first))
+            }
+            _ => String::new(),
+        }
+    }
+
+    fn stamps(&self, findings: &mut Vec<Finding>) {
+        let timing = self.gyroscope.timing.summary();
+        let intervals = timing.intervals.max(1) as f64;
+        let bunches = timing.bursts as f64;
+        if bunches > 3.0 {
+            findings.push(Finding {
+                cause: Cause::Bursts,
+                sensor: SensorKind::Gyroscope,
+                confidence: 1.0 - 1.0 / bunches,
+                sentence: format!(
+                    "The gyroscope's samples come in bunches ({} pauses that are made up for at once): the stamps are those of \
+                     their arrival, not of the measurement. Take the sensor's own time.",
+                    timing.bursts,
+                ),
+            });
+        }
+        if timing.is_irregular() {
+            findings.push(Finding {
+                cause: Cause::Jitter,
+                sensor: SensorKind::Gyroscope,
+                confidence: 1.0 - 1.0 / intervals.sqrt(),
+                sentence: format!(
+                    "The intervals between gyroscope samples vary by {:.1} ms about {:.1} ms: if these are times of arrival, \
+                     a turn of 100 deg/s is off by {:.2} deg with each.",
+                    1e3 * timing.jitter_s,
+                    1e3 * timing.interval_s,
+                    100.0 * timing.jitter_s,
+                ),
+            });
+        }
+    }
+
+    fn rounding(&self, verdicts: &[SensorVerdict], findings: &mut Vec<Finding>) {
+        for verdict in verdicts {
+            let Some(step) = self.coarse_step(verdict.sensor) else {
+                continue;
+            };
+            let unit = match verdict.sensor {
+                SensorKind::Accelerometer => "m/s\u{00b2}",
+                _ => "\u{00b5}T",
+            };
+            findings.push(Finding {
+                cause: Cause::Rounding,
+                sensor: verdict.sensor,
+                confidence: 0.97,
+                sentence: format!(
+                    "The {} comes in steps of {step:.3} {unit}, coarser than the noise that is stated: steps alone are a noise of \
+                     {:.3} {unit}, and R should not be less than its square.",
+                    verdict.sensor.name(),
+                    step / 12.0_f64.sqrt(),
+                ),
+            });
+        }
+    }
+}
+
+/// What is left to the stated noise.
+fn noise(verdict: &SensorVerdict, is_coarse: bool) -> Option<Finding> {
+    let cause = match verdict.verdict {
+        NoiseVerdict::TooSmall | NoiseVerdict::TooLarge | NoiseVerdict::Outliers => Cause::Noise,
+        NoiseVerdict::Undetermined if is_coarse => return None,
+        NoiseVerdict::Undetermined => Cause::LastingErrors,
+        NoiseVerdict::Consistent | NoiseVerdict::TooFew => return None,
+    };
+    Some(Finding {
+        cause,
+        sensor: verdict.sensor,
+        confidence: verdict.confidence,
+        sentence: verdict.sentences.join(" "),
+    })
+}

@@ -1,0 +1,141 @@
+//! Saturation: an axis that stays at the largest value it ever shows while the other axes go on changing.
+
+use nalgebra::Vector3;
+
+/// Samples in a row at the end of the range that are no chance, ...
+const RUN: usize = 3;
+/// ... where the other axes change meanwhile by this share of the sensor's largest value, ...
+const CHANGE: f64 = 0.05;
+/// ... or so many in a row, where the other axes have not once repeated a value: their noise is larger than the steps of
+/// the values, so that of this axis would be, too.
+const LONG_RUN: usize = 10;
+/// The end of the range of an axis is no less than this share of the sensor's largest value.
+const LEVEL: f64 = 0.5;
+
+/// Watches the axes of one sensor.
+#[derive(Debug, Clone, Default)]
+pub struct Saturation {
+    last: Option<Vector3<f64>>,
+    largest: [f64; 3],
+    runs: [Run; 3],
+    saturated: u64,
+    /// The end of the range, as found last.
+    level: f64,
+}
+
+/// Samples of one axis that are alike, and the others meanwhile.
+#[derive(Debug, Clone, Copy, Default)]
+struct Run {
+    length: usize,
+    least: Vector3<f64>,
+    most: Vector3<f64>,
+    /// Whether another axis has repeated a value.
+    others_repeat: bool,
+    counted: bool,
+}
+
+impl Run {
+    fn go_on(&mut self, axis: usize, last: &Vector3<f64>, sample: &Vector3<f64>) {
+        if self.length == 0 {
+            *self = Self {
+                length: 1,
+                least: *last,
+                most: *last,
+                ..Self::default()
+            };
+        }
+        self.length += 1;
+        self.least = self.least.inf(sample);
+        self.most = self.most.sup(sample);
+        self.others_repeat |= (0..3).any(|other| other != axis && sample[other] == last[other]);
+    }
+
+    fn is_saturated(&self, largest: f64) -> bool {
+        let changed = (self.most - self.least).amax() > CHANGE * largest;
+        (self.length >= RUN && changed) || (self.length >= LONG_RUN && !self.others_repeat)
+    }
+}
+
+impl Saturation {
+    /// Takes the next sample; returns whether it is saturated. No range ends below `least`, in the sensor's unit: an axis that
+    /// passes the direction of gravity or of the field has its largest value there, too, and rounded values repeat.
+    pub fn add(&mut self, sample: &Vector3<f64>, least: f64) -> bool {
+        let mut is_saturated = false;
+        for axis in 0..3 {
+            self.largest[axis] = self.largest[axis].max(sample[axis].abs());
+        }
+        let largest = self.largest.into_iter().fold(0.0, f64::max);
+        for (axis, run) in self.runs.iter_mut().enumerate() {
+            let size = sample[axis].abs();
+            let at_end = size > least && size >= self.largest[axis].max(LEVEL * largest);
+            match self
+                .last
+                .filter(|last| at_end && last[axis] == sample[axis])
+            {
+                Some(last) => run.go_on(axis, &last, sample),
+                None => *run = Run::default(),
+            }
+            if run.is_saturated(largest) {
+                // The samples of the run before it was known to be one.
+                self.saturated += if run.counted {
+                    0
+                } else {
+                    run.length as u64 - 1
+                };
+                (run.counted, is_saturated, self.level) = (true, true, size);
+            }
+        }
+        self.last = Some(*sample);
+        self.saturated += u64::from(is_saturated);
+        is_saturated
+    }
+
+    /// Saturated samples, and the end of the range in the sensor's unit.
+    #[must_use]
+    pub fn found(&self) -> Option<(u64, f64)> {
+        (self.saturated > 0).then_some((self.saturated, self.level))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn swing(k: u32) -> Vector3<f64> {
+        let t = 0.01 * f64::from(k);
+        Vector3::new(
+            12.0 * (3.0 * t).sin(),
+            5.0 * (4.1 * t).cos(),
+            2.0 * (2.3 * t).sin(),
+        )
+    }
+
+    #[test]
+    fn a_clipped_axis_is_found_with_its_limit() {
+        let mut saturation = Saturation::default();
+        (0..1000).for_each(|k| {
+            saturation.add(&swing(k).map(|v| v.clamp(-8.73, 8.73)), 0.0);
+        });
+        let (count, level) = saturation.found().unwrap();
+        assert!(
+            count > 100 && (level - 8.73).abs() < 1e-12,
+            "{count} {level}"
+        );
+    }
+
+    #[test]
+    fn a_sensor_within_its_range_and_one_at_rest_are_not_saturated() {
+        let mut saturation = Saturation::default();
+        (0..1000).for_each(|k| {
+            saturation.add(&swing(k), 0.0);
+        });
+        assert_eq!(saturation.found(), None);
+        let mut resting = Saturation::default();
+        (0..1000).for_each(|k| {
+            // Rounded to 0.1 m/s^2.
+            let noise = if k % 7 == 0 { 0.1 } else { 0.0 };
+            resting.add(&Vector3::new(0.1, noise, 9.8), 0.0);
+        });
+        assert_eq!(resting.found(), None);
+    }
+}

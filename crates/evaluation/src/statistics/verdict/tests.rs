@@ -1,0 +1,222 @@
+//! Whole diagnoses: a filter over simulated samples with one thing wrong.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use northing_core::geometry::so3;
+use northing_recording::{Event, RecordingError, Sample};
+use northing_simulation::random::{normal_vector, stream};
+
+use super::findings::{Cause, Finding};
+use crate::attitude::kinds::EstimatorKind;
+use crate::attitude::options::RunOptions;
+use crate::attitude::parameters::Profile;
+use crate::attitude::runner::run;
+use crate::statistics::consistency::{NoiseVerdict, SensorVerdict};
+
+/// Noise of gyroscope, accelerometer and magnetometer, as the tests state it to the filter.
+const STD: [f64; 3] = [0.002, 0.05, 0.5];
+
+/// A device that is turned about changing axes at up to 1.5 rad/s, at 100 Hz, for 40 s; `change` makes the fault.
+fn samples(change: impl Fn(i64, f64, &mut [Vector3<f64>; 3]) -> bool) -> Vec<Event> {
+    let mut noise = stream(21, "verdict");
+    let mut attitude = UnitQuaternion::identity();
+    let mut events = Vec::new();
+    for k in 0..4000_i64 {
+        let t = k as f64 * 0.01;
+        let ease = (0.5 * (t - 2.0)).clamp(0.0, 1.0);
+        let rate = Vector3::new(
+            (0.7 * t).sin(),
+            0.8 * (0.43 * t).cos(),
+            0.7 * (0.31 * t).sin(),
+        ) * 1.5
+            * ease;
+        attitude *= so3::exp(&(rate * 0.01));
+        let down = attitude.inverse();
+        let mut three = [
+            rate,
+            down * Vector3::new(0.0, 0.0, 9.81),
+            down * Vector3::new(0.0, 20.0, -44.0),
+        ];
+        for (v, std) in three.iter_mut().zip(STD) {
+            *v += normal_vector(&mut noise, std);
+        }
+        if !change(k, t, &mut three) {
+            continue;
+        }
+        let time_ns = k * 10_000_000;
+        let [rate, force, field] = three;
+        events.extend(
+            [
+                Sample::AngularRate(rate),
+                Sample::SpecificForce(force),
+                Sample::MagneticField(field),
+            ]
+            .map(|sample| Event { time_ns, sample }),
+        );
+    }
+    events
+}
+
+fn diagnosed(events: Vec<Event>) -> (Vec<Finding>, Vec<SensorVerdict>) {
+    diagnosed_with(STD, events)
+}
+
+fn diagnosed_with(
+    [rate, force, field]: [f64; 3],
+    events: Vec<Event>,
+) -> (Vec<Finding>, Vec<SensorVerdict>) {
+    let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+    let stated = [
+        ("gyroscope_noise_density", rate * 0.1),
+        ("accelerometer_std", force),
+        ("magnetometer_std_ut", field),
+    ];
+    for (name, value) in stated {
+        options.set(&format!("{name}={value}")).unwrap();
+    }
+    let events = events.into_iter().map(Ok::<_, RecordingError>);
+    let summary = run(events, &options, &mut ()).unwrap();
+    (summary.findings, summary.verdicts)
+}
+
+fn first(findings: &[Finding]) -> Option<Cause> {
+    findings.first().map(|finding| finding.cause)
+}
+
+fn verdict_of(verdicts: &[SensorVerdict], index: usize) -> NoiseVerdict {
+    verdicts[index].verdict
+}
+
+#[test]
+fn a_good_recording_has_no_findings() {
+    let (findings, verdicts) = diagnosed(samples(|_, _, _| true));
+    assert_eq!(findings, []);
+    assert!(
+        verdicts
+            .iter()
+            .all(|v| v.verdict == NoiseVerdict::Consistent),
+        "{verdicts:?}"
+    );
+}
+
+#[test]
+fn a_hole_in_a_turn_is_named_with_its_time_and_r_is_not_blamed() {
+    let (findings, verdicts) = diagnosed(samples(|k, _, _| !(1640..1680).contains(&k)));
+    assert_eq!(first(&findings), Some(Cause::Hole), "{findings:?}");
+    let sentence = &findings[0].sentence;
+    assert!(
+        sentence.contains("a hole of 0.41 s at 16.4 s"),
+        "{sentence}"
+    );
+    assert!(
+        verdicts
+            .iter()
+            .all(|v| v.verdict == NoiseVerdict::Consistent),
+        "{verdicts:?}"
+    );
+    assert!(
+        findings.iter().all(|f| f.cause != Cause::Noise),
+        "{findings:?}"
+    );
+}
+
+#[test]
+fn a_gyroscope_at_the_end_of_its_range_is_named() {
+    let clip = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[0] = v[0].map(|w| w.clamp(-1.0, 1.0));
+        true
+    };
+    let (findings, _) = diagnosed(samples(clip));
+    assert_eq!(first(&findings), Some(Cause::Saturation), "{findings:?}");
+    assert!(
+        findings[0].sentence.contains("end of its range, 57 deg/s"),
+        "{}",
+        findings[0].sentence
+    );
+}
+
+/// A good sensor, rounded as browsers do, with the R that a calibration at rest finds: the step's own noise.
+#[test]
+fn values_rounded_to_a_tenth_do_not_make_r_too_large() {
+    let round = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[1] = v[1].map(|f| (f * 10.0).round() / 10.0);
+        true
+    };
+    let (findings, verdicts) = diagnosed_with([STD[0], 0.058, STD[2]], samples(round));
+    assert_eq!(
+        verdict_of(&verdicts, 0),
+        NoiseVerdict::Consistent,
+        "{verdicts:?}"
+    );
+    assert_eq!(first(&findings), Some(Cause::Rounding), "{findings:?}");
+    // At rest, with less noise than a step, the same value comes again and again.
+    let rest = |k: i64, t: f64, v: &mut [Vector3<f64>; 3]| {
+        let noise = Vector3::new((37.0 * t).sin(), (51.0 * t).cos(), (43.0 * t).sin()) * 0.01;
+        *v = [
+            noise * 0.1 + Vector3::repeat(1e-4 * (k % 3) as f64),
+            (Vector3::new(0.31, -0.12, 9.81) + noise).map(|f| (f * 10.0).round() / 10.0),
+            Vector3::new(0.0, 20.0, -44.0) + noise * 20.0,
+        ];
+        true
+    };
+    let (_, verdicts) = diagnosed_with([STD[0], 0.029, STD[2]], samples(rest));
+    assert_eq!(
+        verdict_of(&verdicts, 0),
+        NoiseVerdict::Undetermined,
+        "{verdicts:?}"
+    );
+}
+
+#[test]
+fn a_magnet_that_passes_is_named_and_r_is_not_blamed() {
+    let magnet = |_: i64, t: f64, v: &mut [Vector3<f64>; 3]| {
+        if (20.0..24.0).contains(&t) {
+            v[2] += Vector3::new(12.0, -9.0, 7.0);
+        }
+        true
+    };
+    let (findings, verdicts) = diagnosed(samples(magnet));
+    assert_eq!(
+        first(&findings),
+        Some(Cause::MagneticDisturbance),
+        "{findings:?}"
+    );
+    assert!(
+        findings[0].sentence.contains("first at 20."),
+        "{}",
+        findings[0].sentence
+    );
+    assert_eq!(
+        verdict_of(&verdicts, 1),
+        NoiseVerdict::Consistent,
+        "{verdicts:?}"
+    );
+}
+
+#[test]
+fn a_device_that_is_shaken_is_accelerated() {
+    let shaken = |_: i64, t: f64, v: &mut [Vector3<f64>; 3]| {
+        if (10.0..25.0).contains(&t) {
+            v[1] += Vector3::new((17.0 * t).sin(), (13.0 * t).cos(), (11.0 * t).sin()) * 3.0;
+        }
+        true
+    };
+    let (findings, _) = diagnosed(samples(shaken));
+    assert_eq!(first(&findings), Some(Cause::Acceleration), "{findings:?}");
+}
+
+#[test]
+fn noise_that_is_three_times_larger_is_blamed_on_r_and_nothing_else() {
+    let mut noise = stream(4, "more");
+    let more: Vec<_> = (0..4000)
+        .map(|_| normal_vector(&mut noise, 0.05 * 8.0_f64.sqrt()))
+        .collect();
+    let louder = |k: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[1] += more[k as usize];
+        true
+    };
+    let (findings, verdicts) = diagnosed(samples(louder));
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert_eq!(first(&findings), Some(Cause::Noise));
+    let factor = verdicts[0].variance_factor.unwrap();
+    assert!((7.0..11.0).contains(&factor), "{factor}");
+}
