@@ -329,15 +329,11 @@ impl Tally {
                     correlation_time_s: lasts,
                     is_coarse: self.diagnosis.is_coarse(sensor),
                 };
+                let all = nis?;
                 let unexplained = self.diagnosis.unexplained(sensor).summary();
-                let judged =
-                    unexplained.filter(|left| 2 * left.samples > nis.map_or(0, |n| n.samples));
-                Some(consistency::judge(
-                    sensor,
-                    judged.as_ref().or(nis)?,
-                    counts,
-                    by,
-                ))
+                let judged = unexplained.filter(|left| 2 * left.samples > all.samples);
+                let judged = judged.as_ref().unwrap_or(all);
+                Some(consistency::judge(sensor, judged, counts, by))
             });
         judged.collect()
     }

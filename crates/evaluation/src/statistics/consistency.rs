@@ -148,6 +148,38 @@ pub fn judge(
     }
 }
 
+/// A standard deviation off by more than this factor is named where errors are known to last, as those of fixes do.
+const FAR_OFF: f64 = 2.0;
+
+/// What the NIS of an aid of a navigation filter says, where its residuals are far from what was expected of them; `None`
+/// otherwise, and with too few samples to tell.
+#[must_use]
+pub fn aid_in_words(name: &str, nis: &NisSummary) -> Option<String> {
+    let [low, high] = mean_band(nis);
+    let off = (nis.mean / f64::from(nis.degrees_of_freedom.max(1))).sqrt();
+    let is_far = !(1.0 / FAR_OFF..=FAR_OFF).contains(&off);
+    if nis.samples < FEWEST_SAMPLES || (low..=high).contains(&nis.mean) || !is_far {
+        return None;
+    }
+    let (times, which) = if off > 1.0 {
+        (off, "larger")
+    } else {
+        (off.recip(), "smaller")
+    };
+    Some(format!(
+        "The residuals of {name} are about {} times {which} than the filter expects: mean NIS {} for {}.",
+        rounded(times),
+        significant(nis.mean),
+        degrees_of_freedom(nis)
+    ))
+}
+
+/// Two figures, however small.
+fn significant(value: f64) -> String {
+    let digits = (1.0 - value.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.digits$}")
+}
+
 fn is_correlated(nis: &NisSummary) -> bool {
     nis.lag1_autocorrelation > STRONG_CORRELATION
 }
@@ -407,6 +439,23 @@ mod tests {
         assert_eq!(
             [1.26, 3.02, 9.04, 12.4].map(rounded),
             ["1.3", "3", "9", "12"]
+        );
+    }
+
+    #[test]
+    fn an_aid_far_from_what_is_expected_of_it_is_named() {
+        let of = |std| of_noise(500, std, 0.0).summary().unwrap();
+        assert_eq!(aid_in_words("gnss-position", &of(1.0)), None);
+        assert_eq!(aid_in_words("gnss-position", &of(0.7)), None);
+        let small = aid_in_words("gnss-position", &of(0.07)).unwrap();
+        assert!(
+            small.contains("about 14 times smaller") && small.contains("mean NIS 0.015 for 3"),
+            "{small}"
+        );
+        let large = aid_in_words("gnss-velocity", &of(5.0)).unwrap();
+        assert!(
+            large.contains("times larger than the filter expects"),
+            "{large}"
         );
     }
 

@@ -9,7 +9,8 @@ use crate::page::table;
 use crate::page::table::{Cell, Column, Table};
 use northing_evaluation::navigation::score::{OutageScore, PositionScore};
 use northing_evaluation::navigation::trace::NavigationTrace;
-use northing_evaluation::navigation::{NavigationKind, NavigationSummary};
+use northing_evaluation::navigation::{AidKind, NavigationKind, NavigationSummary};
+use northing_evaluation::statistics::consistency::aid_in_words;
 use northing_evaluation::statistics::median;
 
 /// How the page is read.
@@ -276,8 +277,19 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
         };
         verdicts.push(Verdict::new(Tone::Warn, text));
     }
+    let aids = summary
+        .aids
+        .iter()
+        .filter(|(kind, _)| AidKind::MEASURED.contains(kind));
+    verdicts.extend(aids.filter_map(|(kind, aid)| {
+        let text = aid_in_words(kind.name(), aid.nis.as_ref()?)?;
+        Some(Verdict::new(Tone::Warn, text))
+    }));
     verdicts
 }
+
+/// A filter whose error is more than this share of that without a filter is no better.
+const NO_BETTER: f64 = 0.95;
 
 fn better_than_nothing(position: &PositionScore) -> Verdict {
     let own = position.horizontal_rmse_m;
@@ -299,15 +311,28 @@ fn better_than_nothing(position: &PositionScore) -> Verdict {
                 metres(value)
             ),
         ),
+        Some((name, value)) if NO_BETTER * value < own => Verdict::new(
+            Tone::Warn,
+            format!(
+                "No better than no filter: {} m horizontally, and {} m of {name}.",
+                metres(own),
+                metres(value)
+            ),
+        ),
         Some((name, value)) => Verdict::new(
-            Tone::Good,
+            // An error that is small beside an ellipse that does not hold it is nothing to rely on.
+            if position.inside_95 < *CONSISTENT.start() {
+                Tone::Info
+            } else {
+                Tone::Good
+            },
             format!(
                 "{} m horizontally where {name}, the better of the two answers without a filter, has {} m.",
                 metres(own),
                 metres(value)
             ),
         ),
-        None => Verdict::new(Tone::Good, format!("{} m horizontally.", metres(own))),
+        None => Verdict::new(Tone::Info, format!("{} m horizontally.", metres(own))),
     }
 }
 
@@ -438,5 +463,40 @@ pub fn validity_word(validity: Validity) -> &'static str {
         Validity::Aided => "aided",
         Validity::DeadReckoning => "dead-reckoning",
         Validity::Invalid => "invalid",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn score(own: f64, hold: f64, inside_95: f64) -> Vec<(Tone, String)> {
+        let position = PositionScore {
+            horizontal_rmse_m: own,
+            hold_rmse_m: Some(hold),
+            extrapolation_rmse_m: None,
+            inside_95,
+            vertical_rmse_m: None,
+            scored_fixes: 100,
+        };
+        [better_than_nothing(&position), consistency(&position)]
+            .map(|verdict| (verdict.tone, verdict.text))
+            .into()
+    }
+
+    #[test]
+    fn nothing_is_good_that_is_no_better_than_no_filter_or_stands_beside_an_ellipse_that_does_not_hold_it()
+     {
+        assert_eq!(score(1.0, 5.0, 0.95)[0].0, Tone::Good);
+        let same = &score(41.2, 41.3, 0.95)[0];
+        assert!(
+            same.0 == Tone::Warn && same.1.starts_with("No better than no filter"),
+            "{same:?}"
+        );
+        let both = score(1.0, 5.0, 0.0);
+        assert!(
+            both[0].0 == Tone::Info && both[1].0 == Tone::Bad,
+            "{both:?}"
+        );
     }
 }

@@ -72,6 +72,10 @@ const ONE_CHIP_RAD: f64 = 0.006;
 /// Gravity may differ by this share from pose to pose in an accelerometer as it is sold.
 const AS_SOLD: f64 = 0.01;
 
+/// Rounding is named where its noise is this share of what the filter expects of a residual: a calibration at rest
+/// states no less than it is.
+const ROUNDING_SHARE: f64 = 1.1;
+
 impl Diagnosis {
     /// The causes, the first to act on first; `verdicts` are those on the stated noise of this run.
     #[must_use]
@@ -301,9 +305,13 @@ impl Diagnosis {
 
     fn rounding(&self, verdicts: &[SensorVerdict], findings: &mut Vec<Finding>) {
         for verdict in verdicts {
-            let Some(step) = self.coarse_step(verdict.sensor) else {
+            let Some((step, std)) = self.coarse_step(verdict.sensor) else {
                 continue;
             };
+            let noise = step / 12.0_f64.sqrt();
+            if noise < ROUNDING_SHARE * std {
+                continue;
+            }
             let unit = match verdict.sensor {
                 SensorKind::Accelerometer => "m/s\u{00b2}",
                 _ => "\u{00b5}T",
@@ -313,10 +321,9 @@ impl Diagnosis {
                 sensor: verdict.sensor,
                 confidence: 0.97,
                 sentence: format!(
-                    "The {} comes in steps of {step:.3} {unit}, coarser than the noise that is stated: steps alone are a noise of \
-                     {:.3} {unit}, and R should not be less than its square.",
+                    "The {} comes in steps of {step:.3} {unit}: they alone are a noise of {noise:.3} {unit}, and R should not be \
+                     less than its square.",
                     verdict.sensor.name(),
-                    step / 12.0_f64.sqrt(),
                 ),
             });
         }

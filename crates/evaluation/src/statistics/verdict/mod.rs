@@ -234,12 +234,14 @@ impl Diagnosis {
     }
 
     /// The step of the grid on which a sensor's values lie, where it is larger than what the filter expects of a
-    /// residual: NIS then has no chi-square distribution, and its median says nothing.
+    /// residual: NIS then has no chi-square distribution, and its median says nothing. With what is expected, the standard
+    /// deviation of a component.
     #[must_use]
-    pub fn coarse_step(&self, sensor: SensorKind) -> Option<f64> {
+    pub fn coarse_step(&self, sensor: SensorKind) -> Option<(f64, f64)> {
         let (channel, updates) = self.of(sensor)?;
         let std = updates.std.0 / updates.std.1.max(1) as f64;
-        channel.resolution.step(sensor).filter(|step| *step > std)
+        let step = channel.resolution.step(sensor)?;
+        (step > std).then_some((step, std))
     }
 
     /// Whether a sensor's values hide its noise: they lie on a coarse grid, or mostly repeat to the last digit.

@@ -15,8 +15,12 @@
 use nalgebra::{Matrix3x4, Matrix4, UnitQuaternion, Vector3, Vector4};
 use northing_core::geometry::so3;
 
-/// A rest lasts at least this long, s: the mean of a window says the bias and the vertical.
+/// Means are made over windows of this length, s, ...
 const WINDOW_S: f64 = 0.5;
+/// ... and so many in a row that agree are a rest: a hand that is steady for a moment, or pans, does not agree.
+const WINDOWS: u32 = 4;
+/// Means agree within so many standard deviations.
+const AGREE: f64 = 3.5;
 /// Fewer samples are no window.
 const FEWEST: u32 = 10;
 /// A window rests when its rates and forces vary by less than so many times the least that any window showed, ...
@@ -31,14 +35,13 @@ const LEAST_TURN_RAD: f64 = 0.3;
 const QUIET_SHARE: f64 = 0.03;
 /// Standard deviation of a gyroscope's scale, before the turns say more.
 const SCALE_STD: f64 = 0.02;
-/// Windows of one rest turn by less than this (rad) against each other.
-const SAME_POSE_RAD: f64 = 0.01;
 /// A change is named when it is so many times its standard deviation.
 const SIGMAS: f64 = 6.0;
 
-/// The mean of a window at rest.
+/// The mean of windows at rest.
 #[derive(Debug, Clone, Copy)]
 struct Rest {
+    windows: u32,
     end_ns: i64,
     rate: Vector3<f64>,
     /// Variance of that mean, per axis.
@@ -46,6 +49,38 @@ struct Rest {
     force: Vector3<f64>,
     /// Variance of that mean, per axis.
     force_variance: f64,
+}
+
+impl Rest {
+    /// Whether a window is of the same rest.
+    fn agrees(&self, window: &Self) -> bool {
+        let far = |difference: Vector3<f64>, a: f64, b: f64| {
+            difference.norm_squared() > 3.0 * AGREE * AGREE * (a + b)
+        };
+        !far(
+            self.rate - window.rate,
+            self.rate_variance,
+            window.rate_variance,
+        ) && !far(
+            self.force - window.force,
+            self.force_variance,
+            window.force_variance,
+        )
+    }
+
+    fn and(&self, window: &Self) -> Self {
+        let n = f64::from(self.windows);
+        let mean = |a: Vector3<f64>, b: Vector3<f64>| (a * n + b) / (n + 1.0);
+        let variance = |a: f64, b: f64| (a * n * n + b) / ((n + 1.0) * (n + 1.0));
+        Self {
+            windows: self.windows + 1,
+            end_ns: window.end_ns,
+            rate: mean(self.rate, window.rate),
+            rate_variance: variance(self.rate_variance, window.rate_variance),
+            force: mean(self.force, window.force),
+            force_variance: variance(self.force_variance, window.force_variance),
+        }
+    }
 }
 
 /// A bias that changed from one rest to the next.
@@ -112,6 +147,9 @@ pub struct Rests {
     forces: Window,
     /// Least variances of any window.
     least: Option<[f64; 2]>,
+    /// Windows that agree so far.
+    quiet: Option<Rest>,
+    /// The last rest.
     rest: Option<Rest>,
     /// Turn of the body since the last rest, `last_from_now`.
     turn: UnitQuaternion<f64>,
@@ -171,28 +209,40 @@ impl Rests {
             && spread[1] < (QUIET_SHARE * forces.mean.norm()).powi(2)
             && spread[0] < SLOWEST_RAD_S * SLOWEST_RAD_S;
         if !quiet || rates.mean.norm() > SLOWEST_RAD_S {
+            self.quiet = None;
             return;
         }
         let now = Rest {
+            windows: 1,
             end_ns: time_ns,
             rate: rates.mean,
             rate_variance: (spread[0] / f64::from(rates.count)).max(1e-10),
             force: forces.mean,
             force_variance: (spread[1] / f64::from(forces.count)).max(1e-8),
         };
-        if let Some(before) = self.rest.replace(now) {
-            self.compare(&before, &now);
+        let chain = self.quiet.filter(|chain| chain.agrees(&now));
+        let Some(before) = chain else {
+            self.quiet = Some(now);
+            return;
+        };
+        self.repeats += 1;
+        self.repeated[0] += (now.rate - before.rate).norm_squared() / 3.0;
+        self.repeated[1] += (now.force - before.force).norm_squared() / 3.0;
+        let longer = before.and(&now);
+        self.quiet = Some(longer);
+        if longer.windows < WINDOWS {
+            return;
+        }
+        if let Some(last) = self.rest.replace(longer)
+            && longer.windows == WINDOWS
+        {
+            self.compare(&last, &longer);
         }
         self.turn = UnitQuaternion::identity();
-        self.weigh(&now);
+        self.weigh(&longer);
     }
 
     fn compare(&mut self, before: &Rest, now: &Rest) {
-        if self.turn.angle() < SAME_POSE_RAD {
-            self.repeats += 1;
-            self.repeated[0] += (now.rate - before.rate).norm_squared() / 3.0;
-            self.repeated[1] += (now.force - before.force).norm_squared() / 3.0;
-        }
         let change = (now.rate - before.rate).norm();
         let [by_rates, by_forces] = self.repeatability();
         let rate_variance = by_rates.max(now.rate_variance + before.rate_variance);
@@ -281,7 +331,7 @@ mod tests {
     use super::*;
     use northing_simulation::random::{normal_vector, stream};
 
-    /// Six poses, a second's rest in each, and turns of 2 s between them.
+    /// Six poses, 4 s of rest in each, and turns of 2 s between them.
     fn boards(misalignment: Vector3<f64>, scale: Vector3<f64>, jump: f64) -> Rests {
         let mut noise = stream(5, "rests");
         let mut rests = Rests::default();
@@ -295,13 +345,13 @@ mod tests {
         let mut attitude = UnitQuaternion::identity();
         let chip = so3::exp(&misalignment).inverse();
         let mut bias = Vector3::new(0.01, -0.02, 0.005);
-        for k in 0..1700_i64 {
-            let (leg, t) = ((k / 300) as usize, (k % 300) as f64 * 0.01);
+        for k in 0..3400_i64 {
+            let (leg, t) = ((k / 600) as usize, (k % 600) as f64 * 0.01);
             let rate = match axes.get(leg) {
-                Some(axis) if (1.0..3.0).contains(&t) => axis * 0.8,
+                Some(axis) if (4.0..6.0).contains(&t) => axis * 0.8,
                 _ => Vector3::zeros(),
             };
-            if k == 800 {
+            if k == 1750 {
                 bias.x += jump;
             }
             attitude *= so3::exp(&(rate * 0.01));
@@ -342,7 +392,7 @@ mod tests {
             .unwrap();
         assert!((jump.rad_s - 0.03).abs() < 2e-3, "{jump:?}");
         assert!(
-            (jump.before_ns..=jump.after_ns).contains(&8_000_000_000),
+            (jump.before_ns..=jump.after_ns).contains(&17_500_000_000),
             "{jump:?}"
         );
     }

@@ -65,6 +65,10 @@ impl Saturation {
             self.largest[axis] = self.largest[axis].max(sample[axis].abs());
         }
         let largest = self.largest.into_iter().fold(0.0, f64::max);
+        if largest * LEVEL > self.level {
+            // The range goes on beyond what looked like its end.
+            self.saturated = 0;
+        }
         for (axis, run) in self.runs.iter_mut().enumerate() {
             let size = sample[axis].abs();
             let at_end = size > least && size >= self.largest[axis].max(LEVEL * largest);
@@ -130,6 +134,17 @@ mod tests {
             saturation.add(&swing(k), 0.0);
         });
         assert_eq!(saturation.found(), None);
+        // Values that repeat while nothing moves yet are the largest so far, and not the end of the range.
+        let mut starting = Saturation::default();
+        (0..50).for_each(|k| {
+            let drift = 1e-5 * f64::from(k);
+            starting.add(&Vector3::new(0.001, drift, 0.5 * drift), 0.0);
+        });
+        assert!(starting.found().is_some());
+        (0..1000).for_each(|k| {
+            starting.add(&swing(k), 0.0);
+        });
+        assert_eq!(starting.found(), None);
         let mut resting = Saturation::default();
         (0..1000).for_each(|k| {
             // Rounded to 0.1 m/s^2.

@@ -142,11 +142,14 @@ fn values_rounded_to_a_tenth_do_not_make_r_too_large() {
         true
     };
     let (findings, verdicts) = diagnosed_with([STD[0], 0.058, STD[2]], samples(round));
+    assert_eq!(findings, []);
     assert_eq!(
         verdict_of(&verdicts, 0),
         NoiseVerdict::Consistent,
         "{verdicts:?}"
     );
+    // An R below what the steps alone are is a fault, and the steps are its cause.
+    let (findings, _) = diagnosed_with([STD[0], 0.01, STD[2]], samples(round));
     assert_eq!(first(&findings), Some(Cause::Rounding), "{findings:?}");
     // At rest, with less noise than a step, the same value comes again and again.
     let rest = |k: i64, t: f64, v: &mut [Vector3<f64>; 3]| {
