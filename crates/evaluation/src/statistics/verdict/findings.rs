@@ -13,6 +13,8 @@ use crate::statistics::seconds_between;
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Cause {
+    /// A sensor shows the same value all the time, while the device turns.
+    Stuck,
     /// Samples of the gyroscope are missing while the device turned.
     Hole,
     /// A sensor was at the end of its range.
@@ -72,6 +74,11 @@ const ONE_CHIP_RAD: f64 = 0.006;
 /// Gravity may differ by this share from pose to pose in an accelerometer as it is sold.
 const AS_SOLD: f64 = 0.01;
 
+/// A sensor is stuck when its values change in fewer than this share of at least so many samples, while the device turns by
+/// this much in all (rad): rounded values do not stay the same through that.
+const STUCK: f64 = 0.01;
+const FEWEST_STUCK: u64 = 100;
+const TURNED_RAD: f64 = 1.5;
 /// Rounding is named where its noise is this share of what the filter expects of a residual: a calibration at rest
 /// states no less than it is.
 const ROUNDING_SHARE: f64 = 1.1;
@@ -81,6 +88,7 @@ impl Diagnosis {
     #[must_use]
     pub fn findings(&self, verdicts: &[SensorVerdict]) -> Vec<Finding> {
         let mut findings = Vec::new();
+        self.stuck(&mut findings);
         findings.extend(self.hole());
         self.saturations(&mut findings);
         self.from_rests(&mut findings);
@@ -109,13 +117,14 @@ impl Diagnosis {
     }
 
     fn hole(&self) -> Option<Finding> {
-        let worst = self.worst_hole?;
+        let count = self.gyroscope.timing.summary().holes;
+        // What looked like holes may have turned out to be a new rate.
+        let worst = self.worst_hole.filter(|_| count > 0)?;
         let explains = self.explained(Condition::Hole);
         let angle = worst.angle_rad();
         if angle < LARGE_HOLE_RAD && explains < EXPLAINS {
             return None;
         }
-        let count = self.gyroscope.timing.summary().holes;
         let others = match count {
             0 | 1 => String::new(),
             n => format!(" It is the worst of {n}."),
@@ -134,6 +143,33 @@ impl Diagnosis {
                 angle.to_degrees(),
             ),
         })
+    }
+
+    fn stuck(&self, findings: &mut Vec<Finding>) {
+        let channels = [
+            (SensorKind::Accelerometer, &self.accelerometer),
+            (SensorKind::Magnetometer, &self.magnetometer),
+        ];
+        for (sensor, channel) in channels {
+            let moved = channel.samples - channel.repeated;
+            let share = moved as f64 / channel.samples.max(1) as f64;
+            if channel.samples < FEWEST_STUCK || share > STUCK || self.turned_rad < TURNED_RAD {
+                continue;
+            }
+            findings.push(Finding {
+                cause: Cause::Stuck,
+                sensor,
+                confidence: 1.0 - share,
+                sentence: format!(
+                    "The {} shows the same value in {} of {} samples, while the device turned by {:.0} deg in all: it is off \
+                     or stuck. Leave it out (--sensors).",
+                    sensor.name(),
+                    channel.repeated,
+                    channel.samples,
+                    self.turned_rad.to_degrees(),
+                ),
+            });
+        }
     }
 
     fn saturations(&self, findings: &mut Vec<Finding>) {

@@ -92,6 +92,8 @@ pub struct Diagnosis {
     worst_hole: Option<TurningHole>,
     /// When a condition was last met, ns.
     met: excursions::Met,
+    /// How far the device has turned in all, rad.
+    turned_rad: f64,
     /// Mean length of the specific force, m/s^2.
     gravity: Length,
     /// Mean strength of the field, microtesla.
@@ -175,6 +177,7 @@ impl Diagnosis {
     fn rate(&mut self, time_ns: i64, rate: &Vector3<f64>, sample: &Sample) {
         self.rests.rate(time_ns, rate);
         let before = self.gyroscope.last.map_or(0.0, |last| last.norm());
+        self.turned_rad += rate.norm() * self.gyroscope.timing.summary().interval_s;
         let (saturated, hole) = self.gyroscope.add(time_ns, rate, sample, 0.0);
         self.met
             .note(Condition::GyroscopeSaturated, saturated, time_ns);

@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::geometry::so3;
-use northing_recording::{Event, RecordingError, Sample};
+use northing_recording::{Event, RecordingError, Sample, SensorKind};
 use northing_simulation::random::{normal_vector, stream};
 
 use super::findings::{Cause, Finding};
@@ -192,6 +192,27 @@ fn a_magnet_that_passes_is_named_and_r_is_not_blamed() {
         verdict_of(&verdicts, 1),
         NoiseVerdict::Consistent,
         "{verdicts:?}"
+    );
+}
+
+#[test]
+fn a_magnetometer_that_is_all_one_value_is_named_first() {
+    let stuck = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[2] = Vector3::new(10.0, 20.0, -40.0);
+        true
+    };
+    let (findings, _) = diagnosed(samples(stuck));
+    assert_eq!(first(&findings), Some(Cause::Stuck), "{findings:?}");
+    assert_eq!(findings[0].sensor, SensorKind::Magnetometer);
+}
+
+#[test]
+fn a_sensor_that_changes_its_rate_has_no_holes() {
+    let slower = |k: i64, _: f64, _: &mut [Vector3<f64>; 3]| k < 2000 || k % 8 == 0;
+    let (findings, _) = diagnosed(samples(slower));
+    assert!(
+        findings.iter().all(|f| f.cause != Cause::Hole),
+        "{findings:?}"
     );
 }
 
