@@ -11,6 +11,7 @@
 //! | faults that wrap a sensor | [`faults`] |
 //! | a vessel and its manoeuvres | [`trajectory::vessel`] |
 //! | a person and a car with a 1 Hz receiver, for GNSS/INS | [`ground`] |
+//! | random boards with gyroscope, accelerometer, magnetometer, from desk to running | [`attitude_world`] |
 //! | random vehicles, units and receivers for GNSS/INS, wider than life | [`navigation_world`] |
 //! | scenarios as files, and the runs they describe | [`scenario`] |
 //! | arrays for Monte Carlo consistency tests of attitude filters | [`monte_carlo`] |
@@ -24,6 +25,7 @@
 //! estimators' geometry, so that the truth shares no code with what is tested against it. They use
 //! `libm` through nalgebra, so a seed gives the same numbers on every machine.
 
+pub mod attitude_world;
 pub mod faults;
 pub mod ground;
 pub mod monte_carlo;
@@ -33,6 +35,7 @@ mod rotation;
 pub mod scenario;
 pub mod sensors;
 mod settings;
+mod signals;
 pub mod trajectory;
 pub mod virtual_phone;
 pub mod world;

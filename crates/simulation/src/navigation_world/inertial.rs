@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::WorldClass;
 use super::motion::{Path, STEPS};
-use super::signals::{Draws, exponential, logarithm};
+use crate::signals::{Draws, exponential, logarithm};
 use crate::ground::GRAVITY_M_S2;
 use crate::rotation::{log, sin_cos};
 

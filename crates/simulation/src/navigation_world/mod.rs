@@ -20,7 +20,6 @@ mod description;
 mod inertial;
 mod motion;
 mod receiver;
-mod signals;
 
 #[cfg(test)]
 mod tests;
@@ -32,7 +31,7 @@ pub use inertial::{BiasJump, InertialUnit, WorldSample};
 pub use receiver::{CORRELATION_TIME_S, Fault, FaultKind, WorldFix, WorldReceiver};
 
 use self::motion::Path;
-use self::signals::Draws;
+use crate::signals::Draws;
 use crate::random::run_seed;
 
 /// What moves.

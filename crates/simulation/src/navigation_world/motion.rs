@@ -12,7 +12,7 @@ mod on_road;
 use nalgebra::{ComplexField, RealField, UnitQuaternion, Vector3};
 
 use super::WorldClass;
-use super::signals::Draws;
+use crate::signals::Draws;
 use crate::ground::GRAVITY_M_S2;
 use crate::rotation::exp;
 

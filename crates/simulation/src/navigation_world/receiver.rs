@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::WorldClass;
 use super::inertial::{InertialUnit, WorldSample};
 use super::motion::{Path, STEPS};
-use super::signals::{Draws, exponential, logarithm};
+use crate::signals::{Draws, exponential, logarithm};
 
 /// How long the correlated part of a position's error lasts, s.
 pub const CORRELATION_TIME_S: f64 = 60.0;

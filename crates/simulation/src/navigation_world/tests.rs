@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::motion::{Path, STEPS};
-use super::signals::Draws;
+use crate::signals::Draws;
 use super::*;
 use crate::ground::GRAVITY_M_S2;
 use crate::rotation::exp;

@@ -4,7 +4,7 @@ use core::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-use super::super::signals::{Draws, Schedule, Waves};
+use crate::signals::{Draws, Schedule, Waves};
 use super::{Planned, Vehicle, turned};
 
 /// A ship.

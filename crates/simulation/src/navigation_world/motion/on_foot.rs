@@ -2,7 +2,7 @@
 
 use core::f64::consts::{PI, TAU};
 
-use super::super::signals::{Draws, Schedule, Waves};
+use crate::signals::{Draws, Schedule, Waves};
 use super::{Planned, Vehicle, moving, turned};
 use crate::rotation::sin_cos;
 

@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 use nalgebra::RealField;
 
 use super::super::WorldClass;
-use super::super::signals::{Draws, Schedule, Waves};
+use crate::signals::{Draws, Schedule, Waves};
 use super::{Planned, Vehicle, moving, turned};
 use crate::ground::GRAVITY_M_S2;
 

@@ -1,6 +1,6 @@
-//! Random draws and smooth random signals that motions, units and receivers of the worlds are made of.
+//! Random draws and smooth random signals that motions and sensors of random worlds are made of.
 
-use core::f64::consts::TAU;
+use core::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::{ComplexField, UnitQuaternion, Vector3};
 use rand::RngExt as _;
@@ -9,90 +9,94 @@ use crate::random::{Stream, standard_normal, stream};
 use crate::rotation::{exp, sin_cos};
 
 /// Draws from one named stream.
-pub(super) struct Draws(pub(super) Stream);
+pub(crate) struct Draws(pub(crate) Stream);
 
 impl Draws {
-    pub(super) fn new(seed: u64, name: &str) -> Self {
+    pub(crate) fn new(seed: u64, name: &str) -> Self {
         Self(stream(seed, name))
     }
 
     /// Uniform between two bounds.
-    pub(super) fn uniform(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.0.random_range(0.0..1.0)
     }
 
     /// Uniform in the logarithm.
-    pub(super) fn log_uniform(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn log_uniform(&mut self, low: f64, high: f64) -> f64 {
         low * exponential(self.uniform(0.0, 1.0) * logarithm(high / low))
     }
 
     /// True with this probability.
-    pub(super) fn chance(&mut self, probability: f64) -> bool {
+    pub(crate) fn chance(&mut self, probability: f64) -> bool {
         self.uniform(0.0, 1.0) < probability
     }
 
     /// One of these, all alike.
-    pub(super) fn one_of<T: Copy>(&mut self, of: &[T]) -> T {
+    pub(crate) fn one_of<T: Copy>(&mut self, of: &[T]) -> T {
         of[self.0.random_range(0..of.len())]
     }
 
     /// Plus or minus one.
-    pub(super) fn sign(&mut self) -> f64 {
+    pub(crate) fn sign(&mut self) -> f64 {
         self.one_of(&[-1.0, 1.0])
     }
 
     /// Standard normal.
-    pub(super) fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         standard_normal(&mut self.0)
     }
 
     /// Three of them.
-    pub(super) fn normals(&mut self) -> Vector3<f64> {
+    pub(crate) fn normals(&mut self) -> Vector3<f64> {
         Vector3::new(self.normal(), self.normal(), self.normal())
     }
 
     /// A direction, uniform on the sphere.
-    pub(super) fn direction(&mut self) -> Vector3<f64> {
+    pub(crate) fn direction(&mut self) -> Vector3<f64> {
         let drawn = self.normals();
         // Three zeros at once do not happen; if they did, any direction would do.
         drawn.try_normalize(1e-9).unwrap_or_else(Vector3::x)
     }
 
     /// A horizontal direction, uniform on the circle.
-    pub(super) fn level_direction(&mut self) -> Vector3<f64> {
+    pub(crate) fn level_direction(&mut self) -> Vector3<f64> {
         let (sin, cos) = sin_cos(self.uniform(0.0, TAU));
         Vector3::new(cos, sin, 0.0)
     }
 
     /// Any rotation, uniform over all: a unit quaternion uniform on its sphere.
-    pub(super) fn rotation(&mut self) -> UnitQuaternion<f64> {
+    pub(crate) fn rotation(&mut self) -> UnitQuaternion<f64> {
         let (vector, scalar) = (self.normals(), self.normal());
         let drawn = nalgebra::Quaternion::from_parts(scalar, vector);
         UnitQuaternion::try_new(drawn, 1e-9).unwrap_or_else(UnitQuaternion::identity)
     }
 
     /// A rotation about a random axis with this standard deviation an axis, rad.
-    pub(super) fn small_rotation(&mut self, std: f64) -> UnitQuaternion<f64> {
+    pub(crate) fn small_rotation(&mut self, std: f64) -> UnitQuaternion<f64> {
         exp(&(self.normals() * std))
     }
 }
 
 /// `e^x`, from the same library on every machine.
-pub(super) fn exponential(x: f64) -> f64 {
+pub(crate) fn exponential(x: f64) -> f64 {
     ComplexField::exp(x)
 }
 
 /// The natural logarithm, likewise.
-pub(super) fn logarithm(x: f64) -> f64 {
+pub(crate) fn logarithm(x: f64) -> f64 {
     ComplexField::ln(x)
 }
 
-/// A sum of sines.
-pub(super) struct Waves(Vec<[f64; 3]>);
+/// A value with its first and second derivative in time.
+pub(crate) type Jet = [f64; 3];
+
+/// A sum of sines: amplitude, frequency (Hz), phase (rad).
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Waves(pub(crate) Vec<[f64; 3]>);
 
 impl Waves {
     /// So many of them with frequencies (Hz, uniform in the logarithm) and a root mean square of the sum that is at most `rms`.
-    pub(super) fn draw(draws: &mut Draws, count: usize, rms: f64, hz: [f64; 2]) -> Self {
+    pub(crate) fn draw(draws: &mut Draws, count: usize, rms: f64, hz: [f64; 2]) -> Self {
         let amplitude = rms * (2.0 / count.max(1) as f64).sqrt();
         let one = |_| {
             let share = draws.uniform(0.5, 1.0);
@@ -102,15 +106,37 @@ impl Waves {
         Self((0..count).map(one).collect())
     }
 
-    pub(super) fn value(&self, t: f64) -> f64 {
+    pub(crate) fn value(&self, t: f64) -> f64 {
         let one = |[amplitude, hz, phase]: &[f64; 3]| amplitude * sin_cos(TAU * hz * t + phase).0;
         self.0.iter().map(one).sum()
+    }
+
+    /// Value and derivatives.
+    pub(crate) fn jet(&self, t: f64) -> Jet {
+        let mut jet = [0.0; 3];
+        for [amplitude, hz, phase] in &self.0 {
+            let omega = TAU * hz;
+            let (sin, cos) = sin_cos(omega * t + phase);
+            jet[0] += amplitude * sin;
+            jet[1] += amplitude * omega * cos;
+            jet[2] -= amplitude * omega * omega * sin;
+        }
+        jet
+    }
+
+    /// The first derivative times a factor, which is a sum of sines, too.
+    pub(crate) fn derivative(&self, factor: f64) -> Self {
+        let one = |[amplitude, hz, phase]: &[f64; 3]| {
+            [factor * amplitude * TAU * hz, *hz, phase + FRAC_PI_2]
+        };
+        Self(self.0.iter().map(one).collect())
     }
 }
 
 /// A value that is held, goes smoothly to another, is held again: speed over a drive. Value, slope and curvature are
 /// continuous.
-pub(super) struct Schedule {
+#[derive(Debug, Clone)]
+pub(crate) struct Schedule {
     first: f64,
     /// From when, until when, to which value.
     changes: Vec<[f64; 3]>,
@@ -118,7 +144,7 @@ pub(super) struct Schedule {
 
 impl Schedule {
     /// One that begins with this value.
-    pub(super) const fn starting_at(first: f64) -> Self {
+    pub(crate) const fn starting_at(first: f64) -> Self {
         Self {
             first,
             changes: Vec::new(),
@@ -126,29 +152,55 @@ impl Schedule {
     }
 
     /// When the last change is over, s.
-    pub(super) fn end(&self) -> f64 {
+    pub(crate) fn end(&self) -> f64 {
         self.changes.last().map_or(0.0, |change| change[1])
     }
 
     /// Its last value.
-    pub(super) fn last(&self) -> f64 {
+    pub(crate) fn last(&self) -> f64 {
         self.changes.last().map_or(self.first, |change| change[2])
     }
 
     /// Holds for `hold` seconds, then goes to `value` in `ramp` seconds.
-    pub(super) fn then(&mut self, hold: f64, ramp: f64, value: f64) {
+    pub(crate) fn then(&mut self, hold: f64, ramp: f64, value: f64) {
         let from = self.end() + hold.max(0.0);
         self.changes.push([from, from + ramp.max(1e-3), value]);
     }
 
     /// The same, no steeper than `slope`.
-    pub(super) fn then_no_steeper(&mut self, hold: f64, slope: f64, value: f64) {
+    pub(crate) fn then_no_steeper(&mut self, hold: f64, slope: f64, value: f64) {
         // The quintic is 15/8 times as steep in the middle as on average.
         let ramp = 1.875 * (value - self.last()).abs() / slope;
         self.then(hold, ramp.max(1.0), value);
     }
 
-    pub(super) fn value(&self, t: f64) -> f64 {
+    /// Multiplies all its values.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        self.first *= factor;
+        self.changes.iter_mut().for_each(|change| change[2] *= factor);
+    }
+
+    /// Value and derivatives.
+    pub(crate) fn jet(&self, t: f64) -> Jet {
+        let next = self.changes.partition_point(|change| change[1] <= t);
+        let before = match next {
+            0 => self.first,
+            n => self.changes[n - 1][2],
+        };
+        let Some([from, until, after]) = self.changes.get(next) else {
+            return [before, 0.0, 0.0];
+        };
+        let (span, step) = (until - from, after - before);
+        let x = ((t - from) / span).clamp(0.0, 1.0);
+        let rest = 1.0 - x;
+        [
+            before + step * x * x * x * (10.0 + x * (6.0 * x - 15.0)),
+            step * 30.0 * x * x * rest * rest / span,
+            step * 60.0 * x * rest * (rest - x) / (span * span),
+        ]
+    }
+
+    pub(crate) fn value(&self, t: f64) -> f64 {
         let next = self.changes.partition_point(|change| change[1] <= t);
         let before = match next {
             0 => self.first,
@@ -200,6 +252,26 @@ mod tests {
             .sum::<Vector3<f64>>()
             / 4000.0;
         assert!(mean.norm() < 0.05, "{mean}");
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_values() {
+        let mut held = Schedule::starting_at(-1.0);
+        held.then(1.0, 2.0, 4.0);
+        held.then(0.5, 1.0, 0.0);
+        let waves = Waves::draw(&mut Draws::new(4, "test"), 3, 1.0, [0.1, 2.0]);
+        let slope = waves.derivative(2.0);
+        let h = 1e-4;
+        for k in 0..600 {
+            let t = 0.01 * f64::from(k) + 0.003;
+            for jet in [&|t| held.jet(t), &|t| waves.jet(t)] as [&dyn Fn(f64) -> Jet; 2] {
+                let (before, now, after) = (jet(t - h), jet(t), jet(t + h));
+                assert!(((after[0] - before[0]) / (2.0 * h) - now[1]).abs() < 1e-5, "{t}");
+                assert!(((after[1] - before[1]) / (2.0 * h) - now[2]).abs() < 1e-3, "{t}");
+            }
+            assert!((held.jet(t)[0] - held.value(t)).abs() < 1e-12);
+            assert!((slope.value(t) - 2.0 * waves.jet(t)[1]).abs() < 1e-9);
+        }
     }
 
     #[test]

@@ -1,0 +1,150 @@
+//! One world: every estimator and VQF on its samples, and what they estimated ten times a second.
+
+use northing_evaluation::attitude::{EstimateRecord, RunObserver};
+use northing_evaluation::{RunOptions, RunSummary, SensorSelection, run};
+use northing_recording::{Event, RecordingError};
+use northing_simulation::attitude_world::{AttitudeWorld, AttitudeWorldDescription, HeadingSource};
+use serde::Serialize;
+
+use super::cause::{self, Cause, Deviations};
+use super::score::{EstimatorScore, Moment, Verdicts, WorldInstant, WorldOutcome};
+use super::{Sensing, baseline};
+
+/// Between two instants that are scored, s.
+pub(super) const EVERY_S: f64 = 0.1;
+/// So long nothing is scored, s: an estimator finds its start.
+const SKIP_S: f64 = 5.0;
+
+/// What one estimator made of a world.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EstimatorRun {
+    /// How it is judged.
+    pub score: EstimatorScore,
+    /// Scored instants.
+    pub instants: Vec<WorldInstant>,
+}
+
+/// A world and what was made of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WorldRun {
+    /// What the world has.
+    pub description: AttitudeWorldDescription,
+    /// Every estimator and VQF, with all sensors and with gyroscope and accelerometer.
+    pub runs: Vec<EstimatorRun>,
+}
+
+impl WorldRun {
+    /// Runs estimators with these options in the world with this number.
+    #[must_use]
+    pub fn of(seed: u64, number: u64, options: &[RunOptions]) -> Self {
+        Self::in_world(&AttitudeWorld::draw(seed, number), options)
+    }
+
+    /// Runs estimators with these options in a world.
+    #[must_use]
+    pub fn in_world(world: &AttitudeWorld, options: &[RunOptions]) -> Self {
+        let description = &world.description;
+        let deviations = Deviations::of(description, &world.events);
+        let mut runs = Vec::new();
+        for sensing in sensings(description) {
+            for options in options {
+                let causes = cause::true_causes(description, &deviations, options, sensing);
+                runs.push(estimator(world, options, sensing, causes));
+            }
+            runs.push(vqf(world, sensing));
+        }
+        Self {
+            description: description.clone(),
+            runs,
+        }
+    }
+
+    /// How it is judged.
+    #[must_use]
+    pub fn outcome(self) -> WorldOutcome {
+        WorldOutcome::of(self)
+    }
+}
+
+/// Without a source of heading all sensors are gyroscope and accelerometer.
+fn sensings(world: &AttitudeWorldDescription) -> impl Iterator<Item = Sensing> + use<> {
+    let has_heading = !matches!(world.board.heading, HeadingSource::None);
+    let wanted = move |sensing: &Sensing| has_heading || *sensing == Sensing::Inertial;
+    Sensing::ALL.into_iter().filter(wanted)
+}
+
+/// Takes an estimate each tenth of a second.
+struct Watch {
+    next_s: f64,
+    moments: Vec<Moment>,
+}
+
+impl Watch {
+    const fn new() -> Self {
+        Self {
+            next_s: SKIP_S,
+            moments: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, moment: Moment) {
+        if moment.time_s + 1e-9 >= self.next_s {
+            self.next_s = (self.next_s + EVERY_S).max(moment.time_s + 0.5 * EVERY_S);
+            self.moments.push(moment);
+        }
+    }
+}
+
+impl RunObserver for Watch {
+    fn estimate(&mut self, record: &EstimateRecord) {
+        if let Some(reference) = record.reference {
+            self.take(Moment {
+                time_s: record.time_s,
+                estimate: record.attitude,
+                covariance: record.attitude_covariance,
+                truth: reference.attitude,
+            });
+        }
+    }
+}
+
+fn estimator(
+    world: &AttitudeWorld,
+    options: &RunOptions,
+    sensing: Sensing,
+    true_causes: Vec<Cause>,
+) -> EstimatorRun {
+    let mut options = options.clone();
+    if sensing == Sensing::Inertial {
+        options.sensors = inertial();
+    }
+    let mut watch = Watch::new();
+    let events = world.events.iter();
+    let events = events.map(|event| Ok::<Event, RecordingError>(*event));
+    // What cannot be run has no instants, and counts as such.
+    let summary = run(events, &options, &mut watch).ok();
+    let verdicts = |summary: RunSummary| Verdicts {
+        named: cause::named_cause(&summary),
+        blamed_inside_the_band: cause::blamed_inside_the_band(&summary),
+        true_causes,
+    };
+    let name = options.estimator.name();
+    let has_north = sensing.has_north(&world.description.board.heading);
+    EstimatorRun::of(name, sensing, has_north, &watch.moments, summary.map(verdicts))
+}
+
+fn inertial() -> SensorSelection {
+    let mut sensors = SensorSelection::default();
+    sensors.magnetometer = false;
+    sensors.compass = northing_evaluation::attitude::CompassUse::Never;
+    sensors
+}
+
+fn vqf(world: &AttitudeWorld, sensing: Sensing) -> EstimatorRun {
+    let mut watch = Watch::new();
+    baseline::estimates(&world.description, &world.events, sensing, |moment| {
+        watch.take(moment);
+    });
+    let has_north = baseline::has_north(&world.description, sensing);
+    EstimatorRun::of(baseline::NAME, sensing, has_north, &watch.moments, None)
+}
