@@ -5,8 +5,10 @@
 //! | [`radar`] | Wilthil & Brekke (2018) | Monte-Carlo campaigns of trackers on a ship whose own pose is uncertain |
 //! | [`observers`] | Iporre & Améstegui | attitude observers in cascade with position, against a quaternion EKF |
 //! | [`ground`] | Romaniuk & Gosiewski (2014) | GNSS/INS on simulated walks and drives |
+//! | [`attitude_worlds`] | none | attitude on random boards and motions: accuracy, coverage, verdicts |
 //! | [`navigation_worlds`] | none | GNSS/INS on random worlds: lost, worse than extrapolation, coverage, heading |
 
+pub mod attitude_worlds;
 pub mod ground;
 pub mod navigation_worlds;
 pub mod observers;

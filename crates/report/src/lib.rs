@@ -12,6 +12,7 @@
 //! | `comparison.rs`, `comparison_plots.rs` | sections and plots of [`ComparisonReport`] |
 //! | `calibration/` | pages about a magnetometer calibration and an Allan deviation |
 //! | `observers.rs` | the page of the experiment on observers in cascade |
+//! | `attitude_worlds.rs` | the page of attitude on random worlds |
 //! | `navigation_worlds.rs` | the page of GNSS/INS on random worlds |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
@@ -46,6 +47,7 @@ pub use attitude::run_page;
 pub use attitude::run_report::{FinalTest, RunReport, SensorUpdates};
 pub use calibration::allan::render as allan_html;
 pub use calibration::magnetometer::render as magnetometer_html;
+pub use experiments::attitude_worlds::render as attitude_worlds_html;
 pub use experiments::campaign_outcome;
 pub use experiments::navigation_worlds::render as navigation_worlds_html;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};

@@ -177,7 +177,9 @@ impl Schedule {
     /// Multiplies all its values.
     pub(crate) fn scale(&mut self, factor: f64) {
         self.first *= factor;
-        self.changes.iter_mut().for_each(|change| change[2] *= factor);
+        self.changes
+            .iter_mut()
+            .for_each(|change| change[2] *= factor);
     }
 
     /// Value and derivatives.
@@ -266,8 +268,14 @@ mod tests {
             let t = 0.01 * f64::from(k) + 0.003;
             for jet in [&|t| held.jet(t), &|t| waves.jet(t)] as [&dyn Fn(f64) -> Jet; 2] {
                 let (before, now, after) = (jet(t - h), jet(t), jet(t + h));
-                assert!(((after[0] - before[0]) / (2.0 * h) - now[1]).abs() < 1e-5, "{t}");
-                assert!(((after[1] - before[1]) / (2.0 * h) - now[2]).abs() < 1e-3, "{t}");
+                assert!(
+                    ((after[0] - before[0]) / (2.0 * h) - now[1]).abs() < 1e-5,
+                    "{t}"
+                );
+                assert!(
+                    ((after[1] - before[1]) / (2.0 * h) - now[2]).abs() < 1e-3,
+                    "{t}"
+                );
             }
             assert!((held.jet(t)[0] - held.value(t)).abs() < 1e-12);
             assert!((slope.value(t) - 2.0 * waves.jet(t)[1]).abs() < 1e-9);

@@ -1,5 +1,6 @@
 //! `northing experiment`: experiments of the literature, made again, and those of random worlds.
 
+mod attitude_worlds;
 mod navigation_worlds;
 mod observers;
 
@@ -18,6 +19,8 @@ pub(crate) struct ExperimentArgs {
 enum ExperimentCommand {
     /// Observers in cascade: is the rotation of an EKF worth its time?
     Observers(observers::ObserversArgs),
+    /// Attitude on random worlds: is it right, does it state its error, is the true cause named?
+    AttitudeWorlds(attitude_worlds::AttitudeWorldsArgs),
     /// GNSS/INS on random worlds: is it ever lost, and does it state its error?
     NavigationWorlds(navigation_worlds::NavigationWorldsArgs),
 }
@@ -26,6 +29,7 @@ enum ExperimentCommand {
 pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
     match &args.experiment {
         ExperimentCommand::Observers(args) => observers::execute(args),
+        ExperimentCommand::AttitudeWorlds(args) => attitude_worlds::execute(args),
         ExperimentCommand::NavigationWorlds(args) => navigation_worlds::execute(args),
     }
 }

@@ -1,4 +1,4 @@
-//! `experiment observers` on a few short flights, `experiment navigation-worlds` on a few worlds.
+//! `experiment observers` on a few short flights, `experiment navigation-worlds` and `attitude-worlds` on a few worlds.
 
 use crate::support::{Lab, contains};
 
@@ -174,5 +174,84 @@ fn random_worlds_that_are_not_there_are_said_in_one_line() {
     contains(
         &lab.refuses(&with(&["--world", "1", "--report", "w.html"])),
         &["w.html"],
+    );
+}
+
+#[test]
+fn random_boards_print_tables_or_one_document_and_a_report() {
+    let lab = Lab::new();
+    let with = |more: &[&'static str]| [&["experiment", "attitude-worlds"][..], more].concat();
+    let text = lab.succeeds(&with(&[
+        "--worlds",
+        "9",
+        "--estimator",
+        "mekf",
+        "--report",
+        "w.html",
+    ]));
+    contains(
+        &text,
+        &[
+            "9 worlds, seed 1, default parameters",
+            "gyroscope and accelerometer",
+            "mekf by motion, all sensors",
+            "slow-turns",
+            "vqf",
+            "true cause, and what is named",
+            "The worst of mekf",
+        ],
+    );
+    contains(
+        &lab.read("w.html"),
+        &["<svg", "does it state its error?", "true cause", "World "],
+    );
+    let document = lab.json(&with(&[
+        "--worlds",
+        "18",
+        "--motion",
+        "desk",
+        "--estimator",
+        "mekf",
+        "--estimator",
+        "usque",
+        "--set",
+        "accelerometer_std=0.5",
+        "--json",
+    ]));
+    assert_eq!(document["worlds"].as_array().unwrap().len(), 2);
+    let first = &document["estimators"][0];
+    assert_eq!(
+        (&first["estimator"], &first["sensing"]),
+        (&"mekf".into(), &"all".into())
+    );
+    assert!(first["total"]["tilt"]["pooled_coverage"].is_f64());
+    assert!(document["worlds"][0]["scores"][0]["true_causes"][0].is_string());
+
+    // One world, second by second.
+    let text = lab.succeeds(&with(&["--only", "13", "--estimator", "mekf"]));
+    contains(
+        &text,
+        &["World 13: swinging,", "Gyroscope:", "tilt error deg", "vqf"],
+    );
+}
+
+#[test]
+fn random_boards_that_are_not_there_are_said_in_one_line() {
+    let lab = Lab::new();
+    let with = |more: &[&'static str]| [&["experiment", "attitude-worlds"][..], more].concat();
+    contains(
+        &lab.refuses(&with(&["--motion", "flying"])),
+        &["no motion `flying`", "desk, ", "fast-turns"],
+    );
+    contains(&lab.refuses(&with(&["--worlds", "0"])), &["--worlds is 0"]);
+    contains(
+        &lab.refuses(&with(&[
+            "--first", "0", "--worlds", "1", "--motion", "drone",
+        ])),
+        &["no world of this motion"],
+    );
+    contains(
+        &lab.refuses(&with(&["--worlds", "1", "--set", "accelerometer_std=-1"])),
+        &["accelerometer_std"],
     );
 }

@@ -38,7 +38,7 @@ mod run;
 mod score;
 
 pub use cause::Cause;
-pub use outcome::{Confusion, EstimatorOutcome, GroupRow, WorldsOutcome};
+pub use outcome::{Confusion, EstimatorOutcome, GroupRow, StatedRow, WorldsOutcome};
 pub use run::{EstimatorRun, WorldRun};
 pub use score::{EstimatorScore, StatedScore, WorldInstant, WorldOutcome};
 

@@ -130,7 +130,13 @@ fn estimator(
     };
     let name = options.estimator.name();
     let has_north = sensing.has_north(&world.description.board.heading);
-    EstimatorRun::of(name, sensing, has_north, &watch.moments, summary.map(verdicts))
+    EstimatorRun::of(
+        name,
+        sensing,
+        has_north,
+        &watch.moments,
+        summary.map(verdicts),
+    )
 }
 
 fn inertial() -> SensorSelection {

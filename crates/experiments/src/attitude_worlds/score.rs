@@ -200,7 +200,9 @@ impl Judged {
         let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -zero) * moment.estimate;
         let error = AttitudeError::between(&turned, &moment.truth);
         let tilt_error = tilt_error(moment);
-        let world = moment.covariance.map(|body| world_covariance(moment, &body));
+        let world = moment
+            .covariance
+            .map(|body| world_covariance(moment, &body));
         let tilt = world.and_then(|world| whitened(&tilt_error, &world));
         let heading_std = world.and_then(|world| heading_std(&world, start));
         // Below a rounding error there is nothing to compare with.
@@ -290,7 +292,11 @@ impl StatedScore {
 
 /// How long errors with this correlation from one instant to the next last, s; at most three hours.
 fn correlation_time(products: f64, squares: f64) -> f64 {
-    let correlation = if squares > 0.0 { products / squares } else { 0.0 };
+    let correlation = if squares > 0.0 {
+        products / squares
+    } else {
+        0.0
+    };
     -EVERY_S / correlation.clamp(1e-6, 1.0 - 1e-5).ln()
 }
 

@@ -1,5 +1,6 @@
-//! Pages about experiments: Monte-Carlo campaigns, observers in cascade, GNSS/INS on random worlds.
+//! Pages about experiments: Monte-Carlo campaigns, observers in cascade, attitude and GNSS/INS on random worlds.
 
+pub(crate) mod attitude_worlds;
 pub(crate) mod campaign;
 pub mod campaign_outcome;
 pub(crate) mod navigation_worlds;

@@ -167,7 +167,12 @@ impl Board {
     fn accelerometer(rate_hz: f64, draws: &mut Draws) -> Triad {
         // Mostly on one chip with the gyroscope; else a rate and a time of its own.
         let own = draws.chance(0.3);
-        let rate_hz = rate_hz * if own { draws.one_of(&[0.5, 1.0, 1.0]) } else { 1.0 };
+        let rate_hz = rate_hz
+            * if own {
+                draws.one_of(&[0.5, 1.0, 1.0])
+            } else {
+                1.0
+            };
         let shift = if own { draws.uniform(0.0, 1.0) } else { 0.5 };
         let bias_std = draws.log_uniform(0.01, 0.1);
         Triad {

@@ -18,7 +18,10 @@ impl AttitudeWorldDescription {
         match self.fault {
             WorldFault::None => "no fault".to_owned(),
             WorldFault::GyroscopeNoise => {
-                format!("gyroscope noise {:.1e} rad/s/sqrt(Hz)", gyroscope.noise_density)
+                format!(
+                    "gyroscope noise {:.1e} rad/s/sqrt(Hz)",
+                    gyroscope.noise_density
+                )
             }
             WorldFault::AccelerometerNoise => {
                 let std = accelerometer.noise_std();
@@ -36,15 +39,23 @@ impl AttitudeWorldDescription {
                 gyroscope.step.to_degrees()
             ),
             WorldFault::Hole => {
-                let hole = |[from, until]: &[f64; 2]| format!("{:.2} s at {from:.1} s", until - from);
+                let hole =
+                    |[from, until]: &[f64; 2]| format!("{:.2} s at {from:.1} s", until - from);
                 let holes: Vec<_> = self.delivery.holes.iter().map(hole).collect();
                 format!("holes of {}", holes.join(", "))
             }
             WorldFault::Jitter => {
-                format!("jitter of {:.0} % of an interval", 100.0 * self.delivery.jitter)
+                format!(
+                    "jitter of {:.0} % of an interval",
+                    100.0 * self.delivery.jitter
+                )
             }
             WorldFault::Bunches => self.delivery.bunches.map_or_else(String::new, |bunches| {
-                let stamps = if bunches.one_stamp { "one stamp" } else { "stamps of arrival" };
+                let stamps = if bunches.one_stamp {
+                    "one stamp"
+                } else {
+                    "stamps of arrival"
+                };
                 format!("bunches of {} with {stamps}", bunches.samples)
             }),
             WorldFault::Saturation => format!(
@@ -54,13 +65,20 @@ impl AttitudeWorldDescription {
             ),
             WorldFault::MagneticDisturbance => {
                 self.disturbance.map_or_else(String::new, |magnet| {
-                    let goes = magnet.until_s.map_or_else(|| "stays".to_owned(), |t| format!("goes at {t:.0} s"));
+                    let goes = magnet
+                        .until_s
+                        .map_or_else(|| "stays".to_owned(), |t| format!("goes at {t:.0} s"));
                     let strength = norm(&magnet.field_ut);
-                    format!("magnet of {strength:.0} uT from {:.0} s, {goes}", magnet.from_s)
+                    format!(
+                        "magnet of {strength:.0} uT from {:.0} s, {goes}",
+                        magnet.from_s
+                    )
                 })
             }
             WorldFault::HardIron => match &self.board.heading {
-                HeadingSource::Magnetometer(triad) => format!("hard iron {:.0} uT", norm(&triad.bias)),
+                HeadingSource::Magnetometer(triad) => {
+                    format!("hard iron {:.0} uT", norm(&triad.bias))
+                }
                 _ => "hard iron".to_owned(),
             },
             WorldFault::Misalignment => format!("misalignment {:.1} deg", self.misalignment_deg()),

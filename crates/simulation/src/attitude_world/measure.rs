@@ -27,8 +27,7 @@ pub(super) struct Scene {
 impl Scene {
     /// Everything that is delivered, by stamp, and with each gyroscope sample the attitude at the instant it was taken.
     pub(super) fn events(&self, seed: u64) -> Vec<Event> {
-        let mut events = self.gyroscope(seed);
-        events.extend(self.accelerometer(seed));
+        let mut events = self.inertial(seed);
         match &self.board.heading {
             HeadingSource::Magnetometer(triad) => events.extend(self.magnetometer(triad, seed)),
             HeadingSource::Compass(compass) => events.extend(self.compass(compass, seed)),
@@ -57,45 +56,48 @@ impl Scene {
         let attitude = before.enu_from_body * exp(&(turn * 0.5));
         let acceleration = (after.velocity - before.velocity) / window_s;
         let up = Vector3::z() * self.gravity_m_s2;
-        [
-            turn / window_s,
-            attitude.inverse() * (acceleration + up),
-        ]
+        [turn / window_s, attitude.inverse() * (acceleration + up)]
     }
 
-    fn gyroscope(&self, seed: u64) -> Vec<Event> {
-        let triad = &self.board.gyroscope;
-        let mut errors = Errors::new(triad, seed, "gyroscope");
-        let schedule = self.schedule(triad.rate_hz, triad.first_s, &mut errors.timing);
-        let mut events = Vec::with_capacity(2 * schedule.len());
+    /// Gyroscope and accelerometer, with the truth beside the gyroscope. Their means are shared where both sample at the same
+    /// instants, which most do.
+    fn inertial(&self, seed: u64) -> Vec<Event> {
+        let (gyroscope, accelerometer) = (&self.board.gyroscope, &self.board.accelerometer);
+        let mut rates = Errors::new(gyroscope, seed, "gyroscope");
+        let mut forces = Errors::new(accelerometer, seed, "accelerometer");
+        let schedule = self.schedule(gyroscope.rate_hz, gyroscope.first_s, &mut rates.timing);
+        let mut seen = Vec::with_capacity(schedule.len());
+        let mut events = Vec::with_capacity(3 * schedule.len());
         for (time_s, time_ns) in schedule {
-            let [rate, _] = self.means(time_s, triad.window_s());
+            let [rate, force] = self.means(time_s, gyroscope.window_s());
+            seen.push((time_s, force));
             let jumped = self.bias_jump.filter(|jump| jump.time_s <= time_s);
             let jump = jumped.map_or_else(Vector3::zeros, |j| j.gyroscope_rad_s.into());
-            let measured = errors.measure(&rate, &jump);
-            let attitude = self.chain.at(time_s).enu_from_body;
             let reference = Reference {
-                attitude,
+                attitude: self.chain.at(time_s).enu_from_body,
                 scored: true,
             };
-            events.extend(
-                [Sample::AngularRate(measured), Sample::Reference(reference)]
-                    .map(|sample| Event { time_ns, sample }),
+            let samples = [
+                Sample::AngularRate(rates.measure(&rate, &jump)),
+                Sample::Reference(reference),
+            ];
+            events.extend(samples.map(|sample| Event { time_ns, sample }));
+        }
+        let (rate_hz, first_s) = (accelerometer.rate_hz, accelerometer.first_s);
+        let schedule = self.schedule(rate_hz, first_s, &mut forces.timing);
+        let same = rate_hz.to_bits() == gyroscope.rate_hz.to_bits();
+        for (k, (time_s, time_ns)) in schedule.into_iter().enumerate() {
+            let shared = seen
+                .get(k)
+                .filter(|(t, _)| same && t.to_bits() == time_s.to_bits());
+            let force = shared.map_or_else(
+                || self.means(time_s, accelerometer.window_s())[1],
+                |(_, force)| *force,
             );
+            let sample = Sample::SpecificForce(forces.measure(&force, &Vector3::zeros()));
+            events.push(Event { time_ns, sample });
         }
         events
-    }
-
-    fn accelerometer(&self, seed: u64) -> Vec<Event> {
-        let triad = &self.board.accelerometer;
-        let mut errors = Errors::new(triad, seed, "accelerometer");
-        let schedule = self.schedule(triad.rate_hz, triad.first_s, &mut errors.timing);
-        let event = |(time_s, time_ns): (f64, i64)| {
-            let [_, force] = self.means(time_s, triad.window_s());
-            let sample = Sample::SpecificForce(errors.measure(&force, &Vector3::zeros()));
-            Event { time_ns, sample }
-        };
-        schedule.into_iter().map(event).collect()
     }
 
     fn magnetometer(&self, triad: &Triad, seed: u64) -> Vec<Event> {

@@ -220,7 +220,9 @@ fn driving(seconds: f64, draws: &mut Draws) -> Chain {
         let road = draws.log_uniform(0.1, 1.5) / (TAU * 10.0);
         let engine = draws.log_uniform(0.02, 0.5) / (TAU * 35.0);
         let mut waves = Waves::draw(draws, 3, road, [7.0, 14.0]);
-        waves.0.extend(Waves::draw(draws, 2, engine, [25.0, 50.0]).0);
+        waves
+            .0
+            .extend(Waves::draw(draws, 2, engine, [25.0, 50.0]).0);
         *axis = Signal::waves(waves, &moving);
     }
     for axis in [Vector3::x(), Vector3::y()] {
@@ -296,7 +298,9 @@ fn turns(seconds: f64, rate_deg_s: [f64; 2], draws: &mut Draws) -> Chain {
         from_s = angle.end() + draws.uniform(pause[0], pause[1]);
     }
     for angle in angles {
-        chain.joints.push(free_joint(draws, Signal::held(angle), 0.1));
+        chain
+            .joints
+            .push(free_joint(draws, Signal::held(angle), 0.1));
     }
     chain
 }

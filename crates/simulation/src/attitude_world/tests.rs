@@ -43,7 +43,10 @@ fn a_seed_and_a_number_are_one_world() {
     for number in 0..36 {
         let world = AttitudeWorld::draw(5, number);
         let stamps = || world.events.iter().map(Event::place);
-        assert!(stamps().zip(stamps().skip(1)).all(|(a, b)| a <= b), "{number}");
+        assert!(
+            stamps().zip(stamps().skip(1)).all(|(a, b)| a <= b),
+            "{number}"
+        );
         assert!(world.events.iter().all(|event| event.sample.is_finite()));
         assert_eq!(world.description.motion, WorldMotion::of(number));
         let text = world.description.to_string();
@@ -63,8 +66,14 @@ fn integrated_rates_lead_from_one_attitude_to_the_next() {
             // A sample is the mean over its interval; the truth beside it is that of its middle.
             let [middle, end] = [0.5, 1.0].map(|x| scene.chain.at((k as f64 + x) / 500.0));
             attitude *= exp(&(rate / 500.0));
-            assert!(attitude.angle_to(&end.enu_from_body) < 1e-7, "{motion:?} at {k}");
-            assert!(truth[k].angle_to(&middle.enu_from_body) < 1e-12, "{motion:?} at {k}");
+            assert!(
+                attitude.angle_to(&end.enu_from_body) < 1e-7,
+                "{motion:?} at {k}"
+            );
+            assert!(
+                truth[k].angle_to(&middle.enu_from_body) < 1e-12,
+                "{motion:?} at {k}"
+            );
         }
     }
 }
@@ -82,7 +91,10 @@ fn integrated_forces_lead_from_one_velocity_to_the_next() {
             velocity += (attitude * force - gravity) / 500.0;
             let expected = scene.chain.at((k + 1) as f64 / 500.0).velocity;
             let off = (velocity - expected).norm();
-            assert!(off < 0.02 + 1e-3 * expected.norm(), "{motion:?} at {k}: {off}");
+            assert!(
+                off < 0.02 + 1e-3 * expected.norm(),
+                "{motion:?} at {k}: {off}"
+            );
         }
     }
 }
@@ -137,7 +149,10 @@ fn each_motion_is_as_lively_as_it_says() {
         };
         let within = |[low, high]: [f64; 2], value| (low..high).contains(&value);
         let seen = format!("{motion:?}: {rate} deg/s, {acceleration} m/s^2");
-        assert!(within(rates, rate) && within(accelerations, acceleration), "{seen}");
+        assert!(
+            within(rates, rate) && within(accelerations, acceleration),
+            "{seen}"
+        );
     }
 }
 
@@ -158,18 +173,32 @@ fn worlds_are_as_various_as_the_table_says() {
     };
     for fault in WorldFault::ALL {
         let having = share(&|w| w.fault == fault);
-        let expected = if fault == WorldFault::None { 0.2..0.45 } else { 0.015..0.09 };
+        let expected = if fault == WorldFault::None {
+            0.2..0.45
+        } else {
+            0.015..0.09
+        };
         assert!(expected.contains(&having), "{fault:?}: {having}");
     }
     let range = |of: &dyn Fn(&AttitudeWorldDescription) -> f64| {
         let values = worlds.iter().map(of);
-        values.fold([f64::INFINITY, 0.0], |[low, high], v: f64| [v.min(low), v.max(high)])
+        values.fold([f64::INFINITY, 0.0], |[low, high], v: f64| {
+            [v.min(low), v.max(high)]
+        })
     };
     let spans = |[low, high]: [f64; 2], from: f64, to: f64| {
         (from * 0.999..from * 1.2).contains(&low) && (to * 0.9..to * 1.001).contains(&high)
     };
-    assert!(spans(range(&|w| w.board.gyroscope.noise_density), 1e-5, 1e-2));
-    assert!(spans(range(&|w| w.board.accelerometer.noise_density), 2e-4, 0.4));
+    assert!(spans(
+        range(&|w| w.board.gyroscope.noise_density),
+        1e-5,
+        1e-2
+    ));
+    assert!(spans(
+        range(&|w| w.board.accelerometer.noise_density),
+        2e-4,
+        0.4
+    ));
     assert!(spans(range(&|w| w.board.gyroscope.rate_hz), 20.0, 500.0));
     assert!(spans(range(&|w| w.duration_s), 60.0, 120.0));
     let apart = range(&AttitudeWorldDescription::misalignment_deg);
@@ -177,13 +206,24 @@ fn worlds_are_as_various_as_the_table_says() {
     let scale = range(&|w| Vector3::from(w.board.accelerometer.scale_error).amax());
     assert!((0.038..=0.04).contains(&scale[1]), "{scale:?}");
     let near = |share: f64, expected: f64| (share - expected).abs() < 0.06;
-    assert!(near(share(&|w| w.board.heading.name() == "magnetometer"), 0.7));
+    assert!(near(
+        share(&|w| w.board.heading.name() == "magnetometer"),
+        0.7
+    ));
     assert!(near(share(&|w| w.board.heading.name() == "compass"), 0.17));
     assert!(share(&|w| w.disturbance.is_some_and(|d| d.until_s.is_none())) > 0.01);
-    let of_fault = |fault| worlds.iter().filter(move |w: &&AttitudeWorldDescription| w.fault == fault);
+    let of_fault = |fault| {
+        worlds
+            .iter()
+            .filter(move |w: &&AttitudeWorldDescription| w.fault == fault)
+    };
     assert!(of_fault(WorldFault::Hole).all(|w| !w.delivery.holes.is_empty()));
     let lengths = of_fault(WorldFault::Hole).flat_map(|w| &w.delivery.holes);
-    assert!(lengths.map(|[from, until]| until - from).all(|s| (0.0999..2.001).contains(&s)));
+    assert!(
+        lengths
+            .map(|[from, until]| until - from)
+            .all(|s| (0.0999..2.001).contains(&s))
+    );
     assert!(of_fault(WorldFault::HardIron).all(|w| w.board.heading.name() == "magnetometer"));
 }
 
@@ -194,7 +234,10 @@ fn world_with(fault: WorldFault, after: u64) -> AttitudeWorld {
 }
 
 fn stamps(world: &AttitudeWorld, kind: SensorKind) -> Vec<f64> {
-    let of_kind = world.events.iter().filter(|event| event.sample.kind() == kind);
+    let of_kind = world
+        .events
+        .iter()
+        .filter(|event| event.sample.kind() == kind);
     of_kind.map(|event| event.time_ns as f64 * 1e-9).collect()
 }
 
@@ -205,7 +248,12 @@ fn holes_bunches_and_jitter_are_in_the_stamps() {
         let times = stamps(&world, kind);
         for [from, until] in &world.description.delivery.holes {
             // The stamps jitter a little.
-            assert!(times.iter().all(|t| !(from + 1e-3..until - 1e-3).contains(t)), "{kind:?}");
+            assert!(
+                times
+                    .iter()
+                    .all(|t| !(from + 1e-3..until - 1e-3).contains(t)),
+                "{kind:?}"
+            );
         }
     }
     let world = world_with(WorldFault::Bunches, 0);
@@ -213,14 +261,22 @@ fn holes_bunches_and_jitter_are_in_the_stamps() {
     let bunches = world.description.delivery.bunches.unwrap();
     let close = times.windows(2).filter(|w| w[1] - w[0] < 2e-4).count() as f64;
     let expected = 1.0 - 1.0 / bunches.samples as f64;
-    assert!((close / times.len() as f64 - expected).abs() < 0.02, "{close} {expected}");
+    assert!(
+        (close / times.len() as f64 - expected).abs() < 0.02,
+        "{close} {expected}"
+    );
     let world = world_with(WorldFault::Jitter, 0);
     let interval = 1.0 / world.description.board.gyroscope.rate_hz;
     let times = stamps(&world, SensorKind::Gyroscope);
-    let squares = times.windows(2).map(|w| ((w[1] - w[0]) / interval - 1.0).powi(2));
+    let squares = times
+        .windows(2)
+        .map(|w| ((w[1] - w[0]) / interval - 1.0).powi(2));
     let spread = (0.5 * squares.sum::<f64>() / times.len() as f64).sqrt();
     let stated = world.description.delivery.jitter;
-    assert!((0.6..1.05).contains(&(spread / stated)), "{spread} {stated}");
+    assert!(
+        (0.6..1.05).contains(&(spread / stated)),
+        "{spread} {stated}"
+    );
 }
 
 #[test]
@@ -236,7 +292,11 @@ fn faults_are_in_the_samples() {
         let clipped = |triad: &Triad, kind| {
             let vectors = vectors(&world.events, kind);
             let clipped = |v: &&Vector3<f64>| v.amax() > triad.full_scale - triad.step;
-            assert!(vectors.iter().all(|v| v.amax() < triad.full_scale + triad.step));
+            assert!(
+                vectors
+                    .iter()
+                    .all(|v| v.amax() < triad.full_scale + triad.step)
+            );
             vectors.iter().filter(clipped).count()
         };
         let board = &world.description.board;
@@ -258,7 +318,10 @@ fn faults_are_in_the_samples() {
     let at = stamps(&world, SensorKind::Gyroscope).partition_point(|t| *t < jump.time_s);
     let mean = |rates: &[Vector3<f64>]| rates.iter().sum::<Vector3<f64>>() / rates.len() as f64;
     let seen = mean(&rates[at + 1..]) - mean(&rates[..at]);
-    assert!((seen - Vector3::from(jump.gyroscope_rad_s)).norm() < 2e-3, "{seen}");
+    assert!(
+        (seen - Vector3::from(jump.gyroscope_rad_s)).norm() < 2e-3,
+        "{seen}"
+    );
 }
 
 #[test]
@@ -307,7 +370,11 @@ fn a_compass_is_off_by_its_error_and_late() {
         let Sample::CompassHeading(heading) = event.sample else {
             continue;
         };
-        let top = scene.chain.at(event.time_ns as f64 * 1e-9 - 0.2).enu_from_body * Vector3::y();
+        let top = scene
+            .chain
+            .at(event.time_ns as f64 * 1e-9 - 0.2)
+            .enu_from_body
+            * Vector3::y();
         let off = (heading.heading_rad - top.x.atan2(top.y) + core::f64::consts::PI)
             .rem_euclid(core::f64::consts::TAU)
             - core::f64::consts::PI;

@@ -6,9 +6,9 @@ use serde::Serialize;
 
 use super::WorldClass;
 use super::motion::{Path, STEPS};
-use crate::signals::{Draws, exponential, logarithm};
 use crate::ground::GRAVITY_M_S2;
 use crate::rotation::{log, sin_cos};
+use crate::signals::{Draws, exponential, logarithm};
 
 /// Mean radius of the Earth, m.
 const EARTH_RADIUS_M: f64 = 6_371_000.0;

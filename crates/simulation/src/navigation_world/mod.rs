@@ -31,8 +31,8 @@ pub use inertial::{BiasJump, InertialUnit, WorldSample};
 pub use receiver::{CORRELATION_TIME_S, Fault, FaultKind, WorldFix, WorldReceiver};
 
 use self::motion::Path;
-use crate::signals::Draws;
 use crate::random::run_seed;
+use crate::signals::Draws;
 
 /// What moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -12,9 +12,9 @@ mod on_road;
 use nalgebra::{ComplexField, RealField, UnitQuaternion, Vector3};
 
 use super::WorldClass;
-use crate::signals::Draws;
 use crate::ground::GRAVITY_M_S2;
 use crate::rotation::exp;
+use crate::signals::Draws;
 
 /// Instants of the truth in one inertial interval.
 pub(super) const STEPS: usize = 2;

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 
 use super::motion::{Path, STEPS};
-use crate::signals::Draws;
 use super::*;
 use crate::ground::GRAVITY_M_S2;
 use crate::rotation::exp;
+use crate::signals::Draws;
 
 /// A path of a class with its unit and the truth, before any error.
 fn noiseless(class: WorldClass, seed: u64) -> (Path, InertialUnit, Vec<WorldSample>) {

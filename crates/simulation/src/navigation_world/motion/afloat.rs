@@ -4,8 +4,8 @@ use core::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-use crate::signals::{Draws, Schedule, Waves};
 use super::{Planned, Vehicle, turned};
+use crate::signals::{Draws, Schedule, Waves};
 
 /// A ship.
 pub(super) struct Ship {

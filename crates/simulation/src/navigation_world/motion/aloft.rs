@@ -4,8 +4,8 @@ use core::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-use crate::signals::{Draws, Schedule, Waves};
 use super::{Planned, Vehicle};
+use crate::signals::{Draws, Schedule, Waves};
 
 /// A multirotor: its thrust points where acceleration, gravity and the air's drag want it; heading is free.
 pub(super) struct Multirotor {

@@ -2,9 +2,9 @@
 
 use core::f64::consts::{PI, TAU};
 
-use crate::signals::{Draws, Schedule, Waves};
 use super::{Planned, Vehicle, moving, turned};
 use crate::rotation::sin_cos;
+use crate::signals::{Draws, Schedule, Waves};
 
 /// Somebody who walks with a unit in hand or pocket.
 pub(super) struct Pedestrian {

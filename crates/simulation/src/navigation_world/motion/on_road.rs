@@ -5,9 +5,9 @@ use core::f64::consts::PI;
 use nalgebra::RealField;
 
 use super::super::WorldClass;
-use crate::signals::{Draws, Schedule, Waves};
 use super::{Planned, Vehicle, moving, turned};
 use crate::ground::GRAVITY_M_S2;
+use crate::signals::{Draws, Schedule, Waves};
 
 /// How a vehicle meets the sideways force of a turn.
 #[derive(Clone, Copy, PartialEq)]
