@@ -93,7 +93,7 @@ fn perfect(motion: WorldMotion) -> AttitudeWorld {
     let worlds = (0..500).filter(|number| WorldMotion::of(*number) == motion);
     let mut world = (worlds.map(|number| AttitudeWorld::draw(2, number)))
         .find(fits)
-        .unwrap();
+        .expect("one of five hundred");
     let (gravity, field) = (world.description.gravity_m_s2, world.description.field_ut);
     let mut truth = None;
     for event in world.events.iter_mut().rev() {
@@ -102,7 +102,7 @@ fn perfect(motion: WorldMotion) -> AttitudeWorld {
             (Sample::Reference(reference), _) => truth = Some(reference.attitude),
             (Sample::SpecificForce(force), Some(q)) => *force = q.inverse() * up,
             (Sample::MagneticField(measured), Some(q)) => {
-                *measured = q.inverse() * nalgebra::Vector3::from(field)
+                *measured = q.inverse() * nalgebra::Vector3::from(field);
             }
             _ => {}
         }

@@ -142,6 +142,8 @@ fn stated_std(options: &RunOptions) -> [Option<f64>; 2] {
             None,
             Some(options.config.bounded_velocity.magnetometer_std_ut),
         ],
+        // It follows a filter that has both.
+        EstimatorKind::CascadeEkf => [Some(own.accelerometer_std), Some(own.magnetometer_std_ut)],
         kind if kind.info().has_covariance => {
             [Some(own.accelerometer_std), Some(own.magnetometer_std_ut)]
         }
@@ -175,6 +177,12 @@ pub fn named_cause(summary: &RunSummary) -> Cause {
         .filter_map(|v| named(v.verdict, v.sensor))
         .next()
         .unwrap_or(Cause::NONE)
+}
+
+/// Whether a run has verdicts at all: an observer without covariance is never green.
+#[must_use]
+pub fn has_verdicts(summary: &RunSummary) -> bool {
+    summary.estimator.info().has_covariance || !summary.verdicts.is_empty()
 }
 
 /// Whether a sensor is blamed while its mean NIS is in its band.

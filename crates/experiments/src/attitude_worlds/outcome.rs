@@ -142,7 +142,7 @@ impl WorldsOutcome {
         estimators.find(|of| of.estimator == name && of.sensing == sensing)
     }
 
-    /// The first estimator, of which details are told.
+    /// The first estimator, which the detailed tables are about.
     #[must_use]
     pub fn subject(&self) -> &'static str {
         let mut names = self.estimators.iter().map(|of| of.estimator);
@@ -225,6 +225,8 @@ impl GroupRow {
         };
         let count = |of: fn(&EstimatorScore) -> bool| scores().filter(|score| of(score)).count();
         let judged: Vec<bool> = scores().filter_map(EstimatorScore::is_right).collect();
+        let tilts: Vec<_> = scores().filter_map(|score| score.tilt).collect();
+        let headings: Vec<_> = scores().filter_map(|score| score.heading).collect();
         let right = judged.iter().filter(|right| **right).count();
         Self {
             group: name.to_owned(),
@@ -236,12 +238,8 @@ impl GroupRow {
             tilt_over_vqf: over_vqf(|score| score.tilt_rms_deg, false),
             heading_over_vqf: over_vqf(|score| score.heading_rms_deg, true),
             total_over_vqf: over_vqf(|score| score.total_rms_deg, true),
-            tilt: StatedRow::of(2, scores().filter_map(|score| score.tilt).collect(), shares),
-            heading: StatedRow::of(
-                1,
-                scores().filter_map(|score| score.heading).collect(),
-                shares,
-            ),
+            tilt: StatedRow::of(2, &tilts, shares),
+            heading: StatedRow::of(1, &headings, shares),
             green_beyond_five: count(EstimatorScore::is_green_beyond_five),
             blamed_inside_the_band: count(|score| score.blamed_inside_the_band),
             right_share: (!judged.is_empty()).then(|| right as f64 / judged.len() as f64),
@@ -250,7 +248,7 @@ impl GroupRow {
 }
 
 impl StatedRow {
-    fn of(freedom: u8, stated: Vec<StatedScore>, shares: &mut ConsistentShares) -> Option<Self> {
+    fn of(freedom: u8, stated: &[StatedScore], shares: &mut ConsistentShares) -> Option<Self> {
         let of = |of: fn(&StatedScore) -> f64| median(stated.iter().map(of).collect());
         let share = |of: &dyn Fn(&&StatedScore) -> bool| {
             stated.iter().filter(of).count() as f64 / stated.len() as f64

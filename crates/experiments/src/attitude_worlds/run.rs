@@ -1,6 +1,6 @@
 //! One world: every estimator and VQF on its samples, and what they estimated ten times a second.
 
-use northing_evaluation::attitude::{EstimateRecord, RunObserver};
+use northing_evaluation::attitude::{CompassUse, EstimateRecord, RunObserver};
 use northing_evaluation::{RunOptions, RunSummary, SensorSelection, run};
 use northing_recording::{Event, RecordingError};
 use northing_simulation::attitude_world::{AttitudeWorld, AttitudeWorldDescription, HeadingSource};
@@ -123,6 +123,7 @@ fn estimator(
     let events = events.map(|event| Ok::<Event, RecordingError>(*event));
     // What cannot be run has no instants, and counts as such.
     let summary = run(events, &options, &mut watch).ok();
+    let summary = summary.filter(cause::has_verdicts);
     let verdicts = |summary: RunSummary| Verdicts {
         named: cause::named_cause(&summary),
         blamed_inside_the_band: cause::blamed_inside_the_band(&summary),
@@ -140,10 +141,11 @@ fn estimator(
 }
 
 fn inertial() -> SensorSelection {
-    let mut sensors = SensorSelection::default();
-    sensors.magnetometer = false;
-    sensors.compass = northing_evaluation::attitude::CompassUse::Never;
-    sensors
+    SensorSelection {
+        magnetometer: false,
+        compass: CompassUse::Never,
+        ..SensorSelection::default()
+    }
 }
 
 fn vqf(world: &AttitudeWorld, sensing: Sensing) -> EstimatorRun {
