@@ -113,7 +113,7 @@ fn perfect(motion: WorldMotion) -> AttitudeWorld {
 #[test]
 fn with_perfect_forces_and_fields_everybody_is_right() {
     let options = few().options().unwrap();
-    let run = WorldRun::in_world(&perfect(WorldMotion::SlowTurns), &options);
+    let run = WorldRun::in_world(&perfect(WorldMotion::Walking), &options);
     for score in run.runs.iter().map(|run| &run.score) {
         let (tilt, heading) = (score.tilt_rms_deg.unwrap(), score.heading_rms_deg.unwrap());
         let name = (score.estimator, score.sensing);
