@@ -1,6 +1,6 @@
 //! VQF as the baseline (Laidig and Seel 2023), with its default parameters on the same samples.
 //!
-//! Its sampling time is the nominal one, as its users give it: jitter and bunches of stamps do not reach it. Only a hole is
+//! Its sampling time is the nominal one, as its users give it: jitter and bursts of stamps do not reach it. Only a hole is
 //! made good: the last rate is held over it.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -14,7 +14,7 @@ use super::score::Moment;
 /// Its name in tables.
 pub const NAME: &str = "vqf";
 
-/// Stamps further than this behind the nominal time are a hole, s and sampling intervals: no bunch is as late.
+/// Stamps further than this behind the nominal time are a hole, s and sampling intervals: no burst is as late.
 const HOLE: [f64; 2] = [0.09, 8.5];
 
 /// Whether it knows north there: it takes a magnetometer, no compass.
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bunches_keep_the_nominal_time_and_a_hole_is_made_good() {
+    fn bursts_keep_the_nominal_time_and_a_hole_is_made_good() {
         let mut clock = Clock::default();
         let stamps = (0..100).map(|k| 0.01 * f64::from(k / 8 * 8 + 7));
         let steps: Vec<_> = stamps.map(|t| clock.step(t, 0.01)).collect();

@@ -2,6 +2,7 @@
 
 use northing_evaluation::attitude::RunOptions;
 use northing_evaluation::statistics::consistency::NoiseVerdict;
+use northing_evaluation::statistics::verdict::findings;
 use northing_evaluation::{EstimatorKind, RunSummary};
 use northing_recording::{Event, Sample, SensorKind};
 use northing_simulation::attitude_world::{AttitudeWorldDescription, WorldFault};
@@ -24,6 +25,12 @@ pub enum Cause {
     MagnetometerRTooLarge,
     /// The compass's stated uncertainty is too small or too large.
     CompassR,
+    /// The device is accelerated by more than the accelerometer's `R` allows.
+    Acceleration,
+    /// Residuals are alike from one sample to the next.
+    LastingErrors,
+    /// A sensor shows one value.
+    Stuck,
 }
 
 impl Cause {
@@ -38,6 +45,9 @@ impl Cause {
             Self::AccelerometerRTooLarge => "accelerometer-r-large",
             Self::MagnetometerRTooLarge => "magnetometer-r-large",
             Self::CompassR => "compass-r",
+            Self::Acceleration => "acceleration",
+            Self::LastingErrors => "lasting-errors",
+            Self::Stuck => "stuck",
         }
     }
 }
@@ -103,10 +113,10 @@ pub(super) fn true_causes(
         return vec![Cause::Fault(world.fault)];
     }
     let mut causes = Vec::new();
-    let mut compare = |deviation: Option<f64>, std: Option<f64>, small, large| {
+    let mut compare = |deviation: Option<f64>, std: Option<f64>, small: &[Cause], large| {
         if let (Some(deviation), Some(std)) = (deviation, std) {
             if deviation > FITS * std {
-                causes.push(small);
+                causes.extend(small);
             } else if deviation * FITS < std {
                 causes.push(large);
             }
@@ -116,14 +126,18 @@ pub(super) fn true_causes(
     compare(
         deviations.accelerometer,
         accelerometer,
-        Cause::Fault(WorldFault::AccelerometerNoise),
+        // Without a fault of its noise it is the motion.
+        &[
+            Cause::Acceleration,
+            Cause::Fault(WorldFault::AccelerometerNoise),
+        ],
         Cause::AccelerometerRTooLarge,
     );
     if sensing == Sensing::All {
         compare(
             deviations.magnetometer,
             magnetometer,
-            Cause::Fault(WorldFault::MagnetometerNoise),
+            &[Cause::Fault(WorldFault::MagnetometerNoise)],
             Cause::MagnetometerRTooLarge,
         );
     }
@@ -151,32 +165,42 @@ fn stated_std(options: &RunOptions) -> [Option<f64>; 2] {
     }
 }
 
-/// What the verdicts of a run name first: holes, then what is odd about the field, then the sensors one by one.
+/// What a run names first.
 ///
-/// The one place that reads verdicts.
+/// The one place that reads findings and verdicts.
 #[must_use]
 pub fn named_cause(summary: &RunSummary) -> Cause {
-    if summary.gaps.count > 0 {
-        return Cause::Fault(WorldFault::Hole);
-    }
-    let of_field = |sentence: &String| sentence.contains("magnetic field");
-    if summary.issues.iter().any(of_field) {
-        return Cause::Fault(WorldFault::MagneticDisturbance);
-    }
-    let named = |verdict: NoiseVerdict, sensor| match (verdict, sensor) {
-        (NoiseVerdict::Consistent | NoiseVerdict::TooFew, _) => None,
-        (_, SensorKind::CompassHeading) => Some(Cause::CompassR),
-        (NoiseVerdict::TooLarge, SensorKind::Accelerometer) => Some(Cause::AccelerometerRTooLarge),
-        (NoiseVerdict::TooLarge, _) => Some(Cause::MagnetometerRTooLarge),
-        (_, SensorKind::Accelerometer) => Some(Cause::Fault(WorldFault::AccelerometerNoise)),
-        (NoiseVerdict::Outliers, _) => Some(Cause::Fault(WorldFault::MagneticDisturbance)),
-        (NoiseVerdict::TooSmall, _) => Some(Cause::Fault(WorldFault::MagnetometerNoise)),
+    let Some(first) = summary.findings.first() else {
+        return Cause::NONE;
     };
-    let verdicts = summary.verdicts.iter();
-    verdicts
-        .filter_map(|v| named(v.verdict, v.sensor))
-        .next()
-        .unwrap_or(Cause::NONE)
+    match first.cause {
+        findings::Cause::Stuck => Cause::Stuck,
+        findings::Cause::Hole => Cause::Fault(WorldFault::Hole),
+        findings::Cause::Saturation => Cause::Fault(WorldFault::Saturation),
+        findings::Cause::Bursts => Cause::Fault(WorldFault::Bursts),
+        findings::Cause::BiasChange => Cause::Fault(WorldFault::BiasJump),
+        findings::Cause::Misalignment => Cause::Fault(WorldFault::Misalignment),
+        findings::Cause::Scale => Cause::Fault(WorldFault::AccelerometerScale),
+        findings::Cause::MagneticDisturbance => Cause::Fault(WorldFault::MagneticDisturbance),
+        findings::Cause::Acceleration => Cause::Acceleration,
+        findings::Cause::Rounding => Cause::Fault(WorldFault::Rounding),
+        findings::Cause::Jitter => Cause::Fault(WorldFault::Jitter),
+        findings::Cause::LastingErrors => Cause::LastingErrors,
+        findings::Cause::Noise => noise(summary, first.sensor),
+    }
+}
+
+/// Which way the `R` of a sensor is off.
+fn noise(summary: &RunSummary, sensor: SensorKind) -> Cause {
+    let mut verdicts = summary.verdicts.iter();
+    let verdict = verdicts.find(|v| v.sensor == sensor).map(|v| v.verdict);
+    match (sensor, verdict) {
+        (SensorKind::CompassHeading, _) => Cause::CompassR,
+        (SensorKind::Accelerometer, Some(NoiseVerdict::TooLarge)) => Cause::AccelerometerRTooLarge,
+        (SensorKind::Accelerometer, _) => Cause::Fault(WorldFault::AccelerometerNoise),
+        (_, Some(NoiseVerdict::TooLarge)) => Cause::MagnetometerRTooLarge,
+        _ => Cause::Fault(WorldFault::MagnetometerNoise),
+    }
 }
 
 /// Whether a run has verdicts at all: an observer without covariance is never green.
@@ -194,9 +218,9 @@ pub fn blamed_inside_the_band(summary: &RunSummary) -> bool {
             SensorKind::CompassHeading => summary.nis.compass,
             _ => summary.nis.magnetometer,
         };
-        let blamed = !matches!(
+        let blamed = matches!(
             verdict.verdict,
-            NoiseVerdict::Consistent | NoiseVerdict::TooFew
+            NoiseVerdict::TooSmall | NoiseVerdict::TooLarge | NoiseVerdict::Outliers
         );
         let [low, high] = verdict.mean_nis_band;
         blamed && nis.is_some_and(|nis| (low..=high).contains(&nis.mean))

@@ -1,4 +1,4 @@
-//! How samples reach a filter: jitter of their stamps, bunches, holes.
+//! How samples reach a filter: jitter of their stamps, bursts, holes.
 
 use serde::Serialize;
 
@@ -6,10 +6,10 @@ use crate::signals::Draws;
 
 /// Samples that are delivered several at once.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Bunches {
+pub struct Bursts {
     /// How many.
     pub samples: usize,
-    /// Whether all of a bunch have one stamp, that of the last; else those of their arrival, a tenth of a millisecond
+    /// Whether all of a burst have one stamp, that of the last; else those of their arrival, a tenth of a millisecond
     /// apart.
     pub one_stamp: bool,
 }
@@ -20,12 +20,12 @@ pub struct Delivery {
     /// Standard deviation of stamps, as a part of the interval between samples.
     pub jitter: f64,
     /// Samples that are delivered together.
-    pub bunches: Option<Bunches>,
+    pub bursts: Option<Bursts>,
     /// From when until when no sensor delivers, s.
     pub holes: Vec<[f64; 2]>,
 }
 
-impl Bunches {
+impl Bursts {
     pub(super) fn draw(draws: &mut Draws) -> Self {
         Self {
             samples: draws.one_of(&[2, 3, 4, 5, 6, 8]),
@@ -39,7 +39,7 @@ impl Delivery {
     pub(super) fn draw(draws: &mut Draws) -> Self {
         Self {
             jitter: draws.log_uniform(1e-4, 0.02),
-            bunches: None,
+            bursts: None,
             holes: Vec::new(),
         }
     }
@@ -52,11 +52,11 @@ impl Delivery {
             time_s + jitter * interval_s
         };
         let mut stamps: Vec<f64> = times_s.iter().map(jittered).collect();
-        if let Some(bunches) = self.bunches {
-            for bunch in stamps.chunks_mut(bunches.samples) {
-                let arrival = bunch.last().copied().unwrap_or_default();
-                for (k, stamp) in bunch.iter_mut().enumerate() {
-                    let apart = if bunches.one_stamp { 0.0 } else { 1e-4 };
+        if let Some(bursts) = self.bursts {
+            for burst in stamps.chunks_mut(bursts.samples) {
+                let arrival = burst.last().copied().unwrap_or_default();
+                for (k, stamp) in burst.iter_mut().enumerate() {
+                    let apart = if bursts.one_stamp { 0.0 } else { 1e-4 };
                     *stamp = arrival + apart * k as f64;
                 }
             }

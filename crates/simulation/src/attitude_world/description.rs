@@ -50,13 +50,13 @@ impl AttitudeWorldDescription {
                     100.0 * self.delivery.jitter
                 )
             }
-            WorldFault::Bunches => self.delivery.bunches.map_or_else(String::new, |bunches| {
-                let stamps = if bunches.one_stamp {
+            WorldFault::Bursts => self.delivery.bursts.map_or_else(String::new, |bursts| {
+                let stamps = if bursts.one_stamp {
                     "one stamp"
                 } else {
                     "stamps of arrival"
                 };
-                format!("bunches of {} with {stamps}", bunches.samples)
+                format!("bursts of {} with {stamps}", bursts.samples)
             }),
             WorldFault::Saturation => format!(
                 "full scale {:.0} deg/s and {:.0} m/s^2",

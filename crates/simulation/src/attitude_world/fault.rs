@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::board::{Board, HeadingSource};
 use super::chain::Chain;
-use super::delivery::{Bunches, Delivery};
+use super::delivery::{Bursts, Delivery};
 use super::measure::Scene;
 use super::{BiasJump, MagneticDisturbance, WorldMotion};
 use crate::rotation::{exp, log};
@@ -29,8 +29,8 @@ pub enum WorldFault {
     Hole,
     /// Stamps jitter by a tenth to four tenths of an interval.
     Jitter,
-    /// Samples come in bunches of two to eight, with one stamp or with those of their arrival.
-    Bunches,
+    /// Samples come in bursts of two to eight, with one stamp or with those of their arrival.
+    Bursts,
     /// The motion exceeds the full scale of gyroscope or accelerometer.
     Saturation,
     /// A magnet of 10 to 60 microtesla comes, and stays or goes.
@@ -55,7 +55,7 @@ impl WorldFault {
         Self::Rounding,
         Self::Hole,
         Self::Jitter,
-        Self::Bunches,
+        Self::Bursts,
         Self::Saturation,
         Self::MagneticDisturbance,
         Self::HardIron,
@@ -78,7 +78,7 @@ impl WorldFault {
             Self::Rounding => "rounding",
             Self::Hole => "hole",
             Self::Jitter => "jitter",
-            Self::Bunches => "bunches",
+            Self::Bursts => "bursts",
             Self::Saturation => "saturation",
             Self::MagneticDisturbance => "magnetic-disturbance",
             Self::HardIron => "hard-iron",
@@ -93,7 +93,7 @@ impl WorldFault {
     pub const fn shows_in(self, motion: WorldMotion) -> bool {
         use WorldMotion::{Desk, Driving, Drone, FastTurns, Running, SlowTurns, Swinging};
         match self {
-            Self::Hole | Self::Jitter | Self::Bunches => {
+            Self::Hole | Self::Jitter | Self::Bursts => {
                 !matches!(motion, Desk | SlowTurns | Driving | Drone)
             }
             Self::Saturation => matches!(motion, Running | Swinging | FastTurns),
@@ -143,7 +143,7 @@ impl WorldFault {
             Self::Rounding => round(board, draws),
             Self::Hole => scene.delivery.holes = holes(&scene.chain, seconds, draws),
             Self::Jitter => scene.delivery.jitter = draws.uniform(0.1, 0.4),
-            Self::Bunches => scene.delivery.bunches = Some(Bunches::draw(draws)),
+            Self::Bursts => scene.delivery.bursts = Some(Bursts::draw(draws)),
             Self::Saturation => saturate(scene, draws),
             Self::MagneticDisturbance => {
                 scene.disturbance = Some(MagneticDisturbance::draw(seconds, draws));

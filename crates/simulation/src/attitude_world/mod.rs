@@ -11,7 +11,7 @@
 //! | gyroscope | 1e-5 to 1e-2 (rad/s)/sqrt(Hz), bias to 1 deg/s (one sigma), 20 to 500 Hz |
 //! | accelerometer | 2e-4 to 0.4 (m/s^2)/sqrt(Hz), bias to 0.1 m/s^2 (one sigma), scale to 4 %, to 3 deg from the gyroscope, its own rate and instants in part |
 //! | heading | a magnetometer of 0.05 to 15 microtesla, a compass of 3 to 20 deg that lags, or none |
-//! | faults | noise, rounding, holes of 0.1 to 2 s, jitter, bunches, saturation, magnets, hard iron, misalignment, scale, bias jumps |
+//! | faults | noise, rounding, holes of 0.1 to 2 s, jitter, bursts, saturation, magnets, hard iron, misalignment, scale, bias jumps |
 //!
 //! World axes are east, north (magnetic), up. **The body's axes are those of the accelerometer**: gyroscope and magnetometer
 //! are turned against it. A board of one chip says nothing else; of two chips one has to choose, and what is level is
@@ -33,7 +33,7 @@ use northing_recording::Event;
 use serde::Serialize;
 
 pub use board::{Board, HeadingSource, Triad, WorldCompass};
-pub use delivery::{Bunches, Delivery};
+pub use delivery::{Bursts, Delivery};
 pub use fault::WorldFault;
 
 use self::measure::Scene;

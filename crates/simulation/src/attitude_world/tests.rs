@@ -242,7 +242,7 @@ fn stamps(world: &AttitudeWorld, kind: SensorKind) -> Vec<f64> {
 }
 
 #[test]
-fn holes_bunches_and_jitter_are_in_the_stamps() {
+fn holes_bursts_and_jitter_are_in_the_stamps() {
     let world = world_with(WorldFault::Hole, 0);
     for kind in [SensorKind::Gyroscope, SensorKind::Accelerometer] {
         let times = stamps(&world, kind);
@@ -256,11 +256,11 @@ fn holes_bunches_and_jitter_are_in_the_stamps() {
             );
         }
     }
-    let world = world_with(WorldFault::Bunches, 0);
+    let world = world_with(WorldFault::Bursts, 0);
     let times = stamps(&world, SensorKind::Gyroscope);
-    let bunches = world.description.delivery.bunches.unwrap();
+    let bursts = world.description.delivery.bursts.unwrap();
     let close = times.windows(2).filter(|w| w[1] - w[0] < 2e-4).count() as f64;
-    let expected = 1.0 - 1.0 / bunches.samples as f64;
+    let expected = 1.0 - 1.0 / bursts.samples as f64;
     assert!(
         (close / times.len() as f64 - expected).abs() < 0.02,
         "{close} {expected}"
