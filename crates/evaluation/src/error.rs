@@ -2,6 +2,8 @@
 
 use northing_core::ConfigError;
 
+use crate::attitude::reference::ReferenceProblem;
+
 /// A run that cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -220,6 +222,15 @@ pub enum EvaluationError {
         /// The estimator.
         estimator: &'static str,
     },
+    /// The reference cannot be that of the recording's sensors.
+    #[error("the reference is refused: {0}; --ignore-reference runs without it")]
+    Reference(ReferenceProblem),
+    /// The alignment of a reference was asked for, and nothing shows it.
+    #[error(
+        "the clock of the reference cannot be found: expected a reference and a gyroscope that turn together for 10 s or \
+         more; leave --align-reference out"
+    )]
+    ReferenceAtRest,
     /// The recording cannot be read, or its reader refuses it.
     #[error("{0}")]
     Recording(Box<dyn std::error::Error + Send + Sync>),

@@ -12,7 +12,7 @@ use northing_core::attitude::bounded_velocity::{BoundedVelocity, BoundedVelocity
 use northing_core::attitude::{AttitudeEstimator, InitialState, References, wahba};
 use northing_evaluation::attitude::rts_smoother::Smoother;
 use northing_evaluation::attitude::rts_smoother::bounded_velocity::Steps;
-use northing_evaluation::statistics::metrics::ErrorStatistics;
+use northing_evaluation::statistics::metrics::{ErrorStatistics, HeadingReference};
 use northing_recording::test_data::data_dir;
 use uniform::{Field, Uniform};
 
@@ -148,11 +148,15 @@ fn score_smoothed(u: &Uniform, field: &Field, config: BoundedVelocityConfig<f64>
 }
 
 fn result(statistics: &ErrorStatistics) -> (f64, f64) {
-    let total = statistics.summary().expect("a scored trial").total_rmse;
+    let total = statistics
+        .summary(HeadingReference::Measured)
+        .expect("a scored trial")
+        .total_rmse;
     (
         total,
         statistics
-            .nees_per_degree_of_freedom()
+            .nees(HeadingReference::Measured)
+            .map(|nees| nees.mean)
             .expect("a covariance"),
     )
 }

@@ -101,9 +101,11 @@ fn trace(character: &Character) -> Trace {
                 wrap(off[0]),
                 inclination,
             ]),
-            error_std_deg: character
-                .covariance
-                .then_some([std[0].hypot(std[1]).hypot(std[2]), std[0]]),
+            error_std_deg: character.covariance.then_some([
+                std[0].hypot(std[1]).hypot(std[2]),
+                std[0],
+                std[1].hypot(std[2]),
+            ]),
             bias_deg_s: character.covariance.then_some(bias),
             bias_std_deg_s: character.covariance.then_some([bias_std; 3]),
             position_m: None,
@@ -228,6 +230,7 @@ fn run_report(trace: &Trace) -> RunReport<'_> {
             calculated_error_deg: Some(1.21),
             estimated_error_deg: Some(0.94),
             axis_std_deg: Some([0.31, 0.32, 0.83]),
+            tilt_deg: None,
             nees: Some(4.2),
             verdict: Some(Verdict::new(Tone::Good, "Consistent: the calculated error is what the filter expects.")),
         }),
@@ -301,7 +304,11 @@ fn comparison<'a>(runs: &[(&'a str, &'a Trace)]) -> ComparisonReport<'a> {
         ],
         runs: runs
             .iter()
-            .map(|(name, trace)| ComparedRun { name, trace })
+            .map(|(name, trace)| ComparedRun {
+                name,
+                trace,
+                heading_offset_deg: None,
+            })
             .collect(),
         settings: vec![("mekf".to_owned(), settings())],
         ..ComparisonReport::default()

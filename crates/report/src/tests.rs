@@ -24,7 +24,7 @@ fn full_trace(samples: u64, capacity: usize) -> Trace {
             reference_deg: (k % 500 > 50).then_some([heading, 9.0 * wobble, -5.0]),
             device_deg: Some([heading, 9.5 * wobble, -4.0]),
             error_deg: (k % 500 > 50).then_some([1.0 + wobble, wobble, 0.4]),
-            error_std_deg: Some([1.3, 1.0]),
+            error_std_deg: Some([1.3, 1.0, 0.8]),
             bias_deg_s: Some([0.1 * wobble, 0.2, -0.1]),
             bias_std_deg_s: Some([0.05; 3]),
             position_m: (k > 100).then_some([10.0 * wobble, t, 0.1 * t]),
@@ -188,7 +188,7 @@ fn values_that_are_not_finite_draw_nothing_and_break_nothing() {
         angles_std_deg: Some(bad),
         reference_deg: Some(bad),
         error_deg: Some(bad),
-        error_std_deg: Some([f64::INFINITY; 2]),
+        error_std_deg: Some([f64::INFINITY; 3]),
         bias_deg_s: Some(bad),
         bias_std_deg_s: Some(bad),
         ..TracePoint::default()
@@ -242,6 +242,7 @@ fn text_of_the_user_cannot_become_markup() {
         runs: vec![ComparedRun {
             name: evil,
             trace: &trace,
+            heading_offset_deg: None,
         }],
         ..ComparisonReport::default()
     };
@@ -315,6 +316,7 @@ fn comparison_shows_tables_dots_and_lines() {
             .map(|name| ComparedRun {
                 name,
                 trace: &trace,
+                heading_offset_deg: None,
             })
             .collect(),
         settings: vec![(

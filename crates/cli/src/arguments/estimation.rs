@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::EvaluationError;
+use northing_evaluation::attitude::reference::{self, ReferenceUse};
 use northing_evaluation::attitude::runner::run;
 use northing_evaluation::attitude::{
     Calibrations, EstimatorKind, RunObserver, RunOptions, RunSummary, SensorSelection,
@@ -50,6 +51,13 @@ pub(crate) struct EstimationArgs {
     /// RTS smoothing over the whole recording (mekf, bounded-velocity, error-state; keeps it in memory)
     #[arg(long)]
     smooth: bool,
+    /// Put the reference on the sensors' clock and into their axes before it is scored: clock offset and constant
+    /// misalignment are found by its angular rates, and stated (reads the recording twice)
+    #[arg(long, conflicts_with = "ignore_reference")]
+    align_reference: bool,
+    /// Run as if the recording had no reference
+    #[arg(long)]
+    ignore_reference: bool,
     #[command(flatten)]
     settings: SettingArgs,
 }
@@ -61,6 +69,8 @@ pub(crate) struct Asked {
     pub(crate) run: RunOptions,
     /// Calibrations of devices and days, of which each recording gets its own.
     pub(crate) calibrations: Calibrations,
+    /// Whether each recording's reference is aligned by its rates first.
+    pub(crate) align_reference: bool,
 }
 
 impl EstimationArgs {
@@ -87,7 +97,11 @@ impl EstimationArgs {
         let mut asked = Asked {
             run,
             calibrations: Calibrations::default(),
+            align_reference: self.align_reference,
         };
+        if self.ignore_reference {
+            asked.run.reference = ReferenceUse::Ignored;
+        }
         if let Some(path) = self.magnetometer_calibration_path()? {
             self.calibrate_magnetometer(&mut asked, path)?;
         }
@@ -160,6 +174,8 @@ impl EstimationArgs {
                 self.magnetometer_calibration.is_some(),
             ),
             ("--calibrate-first", self.calibrate_first.is_some()),
+            ("--align-reference", self.align_reference),
+            ("--ignore-reference", self.ignore_reference),
         ];
         if let Some((option, _)) = attitude_alone.into_iter().find(|(_, given)| *given) {
             bail!(
@@ -214,6 +230,16 @@ fn check_streams(
         used: used.name(),
     };
     Err(anyhow::Error::from(error).context(format!("{}/{name}.toml", set.place)))
+}
+
+/// Finds clock offset and misalignment of a recording's reference; `name` stands for it in messages.
+///
+/// # Errors
+/// The recording, or its reference; the message begins with the name.
+pub(crate) fn aligned_reference(recording: &mut Recording, name: &str) -> Result<ReferenceUse> {
+    let events = watched(recording.by_ref(), "aligning the reference");
+    let found = reference::fit(events).map_err(|error| of_recording(error, name))?;
+    Ok(ReferenceUse::Aligned(found))
 }
 
 /// Runs an estimator over a recording; `name` stands for it in the summary and in messages.

@@ -14,7 +14,7 @@ use crate::arguments::estimation::{Asked, EstimationArgs};
 use crate::arguments::input::InputArgs;
 use crate::arguments::recordings;
 use crate::arguments::recordings::Recordings;
-use crate::commands::comparison::{self, Outcome, describe, notes, streams};
+use crate::commands::comparison::{self, Outcome, arbitrary_headings, describe, notes, streams};
 use crate::files::baseline_errors;
 use crate::files::output::{ReportArgs, print, print_json};
 use crate::invocation::command_line;
@@ -77,7 +77,7 @@ struct AttitudeArgs {
 struct Document<'a> {
     table: &'a [TableRow],
     scores: &'a [Score],
-    /// Whether estimators took different magnetometers.
+    /// Where the heading is arbitrary, and whether estimators took different magnetometers.
     #[serde(skip_serializing_if = "Option::is_none")]
     note: Option<&'a str>,
 }
@@ -97,13 +97,18 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
             path.display()
         );
     }
-    let Asked { run, calibrations } = args
+    let Asked {
+        run,
+        calibrations,
+        align_reference,
+    } = args
         .estimation
         .options(Some(EstimatorKind::Mekf), &args.input)?;
     let options = CompareOptions {
         estimators: EstimatorKind::ALL.to_vec(),
         run,
         calibrations,
+        align_reference,
         open: args.input.options(),
     };
     args.report.check_free()?;
@@ -113,7 +118,8 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
     let scores = together(&runs, peers);
     args.report
         .write(|| compared_runs::render("Attitude benchmark", &runs, &scores, command_line()))?;
-    show(args, &found, &scores, &streams(&runs))?;
+    let remarks = arbitrary_headings(&runs) + &streams(&runs);
+    show(args, &found, &scores, &remarks)?;
     failure.map_or(Ok(()), Err)
 }
 
@@ -141,17 +147,17 @@ fn together(runs: &[Run], peers: Vec<Score>) -> Vec<Score> {
     scores
 }
 
-fn show(args: &AttitudeArgs, found: &Recordings, scores: &[Score], streams: &str) -> Result<()> {
+fn show(args: &AttitudeArgs, found: &Recordings, scores: &[Score], remarks: &str) -> Result<()> {
     if args.json {
         return print_json(&Document {
             table: &statistics(scores),
             scores,
-            note: Some(streams.trim()).filter(|note| !note.is_empty()),
+            note: Some(remarks.trim()).filter(|note| !note.is_empty()),
         });
     }
     let mut text = describe(scores, args.each);
     text.push_str(&incomplete(scores));
-    text.push_str(streams);
+    text.push_str(remarks);
     text.push_str(&notes(found, args.report.report.as_deref()));
     print(&text)
 }

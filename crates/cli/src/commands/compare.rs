@@ -11,7 +11,7 @@ use northing_evaluation::attitude::{EstimatorKind, RunSummary};
 use crate::arguments::estimation::{Asked, EstimationArgs};
 use crate::arguments::input::InputArgs;
 use crate::arguments::recordings::{self, Recordings};
-use crate::commands::comparison::{self, Outcome, describe, notes, streams};
+use crate::commands::comparison::{self, Outcome, arbitrary_headings, describe, notes, streams};
 use crate::files::STDIN;
 use crate::files::output::{ReportArgs, number, print, print_json};
 use crate::invocation::command_line;
@@ -91,6 +91,7 @@ fn print_all(
     } else {
         describe(&scores, args.each)
     };
+    text.push_str(&arbitrary_headings(runs));
     text.push_str(&streams(runs));
     text.push_str(&notes(found, args.report.report.as_deref()));
     print(&text)
@@ -106,13 +107,18 @@ fn compare_options(args: &CompareArgs) -> Result<CompareOptions> {
     if estimators.is_empty() {
         estimators = EstimatorKind::ALL.to_vec();
     }
-    let Asked { run, calibrations } = args
+    let Asked {
+        run,
+        calibrations,
+        align_reference,
+    } = args
         .estimation
         .options(Some(EstimatorKind::Mekf), &args.input)?;
     Ok(CompareOptions {
         estimators,
         run,
         calibrations,
+        align_reference,
         open: args.input.options(),
     })
 }
@@ -157,8 +163,8 @@ fn cells(summary: &RunSummary) -> Vec<String> {
         number(error.map(|e| e.heading_rmse)),
         number(error.map(|e| e.inclination_rmse)),
         number(summary.nees_mean),
-        number(test.map(|t| t.calculated_error_deg)),
-        number(test.and_then(|t| t.estimated_error_deg)),
+        number(test.map(|t| t.judged_deg().0)),
+        number(test.and_then(|t| t.judged_deg().1)),
         verdict.unwrap_or("-").to_owned(),
     ]
 }

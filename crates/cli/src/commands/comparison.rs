@@ -6,7 +6,8 @@ use anyhow::{Result, bail};
 use northing_evaluation::EvaluationError;
 use northing_evaluation::attitude::TraceObserver;
 use northing_evaluation::attitude::compare::{
-    CompareOptions, MeanMedian, Score, compare_observed, distinct, statistics, totals,
+    CompareOptions, MeanMedian, Score, arbitrary_heading_note, compare_observed, distinct,
+    statistics, totals,
 };
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_recording::Metadata;
@@ -159,6 +160,12 @@ pub(crate) fn notes(found: &Recordings, report: Option<&Path>) -> String {
         text.push_str(&format!("\n{}\n", report_written(path)));
     }
     text
+}
+
+/// What the columns hold where nothing said where north is; empty where that is nowhere.
+pub(crate) fn arbitrary_headings(runs: &[Run]) -> String {
+    let summaries = runs.iter().filter_map(|run| run.outcome.as_ref().ok());
+    arbitrary_heading_note(summaries).map_or_else(String::new, |note| format!("\n{note}\n"))
 }
 
 /// Which estimators took another magnetometer than the rest, where that was left to them.

@@ -6,11 +6,12 @@ mod navigation;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
+use northing_evaluation::attitude::reference::ReferenceUse;
 use northing_evaluation::attitude::setup::RunSetup;
 use northing_evaluation::attitude::{Calibrations, TraceObserver};
 use northing_recording::atomic_file::write_whole;
 
-use crate::arguments::estimation::{Asked, run_over};
+use crate::arguments::estimation::{Asked, aligned_reference, run_over};
 use crate::arguments::estimator::RunEstimator;
 use crate::files::estimate_file::EstimateFile;
 use crate::files::output::{
@@ -45,6 +46,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     let Asked {
         run: mut options,
         calibrations,
+        align_reference,
     } = match &args.setup {
         Some(path) => from_setup(path)?,
         None => args.estimation.options_of_one(estimator, &args.input)?,
@@ -66,6 +68,9 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         .as_ref()
         .map(|out| EstimateFile::create(out, options.estimator, args.force))
         .transpose()?;
+    if align_reference {
+        options.reference = reference_of(args)?;
+    }
     let mut recording = args.opened(opened)?;
     let metadata = recording.metadata().clone();
     calibrations
@@ -98,6 +103,16 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     print(&text)
 }
 
+/// The reference's alignment, from a reading of the recording of its own.
+fn reference_of(args: &RunArgs) -> Result<ReferenceUse> {
+    if args.recording.as_os_str() == "-" {
+        bail!(
+            "--align-reference reads the recording twice; expected a file in place of standard input"
+        );
+    }
+    aligned_reference(&mut args.opened(None)?, &shown(&args.recording))
+}
+
 /// The options that a report of the lab carries.
 fn from_setup(path: &Path) -> Result<Asked> {
     let file = path.display();
@@ -107,5 +122,6 @@ fn from_setup(path: &Path) -> Result<Asked> {
     Ok(Asked {
         run: setup.options().with_context(|| file.to_string())?,
         calibrations: Calibrations::default(),
+        align_reference: false,
     })
 }

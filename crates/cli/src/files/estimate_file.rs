@@ -9,6 +9,7 @@ use anyhow::{Result, bail};
 use northing_core::geometry::rotation;
 use northing_core::nalgebra::{Matrix3, Vector3};
 use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, RunObserver};
+use northing_evaluation::statistics::attitude_std::AttitudeStd;
 use northing_recording::{AtomicFile, TumWriter};
 
 use crate::files::has_extension;
@@ -46,14 +47,27 @@ const PLACE_COLUMNS: [&str; 6] = [
     "vel_z_m_s",
 ];
 
+/// What every file ends with: standard deviations of tilt and heading, and the covariance of the attitude's local error in
+/// body axes.
+const UNCERTAINTY_COLUMNS: [&str; 8] = [
+    "tilt_std_rad",
+    "heading_std_rad",
+    "attitude_cov_xx_rad2",
+    "attitude_cov_xy_rad2",
+    "attitude_cov_xz_rad2",
+    "attitude_cov_yy_rad2",
+    "attitude_cov_yz_rad2",
+    "attitude_cov_zz_rad2",
+];
+
 /// All columns there can be.
-const MOST: usize = COLUMNS.len() + PLACE_COLUMNS.len();
+const MOST: usize = COLUMNS.len() + PLACE_COLUMNS.len() + UNCERTAINTY_COLUMNS.len();
 
 /// A file of estimates being written. It watches a run; what goes wrong is told at the end.
 pub(crate) struct EstimateFile {
     output: Output,
-    /// How many of the columns there can be it has.
-    columns: usize,
+    /// Whether it has the columns of the place.
+    has_place: bool,
     failure: Option<anyhow::Error>,
 }
 
@@ -70,12 +84,9 @@ impl EstimateFile {
     /// # Errors
     /// It exists, cannot be written, or has another extension.
     pub(crate) fn create(path: &Path, estimator: EstimatorKind, force: bool) -> Result<Self> {
-        let place = if estimator.uses_positions() {
-            &PLACE_COLUMNS[..]
-        } else {
-            &[]
-        };
-        let names = [&COLUMNS[..], place].concat();
+        let has_place = estimator.uses_positions();
+        let place = if has_place { &PLACE_COLUMNS[..] } else { &[] };
+        let names = [&COLUMNS[..], place, &UNCERTAINTY_COLUMNS].concat();
         let output = if has_extension(path, "csv") {
             let mut file = AtomicFile::create(path, force)?;
             file.print(format_args!("t_s,{}\n", names.join(",")))?;
@@ -92,24 +103,23 @@ impl EstimateFile {
         };
         Ok(Self {
             output,
-            columns: names.len(),
+            has_place,
             failure: None,
         })
     }
 
     fn write(&mut self, record: &EstimateRecord) -> Result<()> {
         match &mut self.output {
-            Output::Csv(file) => write_csv(file, record, self.columns),
+            Output::Csv(file) => write_csv(file, record, self.has_place),
             Output::Tum(writer) => {
                 let position = record.position.unwrap_or_else(Vector3::zeros);
                 Ok(writer.write(record.time_ns, &position, &record.attitude)?)
             }
             #[cfg(feature = "parquet")]
             Output::Parquet(table) => {
-                let mut row = [0.0; MOST + 1];
-                row[0] = record.time_ns as f64 * 1e-9;
-                row[1..].copy_from_slice(&numbers(record));
-                table.row(&row[..=self.columns])
+                let mut row = vec![record.time_ns as f64 * 1e-9];
+                row.extend(numbers(record, self.has_place));
+                table.row(&row)
             }
         }
     }
@@ -155,7 +165,7 @@ impl RunObserver for EstimateFile {
     }
 }
 
-fn write_csv(file: &mut AtomicFile, record: &EstimateRecord, columns: usize) -> Result<()> {
+fn write_csv(file: &mut AtomicFile, record: &EstimateRecord, has_place: bool) -> Result<()> {
     let sign = if record.time_ns < 0 { "-" } else { "" };
     let ns = record.time_ns.unsigned_abs();
     file.print(format_args!(
@@ -163,7 +173,7 @@ fn write_csv(file: &mut AtomicFile, record: &EstimateRecord, columns: usize) -> 
         ns / 1_000_000_000,
         ns % 1_000_000_000
     ))?;
-    for value in &numbers(record)[..columns] {
+    for value in numbers(record, has_place) {
         if value.is_nan() {
             file.print(format_args!(","))?;
         } else {
@@ -174,27 +184,31 @@ fn write_csv(file: &mut AtomicFile, record: &EstimateRecord, columns: usize) -> 
 }
 
 /// The values of all columns, NaN where there are none.
-fn numbers(record: &EstimateRecord) -> [f64; MOST] {
+fn numbers(record: &EstimateRecord, has_place: bool) -> Vec<f64> {
     let unknown = [f64::NAN; 3];
     let std = |p: &Matrix3<f64>| -> [f64; 3] { p.diagonal().map(|v| v.max(0.0).sqrt()).into() };
     let q = record.attitude;
-    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
-    let attitude_std = record.attitude_covariance.as_ref().map_or(unknown, std);
+    let covariance = record.attitude_covariance.as_ref();
+    let attitude_std = covariance.map(|p| AttitudeStd::of(&q, p));
     let angles = rotation::to_yaw_pitch_roll(&q).map(f64::to_degrees);
-    let bias = record
-        .gyroscope_bias
-        .map_or(unknown, |(bias, _)| bias.into());
-    let bias_std = record.gyroscope_bias.map_or(unknown, |(_, p)| std(&p));
-    let place = [record.position, record.velocity].map(|v| v.map_or(unknown, Into::into));
-    let mut row = [0.0; MOST];
-    row[..4].copy_from_slice(&[q.w * sign, q.i * sign, q.j * sign, q.k * sign]);
-    for (place, part) in
-        row[4..]
-            .chunks_exact_mut(3)
-            .zip([attitude_std, angles, bias, bias_std, place[0], place[1]])
-    {
-        place.copy_from_slice(&part);
+    let bias = record.gyroscope_bias.map(|(bias, _)| bias.into());
+    let bias_std = record.gyroscope_bias.map(|(_, p)| std(&p));
+    let mut row = Vec::with_capacity(MOST);
+    row.extend(rotation::to_wxyz(&q));
+    for part in [attitude_std.map(|s| s.body), Some(angles), bias, bias_std] {
+        row.extend(part.unwrap_or(unknown));
     }
+    if has_place {
+        let place = [record.position, record.velocity];
+        row.extend(
+            place
+                .into_iter()
+                .flat_map(|v| v.map_or(unknown, Into::into)),
+        );
+    }
+    row.extend(attitude_std.map_or([f64::NAN; 2], |s| [s.tilt, s.heading]));
+    let upper = |p: &Matrix3<f64>| [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|i| p[i]);
+    row.extend(covariance.map_or([f64::NAN; 6], upper));
     row
 }
 
@@ -225,7 +239,10 @@ mod tests {
         file.finish().unwrap();
         let text = std::fs::read_to_string(path).unwrap();
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
-        assert_eq!(lines[0].len(), COLUMNS.len() + 1);
+        assert_eq!(
+            lines[0].len(),
+            COLUMNS.len() + UNCERTAINTY_COLUMNS.len() + 1
+        );
         assert_eq!(lines[1].len(), lines[0].len());
         assert_eq!(lines[1][0], "-1.500000000");
         let yaw: f64 = lines[1][8].parse().unwrap();
@@ -251,9 +268,13 @@ mod tests {
         };
         let text = written("e.csv");
         let lines: Vec<&str> = text.lines().collect();
-        assert!(lines[0].ends_with(&PLACE_COLUMNS.join(",")), "{text}");
-        assert!(lines[1].ends_with(",,,,,,"), "{text}");
-        assert!(lines[2].ends_with(",1,-2,3.5,0.1,0.2,0.3"), "{text}");
+        let names = [PLACE_COLUMNS.join(","), UNCERTAINTY_COLUMNS.join(",")].join(",");
+        assert!(lines[0].ends_with(&names), "{text}");
+        let cells =
+            |line: usize| -> Vec<&str> { lines[line].split(',').skip(17).take(6).collect() };
+        assert_eq!(cells(0), PLACE_COLUMNS);
+        assert_eq!(cells(1), [""; 6]);
+        assert_eq!(cells(2), ["1", "-2", "3.5", "0.1", "0.2", "0.3"]);
         let text = written("e.tum");
         assert!(
             text.lines().nth(1).unwrap().starts_with("0.0 0 0 0 "),
@@ -263,6 +284,48 @@ mod tests {
             text.lines().nth(2).unwrap().starts_with("0.5 1 -2 3.5 "),
             "{text}"
         );
+    }
+
+    /// From the covariance of a row the standard deviations beside it follow, for a reader who knows the convention
+    /// alone: body axes, turned into the world by the row's quaternion.
+    #[test]
+    fn tilt_and_heading_follow_from_the_covariance_of_the_row() {
+        let root = Matrix3::new(0.01, 0.0, 0.0, 0.012, 0.02, 0.0, -0.004, 0.01, 0.03);
+        let uncertain = EstimateRecord {
+            attitude_covariance: Some(root * root.transpose()),
+            ..record(0)
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("e.csv");
+        let mut file = EstimateFile::create(&path, EstimatorKind::Mekf, false).unwrap();
+        file.estimate(&uncertain);
+        file.finish().unwrap();
+        let text = std::fs::read_to_string(path).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        let of = |name: &str| -> f64 {
+            let column = lines[0].split(',').position(|n| n == name).unwrap();
+            lines[1].split(',').nth(column).unwrap().parse().unwrap()
+        };
+        let cov = |axes: &str| of(&format!("attitude_cov_{axes}_rad2"));
+        let p = Matrix3::new(
+            cov("xx"),
+            cov("xy"),
+            cov("xz"),
+            cov("xy"),
+            cov("yy"),
+            cov("yz"),
+            cov("xz"),
+            cov("yz"),
+            cov("zz"),
+        );
+        let [w, x, y, z] = ["qw", "qx", "qy", "qz"].map(of);
+        let q = rotation::from_wxyz([w, x, y, z]).unwrap();
+        let r = q.to_rotation_matrix().into_inner();
+        let world = r * p * r.transpose();
+        assert!((of("heading_std_rad") - world[(2, 2)].sqrt()).abs() < 1e-12);
+        let tilt = (world[(0, 0)] + world[(1, 1)]).sqrt();
+        assert!((of("tilt_std_rad") - tilt).abs() < 1e-12);
+        assert!((of("attitude_std_y_rad") - p[(1, 1)].sqrt()).abs() < 1e-12);
     }
 
     #[test]
@@ -277,7 +340,8 @@ mod tests {
     #[test]
     fn every_column_is_documented() {
         let formats = include_str!("../../../../docs/formats.md");
-        for column in COLUMNS.iter().chain(&PLACE_COLUMNS) {
+        let names = COLUMNS.iter().chain(&PLACE_COLUMNS);
+        for column in names.chain(&UNCERTAINTY_COLUMNS) {
             assert!(formats.contains(&format!("`{column}`")), "{column}");
         }
     }

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use northing_evaluation::attitude::{PositionSummary, RunSummary};
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
-use northing_evaluation::statistics::consistency::nees_in_words;
 use northing_evaluation::statistics::nis::UpdateCounts;
 use northing_recording::SensorKind;
 
@@ -14,22 +13,9 @@ use crate::text::used;
 /// The sheet of a run.
 pub(crate) fn describe(summary: &RunSummary) -> String {
     let mut sheet = Sheet::default();
-    if let Some(error) = &summary.error_deg {
-        sheet.row(
-            "attitude error",
-            format!(
-                "{:.2} deg RMS (heading {:.2}, inclination {:.2}) over {} scored samples",
-                error.total_rmse, error.heading_rmse, error.inclination_rmse, error.scored_samples
-            ),
-        );
-    } else {
-        sheet.row(
-            "attitude error",
-            "unknown: the recording has no reference to score against",
-        );
-    }
-    if let Some(nees) = summary.nees_mean {
-        sheet.row("uncertainty", nees_in_words(nees));
+    errors(&mut sheet, summary);
+    if let Some(nees) = &summary.nees {
+        sheet.row("uncertainty", nees.in_words());
     }
     let causes = summary
         .findings
@@ -70,6 +56,44 @@ pub(crate) fn describe(summary: &RunSummary) -> String {
     sheet.sentences("unobservable", &summary.unobservable);
     sheet.sentences("recording", &summary.issues);
     format!("{}\n\n{}", title(summary), sheet.render())
+}
+
+/// The errors against the reference; where nothing said where north is, those that do not depend on it.
+fn errors(sheet: &mut Sheet, summary: &RunSummary) {
+    let Some(error) = &summary.error_deg else {
+        let why = match summary.reference {
+            Some(_) => "the reference of the recording could not be scored",
+            None => "the recording has no reference to score against",
+        };
+        sheet.row("attitude error", format!("unknown: {why}"));
+        return;
+    };
+    let samples = error.scored_samples;
+    if !error.heading_offset_removed {
+        sheet.row(
+            "attitude error",
+            format!(
+                "{:.2} deg RMS (heading {:.2}, inclination {:.2}) over {samples} scored samples",
+                error.total_rmse, error.heading_rmse, error.inclination_rmse
+            ),
+        );
+        return;
+    }
+    sheet.row(
+        "inclination error",
+        format!(
+            "{:.2} deg RMS over {samples} scored samples",
+            error.inclination_rmse
+        ),
+    );
+    sheet.row(
+        "heading error",
+        format!(
+            "drift {:.2} deg RMS since the first scored sample, {:.2} deg at the end; {:.2} deg RMS after a constant \
+             offset of {:.1} deg is removed: nothing said where north is",
+            error.heading_drift_rmse, error.heading_drift_end, error.heading_rmse, error.heading_offset
+        ),
+    );
 }
 
 fn title(summary: &RunSummary) -> String {

@@ -6,6 +6,7 @@ use northing_recording::{Metadata, OpenOptions};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::attitude::reference::{self, ReferenceUse};
 use crate::attitude::runner;
 use crate::attitude::{Calibrations, EstimatorKind, RunObserver, RunOptions, RunSummary};
 use crate::error::EvaluationError;
@@ -20,6 +21,8 @@ pub struct CompareOptions {
     pub run: RunOptions,
     /// Calibrations of devices and days, of which each recording gets its own.
     pub calibrations: Calibrations,
+    /// Whether the reference of each recording is put on the sensors' clock first.
+    pub align_reference: bool,
     /// How recordings are opened.
     pub open: OpenOptions,
 }
@@ -92,8 +95,14 @@ fn run_file<O: RunObserver>(
     options: &CompareOptions,
     observe: &(dyn Fn(&Metadata) -> O + Sync),
 ) -> Result<(RunSummary, O), EvaluationError> {
-    let mut recording = northing_recording::open(path, &options.open)
-        .map_err(|error| EvaluationError::Recording(Box::new(error)))?;
+    let open = || {
+        northing_recording::open(path, &options.open)
+            .map_err(|error| EvaluationError::Recording(Box::new(error)))
+    };
+    if options.align_reference {
+        run.reference = ReferenceUse::Aligned(reference::fit(open()?)?);
+    }
+    let mut recording = open()?;
     options.calibrations.apply(recording.metadata(), &mut run)?;
     let options = runner::options_for(&recording, &run);
     let mut observer = observe(recording.metadata());
@@ -247,6 +256,36 @@ fn row<'a>(
         inclination_deg: over(|e| e.inclination),
         nees: MeanMedian::of(scored.iter().filter_map(|(_, nees)| *nees).collect()),
     }
+}
+
+/// What total error, heading error and NEES are of where a heading is arbitrary, in words; `None` where none is.
+#[must_use]
+pub fn arbitrary_heading_note<'a>(
+    summaries: impl IntoIterator<Item = &'a RunSummary>,
+) -> Option<String> {
+    let removed = |summary: &RunSummary| {
+        let error = summary.error_deg.as_ref();
+        error.is_some_and(|error| error.heading_offset_removed)
+    };
+    let mut runs = [0_usize; 2];
+    for summary in summaries {
+        runs[usize::from(removed(summary))] += 1;
+    }
+    let [known, arbitrary] = runs;
+    let which = if known == 0 {
+        "Nothing said where north is".to_owned()
+    } else {
+        format!(
+            "In {arbitrary} of {} runs nothing said where north is",
+            known + arbitrary
+        )
+    };
+    (arbitrary > 0).then(|| {
+        format!(
+            "{which}: total and heading error are then those after a constant heading offset is removed, and NEES is \
+             that of the tilt."
+        )
+    })
 }
 
 /// The different values of a text of the scores, in the order in which they come.

@@ -35,8 +35,7 @@ pub(crate) fn run(
         if let Some(orientation) = instant.device {
             interpolation.report(instant.time_ns, orientation, |waiting, attitude| {
                 let record = record(waiting, attitude, tally.time_s(waiting.time_ns));
-                tally.estimated(&record);
-                observer.estimate(&record);
+                tally.estimated(&record, observer);
             });
         }
     }

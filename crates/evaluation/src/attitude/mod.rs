@@ -9,6 +9,7 @@
 //! | watching a run: estimates, innovations, traces for plots | [`observer`], [`trace`] |
 //! | the outcome: what `run --json` prints | [`outcome`] |
 //! | the paper's final test | [`final_test`] |
+//! | references on their own clock: scoring, clock offset, misalignment | [`reference`] |
 //! | what the sensors used cannot tell | [`observability`] |
 //! | a calibration at rest in a run: noise, bias and start | [`calibrated_start`] |
 //! | calibrations of many devices and days | [`calibrations`] |
@@ -30,6 +31,7 @@ pub mod observer;
 pub mod options;
 pub mod outcome;
 pub mod parameters;
+pub mod reference;
 pub mod rts_smoother;
 pub mod runner;
 pub mod setup;
@@ -41,6 +43,9 @@ pub use instants::{Instant, Instants};
 pub use kinds::{AnyEstimator, EstimatorKind};
 pub use observer::{EstimateRecord, InnovationRecord, PositionRecord, RunObserver, TraceObserver};
 pub use options::{CompassUse, RunOptions, SensorSelection};
-pub use outcome::{Gaps, NisOf, PerSensor, PositionRms, PositionSummary, RunSummary};
+pub use outcome::{
+    Gaps, NisOf, PerSensor, PositionRms, PositionSummary, ReferenceSummary, RunSummary,
+};
 pub use parameters::{CascadeRotation, Parameters, Profile};
+pub use reference::ScoredRecord;
 pub use trace::{InnovationPoint, PositionPoint, Trace, TracePoint};

@@ -7,8 +7,9 @@ use northing_core::kalman::{Innovation, Outcome};
 use northing_recording::{Reference, SensorKind, WorldFrame};
 
 use crate::attitude::options::tangent_frame;
-use crate::attitude::{InnovationPoint, PositionPoint, Trace, TracePoint};
+use crate::attitude::{InnovationPoint, PositionPoint, ScoredRecord, Trace, TracePoint};
 use crate::observers::observers;
+use crate::statistics::attitude_std::AttitudeStd;
 use crate::statistics::metrics::AttitudeError;
 
 /// The estimate at the instant of a gyroscope sample, after everything measured at that instant.
@@ -28,7 +29,7 @@ pub struct EstimateRecord {
     pub position: Option<Vector3<f64>>,
     /// Velocity in the world frame, m/s, where it is estimated.
     pub velocity: Option<Vector3<f64>>,
-    /// The reference at this very instant.
+    /// The reference where it has a sample at this very instant; all of them are told as [`ScoredRecord`].
     pub reference: Option<Reference>,
     /// The newest orientation that the device itself reported.
     pub device: Option<UnitQuaternion<f64>>,
@@ -65,6 +66,9 @@ observers! {
     pub trait RunObserver {
         /// The estimate at a gyroscope sample, in time order.
         tells estimate(record: &EstimateRecord);
+
+        /// A reference sample and the estimate at its instant, in time order; also those that do not count in scores.
+        tells scored(record: &ScoredRecord);
 
         /// An accelerometer or magnetometer sample, in time order; also those that were refused or
         /// skipped. A smoothed run tells the filter's innovations first and then the estimates.
@@ -113,6 +117,26 @@ impl RunObserver for TraceObserver {
     fn estimate(&mut self, record: &EstimateRecord) {
         let frame = self.frame;
         self.trace.points.push(|| trace_point(record, frame));
+    }
+
+    fn scored(&mut self, record: &ScoredRecord) {
+        let frame = self.frame;
+        self.trace.scored.push(|| {
+            trace_point(
+                &EstimateRecord {
+                    time_ns: record.time_ns,
+                    time_s: record.time_s,
+                    attitude: record.attitude,
+                    attitude_covariance: record.attitude_covariance,
+                    gyroscope_bias: None,
+                    position: None,
+                    velocity: None,
+                    reference: Some(record.reference),
+                    device: None,
+                },
+                frame,
+            )
+        });
     }
 
     fn position(&mut self, record: &PositionRecord) {
@@ -174,9 +198,8 @@ fn trace_point(record: &EstimateRecord, frame: TangentFrame) -> TracePoint {
             [e.total, e.heading, e.inclination].map(f64::to_degrees)
         }),
         error_std_deg: covariance.map(|p| {
-            let up_body = record.attitude.inverse() * frame.up::<f64>();
-            let heading = up_body.dot(&(p * up_body));
-            [p.trace(), heading].map(|v| v.max(0.0).sqrt().to_degrees())
+            let std = AttitudeStd::of(&record.attitude, p);
+            [std.total, std.heading, std.tilt].map(f64::to_degrees)
         }),
         bias_deg_s: record
             .gyroscope_bias
@@ -261,9 +284,10 @@ mod tests {
         approx::assert_relative_eq!(heading, 0.1_f64.to_degrees(), epsilon = 1e-9);
         approx::assert_relative_eq!(total, heading, epsilon = 1e-9);
         assert!(inclination.abs() < 1e-9);
-        let [trace, heading_std] = point.error_std_deg.unwrap();
+        let [trace, heading_std, tilt_std] = point.error_std_deg.unwrap();
         approx::assert_relative_eq!(trace, 14e-4_f64.sqrt().to_degrees(), epsilon = 1e-9);
         approx::assert_relative_eq!(heading_std, 0.03_f64.to_degrees(), epsilon = 1e-9);
+        approx::assert_relative_eq!(tilt_std, 5e-4_f64.sqrt().to_degrees(), epsilon = 1e-9);
         approx::assert_relative_eq!(point.bias_deg_s.unwrap()[0], 0.1_f64.to_degrees());
         assert_eq!(point.device_deg, None);
     }

@@ -10,6 +10,7 @@ use northing_recording::{Event, WorldFrame};
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::parameters;
+use crate::attitude::reference::ReferenceUse;
 use crate::attitude::{EstimatorKind, Parameters, Profile};
 use crate::by_name;
 use crate::calibration::magnetometer::{MagnetometerSource, MagnetometerStreamCalibration};
@@ -50,6 +51,8 @@ pub struct RunOptions {
     pub start: Option<InitialState<f64>>,
     /// Seconds at the start that are not scored, default 5.
     pub skip_s: f64,
+    /// What becomes of the reference, default scored as it is.
+    pub reference: ReferenceUse,
     /// The frame of the estimate and of the reference; recordings say theirs.
     pub world_frame: WorldFrame,
     /// Smooth backwards over the whole recording (`mekf` and `bounded-velocity`; memory grows with its length).
@@ -82,6 +85,7 @@ impl RunOptions {
             calibrate_first_s: None,
             start: None,
             skip_s: 5.0,
+            reference: ReferenceUse::AsIs,
             world_frame: WorldFrame::Enu,
             smooth: false,
         }

@@ -6,10 +6,11 @@ use northing_recording::SensorKind;
 use serde::Serialize;
 
 use crate::attitude::final_test::FinalSummary;
+use crate::attitude::reference::{ReferenceAlignment, ReferenceProblem};
 use crate::attitude::{EstimatorKind, Profile};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::SensorVerdict;
-use crate::statistics::metrics::ErrorSummary;
+use crate::statistics::metrics::{ErrorSummary, HeadingReference, NeesSummary};
 use crate::statistics::nis::{NisSummary, UpdateCounts};
 use crate::statistics::verdict::findings::Finding;
 use crate::used_parameters::{UsedCalibrations, UsedParameter};
@@ -29,10 +30,19 @@ pub struct RunSummary {
     /// What became of the samples of each sensor. During alignment and calibration they are
     /// skipped as updates.
     pub updates: PerSensor<UpdateCounts>,
+    /// What said where north is: it decides what of heading and NEES is judged.
+    pub heading: HeadingReference,
     /// RMS errors against the reference, deg; `None` without a scored reference.
     pub error_deg: Option<ErrorSummary>,
-    /// Mean NEES of the attitude per degree of freedom: 1 when the covariance is consistent.
+    /// What became of the samples of the reference; left out of JSON without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "typescript", ts(optional))]
+    pub reference: Option<ReferenceSummary>,
+    /// Mean NEES of the attitude per degree of freedom: 1 when the covariance is consistent. Where the heading is
+    /// arbitrary it is that of the tilt.
     pub nees_mean: Option<f64>,
+    /// The same with its degrees of freedom, and that of the tilt.
+    pub nees: Option<NeesSummary>,
     /// Mean NIS of each sensor, not divided by anything: when consistent it is the sensor's degrees of
     /// freedom (3 for a vector, 1 for a heading), which `nis` states.
     pub nis_mean: NisOf<f64>,
@@ -87,6 +97,39 @@ pub struct RunSummary {
     pub calibrations: UsedCalibrations,
     /// Version of the program.
     pub version: &'static str,
+}
+
+/// What became of the samples of the reference.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+pub struct ReferenceSummary {
+    /// Samples read.
+    pub samples: u64,
+    /// Samples scored.
+    pub scored: u64,
+    /// Samples that count and were not scored: they lie in a pause of the estimates.
+    pub in_gaps: u64,
+    /// Clock offset and misalignment that were taken out; null unless that was asked for.
+    pub alignment: Option<ReferenceAlignment>,
+    /// Those that the angular rates show of the reference as it was scored; null where there is too little motion.
+    pub found: Option<ReferenceAlignment>,
+    /// Why it cannot be that of the sensors; a run with such a reference is refused.
+    #[serde(skip)]
+    pub problem: Option<ReferenceProblem>,
+}
+
+impl ReferenceSummary {
+    /// What was taken out of the reference, or what of its clock and mounting matters for the score, in words.
+    #[must_use]
+    pub fn remark(&self) -> Option<String> {
+        match &self.alignment {
+            Some(taken_out) => Some(format!(
+                "The reference was aligned by its angular rates: {}.",
+                taken_out.in_words()
+            )),
+            None => self.found.as_ref()?.remark(),
+        }
+    }
 }
 
 /// What a position observer made of the positions of a recording.

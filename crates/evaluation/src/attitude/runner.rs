@@ -15,6 +15,7 @@ use northing_recording::{Event, Recording, SensorKind};
 use crate::attitude::calibrated_start::{self, CalibrationPhase};
 use crate::attitude::device;
 use crate::attitude::first_look::FirstLook;
+use crate::attitude::reference::{Aligned, ReferenceUse};
 use crate::attitude::rts_smoother::bounded_velocity::Steps;
 use crate::attitude::rts_smoother::{Recorder, Smoother};
 use crate::attitude::tally::Tally;
@@ -81,16 +82,19 @@ where
     X: std::error::Error + Send + Sync + 'static,
 {
     options.check()?;
+    let ignored = options.reference == ReferenceUse::Ignored;
     let events = events
         .into_iter()
+        .filter(|event| !(ignored && event.as_ref().is_ok_and(is_reference)))
         .map(|event| event.map(|event| options.calibrated(event)));
+    let events = Aligned::new(events, options.reference.alignment());
     let instants = Instants::new(events)
         .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
     let mut instants = FirstLook::new(instants, options);
     let options = &instants.options(options);
     let said = instants.sentence();
     let mut summary = match options.estimator {
-        EstimatorKind::Device => return device::run(instants, options, observer),
+        EstimatorKind::Device => device::run(&mut instants, options, observer),
         EstimatorKind::Mekf if options.smooth => {
             let make = |config: &Parameters| Ok(Recorder::new(config.attitude)?);
             run_smoothed(&mut instants, options, observer, &make)
@@ -104,8 +108,15 @@ where
         }
         kind => run_filter(&mut instants, options, observer, kind),
     }?;
+    if let Some(problem) = summary.reference.as_ref().and_then(|r| r.problem) {
+        return Err(EvaluationError::Reference(problem));
+    }
     summary.issues.extend(said);
     Ok(summary)
+}
+
+fn is_reference(event: &Event) -> bool {
+    event.sample.kind() == SensorKind::Reference
 }
 
 pub(crate) fn nothing_estimated(summary: &RunSummary, options: &RunOptions) -> EvaluationError {
@@ -146,8 +157,7 @@ fn run_filter(
     }
     for instant in instants {
         if let Some(record) = session.step(&instant?, observer)? {
-            session.tally.estimated(&record);
-            observer.estimate(&record);
+            session.tally.estimated(&record, observer);
         }
     }
     let mut summary = session.tally.summary(options, true);
@@ -181,8 +191,7 @@ fn run_smoothed<S: Smoother>(
         record.attitude = known.attitude;
         record.attitude_covariance = Some(known.attitude_covariance);
         record.gyroscope_bias = Some((known.gyroscope_bias, known.bias_covariance));
-        session.tally.estimated(&record);
-        observer.estimate(&record);
+        session.tally.estimated(&record, observer);
     }
     Ok(session.tally.summary(options, true))
 }
@@ -311,6 +320,9 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
         }
         if !turned || !driver.is_started() {
             return Ok(None);
+        }
+        if let Some(start) = driver.start() {
+            self.tally.started(start);
         }
         let place = self.positions.as_ref().and_then(PositionObserver::state);
         Ok(Some(EstimateRecord {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use northing_core::attitude::Propagation;
+use northing_core::attitude::{InitialState, Propagation};
 use northing_core::calibration::RestCalibration;
 use northing_core::kalman::Innovation;
 use northing_recording::{Sample, SensorKind};
@@ -11,12 +11,14 @@ use northing_recording::{Sample, SensorKind};
 use crate::attitude::field_watch::FieldWatch;
 use crate::attitude::final_test::FinalTest;
 use crate::attitude::observability::{self, Present};
+use crate::attitude::reference::{self, Scorer};
 use crate::attitude::{
-    EstimateRecord, EstimatorKind, Gaps, Instant, NisOf, PerSensor, RunOptions, RunSummary,
+    EstimateRecord, EstimatorKind, Gaps, Instant, NisOf, PerSensor, ReferenceSummary, RunObserver,
+    RunOptions, RunSummary,
 };
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, JudgeBy, SensorVerdict};
-use crate::statistics::metrics::ErrorStatistics;
+use crate::statistics::metrics::{ErrorStatistics, ErrorSummary, HeadingReference};
 use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
 use crate::statistics::seconds_between;
 use crate::statistics::verdict::Diagnosis;
@@ -38,6 +40,10 @@ pub(crate) struct Tally {
     last_rate_ns: Option<i64>,
     gaps: Gaps,
     scores: ErrorStatistics,
+    scorer: Scorer,
+    turning: Option<reference::Rates>,
+    /// Whether the state at the start knew where north is.
+    initial_north: bool,
     final_test: FinalTest,
     estimates: u64,
     first_estimate_s: Option<f64>,
@@ -63,6 +69,8 @@ impl Tally {
                 limit_s: options.driver.gap_limit_s,
                 ..Gaps::default()
             },
+            turning: Some(reference::Rates::new(reference::LONGEST_WATCH_S)),
+            scorer: Scorer::new(options.driver.gap_limit_s, options.smooth),
             ..Self::default()
         }
     }
@@ -99,6 +107,16 @@ impl Tally {
         self.present.accelerometer |= force.is_some_and(usable);
         self.present.magnetometer |= field.is_some_and(usable);
         self.final_test.measured(instant, field);
+        if let Some(turning) = &mut self.turning {
+            let rate = instant
+                .angular_rate
+                .filter(|v| v.norm_squared().is_finite());
+            let attitude = instant.reference.map(|reference| reference.attitude);
+            turning.add(instant.time_ns, rate, attitude);
+        }
+        if let Some(reference) = instant.reference {
+            self.scorer.reference(instant.time_ns, reference);
+        }
         let time_s = self.time_s(instant.time_ns);
         if let Some(rate) = instant.angular_rate {
             self.rates.all += 1;
@@ -193,18 +211,39 @@ impl Tally {
         }
     }
 
-    /// Takes an estimate: scores it where the reference counts.
-    pub(crate) fn estimated(&mut self, record: &EstimateRecord) {
+    /// Takes what the estimator started from.
+    pub(crate) fn started(&mut self, start: &InitialState<f64>) {
+        self.initial_north |= start.north_known || start.references.magnetic_field.is_some();
+    }
+
+    /// Takes an estimate, tells it, and scores it at the references up to its instant.
+    pub(crate) fn estimated(&mut self, record: &EstimateRecord, observer: &mut dyn RunObserver) {
         self.estimates += 1;
         self.first_estimate_s.get_or_insert(record.time_s);
         self.final_test
             .estimated(&record.attitude, record.attitude_covariance);
-        if let Some(reference) = record.reference.filter(|r| r.scored)
-            && record.time_s >= self.skip_s
-        {
-            let covariance = record.attitude_covariance.as_ref();
-            self.scores
-                .add(&record.attitude, covariance, &reference.attitude);
+        let (scores, skip_s) = (&mut self.scores, self.skip_s);
+        self.scorer.estimate(record, |scored| {
+            if scored.reference.scored && scored.time_s >= skip_s {
+                let covariance = scored.attitude_covariance.as_ref();
+                scores.add(&scored.attitude, covariance, &scored.reference.attitude);
+            }
+            observer.scored(scored);
+        });
+        observer.estimate(record);
+    }
+
+    /// What said where north is.
+    fn heading(&self, runs_filter: bool) -> HeadingReference {
+        let updates = &self.updates;
+        if !runs_filter {
+            HeadingReference::Device
+        } else if updates.magnetometer.fused + updates.compass.fused > 0 {
+            HeadingReference::Measured
+        } else if self.initial_north {
+            HeadingReference::Initial
+        } else {
+            HeadingReference::Arbitrary
         }
     }
 
@@ -222,7 +261,11 @@ impl Tally {
             magnetometer,
             compass,
         };
-        let error_deg = self.scores.summary();
+        let heading = self.heading(runs_filter);
+        let error_deg = self.scores.summary(heading);
+        let nees = self.scores.nees(heading);
+        let reference = self.reference(error_deg.as_ref(), options);
+        let said = reference.as_ref().and_then(ReferenceSummary::remark);
         let verdicts = self.verdicts(&nis, options);
         let mut unobservable = Vec::new();
         if runs_filter {
@@ -242,14 +285,17 @@ impl Tally {
             duration_s: self.duration_s(),
             samples: self.sensor_samples(),
             updates: self.updates.clone(),
+            heading,
             error_deg,
-            nees_mean: self.scores.nees_per_degree_of_freedom(),
+            reference,
+            nees_mean: nees.map(|nees| nees.mean),
+            nees,
             nis_mean: NisOf {
                 accelerometer: nis.accelerometer.map(|n| n.mean),
                 magnetometer: nis.magnetometer.map(|n| n.mean),
                 compass: nis.compass.map(|n| n.mean),
             },
-            final_test: self.final_test.summary(),
+            final_test: self.final_test.summary(heading.is_known()),
             findings: match runs_filter {
                 true => self.diagnosis.findings(&verdicts),
                 false => Vec::new(),
@@ -271,11 +317,31 @@ impl Tally {
             gaps: self.gaps,
             position: None,
             samples_per_sensor: self.samples_per_sensor(),
-            issues: self.issues(error_deg.is_some(), runs_filter),
+            issues: self.issues(&said, error_deg.is_some(), runs_filter),
             parameters: self.parameters.clone(),
             calibrations: self.calibrations.clone(),
             version: VERSION,
         }
+    }
+
+    fn reference(
+        &self,
+        scored: Option<&ErrorSummary>,
+        options: &RunOptions,
+    ) -> Option<ReferenceSummary> {
+        let samples = self.samples_of(SensorKind::Reference);
+        (samples > 0).then(|| {
+            let turning = self.turning.as_ref();
+            let found = turning.map_or(Ok(None), |rates| reference::find(&rates.series()));
+            ReferenceSummary {
+                samples,
+                scored: scored.map_or(0, |error| error.scored_samples),
+                in_gaps: self.scorer.in_gaps(),
+                alignment: options.reference.alignment().copied(),
+                found: found.ok().flatten(),
+                problem: found.err(),
+            }
+        })
     }
 
     fn sensor_samples(&self) -> u64 {
@@ -338,7 +404,7 @@ impl Tally {
         judged.collect()
     }
 
-    fn issues(&self, scored: bool, runs_filter: bool) -> Vec<String> {
+    fn issues(&self, reference: &Option<String>, scored: bool, runs_filter: bool) -> Vec<String> {
         let mut issues = Vec::new();
         if self.rates.all >= FEWEST_ZEROS && self.rates.zero == self.rates.all {
             issues.push(format!(
@@ -368,13 +434,21 @@ impl Tally {
                     .to_owned(),
             );
         }
-        if self.samples_of(SensorKind::Reference) > 0 && !scored {
+        let references = self.samples_of(SensorKind::Reference);
+        let in_gaps = self.scorer.in_gaps();
+        if references > 0 && !scored {
             issues.push(format!(
-                "The reference was not scored: none of its samples counts, falls on a gyroscope \
-                 sample and comes {} s or more after the first sample.",
+                "The reference was not scored: none of its {references} samples counts, lies between two estimates \
+                 without a gap, and comes {} s or more after the first sample.",
                 self.skip_s
             ));
+        } else if in_gaps > 0 {
+            issues.push(format!(
+                "{in_gaps} of the {references} reference samples are not scored: they lie in gaps of the gyroscope, where \
+                 nothing says how the device turned."
+            ));
         }
+        issues.extend(reference.clone());
         issues
     }
 }

@@ -21,15 +21,34 @@ pub struct TracePoint {
     pub device_deg: Option<[f64; 3]>,
     /// Total, heading and inclination error against the reference, deg (heading is signed).
     pub error_deg: Option<[f64; 3]>,
-    /// Predicted standard deviation of the total error (root of the covariance's trace) and of the
-    /// heading error, deg.
-    pub error_std_deg: Option<[f64; 2]>,
+    /// Predicted standard deviation of the total error (root of the covariance's trace), of the heading error, and of the
+    /// inclination error (root of the sum of two variances), deg.
+    pub error_std_deg: Option<[f64; 3]>,
     /// Gyroscope bias estimate, deg/s, body axes.
     pub bias_deg_s: Option<[f64; 3]>,
     /// Its standard deviation, deg/s.
     pub bias_std_deg_s: Option<[f64; 3]>,
     /// Estimated position, east, north, up, m.
     pub position_m: Option<[f64; 3]>,
+}
+
+impl TracePoint {
+    /// The same with the constant part of the heading error taken out, deg: out of the errors, and of the reference, which
+    /// is turned to where the estimate counts its heading from.
+    #[must_use]
+    pub fn without_heading_offset(mut self, offset_deg: f64) -> Self {
+        let wrapped = |angle: f64| angle - 360.0 * (angle / 360.0).round();
+        if let Some([yaw, ..]) = &mut self.reference_deg {
+            *yaw = wrapped(*yaw + offset_deg);
+        }
+        if let Some([total, heading, inclination]) = &mut self.error_deg {
+            *heading = wrapped(*heading - offset_deg);
+            let half = |angle: f64| (0.5 * angle.to_radians()).cos();
+            let cosine = (half(*heading) * half(*inclination)).clamp(-1.0, 1.0);
+            *total = (2.0 * cosine.acos()).to_degrees();
+        }
+        self
+    }
 }
 
 /// One measured position.
@@ -67,6 +86,8 @@ pub struct InnovationPoint {
 pub struct Trace {
     /// Estimates over time.
     pub points: Thinned<TracePoint>,
+    /// The estimate at the instants of the reference, with reference and error.
+    pub scored: Thinned<TracePoint>,
     /// Innovations of each sensor that was updated with.
     pub innovations: Vec<(SensorKind, Thinned<InnovationPoint>)>,
     /// Measured positions, where the estimator looked at them.
@@ -80,11 +101,80 @@ impl Trace {
         let series = |kind| (kind, Thinned::new(capacity));
         Self {
             points: Thinned::new(capacity),
+            scored: Thinned::new(capacity),
             innovations: vec![
                 series(SensorKind::Accelerometer),
                 series(SensorKind::Magnetometer),
             ],
             positions: Thinned::new(capacity),
         }
+    }
+
+    /// The points with a reference: of the estimates where the two share their instants, otherwise those at the
+    /// reference's own. `heading_offset_deg` is taken out where it is given.
+    #[must_use]
+    pub fn against_reference(&self, heading_offset_deg: Option<f64>) -> Vec<TracePoint> {
+        let shared = self.points.items().iter();
+        let shared = shared.filter(|point| point.reference_deg.is_some()).count();
+        let points = if 2 * shared >= self.scored.items().len() {
+            &self.points
+        } else {
+            &self.scored
+        };
+        let one = |point: &TracePoint| match heading_offset_deg {
+            Some(offset) => point.without_heading_offset(offset),
+            None => *point,
+        };
+        points.items().iter().map(one).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::statistics::metrics::AttitudeError;
+    use northing_core::geometry::rotation;
+
+    /// The errors of the turned reference are those that the metric finds against it.
+    #[test]
+    fn an_offset_of_the_heading_is_taken_out_of_errors_and_reference() {
+        let turn = |deg: [f64; 3]| rotation::from_yaw_pitch_roll(deg.map(f64::to_radians));
+        let (estimate, reference) = ([150.0, 10.0, -20.0], [60.0, 7.0, -25.0]);
+        let error = |reference: [f64; 3]| {
+            let e = AttitudeError::between(&turn(estimate), &turn(reference));
+            [e.total, e.heading, e.inclination].map(f64::to_degrees)
+        };
+        let point = TracePoint {
+            angles_deg: estimate,
+            reference_deg: Some(reference),
+            error_deg: Some(error(reference)),
+            ..TracePoint::default()
+        };
+        let aligned = point.without_heading_offset(88.0);
+        let turned = aligned.reference_deg.unwrap();
+        assert!((turned[0] - 148.0).abs() < 1e-9, "{turned:?}");
+        for (got, expected) in aligned.error_deg.unwrap().iter().zip(error(turned)) {
+            assert!((got - expected).abs() < 1e-9, "{got} for {expected}");
+        }
+    }
+
+    #[test]
+    fn the_series_with_the_reference_is_the_one_drawn_against_it() {
+        let at = |time_s: f64, reference: bool| TracePoint {
+            time_s,
+            reference_deg: reference.then_some([0.0; 3]),
+            ..TracePoint::default()
+        };
+        let mut trace = Trace::new(100);
+        for k in 0..20_u32 {
+            trace.points.push(|| at(f64::from(k), k % 10 == 0));
+            trace.scored.push(|| at(f64::from(k) + 0.5, true));
+        }
+        assert!((trace.against_reference(None)[0].time_s - 0.5).abs() < 1e-12);
+        let mut shared = Trace::new(100);
+        shared.points.push(|| at(1.0, true));
+        shared.points.push(|| at(2.0, false));
+        shared.scored.push(|| at(1.0, true));
+        assert_eq!(shared.against_reference(None).len(), 2);
     }
 }

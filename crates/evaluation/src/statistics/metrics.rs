@@ -2,12 +2,17 @@
 //!
 //! The metric of the BROAD benchmark (Laidig et al., 2021). The error rotation in the world frame
 //! is `e = q_est * conj(q_ref)`; its angle is the total error, its part about the vertical the
-//! heading error, the rest the inclination error. No alignment of any kind: a wrong north counts.
+//! heading error, the rest the inclination error. A wrong north counts, unless nothing said where north is: then the
+//! heading counts from an arbitrary direction, its constant part is removed, and NEES is that of the tilt.
 
-use nalgebra::{Matrix3, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2};
 use northing_core::geometry::so3;
 use northing_core::kalman::covariance::normalized_square;
 use serde::Serialize;
+
+use crate::statistics::attitude_std::tilt_covariance;
+use crate::statistics::consistency::nees_in_words;
+use crate::statistics::heading_errors::HeadingErrors;
 
 /// Error of one estimate, rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,16 +48,51 @@ impl AttitudeError {
     }
 }
 
+crate::named! {
+    /// What says where north is; it decides what of an attitude can be judged.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+    #[serde(rename_all = "kebab-case")]
+    pub enum HeadingReference {
+        /// A magnetometer or a compass was fused.
+        Measured = "measured",
+        /// The state at the start knew north, and nothing was fused since.
+        Initial = "initial",
+        /// Nothing: the heading counts from an arbitrary direction.
+        Arbitrary = "arbitrary",
+        /// The device that reported the attitude.
+        Device = "device",
+    }
+}
+
+impl HeadingReference {
+    /// Whether a heading error can be judged as it is.
+    #[must_use]
+    pub const fn is_known(self) -> bool {
+        !matches!(self, Self::Arbitrary)
+    }
+}
+
 /// RMS errors over the scored samples, deg: the `error_deg` of a summary.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct ErrorSummary {
-    /// RMS of the total error, deg.
+    /// RMS of the total error, deg. Where the heading is arbitrary, after the constant `heading_offset` is removed.
     pub total_rmse: f64,
-    /// RMS of the heading error, deg.
+    /// RMS of the heading error, deg. Where the heading is arbitrary, after the constant `heading_offset` is removed.
     pub heading_rmse: f64,
-    /// RMS of the inclination error, deg.
+    /// RMS of the inclination (tilt) error, deg.
     pub inclination_rmse: f64,
+    /// Mean direction of the heading errors, deg: their constant part.
+    pub heading_offset: f64,
+    /// Whether it is removed from `total_rmse` and `heading_rmse`: where nothing said where north is.
+    pub heading_offset_removed: bool,
+    /// RMS of the heading error after `heading_offset` is removed, deg.
+    pub heading_aligned_rmse: f64,
+    /// RMS of the change of the heading error since the first scored sample, deg.
+    pub heading_drift_rmse: f64,
+    /// That change at the last scored sample, deg, signed; beyond 180 it counts on.
+    pub heading_drift_end: f64,
     /// Samples that count in them.
     pub scored_samples: u64,
     /// Estimates that are not finite and therefore do not count; left out of JSON when 0.
@@ -69,14 +109,59 @@ fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
+/// Mean NEES of an attitude: the `nees` of a summary.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+pub struct NeesSummary {
+    /// Over the components that can be judged, per degree of freedom: 1 when the covariance is consistent.
+    pub mean: f64,
+    /// How many these are: 3, or 2 (tilt alone) where the heading is arbitrary.
+    pub degrees_of_freedom: u8,
+    /// Of the tilt alone, per degree of freedom (2).
+    pub tilt_mean: f64,
+}
+
+impl NeesSummary {
+    /// Whether the covariance is consistent, in words, with what it is judged over.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let words = nees_in_words(self.mean);
+        match self.degrees_of_freedom {
+            2 => format!("{words}; of the tilt alone, as nothing said where north is"),
+            _ => words,
+        }
+    }
+}
+
 /// Gathers errors and their normalised squares in constant memory.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct ErrorStatistics {
     squares: [f64; 3],
     samples: u64,
     not_finite: u64,
-    nees: f64,
-    nees_samples: u64,
+    headings: HeadingErrors,
+    nees: Mean,
+    tilt_nees: Mean,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    sum: f64,
+    count: u64,
+}
+
+impl Mean {
+    fn add(&mut self, value: Option<f64>) {
+        if let Some(value) = value {
+            self.sum += value;
+            self.count += 1;
+        }
+    }
+
+    fn per(self, degrees_of_freedom: u8) -> Option<f64> {
+        let count = self.count as f64 * f64::from(degrees_of_freedom);
+        (self.count > 0).then(|| self.sum / count)
+    }
 }
 
 impl ErrorStatistics {
@@ -98,20 +183,35 @@ impl ErrorStatistics {
             *sum += part * part;
         }
         self.samples += 1;
-        if let Some(nees) = covariance.and_then(|p| attitude_nees(estimate, p, reference)) {
-            self.nees += nees;
-            self.nees_samples += 1;
+        self.headings.add(error.heading, error.inclination);
+        if let Some(p) = covariance {
+            self.nees.add(attitude_nees(estimate, p, reference));
+            self.tilt_nees.add(tilt_nees(estimate, p, reference));
         }
     }
 
     /// The RMS errors; `None` when nothing was scored.
     #[must_use]
-    pub fn summary(&self) -> Option<ErrorSummary> {
+    pub fn summary(&self, heading: HeadingReference) -> Option<ErrorSummary> {
         let rms_deg = |sum: f64| (sum / self.samples as f64).sqrt().to_degrees();
-        (self.samples > 0).then(|| ErrorSummary {
-            total_rmse: rms_deg(self.squares[0]),
-            heading_rmse: rms_deg(self.squares[1]),
+        let aligned = self.headings.aligned()?;
+        let removed = !heading.is_known();
+        let [total, heading] = match removed {
+            true => [
+                aligned.total_rms.to_degrees(),
+                aligned.heading_rms.to_degrees(),
+            ],
+            false => [rms_deg(self.squares[0]), rms_deg(self.squares[1])],
+        };
+        Some(ErrorSummary {
+            total_rmse: total,
+            heading_rmse: heading,
             inclination_rmse: rms_deg(self.squares[2]),
+            heading_offset: aligned.offset.to_degrees(),
+            heading_offset_removed: removed,
+            heading_aligned_rmse: aligned.heading_rms.to_degrees(),
+            heading_drift_rmse: self.headings.drift_rms().to_degrees(),
+            heading_drift_end: self.headings.drift().to_degrees(),
             scored_samples: self.samples,
             not_finite_samples: self.not_finite,
         })
@@ -123,11 +223,19 @@ impl ErrorStatistics {
         self.not_finite
     }
 
-    /// Mean NEES per degree of freedom: 1 when the covariance is consistent, above when it is too
-    /// small. `None` for estimators without covariance.
+    /// Mean NEES; `None` for estimators without covariance.
     #[must_use]
-    pub fn nees_per_degree_of_freedom(&self) -> Option<f64> {
-        (self.nees_samples > 0).then(|| self.nees / (3.0 * self.nees_samples as f64))
+    pub fn nees(&self, heading: HeadingReference) -> Option<NeesSummary> {
+        let tilt_mean = self.tilt_nees.per(2)?;
+        let (mean, degrees_of_freedom) = match heading.is_known() {
+            true => (self.nees.per(3)?, 3),
+            false => (tilt_mean, 2),
+        };
+        Some(NeesSummary {
+            mean,
+            degrees_of_freedom,
+            tilt_mean,
+        })
     }
 }
 
@@ -142,6 +250,29 @@ pub fn attitude_nees(
 ) -> Option<f64> {
     let a = so3::log(&(estimate.inverse() * reference));
     normalized_square(&a, covariance)
+}
+
+/// Normalised error squared of the tilt alone: chi-square with 2 degrees of freedom when `covariance` (rad^2, local error
+/// in body axes) is consistent, whatever the heading and its variance. `None` where the covariance is not positive definite.
+#[must_use]
+pub fn tilt_nees(
+    estimate: &UnitQuaternion<f64>,
+    covariance: &Matrix3<f64>,
+    reference: &UnitQuaternion<f64>,
+) -> Option<f64> {
+    let tilt = tilt_covariance(estimate, covariance);
+    normalized_square(&tilt_error(estimate, reference), &tilt)
+}
+
+/// The turn (rad) about the two horizontal axes of the world that takes the tilt of `estimate` to that of `reference`
+/// once their headings agree. Its length is the inclination error.
+#[must_use]
+pub fn tilt_error(estimate: &UnitQuaternion<f64>, reference: &UnitQuaternion<f64>) -> Vector2<f64> {
+    let error = estimate * reference.inverse();
+    // The twist about the vertical, and what is left of the error without it; upside down there is none.
+    let twist = Quaternion::new(error.w, 0.0, 0.0, error.k);
+    let twist = UnitQuaternion::try_new(twist, f64::MIN_POSITIVE).unwrap_or_default();
+    so3::log(&(twist * error.inverse())).xy()
 }
 
 #[cfg(test)]
@@ -189,15 +320,15 @@ mod tests {
     fn rms_is_in_degrees_and_counts_only_finite_estimates() {
         let identity = UnitQuaternion::identity();
         let mut statistics = ErrorStatistics::default();
-        assert_eq!(statistics.summary(), None);
+        assert_eq!(statistics.summary(HeadingReference::Measured), None);
         statistics.add(&turn(0.0, 0.0, 3_f64.to_radians()), None, &identity);
         statistics.add(&turn(0.0, 0.0, -4_f64.to_radians()), None, &identity);
         let nan = UnitQuaternion::new_unchecked(Quaternion::new(f64::NAN, 0.0, 0.0, 0.0));
         statistics.add(&nan, None, &identity);
-        let summary = statistics.summary().unwrap();
+        let summary = statistics.summary(HeadingReference::Measured).unwrap();
         assert_relative_eq!(summary.heading_rmse, 12.5_f64.sqrt(), epsilon = 1e-9);
         assert_eq!(summary.scored_samples, 2);
-        assert_eq!(statistics.nees_per_degree_of_freedom(), None);
+        assert_eq!(statistics.nees(HeadingReference::Measured), None);
     }
 
     #[test]
@@ -212,11 +343,88 @@ mod tests {
         );
         let mut statistics = ErrorStatistics::default();
         statistics.add(&estimate, Some(&p), &reference);
-        let mean = statistics.nees_per_degree_of_freedom().unwrap();
-        assert_relative_eq!(mean, 1.0, epsilon = 1e-9);
+        let nees = statistics.nees(HeadingReference::Measured).unwrap();
+        assert_relative_eq!(nees.mean, 1.0, epsilon = 1e-9);
+        assert_eq!(nees.degrees_of_freedom, 3);
         assert_eq!(
             attitude_nees(&estimate, &Matrix3::zeros(), &reference),
             None
         );
+    }
+
+    /// Estimates whose heading counts from elsewhere and drifts by 8 deg: the tilt's error is as stated, and neither the
+    /// offset nor the variance of the heading changes what is said of it.
+    #[test]
+    fn an_arbitrary_heading_leaves_tilt_and_drift() {
+        let std = Vector3::new(0.01, 0.02, 3.0);
+        let level = Matrix3::from_diagonal(&std.component_mul(&std));
+        let mut statistics = ErrorStatistics::default();
+        for k in 0..=800 {
+            let reference = turn(0.3, -0.8, 0.01 * f64::from(k));
+            let drift = 1.5 + (0.01 * f64::from(k)).to_radians();
+            let estimate = turn(0.0, 0.0, drift) * turn(0.01, 0.0, 0.0) * reference;
+            let axes = estimate.to_rotation_matrix().into_inner();
+            // The error is along the first axis before the estimate's heading is turned.
+            let heading = turn(0.0, 0.0, drift).to_rotation_matrix().into_inner();
+            let world = heading * level * heading.transpose();
+            let body = axes.transpose() * world * axes;
+            statistics.add(&estimate, Some(&body), &reference);
+        }
+        let heading = HeadingReference::Arbitrary;
+        let summary = statistics.summary(heading).unwrap();
+        assert!(summary.heading_offset_removed);
+        assert_relative_eq!(
+            summary.inclination_rmse,
+            0.01_f64.to_degrees(),
+            epsilon = 1e-9
+        );
+        assert_relative_eq!(
+            summary.heading_offset,
+            1.5_f64.to_degrees() + 4.0,
+            epsilon = 1e-6
+        );
+        assert_relative_eq!(summary.heading_drift_end, 8.0, epsilon = 1e-9);
+        // Of a line from 0 to 8: 8 / sqrt 3 from its start, 8 / sqrt 12 about its middle.
+        assert_relative_eq!(
+            summary.heading_drift_rmse,
+            8.0 / 3.0_f64.sqrt(),
+            epsilon = 0.01
+        );
+        assert_relative_eq!(summary.heading_rmse, 8.0 / 12.0_f64.sqrt(), epsilon = 0.01);
+        assert_relative_eq!(
+            summary.heading_aligned_rmse,
+            summary.heading_rmse,
+            epsilon = 1e-12
+        );
+        let total = summary.heading_rmse.hypot(summary.inclination_rmse);
+        assert_relative_eq!(summary.total_rmse, total, epsilon = 1e-3);
+        let nees = statistics.nees(heading).unwrap();
+        assert_eq!(nees.degrees_of_freedom, 2);
+        assert_relative_eq!(nees.mean, 0.5, epsilon = 1e-6);
+        let known = statistics.summary(HeadingReference::Measured).unwrap();
+        assert!(
+            known.total_rmse > 80.0 && known.heading_rmse > 80.0,
+            "{known:?}"
+        );
+        assert_relative_eq!(
+            known.heading_aligned_rmse,
+            summary.heading_rmse,
+            epsilon = 1e-12
+        );
+    }
+
+    #[test]
+    fn the_tilt_error_is_the_inclination_with_its_axis() {
+        for (estimate, reference) in [
+            (turn(0.4, -1.0, 2.0), turn(-0.2, 0.5, -1.0)),
+            (turn(3.0, 0.1, 0.0), turn(0.0, 0.0, 0.4)),
+        ] {
+            let tilt = tilt_error(&estimate, &reference);
+            let error = AttitudeError::between(&estimate, &reference);
+            assert_relative_eq!(tilt.norm(), error.inclination, epsilon = 1e-9);
+            let turned = turn(tilt.x, tilt.y, 0.0) * estimate;
+            let left = AttitudeError::between(&turned, &reference);
+            assert!(left.inclination < 1e-7, "{left:?}");
+        }
     }
 }

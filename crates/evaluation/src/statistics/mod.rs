@@ -3,13 +3,17 @@
 //! | I look for | file |
 //! |---|---|
 //! | error metrics and NEES of an attitude | [`metrics`] |
+//! | tilt, heading and body-axis standard deviations of an attitude | [`attitude_std`] |
+//! | heading errors without their constant part | [`heading_errors`] |
 //! | NIS, counts of updates, quantiles of chi-square | [`nis`] |
 //! | "your accelerometer R is about 9 times too small" | [`consistency`] |
 //! | one step back of RTS smoothing, whatever the states | `rts_step.rs` |
 //! | a series of bounded length for plots | [`thinned`] |
 //! | the causes of a wrong verdict: holes, rounding, saturation, disturbance | [`verdict`] |
 
+pub mod attitude_std;
 pub mod consistency;
+pub mod heading_errors;
 pub mod metrics;
 pub mod nis;
 pub(crate) mod rts_step;

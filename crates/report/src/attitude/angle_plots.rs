@@ -7,9 +7,10 @@ use crate::drawing::series::{BandPoint, Point};
 use northing_evaluation::attitude::{Trace, TracePoint};
 
 /// Heading, pitch and roll with their bands, the reference and the device's own; `None` without
-/// estimates.
-pub(crate) fn angles(trace: &Trace) -> Option<Figure> {
+/// estimates. The reference is turned by the offset of the heading, where that is arbitrary.
+pub(crate) fn angles(trace: &Trace, heading_offset_deg: Option<f64>) -> Option<Figure> {
     let points = trace.points.items();
+    let referenced = trace.against_reference(heading_offset_deg);
     if !is_drawn(&curve(points, |p| Some(p.angles_deg[0]))) {
         return None;
     }
@@ -18,14 +19,14 @@ pub(crate) fn angles(trace: &Trace) -> Option<Figure> {
     Some(Figure::new(
         "Estimated heading, pitch and roll over time",
         time_axis(&[trace]),
-        angle_keys(points),
+        angle_keys(points, &referenced),
         panels
-            .map(|(i, name)| angle_panel(points, i, name))
+            .map(|(i, name)| angle_panel(points, &referenced, i, name))
             .collect(),
     ))
 }
 
-fn angle_keys(points: &[TracePoint]) -> Vec<Key> {
+fn angle_keys(points: &[TracePoint], referenced: &[TracePoint]) -> Vec<Key> {
     let mut keys = vec![key(Sign::Line, "line estimate", "estimate")];
     if points.iter().any(|p| p.angles_std_deg.is_some()) {
         keys.push(key(
@@ -34,7 +35,7 @@ fn angle_keys(points: &[TracePoint]) -> Vec<Key> {
             "\u{00b1}3\u{03c3} of the estimate",
         ));
     }
-    if points.iter().any(|p| p.reference_deg.is_some()) {
+    if referenced.iter().any(|p| p.reference_deg.is_some()) {
         keys.push(key(Sign::Line, "line dash reference", "reference"));
     }
     if points.iter().any(|p| p.device_deg.is_some()) {
@@ -48,9 +49,9 @@ fn angle_keys(points: &[TracePoint]) -> Vec<Key> {
 }
 
 /// One angle: band, the device's own, the estimate, and the dashed reference on top.
-fn angle_panel(points: &[TracePoint], i: usize, name: &str) -> Panel {
+fn angle_panel(points: &[TracePoint], referenced: &[TracePoint], i: usize, name: &str) -> Panel {
     let estimate = curve(points, |p| Some(p.angles_deg[i]));
-    let reference = curve(points, |p| p.reference_deg.map(|a| a[i]));
+    let reference = curve(referenced, |p| p.reference_deg.map(|a| a[i]));
     let device = curve(points, |p| p.device_deg.map(|a| a[i]));
     let axis = angle_axis(&[&estimate, &reference, &device]);
     let bounds = band(points, |p| {
@@ -65,15 +66,20 @@ fn angle_panel(points: &[TracePoint], i: usize, name: &str) -> Panel {
     Panel::new(name, "deg", axis, layers)
 }
 
-/// Total, heading and inclination error, with what the filter predicted; `None` without reference.
-pub(crate) fn errors(trace: &Trace) -> Option<Figure> {
-    let points = trace.points.items();
+/// Total, heading and inclination error, with what the filter predicted; `None` without reference. The offset of an
+/// arbitrary heading is taken out, and no band is drawn that contains it.
+pub(crate) fn errors(trace: &Trace, heading_offset_deg: Option<f64>) -> Option<Figure> {
+    let points = &trace.against_reference(heading_offset_deg)[..];
     let error = |i: usize| curve(points, move |p| p.error_deg.map(|e| e[i]));
     if !is_drawn(&error(0)) {
         return None;
     }
-    let total = band(points, |p| p.error_std_deg.map(|s| (0.0, s[0])));
-    let heading = band(points, |p| p.error_std_deg.map(|s| (0.0, s[1])));
+    let predicted = |i: usize| {
+        let drawn = i == 2 || heading_offset_deg.is_none();
+        band(points, move |p| {
+            p.error_std_deg.filter(|_| drawn).map(|s| (0.0, s[i]))
+        })
+    };
     let mut legend = vec![key(Sign::Line, "line estimate", "error")];
     if points.iter().any(|p| p.error_std_deg.is_some()) {
         legend.push(key(Sign::Band, "band estimate-fill", "predicted 3\u{03c3}"));
@@ -83,9 +89,9 @@ pub(crate) fn errors(trace: &Trace) -> Option<Figure> {
         time_axis(&[trace]),
         legend,
         vec![
-            error_panel("Total error", error(0), total, false),
-            error_panel("Heading error", error(1), heading, true),
-            error_panel("Inclination error", error(2), Vec::new(), false),
+            error_panel("Total error", error(0), predicted(0), false),
+            error_panel("Heading error", error(1), predicted(1), true),
+            error_panel("Inclination error", error(2), predicted(2), false),
         ],
     ))
 }

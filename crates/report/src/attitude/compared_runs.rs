@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use crate::attitude::comparison::{ComparedRun, ComparisonReport, Distribution};
+use crate::attitude::from_summary::removed_offset;
 use crate::page::facts::Fact;
 use crate::page::table::{Best, Cell, Column, Table};
 use northing_evaluation::UsedParameter;
 use northing_evaluation::attitude::compare::{
-    Compared, MeanMedian, Score, TableRow, distinct, statistics, totals,
+    self, Compared, MeanMedian, Score, TableRow, distinct, statistics, totals,
 };
 use northing_evaluation::attitude::{EstimatorKind, RunSummary, TraceObserver};
 
@@ -50,7 +51,10 @@ pub fn render(title: &str, runs: &[Run], scores: &[Score], command: String) -> S
         tables,
         distributions: distributions(scores, recordings.len()),
         runs: runs.iter().filter_map(drawn).collect(),
-        issues: issues(&summaries),
+        issues: arbitrary_headings(&summaries)
+            .into_iter()
+            .chain(issues(&summaries))
+            .collect(),
         settings: estimators
             .iter()
             .map(|estimator| (estimator.to_string(), settings(*estimator, &summaries)))
@@ -86,6 +90,7 @@ fn drawn(run: &Run) -> Option<ComparedRun<'_>> {
     Some(ComparedRun {
         name: run.estimator.name(),
         trace,
+        heading_offset_deg: run.outcome.as_ref().ok().and_then(removed_offset),
     })
 }
 
@@ -202,8 +207,8 @@ fn estimator_cells(summary: &RunSummary) -> Vec<Cell> {
         Cell::number(error.map(|e| e.heading_rmse), 2),
         Cell::number(error.map(|e| e.inclination_rmse), 2),
         Cell::number(summary.nees_mean, 2),
-        Cell::number(test.map(|t| t.calculated_error_deg), 2),
-        Cell::number(test.and_then(|t| t.estimated_error_deg), 2),
+        Cell::number(test.map(|t| t.judged_deg().0), 2),
+        Cell::number(test.and_then(|t| t.judged_deg().1), 2),
     ]
 }
 
@@ -223,6 +228,11 @@ fn distributions(scores: &[Score], recordings: usize) -> Vec<Distribution> {
     });
     all.filter(|distribution| !distribution.errors_deg.is_empty())
         .collect()
+}
+
+/// Where the heading is arbitrary, in words: what the tables then hold.
+fn arbitrary_headings(summaries: &[&RunSummary]) -> Option<String> {
+    compare::arbitrary_heading_note(summaries.iter().copied())
 }
 
 /// What was odd about each recording, said once.

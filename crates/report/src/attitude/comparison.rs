@@ -42,6 +42,8 @@ pub struct ComparedRun<'a> {
     pub name: &'a str,
     /// Its estimates.
     pub trace: &'a Trace,
+    /// Constant part of the heading error, deg, that plots leave out: where the heading is arbitrary.
+    pub heading_offset_deg: Option<f64>,
 }
 
 /// Errors of one estimator over many recordings.

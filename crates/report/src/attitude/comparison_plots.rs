@@ -46,7 +46,8 @@ fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option
         .iter()
         .map(|r| {
             let error = |p: &TracePoint| p.error_deg.map(|e| e[component]);
-            series::windowed_rms(&curve(r.trace.points.items(), error), WINDOWS)
+            let points = r.trace.against_reference(r.heading_offset_deg);
+            series::windowed_rms(&curve(&points, error), WINDOWS)
         })
         .collect();
     let sorted = axis::sorted(curves.iter().flatten().map(|p| p[1]));
@@ -80,9 +81,11 @@ pub(crate) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
         .iter()
         .map(|r| curve(r.trace.points.items(), |p| Some(p.angles_deg[0])))
         .collect();
-    let reference = runs
-        .iter()
-        .map(|r| curve(r.trace.points.items(), |p| p.reference_deg.map(|a| a[0])));
+    let reference = runs.iter().map(|r| {
+        curve(&r.trace.against_reference(None), |p| {
+            p.reference_deg.map(|a| a[0])
+        })
+    });
     let reference = reference.into_iter().find(|c| is_drawn(c));
     if !curves.iter().any(|c| is_drawn(c)) {
         return None;
@@ -185,6 +188,7 @@ mod tests {
         let runs = ["mekf", "device"].map(|name| ComparedRun {
             name,
             trace: &trace,
+            heading_offset_deg: None,
         });
         let all = [of("device", &[1.0, 2.0]), of("usque", &[3.0])];
         let svg = distribution(&all, &runs).unwrap_or_default();

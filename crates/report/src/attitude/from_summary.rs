@@ -4,9 +4,7 @@ use crate::attitude::run_report::{FinalTest, RunReport, SensorUpdates};
 use crate::page::facts::{Fact, Tone, Verdict};
 use northing_evaluation::attitude::final_test::{FinalSummary, FinalVerdict};
 use northing_evaluation::attitude::{RunSummary, Trace};
-use northing_evaluation::statistics::consistency::{
-    NoiseVerdict, is_consistent_nees, nees_in_words,
-};
+use northing_evaluation::statistics::consistency::{NoiseVerdict, is_consistent_nees};
 use northing_evaluation::statistics::nis::{NisSummary, UpdateCounts};
 
 impl<'a> RunReport<'a> {
@@ -24,30 +22,55 @@ impl<'a> RunReport<'a> {
             recording_facts: recording_facts(summary),
             issues: summary.issues.clone(),
             settings: summary.parameters.clone(),
+            heading_offset_deg: removed_offset(summary),
             ..Self::new(title, trace)
         }
     }
+}
+
+/// The constant part of the heading error, deg, where it is none of the estimate's.
+pub(crate) fn removed_offset(summary: &RunSummary) -> Option<f64> {
+    let error = summary.error_deg.filter(|e| e.heading_offset_removed)?;
+    Some(error.heading_offset)
 }
 
 fn facts(summary: &RunSummary) -> Vec<Fact> {
     let degrees = |value: f64| format!("{value:.2} deg");
     let mut facts = Vec::new();
     if let Some(error) = &summary.error_deg {
-        facts.extend([
-            Fact::new("attitude error, RMS", degrees(error.total_rmse)),
-            Fact::new("heading error, RMS", degrees(error.heading_rmse)),
-            Fact::new("inclination error, RMS", degrees(error.inclination_rmse)),
-        ]);
+        facts.extend(match error.heading_offset_removed {
+            true => [
+                Fact::new("inclination error, RMS", degrees(error.inclination_rmse)),
+                Fact::new("heading drift, RMS", degrees(error.heading_drift_rmse)),
+                Fact::new(
+                    "heading error after a constant offset, RMS",
+                    degrees(error.heading_rmse),
+                ),
+            ],
+            false => [
+                Fact::new("attitude error, RMS", degrees(error.total_rmse)),
+                Fact::new("heading error, RMS", degrees(error.heading_rmse)),
+                Fact::new("inclination error, RMS", degrees(error.inclination_rmse)),
+            ],
+        });
     }
-    if let Some(nees) = summary.nees_mean {
-        let label = "NEES per degree of freedom (1 is ideal)";
-        facts.push(Fact::new(label, format!("{nees:.2}")));
+    if let Some(nees) = summary.nees {
+        let label = match nees.degrees_of_freedom {
+            2 => "NEES of the tilt per degree of freedom (1 is ideal)",
+            _ => "NEES per degree of freedom (1 is ideal)",
+        };
+        facts.push(Fact::new(label, format!("{:.2}", nees.mean)));
     }
     if let Some(test) = &summary.final_test {
-        let calculated = degrees(test.calculated_error_deg);
-        facts.push(Fact::new("final test, calculated error", calculated));
-        let estimated = test.estimated_error_deg.map(degrees);
-        facts.extend(estimated.map(|error| Fact::new("final test, estimated error", error)));
+        let (calculated, estimated) = test.judged_deg();
+        let of = match test.degrees_of_freedom {
+            2 => " of the tilt",
+            _ => "",
+        };
+        let label = format!("final test, calculated error{of}");
+        facts.push(Fact::new(label, degrees(calculated)));
+        let label = format!("final test, estimated error{of}");
+        facts.extend(estimated.map(|error| Fact::new(label, degrees(error))));
     }
     if let Some(rms) = summary.position.as_ref().and_then(|p| p.innovation_rms_m) {
         let [horizontal, vertical] = [rms.horizontal, rms.vertical];
@@ -65,12 +88,12 @@ fn facts(summary: &RunSummary) -> Vec<Fact> {
 }
 
 fn verdicts(summary: &RunSummary) -> Vec<Verdict> {
-    let nees = summary.nees_mean.map(|nees| {
-        let tone = match is_consistent_nees(nees) {
+    let nees = summary.nees.map(|nees| {
+        let tone = match is_consistent_nees(nees.mean) {
             true => Tone::Good,
             false => Tone::Warn,
         };
-        Verdict::new(tone, sentence(&nees_in_words(nees)))
+        Verdict::new(tone, sentence(&nees.in_words()))
     });
     let sensors = summary.verdicts.iter().map(|verdict| {
         let tone = match verdict.verdict {
@@ -131,6 +154,10 @@ fn final_test(test: &FinalSummary) -> FinalTest {
         calculated_error_deg: Some(test.calculated_error_deg),
         estimated_error_deg: test.estimated_error_deg,
         axis_std_deg: test.estimated_std_deg,
+        tilt_deg: (test.degrees_of_freedom == 2).then(|| {
+            let estimated = test.estimated_tilt_deg.unwrap_or(f64::NAN);
+            [test.calculated_tilt_deg, estimated]
+        }),
         nees: test.normalised_square,
         verdict: final_verdict(test),
     }

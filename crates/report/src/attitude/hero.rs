@@ -80,7 +80,9 @@ fn figure(picture: &HeroPicture<'_>) -> Figure {
 fn heading_panel(picture: &HeroPicture<'_>) -> Panel {
     let heading = |t: &Trace| curve(t.points.items(), |p| Some(p.angles_deg[0]));
     let points = picture.filter.1.points.items();
-    let reference = curve(points, |p| p.reference_deg.map(|a| a[0]));
+    let reference = curve(&picture.filter.1.against_reference(None), |p| {
+        p.reference_deg.map(|a| a[0])
+    });
     let estimate = heading(picture.filter.1);
     let drifting = heading(picture.drifting.1);
     let bounds = band(points, |p| Some((p.angles_deg[0], p.angles_std_deg?[0])));

@@ -53,7 +53,7 @@ fn render(report: &RunReport<'_>) -> String {
 }
 
 fn attitude(report: &RunReport<'_>) -> String {
-    let Some(figure) = angle_plots::angles(report.trace) else {
+    let Some(figure) = angle_plots::angles(report.trace, report.heading_offset_deg) else {
         return "<p>The run gave no estimate, so there is nothing to draw.</p>\n".to_owned();
     };
     html::figure(
@@ -65,11 +65,18 @@ fn attitude(report: &RunReport<'_>) -> String {
 }
 
 fn errors(report: &RunReport<'_>) -> String {
+    let look = "Look whether the error fills the band without leaving it: leaving it means that the \
+                filter is overconfident, staying far inside that it is conservative.";
+    let offset = report.heading_offset_deg.map(|offset| {
+        format!(
+            " Nothing said where north is, so the heading counts from an arbitrary direction: the constant part of its \
+             error, {offset:.1} deg, is taken out, and the band is that of the inclination alone."
+        )
+    });
     html::figure(
-        angle_plots::errors(report.trace),
+        angle_plots::errors(report.trace, report.heading_offset_deg),
         "The error, and the error that the filter predicted.",
-        "Look whether the error fills the band without leaving it: leaving it means that the \
-         filter is overconfident, staying far inside that it is conservative.",
+        &format!("{look}{}", offset.unwrap_or_default()),
     )
 }
 
@@ -187,7 +194,7 @@ fn final_test(test: &FinalTest) -> String {
         degrees(test.calculated_error_deg),
     );
     add(
-        "estimated error (root of the trace of P)",
+        "estimated error (root of the trace of P at both ends)",
         degrees(test.estimated_error_deg),
     );
     let axes = test
@@ -197,8 +204,16 @@ fn final_test(test: &FinalTest) -> String {
         "standard deviation about x, y, z",
         axes.map(|s| format!("{}, {}, {} deg", short(s[0]), short(s[1]), short(s[2]))),
     );
+    if let Some([calculated, estimated]) = test.tilt_deg {
+        add("calculated tilt error", degrees(Some(calculated)));
+        add("estimated tilt error", degrees(Some(estimated)));
+    }
     let nees = test.nees.filter(|v| v.is_finite());
-    add("NEES (0.22 to 9.35 in 95 % of cases)", nees.map(short));
+    let label = match test.tilt_deg {
+        Some(_) => "NEES of the tilt (0.051 to 7.38 in 95 % of cases)",
+        None => "NEES (0.22 to 9.35 in 95 % of cases)",
+    };
+    add(label, nees.map(short));
     let verdict: Vec<_> = test.verdict.iter().cloned().collect();
     format!(
         "<p>The device is put back where it started. What the estimate then says it turned by is \

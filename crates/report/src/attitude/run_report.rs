@@ -28,11 +28,13 @@ pub struct SensorUpdates {
 pub struct FinalTest {
     /// Angle of the calculated error quaternion, deg.
     pub calculated_error_deg: Option<f64>,
-    /// Root of the trace of the attitude covariance, deg.
+    /// Root of the trace of the covariances of both ends, deg: the prediction that judges.
     pub estimated_error_deg: Option<f64>,
-    /// Standard deviation about each body axis, deg.
+    /// Its part about each body axis, deg.
     pub axis_std_deg: Option<[f64; 3]>,
-    /// Normalised estimation error squared of the final attitude (3 degrees of freedom).
+    /// Calculated and estimated error of the tilt, deg, where the tilt alone is judged.
+    pub tilt_deg: Option<[f64; 2]>,
+    /// Normalised estimation error squared of what is judged: 3 degrees of freedom, 2 of the tilt.
     pub nees: Option<f64>,
     /// Whether both agree.
     pub verdict: Option<Verdict>,
@@ -65,6 +67,8 @@ pub struct RunReport<'a> {
     pub issues: Vec<String>,
     /// Every parameter of the estimator.
     pub settings: Vec<UsedParameter>,
+    /// Constant part of the heading error, deg, that plots leave out: where the heading is arbitrary.
+    pub heading_offset_deg: Option<f64>,
     /// What the plots show.
     pub trace: &'a Trace,
 }
@@ -86,6 +90,7 @@ impl<'a> RunReport<'a> {
             recording_facts: Vec::new(),
             issues: Vec::new(),
             settings: Vec::new(),
+            heading_offset_deg: None,
             trace,
         }
     }

@@ -12,13 +12,15 @@ use crate::arguments::input::{DataArgs, InputArgs};
 use crate::arguments::navigation::NavigationArgs;
 
 /// Options that a report of the lab decides.
-const SET_ELSEWHERE: [&str; 9] = [
+const SET_ELSEWHERE: [&str; 11] = [
     "sensors",
     "magnetometer",
     "magnetometer_calibration",
     "calibration",
     "calibrate_first",
     "smooth",
+    "align_reference",
+    "ignore_reference",
     "profile",
     "config",
     "set",
@@ -40,6 +42,7 @@ Examples:
   northing run walk.zip --sensors gyro,acc --set bounded_velocity_psd=0.05 --out estimates.csv
   northing run walk.parquet --smooth --out smoothed.tum
   northing run walk.zip --magnetometer calibrated=magnetometer.toml --calibration rest.toml
+  northing run capture.csv --align-reference                    # motion capture on a clock of its own
   northing run drive.toml --estimator error-state --gnss-every 4 --outage 120:30 --report drive.html
   northing run board.txt --report board.html                    # what our firmware printed
   northing demo --record-only - | northing run - --json"

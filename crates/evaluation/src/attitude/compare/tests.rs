@@ -15,6 +15,7 @@ fn options(estimators: &[EstimatorKind]) -> CompareOptions {
         estimators: estimators.to_vec(),
         run: RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld),
         calibrations: Calibrations::default(),
+        align_reference: false,
         open: OpenOptions::default(),
     }
 }

@@ -1,7 +1,9 @@
 //! Runs on the virtual phone and on events made by hand.
 
 use super::*;
-use crate::attitude::Profile;
+use crate::attitude::reference::simulated::Turned;
+use crate::attitude::{Profile, ScoredRecord};
+use crate::statistics::metrics::HeadingReference;
 use nalgebra::Vector3;
 use northing_recording::{RecordingError, Reference, Sample};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
@@ -177,10 +179,122 @@ fn without_sensors_it_runs_and_says_what_is_unobservable() {
     assert!(summary.unobservable[0].starts_with("The magnetometer is left out"));
     assert_eq!(summary.updates.magnetometer.fused, 0);
     assert_eq!(summary.nis_mean.magnetometer, None);
+    // The phone's bias drifts: so does the heading, from where it began.
     let error = summary.error_deg.unwrap();
     assert!(
-        error.inclination_rmse < 1.5 && error.heading_rmse > 5.0,
+        error.inclination_rmse < 1.5 && error.heading_drift_rmse > 5.0,
         "{error:?}"
+    );
+}
+
+/// Without anything that says where north is, the heading counts from an arbitrary direction: that is neither an error
+/// nor too small an uncertainty.
+#[test]
+fn an_arbitrary_heading_is_no_error() {
+    let turned = Turned {
+        imu_hz: 40.0,
+        magnetometer: false,
+        ..Turned::default()
+    };
+    let elsewhere = UnitQuaternion::from_scaled_axis(Vector3::z() * 1.5);
+    let mut events = turned.events();
+    for event in events.iter_mut().flatten() {
+        if let Sample::Reference(reference) = &mut event.sample {
+            reference.attitude = elsewhere * reference.attitude;
+        }
+    }
+    let options = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
+    let summary = run(events, &options, &mut ()).unwrap();
+    assert_eq!(summary.heading, HeadingReference::Arbitrary);
+    let error = summary.error_deg.unwrap();
+    assert!(
+        error.heading_offset_removed && error.heading_offset.abs() > 60.0,
+        "{error:?}"
+    );
+    assert!(
+        error.total_rmse < 5.0 && error.inclination_rmse < 2.0,
+        "{error:?}"
+    );
+    let nees = summary.nees.unwrap();
+    assert_eq!(nees.degrees_of_freedom, 2);
+    assert_eq!(summary.nees_mean, Some(nees.tilt_mean));
+    assert!(nees.mean < 1.7, "{nees:?}");
+
+    let fused = run(Turned::default().events(), &options, &mut ()).unwrap();
+    assert_eq!(fused.heading, HeadingReference::Measured);
+    assert!(!fused.error_deg.unwrap().heading_offset_removed);
+    assert_eq!(fused.nees.unwrap().degrees_of_freedom, 3);
+    let integration = RunOptions::new(EstimatorKind::Integration, Profile::HandHeld);
+    let integrated = run(Turned::default().events(), &integration, &mut ()).unwrap();
+    assert_eq!(integrated.heading, HeadingReference::Initial);
+}
+
+/// Motion capture at 30 Hz beside an inertial unit at 40 Hz: every sample counts, and the error is that of the estimate,
+/// not of the time between the two.
+#[test]
+fn a_reference_on_its_own_clock_is_scored_at_its_own_instants() {
+    struct Scored(Vec<i64>);
+    impl RunObserver for Scored {
+        fn scored(&mut self, record: &ScoredRecord) {
+            self.0.push(record.time_ns);
+        }
+    }
+    let turned = Turned {
+        imu_hz: 40.0,
+        ..Turned::default()
+    };
+    let shared = Turned {
+        reference_hz: 40.0,
+        reference_phase: 0.0,
+        ..turned
+    };
+    for smooth in [false, true] {
+        let options = RunOptions {
+            smooth,
+            ..RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld)
+        };
+        let mut seen = Scored(Vec::new());
+        let summary = run(turned.events(), &options, &mut seen).unwrap();
+        let reference = summary.reference.unwrap();
+        let error = summary.error_deg.unwrap();
+        assert_eq!(reference.samples, 1800);
+        // All but the first five seconds, and the last ones after the last gyroscope sample.
+        assert!((1645..=1650).contains(&error.scored_samples), "{error:?}");
+        assert_eq!(
+            (reference.scored, reference.in_gaps),
+            (error.scored_samples, 0)
+        );
+        // A device that turns by 60 deg/s is off by half a degree between two samples of the gyroscope.
+        let expected = run(shared.events(), &options, &mut ())
+            .unwrap()
+            .error_deg
+            .unwrap();
+        let difference = error.total_rmse - expected.total_rmse;
+        assert!(
+            difference.abs() < 0.02,
+            "smoothed {smooth}: {error:?} and {expected:?}"
+        );
+        assert!(seen.0.is_sorted() && seen.0.len() > 1700);
+    }
+}
+
+/// A hole of 0.4 s in the inertial samples of a device that turns.
+#[test]
+fn references_in_a_hole_are_counted_and_said() {
+    let mut events = Turned::default().events();
+    let hole = 30_000_000_000..30_400_000_000;
+    events.retain(|event| {
+        let event = event.as_ref().unwrap();
+        event.sample.kind() == SensorKind::Reference || !hole.contains(&event.time_ns)
+    });
+    let options = RunOptions::new(EstimatorKind::Mekf, Profile::HandHeld);
+    let summary = run(events, &options, &mut ()).unwrap();
+    assert_eq!(summary.reference.unwrap().in_gaps, 12);
+    let said = |text: &str| summary.issues.iter().any(|issue| issue.starts_with(text));
+    assert!(
+        said("12 of the 1800 reference samples are not scored"),
+        "{:?}",
+        summary.issues
     );
 }
 
@@ -267,6 +381,7 @@ fn a_gap_is_counted_and_widens_the_covariance() {
     approx::assert_relative_eq!(summary.gaps.longest_s, 3.01, epsilon = 1e-9);
     approx::assert_relative_eq!(summary.gaps.longest_start_s, 5.99, epsilon = 1e-9);
     assert_eq!(summary.error_deg.unwrap().scored_samples, 400);
+    assert_eq!(summary.reference.unwrap().in_gaps, 0);
 }
 
 #[test]

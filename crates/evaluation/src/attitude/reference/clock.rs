@@ -1,0 +1,274 @@
+//! The clock of a reference against that of the gyroscope: one offset, another rate, a jump, or another motion.
+//!
+//! Every stretch of ten seconds with motion in it has the offset at which the norms of the two rates correlate best. Stretches
+//! whose best correlation is low are not clear and do not count. What the clear ones agree on decides.
+
+use crate::attitude::reference::alignment::{LEAST_MOTION_RAD_S, spread};
+use crate::attitude::reference::rates::{Series, Window};
+use crate::statistics::median;
+
+/// Largest offset that is looked for, s.
+const LARGEST_OFFSET_S: f64 = 60.0;
+/// Steps of the offset in the first search, s.
+const COARSE_S: f64 = 0.05;
+/// Steps of the offset in the last search, s.
+const FINE_S: f64 = 0.01;
+/// Length of a stretch, s.
+const STRETCH_S: f64 = 10.0;
+/// Fewest windows of a stretch.
+const FEWEST_WINDOWS: usize = 25;
+/// Correlation from which on the offset of a stretch is clear.
+const CLEAR: f64 = 0.8;
+/// An offset near the common one is preferred to another that correlates better by no more than this.
+const NEARLY_AS_GOOD: f64 = 0.05;
+/// Offsets of stretches within this many seconds, or standard deviations, agree.
+const AGREE_S: f64 = 0.03;
+const AGREE_STD: f64 = 5.0;
+/// Share of the clear stretches that must agree.
+const MOST: f64 = 0.8;
+/// Smallest change of the offset over a recording that is called another rate, s.
+const LEAST_CHANGE_S: f64 = 0.06;
+/// Fewest stretches that tell another rate or a jump.
+const FEWEST_STRETCHES: usize = 3;
+
+/// What the rates say about the reference's clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Clock {
+    /// Too little motion to say anything.
+    Unknown,
+    /// One offset, s: what is added to the reference's stamps.
+    Offset(f64),
+    /// The offset changes steadily.
+    Rate { rate: f64, span_s: f64 },
+    /// The offset changes at once.
+    Jump { by_s: f64, at_s: f64 },
+    /// The rates are of different motions.
+    Different { correlation: f64 },
+}
+
+/// A stretch with its offset.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    middle_s: f64,
+    offset_s: f64,
+    std_s: f64,
+    correlation: f64,
+}
+
+impl Stretch {
+    fn agrees(&self, offset_s: f64) -> bool {
+        (self.offset_s - offset_s).abs() <= AGREE_S.max(AGREE_STD * self.std_s)
+    }
+}
+
+/// Compares the clocks.
+pub(super) fn compare(series: &Series<'_>) -> Clock {
+    let grid = Grid::new(series);
+    let Some(whole) = best(series, &grid, series.windows, None) else {
+        return Clock::Unknown;
+    };
+    let stretches = stretches(series, &grid, whole.offset_s);
+    if stretches.is_empty() {
+        return Clock::Unknown;
+    }
+    let clear: Vec<Stretch> = stretches
+        .iter()
+        .filter(|s| s.correlation >= CLEAR)
+        .copied()
+        .collect();
+    let common = middle(clear.iter().map(|s| s.offset_s));
+    let agree = |offsets: &dyn Fn(&Stretch) -> f64, of: &[Stretch]| {
+        let count = of.iter().filter(|s| s.agrees(offsets(s))).count();
+        count as f64 >= MOST * of.len() as f64
+    };
+    let is_clear = 2 * clear.len() > stretches.len();
+    if let Some(common) = common.filter(|_| is_clear) {
+        if let Some(changing) = changing(&clear) {
+            return changing;
+        }
+        if agree(&|_| common, &clear) {
+            return Clock::Offset(common);
+        }
+    }
+    // Motions that are clear nowhere may still be one motion: a noisy reference, or a slow one.
+    if whole.correlation >= CLEAR {
+        return Clock::Offset(whole.offset_s);
+    }
+    Clock::Different {
+        correlation: whole.correlation,
+    }
+}
+
+/// Another rate, or a jump, where the offsets of the stretches show it.
+fn changing(clear: &[Stretch]) -> Option<Clock> {
+    let (first, last) = (clear.first()?, clear.last()?);
+    let span_s = last.middle_s - first.middle_s;
+    if clear.len() < FEWEST_STRETCHES || span_s <= 0.0 {
+        return None;
+    }
+    let misfit = |model: &dyn Fn(f64) -> f64| {
+        let misses = clear
+            .iter()
+            .map(|s| (s.offset_s - model(s.middle_s)).abs().min(1.0));
+        misses.sum::<f64>() / clear.len() as f64
+    };
+    let fits = |model: &dyn Fn(f64) -> f64| {
+        let count = clear.iter().filter(|s| s.agrees(model(s.middle_s))).count();
+        count as f64 >= MOST * clear.len() as f64
+    };
+    // Theil-Sen: the median of the slopes between all pairs.
+    let slopes = clear.iter().enumerate().flat_map(|(i, a)| {
+        let later = clear[i + 1..].iter();
+        later.map(move |b| (b.offset_s - a.offset_s) / (b.middle_s - a.middle_s))
+    });
+    let rate = middle(slopes)?;
+    let start = middle(clear.iter().map(|s| s.offset_s - rate * s.middle_s))?;
+    let line = |t: f64| start + rate * t;
+    let (at_s, levels) = jump(clear)?;
+    let by_s = levels[1] - levels[0];
+    let step = |t: f64| levels[usize::from(t > at_s)];
+    let jumps = by_s.abs() > LEAST_CHANGE_S && fits(&step);
+    let runs = (rate * span_s).abs() > LEAST_CHANGE_S && fits(&line);
+    if runs && !(jumps && misfit(&step) < misfit(&line)) {
+        return Some(Clock::Rate { rate, span_s });
+    }
+    jumps.then_some(Clock::Jump { by_s, at_s })
+}
+
+/// Where two levels fit the offsets best, and the levels.
+fn jump(clear: &[Stretch]) -> Option<(f64, [f64; 2])> {
+    let split = |k: usize| {
+        let (before, after) = clear.split_at(k);
+        let levels = [before, after].map(|part| middle(part.iter().map(|s| s.offset_s)));
+        let levels = [levels[0]?, levels[1]?];
+        let cost = |part: &[Stretch], level: f64| -> f64 {
+            part.iter().map(|s| (s.offset_s - level).abs()).sum()
+        };
+        let cost = cost(before, levels[0]) + cost(after, levels[1]);
+        let at_s = 0.5 * (before.last()?.middle_s + after.first()?.middle_s);
+        Some((cost, at_s, levels))
+    };
+    let best = (1..clear.len())
+        .filter_map(split)
+        .min_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some((best.1, best.2))
+}
+
+fn middle(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    median(&values)
+}
+
+/// The stretches with motion in them, each with its offset.
+fn stretches(series: &Series<'_>, grid: &Grid, common_s: f64) -> Vec<Stretch> {
+    let index = |w: &Window| (w.from_s / STRETCH_S) as usize;
+    let parts = series.windows.chunk_by(|a, b| index(a) == index(b));
+    let moving = parts.filter(|part| {
+        part.len() >= FEWEST_WINDOWS
+            && spread(part.iter().map(|w| w.rate.norm())) > LEAST_MOTION_RAD_S
+    });
+    moving
+        .filter_map(|part| best(series, grid, part, Some(common_s)))
+        .collect()
+}
+
+/// Norms of the gyroscope's rate on a grid, for the first search: NaN where there is none.
+struct Grid(Vec<f64>);
+
+impl Grid {
+    fn new(series: &Series<'_>) -> Self {
+        let length_s = middle(series.windows.iter().map(|w| w.to_s - w.from_s)).unwrap_or(COARSE_S);
+        let points = (0..).map(|k| f64::from(k) * COARSE_S);
+        let points = points.take_while(|t| *t < series.duration_s());
+        let norm = |t: f64| {
+            series
+                .gyroscope(t, t + length_s)
+                .map_or(f64::NAN, |v| v.norm())
+        };
+        Self(points.map(norm).collect())
+    }
+
+    /// As [`correlation`] at an offset of so many steps.
+    fn correlation(&self, windows: &[Window], steps: i64) -> Option<f64> {
+        let norm = |window: &Window| {
+            let place = (window.from_s / COARSE_S).round() as i64 + steps;
+            let found = usize::try_from(place)
+                .ok()
+                .and_then(|place| self.0.get(place));
+            found.copied().filter(|norm| norm.is_finite())
+        };
+        of_norms(windows, norm)
+    }
+}
+
+/// The offset at which the norms of the rates of these windows correlate best. One near `prefer_s` is taken where it is
+/// nearly as good.
+fn best(
+    series: &Series<'_>,
+    grid: &Grid,
+    windows: &[Window],
+    prefer_s: Option<f64>,
+) -> Option<Stretch> {
+    let reach = (LARGEST_OFFSET_S / COARSE_S) as i64;
+    let at = |offset_s: f64| correlation(series, windows, offset_s);
+    let highest = |a: &(f64, f64), b: &(f64, f64)| a.1.total_cmp(&b.1);
+    let around = |middle_s: f64, step_s: f64, steps: i32| {
+        let tried = (-steps..=steps).filter_map(|k| {
+            let offset_s = middle_s + f64::from(k) * step_s;
+            Some((offset_s, at(offset_s)?))
+        });
+        tried.max_by(highest)
+    };
+    let coarse = (-reach..=reach)
+        .filter_map(|k| Some((k as f64 * COARSE_S, grid.correlation(windows, k)?)))
+        .max_by(highest)?;
+    let mut best = around(coarse.0, FINE_S, 6)?;
+    let near = prefer_s.and_then(|common_s| around(common_s, FINE_S, 10));
+    if let Some(near) = near.filter(|near| near.1 > best.1 - NEARLY_AS_GOOD) {
+        best = near;
+    }
+    let (offset_s, peak) = best;
+    let (before, after) = (at(offset_s - FINE_S)?, at(offset_s + FINE_S)?);
+    // The peak of the parabola through three values, and what its curvature and the noise leave open.
+    let curvature = (before - 2.0 * peak + after).min(-1e-12);
+    let shift = (0.5 * (before - after) / curvature).clamp(-1.0, 1.0);
+    let noise = (1.0 - peak * peak).max(1e-6) / windows.len() as f64;
+    Some(Stretch {
+        middle_s: 0.5 * (windows.first()?.middle_s() + windows.last()?.middle_s()),
+        offset_s: offset_s + shift * FINE_S,
+        std_s: FINE_S * (noise / -curvature).sqrt(),
+        correlation: peak,
+    })
+}
+
+/// Correlation of the norms of the rates at an offset.
+fn correlation(series: &Series<'_>, windows: &[Window], offset_s: f64) -> Option<f64> {
+    of_norms(windows, |window| {
+        let rate = series.gyroscope(window.from_s + offset_s, window.to_s + offset_s)?;
+        Some(rate.norm())
+    })
+}
+
+/// Correlation of the windows' norms with others; `None` where fewer than half of the windows have both.
+fn of_norms(windows: &[Window], other: impl Fn(&Window) -> Option<f64>) -> Option<f64> {
+    let (mut count, mut sums, mut squares, mut product) = (0_usize, [0.0; 2], [0.0; 2], 0.0);
+    for window in windows {
+        let Some(norm) = other(window) else { continue };
+        let norms = [norm, window.rate.norm()];
+        count += 1;
+        product += norms[0] * norms[1];
+        for i in 0..2 {
+            sums[i] += norms[i];
+            squares[i] += norms[i] * norms[i];
+        }
+    }
+    if 2 * count < windows.len() || count < FEWEST_WINDOWS {
+        return None;
+    }
+    let n = count as f64;
+    let variance = |i: usize| squares[i] / n - (sums[i] / n).powi(2);
+    let both = (variance(0) * variance(1)).sqrt();
+    let covariance = product / n - sums[0] * sums[1] / (n * n);
+    (both > 0.0).then(|| covariance / both)
+}

@@ -1,0 +1,85 @@
+//! References of an attitude: scoring at their instants, and whether their clock and mounting are the sensor's.
+//!
+//! | I look for | file |
+//! |---|---|
+//! | the estimate at the instant of a reference sample | `scorer.rs` |
+//! | clock offset and misalignment by angular rates, in words | `alignment.rs` |
+//! | another rate of the clock, a jump, another motion | `clock.rs` |
+//! | the rates that these are found by | `rates.rs` |
+//! | references put on the sensors' clock | `aligned.rs` |
+
+mod aligned;
+mod alignment;
+mod clock;
+mod rates;
+mod scorer;
+#[cfg(test)]
+pub(crate) mod simulated;
+#[cfg(test)]
+mod tests;
+
+use northing_recording::Event;
+
+use crate::attitude::Instants;
+use crate::error::EvaluationError;
+
+pub(crate) use aligned::Aligned;
+pub(crate) use alignment::find;
+pub use alignment::{ReferenceAlignment, ReferenceProblem};
+pub(crate) use rates::Rates;
+pub use scorer::ScoredRecord;
+pub(crate) use scorer::Scorer;
+
+/// What is looked at of a recording when the alignment is asked for, s.
+const LONGEST_FIT_S: f64 = 3600.0;
+/// What is looked at beside a run, s: memory stays bounded.
+pub(crate) const LONGEST_WATCH_S: f64 = 600.0;
+
+/// What becomes of the reference of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum ReferenceUse {
+    /// It is scored as it is. What its rates say against that is said, and a reference that cannot be that of the
+    /// sensors is an error.
+    #[default]
+    AsIs,
+    /// It is put on the sensors' clock and into the sensor's axes first ([`fit`]).
+    Aligned(ReferenceAlignment),
+    /// It is neither scored nor looked at.
+    Ignored,
+}
+
+impl ReferenceUse {
+    /// The alignment to apply.
+    #[must_use]
+    pub const fn alignment(&self) -> Option<&ReferenceAlignment> {
+        match self {
+            Self::Aligned(found) => Some(found),
+            _ => None,
+        }
+    }
+}
+
+/// Finds the clock offset and the misalignment of the reference over the first hour of a recording, for
+/// [`ReferenceUse::Aligned`].
+///
+/// # Errors
+/// The events end in an error; there is no reference, or too little motion; the reference's clock runs at another rate or
+/// jumps, or it shows another motion.
+pub fn fit<I, X>(events: I) -> Result<ReferenceAlignment, EvaluationError>
+where
+    I: IntoIterator<Item = Result<Event, X>>,
+    X: std::error::Error + Send + Sync + 'static,
+{
+    let mut rates = Rates::new(LONGEST_FIT_S);
+    for instant in Instants::new(events) {
+        let instant = instant.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
+        let rate = instant
+            .angular_rate
+            .filter(|v| v.norm_squared().is_finite());
+        let reference = instant.reference.map(|reference| reference.attitude);
+        rates.add(instant.time_ns, rate, reference);
+    }
+    find(&rates.series())
+        .map_err(EvaluationError::Reference)?
+        .ok_or(EvaluationError::ReferenceAtRest)
+}
