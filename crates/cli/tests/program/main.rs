@@ -19,6 +19,7 @@ mod magnetometer;
 mod magnetometer_choice;
 mod navigation;
 mod positions;
+mod reference;
 #[cfg(all(unix, feature = "parquet"))]
 mod results;
 mod run;

@@ -118,20 +118,6 @@ pub struct ReferenceSummary {
     pub problem: Option<ReferenceProblem>,
 }
 
-impl ReferenceSummary {
-    /// What was taken out of the reference, or what of its clock and mounting matters for the score, in words.
-    #[must_use]
-    pub fn remark(&self) -> Option<String> {
-        match &self.alignment {
-            Some(taken_out) => Some(format!(
-                "The reference was aligned by its angular rates: {}.",
-                taken_out.in_words()
-            )),
-            None => self.found.as_ref()?.remark(),
-        }
-    }
-}
-
 /// What a position observer made of the positions of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]

@@ -11,14 +11,14 @@ use northing_recording::{Sample, SensorKind};
 use crate::attitude::field_watch::FieldWatch;
 use crate::attitude::final_test::FinalTest;
 use crate::attitude::observability::{self, Present};
-use crate::attitude::reference::{self, Scorer};
+use crate::attitude::reference::ReferenceWatch;
 use crate::attitude::{
     EstimateRecord, EstimatorKind, Gaps, Instant, NisOf, PerSensor, ReferenceSummary, RunObserver,
     RunOptions, RunSummary,
 };
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, JudgeBy, SensorVerdict};
-use crate::statistics::metrics::{ErrorStatistics, ErrorSummary, HeadingReference};
+use crate::statistics::metrics::{ErrorStatistics, HeadingReference};
 use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
 use crate::statistics::seconds_between;
 use crate::statistics::verdict::Diagnosis;
@@ -40,8 +40,7 @@ pub(crate) struct Tally {
     last_rate_ns: Option<i64>,
     gaps: Gaps,
     scores: ErrorStatistics,
-    scorer: Scorer,
-    turning: Option<reference::Rates>,
+    reference: ReferenceWatch,
     /// Whether the state at the start knew where north is.
     initial_north: bool,
     final_test: FinalTest,
@@ -69,8 +68,7 @@ impl Tally {
                 limit_s: options.driver.gap_limit_s,
                 ..Gaps::default()
             },
-            turning: Some(reference::Rates::new(reference::LONGEST_WATCH_S)),
-            scorer: Scorer::new(options.driver.gap_limit_s, options.smooth),
+            reference: ReferenceWatch::new(options),
             ..Self::default()
         }
     }
@@ -107,16 +105,7 @@ impl Tally {
         self.present.accelerometer |= force.is_some_and(usable);
         self.present.magnetometer |= field.is_some_and(usable);
         self.final_test.measured(instant, field);
-        if let Some(turning) = &mut self.turning {
-            let rate = instant
-                .angular_rate
-                .filter(|v| v.norm_squared().is_finite());
-            let attitude = instant.reference.map(|reference| reference.attitude);
-            turning.add(instant.time_ns, rate, attitude);
-        }
-        if let Some(reference) = instant.reference {
-            self.scorer.reference(instant.time_ns, reference);
-        }
+        self.reference.read(instant);
         let time_s = self.time_s(instant.time_ns);
         if let Some(rate) = instant.angular_rate {
             self.rates.all += 1;
@@ -223,7 +212,7 @@ impl Tally {
         self.final_test
             .estimated(&record.attitude, record.attitude_covariance);
         let (scores, skip_s) = (&mut self.scores, self.skip_s);
-        self.scorer.estimate(record, |scored| {
+        self.reference.estimated(record, |scored| {
             if scored.reference.scored && scored.time_s >= skip_s {
                 let covariance = scored.attitude_covariance.as_ref();
                 scores.add(&scored.attitude, covariance, &scored.reference.attitude);
@@ -264,8 +253,10 @@ impl Tally {
         let heading = self.heading(runs_filter);
         let error_deg = self.scores.summary(heading);
         let nees = self.scores.nees(heading);
-        let reference = self.reference(error_deg.as_ref(), options);
-        let said = reference.as_ref().and_then(ReferenceSummary::remark);
+        let scored = error_deg.map_or(0, |error| error.scored_samples);
+        let samples = self.samples_of(SensorKind::Reference);
+        let reference = self.reference.summary(samples, scored, options);
+        let issues = self.issues(reference.as_ref(), runs_filter);
         let verdicts = self.verdicts(&nis, options);
         let mut unobservable = Vec::new();
         if runs_filter {
@@ -317,31 +308,11 @@ impl Tally {
             gaps: self.gaps,
             position: None,
             samples_per_sensor: self.samples_per_sensor(),
-            issues: self.issues(&said, error_deg.is_some(), runs_filter),
+            issues,
             parameters: self.parameters.clone(),
             calibrations: self.calibrations.clone(),
             version: VERSION,
         }
-    }
-
-    fn reference(
-        &self,
-        scored: Option<&ErrorSummary>,
-        options: &RunOptions,
-    ) -> Option<ReferenceSummary> {
-        let samples = self.samples_of(SensorKind::Reference);
-        (samples > 0).then(|| {
-            let turning = self.turning.as_ref();
-            let found = turning.map_or(Ok(None), |rates| reference::find(&rates.series()));
-            ReferenceSummary {
-                samples,
-                scored: scored.map_or(0, |error| error.scored_samples),
-                in_gaps: self.scorer.in_gaps(),
-                alignment: options.reference.alignment().copied(),
-                found: found.ok().flatten(),
-                problem: found.err(),
-            }
-        })
     }
 
     fn sensor_samples(&self) -> u64 {
@@ -404,7 +375,7 @@ impl Tally {
         judged.collect()
     }
 
-    fn issues(&self, reference: &Option<String>, scored: bool, runs_filter: bool) -> Vec<String> {
+    fn issues(&self, reference: Option<&ReferenceSummary>, runs_filter: bool) -> Vec<String> {
         let mut issues = Vec::new();
         if self.rates.all >= FEWEST_ZEROS && self.rates.zero == self.rates.all {
             issues.push(format!(
@@ -434,21 +405,7 @@ impl Tally {
                     .to_owned(),
             );
         }
-        let references = self.samples_of(SensorKind::Reference);
-        let in_gaps = self.scorer.in_gaps();
-        if references > 0 && !scored {
-            issues.push(format!(
-                "The reference was not scored: none of its {references} samples counts, lies between two estimates \
-                 without a gap, and comes {} s or more after the first sample.",
-                self.skip_s
-            ));
-        } else if in_gaps > 0 {
-            issues.push(format!(
-                "{in_gaps} of the {references} reference samples are not scored: they lie in gaps of the gyroscope, where \
-                 nothing says how the device turned."
-            ));
-        }
-        issues.extend(reference.clone());
+        issues.extend(reference.iter().flat_map(|r| r.sentences(self.skip_s)));
         issues
     }
 }

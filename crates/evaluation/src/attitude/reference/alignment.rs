@@ -26,6 +26,12 @@ const LEAST_CORRELATION: f64 = 0.6;
 const STEPS: usize = 6;
 /// Half the span over which the derivative with respect to the offset is taken, s.
 const DIFFERENCE_S: f64 = 0.01;
+/// Share of the rates' products that an unrotated body is worth in Wahba's problem.
+const PRIOR_SHARE: f64 = 1e-3;
+/// Standard deviation, rad, of a rotation about an axis that the rates say nothing of.
+const UNKNOWN_RAD: f64 = 1.8;
+/// So many times the noise that residuals show is taken from what the rates say of the rotation.
+const NOISE_MARGIN: f64 = 1.5;
 /// Residuals beyond so many standard deviations count less.
 const HUBER: f64 = 2.0;
 
@@ -131,7 +137,7 @@ impl ReferenceAlignment {
                 "ahead of"
             };
             parts.push(format!(
-                "its clock is {offset:.3} s {word} that of the sensors (standard deviation {:.3} s), which costs {error_deg:.1} \
+                "its clock is {offset:.4} s {word} that of the sensors (standard deviation {:.4} s), which costs {error_deg:.1} \
                  deg at the RMS rate",
                 self.clock_offset_std_s
             ));
@@ -215,7 +221,10 @@ impl Fit {
         let products = all
             .iter()
             .map(|(w, g)| (g - means[1]) * (w.rate - means[0]).transpose());
-        let svd = products.sum::<Matrix3<f64>>().svd(true, true);
+        let products = products.sum::<Matrix3<f64>>();
+        // About an axis that the rates say nothing of, the rotation is the smallest one.
+        let prior = Matrix3::identity() * (PRIOR_SHARE * products.norm());
+        let svd = (products + prior).svd(true, true);
         let (u, v_t) = (svd.u?, svd.v_t?);
         let sign = Vector3::new(1.0, 1.0, (u * v_t).determinant().signum());
         let rotation = rotation::from_matrix(&(u * Matrix3::from_diagonal(&sign) * v_t));
@@ -231,15 +240,16 @@ impl Fit {
         let mut scale = f64::INFINITY;
         for _ in 0..STEPS {
             let normal = self.normal_equations(series, scale);
-            let step = normal.matrix.try_inverse()? * normal.vector;
+            let step = normal.covariance()? * normal.vector;
             self.offset_s += step[0];
             self.rotation = so3::exp(&step.fixed_rows::<3>(1).into_owned()) * self.rotation;
             self.bias += step.fixed_rows::<3>(4);
             scale = normal.residual_std();
         }
         let end = self.normal_equations(series, scale);
-        let covariance = end.matrix.try_inverse()? * end.residual_std().powi(2) * end.inflation();
-        let std = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+        let variances =
+            end.without_noise().covariance()?.diagonal() * end.variance() * end.inflation();
+        let std = |i: usize| variances[i].max(0.0).sqrt();
         let axis = so3::log(&self.rotation).map(f64::to_degrees);
         let found = ReferenceAlignment {
             clock_offset_s: self.offset_s,
@@ -298,6 +308,7 @@ impl Fit {
 }
 
 /// Normal equations, and sums over the residuals.
+#[derive(Clone, Copy)]
 struct Normal {
     matrix: SMatrix<f64, 7, 7>,
     vector: SVector<f64, 7>,
@@ -326,6 +337,34 @@ impl Default for Normal {
 }
 
 impl Normal {
+    /// Of the parameters, but for the variance of the residuals. What the rates say nothing of is known to
+    /// [`UNKNOWN_RAD`].
+    fn covariance(&self) -> Option<SMatrix<f64, 7, 7>> {
+        let mut information = self.matrix;
+        for i in 1..4 {
+            information[(i, i)] += self.variance() / UNKNOWN_RAD.powi(2);
+        }
+        information.try_inverse()
+    }
+
+    /// With no more information about the rotation than the motion gives: of a device that turns about one axis, the noise
+    /// of the reference would seem to turn about the others, by at most what the residuals show.
+    fn without_noise(&self) -> Self {
+        let mut matrix = self.matrix;
+        let mut block = matrix.fixed_view_mut::<3, 3>(1, 1);
+        let eigen = block.clone_owned().symmetric_eigen();
+        let noise = NOISE_MARGIN * 2.0 / 3.0 * self.squares;
+        let values = eigen.eigenvalues.map(|value| (value - noise).max(0.0));
+        let axes = eigen.eigenvectors;
+        block.copy_from(&(axes * Matrix3::from_diagonal(&values) * axes.transpose()));
+        Self { matrix, ..*self }
+    }
+
+    /// Variance of a residual per axis, above what numbers can tell.
+    fn variance(&self) -> f64 {
+        self.residual_std().powi(2).max(1e-10)
+    }
+
     /// Standard deviation of a residual per axis.
     fn residual_std(&self) -> f64 {
         (self.weighted / (3.0 * self.count - 7.0).max(1.0)).sqrt()

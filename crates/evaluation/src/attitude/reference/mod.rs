@@ -7,6 +7,7 @@
 //! | another rate of the clock, a jump, another motion | `clock.rs` |
 //! | the rates that these are found by | `rates.rs` |
 //! | references put on the sensors' clock | `aligned.rs` |
+//! | all of it beside a run, and in words | `watch.rs` |
 
 mod aligned;
 mod alignment;
@@ -17,6 +18,7 @@ mod scorer;
 pub(crate) mod simulated;
 #[cfg(test)]
 mod tests;
+mod watch;
 
 use northing_recording::Event;
 
@@ -24,16 +26,17 @@ use crate::attitude::Instants;
 use crate::error::EvaluationError;
 
 pub(crate) use aligned::Aligned;
-pub(crate) use alignment::find;
+use alignment::find;
 pub use alignment::{ReferenceAlignment, ReferenceProblem};
-pub(crate) use rates::Rates;
+use rates::Rates;
 pub use scorer::ScoredRecord;
-pub(crate) use scorer::Scorer;
+use scorer::Scorer;
+pub(crate) use watch::ReferenceWatch;
 
 /// What is looked at of a recording when the alignment is asked for, s.
 const LONGEST_FIT_S: f64 = 3600.0;
 /// What is looked at beside a run, s: memory stays bounded.
-pub(crate) const LONGEST_WATCH_S: f64 = 600.0;
+const LONGEST_WATCH_S: f64 = 600.0;
 
 /// What becomes of the reference of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -73,11 +76,7 @@ where
     let mut rates = Rates::new(LONGEST_FIT_S);
     for instant in Instants::new(events) {
         let instant = instant.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
-        let rate = instant
-            .angular_rate
-            .filter(|v| v.norm_squared().is_finite());
-        let reference = instant.reference.map(|reference| reference.attitude);
-        rates.add(instant.time_ns, rate, reference);
+        rates.add(&instant);
     }
     find(&rates.series())
         .map_err(EvaluationError::Reference)?

@@ -7,6 +7,9 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::geometry::so3;
 
+use crate::attitude::Instant;
+use crate::statistics::seconds_between;
+
 /// Length of a cell, s.
 const CELL_S: f64 = 0.01;
 /// Shortest window over which the reference is differentiated, s.
@@ -17,7 +20,7 @@ const LONGEST_S: f64 = 0.3;
 const LONGEST_FILL_S: f64 = 600.0;
 
 /// Gathers rates over the first part of a recording.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Rates {
     longest_s: f64,
     first_ns: Option<i64>,
@@ -47,31 +50,23 @@ impl Rates {
     pub(crate) fn new(longest_s: f64) -> Self {
         Self {
             longest_s,
-            first_ns: None,
-            last_rate: None,
-            cells: Vec::new(),
-            last_reference: None,
-            windows: Vec::new(),
+            ..Self::default()
         }
     }
 
-    /// Takes the samples of one instant; vectors and orientations that are not finite are left out by the caller.
-    pub(crate) fn add(
-        &mut self,
-        time_ns: i64,
-        rate: Option<Vector3<f64>>,
-        reference: Option<UnitQuaternion<f64>>,
-    ) {
-        let first_ns = *self.first_ns.get_or_insert(time_ns);
-        let now_s = time_ns.saturating_sub(first_ns) as f64 * 1e-9;
+    /// Takes what was measured at one instant.
+    pub(crate) fn add(&mut self, instant: &Instant) {
+        let first_ns = *self.first_ns.get_or_insert(instant.time_ns);
+        let now_s = seconds_between(first_ns, instant.time_ns);
         if now_s > self.longest_s {
             return;
         }
-        if let Some(rate) = rate {
+        let finite = |rate: &Vector3<f64>| rate.norm_squared().is_finite();
+        if let Some(rate) = instant.angular_rate.filter(finite) {
             self.add_rate(now_s, rate);
         }
-        if let Some(reference) = reference {
-            self.add_reference(now_s, reference);
+        if let Some(reference) = instant.reference {
+            self.add_reference(now_s, reference.attitude);
         }
     }
 
@@ -182,6 +177,20 @@ impl Series<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use northing_recording::Reference;
+
+    fn instant(k: i64, rate: Vector3<f64>, reference: Option<UnitQuaternion<f64>>) -> Instant {
+        let scored = |attitude| Reference {
+            attitude,
+            scored: true,
+        };
+        Instant {
+            time_ns: k * 10_000_000,
+            angular_rate: Some(rate),
+            reference: reference.map(scored),
+            ..Instant::default()
+        }
+    }
 
     /// A rate that grows linearly, at 40 Hz: its mean over any interval is that in the middle.
     #[test]
@@ -190,7 +199,10 @@ mod tests {
         let at = |t: f64| Vector3::new(0.1 * t, -0.2, 0.0);
         for k in 0..400_i64 {
             let t = k as f64 * 0.025;
-            rates.add(k * 25_000_000, Some(at(t)), None);
+            rates.add(&Instant {
+                time_ns: k * 25_000_000,
+                ..instant(0, at(t), None)
+            });
         }
         let series = rates.series();
         for from in [0.013, 3.3, 7.777] {
@@ -206,7 +218,7 @@ mod tests {
         let mut rates = Rates::new(60.0);
         for k in (0..100_i64).chain(200..300) {
             let q = UnitQuaternion::from_scaled_axis(Vector3::z() * (0.02 * k as f64));
-            rates.add(k * 10_000_000, Some(Vector3::z() * 2.0), Some(q));
+            rates.add(&instant(k, Vector3::z() * 2.0, Some(q)));
         }
         let series = rates.series();
         assert_eq!(series.gyroscope(0.9, 1.1), None);
@@ -226,11 +238,7 @@ mod tests {
     fn what_comes_later_than_the_limit_is_not_kept() {
         let mut rates = Rates::new(2.0);
         for k in 0..10_000_i64 {
-            rates.add(
-                k * 10_000_000,
-                Some(Vector3::z()),
-                Some(UnitQuaternion::identity()),
-            );
+            rates.add(&instant(k, Vector3::z(), Some(UnitQuaternion::identity())));
         }
         assert!(rates.cells.len() <= 202 && rates.windows.len() <= 41);
     }

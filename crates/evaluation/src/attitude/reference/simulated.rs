@@ -28,6 +28,8 @@ pub(crate) struct Turned {
     /// Factor of all rates: 0 is rest.
     pub(crate) speed: f64,
     pub(crate) magnetometer: bool,
+    /// About how many axes it turns: 1 is a turntable.
+    pub(crate) axes: usize,
 }
 
 impl Default for Turned {
@@ -44,6 +46,7 @@ impl Default for Turned {
             reference_seed: 1,
             speed: 1.0,
             magnetometer: true,
+            axes: 3,
         }
     }
 }
@@ -51,7 +54,7 @@ impl Default for Turned {
 /// Amplitude (rad), angular frequency (rad/s) and phase of the sines of each angle.
 type Sines = [[(f64, f64, f64); 4]; 3];
 
-fn sines(seed: u64) -> Sines {
+fn sines(seed: u64, axes: usize) -> Sines {
     let mut random = stream(seed, "motion");
     let mut one = || {
         let frequency = random.random_range(0.1..1.2);
@@ -59,7 +62,11 @@ fn sines(seed: u64) -> Sines {
         let phase = random.random_range(0.0..std::f64::consts::TAU);
         (amplitude, frequency * std::f64::consts::TAU, phase)
     };
-    std::array::from_fn(|_| std::array::from_fn(|_| one()))
+    let mut all = std::array::from_fn(|_| std::array::from_fn(|_| one()));
+    for still in &mut all[axes..] {
+        *still = Default::default();
+    }
+    all
 }
 
 fn attitude(sines: &Sines, t: f64) -> UnitQuaternion<f64> {
@@ -78,7 +85,7 @@ impl Turned {
     }
 
     fn measured(&self) -> Vec<Event> {
-        let own = sines(self.seed);
+        let own = sines(self.seed, self.axes);
         let mut random = stream(self.seed, "sensors");
         let mut events = Vec::new();
         for k in 0..(self.duration_s * self.imu_hz) as i64 {
@@ -112,7 +119,7 @@ impl Turned {
     }
 
     fn references(&self) -> Vec<Event> {
-        let shown = sines(self.reference_seed);
+        let shown = sines(self.reference_seed, self.axes);
         let mut random = stream(self.seed, "reference");
         let count = (self.duration_s * self.reference_hz) as i64;
         let samples = (0..count).map(|k| {

@@ -70,6 +70,39 @@ fn offset_and_misalignment_are_found_with_their_uncertainty() {
     }
 }
 
+/// Whatever the rates of the samples, aligned with cells and windows or not: no offset is made up.
+#[test]
+fn no_offset_is_made_up_at_any_rates() {
+    for (imu_hz, reference_hz) in [(285.7, 285.7), (40.0, 30.0), (104.0, 12.0), (200.0, 119.88)] {
+        let turned = Turned {
+            imu_hz,
+            reference_hz,
+            ..Turned::default()
+        };
+        let got = found(&turned);
+        let expected = 5.0 * got.clock_offset_std_s;
+        assert!(
+            got.clock_offset_s.abs() < expected.min(0.001),
+            "{imu_hz}, {reference_hz}: {got:?}"
+        );
+    }
+}
+
+/// On a turntable the rates say nothing of the rotation about its axis: none is made up, and that it is unknown is stated.
+#[test]
+fn a_turn_about_one_axis_shows_the_clock_and_leaves_the_rest_unknown() {
+    let turned = Turned {
+        stamp: |t| t - 0.3,
+        axes: 1,
+        ..Turned::default()
+    };
+    let got = found(&turned);
+    assert!((got.clock_offset_s - 0.3).abs() < 0.003, "{got:?}");
+    assert!(got.misalignment_angle_deg() < 2.0, "{got:?}");
+    let [x, y, z] = got.misalignment_std_deg;
+    assert!(z > 20.0 && x < 2.0 && y < 2.0, "{got:?}");
+}
+
 #[test]
 fn an_offset_is_taken_out_when_asked_and_said_otherwise() {
     let turned = Turned {
@@ -86,7 +119,7 @@ fn an_offset_is_taken_out_when_asked_and_said_otherwise() {
         .find(|issue| issue.contains("--align-reference"));
     let remark = remark.unwrap();
     assert!(
-        remark.contains("0.120 s behind") && remark.contains("turned by 6.5 deg"),
+        remark.contains("0.1200 s behind") && remark.contains("turned by 6.5 deg"),
         "{remark}"
     );
     let fitted = found(&turned);
