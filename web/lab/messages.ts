@@ -105,6 +105,11 @@ export type ErrorSummary = {
   total_rmse: number,
   heading_rmse: number,
   inclination_rmse: number,
+  heading_offset: number,
+  heading_offset_removed: boolean,
+  heading_aligned_rmse: number,
+  heading_drift_rmse: number,
+  heading_drift_end: number,
   scored_samples: number,
   not_finite_samples?: number, };
 
@@ -155,9 +160,13 @@ export type Fill = {
 export type FinalSummary = {
   calculated_error_deg: number,
   calculated_error_wxyz: [number, number, number, number],
+  calculated_tilt_deg: number,
+  calculated_heading_deg: number,
   estimated_error_deg: number | null,
   estimated_error_wxyz: [number, number, number, number] | null,
   estimated_std_deg: [number, number, number] | null,
+  estimated_tilt_deg: number | null,
+  degrees_of_freedom: number,
   normalised_square: number | null,
   verdict: FinalVerdict | null,
   sentence: string, };
@@ -184,6 +193,8 @@ export type Gaps = {
   limit_s: number,
   longest_s: number,
   longest_start_s: number, };
+
+export type HeadingReference = "measured" | "initial" | "arbitrary" | "device";
 
 export type Hello = {
   version: string,
@@ -265,6 +276,11 @@ export type MagnetometerState = "running" | "done" | "idle";
 
 export type Motion = "gentle" | "brisk" | "tumble" | "rest";
 
+export type NeesSummary = {
+  mean: number,
+  degrees_of_freedom: number,
+  tilt_mean: number, };
+
 export type NisOf<V> = {
   accelerometer: V | null,
   magnetometer: V | null,
@@ -323,6 +339,22 @@ export type RecordingStatus = {
   bytes: number,
   seconds: number,
   text: string, };
+
+export type ReferenceAlignment = {
+  clock_offset_s: number,
+  clock_offset_std_s: number,
+  misalignment_deg: [number, number, number],
+  misalignment_std_deg: [number, number, number],
+  correlation: number,
+  rate_rms_deg_s: number,
+  windows: number, };
+
+export type ReferenceSummary = {
+  samples: number,
+  scored: number,
+  in_gaps: number,
+  alignment: ReferenceAlignment | null,
+  found: ReferenceAlignment | null, };
 
 export type Remark = {
   tone: Tone,
@@ -391,8 +423,11 @@ export type RunSummary = {
   duration_s: number,
   samples: number,
   updates: PerSensor<UpdateCounts>,
+  heading: HeadingReference,
   error_deg: ErrorSummary | null,
+  reference?: ReferenceSummary,
   nees_mean: number | null,
+  nees: NeesSummary | null,
   nis_mean: NisOf<number>,
   final: FinalSummary | null,
   nis: NisOf<NisSummary>,

@@ -115,6 +115,7 @@ pub struct ReferenceSummary {
     pub found: Option<ReferenceAlignment>,
     /// Why it cannot be that of the sensors; a run with such a reference is refused.
     #[serde(skip)]
+    #[cfg_attr(feature = "typescript", ts(skip))]
     pub problem: Option<ReferenceProblem>,
 }
 
