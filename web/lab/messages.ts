@@ -3,6 +3,15 @@ import type { Settings, SettingValue } from "./protocol";
 
 export type Action = "add" | "remove";
 
+export type AidLine = {
+  sensor: SensorKind,
+  title: string,
+  switch: string,
+  noise: Array<string>,
+  gate: string,
+  unit: string,
+  is_usual: boolean, };
+
 export type Allan = {
   request: unknown,
   id: string,
@@ -69,15 +78,18 @@ export type Curve = {
 export type CurveColumns = {
   parameter: string,
   values: Array<number>,
-  nis_acc: Array<number | null>,
-  nis_mag: Array<number | null>,
+  nis: { [key in string]: Array<number | null> },
   error_deg: Array<number | null>, };
+
+export type Delivery = "delivers" | "stopped" | "missing";
 
 export type DeviceStatus = {
   id: string,
   name: string,
   source: string,
   connected: boolean,
+  delivers: boolean,
+  silence: string,
   under_way: UnderWay | null,
   lost: number,
   duplicated_batches: number,
@@ -93,6 +105,8 @@ export type DeviceStatus = {
   late: number,
   duration_s: number,
   estimators: Array<EstimatorKind>,
+  subject: EstimatorKind | null,
+  sensors: Array<SensorStatus>,
   is_calibrating: boolean,
   is_experimenting: boolean,
   is_turned: boolean,
@@ -124,7 +138,8 @@ export type EstimatorKind = "integration" | "mekf3" | "mekf" | "bounded-velocity
 
 export type EstimatorLine = {
   name: EstimatorKind,
-  summary: string, };
+  summary: string,
+  reads: Array<string>, };
 
 export type Experiment = {
   device: string,
@@ -135,6 +150,7 @@ export type Experiment = {
   result: ExperimentResult | null, };
 
 export type ExperimentResult = {
+  subject: EstimatorKind,
   summary: { [key in string]: RunSummary },
   final: { [key in string]: FinalSummary | null },
   settings: Settings,
@@ -149,6 +165,8 @@ export type ExperimentRow = {
   at: string,
   duration_s: number,
   settings: Settings,
+  subject: EstimatorKind,
+  sensors: Array<SensorKind>,
   results: { [key in string]: ResultCell }, };
 
 export type ExperimentState = "running" | "done";
@@ -181,6 +199,7 @@ export type Floor = {
 export type Frame = {
   device: string,
   t_s: number,
+  subject: EstimatorKind | null,
   estimates: { [key in string]: Estimate },
   truth: TruthPose | null,
   between_deg: { [key in string]: number },
@@ -203,6 +222,7 @@ export type Hello = {
   qr_svg: string,
   estimators: Array<EstimatorLine>,
   parameters: Array<Parameter>,
+  aids: Array<AidLine>,
   fingerprint: string,
   features: Array<string>,
   name: string,
@@ -239,8 +259,8 @@ export type Lamp = {
   sensor: SensorKind,
   tone: Tone,
   text: string,
-  nis_mean: number,
-  nis_expected: number, };
+  nis_mean: number | null,
+  nis_expected: number | null, };
 
 export type Listed = {
   name: string,
@@ -379,7 +399,9 @@ export type Request = { "type": "virtual_phone",
   device: string,
   use: SensorUse, } | { "type": "estimators",
   device: string,
-  use: Array<EstimatorKind>, } | { "type": "display_rate",
+  use: Array<EstimatorKind>, } | { "type": "subject",
+  device: string,
+  estimator: EstimatorKind, } | { "type": "display_rate",
   hz: number, } | { "type": "what_if",
   id: string,
   settings: Settings,
@@ -451,6 +473,12 @@ export type RunSummary = {
 
 export type SensorKind = "gyroscope" | "accelerometer" | "magnetometer" | "magnetometer-uncalibrated" | "device-gyroscope-bias" | "device-orientation" | "reference" | "position" | "velocity" | "pressure" | "compass-heading" | "gnss-position" | "gnss-velocity" | "forward-speed" | "water-velocity" | "true-heading" | "device-navigation" | "reference-position" | "reference-velocity";
 
+export type SensorStatus = {
+  sensor: SensorKind,
+  delivery: Delivery,
+  is_used: boolean,
+  text: string, };
+
 export type SensorUse = {
   gyroscope: boolean,
   accelerometer: boolean,
@@ -480,7 +508,7 @@ export type ToPage = { "type": "hello" } & Hello | { "type": "devices",
   text: string,
   request: unknown, };
 
-export type Tone = "good" | "info" | "warn" | "bad";
+export type Tone = "good" | "info" | "warn" | "bad" | "idle";
 
 export type TraceColumns = {
   t_s: Array<number>,
@@ -488,8 +516,17 @@ export type TraceColumns = {
   std_deg: Array<[number, number, number]> | null,
   error_deg: Array<number> | null, };
 
+export type TruthError = {
+  angle_deg: number,
+  sigmas: number | null,
+  nees: number | null,
+  degrees_of_freedom: number,
+  tone: Tone,
+  text: string, };
+
 export type TruthPose = {
-  q: [number, number, number, number], };
+  q: [number, number, number, number],
+  error: TruthError | null, };
 
 export type UnderWay = { "what": "calibration",
   remaining_s: number, } | { "what": "experiment",
@@ -511,6 +548,7 @@ export type UsedParameter = {
 export type WhatIf = {
   request: unknown,
   id: string,
+  subject: EstimatorKind,
   elapsed_ms: number,
   results: { [key in string]: RunSummary },
   trace: TraceColumns, };

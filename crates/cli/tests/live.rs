@@ -204,6 +204,7 @@ fn a_report_of_the_lab_is_run_again_to_the_same_digits() {
         at: String::new(),
         options,
         estimators: vec![EstimatorKind::Mekf],
+        subject: EstimatorKind::Mekf,
         summaries: Default::default(),
         hash: String::new(),
         experiment: run.finish(),

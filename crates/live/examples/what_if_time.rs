@@ -29,6 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         at: String::new(),
         options,
         estimators: vec![EstimatorKind::Mekf, EstimatorKind::Integration],
+        subject: EstimatorKind::Mekf,
         summaries: Default::default(),
         hash: String::new(),
         experiment: run.finish(),

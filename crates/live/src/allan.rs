@@ -92,6 +92,7 @@ mod tests {
             },
             options,
             estimators: vec![EstimatorKind::Mekf],
+            subject: EstimatorKind::Mekf,
             summaries: Default::default(),
             hash: String::new(),
         }

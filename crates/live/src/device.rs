@@ -16,16 +16,15 @@ use crate::messages::{Command, SensorUse, UnderWay};
 use crate::recorder::Control;
 use crate::session::Happening;
 use crate::session::experiment::Experiment;
-use crate::session::lamp::Remark;
+use crate::session::lamp::{Lamp, Remark};
 use crate::session::magnetometer::MagnetometerAction;
+use crate::silence::Heard;
 use crate::to_page::{self, ExperimentState, Magnetometer, MagnetometerState, ToPage};
 
 /// No more frames a second than this are made.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_000);
 /// How often progress is told.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
-/// Without anything for so long a device counts as gone.
-const SILENCE: Duration = Duration::from_secs(3);
 
 /// Something for a device to do. Times of arrival are those of [`Lab::now_ns`], or of a recording.
 #[derive(Debug)]
@@ -67,7 +66,7 @@ struct Task {
     renamed: bool,
     /// The newest time of arrival, ns.
     arrival_ns: i64,
-    last_work: Instant,
+    heard: Heard,
     last_frame: Option<Instant>,
     /// When samples came that no frame has shown yet.
     newest_ns: Option<i64>,
@@ -90,7 +89,7 @@ pub(crate) fn spawn(
         name: String::new(),
         renamed: false,
         arrival_ns: i64::MIN,
-        last_work: now,
+        heard: Heard::new(now),
         last_frame: None,
         newest_ns: None,
         last_progress: now,
@@ -167,7 +166,8 @@ impl Task {
                 }
             }
         }
-        self.last_work = Instant::now();
+        let received = self.engine.session().intake().received();
+        self.heard.note(received, Instant::now());
         self.device.heard();
         self.frame();
         self.progress();
@@ -226,6 +226,10 @@ impl Task {
             match happening {
                 // The engine keeps these.
                 Happening::Note(_) => {}
+                Happening::GaveUp(reason) => {
+                    let name = lock(&self.device.status).name.clone();
+                    self.lab.tell(&ToPage::error(format!("{name}: {reason}")));
+                }
                 Happening::Calibrated(run, made) => {
                     let message = run.message(&self.device.id, Some(&made));
                     self.lab.tell(&message);
@@ -241,6 +245,9 @@ impl Task {
     fn experimented(&mut self, experiment: Experiment, arrival_ns: i64) {
         let lab = self.lab.clone();
         let name = lock(&self.device.status).name.clone();
+        let Some(subject) = self.engine.session().subject() else {
+            return lab.tell(&ToPage::error("no estimator ran: choose one and repeat"));
+        };
         let finished = Finished {
             id: std::mem::take(&mut self.experiment_id),
             device: self.device.id.clone(),
@@ -248,6 +255,7 @@ impl Task {
             at: experiments::utc(arrival_ns),
             options: self.engine.session().options().clone(),
             estimators: self.engine.session().estimators(),
+            subject,
             summaries: Default::default(),
             hash: String::new(),
             experiment,
@@ -270,7 +278,7 @@ impl Task {
         self.lab
             .recorder
             .control(&self.device.key, arrival_ns, &recorded);
-        let happenings = self.engine.command(command)?;
+        let happenings = self.engine.command(command, arrival_ns)?;
         match command {
             Command::Experiment(..) => self.experiment_id = self.lab.next_experiment(),
             Command::Rename(name) => {
@@ -293,7 +301,12 @@ impl Task {
             return;
         }
         self.last_frame = Some(now);
-        let frame = self.engine.session_mut().frame(&self.device.id);
+        let mut frame = self.engine.session_mut().frame(&self.device.id);
+        if !self.heard.delivers(now) {
+            for lamp in &mut frame.lamp {
+                *lamp = Lamp::idle(lamp.sensor, "Nothing is received: nothing to judge.");
+            }
+        }
         if let Ok(text) = FrameText::new(frame, self.newest_ns.take()) {
             // Pages that lag behind miss frames: that is what frames are for.
             let _ = self.lab.frames.send(Arc::new(text));
@@ -346,6 +359,7 @@ impl Task {
 
     /// Writes down how the device is.
     fn publish(&mut self) {
+        let now = Instant::now();
         let (lost, again) = (self.engine.lost(), self.engine.duplicated());
         let session = self.engine.session();
         let mut told = session.status(lost);
@@ -362,7 +376,9 @@ impl Task {
         status.session = told;
         status.lost = lost;
         status.duplicated_batches = again;
-        status.connected = self.last_work.elapsed() < SILENCE;
+        status.connected = self.heard.is_connected(now);
+        status.delivers = self.heard.delivers(now);
+        status.silence = self.heard.in_words(self.device.source, now);
         status.settings = serde_json::to_value(session.config()).unwrap_or_default();
         status.used = Some(SensorUse::of(&session.options().sensors));
         status.estimates = session.estimates();

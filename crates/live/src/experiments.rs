@@ -14,6 +14,7 @@ use northing_recording::{Event, SensorKind};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 
+use crate::session::aids::AIDS;
 use crate::session::experiment::Experiment;
 use crate::session::with_settings;
 use crate::to_page::{
@@ -47,6 +48,8 @@ pub struct Finished {
     pub options: RunOptions,
     /// The estimators that ran.
     pub estimators: Vec<EstimatorKind>,
+    /// The one of them that result, curves, files and report are about.
+    pub subject: EstimatorKind,
     /// The outcome of each.
     pub summaries: BTreeMap<&'static str, RunSummary>,
     /// SHA-256 of the events, in hexadecimal.
@@ -98,11 +101,12 @@ pub(crate) fn run_options(
     }
 }
 
-/// Runs several estimators at once on all processors.
+/// Runs several estimators at once on all processors; the trace is the subject's.
 fn run_all(
     experiment: &Experiment,
     options: &RunOptions,
     estimators: &[EstimatorKind],
+    subject: EstimatorKind,
 ) -> Result<(BTreeMap<&'static str, RunSummary>, Trace), EvaluationError> {
     let runs: Result<Vec<_>, EvaluationError> = estimators
         .par_iter()
@@ -112,14 +116,13 @@ fn run_all(
             Ok((*kind, summary, trace.into_trace()))
         })
         .collect();
-    let mut runs = runs?;
-    // `mekf` is what is drawn, where it ran.
-    runs.sort_by_key(|(kind, ..)| *kind != EstimatorKind::Mekf);
     let mut summaries = BTreeMap::new();
     let mut drawn = None;
-    for (kind, summary, trace) in runs {
+    for (kind, summary, trace) in runs? {
         summaries.insert(kind.name(), summary);
-        drawn.get_or_insert(trace);
+        if kind == subject {
+            drawn = Some(trace);
+        }
     }
     Ok((summaries, drawn.unwrap_or_else(|| Trace::new(0))))
 }
@@ -138,8 +141,13 @@ impl Finished {
             self.estimators.push(EstimatorKind::Device);
         }
         self.options.recording = format!("{} of {}", self.title(), self.device_name);
-        let (summaries, _) = run_all(&self.experiment, &self.options, &self.estimators)
-            .map_err(|error| format!("experiment `{}`: {error}", self.title()))?;
+        let (summaries, _) = run_all(
+            &self.experiment,
+            &self.options,
+            &self.estimators,
+            self.subject,
+        )
+        .map_err(|error| format!("experiment `{}`: {error}", self.title()))?;
         self.summaries = summaries;
         self.hash = hash(events);
         Ok(self)
@@ -173,17 +181,18 @@ impl Finished {
         let text = |error: EvaluationError| error.to_string();
         let options = with_settings(&self.options, None, settings).map_err(text)?;
         let (summaries, trace) =
-            run_all(&self.experiment, &options, &self.estimators).map_err(text)?;
+            run_all(&self.experiment, &options, &self.estimators, self.subject).map_err(text)?;
         Ok(to_page::WhatIf {
             request,
             id: self.id.clone(),
+            subject: self.subject,
             elapsed_ms: asked.elapsed().as_secs_f64() * 1e3,
             results: summaries,
             trace: trace_columns(&trace),
         })
     }
 
-    /// NIS and error of `mekf` over a range of one parameter, beside other settings; `None` when
+    /// NIS and error of the subject over a range of one parameter, beside other settings; `None` when
     /// it is no longer `wanted`, which is asked before each run.
     ///
     /// # Errors
@@ -211,20 +220,24 @@ impl Finished {
                 }
                 let mut options = options.clone();
                 options.set(&format!("{parameter}={value}")).ok()?;
-                run_over(&self.experiment, &options, EstimatorKind::Mekf, &mut ()).ok()
+                run_over(&self.experiment, &options, self.subject, &mut ()).ok()
             })
             .collect();
         if !wanted() {
             return Ok(None);
         }
-        let column = |of: fn(&RunSummary) -> Option<f64>| -> Vec<Option<f64>> {
+        let column = |of: &dyn Fn(&RunSummary) -> Option<f64>| -> Vec<Option<f64>> {
             runs.iter().map(|run| run.as_ref().and_then(of)).collect()
         };
         Ok(Some(CurveColumns {
             parameter: parameter.to_owned(),
-            nis_acc: column(|s| s.nis_mean.accelerometer),
-            nis_mag: column(|s| s.nis_mean.magnetometer),
-            error_deg: column(error_deg),
+            nis: AIDS
+                .iter()
+                .map(|aid| (aid.sensor, column(&|s| (aid.nis_mean)(&s.nis_mean))))
+                .filter(|(_, values): &(_, Vec<_>)| values.iter().any(Option::is_some))
+                .map(|(sensor, values)| (sensor.name(), values))
+                .collect(),
+            error_deg: column(&error_deg),
             values,
         }))
     }
@@ -240,6 +253,7 @@ impl Finished {
             progress: 1.0,
             remaining_s: 0.0,
             result: Some(ExperimentResult {
+                subject: self.subject,
                 final_tests: summaries
                     .map(|(name, s)| (*name, s.final_test.clone()))
                     .collect(),
@@ -253,9 +267,7 @@ impl Finished {
 
     /// Where the numbers come from, in words.
     fn origin(&self) -> String {
-        let drawn = self.estimators.first();
-        let known = drawn.is_some_and(|kind| self.experiment.start_of(*kind).is_some());
-        let mut text = if known {
+        let mut text = if self.experiment.start_of(self.subject).is_some() {
             "The recording was run again from the state the estimate had when it began: the same \
              numbers as live."
         } else {
@@ -300,6 +312,8 @@ impl Finished {
             at: self.at.clone(),
             duration_s: self.experiment.duration_s(),
             settings: self.settings(),
+            subject: self.subject,
+            sensors: self.experiment.sensors(),
             results,
         }
     }

@@ -3,7 +3,7 @@
 use std::io::Cursor;
 
 use nalgebra::Vector3;
-use northing_evaluation::{EstimateRecord, EstimatorKind, RunObserver, TraceObserver};
+use northing_evaluation::{EstimateRecord, RunObserver, TraceObserver};
 use northing_recording::mcap::RosWriter;
 use northing_recording::{Metadata, RecordingError, SensorKind, TumWriter, create};
 
@@ -41,21 +41,11 @@ pub fn export(finished: &Finished, file: &str) -> Result<Option<Export>, String>
     }))
 }
 
-fn drawn(finished: &Finished) -> Result<EstimatorKind, String> {
-    let has_mekf = finished.estimators.contains(&EstimatorKind::Mekf);
-    let chosen = if has_mekf {
-        Some(EstimatorKind::Mekf)
-    } else {
-        finished.estimators.first().copied()
-    };
-    chosen.ok_or_else(|| "no estimator ran".to_owned())
-}
-
 fn report_page(finished: &Finished) -> Result<String, String> {
     let mut trace = TraceObserver::new(TRACE_POINTS, finished.options.world_frame);
-    let kind = drawn(finished)?;
-    let summary = run_over(&finished.experiment, &finished.options, kind, &mut trace)
-        .map_err(|e| e.to_string())?;
+    let (experiment, options) = (&finished.experiment, &finished.options);
+    let summary =
+        run_over(experiment, options, finished.subject, &mut trace).map_err(|e| e.to_string())?;
     Ok(report::render(finished, &summary, trace.trace()))
 }
 
@@ -123,12 +113,11 @@ fn messages(finished: &Finished, file: &str) -> Result<Vec<u8>, String> {
     Ok(writer.complete().map_err(text)?.into_inner())
 }
 
-/// The estimates of the estimator that is drawn.
+/// The estimates of the subject.
 fn poses(finished: &Finished) -> Result<Poses, String> {
-    let kind = drawn(finished)?;
     let mut poses = Poses::default();
-    run_over(&finished.experiment, &finished.options, kind, &mut poses)
-        .map_err(|e| e.to_string())?;
+    let (experiment, options) = (&finished.experiment, &finished.options);
+    run_over(experiment, options, finished.subject, &mut poses).map_err(|e| e.to_string())?;
     Ok(poses)
 }
 

@@ -4,6 +4,8 @@
 use std::collections::{HashMap, VecDeque};
 use std::time::{Duration, Instant};
 
+use northing_evaluation::EstimatorKind;
+
 use crate::lab::MOST_DEVICES;
 use crate::session::frame::Frame;
 use crate::to_page::ToPage;
@@ -18,6 +20,8 @@ pub struct FrameText {
     pub device: String,
     /// When the newest samples in it came, ns; `None` where there are none since the last frame.
     pub arrival_ns: Option<i64>,
+    /// The estimator that the innovations are of.
+    subject: Option<EstimatorKind>,
     /// The frame without its innovations.
     head: String,
     /// Each innovation.
@@ -35,6 +39,7 @@ impl FrameText {
             innovations.iter().map(serde_json::to_string).collect();
         Ok(Self {
             device: frame.device.clone(),
+            subject: frame.subject,
             head: serde_json::to_string(&ToPage::Frame(Box::new(frame)))?,
             arrival_ns,
             innovations: innovations?,
@@ -53,6 +58,7 @@ pub struct PageFrames {
 #[derive(Debug, Default)]
 struct Pending {
     sent: Option<Instant>,
+    subject: Option<EstimatorKind>,
     innovations: VecDeque<String>,
 }
 
@@ -81,6 +87,11 @@ impl PageFrames {
             Some(pending) => pending,
             None => self.devices.entry(frame.device.clone()).or_default(),
         };
+        if pending.subject != frame.subject {
+            // Those of another estimator would be taken for its own.
+            pending.subject = frame.subject;
+            pending.innovations.clear();
+        }
         pending
             .innovations
             .extend(frame.innovations.iter().cloned());

@@ -58,6 +58,14 @@ pub struct Device {
     gone: AtomicBool,
 }
 
+/// How a device of a recording began.
+#[derive(Debug)]
+pub(crate) struct Recorded {
+    pub(crate) options: RunOptions,
+    /// Whether what waited for samples was ended.
+    pub(crate) time_outs: bool,
+}
+
 /// Work in the queue of a device, and the room that it takes there.
 #[derive(Debug)]
 pub(crate) struct Queuing {
@@ -190,7 +198,7 @@ impl Lab {
         id: &str,
         name: &str,
         source: &'static str,
-        recorded: Option<RunOptions>,
+        recorded: Option<Recorded>,
     ) -> Result<Arc<Device>, String> {
         let mut devices = lock(&self.devices);
         if let Some(device) = devices.get(id) {
@@ -200,8 +208,14 @@ impl Lab {
             make_room(&mut devices, Instant::now())?;
         }
         let replayed = recorded.is_some();
-        let options = recorded.unwrap_or_else(|| self.options.clone());
-        let engine = DeviceEngine::new(options).map_err(|e| e.to_string())?;
+        let engine = match recorded {
+            None => DeviceEngine::new(self.options.clone()),
+            Some(as_then) if as_then.time_outs => DeviceEngine::new(as_then.options),
+            Some(as_then) => {
+                DeviceEngine::new(as_then.options).map(DeviceEngine::without_time_outs)
+            }
+        };
+        let engine = engine.map_err(|e| e.to_string())?;
         let (queue, work) = mpsc::channel(QUEUE);
         let status = DeviceStatus {
             id: id.to_owned(),
@@ -227,6 +241,7 @@ impl Lab {
             name: if name.is_empty() { id } else { name }.to_owned(),
             source: source.to_owned(),
             profile: engine.session().options().profile.name().to_owned(),
+            time_outs: true,
         };
         self.recorder.control(&device.key, self.now_ns(), &came);
         devices.insert(id.to_owned(), device.clone());

@@ -8,11 +8,11 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
-use northing_evaluation::EstimatorKind;
 use northing_evaluation::attitude::parameters::parameters;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use northing_evaluation::registry::ParameterInfo;
+use northing_evaluation::{EstimatorKind, Profile, RunOptions};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -23,7 +23,8 @@ use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
 use crate::page;
 use crate::qr;
-use crate::to_page::{EstimatorLine, Hello, InputKindLine, Parameter, ToPage};
+use crate::session::aids::{AIDS, Aid};
+use crate::to_page::{AidLine, EstimatorLine, Hello, InputKindLine, Parameter, ToPage};
 
 /// What a page can offer beyond the path itself.
 const FEATURES: [&str; 4] = ["estimators", "magnetometer", "allan", "remove"];
@@ -191,9 +192,11 @@ pub(crate) fn hello(facts: &Facts) -> ToPage {
             .map(|name| EstimatorLine {
                 name,
                 summary: name.info().summary,
+                reads: reads(name),
             })
             .into(),
         parameters: parameters().into_iter().map(parameter).collect(),
+        aids: AIDS.iter().map(aid).collect(),
         fingerprint: facts.fingerprint.clone(),
         features: &FEATURES,
         name: facts.name.clone(),
@@ -207,6 +210,24 @@ pub(crate) fn hello(facts: &Facts) -> ToPage {
             .into(),
         inputs: facts.inputs.statuses(),
     }))
+}
+
+/// The parameters that an estimator reads.
+fn reads(estimator: EstimatorKind) -> Vec<String> {
+    let options = RunOptions::new(estimator, Profile::Lab);
+    options.parameters().into_iter().map(|p| p.name).collect()
+}
+
+fn aid(aid: &Aid) -> AidLine {
+    AidLine {
+        sensor: aid.sensor,
+        title: aid.title,
+        switch: aid.switch,
+        noise: aid.noise,
+        gate: aid.gate,
+        unit: aid.unit,
+        is_usual: aid.is_usual,
+    }
 }
 
 fn parameter(info: ParameterInfo) -> Parameter {

@@ -50,6 +50,7 @@ pub mod report;
 pub mod security;
 pub mod server;
 pub mod session;
+mod silence;
 pub mod tls;
 pub mod to_page;
 pub mod token;

@@ -90,6 +90,13 @@ pub enum Request {
         #[serde(rename = "use")]
         used: Vec<EstimatorKind>,
     },
+    /// Choose the estimator that lamps, innovations, results and reports are about.
+    Subject {
+        /// The device.
+        device: String,
+        /// One that runs.
+        estimator: EstimatorKind,
+    },
     /// How many frames a second this page wants.
     DisplayRate {
         /// Frames a second.
@@ -242,6 +249,8 @@ pub enum Command {
     Sensors(SensorSelection),
     /// Choose estimators.
     Estimators(Vec<EstimatorKind>),
+    /// Choose the one of them that lamps, innovations, results and reports are about.
+    Subject(EstimatorKind),
     /// Calibrate the magnetometer.
     CalibrateMagnetometer(MagnetometerAction),
     /// Give it a name.
@@ -277,6 +286,10 @@ pub struct DeviceStatus {
     pub source: &'static str,
     /// Whether something came during the last seconds.
     pub connected: bool,
+    /// Whether samples were among it.
+    pub delivers: bool,
+    /// Why there are none, and what to do, in sentences; empty while it delivers.
+    pub silence: String,
     /// How it is.
     #[serde(flatten)]
     pub session: SessionStatus,

@@ -317,6 +317,7 @@ async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
             (device, Command::CalibrateMagnetometer(action))
         }
         Request::Estimators { device, used } => (device, Command::Estimators(used)),
+        Request::Subject { device, estimator } => (device, Command::Subject(estimator)),
         Request::Rename { device, name } => (device, Command::Rename(name)),
     };
     lab.find(&device)?.command(command, lab.now_ns()).await

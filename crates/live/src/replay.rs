@@ -18,7 +18,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 
 use crate::device::Work;
-use crate::lab::{Device, Lab};
+use crate::lab::{Device, Lab, Recorded};
 use crate::messages::Command;
 use crate::recorder::Control;
 use crate::virtual_phones;
@@ -165,9 +165,18 @@ impl<'a> Player<'a> {
 
     async fn control(&mut self, id: &str, control: Control, arrival_ns: i64) -> Result<(), String> {
         match control {
-            Control::Device { name, profile, .. } => {
+            Control::Device {
+                name,
+                profile,
+                time_outs,
+                ..
+            } => {
                 let profile: Profile = profile.parse().map_err(|e| format!("{e}"))?;
-                self.begin(id, &name, profile, arrival_ns)?;
+                let recorded = Recorded {
+                    options: RunOptions::new(EstimatorKind::Mekf, profile),
+                    time_outs,
+                };
+                self.begin(id, &name, recorded, arrival_ns)?;
                 Ok(())
             }
             Control::Command { command } => {
@@ -197,11 +206,10 @@ impl<'a> Player<'a> {
         &mut self,
         id: &str,
         name: &str,
-        profile: Profile,
+        recorded: Recorded,
         arrival_ns: i64,
     ) -> Result<Arc<Device>, String> {
-        let options = RunOptions::new(EstimatorKind::Mekf, profile);
-        let device = self.lab.device_with(id, name, "replay", Some(options))?;
+        let device = self.lab.device_with(id, name, "replay", Some(recorded))?;
         self.devices
             .insert(id.to_owned(), (device.clone(), arrival_ns));
         Ok(device)
@@ -213,7 +221,11 @@ impl<'a> Player<'a> {
             *last_ns = arrival_ns;
             return Ok(device.clone());
         }
-        self.begin(id, id, Profile::Lab, arrival_ns)
+        let recorded = Recorded {
+            options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
+            time_outs: false,
+        };
+        self.begin(id, id, recorded, arrival_ns)
     }
 
     /// Waits until all devices have done what they were given.

@@ -10,8 +10,7 @@ use crate::experiments::{Finished, run_options};
 /// The page.
 #[must_use]
 pub fn render(finished: &Finished, summary: &RunSummary, trace: &Trace) -> String {
-    let title = format!("Experiment {}", finished.title());
-    let mut report = RunReport::of_run(title, summary, trace);
+    let mut report = RunReport::of_run(title(finished), summary, trace);
     report.summary.extend(others(finished, summary));
     let facts = [
         Fact::new("device", finished.device_name.as_str()),
@@ -26,6 +25,14 @@ pub fn render(finished: &Finished, summary: &RunSummary, trace: &Trace) -> Strin
     let options = run_options(&finished.experiment, &finished.options, summary.estimator);
     report.setup = Some(RunSetup::of(&options).to_text());
     report.render()
+}
+
+/// What people call it; only a number is called an experiment.
+fn title(finished: &Finished) -> String {
+    match finished.experiment.name.as_str() {
+        "" => format!("Experiment {}", finished.id),
+        name => name.to_owned(),
+    }
 }
 
 /// The calculated errors of the other estimators.

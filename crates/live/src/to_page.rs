@@ -100,6 +100,8 @@ pub struct Hello {
     pub estimators: Vec<EstimatorLine>,
     /// Their parameters.
     pub parameters: Vec<Parameter>,
+    /// The sensors that correct the attitude.
+    pub aids: Vec<AidLine>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
     /// What this program can do beyond the path itself.
@@ -120,6 +122,28 @@ pub struct EstimatorLine {
     pub name: EstimatorKind,
     /// What it is, in a sentence.
     pub summary: &'static str,
+    /// The parameters that it reads.
+    pub reads: Vec<String>,
+}
+
+/// A sensor that corrects the attitude: its lamp, slider and switch.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct AidLine {
+    /// The sensor.
+    pub sensor: SensorKind,
+    /// What people call it.
+    pub title: &'static str,
+    /// Its name among the sensors in use.
+    pub switch: &'static str,
+    /// The parameters that make up its `R`; an estimator reads at most one.
+    pub noise: &'static [&'static str],
+    /// Its gate.
+    pub gate: &'static str,
+    /// Unit of its innovations.
+    pub unit: &'static str,
+    /// Whether it is missed where it is missing.
+    pub is_usual: bool,
 }
 
 /// A parameter of the estimators.
@@ -366,6 +390,8 @@ pub enum ExperimentState {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct ExperimentResult {
+    /// The estimator that it is about.
+    pub subject: EstimatorKind,
     /// The outcome of each estimator.
     pub summary: BTreeMap<&'static str, RunSummary>,
     /// The final test of each estimator.
@@ -399,6 +425,10 @@ pub struct ExperimentRow {
     /// The parameters that ran.
     #[cfg_attr(test, ts(type = "Settings"))]
     pub settings: Parameters,
+    /// The estimator that it is about.
+    pub subject: EstimatorKind,
+    /// The sensors that delivered.
+    pub sensors: Vec<SensorKind>,
     /// Of each estimator.
     pub results: BTreeMap<&'static str, ResultCell>,
 }
@@ -432,11 +462,13 @@ pub struct WhatIf {
     pub request: Value,
     /// The experiment.
     pub id: String,
+    /// The estimator that the trace is of.
+    pub subject: EstimatorKind,
     /// How long it took, ms.
     pub elapsed_ms: f64,
     /// The outcome of each estimator.
     pub results: BTreeMap<&'static str, RunSummary>,
-    /// What plots need, of `mekf` or the first estimator.
+    /// What plots need, of the subject.
     pub trace: TraceColumns,
 }
 
@@ -475,10 +507,8 @@ pub struct CurveColumns {
     pub parameter: String,
     /// Its values.
     pub values: Vec<f64>,
-    /// Mean NIS of the accelerometer.
-    pub nis_acc: Vec<Option<f64>>,
-    /// Mean NIS of the magnetometer.
-    pub nis_mag: Vec<Option<f64>>,
+    /// Mean NIS of each sensor that was used.
+    pub nis: BTreeMap<&'static str, Vec<Option<f64>>>,
     /// RMS error where the truth is known, otherwise that of the final test, deg.
     pub error_deg: Vec<Option<f64>>,
 }

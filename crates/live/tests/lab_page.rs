@@ -94,7 +94,7 @@ fn the_path_of_the_paper_on_a_virtual_phone() {
     let mut page = Page::open(&lab);
     page.say(&json!({"type": "virtual_phone", "action": "add", "motion": "gentle", "disturbance": "none", "seed": 5}));
     let id = "virtual-1";
-    page.wait("the device", |m| m["devices"][0]["id"] == id);
+    page.wait("the device", |m| m["devices"][0]["delivers"] == true);
     page.say(&json!({"type": "calibrate", "device": id, "seconds": 5}));
     let calibrated = page.wait("a calibration", |m| {
         m["type"] == "calibration" && m["state"] != "running"
@@ -151,7 +151,7 @@ fn the_path_of_the_paper_on_a_virtual_phone() {
         "a hundred times the R, a tiny NIS"
     );
     let curve = page.wait("the curve", |m| m["type"] == "curve" && m["request"] == 2);
-    let curve = curve["curve"]["nis_acc"].as_array().unwrap();
+    let curve = curve["curve"]["nis"]["accelerometer"].as_array().unwrap();
     let curve: Vec<f64> = curve.iter().filter_map(Value::as_f64).collect();
     assert!(
         curve.len() > 10 && curve.windows(2).all(|w| w[0] > w[1]),
@@ -335,7 +335,7 @@ fn an_allan_deviation_needs_a_rest_of_a_minute() {
     let lab = TestLab::start();
     let mut page = Page::open(&lab);
     page.say(&json!({"type": "virtual_phone", "action": "add", "motion": "rest"}));
-    page.wait("the device", |m| m["devices"][0]["id"] == "virtual-1");
+    page.wait("the device", |m| m["devices"][0]["delivers"] == true);
     page.say(&json!({"type": "experiment", "device": "virtual-1", "seconds": 2, "name": "rest"}));
     let done = page.wait("a result", |m| {
         m["type"] == "experiment" && m["state"] == "done"

@@ -75,6 +75,8 @@ fn comparable(lab: &Lab) -> Value {
         let device = device.as_object_mut().unwrap();
         device.remove("source");
         device.remove("connected");
+        device.remove("delivers");
+        device.remove("silence");
     }
     let mut rows = lab.experiment_rows();
     rows.sort_by_key(|row| row.id.clone());
@@ -105,6 +107,7 @@ fn a_replay_gives_the_numbers_of_the_live_run_to_the_bit() {
             .unwrap();
             let kinds = EstimatorKind::ALL.into_iter().take(4).collect();
             command(&lab, "ben", Command::Estimators(kinds)).unwrap();
+            command(&lab, "ben", Command::Subject(EstimatorKind::Mekf3)).unwrap();
         }
         24 => {
             command(&lab, "anna", Command::Experiment(3.0, "swing".to_owned())).unwrap();

@@ -206,6 +206,9 @@ pub enum Control {
         source: String,
         /// The profile that its parameters start from.
         profile: String,
+        /// Whether commands need samples and end when these stay away; recordings of before do not say so.
+        #[serde(default)]
+        time_outs: bool,
     },
     /// A command was carried out or refused.
     Command {

@@ -13,12 +13,11 @@ use northing_evaluation::attitude::observer::angles_covariance;
 use northing_recording::SensorKind;
 use serde::Serialize;
 
+use super::aids::{STOPPED_S, SensorStatus};
 use super::bounded_velocity::Surroundings;
 use super::lamp::{Lamp, Remark};
+use super::subject::TruthError;
 use super::{DeviceSession, health};
-
-/// A sensor is called stopped when the newest sample of the device is this much newer, s.
-const STOPPED_S: f64 = 2.0;
 
 /// One estimator's estimate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,9 +43,11 @@ pub struct Estimate {
 pub struct TruthPose {
     /// `world_from_body`: w, x, y, z with w >= 0.
     pub q: [f64; 4],
+    /// How far the subject is from it; `None` while the subject aligns itself.
+    pub error: Option<TruthError>,
 }
 
-/// One measurement and what `mekf` made of it.
+/// One measurement and what the subject made of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct InnovationPoint {
@@ -96,18 +97,20 @@ pub struct Frame {
     pub device: String,
     /// Seconds since the device's first sample.
     pub t_s: f64,
+    /// The estimator that innovations and lamps are about; `None` while none runs.
+    pub subject: Option<EstimatorKind>,
     /// Estimates by name of the estimator.
     pub estimates: BTreeMap<&'static str, Estimate>,
     /// The truth, where it is known.
     pub truth: Option<TruthPose>,
-    /// Angles between pairs of estimates, deg, keys such as `mekf|integration`.
+    /// Angles between pairs of estimates, deg, keys such as `mekf|integration`; the subject comes first.
     pub between_deg: BTreeMap<String, f64>,
     /// The last angular rate as measured, rad/s.
     pub rate_rad_s: [f64; 3],
-    /// Innovations of `mekf` since the last frame.
+    /// Innovations of the subject since the last frame.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub innovations: Vec<InnovationPoint>,
-    /// Whether the stated noise fits.
+    /// Whether the stated noise of each sensor fits.
     pub lamp: Vec<Lamp>,
 }
 
@@ -133,6 +136,10 @@ pub struct SessionStatus {
     pub duration_s: f64,
     /// The estimators that run, by name.
     pub estimators: Vec<EstimatorKind>,
+    /// The one of them that lamps, innovations, results and reports are about.
+    pub subject: Option<EstimatorKind>,
+    /// The sensors that estimators can use.
+    pub sensors: Vec<SensorStatus>,
     /// Whether a calibration at rest is under way.
     pub is_calibrating: bool,
     /// Whether an experiment is under way.
@@ -201,18 +208,16 @@ impl DeviceSession {
         Frame {
             device: device.to_owned(),
             t_s: self.duration_s(),
+            subject: self.subject(),
             estimates: self.estimates(),
             truth: self.truth.map(|q| TruthPose {
                 q: rotation::to_wxyz(&q),
+                error: self.judged.truth.clone(),
             }),
             between_deg: self.between_deg(),
             rate_rad_s: self.rate_rad_s.into(),
-            innovations: std::mem::take(&mut self.innovations),
-            lamp: self
-                .lamps
-                .iter()
-                .filter_map(|l| l.lamp().cloned())
-                .collect(),
+            innovations: self.judged.take_innovations(),
+            lamp: self.lamps(),
         }
     }
 
@@ -225,8 +230,9 @@ impl DeviceSession {
         }
         poses.extend(self.device.map(|q| ("device", q)));
         poses.extend(self.truth.map(|q| ("truth", q)));
-        // `mekf` first: it is what the others are compared with.
-        poses.sort_by_key(|(name, _)| *name != "mekf");
+        // The subject first: it is what the others are compared with.
+        let subject = self.subject().map(EstimatorKind::name);
+        poses.sort_by_key(|(name, _)| Some(*name) != subject);
         let mut angles = BTreeMap::new();
         for (i, (a, p)) in poses.iter().enumerate() {
             for (b, q) in &poses[i + 1..] {
@@ -243,7 +249,7 @@ impl DeviceSession {
         let intake = &self.intake;
         let stopped = intake.stopped(self.now_ns, STOPPED_S);
         SessionStatus {
-            health: health::remarks(intake, &stopped, lost_batches),
+            health: health::remarks(intake, &stopped, self.options.sensors.compass, lost_batches),
             rates_hz: intake.rates_hz().map(|(k, v)| (k.name(), v)).collect(),
             resolution: intake.resolutions().map(|(k, v)| (k.name(), v)).collect(),
             received: intake.received(),
@@ -252,6 +258,8 @@ impl DeviceSession {
             late: intake.late(),
             duration_s: self.duration_s(),
             estimators: self.estimators(),
+            subject: self.subject(),
+            sensors: self.sensors(),
             is_calibrating: self.calibration.is_some(),
             is_experimenting: self.experiment.is_some(),
             is_turned: self.magnetometer_run.is_some(),

@@ -1,5 +1,6 @@
 //! How well a device delivers, in words.
 
+use northing_evaluation::attitude::options::CompassUse;
 use northing_recording::SensorKind;
 
 use super::intake::Intake;
@@ -10,8 +11,20 @@ const SLOW_HZ: f64 = 20.0;
 
 /// What there is to say about a device; the worst comes first.
 #[must_use]
-pub fn remarks(intake: &Intake, stopped: &[SensorKind], lost_batches: u64) -> Vec<Remark> {
+pub fn remarks(
+    intake: &Intake,
+    stopped: &[SensorKind],
+    compass: CompassUse,
+    lost_batches: u64,
+) -> Vec<Remark> {
     let mut remarks = Vec::new();
+    if intake.received() == 0 {
+        // That there is neither gyroscope nor anything else would be three sentences for one.
+        let text = "Nothing received: no sensor has delivered a sample.";
+        remarks.push(Remark::new(Tone::Bad, text));
+        counted(&mut remarks, intake, lost_batches);
+        return remarks;
+    }
     if intake.received_of(SensorKind::Gyroscope) == 0 {
         remarks.push(Remark::new(
             Tone::Bad,
@@ -48,8 +61,16 @@ pub fn remarks(intake: &Intake, stopped: &[SensorKind], lost_batches: u64) -> Ve
     }
     if intake.received_of(SensorKind::Magnetometer) == 0 {
         let text = if intake.received_of(SensorKind::CompassHeading) > 0 {
-            "No magnetometer: the phone's own compass gives the heading, unless it is switched off; \
-             it is slow, and coarse by 5 to 20 deg."
+            match compass.applies(false) {
+                true => {
+                    "No magnetometer: the phone's own compass gives the heading; it is slow, and off by \
+                     5 to 20 deg."
+                }
+                false => {
+                    "No magnetometer, and the compass is switched off: the heading is not observed and \
+                     drifts slowly."
+                }
+            }
         } else {
             "No magnetometer: the heading cannot be observed and drifts slowly."
         };

@@ -221,6 +221,12 @@ impl Intake {
         })
     }
 
+    /// Stamp of the newest sample of one sensor.
+    #[must_use]
+    pub fn last_ns(&self, kind: SensorKind) -> Option<i64> {
+        self.channels[kind.order()].last_ns
+    }
+
     /// Sensors whose newest sample is more than `seconds` older than `now_ns`.
     #[must_use]
     pub fn stopped(&self, now_ns: i64, seconds: f64) -> Vec<SensorKind> {

@@ -24,6 +24,8 @@ pub enum Tone {
     Warn,
     /// Wrong.
     Bad,
+    /// Nothing to judge.
+    Idle,
 }
 
 /// A statement with its tone.
@@ -56,10 +58,23 @@ pub struct Lamp {
     pub tone: Tone,
     /// What is the matter, or that nothing is.
     pub text: String,
-    /// Mean NIS of the window.
-    pub nis_mean: f64,
+    /// Mean NIS of the window; `None` with nothing to judge.
+    pub nis_mean: Option<f64>,
     /// What it is when the stated noise is consistent: the degrees of freedom.
-    pub nis_expected: u8,
+    pub nis_expected: Option<u8>,
+}
+
+impl Lamp {
+    /// One that judges nothing, for this reason.
+    pub fn idle(sensor: SensorKind, text: &str) -> Self {
+        Self {
+            sensor,
+            tone: Tone::Idle,
+            text: text.to_owned(),
+            nis_mean: None,
+            nis_expected: None,
+        }
+    }
 }
 
 /// The innovations of the last 250 to 500 samples of one sensor.
@@ -128,14 +143,15 @@ impl LampWindow {
             NoiseVerdict::Consistent => Tone::Good,
             NoiseVerdict::TooSmall => Tone::Bad,
             NoiseVerdict::Undetermined => Tone::Info,
+            NoiseVerdict::TooFew => Tone::Idle,
             _ => Tone::Warn,
         };
         Some(Lamp {
             sensor: self.sensor,
             tone,
             text: verdict.sentences.join(" "),
-            nis_mean: nis.mean,
-            nis_expected: nis.degrees_of_freedom,
+            nis_mean: (tone != Tone::Idle).then_some(nis.mean),
+            nis_expected: Some(nis.degrees_of_freedom),
         })
     }
 }

@@ -3,6 +3,7 @@
 //! Everything here runs on sensor time and on nothing else: the same events and the same settings
 //! in the same order give the same numbers to the bit, whenever and however fast they arrive.
 
+pub mod aids;
 mod aside;
 pub mod bounded_velocity;
 pub mod calibration;
@@ -14,10 +15,11 @@ pub mod intake;
 pub mod lamp;
 pub mod magnetometer;
 pub mod span;
+pub mod subject;
 pub mod track;
+pub mod waiting;
 
 use nalgebra::{UnitQuaternion, Vector3};
-use northing_core::attitude::AttitudeConfig;
 use northing_core::attitude::driver::DriverConfig;
 use northing_core::calibration::RestCalibration;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
@@ -30,18 +32,18 @@ use northing_evaluation::{EvaluationError, Profile};
 use northing_recording::{Event, Sample, SensorKind, WorldFrame};
 use serde_json::{Map, Value};
 
+use aids::AIDS;
 use calibration::{BROWSER_STEPS, CalibrationRun};
 use experiment::{Experiment, ExperimentRun};
-use frame::InnovationPoint;
 use intake::{Admission, Intake};
-use lamp::{LampWindow, Remark, Tone};
+use lamp::{Remark, Tone};
 use magnetometer::{MagnetometerAction, MagnetometerRun};
+use subject::Judged;
 use track::Track;
+use waiting::Waiting;
 
 /// A pause of the gyroscope after which a filter starts again rather than guesses, ns.
 const RESTART_GAP_NS: i64 = 2_000_000_000;
-/// Innovations kept for the page between two frames: two seconds of fast sensors.
-const MOST_INNOVATIONS: usize = 1000;
 
 /// Something that came to its end while events were taken.
 #[derive(Debug)]
@@ -55,6 +57,8 @@ pub enum Happening {
     Experimented(Box<Experiment>),
     /// The magnetometer calibration was begun, ended, dropped or taken back.
     Magnetometer(MagnetometerAction, Remark),
+    /// What was under way ended for want of samples, with the reason in sentences.
+    GaveUp(String),
     /// Something to tell people.
     Note(Remark),
 }
@@ -68,11 +72,13 @@ pub struct DeviceSession {
     first_ns: Option<i64>,
     now_ns: i64,
     last_gyroscope_ns: Option<i64>,
+    /// The time that the estimates are of.
+    estimate_ns: i64,
     rate_rad_s: Vector3<f64>,
     device: Option<UnitQuaternion<f64>>,
     truth: Option<UnitQuaternion<f64>>,
-    innovations: Vec<InnovationPoint>,
-    lamps: [LampWindow; 3],
+    judged: Judged,
+    waiting: Waiting,
     calibration: Option<CalibrationRun>,
     experiment: Option<ExperimentRun>,
     magnetometer_run: Option<MagnetometerRun>,
@@ -89,17 +95,18 @@ impl DeviceSession {
     pub fn new(options: RunOptions) -> Result<Self, EvaluationError> {
         options.check()?;
         let mut session = Self {
-            lamps: new_lamps(&options.config.attitude),
+            judged: Judged::new(&options.config),
+            waiting: Waiting::default(),
             options,
             tracks: Vec::new(),
             intake: Intake::default(),
             first_ns: None,
             now_ns: i64::MIN,
             last_gyroscope_ns: None,
+            estimate_ns: i64::MIN,
             rate_rad_s: Vector3::zeros(),
             device: None,
             truth: None,
-            innovations: Vec::new(),
             calibration: None,
             experiment: None,
             magnetometer_run: None,
@@ -174,7 +181,10 @@ impl DeviceSession {
             }
             Sample::MagneticFieldUncalibrated(_) => self.expect_hard_iron(),
             Sample::DeviceOrientation(q) => self.device = Some(q),
-            Sample::Reference(reference) => self.truth = Some(reference.attitude),
+            Sample::Reference(reference) => {
+                self.truth = Some(reference.attitude);
+                self.compare_with_truth(event.time_ns, &reference.attitude);
+            }
             _ => {}
         }
         self.calibrate_with(event, happenings);
@@ -192,6 +202,7 @@ impl DeviceSession {
             let _ = self.restart_tracks();
         }
         self.last_gyroscope_ns = Some(time_ns);
+        self.estimate_ns = time_ns;
         self.rate_rad_s = rate;
         for track in &mut self.tracks {
             track.driver.gyroscope(time_ns, &rate);
@@ -212,6 +223,7 @@ impl DeviceSession {
             if let Ok(Some(mut anew)) = Track::new(track.kind, &config, driver) {
                 if let Some(state) = track.state() {
                     anew.driver.start_from(&state);
+                    anew.has_field = track.has_field;
                     starts.push((track.kind, state));
                 }
                 anew.driver.gyroscope(time_ns, rate);
@@ -221,44 +233,32 @@ impl DeviceSession {
         run.begin(time_ns, starts);
     }
 
-    /// Whether compass headings are measurements: by choice, or because there is no magnetometer.
-    fn uses_compass(&self) -> bool {
-        use SensorKind::{Magnetometer, MagnetometerUncalibrated};
-        let came = |kind| self.intake.received_of(kind) > 0;
-        let has_magnetometer = came(Magnetometer) || came(MagnetometerUncalibrated);
-        self.options.sensors.compass.applies(has_magnetometer)
-    }
-
     fn update(&mut self, event: &Event) {
         let (time_ns, sensor) = (event.time_ns, event.sample.kind());
-        let sensors = &self.options.sensors;
-        let (used, lamp) = match sensor {
-            SensorKind::Accelerometer => (sensors.accelerometer, 0),
-            SensorKind::Magnetometer => (sensors.magnetometer, 1),
-            _ => (self.uses_compass(), 2),
-        };
-        if !used {
+        let aid = AIDS.iter().find(|aid| aid.sensor == sensor);
+        if !aid.is_some_and(|aid| self.uses(aid)) {
             return;
         }
+        self.estimate_ns = self.estimate_ns.max(time_ns);
+        let subject = self.subject();
+        let mut judged = None;
         for track in &mut self.tracks {
             let driver = &mut track.driver;
             let innovation = match &event.sample {
                 Sample::SpecificForce(v) => driver.accelerometer(time_ns, v),
-                Sample::MagneticField(v) => driver.magnetometer(time_ns, v),
+                Sample::MagneticField(v) => {
+                    track.has_field = true;
+                    driver.magnetometer(time_ns, v)
+                }
                 Sample::CompassHeading(c) => driver.compass(time_ns, c.heading_rad, c.std_rad),
                 _ => continue,
             };
-            if track.kind != EstimatorKind::Mekf {
-                continue;
+            if Some(track.kind) == subject {
+                judged = Some(innovation);
             }
-            self.lamps[lamp].add(&innovation);
-            if self.innovations.len() >= MOST_INNOVATIONS {
-                // Nobody looks: the newest are worth more when somebody does.
-                self.innovations.drain(..MOST_INNOVATIONS / 2);
-            }
-            let t_s = seconds_since(self.first_ns, time_ns);
-            self.innovations
-                .push(InnovationPoint::new(sensor, t_s, &innovation));
+        }
+        if let Some(innovation) = judged {
+            self.judge(sensor, time_ns, &innovation);
         }
     }
 
@@ -316,6 +316,7 @@ impl DeviceSession {
         let initial = state_at_rest(calibration, &config.attitude, &driver);
         for track in &mut self.tracks {
             track.driver.start_from(&initial);
+            track.has_field = calibration.magnetic_field_ut().is_some();
         }
     }
 
@@ -323,6 +324,7 @@ impl DeviceSession {
         self.first_ns = None;
         self.now_ns = i64::MIN;
         self.last_gyroscope_ns = None;
+        self.estimate_ns = i64::MIN;
         self.calibration = None;
         self.experiment = None;
         self.magnetometer_run = None;
@@ -332,18 +334,13 @@ impl DeviceSession {
     }
 
     fn restart_tracks(&mut self) -> Result<(), EvaluationError> {
-        let kinds: Vec<_> = self.tracks.iter().map(|track| track.kind).collect();
-        self.lamps = new_lamps(&self.config().attitude);
-        self.use_estimators_anew(&kinds)
-    }
-
-    fn use_estimators_anew(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
         let (config, driver) = (self.config(), self.driver());
+        let kinds = self.tracks.iter().map(|track| track.kind);
         let tracks: Result<Vec<_>, _> = kinds
-            .iter()
-            .map(|kind| Track::new(*kind, &config, driver))
+            .map(|kind| Track::new(kind, &config, driver))
             .collect();
         self.tracks = tracks?.into_iter().flatten().collect();
+        self.judged.reset(&config);
         Ok(())
     }
 
@@ -365,6 +362,7 @@ impl DeviceSession {
             }
         }
         self.tracks = tracks;
+        self.renew_subject();
         self.note_change("the choice of estimators");
         Ok(())
     }
@@ -388,7 +386,7 @@ impl DeviceSession {
             return Err(error);
         }
         self.tracks = tracks;
-        self.lamps = new_lamps(&self.config().attitude);
+        self.judged.reset(&self.config());
         self.note_change("Q, R or another parameter");
         Ok(())
     }
@@ -396,7 +394,7 @@ impl DeviceSession {
     /// Chooses the sensors that the filters use.
     pub fn use_sensors(&mut self, sensors: SensorSelection) {
         self.options.sensors = sensors;
-        self.lamps = new_lamps(&self.config().attitude);
+        self.judged.reset(&self.config());
         self.note_change("the sensors in use");
     }
 
@@ -438,9 +436,12 @@ impl DeviceSession {
         Ok(())
     }
 
-    /// Ends an experiment early and drops a calibration.
+    /// Ends an experiment early, drops one that has not begun, and drops a calibration.
     pub fn stop(&mut self) -> Option<Happening> {
         self.calibration = None;
+        if self.experiment.as_ref().is_some_and(|run| !run.has_begun()) {
+            self.experiment = None;
+        }
         self.end_experiment()
     }
 
@@ -527,19 +528,11 @@ fn note(text: &str) -> Happening {
     Happening::Note(Remark::new(Tone::Warn, text))
 }
 
-fn new_lamps(config: &AttitudeConfig<f64>) -> [LampWindow; 3] {
-    use SensorKind::{Accelerometer, CompassHeading, Magnetometer};
-    [
-        (Accelerometer, config.accelerometer_correlation_time_s),
-        (Magnetometer, config.magnetometer_correlation_time_s),
-        (CompassHeading, config.compass_correlation_time_s),
-    ]
-    .map(|(sensor, time_s)| LampWindow::new(sensor, time_s))
-}
-
 fn seconds_since(first_ns: Option<i64>, time_ns: i64) -> f64 {
     first_ns.map_or(0.0, |first| time_ns.saturating_sub(first) as f64 * 1e-9)
 }
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod truth_tests;

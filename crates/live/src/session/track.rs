@@ -13,6 +13,8 @@ pub struct Track {
     pub kind: EstimatorKind,
     /// What feeds it.
     pub driver: AttitudeDriver<f64, AnyEstimator>,
+    /// Whether a magnetic field has said where north is.
+    pub has_field: bool,
 }
 
 impl Track {
@@ -27,7 +29,17 @@ impl Track {
     ) -> Result<Option<Self>, EvaluationError> {
         let estimator = AnyEstimator::new(kind, config)?;
         let driver = estimator.map(|estimator| AttitudeDriver::new(estimator, driver));
-        Ok(driver.map(|driver| Self { kind, driver }))
+        Ok(driver.map(|driver| Self {
+            kind,
+            driver,
+            has_field: false,
+        }))
+    }
+
+    /// Whether magnetometer or compass have said where north is.
+    #[must_use]
+    pub fn knows_north(&self) -> bool {
+        self.has_field || self.driver.knows_north()
     }
 
     /// The state of now, to start from anew; `None` while it aligns itself.
