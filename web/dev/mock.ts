@@ -45,7 +45,10 @@ class Mock extends EventTarget {
       this.onopen?.();
       this.say({
         type: "hello", version: "0.0.0", phone_urls: ["https://192.0.2.7:7771/p#t=J7p3vX0mQk2b9sT4uY6wZg"], ingest_urls: ["http://192.0.2.7:7772/in/J7p3vX0mQk2b9sT4uY6wZg"], qr_svg: "qr.svg",
-        estimators: ESTIMATORS.map((name) => ({ name, summary: "what it does, in a few words" })), features: ["estimators", "magnetometer", "allan", "remove"], parameters: parameters.map(([name, unit, v]) => ({ name, unit, meaning: name.replaceAll("_", " "), default: { lab: v, "hand-held": v * 4 } })), fingerprint: "A1:B2:C3:D4:E5:F6:07:18:29:3A:4B:5C",
+        estimators: ESTIMATORS.map((name) => ({ name, summary: "what it does, in a few words", reads: parameters.map(([p]) => p) })), aids: [
+          { sensor: "accelerometer", title: "Accelerometer", switch: "accelerometer", noise: ["accelerometer_std"], gate: "accelerometer_gate_nis", unit: "m/s^2", is_usual: true },
+          { sensor: "magnetometer", title: "Magnetometer", switch: "magnetometer", noise: ["magnetometer_std_ut"], gate: "magnetometer_gate_nis", unit: "microtesla", is_usual: true },
+        ], features: ["estimators", "magnetometer", "allan", "remove"], parameters: parameters.map(([name, unit, v]) => ({ name, unit, meaning: name.replaceAll("_", " "), default: { lab: v, "hand-held": v * 4 } })), fingerprint: "A1:B2:C3:D4:E5:F6:07:18:29:3A:4B:5C",
       });
       this.say({ type: "devices", devices: [] });
     });
@@ -73,8 +76,8 @@ class Mock extends EventTarget {
         return { sensor, t_s: this.t, residual, std: [s, s, s], nis, dof: 3, outcome: nis > 11.34 ? "gated" : "fused" };
       });
       this.say({
-        type: "frame", device: device.id, t_s: this.t, estimates, truth: { q }, between_deg: {}, rate_rad_s: noise3(0.02).map((n, i) => n + 0.4 * Math.cos(0.4 * this.t + i)) as Triple, innovations,
-        lamp: [{ sensor: "accelerometer", tone: "good", text: "The residuals are as large as stated.", nis_mean: 3.1 }, { sensor: "magnetometer", tone: "warn", text: "R is about 2.3 times too small: raise it or look for iron near by.", nis_mean: 6.8 }],
+        type: "frame", device: device.id, t_s: this.t, subject: "mekf", estimates, truth: { q, error: { angle_deg: 0.3, sigmas: 0.8, nees: 0.64, degrees_of_freedom: 3, tone: "good", text: "0.3 deg from the truth, 0.8 sigma." } }, between_deg: {}, rate_rad_s: noise3(0.02).map((n, i) => n + 0.4 * Math.cos(0.4 * this.t + i)) as Triple, innovations,
+        lamp: [{ sensor: "accelerometer", tone: "good", text: "The residuals are as large as stated.", nis_mean: 3.1, nis_expected: 3 }, { sensor: "magnetometer", tone: "warn", text: "R is about 2.3 times too small: raise it or look for iron near by.", nis_mean: 6.8, nis_expected: 3 }],
       });
     });
   }
@@ -83,7 +86,7 @@ class Mock extends EventTarget {
     const m = JSON.parse(text) as ToProgram;
     if (m.type === "virtual_phone" && m.action === "add") {
       const n = this.devices.length + 1;
-      this.devices.push({ id: `v${n}`, name: `Virtual phone ${n}`, source: "virtual", connected: true, health: [{ tone: n % 3 === 2 ? "warn" : "good", text: n % 3 === 2 ? "The accelerometer is rounded to 0.1 m/s²." : "All sensors deliver." }], rates_hz: { gyroscope: 100, accelerometer: 100, magnetometer: 50 }, resolution: {}, received: 0, lost: 0, duplicated: 0, duration_s: 0 });
+      this.devices.push({ id: `v${n}`, name: `Virtual phone ${n}`, source: "virtual", connected: true, delivers: true, silence: "", subject: "mekf", estimators: ["integration", "mekf"], sensors: (["gyroscope", "accelerometer", "magnetometer"] as const).map((sensor) => ({ sensor, delivery: "delivers" as const, is_used: true, text: "" })), health: [{ tone: n % 3 === 2 ? "warn" : "good", text: n % 3 === 2 ? "The accelerometer is rounded to 0.1 m/s²." : "All sensors deliver." }], rates_hz: { gyroscope: 100, accelerometer: 100, magnetometer: 50 }, resolution: {}, received: 0, lost: 0, duplicated: 0, duration_s: 0 });
     }
     if (m.type === "calibrate") this.calibrate(m.device, m.seconds);
     if (m.type === "experiment") this.experiment(m.device, m.seconds, m.name);
@@ -145,9 +148,9 @@ class Mock extends EventTarget {
     this.progress(2500, (p) => {
       if (p < 1) return this.say({ type: "experiment", device, id, state: "running", progress: p, remaining_s: (1 - p) * seconds, result: null });
       const results = { mekf: summary("mekf", 0.41, 0.54), integration: summary("integration", 12.3, null), device: summary("device", 1.1, null) };
-      this.rows.push({ id, device: this.devices.find((d) => d.id === device)!.name, device_id: device, name, at: "", duration_s: seconds, settings: Object.fromEntries(parameters.map(([n, , v]) => [n, v])), results: Object.fromEntries(Object.entries(results).map(([n, s]) => [n, { calculated_error_deg: s.final!.calculated_error_deg, estimated_error_deg: s.final!.estimated_error_deg, verdict: s.final!.verdict }])) });
+      this.rows.push({ id, device: this.devices.find((d) => d.id === device)!.name, device_id: device, name, at: "", duration_s: seconds, subject: "mekf", sensors: ["gyroscope", "accelerometer", "magnetometer"], settings: Object.fromEntries(parameters.map(([n, , v]) => [n, v])), results: Object.fromEntries(Object.entries(results).map(([n, s]) => [n, { calculated_error_deg: s.final!.calculated_error_deg, estimated_error_deg: s.final!.estimated_error_deg, verdict: s.final!.verdict }])) });
       this.say({ type: "experiments", rows: this.rows });
-      this.say({ type: "experiment", device, id, state: "done", progress: 1, remaining_s: 0, result: { summary: results, settings: {}, hash: "9f2c4e8d1a7b6053f4e1", origin: "The recording was run again from the state the estimate had when it began: the same numbers as live." } });
+      this.say({ type: "experiment", device, id, state: "done", progress: 1, remaining_s: 0, result: { subject: "mekf", summary: results, settings: {}, hash: "9f2c4e8d1a7b6053f4e1", origin: "The recording was run again from the state the estimate had when it began: the same numbers as live." } });
     });
   }
 
@@ -156,11 +159,11 @@ class Mock extends EventTarget {
     const t_s = Array.from({ length: 300 }, (_, i) => i / 10);
     const values = Array.from({ length: 25 }, (_, i) => 10 ** (-3 + i / 6));
     setTimeout(() => this.say({
-      type: "what_if", request: m.request, id: m.id, elapsed_ms: 38, results: { mekf: summary("mekf", 0.41 + Math.abs(Math.log10(std / 0.05)), 0.54) },
+      type: "what_if", request: m.request, id: m.id, subject: "mekf", elapsed_ms: 38, results: { mekf: summary("mekf", 0.41 + Math.abs(Math.log10(std / 0.05)), 0.54) },
       trace: { t_s, angles_deg: t_s.map((t) => angles(truthAt(t, 0))), error_deg: t_s.map(() => 0.4 + 0.1 * Math.abs(noise()) * (std / 0.05)) },
     }), 40);
     const parameter = m.curve;
-    if (parameter) setTimeout(() => this.say({ type: "curve", request: m.request, id: m.id, curve: { parameter, values, nis_acc: values.map((v) => 3 * (0.05 / v) ** 2), nis_mag: values.map(() => 3), error_deg: values.map((v) => 0.3 + 0.2 * Math.log10(v / 0.05) ** 2) } }), 90);
+    if (parameter) setTimeout(() => this.say({ type: "curve", request: m.request, id: m.id, curve: { parameter, values, nis: { accelerometer: values.map((v) => 3 * (0.05 / v) ** 2), magnetometer: values.map(() => 3) }, error_deg: values.map((v) => 0.3 + 0.2 * Math.log10(v / 0.05) ** 2) } }), 90);
   }
 
   private progress(ms: number, tell: (p: number) => void): void {

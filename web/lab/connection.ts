@@ -4,23 +4,39 @@ import type { FromProgram, ToProgram } from "./protocol";
 import { receive, setSender, state, update } from "./store";
 
 const LONGEST_PAUSE_MS = 3000;
+/** The program says something every second; after so long without a word it is gone, or stands still. */
+const SILENCE_MS = 4000;
 
 export function connect(): void {
   let pause = 250;
+  let heardMs = performance.now();
+  const lost = (): void => {
+    if (state.connection !== "lost") update((s) => { s.connection = "lost"; s.lostMs = heardMs; });
+  };
+  window.setInterval(() => {
+    if (performance.now() - heardMs > SILENCE_MS) lost();
+    // The seconds since then are counted on the page.
+    if (state.connection === "lost") update(() => undefined);
+  }, 1000);
   const open = (): void => {
     const socket = new WebSocket(`ws://${location.host}/api/ws`);
     setSender((message: ToProgram) => {
-      if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+      if (socket.readyState === WebSocket.OPEN && state.connection === "open") socket.send(JSON.stringify(message));
       else update((s) => (s.error = "The lab program does not answer: nothing was changed."));
     });
     socket.onopen = () => {
       pause = 250;
+      heardMs = performance.now();
       update((s) => (s.connection = "open"));
       socket.send(JSON.stringify({ type: "display_rate", hz: state.displayHz }));
     };
-    socket.onmessage = (event) => receive(JSON.parse(String(event.data)) as FromProgram);
+    socket.onmessage = (event) => {
+      heardMs = performance.now();
+      if (state.connection !== "open") update((s) => (s.connection = "open"));
+      receive(JSON.parse(String(event.data)) as FromProgram);
+    };
     socket.onclose = () => {
-      update((s) => (s.connection = "lost"));
+      lost();
       window.setTimeout(open, pause);
       pause = Math.min(LONGEST_PAUSE_MS, pause * 2);
     };

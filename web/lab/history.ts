@@ -62,9 +62,16 @@ export class History {
   readonly innovations: Record<string, Rows> = {};
   readonly degreesOfFreedom: Record<string, number> = {};
   private lastInnovation: Record<string, number> = {};
+  private subject: string | null = null;
 
   add(frame: Frame): void {
     this.latest = frame;
+    if (frame.subject !== this.subject) {
+      // What was drawn is of another estimator.
+      this.subject = frame.subject;
+      this.angles.clear();
+      for (const rows of Object.values(this.innovations)) rows.clear();
+    }
     const main = mainEstimate(frame);
     const truth = frame.truth ? anglesOf(frame.truth.q) : [null, null, null];
     if (main) this.angles.push([frame.t_s, ...main.angles_deg, ...(main.std_deg ?? [null, null, null]), ...truth]);
@@ -78,8 +85,8 @@ export class History {
     const rows = (this.innovations[i.sensor] ??= new Rows(9));
     const nis = Math.max(i.nis, 1.2e-3);
     const refused = i.outcome === "gated";
-    // With one degree of freedom the magnetometer gives a heading: one angle, in rad, that degrees make readable.
-    const scale = isHeading(i.sensor, i.dof) ? 180 / Math.PI : 1;
+    // With one degree of freedom it is a heading: one angle, in rad, that degrees make readable.
+    const scale = isHeading(i.dof) ? 180 / Math.PI : 1;
     const of = (v: readonly number[]): (number | null)[] => v.map((x, k) => (scale === 1 || k < 1 ? x * scale : null));
     if (this.degreesOfFreedom[i.sensor] !== i.dof) rows.clear();
     this.degreesOfFreedom[i.sensor] = i.dof;
@@ -87,13 +94,12 @@ export class History {
   }
 }
 
-/** Whether the magnetometer is used as a compass: its innovation is one angle. */
-export const isHeading = (sensor: string, dof: number | undefined): boolean => sensor === "magnetometer" && dof === 1;
+/** Whether an innovation is one angle: a compass, or a magnetometer that is used as one. */
+export const isHeading = (dof: number | undefined): boolean => dof === 1;
 
-/** The estimate that the plots show: the MEKF, else the first with a covariance. */
+/** The estimate that plots and numbers show: the subject's, once there is one. */
 export function mainName(frame: Frame): string | undefined {
-  if (frame.estimates["mekf"]) return "mekf";
-  return Object.keys(frame.estimates).find((name) => frame.estimates[name]!.std_deg) ?? Object.keys(frame.estimates)[0];
+  return frame.subject && frame.estimates[frame.subject] ? frame.subject : undefined;
 }
 
 export function mainEstimate(frame: Frame): Frame["estimates"][string] | undefined {

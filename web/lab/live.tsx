@@ -3,11 +3,11 @@
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { Chart, type ChartSpec } from "./chart";
 import { angleBetween, isHeading, mainEstimate, mainName } from "./history";
-import type { Frame, Lamp } from "./protocol";
+import type { Device, EstimatorKind, Frame, Lamp, TruthError } from "./protocol";
 import { type Body, View, World } from "./scene";
-import { historyOf, onFrame, state, update } from "./store";
+import { aids, historyOf, isOld, onFrame, send, state, titleOf, update } from "./store";
 import { nameOf, roleOf } from "./theme";
-import { unnamed } from "./words";
+import { pretty, unnamed } from "./words";
 import type uPlot from "uplot";
 
 export const WINDOW_S = 20;
@@ -50,12 +50,12 @@ export function useFrame<T>(device: string, read: (frame: Frame) => T, hz: numbe
   return value;
 }
 
-/** Every attitude of a frame, the main one first. */
+/** Every attitude of a frame, the subject's first. */
 export function attitudes(frame: Frame): Body[] {
   const main = mainName(frame);
   const names = Object.keys(frame.estimates).sort((a, b) => Number(b === main) - Number(a === main));
-  const bodies: Body[] = names.map((name) => ({ name, q: frame.estimates[name]!.q }));
-  if (frame.truth) bodies.push({ name: "truth", q: frame.truth.q });
+  const bodies: Body[] = names.map((name) => ({ name, solid: name === main, q: frame.estimates[name]!.q }));
+  if (frame.truth) bodies.push({ name: "truth", solid: false, q: frame.truth.q });
   return bodies;
 }
 
@@ -94,25 +94,40 @@ export function Device3d({ device }: { device: string | null }) {
   );
 }
 
+/** Chooses the estimator that lamps, innovations, NIS, result and report are about. */
+function Subject({ device }: { device: Device }) {
+  return (
+    <label class="subject" title="The estimator that lamps, innovations, NIS, result and report are about">Subject
+      <select value={device.subject ?? ""} onChange={(e) => send({ type: "subject", device: device.id, estimator: e.currentTarget.value as EstimatorKind })}>
+        {device.subject === null && <option value="">none</option>}
+        {device.estimators.map((name) => <option key={name} value={name}>{nameOf(name)}</option>)}
+      </select>
+    </label>
+  );
+}
+
 function Legend({ device }: { device: string }) {
   const names = useFrame(device, (frame) => attitudes(frame).map((b) => b.name).join(" "), 1, "");
   const list = names ? names.split(" ") : [];
+  const row = state.devices.find((d) => d.id === device);
+  const subject = row?.subject;
   const toggle = (name: string): void => update((s) => void (s.hidden.has(name) ? s.hidden.delete(name) : s.hidden.add(name)));
   return (
     <div class="ghosts">
+      {row && <Subject device={row} />}
       <table>
-        <thead><tr><th scope="col">Attitude</th><th scope="col" class="num">to {nameOf(list[0] ?? "mekf")}</th></tr></thead>
+        <thead><tr><th scope="col">Attitude</th><th scope="col" class="num">{subject ? `to ${nameOf(subject)}` : ""}</th></tr></thead>
         <tbody>
-          {list.map((name, i) => (
+          {list.map((name) => (
             <tr key={name}>
               <th scope="row">
                 <label>
                   <input type="checkbox" checked={!state.hidden.has(name)} onChange={() => toggle(name)} />
-                  <span class={`swatch ${i ? "ghost" : ""}`} style={{ "--role": `var(--${roleOf(name)})` }} />
+                  <span class={`swatch ${name === subject ? "" : "ghost"}`} style={{ "--role": `var(--${roleOf(name)})` }} />
                   {nameOf(name)}
                 </label>
               </th>
-              <td class="num">{i === 0 ? "" : <LiveText device={device} text={(frame) => angleTo(frame, name)} />}</td>
+              <td class="num">{name === subject ? "" : <LiveText device={device} text={(frame) => angleTo(frame, name)} />}</td>
             </tr>
           ))}
         </tbody>
@@ -155,18 +170,48 @@ const signed = (v: number | undefined): string => {
 };
 const threeSigma = (v: number | undefined): string => (v === undefined ? "" : `±${(3 * v).toFixed(3 * v < 10 ? 2 : 0)}°`);
 
-/** One lamp a sensor: is its stated noise consistent? In words. */
+interface Shown {
+  key: string;
+  title: string;
+  tone: string;
+  text: string;
+  number: string;
+  hint: string;
+}
+
+const nis = (value: number | null): string => (value === null ? "–" : value.toFixed(value < 0.95 ? 2 : value < 99.5 ? 1 : 0));
+
+function ofSensor(lamp: Lamp): Shown {
+  return {
+    key: lamp.sensor, title: titleOf(lamp.sensor), tone: lamp.tone, text: unnamed(lamp.text), number: `NIS ${nis(lamp.nis_mean)}`,
+    hint: lamp.nis_expected === null ? "Nothing to judge" : `Mean NIS of the last seconds: ${lamp.nis_expected} when consistent`,
+  };
+}
+
+function ofTruth(error: TruthError): Shown {
+  return {
+    key: "truth", title: "Truth", tone: error.tone, text: error.sigmas === null ? `${error.text} No covariance: nothing to judge.` : error.text, number: `NEES ${nis(error.nees)}`,
+    hint: `Normalised estimation error squared: ${error.degrees_of_freedom} on average when consistent`,
+  };
+}
+
+const NOTHING: Shown[] = [{ key: "none", title: "Nothing received", tone: "idle", text: "Nothing to judge.", number: "NIS –", hint: "Nothing to judge" }];
+
+/** One lamp a sensor, and one for the truth where it is known: is what the subject states consistent? In words. */
 export function Lamps({ device }: { device: string }) {
-  const lamps = useFrame<Lamp[]>(device, (frame) => frame.lamp, 2, []);
-  const shown = ["accelerometer", "magnetometer"].map((sensor) => lamps.find((l) => l.sensor === sensor) ?? { sensor, tone: "idle", text: "no samples to judge yet", nis_mean: null, nis_expected: 3 });
+  const frame = useFrame<Frame | null>(device, (frame) => frame, 2, null);
+  const told: Shown[] = [...(frame?.lamp.map(ofSensor) ?? []), ...(frame?.truth?.error ? [ofTruth(frame.truth.error)] : [])];
+  const row = state.devices.find((d) => d.id === device);
+  const grey = isOld() ? "Connection lost: what you see is old." : row && !row.delivers ? "Nothing is received: nothing to judge." : null;
+  const shown = told.length ? told : NOTHING;
   return (
-    <div class="lamps" role="group" aria-label="Consistency of each sensor">
-      {shown.map((lamp) => (
-        <div key={lamp.sensor} class={`lamp ${lamp.tone}`}>
+    <div class={`lamps ${shown.length > 2 ? "many" : ""}`} role="group" aria-label="Consistency of each sensor" style={{ "--lamps": String(shown.length) }}>
+      {shown.map((lamp) => ({ ...lamp, ...(grey ? { tone: "idle", text: grey } : {}) })).map((lamp) => (
+        <div key={lamp.key} class={`lamp ${lamp.tone}`} data-lamp={lamp.key}>
           <span class="light" aria-hidden="true" />
-          <p title={lamp.text}><b>{lamp.sensor}</b> {unnamed(lamp.text)}</p>
-          <span class="spoken" aria-live="polite">{`${lamp.sensor}: ${TONES[lamp.tone] ?? "nothing to judge yet"}`}</span>
-          <span class="nis" title={`Mean NIS of the last seconds: ${lamp.nis_expected ?? 3} when consistent`}>NIS {lamp.nis_mean === null ? "–" : lamp.nis_mean.toFixed(lamp.nis_mean < 0.95 ? 2 : 1)}</span>
+          <p title={lamp.text}><b>{lamp.title}</b> {pretty(lamp.text)}</p>
+          <span class="spoken" aria-live="polite">{`${lamp.title}: ${TONES[lamp.tone] ?? "nothing to judge"}`}</span>
+          <span class="nis" title={lamp.hint}>{lamp.number}</span>
         </div>
       ))}
     </div>
@@ -191,17 +236,20 @@ const ANGLE_SPEC: ChartSpec = {
 };
 const RATE_SPEC: ChartSpec = { ...time, title: "Angular rate", unit: "deg/s", leastSpan: 4, legend: XYZ, lines: XYZ.map((l) => ({ role: l.role })) };
 
-const residualSpec = (sensor: string, heading: boolean): ChartSpec => ({
+/** Where the subject states no covariance, its innovations have no bounds and no NIS. */
+const NO_COVARIANCE = "no covariance: nothing to judge";
+
+const residualSpec = (sensor: string, heading: boolean, judged: boolean): ChartSpec => ({
   ...time, title: heading ? "Innovation of the heading ±3σ" : "Innovation ±3σ",
-  unit: heading ? "deg" : sensor === "magnetometer" ? "µT" : "m/s²", leastSpan: heading || sensor === "magnetometer" ? 2 : 0.2,
+  unit: !judged ? NO_COVARIANCE : heading ? "deg" : pretty(aids().find((a) => a.sensor === sensor)?.unit.replace("microtesla", "uT") ?? ""), leastSpan: heading || sensor !== "accelerometer" ? 2 : 0.2,
   legend: heading ? [{ text: "heading", role: "s1" }] : XYZ,
   lines: [{ role: "muted", edge: true }, { role: "muted", edge: true }, ...XYZ.map((l) => ({ role: l.role, width: 1.4 }))],
   bands: [{ high: 1, low: 2, role: "muted" }],
 });
 /** 95 % and 99 % of chi-square for 1 and 3 degrees of freedom. */
 const BOUNDS: Record<number, [number, number]> = { 1: [3.841, 6.635], 2: [5.991, 9.21], 3: [7.815, 11.345] };
-const nisSpec = (dof: () => number): ChartSpec => ({
-  ...time, title: "NIS", unit: "log scale", logY: true, y: [0.001, 1000],
+const nisSpec = (dof: () => number, judged: boolean): ChartSpec => ({
+  ...time, title: "NIS", unit: judged ? "log scale" : NO_COVARIANCE, logY: true, y: [0.001, 1000],
   legend: [{ text: "fused", role: "estimate", dot: true }, { text: "refused", role: "gated", dot: true }],
   lines: [{ role: "estimate", points: true }, { role: "gated", points: true }],
   rules: () => { const [a, b] = BOUNDS[dof()] ?? BOUNDS[3]!; return [{ value: b, text: "99 %" }, { value: a, text: "95 %", below: true }]; },
@@ -211,13 +259,17 @@ const aligned = (columns: (number | null)[][]): uPlot.AlignedData => columns as 
 
 /** The four live plots of a device. */
 export function LivePlots({ device }: { device: string }) {
-  const [sensor, setSensor] = useState("accelerometer");
+  const [wanted, setSensor] = useState("accelerometer");
+  const lit = useFrame(device, (frame) => frame.lamp.map((l) => l.sensor).join(" "), 1, "accelerometer magnetometer");
+  const choices = lit.split(" ").filter((s) => s);
+  const sensor = choices.includes(wanted) ? wanted : choices[0] ?? "accelerometer";
+  const judged = useFrame(device, (frame) => !mainEstimate(frame) || mainEstimate(frame)!.std_deg !== null, 1, true);
   const history = historyOf(device);
   const end = (): number => history.latest?.t_s ?? 0;
   const dof = useFrame(device, () => history.degreesOfFreedom[sensor] ?? 3, 2, 3);
-  const heading = isHeading(sensor, dof);
-  const residual = useMemo(() => residualSpec(sensor, heading), [sensor, heading]);
-  const nis = useMemo(() => nisSpec(() => history.degreesOfFreedom[sensor] ?? 3), [sensor, device]);
+  const heading = isHeading(dof);
+  const residual = useMemo(() => residualSpec(sensor, heading, judged), [sensor, heading, judged]);
+  const nis = useMemo(() => nisSpec(() => history.degreesOfFreedom[sensor] ?? 3, judged), [sensor, device, judged]);
 
   const angles = (): uPlot.AlignedData => {
     const [t, y, p, r, sy, sp, sr, ty, tp, tr] = history.angles.window(WINDOW_S, end()) as (number | null)[][];
@@ -239,8 +291,8 @@ export function LivePlots({ device }: { device: string }) {
       <Chart spec={RATE_SPEC} data={() => aligned(history.rates.window(WINDOW_S, end()))} live />
       <Chart spec={nis} data={nisData} live />
       <div class="choice" role="group" aria-label="Sensor of the innovation plots">
-        {["accelerometer", "magnetometer"].map((s) => (
-          <button key={s} type="button" aria-pressed={s === sensor} onClick={() => setSensor(s)}>{s}</button>
+        {choices.map((s) => (
+          <button key={s} type="button" aria-pressed={s === sensor} onClick={() => setSensor(s)}>{titleOf(s).toLowerCase()}</button>
         ))}
       </div>
     </div>

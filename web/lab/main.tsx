@@ -15,7 +15,7 @@ import { RecordingLight, Recordings } from "./panels/recordings";
 import { Tune } from "./panels/tune";
 import { WhatIf, WhatIfPlots } from "./panels/what_if";
 import type { Device } from "./protocol";
-import { goTo, type Lower, offers, onChange, selectedDevice, send, state, STEPS, type Step, update } from "./store";
+import { goTo, isOld, type Lower, offers, onChange, selectedDevice, send, state, STEPS, type Step, update } from "./store";
 
 const TITLES: Record<Step, string> = {
   connect: "Connect", place: "Place", calibrate: "Calibrate", tune: "Q and R", experiment: "Experiment", return: "Return", result: "Result", "what-if": "What if?",
@@ -41,7 +41,7 @@ function App() {
   return (
     <>
       <Header />
-      <main class={state.view}>
+      <main class={`${state.view} ${isOld() ? "old" : ""}`}>
         {state.view === "wall" ? <Wall /> : <><Devices /><Centre /><Panel /></>}
       </main>
       <Notice />
@@ -82,7 +82,7 @@ function Centre() {
   const turning = state.step === "calibrate" && state.calibrating === "magnetometer" && offers("magnetometer");
   const tabs = LOWER.filter(([key]) => (key === "allan" ? offers("allan") : key === "recordings" ? state.recording : true));
   return (
-    <section class="centre" aria-label="Attitude">
+    <section class={`centre ${device && !device.delivers ? "silent" : ""}`} aria-label="Attitude">
       <div class="stage">
         {turning && device ? <CoverageSphere device={device.id} key={`sphere ${device.id}`} /> : <Device3d device={device?.id ?? null} />}
         {device && !turning && <Angles device={device.id} />}
@@ -134,11 +134,13 @@ function StepOf({ device }: { device: Device }) {
 
 /** What went wrong, over the page's foot so that nothing moves. */
 function Notice() {
-  const lost = state.connection === "lost";
-  const text = lost ? "The lab program does not answer. This page connects again by itself." : state.error;
+  const lost = isOld();
+  const seconds = Math.max(0, Math.round((performance.now() - state.lostMs) / 1000));
+  const text = lost ? `Connection lost since ${seconds} s; what you see is old. This page connects again by itself.` : state.error;
   if (!text) return null;
   return (
-    <div class="notice" role="alert">
+    // Read aloud once: the seconds change all the time.
+    <div class="notice" role={lost ? "status" : "alert"} aria-live={lost ? "off" : "assertive"}>
       <span>{text}</span>
       {!lost && <button type="button" onClick={() => update((s) => (s.error = null))}>Close</button>}
     </div>

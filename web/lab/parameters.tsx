@@ -2,43 +2,81 @@
 
 import { DraftInput } from "./draft";
 import type { Settings } from "./protocol";
-import { state } from "./store";
+import { aids, state } from "./store";
+import { nameOf } from "./theme";
 import { figures } from "./words";
 
 interface Slider {
   name: string;
   matrix: "Q" | "R";
   label: string;
+  /** Why it does nothing; null when it does. */
+  idle: string | null;
 }
 
+/** What is tuned: whose parameters, and which sensors there are. */
+export interface Tuned {
+  subject: string | null;
+  /** Why nothing comes from a sensor; null when something does. */
+  missing: (sensor: string) => string | null;
+}
+
+/** Process noise, by its names in the estimators. */
+const PROCESS: { names: string[]; label: string }[] = [
+  { names: ["gyroscope_noise_density", "bounded_gyroscope_noise_density"], label: "Gyroscope noise" },
+  { names: ["gyroscope_bias_random_walk", "bounded_gyroscope_bias_random_walk"], label: "Bias walk" },
+];
+
 /** What is tuned by hand in the lab; everything else is under "All parameters". Units and values come from the tables of the estimators. */
-export const SLIDERS: Slider[] = [
-  { name: "gyroscope_noise_density", matrix: "Q", label: "Gyroscope noise" },
-  { name: "gyroscope_bias_random_walk", matrix: "Q", label: "Bias walk" },
-  { name: "accelerometer_std", matrix: "R", label: "Accelerometer" },
-  { name: "magnetometer_std_ut", matrix: "R", label: "Magnetometer" },
-];
-const GATES: { name: string; label: string }[] = [
-  { name: "accelerometer_gate_nis", label: "Accelerometer gate" },
-  { name: "magnetometer_gate_nis", label: "Magnetometer gate" },
-];
+function slidersOf({ subject, missing }: Tuned): Slider[] {
+  const reads = new Set(state.hello?.estimators.find((e) => e.name === subject)?.reads ?? []);
+  const unread = subject ? `${nameOf(subject)} does not read it.` : "No estimator runs.";
+  const slider = (matrix: "Q" | "R", names: readonly string[], label: string, gone: string | null): Slider => {
+    const read = names.find((name) => reads.has(name));
+    return { name: read ?? names[0]!, matrix, label, idle: gone ?? (read ? null : unread) };
+  };
+  return [
+    ...PROCESS.map(({ names, label }) => slider("Q", names, label, null)),
+    ...shown(missing).map((aid) => slider("R", aid.noise, aid.title, missing(aid.sensor))),
+  ];
+}
+
+/** The usual sensors, and those of the others that deliver. */
+const shown = (missing: Tuned["missing"]) => aids().filter((aid) => aid.is_usual || missing(aid.sensor) === null);
+
+interface Gate {
+  name: string;
+  label: string;
+  steps: [number, string][];
+}
+
+function gatesOf({ subject, missing }: Tuned, settings: Settings): Gate[] {
+  const reads = state.hello?.estimators.find((e) => e.name === subject)?.reads ?? [];
+  return shown(missing)
+    .filter((aid) => missing(aid.sensor) === null && reads.includes(aid.gate))
+    .map((aid) => ({ name: aid.gate, label: `${aid.title} gate`, steps: GATE_STEPS[degreesOf(aid.sensor, settings)] }));
+}
 /** Quantiles of chi-square for one and for three degrees of freedom. */
 const GATE_STEPS: Record<1 | 3, [number, string][]> = {
   1: [[0, "off"], [3.84, "95 %"], [6.63, "99 %"], [10.83, "99.9 %"]],
   3: [[0, "off"], [7.81, "95 %"], [11.34, "99 %"], [16.27, "99.9 %"]],
 };
 
-/** Degrees of freedom of a sensor's innovation with these settings: a compass gives one angle. */
-export const degreesOf = (sensor: string, settings: Settings): 1 | 3 => (sensor === "magnetometer" && settings["magnetometer_use"] === "heading" ? 1 : 3);
+/** Degrees of freedom of a sensor's innovation with these settings: a heading is one angle. */
+export function degreesOf(sensor: string, settings: Settings): 1 | 3 {
+  const angle = aids().find((aid) => aid.sensor === sensor)?.unit === "rad";
+  return angle || (sensor === "magnetometer" && settings["magnetometer_use"] === "heading") ? 1 : 3;
+}
 
-/** The names of the sliders' parameters, for curves. */
-export const curveChoices = (): { name: string; text: string }[] => SLIDERS.map((s) => ({ name: s.name, text: `${s.matrix}: ${s.label}` }));
+/** The sliders' parameters, for curves. */
+export const curveChoices = (tuned: Tuned): { name: string; text: string }[] =>
+  slidersOf(tuned).filter((s) => s.idle === null).map((s) => ({ name: s.name, text: `${s.matrix}: ${s.label}` }));
 
-export function Sliders({ settings, change }: { settings: Settings; change: (name: string, value: number) => void }) {
+export function Sliders({ settings, change, tuned }: { settings: Settings; change: (name: string, value: number) => void; tuned: Tuned }) {
   return (
     <div class="sliders">
-      {SLIDERS.map((slider) => <LogSlider key={slider.name} slider={slider} value={Number(settings[slider.name])} change={change} />)}
-      {GATES.map((gate) => <GateChoice key={gate.name} {...gate} steps={GATE_STEPS[degreesOf(gate.name.split("_")[0]!, settings)]} value={Number(settings[gate.name])} change={change} />)}
+      {slidersOf(tuned).map((slider) => <LogSlider key={slider.name} slider={slider} value={Number(settings[slider.name])} change={change} />)}
+      {gatesOf(tuned, settings).map((gate) => <GateChoice key={gate.name} {...gate} value={Number(settings[gate.name])} change={change} />)}
     </div>
   );
 }
@@ -61,20 +99,21 @@ function LogSlider({ slider, value, change }: { slider: Slider; value: number; c
   const { unit, meaning } = parameter(slider.name) ?? { unit: "", meaning: slider.label };
   const [low, high] = decades(slider.name, value);
   return (
-    <label class="slider" title={meaning}>
+    <label class={`slider ${slider.idle ? "off" : ""}`} title={slider.idle ?? meaning}>
       <span class="matrix">{slider.matrix}</span>
       <span class="label">{slider.label}</span>
-      <span class="value">{figures(value)} <small>{printed(unit)}</small></span>
+      <span class="value">{slider.idle ? "–" : figures(value)} <small>{printed(unit)}</small></span>
       <input
-        type="range" data-parameter={slider.name} min={low} max={high} step={0.02} value={value > 0 ? Math.log10(value) : low}
+        type="range" data-parameter={slider.name} disabled={slider.idle !== null} min={low} max={high} step={0.02} value={value > 0 ? Math.log10(value) : low}
         aria-valuetext={`${figures(value)} ${printed(unit)}`}
         onInput={(e) => change(slider.name, Number((10 ** Number(e.currentTarget.value)).toPrecision(3)))}
       />
+      {slider.idle && <small>{slider.idle}</small>}
     </label>
   );
 }
 
-function GateChoice({ name, label, steps, value, change }: { name: string; label: string; steps: [number, string][]; value: number; change: (name: string, value: number) => void }) {
+function GateChoice({ name, label, steps, value, change }: Gate & { value: number; change: (name: string, value: number) => void }) {
   const known = steps.find(([nis]) => Math.abs(nis - value) < 0.02);
   return (
     <label class="gate">
@@ -88,8 +127,8 @@ function GateChoice({ name, label, steps, value, change }: { name: string; label
 }
 
 /** Every other parameter as a field, with its unit and meaning. */
-export function AllParameters({ settings, change }: { settings: Settings; change: (name: string, value: number | string) => void }) {
-  const shown = new Set([...SLIDERS, ...GATES].map((s) => s.name));
+export function AllParameters({ settings, change, tuned }: { settings: Settings; change: (name: string, value: number | string) => void; tuned: Tuned }) {
+  const shown = new Set([...slidersOf(tuned).filter((s) => s.idle === null), ...gatesOf(tuned, settings)].map((s) => s.name));
   return (
     <details>
       <summary>All parameters</summary>

@@ -10,7 +10,10 @@ export type Quaternion = [number, number, number, number];
 export type Triple = [number, number, number];
 export type SettingValue = number | string;
 export type Settings = Record<string, SettingValue>;
+/** The sensors of a calibration at rest. */
 export type Sensor = Exclude<keyof SensorUse, "compass">;
+/** The sensors in use, each on or off. */
+export type Use = Record<keyof SensorUse, boolean>;
 
 /** A request; answers to it carry its number. */
 export type ToProgram = Request & { request?: number };

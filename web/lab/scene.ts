@@ -10,9 +10,10 @@ import { colour, onTheme, roleOf } from "./theme";
 
 const SIZE: [number, number, number] = [0.86, 1.7, 0.1];
 
-/** One attitude to draw; the first is solid, the others are ghosts. */
+/** One attitude to draw: the subject is solid, the others are ghosts. */
 export interface Body {
   name: string;
+  solid: boolean;
   q: Quaternion;
 }
 
@@ -117,6 +118,7 @@ export class World implements Drawn {
   readonly camera = new PerspectiveCamera(32, 1, 0.1, 30);
   private bodies = new Map<string, Group>();
   private fixed: Object3D[] = [];
+  private shown: Body[] = [];
 
   constructor() {
     this.camera.up.set(0, 0, 1);
@@ -136,6 +138,7 @@ export class World implements Drawn {
     this.fixed = [new HemisphereLight("#ffffff", "#8a99a8", 1.5), sun, ground()];
     this.scene.add(...this.fixed);
     for (const name of [...this.bodies.keys()]) this.remove(name);
+    this.set(this.shown);
   }
 
   dispose(): void {
@@ -153,21 +156,22 @@ export class World implements Drawn {
 
   /** Shows these attitudes and no others. */
   set(bodies: Body[]): void {
-    for (const name of [...this.bodies.keys()]) if (!bodies.some((b, i) => key(b, i) === name)) this.remove(name);
-    bodies.forEach((body, i) => {
-      let group = this.bodies.get(key(body, i));
+    this.shown = bodies;
+    for (const name of [...this.bodies.keys()]) if (!bodies.some((b) => key(b) === name)) this.remove(name);
+    for (const body of bodies) {
+      let group = this.bodies.get(key(body));
       if (!group) {
-        group = phone(body.name, i === 0);
-        this.bodies.set(key(body, i), group);
+        group = phone(body.name, body.solid);
+        this.bodies.set(key(body), group);
         this.scene.add(group);
       }
       const [w, x, y, z] = body.q;
       group.quaternion.set(x, y, z, w);
-    });
+    }
   }
 }
 
-const key = (body: Body, i: number): string => `${i === 0 ? "solid" : "ghost"} ${body.name}`;
+const key = (body: Body): string => `${body.solid ? "solid" : "ghost"} ${body.name}`;
 
 /** Draws worlds on one canvas, only when something changed. */
 export class View<W extends Drawn = World> {

@@ -1,7 +1,7 @@
 // What the page knows and what it shows: one state, changed here only, drawn again when it changes.
 
 import { History } from "./history";
-import type { Allan, Calibration, Curve, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, Sensor, Settings, ToProgram, WhatIf } from "./protocol";
+import type { AidLine, Allan, Calibration, Curve, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, SensorStatus, Settings, ToProgram, Use, WhatIf } from "./protocol";
 
 const CONFIRMED_MS = 1500;
 export const STEPS = ["connect", "place", "calibrate", "tune", "experiment", "return", "result", "what-if"] as const;
@@ -12,6 +12,8 @@ export type Calibrating = "rest" | "magnetometer" | "allan";
 
 export interface State {
   connection: "connecting" | "open" | "lost";
+  /** When the connection was lost, by `performance.now()`. */
+  lostMs: number;
   hello: Hello | null;
   devices: Device[];
   selected: string | null;
@@ -34,7 +36,7 @@ export interface State {
   recording: Recording | null;
   inputs: Input[];
   settings: Record<string, Settings>;
-  use: Record<string, Record<Sensor, boolean>>;
+  use: Record<string, Partial<Use>>;
   estimators: Record<string, string[]>;
   error: string | null;
   /** The request that the last error answered. */
@@ -43,6 +45,7 @@ export interface State {
 
 export const state: State = {
   connection: "connecting",
+  lostMs: 0,
   hello: null,
   devices: [],
   selected: null,
@@ -124,9 +127,28 @@ function profileSettings(profile: string): Settings {
   return Object.fromEntries((state.hello?.parameters ?? []).map((p) => [p.name, p.default[profile]!]));
 }
 
-export function useOf(device: string): Record<Sensor, boolean> {
-  const everything: Record<Sensor, boolean> = { gyroscope: true, accelerometer: true, magnetometer: true };
-  return Object.assign(everything, state.devices.find((d) => d.id === device)?.use, state.use[device]);
+/** The sensors that correct the attitude: each has a lamp, a slider and a switch. */
+export const aids = (): AidLine[] => state.hello?.aids ?? [];
+
+/** What a sensor is called on the page. */
+export const titleOf = (sensor: string): string => aids().find((a) => a.sensor === sensor)?.title ?? sensor;
+
+export const sensorOf = (device: Device, sensor: string): SensorStatus | undefined => device.sensors?.find((s) => s.sensor === sensor);
+
+/** Whether samples come, the gyroscope's among them: without these nothing can be measured. */
+export const receives = (device: Device): boolean => device.delivers && sensorOf(device, "gyroscope")?.delivery === "delivers";
+
+/** Why no samples come, and what to do. */
+export const silenceOf = (device: Device): string => device.silence || sensorOf(device, "gyroscope")?.text || "";
+
+/** Whether what is shown is old: the program does not answer. */
+export const isOld = (): boolean => state.connection === "lost";
+
+/** The sensors in use as far as the page knows. */
+export function useOf(device: Device): Use {
+  const use = { gyroscope: true } as Use;
+  for (const { sensor, switch: key } of aids()) use[key as keyof Use] = sensorOf(device, sensor)?.is_used ?? true;
+  return Object.assign(use, state.use[device.id]);
 }
 
 /** Whether the program offers something. */

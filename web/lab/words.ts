@@ -33,7 +33,7 @@ function raised(power: string): string {
 
 /** The sentence on a sensor's R without naming the sensor, for places where its name stands before. */
 export function unnamed(sentence: string): string {
-  return sentence.replace(/\b[Yy]our (accelerometer|magnetometer) R\b/g, "R");
+  return sentence.replace(/\b[Yy]our [\w-]+ R\b/g, "R").replaceAll("compass-heading sample", "sample");
 }
 
 export const degrees = (v: number | null | undefined): string => (v === null || v === undefined ? "–" : `${number(v)}°`);

@@ -7,10 +7,10 @@ import { createInterface } from "node:readline";
 import { atTheEnd, web } from "./browser.mjs";
 
 /** Starts the program and waits for its first line. Pages come from `web/dist`, which may be newer than the program. */
-export async function startLab() {
+export async function startLab({ port: wanted = 0 } = {}) {
   const folder = mkdtempSync(join(tmpdir(), "northing-lab-"));
   const [command, ...before] = process.env.NORTHING ? [process.env.NORTHING] : ["cargo", "run", "-q", "-p", "northing", "--"];
-  const child = spawn(command, [...before, "live", "--port", "0", "--no-open", "--json", "--data-dir", folder, "--web-dir", join(web, "dist")], { cwd: dirname(web), stdio: ["ignore", "pipe", "inherit"] });
+  const child = spawn(command, [...before, "live", "--port", String(wanted), "--no-open", "--json", "--data-dir", folder, "--web-dir", join(web, "dist")], { cwd: dirname(web), stdio: ["ignore", "pipe", "inherit"] });
   const gone = new Promise((done) => child.once("exit", done));
   // However this process ends.
   process.once("exit", () => child.kill("SIGKILL"));
@@ -43,5 +43,10 @@ export async function startLab() {
     /** As if the network or the program stood still, and on again. */
     freeze: () => child.kill("SIGSTOP"),
     thaw: () => child.kill("SIGCONT"),
+    /** Ends the program as a crash does. */
+    kill: async () => {
+      child.kill("SIGKILL");
+      await gone;
+    },
   };
 }

@@ -4,9 +4,9 @@ import { useEffect, useMemo, useState } from "preact/hooks";
 import type uPlot from "uplot";
 import { Chart, type ChartSpec } from "../chart";
 import type { Allan as Message, AllanReport, Device, Settings } from "../protocol";
-import { changeHere, rowsOf, send, state } from "../store";
+import { changeHere, receives, rowsOf, send, state } from "../store";
 import { figures, number, pretty } from "../words";
-import { Stillness } from "./stillness";
+import { Silence, Stillness } from "./stillness";
 
 const SENSORS = ["gyroscope", "accelerometer", "magnetometer"];
 /** What recordings at rest are called, to find them again. */
@@ -33,6 +33,7 @@ export function Allan({ device }: { device: Device }) {
         <>
           <progress max="1" value={running.progress} aria-label="Progress of the recording at rest" />
           <p class="big" role="timer">{clock(running.remaining_s)} left</p>
+          {!receives(device) && <Silence device={device} />}
           <p class="small">Do not touch the table. What you have is analysed when you stop.</p>
           <button type="button" onClick={() => send({ type: "stop", device: device.id })}>Stop and analyse</button>
         </>
@@ -44,7 +45,7 @@ export function Allan({ device }: { device: Device }) {
           </label>
           <p class="small">{minutes < 3 ? "White noise only." : minutes < 20 ? "White noise well, the floor roughly." : "White noise, the floor, and how the bias walks."} Ten minutes are usual, an hour shows the bias.</p>
           <Stillness device={device} />
-          <button type="button" class={row ? "" : "primary"} onClick={() => send({ type: "experiment", device: device.id, seconds: minutes * 60, name: `${NAME}, ${minutes} min` })}>Record a rest</button>
+          <button type="button" class={row ? "" : "primary"} disabled={!receives(device)} onClick={() => send({ type: "experiment", device: device.id, seconds: minutes * 60, name: `${NAME}, ${minutes} min` })}>Record a rest</button>
         </>
       )}
       {row && (

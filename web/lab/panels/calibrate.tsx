@@ -4,11 +4,11 @@ import { useMemo, useState } from "preact/hooks";
 import type uPlot from "uplot";
 import { Chart, type ChartSpec } from "../chart";
 import type { Calibration, Device, RestCalibration, Sensor, Triple } from "../protocol";
-import { type Calibrating, calibrateWhat, goTo, offers, send, state } from "../store";
-import { number } from "../words";
+import { type Calibrating, calibrateWhat, goTo, offers, receives, send, state } from "../store";
+import { number, pretty } from "../words";
 import { Allan } from "./allan";
 import { Magnetometer } from "./magnetometer";
-import { Stillness } from "./stillness";
+import { Silence, Stillness } from "./stillness";
 
 export function Place({ device }: { device: Device }) {
   return (
@@ -16,7 +16,7 @@ export function Place({ device }: { device: Device }) {
       <p>Lay the phone flat on the table, screen up, away from iron, magnets and loudspeakers. Mark its outline: it comes back to the same place at the end.</p>
       <p>This pose is the reference: gravity and the magnetic field as measured here.</p>
       <Stillness device={device} />
-      <button type="button" class="primary" onClick={() => goTo("calibrate")}>Next: calibrate</button>
+      <button type="button" class="primary" disabled={!receives(device)} onClick={() => goTo("calibrate")}>Next: calibrate</button>
     </>
   );
 }
@@ -42,7 +42,8 @@ function AtRest({ device }: { device: Device }) {
   const [seconds, setSeconds] = useState(10);
   const calibration = state.calibrations[device.id];
   const running = calibration?.state === "running";
-  const busy = running || !!state.running[device.id];
+  const receiving = receives(device);
+  const busy = running || !!state.running[device.id] || !receiving;
   return (
     <>
       <p>While it rests, the mean is the gyroscope's bias and the direction of gravity and field; the scatter is each sensor's noise.</p>
@@ -53,12 +54,14 @@ function AtRest({ device }: { device: Device }) {
       <button type="button" class={calibration?.state === "done" ? "" : "primary"} disabled={busy} onClick={() => send({ type: "calibrate", device: device.id, seconds })}>
         {running ? `Hold still: ${Math.ceil(calibration.remaining_s)} s` : calibration ? "Calibrate again" : "Calibrate"}
       </button>
+      {running && <button type="button" onClick={() => send({ type: "stop", device: device.id })}>Cancel</button>}
+      {!receiving && <Silence device={device} />}
       <progress max="1" value={calibration?.progress ?? 0} aria-label="Progress of the calibration" />
       {state.running[device.id] && <p class="small">An experiment is under way; stop it first.</p>}
       {calibration?.verdict && (
         <div class={`verdict ${calibration.verdict.tone}`} role="status">
           <b>{calibration.state === "refused" ? "Refused" : running ? "Measuring" : "Calibrated"}</b>
-          <span>{calibration.verdict.text}</span>
+          <span>{pretty(calibration.verdict.text)}</span>
         </div>
       )}
       {calibration?.result && <Numbers result={calibration.result} />}

@@ -8,7 +8,11 @@ import { View, World } from "../scene";
 import { Draft } from "../draft";
 import { goTo, historyOf, offers, onFrame, send, state, update } from "../store";
 
-const SHORT: [string, string][] = [["gyroscope", "gyr"], ["accelerometer", "acc"], ["magnetometer", "mag"]];
+/** The sensors in short: the compass where it stands in for the magnetometer. */
+function shortOf(device: Device): [string, string][] {
+  const compass = device.rates_hz["magnetometer"] === undefined && device.rates_hz["compass-heading"] !== undefined;
+  return [["gyroscope", "gyr"], ["accelerometer", "acc"], compass ? ["compass-heading", "com"] : ["magnetometer", "mag"]];
+}
 
 export function Devices() {
   return (
@@ -28,16 +32,16 @@ function DeviceCard({ device }: { device: Device }) {
   const worst = ["bad", "warn", "good"].map((tone) => device.health.find((h) => h.tone === tone)).find((h) => h) ?? device.health[0];
   const removable = device.source === "virtual" || (offers("remove") && !device.connected);
   return (
-    <li class={`device ${device.connected ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>
+    <li class={`device ${device.delivers ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>
       <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => (s.selected = device.id))}>
         <b>{device.name}</b>
-        {!device.connected && <span class="badge">lost</span>}
+        {!device.delivers && <span class="badge">{device.connected ? "no samples" : "lost"}</span>}
       </button>
-      <p class="rates">{SHORT.map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
-      <p class="health" title={worst?.text}>{device.connected ? worst?.text ?? "No complaint." : "Connection lost. It goes on by itself when the phone is back."}</p>
+      <p class="rates">{shortOf(device).map(([sensor, text]) => <span key={sensor}>{text} <b>{device.rates_hz[sensor] === undefined ? "–" : device.rates_hz[sensor]!.toFixed(0)}</b></span>)}<span>Hz</span></p>
+      <p class="health" title={device.silence || worst?.text}>{device.silence || (worst?.text ?? "No complaint.")}</p>
       {selected && (
         <>
-          {device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={h.text}>{h.text}</p>)}
+          {device.delivers && device.health.filter((h) => h !== worst).map((h) => <p key={h.text} class="health" title={h.text}>{h.text}</p>)}
           <p class="counts">{device.source}, {lost(device)}</p>
           <p class="counts">{device.received} samples</p>
           <p class="counts">{device.is_calibrated ? "Calibrated at rest" : "Not yet calibrated at rest"}</p>
@@ -84,12 +88,12 @@ export function Wall() {
     }
     const stop = onFrame((frame) => {
       if (document.visibilityState === "hidden" || !worlds.has(frame.device)) return view.ask();
-      worldOf(frame.device).set(attitudes(frame).slice(0, 1));
+      worldOf(frame.device).set(attitudes(frame).filter((b) => b.solid));
       view.ask();
     });
     for (const device of state.devices) {
       const latest = historyOf(device.id).latest;
-      if (latest) worldOf(device.id).set(attitudes(latest).slice(0, 1));
+      if (latest) worldOf(device.id).set(attitudes(latest).filter((b) => b.solid));
     }
     const scrolled = (): void => view.ask();
     grid.current!.parentElement!.addEventListener("scroll", scrolled);
@@ -107,7 +111,7 @@ export function Wall() {
       <canvas ref={canvas} aria-hidden="true" />
       <div class="grid" ref={grid} style={{ "--columns": String(columns) }}>
         {state.devices.map((device) => (
-          <button key={device.id} type="button" class={`cell ${device.connected ? "" : "bad"}`} onClick={() => update((s) => { s.selected = device.id; s.view = "lab"; })}>
+          <button key={device.id} type="button" class={`cell ${device.delivers ? "" : "bad"}`} onClick={() => update((s) => { s.selected = device.id; s.view = "lab"; })}>
             <b>{device.name}</b>
             <span data-cell={device.id} class="box" />
             <LiveText device={device.id} text={(f) => { const a = mainEstimate(f)?.angles_deg; return a ? a.map((v) => `${v.toFixed(0)}°`.replace("-", "−")).join("   ") : "–"; }} />

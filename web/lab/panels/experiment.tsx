@@ -4,10 +4,10 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { angleBetween, mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
-import { goTo, historyOf, rowsOf, send, state, update } from "../store";
+import { aids, goTo, historyOf, receives, rowsOf, send, state, titleOf, update } from "../store";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, unnamed, VERDICTS } from "../words";
-import { Stillness } from "./stillness";
+import { Silence, Stillness } from "./stillness";
 
 /** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
 const starts = new Map<string, number[]>();
@@ -34,7 +34,7 @@ export function Experiment({ device }: { device: Device }) {
         <output>{seconds} s</output>
       </label>
       {!running && <Stillness device={device} />}
-      {running ? <Running device={device} running={running} /> : <button type="button" class="primary" onClick={start}>Start the experiment</button>}
+      {running ? <Running device={device} running={running} /> : <button type="button" class="primary" disabled={!receives(device)} onClick={start}>Start the experiment</button>}
     </>
   );
 }
@@ -44,6 +44,7 @@ function Running({ device, running }: { device: Device; running: Message }) {
     <>
       <progress max="1" value={running.progress} aria-label="Progress of the experiment" />
       <p class="big" role="timer">{Math.ceil(running.remaining_s)} s left</p>
+      {!receives(device) && <Silence device={device} />}
       <button type="button" onClick={() => send({ type: "stop", device: device.id })}>Stop now</button>
     </>
   );
@@ -86,7 +87,7 @@ export function Result({ device }: { device: Device }) {
   return (
     <div class="result" tabIndex={-1} ref={heading}>
       <h3>{row?.name ?? id} <small>{row?.at}</small></h3>
-      {finished?.result ? <Summary summary={finished.result.summary} /> : row && <RowSummary row={row} />}
+      {finished?.result ? <Summary summary={finished.result.summary} subject={finished.result.subject} /> : row && <RowSummary row={row} />}
       {finished?.result && <p class="small">{finished.result.origin}</p>}
       <Downloads id={id} hash={finished?.result?.hash} />
       <button type="button" class="primary" onClick={() => goTo("what-if")}>Next: what if?</button>
@@ -95,11 +96,12 @@ export function Result({ device }: { device: Device }) {
 }
 
 /** Calculated against estimated error of every estimator, then what the sensors' noise looked like. */
-export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
-  const names = Object.keys(summary).sort((a, b) => Number(b === "mekf") - Number(a === "mekf"));
-  const main = summary[names[0]!]!;
+export function Summary({ summary, subject }: { summary: Record<string, RunSummary>; subject: string }) {
+  const names = Object.keys(summary).sort((a, b) => Number(b === subject) - Number(a === subject));
+  const main = summary[subject] ?? summary[names[0]!]!;
   return (
     <>
+      <p class="small" data-subject={main.estimator}>Result of <b>{nameOf(main.estimator)}</b></p>
       {main.final ? <><Final final={main.final} /><Quaternions final={main.final} /></> : (
         <div class="verdict warn"><b>No verdict</b><span>The device did not rest in the same pose at both ends.</span></div>
       )}
@@ -121,7 +123,7 @@ export function Summary({ summary }: { summary: Record<string, RunSummary> }) {
       </table>
       {main.final && <p class="small">{main.final.sentence}</p>}
       <ul class="sentences">
-        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "consistent" ? "good" : "warn"}><b>{v.sensor}</b> {unnamed(v.sentences[0] ?? "")}</li>)}
+        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "consistent" ? "good" : "warn"}><b>{titleOf(v.sensor)}</b> {unnamed(v.sentences[0] ?? "")}</li>)}
       </ul>
     </>
   );
@@ -174,7 +176,7 @@ function RowSummary({ row }: { row: (typeof state.rows)[number] }) {
     <table class="compact">
       <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th></tr></thead>
       <tbody>
-        {Object.entries(row.results).map(([name, r]) => (
+        {Object.entries(row.results).sort(([a], [b]) => Number(b === row.subject) - Number(a === row.subject)).map(([name, r]) => (
           <tr key={name}><th scope="row">{nameOf(name)}</th><td class="num">{degrees(r.calculated_error_deg)}</td><td class="num">{degrees(r.estimated_error_deg)}</td></tr>
         ))}
       </tbody>
@@ -207,28 +209,31 @@ export function ExperimentTable() {
     });
   };
   const shown = state.selected ? state.shownResults[state.selected] : null;
+  const sensors = aids().filter((aid) => state.rows.some((row) => row.sensors.some((s) => s === aid.sensor)));
+  const reads = (row: (typeof state.rows)[number], names: readonly string[]): string | undefined =>
+    names.find((name) => state.hello?.estimators.find((e) => e.name === row.subject)?.reads.includes(name));
   return (
     <div class="scroll">
       <table class="experiments">
         <thead>
           <tr>
-            <th scope="col">Experiment</th><th scope="col">Verdict</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>
-            <th scope="col" class="num">Integration</th><th scope="col" class="num">R acc</th><th scope="col" class="num">R mag</th><th scope="col" class="num">s</th><th scope="col">Device</th>
+            <th scope="col">Experiment</th><th scope="col">Subject</th><th scope="col">Verdict</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>
+            <th scope="col" class="num">Integration</th>{sensors.map((aid) => <th key={aid.sensor} scope="col" class="num" title={`R of the ${aid.title.toLowerCase()}, standard deviation`}>R {aid.title.toLowerCase().slice(0, 3)}</th>)}<th scope="col" class="num">s</th><th scope="col">Device</th>
           </tr>
         </thead>
         <tbody>
           {[...state.rows].reverse().map((row) => {
-            const main = row.results["mekf"];
+            const main = row.results[row.subject];
             const verdict = main?.verdict ? VERDICTS[main.verdict] : undefined;
             return (
               <tr key={row.id} aria-current={row.id === shown}>
                 <th scope="row"><button type="button" class="link" onClick={() => show(row)}>{row.name}</button></th>
+                <td>{nameOf(row.subject)}</td>
                 <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? "–"}</span></td>
                 <td class="num">{degrees(main?.calculated_error_deg)}</td>
                 <td class="num">{degrees(main?.estimated_error_deg)}</td>
                 <td class="num">{degrees(row.results["integration"]?.calculated_error_deg)}</td>
-                <td class="num">{setting(row.settings["accelerometer_std"])}</td>
-                <td class="num">{setting(row.settings["magnetometer_std_ut"])}</td>
+                {sensors.map((aid) => <td key={aid.sensor} class="num">{row.sensors.some((s) => s === aid.sensor) ? setting(row.settings[reads(row, aid.noise) ?? ""]) : "–"}</td>)}
                 <td class="num">{number(row.duration_s, 0)}</td>
                 <td>{state.devices.find((d) => d.id === row.device_id)?.name ?? row.device}</td>
               </tr>

@@ -4,7 +4,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import type { Device, MagnetometerFit } from "../protocol";
 import { View } from "../scene";
 import { Sphere } from "../sphere";
-import { onChange, send, state } from "../store";
+import { onChange, send, sensorOf, state } from "../store";
 import { number, pretty } from "../words";
 
 export function Magnetometer({ device }: { device: Device }) {
@@ -25,7 +25,7 @@ export function Magnetometer({ device }: { device: Device }) {
           </div>
         </>
       ) : (
-        <button type="button" class={device.magnetometer ? "" : "primary"} disabled={device.is_experimenting} onClick={() => order("start")}>
+        <button type="button" class={device.magnetometer ? "" : "primary"} disabled={device.is_experimenting || !device.delivers || sensorOf(device, "magnetometer")?.delivery !== "delivers"} onClick={() => order("start")}>
           {device.magnetometer ? "Calibrate again" : "Start turning"}
         </button>
       )}

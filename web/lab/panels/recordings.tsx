@@ -2,7 +2,7 @@
 
 import { useEffect, useState } from "preact/hooks";
 import type { Listed } from "../protocol";
-import { state, update } from "../store";
+import { isOld, state, update } from "../store";
 
 const LIGHTS: Record<string, { tone: string; text: string }> = {
   idle: { tone: "idle", text: "Ready" }, on: { tone: "bad", text: "" }, off: { tone: "idle", text: "Off" }, failed: { tone: "bad", text: "Failed" },
@@ -21,13 +21,14 @@ export function RecordingLight() {
   const recording = state.recording;
   if (!recording) return null;
   const light = LIGHTS[recording.state] ?? LIGHTS["off"]!;
+  const old = isOld();
   return (
     <button
-      type="button" class={`recording ${light.tone} ${recording.state}`} title={recording.text} aria-label={`Recording: ${recording.text}`}
+      type="button" class={old ? "recording idle" : `recording ${light.tone} ${recording.state}`} title={old ? "Connection lost" : recording.text} aria-label={`Recording: ${old ? "connection lost" : recording.text}`}
       onClick={() => update((s) => { s.view = "lab"; s.lower = "recordings"; })}
     >
       <span aria-hidden="true" />
-      {recording.state === "on" ? clock(recording.seconds) : light.text}
+      {old ? "–" : recording.state === "on" ? clock(recording.seconds) : light.text}
     </button>
   );
 }

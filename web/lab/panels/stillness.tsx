@@ -2,17 +2,30 @@
 
 import { useFrame } from "../live";
 import type { Device } from "../protocol";
+import { receives, silenceOf } from "../store";
 
 const STILL_DEG_S = 3;
 
+/** Without samples there is no rest: then why there are none, and what to do. */
 export function Stillness({ device }: { device: Device }) {
   const rate = useFrame<number | null>(device.id, (f) => (f.rate_rad_s ? (Math.hypot(...f.rate_rad_s) * 180) / Math.PI : null), 4, null);
+  if (!receives(device)) return <Silence device={device} />;
   const still = rate !== null && rate < STILL_DEG_S;
   return (
-    <div class={`verdict ${rate === null ? "idle" : still ? "good" : "warn"}`}>
+    <div class={`verdict ${rate === null ? "idle" : still ? "good" : "warn"}`} data-stillness={rate === null ? "waiting" : still ? "rest" : "moving"}>
       {/* Only the word is read aloud, when it changes; the number changes all the time. */}
       <b aria-live="polite">{rate === null ? "Waiting" : still ? "At rest" : "Moving"}</b>
       <span>{rate === null ? "No readings yet." : `It turns at ${rate.toFixed(1)} deg/s.`}</span>
+    </div>
+  );
+}
+
+/** That nothing is received, why, and what to do. */
+export function Silence({ device }: { device: Device }) {
+  return (
+    <div class="verdict bad" data-stillness="nothing">
+      <b aria-live="polite">Nothing received</b>
+      <span>{silenceOf(device)}</span>
     </div>
   );
 }

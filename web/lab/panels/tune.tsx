@@ -2,43 +2,64 @@
 
 import { AllParameters, Sliders } from "../parameters";
 import { LiveText } from "../live";
-import type { Device, Sensor, Settings, Surroundings } from "../protocol";
-import { changeHere, goTo, offers, send, settingsOf, state, useOf } from "../store";
+import type { Device, Settings, Surroundings, Use } from "../protocol";
+import { aids, changeHere, goTo, offers, send, sensorOf, settingsOf, state, useOf } from "../store";
 import { nameOf, roleOf } from "../theme";
-
-const SENSORS: Sensor[] = ["gyroscope", "accelerometer", "magnetometer"];
 
 export function Tune({ device }: { device: Device }) {
   const settings = settingsOf(device.id);
-  const use = useOf(device.id);
+  const use = useOf(device);
+  const tuned = { subject: device.subject, missing: (sensor: string) => missingOf(device, sensor) };
   const apply = (changed: Settings, profile?: string): void => {
     changeHere(device.id, (s) => (s.settings[device.id] = { ...s.settings[device.id], ...changed }));
     send({ type: "settings", device: device.id, settings: changed, ...(profile ? { profile } : {}) });
   };
-  const toggle = (sensor: Sensor): void => {
-    const next = { ...use, [sensor]: !use[sensor] };
-    changeHere(device.id, (s) => (s.use[device.id] = next));
-    send({ type: "sensors", device: device.id, use: next });
+  const toggle = (key: keyof Use): void => {
+    const on = !use[key];
+    changeHere(device.id, (s) => (s.use[device.id] = { ...s.use[device.id], [key]: on }));
+    // What was never touched stays as it is in force: a compass, where there is no magnetometer.
+    send({ type: "sensors", device: device.id, use: { gyroscope: true, accelerometer: true, magnetometer: true, ...device.use, ...state.use[device.id], [key]: on } });
   };
   return (
     <>
-      <p>Q says how fast the estimate may be wrong by itself, R how far each sensor may be wrong. Watch the lamps: they say when a number is not consistent.</p>
+      <p>Q says how fast the estimate may be wrong by itself, R how far each sensor may be wrong. Watch the lamps: they say when a number of the subject is not consistent.</p>
       <div class="buttons" role="group" aria-label="Start from">
         <button type="button" onClick={() => apply({}, "lab")}>As at rest</button>
         <button type="button" onClick={() => apply({}, "hand-held")}>Hand-held</button>
       </div>
-      <Sliders settings={settings} change={(name, value) => apply({ [name]: value })} />
+      <Sliders settings={settings} tuned={tuned} change={(name, value) => apply({ [name]: value })} />
       <fieldset class="toggles">
         <legend>Sensors used</legend>
-        {SENSORS.map((sensor) => (
-          <label key={sensor}><input type="checkbox" checked={use[sensor]} disabled={sensor === "gyroscope"} title={sensor === "gyroscope" ? "Every estimator needs it" : undefined} onChange={() => toggle(sensor)} /> {sensor}</label>
-        ))}
+        <Switch sensor="gyroscope" title="Gyroscope" checked why="Every estimator needs it." />
+        {aids().map(({ sensor, switch: key, title }) => {
+          const why = missingOf(device, sensor);
+          return <Switch key={sensor} sensor={sensor} title={title} checked={!why && use[key as keyof Use]} why={why} toggle={() => toggle(key as keyof Use)} />;
+        })}
+        {notes(device).map((text) => <p key={text} class="small">{text}</p>)}
       </fieldset>
       {offers("estimators") && <Estimators device={device} />}
       {(state.estimators[device.id] ?? device.estimators ?? []).includes(BOUNDED) && <SurroundingsTable device={device.id} />}
-      <AllParameters settings={settings} change={(name, value) => apply({ [name]: value })} />
+      <AllParameters settings={settings} tuned={tuned} change={(name, value) => apply({ [name]: value })} />
       <button type="button" class="primary" onClick={() => goTo("experiment")}>Next: experiment</button>
     </>
+  );
+}
+
+/** Why nothing comes from a sensor; null when something does or did. */
+function missingOf(device: Device, sensor: string): string | null {
+  const known = sensorOf(device, sensor);
+  return known && known.delivery === "missing" ? known.text : null;
+}
+
+/** What there is to say of the sensors that correct the attitude. */
+const notes = (device: Device): string[] => aids().filter((aid) => aid.is_usual || missingOf(device, aid.sensor) === null).flatMap((aid) => sensorOf(device, aid.sensor)?.text || []);
+
+/** One that does nothing is grey and says why. */
+function Switch({ sensor, title, checked, why, toggle }: { sensor: string; title: string; checked: boolean; why: string | null; toggle?: () => void }) {
+  return (
+    <label class={why ? "off" : ""} title={why ?? undefined}>
+      <input type="checkbox" data-sensor={sensor} checked={checked} disabled={why !== null} onChange={toggle} /> {title}
+    </label>
   );
 }
 
@@ -95,8 +116,8 @@ function Estimators({ device }: { device: Device }) {
       {all.map((e) => (
         <label key={e.name}>
           <input type="checkbox" data-estimator-choice={e.name} checked={running.has(e.name)} disabled={running.size === 1 && running.has(e.name)} onChange={() => toggle(e.name)} />
-          <span class={`swatch ${e.name === "mekf" ? "" : "ghost"}`} style={{ "--role": `var(--${roleOf(e.name)})` }} />
-          <b>{nameOf(e.name)}</b>
+          <span class={`swatch ${e.name === device.subject ? "" : "ghost"}`} style={{ "--role": `var(--${roleOf(e.name)})` }} />
+          <b>{nameOf(e.name)}{e.name === device.subject ? " (subject)" : ""}</b>
           <small>{e.summary}</small>
         </label>
       ))}

@@ -3,9 +3,9 @@
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type uPlot from "uplot";
 import { Chart, type ChartSpec, type Rule } from "../chart";
-import { AllParameters, curveChoices, degreesOf, Sliders } from "../parameters";
+import { AllParameters, curveChoices, degreesOf, Sliders, type Tuned } from "../parameters";
 import type { ExperimentRow, Settings, WhatIf as Message } from "../protocol";
-import { goTo, rowsOf, send, state, update } from "../store";
+import { aids, goTo, rowsOf, send, state, titleOf, update } from "../store";
 import { nameOf, roleOf } from "../theme";
 import { degrees, number } from "../words";
 import { rms } from "./experiment";
@@ -22,6 +22,12 @@ let tried: { id: string; settings: Settings } | null = null;
 /** Without an answer for so long the question is lost: the program was started anew, or the page was away. */
 const PATIENCE_MS = 5000;
 let askedMs = 0;
+
+/** Sliders are those of the experiment's subject and sensors. */
+const tunedOf = (row: ExperimentRow): Tuned => ({
+  subject: row.subject,
+  missing: (sensor) => (row.sensors.some((s) => s === sensor) ? null : `${titleOf(sensor)}: not in this recording.`),
+});
 
 function isUnderWay(): boolean {
   const open = underWay !== null && state.whatIf?.request !== underWay && state.failed !== underWay;
@@ -45,7 +51,9 @@ export function WhatIf() {
   const [id, setId] = useState(state.shownResults[own] ?? rowsOf(own).at(-1)?.id ?? rows.at(-1)?.id ?? "");
   const row = rows.find((r) => r.id === id) ?? rows.at(-1);
   const [settings, setSettings] = useState<Settings>(tried && tried.id === row?.id ? tried.settings : { ...row?.settings });
-  const [curve, setCurve] = useState("accelerometer_std");
+  const [chosen, setCurve] = useState("accelerometer_std");
+  const choices = row ? curveChoices(tunedOf(row)) : [];
+  const curve = choices.some((c) => c.name === chosen) ? chosen : choices[0]?.name ?? null;
   const begun = useRef(false);
   useEffect(() => {
     // The first answer: the recording as it was run.
@@ -73,22 +81,22 @@ export function WhatIf() {
           {rows.map((r) => <option key={r.id} value={r.id}>{r.name}</option>)}
         </select>
       </label>
-      <Sliders settings={settings} change={(name, value) => run({ ...settings, [name]: value })} />
+      <Sliders settings={settings} tuned={tunedOf(row)} change={(name, value) => run({ ...settings, [name]: value })} />
       <label class="field">Curve over
-        <select value={curve} onChange={(e) => { setCurve(e.currentTarget.value); run(settings, e.currentTarget.value); }}>
-          {curveChoices().map((c) => <option key={c.name} value={c.name}>{c.text}</option>)}
+        <select value={curve ?? ""} onChange={(e) => { setCurve(e.currentTarget.value); run(settings, e.currentTarget.value); }}>
+          {choices.map((c) => <option key={c.name} value={c.name}>{c.text}</option>)}
         </select>
       </label>
       <button type="button" onClick={() => run({ ...row.settings })}>Back to the numbers of the experiment</button>
       <Answer message={state.whatIf} row={row} />
-      <AllParameters settings={settings} change={(name, value) => run({ ...settings, [name]: value })} />
+      <AllParameters settings={settings} tuned={tunedOf(row)} change={(name, value) => run({ ...settings, [name]: value })} />
     </>
   );
 }
 
 function Answer({ message, row }: { message: Message | null; row: ExperimentRow }) {
   if (!message || message.id !== row.id) return null;
-  const names = Object.keys(message.results).sort((a, b) => Number(b === "mekf") - Number(a === "mekf"));
+  const names = Object.keys(message.results).sort((a, b) => Number(b === message.subject) - Number(a === message.subject));
   const truth = names.some((name) => rms(message.results[name]!) !== null);
   return (
     <table class="compact results what-if">
@@ -109,27 +117,32 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
   );
 }
 
-const TRACE: ChartSpec = {
-  title: "Angles, run again", unit: "deg", leastSpan: 4,
+const traceSpec = (subject: string): ChartSpec => ({
+  title: `Angles of ${nameOf(subject)}, run again`, unit: "deg", leastSpan: 4,
   legend: [{ text: "yaw", role: "s0" }, { text: "pitch", role: "s1" }, { text: "roll", role: "s2" }],
   lines: [{ role: "s0" }, { role: "s1" }, { role: "s2" }],
-};
+});
 const errorSpec = (truth: boolean): ChartSpec => ({
   title: truth ? "Error against truth" : "Expected error, 1σ", unit: "deg", leastSpan: 0.5,
   legend: [{ text: truth ? "error" : "σ", role: "estimate" }], lines: [{ role: "estimate" }],
 });
-const curveSpec = (parameter: string, value: () => number | null, rules: () => Rule[]): ChartSpec => ({
-  title: "NIS", unit: `over ${curveChoices().find((c) => c.name === parameter)?.text ?? parameter}`, logX: true, logY: true,
-  legend: [{ text: "acc", role: "s1" }, { text: "mag", role: "s2" }, { text: "error°", role: "estimate", dash: true }],
-  lines: [{ role: "s1", width: 2.2 }, { role: "s2", width: 2.2 }, { role: "estimate", dash: true, width: 2.2 }],
+/** The line of a sensor: the place in the table of sensors is its colour. */
+const roleOfSensor = (sensor: string): string => `s${1 + aids().findIndex((aid) => aid.sensor === sensor)}`;
+
+const curveSpec = (parameter: string, sensors: string[], value: () => number | null, rules: () => Rule[]): ChartSpec => ({
+  title: "NIS", unit: `over ${parameter}`, logX: true, logY: true,
+  legend: [...sensors.map((s) => ({ text: titleOf(s).toLowerCase().slice(0, 3), role: roleOfSensor(s) })), { text: "error°", role: "estimate", dash: true }],
+  lines: [...sensors.map((s) => ({ role: roleOfSensor(s), width: 2.2 })), { role: "estimate", dash: true, width: 2.2 }],
   rules,
   mark: value,
 });
 
-/** The NIS of a consistent R: its degrees of freedom, which are fewer for a compass. */
-function consistent(): Rule[] {
-  const compass = degreesOf("magnetometer", asked) === 1;
-  return compass ? [{ value: 3, text: "consistent, acc: 3" }, { value: 1, text: "consistent, mag: 1", below: true }] : [{ value: 3, text: "consistent: 3" }];
+/** The NIS of a consistent R: its degrees of freedom, which are fewer for a heading. */
+function consistent(sensors: string[]): Rule[] {
+  const degrees = [...new Set(sensors.map((s) => degreesOf(s, asked)))].sort((a, b) => b - a);
+  if (degrees.length < 2) return degrees.map((value) => ({ value, text: `consistent: ${value}` }));
+  const whose = (value: number): string => sensors.filter((s) => degreesOf(s, asked) === value).map((s) => titleOf(s).toLowerCase().slice(0, 3)).join(", ");
+  return degrees.map((value, i) => ({ value, text: `consistent, ${whose(value)}: ${value}`, below: i > 0 }));
 }
 
 const positive = (v: number | null): number | null => (v !== null && v > 0 ? v : null);
@@ -151,15 +164,17 @@ export function WhatIfPlots() {
     return () => columns;
   }, [trace]);
   const errorOf = useMemo(() => errorSpec(truth), [truth]);
-  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", () => Number(asked[curve?.parameter ?? ""]) || null, consistent), [curve?.parameter]);
+  const traceOf = useMemo(() => traceSpec(message?.subject ?? ""), [message?.subject]);
+  const sensors = Object.keys(curve?.nis ?? {}).sort((a, b) => roleOfSensor(a).localeCompare(roleOfSensor(b)));
+  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", sensors, () => Number(asked[curve?.parameter ?? ""]) || null, () => consistent(sensors)), [curve?.parameter, sensors.join()]);
   const curveData = useMemo(() => {
-    const columns = [curve?.values ?? [], curve?.nis_acc.map(positive) ?? [], curve?.nis_mag.map(positive) ?? [], curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
+    const columns = [curve?.values ?? [], ...sensors.map((s) => curve!.nis[s]!.map(positive)), curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
     return () => columns;
   }, [curve]);
   if (!message) return <p class="empty">{state.rows.length ? "Move a slider on the right: the recording runs again at once." : "What-if needs an experiment first."}</p>;
   return (
     <div class="plots what-if-plots">
-      <Chart spec={TRACE} data={angles} />
+      <Chart spec={traceOf} data={angles} />
       {curve && <Chart spec={spec} data={curveData} />}
       <Chart spec={errorOf} data={errors} />
     </div>
