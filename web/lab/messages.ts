@@ -60,6 +60,8 @@ export type Calibration = {
 
 export type CalibrationState = "running" | "done" | "refused";
 
+export type Cause = "stuck" | "hole" | "saturation" | "bursts" | "bias-change" | "misalignment" | "scale" | "magnetic-disturbance" | "acceleration" | "rounding" | "jitter" | "lasting-errors" | "noise";
+
 export type Coefficient = {
   value: number,
   std: number, };
@@ -191,6 +193,12 @@ export type FinalSummary = {
 
 export type FinalVerdict = "consistent" | "overconfident" | "conservative";
 
+export type Finding = {
+  cause: Cause,
+  sensor: SensorKind,
+  confidence: number,
+  sentence: string, };
+
 export type Floor = {
   tau_s: number,
   deviation: number,
@@ -313,7 +321,8 @@ export type NisSummary = {
   samples: number,
   share_above_95: number,
   share_above_99: number,
-  lag1_autocorrelation: number, };
+  lag1_autocorrelation: number,
+  effective_samples: number, };
 
 export type NoiseCoefficients = {
   quantisation: Coefficient | null,
@@ -323,7 +332,7 @@ export type NoiseCoefficients = {
 
 export type NoiseKind = "quantisation" | "white" | "bias-instability" | "random-walk";
 
-export type NoiseVerdict = "consistent" | "too-small" | "too-large" | "outliers" | "too-few";
+export type NoiseVerdict = "consistent" | "too-small" | "too-large" | "outliers" | "undetermined" | "too-few";
 
 export type Origin = "default" | "profile" | "file" | "set" | "setup" | "setup-default" | "recording" | "calibration" | "learnt";
 
@@ -454,6 +463,7 @@ export type RunSummary = {
   final: FinalSummary | null,
   nis: NisOf<NisSummary>,
   verdicts: Array<SensorVerdict>,
+  findings: Array<Finding>,
   unobservable: Array<string>,
   profile: Profile | null,
   magnetometer?: MagnetometerSource,
@@ -489,6 +499,7 @@ export type SensorVerdict = {
   sensor: SensorKind,
   verdict: NoiseVerdict,
   variance_factor: number | null,
+  confidence: number,
   mean_nis_band: [number, number],
   sentences: Array<string>, };
 

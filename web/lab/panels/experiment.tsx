@@ -6,7 +6,7 @@ import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
 import { aids, goTo, historyOf, receives, rowsOf, send, state, titleOf, update } from "../store";
 import { nameOf, roleOf } from "../theme";
-import { degrees, figures, number, unnamed, VERDICTS } from "../words";
+import { degrees, figures, number, pretty, unnamed, VERDICTS } from "../words";
 import { Silence, Stillness } from "./stillness";
 
 /** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
@@ -95,10 +95,15 @@ export function Result({ device }: { device: Device }) {
   );
 }
 
+/** Verdicts that are no warning. */
+const TONES: Record<string, string> = { consistent: "good", undetermined: "info", "too-few": "idle" };
+
 /** Calculated against estimated error of every estimator, then what the sensors' noise looked like. */
 export function Summary({ summary, subject }: { summary: Record<string, RunSummary>; subject: string }) {
   const names = Object.keys(summary).sort((a, b) => Number(b === subject) - Number(a === subject));
   const main = summary[subject] ?? summary[names[0]!]!;
+  // What is left to the noise stands with the sensors below.
+  const causes = (main.findings ?? []).filter((f) => f.cause !== "noise" && f.cause !== "lasting-errors");
   return (
     <>
       <p class="small" data-subject={main.estimator}>Result of <b>{nameOf(main.estimator)}</b></p>
@@ -122,8 +127,13 @@ export function Summary({ summary, subject }: { summary: Record<string, RunSumma
         </tbody>
       </table>
       {main.final && <p class="small">{main.final.sentence}</p>}
+      {causes.length > 0 && (
+        <ol class="sentences findings" aria-label="What to mend, the first first">
+          {causes.map((f) => <li key={f.sentence} class="warn" data-cause={f.cause}>{pretty(unnamed(f.sentence))}</li>)}
+        </ol>
+      )}
       <ul class="sentences">
-        {main.verdicts.map((v) => <li key={v.sensor} class={v.verdict === "consistent" ? "good" : "warn"}><b>{titleOf(v.sensor)}</b> {unnamed(v.sentences[0] ?? "")}</li>)}
+        {main.verdicts.map((v) => <li key={v.sensor} class={TONES[v.verdict] ?? "warn"}><b>{titleOf(v.sensor)}</b> {pretty(unnamed(v.sentences[0] ?? ""))}</li>)}
       </ul>
     </>
   );

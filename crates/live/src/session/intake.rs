@@ -239,10 +239,15 @@ impl Intake {
 
     /// Smallest step of each sensor whose values lie on a coarse grid, in the sensor's unit.
     pub fn resolutions(&self) -> impl Iterator<Item = (SensorKind, f64)> + use<'_> {
-        SensorKind::ALL.into_iter().filter_map(|kind| {
-            let step = self.channels[kind.order()].resolution.step(kind)?;
-            Some((kind, step))
-        })
+        SensorKind::ALL
+            .into_iter()
+            .filter_map(|kind| Some((kind, self.resolution_of(kind)?)))
+    }
+
+    /// Smallest step of one sensor, if its values lie on a coarse grid.
+    #[must_use]
+    pub fn resolution_of(&self, kind: SensorKind) -> Option<f64> {
+        self.channels[kind.order()].resolution.step(kind)
     }
 }
 

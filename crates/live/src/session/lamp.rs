@@ -82,6 +82,8 @@ impl Lamp {
 pub struct LampWindow {
     sensor: SensorKind,
     correlation_time_s: f64,
+    /// Whether the values lie on a grid that is coarser than what is expected of a residual.
+    is_coarse: bool,
     old: (NisStatistics, UpdateCounts),
     new: (NisStatistics, UpdateCounts),
     count: u32,
@@ -95,6 +97,7 @@ impl LampWindow {
         Self {
             sensor,
             correlation_time_s,
+            is_coarse: false,
             old: Default::default(),
             new: Default::default(),
             count: 0,
@@ -102,11 +105,13 @@ impl LampWindow {
         }
     }
 
-    /// Takes one innovation.
-    pub fn add(&mut self, innovation: &Innovation<f64>) {
+    /// Takes one innovation of a sensor whose values lie on a grid of this `step`, if on any.
+    pub fn add(&mut self, innovation: &Innovation<f64>, step: Option<f64>) {
         if innovation.degrees_of_freedom == 0 {
             return;
         }
+        let expected = innovation.residual_std().mean();
+        self.is_coarse = step.is_some_and(|step| step > expected);
         // Both windows see it; the older one is read until the newer is half full.
         for (nis, counts) in [&mut self.old, &mut self.new] {
             nis.add(innovation);
@@ -136,7 +141,7 @@ impl LampWindow {
             &self.old.1,
             JudgeBy {
                 correlation_time_s: self.correlation_time_s,
-                is_coarse: false,
+                is_coarse: self.is_coarse,
             },
         );
         let tone = match verdict.verdict {

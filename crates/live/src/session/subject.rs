@@ -139,9 +139,15 @@ impl Judged {
         };
     }
 
-    fn add(&mut self, sensor: SensorKind, t_s: f64, innovation: &Innovation<f64>) {
+    fn add(
+        &mut self,
+        sensor: SensorKind,
+        step: Option<f64>,
+        t_s: f64,
+        innovation: &Innovation<f64>,
+    ) {
         if let Some(index) = AIDS.iter().position(|aid| aid.sensor == sensor) {
-            self.windows[index].add(innovation);
+            self.windows[index].add(innovation, step);
         }
         if self.innovations.len() >= MOST_INNOVATIONS {
             // Nobody looks: the newest are worth more when somebody does.
@@ -205,7 +211,8 @@ impl DeviceSession {
     /// Takes an innovation of the subject.
     pub(super) fn judge(&mut self, sensor: SensorKind, time_ns: i64, innovation: &Innovation<f64>) {
         let t_s = seconds_since(self.first_ns, time_ns);
-        self.judged.add(sensor, t_s, innovation);
+        let step = self.intake.resolution_of(sensor);
+        self.judged.add(sensor, step, t_s, innovation);
     }
 
     fn subject_track(&self) -> Option<&Track> {

@@ -346,3 +346,41 @@ fn a_device_without_a_sample_has_no_health_but_that() {
         "{refused}"
     );
 }
+
+/// Rounded as browsers round, and calibrated: no amber while the mean NIS is where it should be.
+#[test]
+fn rounding_does_not_make_a_lamp_amber_that_has_the_right_mean_nis() {
+    let mut judged = 0;
+    for seed in 0..8 {
+        let mut config = VirtualPhoneConfig {
+            seed,
+            rest_before_s: 30.0,
+            duration_s: Some(28.0),
+            ..VirtualPhoneConfig::default()
+        };
+        // Every axis on the edge between two steps: each value is one of two.
+        config.accelerometer.bias_m_s2 = [0.05, 0.05, 0.04];
+        config.accelerometer.noise_std_m_s2 = 0.015;
+        config.accelerometer.resolution_m_s2 = 0.1;
+        let phone = VirtualPhone::new(config).unwrap();
+        // Its truth would have a say: such an edge is a tilt that no calibration knows.
+        let is_measured = |e: &Event| e.sample.kind() != SensorKind::Reference;
+        let events = phone.events().filter(is_measured);
+        let mut live = session(&[EstimatorKind::Mekf]);
+        live.read_by_browser(true);
+        live.calibrate(6.0).unwrap();
+        for batch in events.collect::<Vec<_>>().chunks(500) {
+            live.take(&mut batch.to_vec());
+            let Some(lamp) = lamp(&mut live, SensorKind::Accelerometer) else {
+                continue;
+            };
+            if lamp.nis_mean.is_some_and(|nis| (2.5..3.5).contains(&nis)) {
+                judged += 1;
+                let is_amber = matches!(lamp.tone, Tone::Warn | Tone::Bad);
+                assert!(!is_amber, "seed {seed}: {lamp:?}");
+            }
+        }
+        assert!(live.options().calibration.is_some());
+    }
+    assert!(judged > 5, "{judged} lamps: the case itself");
+}
