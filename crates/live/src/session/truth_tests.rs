@@ -347,9 +347,10 @@ fn a_device_without_a_sample_has_no_health_but_that() {
     );
 }
 
-/// Rounded as browsers round, and calibrated: no amber while the mean NIS is where it should be.
+/// Rounded as browsers round, and calibrated: values that repeat say nothing of the noise below their step, and
+/// nobody is told to make R smaller.
 #[test]
-fn rounding_does_not_make_a_lamp_amber_that_has_the_right_mean_nis() {
+fn rounding_makes_no_lamp_amber() {
     let mut judged = 0;
     for seed in 0..8 {
         let mut config = VirtualPhoneConfig {
@@ -358,8 +359,8 @@ fn rounding_does_not_make_a_lamp_amber_that_has_the_right_mean_nis() {
             duration_s: Some(28.0),
             ..VirtualPhoneConfig::default()
         };
-        // Every axis on the edge between two steps: each value is one of two.
-        config.accelerometer.bias_m_s2 = [0.05, 0.05, 0.04];
+        // One axis on the edge between two steps: its value is one of two, the others' always the same.
+        config.accelerometer.bias_m_s2 = [0.05, 0.0, 0.0];
         config.accelerometer.noise_std_m_s2 = 0.015;
         config.accelerometer.resolution_m_s2 = 0.1;
         let phone = VirtualPhone::new(config).unwrap();
@@ -374,7 +375,7 @@ fn rounding_does_not_make_a_lamp_amber_that_has_the_right_mean_nis() {
             let Some(lamp) = lamp(&mut live, SensorKind::Accelerometer) else {
                 continue;
             };
-            if lamp.nis_mean.is_some_and(|nis| (2.5..3.5).contains(&nis)) {
+            if lamp.nis_mean.is_some() && live.options().calibration.is_some() {
                 judged += 1;
                 let is_amber = matches!(lamp.tone, Tone::Warn | Tone::Bad);
                 assert!(!is_amber, "seed {seed}: {lamp:?}");
