@@ -118,7 +118,7 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
 }
 
 const traceSpec = (subject: string): ChartSpec => ({
-  title: `Angles of ${nameOf(subject)}, run again`, unit: "deg", leastSpan: 4,
+  title: `${nameOf(subject)}, run again`, unit: "deg", leastSpan: 4,
   legend: [{ text: "yaw", role: "s0" }, { text: "pitch", role: "s1" }, { text: "roll", role: "s2" }],
   lines: [{ role: "s0" }, { role: "s1" }, { role: "s2" }],
 });
@@ -129,8 +129,8 @@ const errorSpec = (truth: boolean): ChartSpec => ({
 /** The line of a sensor: the place in the table of sensors is its colour. */
 const roleOfSensor = (sensor: string): string => `s${1 + aids().findIndex((aid) => aid.sensor === sensor)}`;
 
-const curveSpec = (parameter: string, sensors: string[], value: () => number | null, rules: () => Rule[]): ChartSpec => ({
-  title: "NIS", unit: `over ${parameter}`, logX: true, logY: true,
+const curveSpec = (text: string, sensors: string[], value: () => number | null, rules: () => Rule[]): ChartSpec => ({
+  title: "NIS", unit: `over ${text}`, logX: true, logY: true,
   legend: [...sensors.map((s) => ({ text: titleOf(s).toLowerCase().slice(0, 3), role: roleOfSensor(s) })), { text: "error°", role: "estimate", dash: true }],
   lines: [...sensors.map((s) => ({ role: roleOfSensor(s), width: 2.2 })), { role: "estimate", dash: true, width: 2.2 }],
   rules,
@@ -166,7 +166,9 @@ export function WhatIfPlots() {
   const errorOf = useMemo(() => errorSpec(truth), [truth]);
   const traceOf = useMemo(() => traceSpec(message?.subject ?? ""), [message?.subject]);
   const sensors = Object.keys(curve?.nis ?? {}).sort((a, b) => roleOfSensor(a).localeCompare(roleOfSensor(b)));
-  const spec = useMemo(() => curveSpec(curve?.parameter ?? "", sensors, () => Number(asked[curve?.parameter ?? ""]) || null, () => consistent(sensors)), [curve?.parameter, sensors.join()]);
+  const row = state.rows.find((r) => r.id === message?.id);
+  const over = (row && curveChoices(tunedOf(row)).find((c) => c.name === curve?.parameter)?.text) ?? curve?.parameter ?? "";
+  const spec = useMemo(() => curveSpec(over, sensors, () => Number(asked[curve?.parameter ?? ""]) || null, () => consistent(sensors)), [over, curve?.parameter, sensors.join()]);
   const curveData = useMemo(() => {
     const columns = [curve?.values ?? [], ...sensors.map((s) => curve!.nis[s]!.map(positive)), curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
     return () => columns;
