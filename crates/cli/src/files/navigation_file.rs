@@ -75,7 +75,7 @@ impl NavigationFile {
                 Ok(())
             }
             Output::Track(_, _, points) => {
-                points.push(track_point(frame, estimate));
+                points.push(track_point(estimate));
                 Ok(())
             }
         }
@@ -100,8 +100,8 @@ impl NavigationFile {
     }
 }
 
-fn track_point(frame: &LocalFrame, estimate: &NavigationEstimate) -> TrackPoint {
-    let place = frame.geodetic(&estimate.position);
+fn track_point(estimate: &NavigationEstimate) -> TrackPoint {
+    let place = estimate.frame.geodetic(&estimate.position);
     let variances = estimate.position_covariance.diagonal();
     TrackPoint {
         time_ns: estimate.time_ns,
@@ -113,16 +113,16 @@ fn track_point(frame: &LocalFrame, estimate: &NavigationEstimate) -> TrackPoint 
     }
 }
 
-/// Appends the row of an estimate.
-fn push_row(row: &mut Vec<u8>, frame: &LocalFrame, estimate: &NavigationEstimate) {
-    let place = frame.geodetic(&estimate.position);
+/// Appends the row of an estimate: metres from the first origin, all else in the axes of where it is.
+fn push_row(row: &mut Vec<u8>, first: &LocalFrame, estimate: &NavigationEstimate) {
+    let place = estimate.frame.geodetic(&estimate.position);
     let variances = estimate.position_covariance.diagonal();
     push_seconds(row, estimate.time_ns);
     for degrees in place.degrees() {
         push_cell(row, degrees, 9);
     }
     push_cell(row, place.height_m, 4);
-    for value in &estimate.position {
+    for value in &estimate.in_frame(first).position {
         push_cell(row, *value, 4);
     }
     for variance in &variances {

@@ -33,6 +33,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 pub use config::{PositionAxisConfig, PositionNoise};
 use covariance::{AxisCovariance, AxisProcess};
 
+use crate::earth::FrameChange;
 use crate::kalman::innovation::check_within;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 pub use crate::navigation::validity::Validity;
@@ -213,6 +214,20 @@ impl<T: Scalar> PositionAxisFilters<T> {
     /// What the position is worth.
     pub fn validity(&self) -> Validity {
         ValidityLimits::default().judge(self.state.since_fix, self.state.horizontal.covariance.ss)
+    }
+
+    /// Goes on in another local frame. Axes that turn by some milliradians leave the variances as they are.
+    pub fn move_origin(&mut self, change: &FrameChange<T>) {
+        if !change.is_finite() {
+            return;
+        }
+        let state = &mut self.state;
+        state.position = change.position(&state.position);
+        state.velocity = change.vector(&state.velocity);
+        state.bias = change.vector(&state.bias);
+        if let Some(outlier) = &mut state.last_outlier {
+            outlier.position = change.position(&outlier.position);
+        }
     }
 
     /// Moves on by `dt` seconds with the specific force (m/s^2, body axes forward, right, down) at the

@@ -27,7 +27,8 @@
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector3, Vector4};
 
 use super::{Validity, ValidityLimits};
-use crate::kalman::covariance::cap_variance;
+use crate::earth::FrameChange;
+use crate::kalman::covariance::{cap_variance, symmetrize};
 use crate::kalman::gate::CHI_SQUARE;
 use crate::kalman::scalar_update::update_one_state;
 use crate::kalman::{Innovation, Outcome, SkipReason};
@@ -158,6 +159,29 @@ impl<T: Scalar> DeadReckoning<T> {
         let variance = self.state.covariance.m11.max(self.state.covariance.m22);
         let since = self.state.since_fix_s;
         self.config.validity.judge(since, variance)
+    }
+
+    /// Goes on in another local frame; the ship is at `down` metres below the plane of the old one. Gives how far it is below
+    /// that of the new one.
+    pub fn move_origin(&mut self, change: &FrameChange<T>, down: T) -> T {
+        let state = &mut self.state;
+        let place = Vector3::new(state.state.x, state.state.y, down);
+        let place = change.position(&place);
+        if !place.norm_squared().is_finite() {
+            return down;
+        }
+        let (sin, cos) = change.heading().sin_cos();
+        let turned = Matrix2::new(cos, -sin, sin, cos);
+        let mut turn = Matrix4::zeros();
+        for first in [0, 2] {
+            turn.fixed_view_mut::<2, 2>(first, first).copy_from(&turned);
+        }
+        state.state = turn * state.state;
+        (state.state.x, state.state.y) = (place.x, place.y);
+        state.water_velocity = turned * state.water_velocity;
+        state.covariance = turn * state.covariance * turn.transpose();
+        symmetrize(&mut state.covariance);
+        place.z
     }
 
     /// Takes a velocity through the water (m/s, north, east); it holds until the next.

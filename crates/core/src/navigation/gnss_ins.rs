@@ -36,7 +36,8 @@
 //!
 //! Positions are metres north, east and down of an origin: [`crate::earth::LocalFrame`] makes them of latitude and
 //! longitude. The frame is fixed to the Earth, so there is no transport rate; Earth rate and Coriolis force are an
-//! option, and gravity turns with the distance from the origin.
+//! option, and gravity turns with the distance from the origin. Who travels takes the origin along every kilometre or so
+//! ([`GnssIns::move_origin`]).
 //!
 //! - Samples and fixes come in the order of their stamps (integer nanoseconds of one clock). A fix is compared
 //!   with where the body was when it was valid: stamp less latency. The last `HISTORY` samples are kept for that;
@@ -57,6 +58,7 @@ mod config;
 mod counts;
 mod inertial;
 mod memory;
+mod moved_origin;
 mod propagation;
 mod solution;
 mod start;

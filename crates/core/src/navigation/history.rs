@@ -9,6 +9,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::NavigationState;
+use crate::earth::FrameChange;
 use crate::geometry::so3;
 use crate::restorable::{InvalidState, expect};
 use crate::scalar::{Scalar, lit};
@@ -97,6 +98,29 @@ impl<T: Scalar, const N: usize> ImuHistory<T, N> {
         expect("history", self.steps.iter().all(numbers), "finite")?;
         let in_place = self.len <= N && self.next < N.max(1);
         expect("history", in_place, "of the length of the filter's")
+    }
+
+    /// Goes on in another local frame, in which the present state is `state`: the samples are those that the filter of that
+    /// frame, whose down is another direction, would have had (E43).
+    pub(super) fn move_origin(
+        &mut self,
+        change: &FrameChange<T>,
+        state: &NavigationState<T>,
+        gravity: T,
+    ) {
+        let down = Vector3::z() * gravity;
+        let felt = change.vector(&down) - down;
+        let mut attitude = state.ned_from_body;
+        for back in 1..=self.len {
+            let Some(step) = self.steps.get_mut((self.next + N - back) % N) else {
+                return;
+            };
+            let rate = step.angular_rate - state.gyroscope_bias;
+            let half_turn = so3::exp(&(rate * (-step.dt * lit(0.5))));
+            let middle = attitude * half_turn;
+            step.specific_force += middle.inverse() * felt;
+            attitude = middle * half_turn;
+        }
     }
 
     /// Forgets all: the state has moved by other means.

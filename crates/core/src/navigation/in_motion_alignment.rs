@@ -53,6 +53,7 @@ mod estimate;
 mod hypothesis;
 mod measurements;
 mod memory;
+mod moved_origin;
 mod robust_update;
 mod window;
 

@@ -24,6 +24,7 @@ mod gauss_markov_bias;
 pub mod gnss_ins;
 pub mod history;
 pub mod in_motion_alignment;
+mod moved_origin;
 pub mod preintegration;
 pub mod transition;
 pub mod validity;

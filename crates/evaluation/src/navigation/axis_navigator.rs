@@ -8,11 +8,12 @@ use northing_core::ConfigError;
 use northing_core::attitude::axis_filters::{
     AxisFilters, AxisFiltersConfig, tilt_compensated_heading, tilt_of,
 };
+use northing_core::earth::{FrameChange, LocalFrame};
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::Validity;
 use northing_core::navigation::axis_filters::{PositionAxisConfig, PositionAxisFilters};
 
-use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
+use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told, no_frame};
 use crate::statistics::seconds_between;
 
 /// Gravity, m/s^2.
@@ -46,6 +47,7 @@ pub(crate) struct AxisNavigator {
     /// Mean rate of the rest at the start, rad/s.
     rest_rate: Vector3<f64>,
     position: PositionAxisFilters<f64>,
+    frame: LocalFrame,
     fixes: u64,
     time_ns: Option<i64>,
     has_field: bool,
@@ -65,6 +67,7 @@ impl AxisNavigator {
             attitude: None,
             rest_rate: Vector3::zeros(),
             position: PositionAxisFilters::new(position)?,
+            frame: no_frame(),
             fixes: 0,
             time_ns: None,
             has_field: false,
@@ -185,6 +188,17 @@ impl Navigator for AxisNavigator {
         }
     }
 
+    fn origin(&mut self, frame: &LocalFrame, _: i64) -> Option<f64> {
+        self.frame = *frame;
+        None
+    }
+
+    /// The angles stay: accelerometer and compass are those of the place.
+    fn move_origin(&mut self, frame: &LocalFrame, change: &FrameChange<f64>, _: i64) {
+        self.frame = *frame;
+        self.position.move_origin(change);
+    }
+
     fn aid(&mut self, _: i64, aid: &Aid, told: &mut Vec<Told>) {
         told.push((aid.kind(), self.fuse(aid)));
     }
@@ -198,6 +212,7 @@ impl Navigator for AxisNavigator {
         let [_, _, yaw] = filters.axes();
         Some(NavigationEstimate {
             time_ns: self.time_ns?,
+            frame: self.frame,
             ned_from_body: Some(filters.attitude()),
             heading_std: Some(yaw.covariance[0].max(0.0).sqrt()),
             position: self.position.position(),

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use northing_core::ConfigError;
-use northing_core::earth::wgs84::Geodetic;
+use northing_core::earth::{FrameChange, LocalFrame};
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
@@ -12,7 +12,7 @@ use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
 use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, Validity};
 
 use super::magnetic_model;
-use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
+use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told, no_frame};
 use crate::navigation::rts_smoother::NavigationRecorder;
 use crate::statistics::nis::UpdateCounts;
 
@@ -31,8 +31,11 @@ const SPEED_STD: f64 = 0.2;
 pub(crate) struct InsNavigator {
     ins: Box<GnssIns<f64, HISTORY>>,
     arm: Vector3<f64>,
-    /// Whether a compass is of no use here.
+    /// The local frame of now; where all is remembered, those of before in front of it.
+    frames: Vec<LocalFrame>,
+    /// Whether a compass is of no use here, and whether it was anywhere.
     is_near_pole: bool,
+    was_near_pole: bool,
     /// Angular rate of the last sample: the antenna moves with it.
     rate: Vector3<f64>,
     /// What it has done, for RTS smoothing.
@@ -46,7 +49,9 @@ impl InsNavigator {
             recorder: remembers.then(NavigationRecorder::default),
             ins: Box::new(GnssIns::new(config)?),
             arm: config.lever_arm_m.into(),
+            frames: vec![no_frame()],
             is_near_pole: false,
+            was_near_pole: false,
             rate: Vector3::zeros(),
         })
     }
@@ -63,6 +68,20 @@ impl InsNavigator {
                  way and taken out. A calibration of it in situ tells the heading from the start."
             )
         })
+    }
+
+    fn learn_declination(&mut self, frame: &LocalFrame, time_ns: i64) -> Option<f64> {
+        // A declination that was set stands above the model's.
+        if self.ins.config().declination.is_some() {
+            return None;
+        }
+        let declination = magnetic_model::declination(frame.origin(), time_ns);
+        self.is_near_pole = declination.is_none();
+        self.was_near_pole |= self.is_near_pole;
+        if let Some(declination) = declination {
+            self.ins.set_declination(declination);
+        }
+        declination
     }
 
     fn fuse(&mut self, time_ns: i64, aid: &Aid) -> Innovation<f64> {
@@ -109,17 +128,21 @@ impl Navigator for InsNavigator {
         }
     }
 
-    fn origin(&mut self, place: &Geodetic, time_ns: i64) -> Option<f64> {
-        // A declination that was set stands above the model's.
-        if self.ins.config().declination.is_some() {
-            return None;
+    fn origin(&mut self, frame: &LocalFrame, time_ns: i64) -> Option<f64> {
+        self.frames = vec![*frame];
+        self.learn_declination(frame, time_ns)
+    }
+
+    fn move_origin(&mut self, frame: &LocalFrame, change: &FrameChange<f64>, time_ns: i64) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.before_measurement(&mut self.ins);
+            recorder.moved(change);
+        } else {
+            self.frames.clear();
         }
-        let declination = magnetic_model::declination(place, time_ns);
-        match declination {
-            Some(declination) => self.ins.set_declination(declination),
-            None => self.is_near_pole = true,
-        }
-        declination
+        self.ins.move_origin(change);
+        self.frames.push(*frame);
+        self.learn_declination(frame, time_ns);
     }
 
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {
@@ -159,6 +182,7 @@ impl Navigator for InsNavigator {
         let (position, position_covariance) = self.ins.antenna_position()?;
         Some(NavigationEstimate {
             time_ns: self.ins.time_ns()?,
+            frame: *self.frames.last()?,
             ned_from_body: Some(attitude),
             heading_std: Some(heading_variance.max(0.0).sqrt()),
             position,
@@ -178,15 +202,17 @@ impl Navigator for InsNavigator {
         };
         let limits = self.ins.config().validity;
         let arm = self.arm;
+        let frames = &self.frames;
         let nodes = recorder.smooth(&mut self.ins).into_iter();
-        let told = nodes.map(|node| {
+        let told = nodes.filter_map(|node| {
             let attitude = node.ned_from_body;
             let p = &node.covariance;
             let position_covariance = node.antenna_covariance;
             let variance = position_covariance.m11.max(position_covariance.m22);
             let heading_variance = p[(ATTITUDE + 2, ATTITUDE + 2)];
-            NavigationEstimate {
+            Some(NavigationEstimate {
                 time_ns: node.time_ns,
+                frame: *frames.get(node.moves)?,
                 ned_from_body: Some(attitude),
                 heading_std: Some(heading_variance.max(0.0).sqrt()),
                 position: node.antenna,
@@ -194,7 +220,7 @@ impl Navigator for InsNavigator {
                 velocity: node.velocity + attitude * node.angular_rate.cross(&arm),
                 // The smoother knows the fix after as well as the one before.
                 validity: limits.judge(node.since_fix_s, variance),
-            }
+            })
         });
         told.collect()
     }
@@ -221,7 +247,7 @@ impl Navigator for InsNavigator {
 
     fn issues(&self) -> Vec<String> {
         let mut issues: Vec<String> = self.iron().into_iter().collect();
-        if self.is_near_pole {
+        if self.was_near_pole {
             issues.push(
                 "So near a magnetic pole a compass tells nothing: a magnetometer is left out, unless --set \
                  declination=RADIANS says where its north is."

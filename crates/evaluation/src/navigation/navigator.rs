@@ -4,7 +4,7 @@
 use std::str::FromStr;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
-use northing_core::earth::wgs84::Geodetic;
+use northing_core::earth::{FrameChange, Geodetic, LocalFrame};
 use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
 use serde::Serialize;
@@ -121,11 +121,13 @@ impl Aid {
 pub struct NavigationEstimate {
     /// Time stamp, ns.
     pub time_ns: i64,
+    /// The local frame of all that follows: its origin is within a kilometre of the vehicle.
+    pub frame: LocalFrame,
     /// `ned_from_body`; `None` from an estimator without attitude.
     pub ned_from_body: Option<UnitQuaternion<f64>>,
     /// Standard deviation of the heading, rad, if stated.
     pub heading_std: Option<f64>,
-    /// Position of the antenna, m, north, east, down from the first fix.
+    /// Position of the antenna, m, north, east, down.
     pub position: Vector3<f64>,
     /// Covariance of the position, m^2.
     pub position_covariance: Matrix3<f64>,
@@ -142,6 +144,25 @@ impl NavigationEstimate {
         self.position + self.velocity * seconds
     }
 
+    /// The same in another local frame.
+    #[must_use]
+    pub fn in_frame(&self, frame: &LocalFrame) -> Self {
+        if self.frame.origin() == frame.origin() {
+            return *self;
+        }
+        let change = FrameChange::between(&self.frame, frame);
+        Self {
+            frame: *frame,
+            ned_from_body: self
+                .ned_from_body
+                .map(|attitude| change.attitude(&attitude)),
+            position: change.position(&self.position),
+            position_covariance: change.covariance(&self.position_covariance),
+            velocity: change.vector(&self.velocity),
+            ..*self
+        }
+    }
+
     /// Heading of the body's forward axis, rad, clockwise from north.
     #[must_use]
     pub fn heading(&self) -> Option<f64> {
@@ -154,6 +175,15 @@ impl NavigationEstimate {
 
 /// An update and what it told.
 pub type Told = (AidKind, Innovation<f64>);
+
+/// The local frame of an estimator that has not been told the origin.
+pub(crate) fn no_frame() -> LocalFrame {
+    LocalFrame::new(Geodetic {
+        latitude_rad: 0.0,
+        longitude_rad: 0.0,
+        height_m: 0.0,
+    })
+}
 
 /// A navigation estimator.
 pub(crate) trait Navigator {
@@ -173,11 +203,12 @@ pub(crate) trait Navigator {
     /// Lets the time go on, where nothing else does that.
     fn advance_to(&mut self, _time_ns: i64) {}
 
-    /// Learns where the origin of the local frame is, with the stamp of the fix that made it; returns the magnetic
+    /// Learns the local frame, with the stamp of the fix that is its origin; returns the magnetic
     /// declination (rad) that follows, where it is used.
-    fn origin(&mut self, _place: &Geodetic, _time_ns: i64) -> Option<f64> {
-        None
-    }
+    fn origin(&mut self, frame: &LocalFrame, time_ns: i64) -> Option<f64>;
+
+    /// Goes on in another local frame, whose origin is near the vehicle; positions and velocities that come now are in it.
+    fn move_origin(&mut self, frame: &LocalFrame, change: &FrameChange<f64>, time_ns: i64);
 
     /// Takes an aid; what it told goes to `told`.
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>);

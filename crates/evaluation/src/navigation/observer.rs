@@ -33,13 +33,13 @@ observers! {
             interval_ns -> i64, usually 100_000_000, of nobody i64::MAX, of two i64::min;
         }
 
-        /// An estimate.
+        /// An estimate, in its own local frame.
         tells estimate(estimate: &NavigationEstimate);
 
-        /// A fix, m from the origin, and whether the estimator got it.
+        /// A fix, m from the first origin, and whether the estimator got it.
         tells fix(time_ns: i64, ned: &Vector3<f64>, used: bool);
 
-        /// A place to score against.
+        /// A place to score against, m from the first origin.
         tells reference(time_ns: i64, ned: &Vector3<f64>);
 
         /// The error of a position.
@@ -57,7 +57,7 @@ observers! {
         /// What the device itself said, whatever the estimator.
         tells device(estimate: &NavigationEstimate);
 
-        /// The origin of the local frame is known.
+        /// The first origin is known.
         tells origin(frame: &LocalFrame);
     }
 }

@@ -26,6 +26,7 @@
 //! carried back across them. While the heading is not known the smoother therefore says what the filter did.
 
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use northing_core::earth::FrameChange;
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::ErrorPropagation as _;
 use northing_core::navigation::augmented_states::AUGMENTED_STATES;
@@ -57,6 +58,8 @@ struct Step {
     step: CovarianceStep<f64>,
     /// Steps of one chain follow one another.
     chain: u32,
+    /// How often the origin had moved.
+    moves: usize,
 }
 
 /// What the smoother says about an instant.
@@ -64,6 +67,8 @@ struct Step {
 pub struct SmoothedNavigation {
     /// When, ns.
     pub time_ns: i64,
+    /// How often the origin had moved before: the local frame of all that follows.
+    pub moves: usize,
     /// Position, m, NED.
     pub position: Vector3<f64>,
     /// Velocity, m/s, NED.
@@ -90,6 +95,8 @@ pub struct NavigationRecorder {
     chain: u32,
     /// Gaps, restarts and states taken over from the alignment.
     broken: [u32; 3],
+    /// From each local frame to the next.
+    moves: Vec<FrameChange<f64>>,
 }
 
 impl NavigationRecorder {
@@ -108,6 +115,11 @@ impl NavigationRecorder {
     /// To be called before each measurement.
     pub fn before_measurement<const H: usize>(&mut self, ins: &mut GnssIns<f64, H>) {
         self.close(ins);
+    }
+
+    /// To be called between [`Self::before_measurement`] and [`GnssIns::move_origin`].
+    pub fn moved(&mut self, change: &FrameChange<f64>) {
+        self.moves.push(*change);
     }
 
     /// Steps kept.
@@ -147,6 +159,7 @@ impl NavigationRecorder {
                 predicted,
                 step: *ins.last_step(),
                 chain: self.chain,
+                moves: self.moves.len(),
             });
         }
         self.note_breaks(ins);
@@ -164,21 +177,27 @@ impl NavigationRecorder {
         let mut chain = self.chain;
         // The first fix after the instant at hand: what later instants call their last one.
         let mut later_fix_ns = None;
-        smoothed.push(in_words(&next, later_fix_ns, &arm));
+        let mut moves = self.moves.len();
+        smoothed.push(in_words(&next, moves, later_fix_ns, &arm));
         for step in self.steps.iter().rev() {
             if step.chain != chain {
                 // What comes after is no continuation: the filter's own end of this chain stands.
                 chain = step.chain;
                 later_fix_ns = None;
                 next = (step.predicted, joint(&step.predicted));
-                smoothed.push(in_words(&next, later_fix_ns, &arm));
+                moves = step.moves;
+                smoothed.push(in_words(&next, moves, later_fix_ns, &arm));
+            }
+            while moves > step.moves {
+                moves -= 1;
+                next = seen_from_before(next, &self.moves[moves]);
             }
             let last = next.0.last_fix_ns;
             later_fix_ns = last
                 .filter(|fix| *fix > step.filtered.time_ns)
                 .or(later_fix_ns);
             next = step.back(&next);
-            smoothed.push(in_words(&next, later_fix_ns, &arm));
+            smoothed.push(in_words(&next, moves, later_fix_ns, &arm));
         }
         smoothed.reverse();
         smoothed
@@ -280,8 +299,24 @@ fn corrected(snapshot: &Snapshot, x: &SVector<f64, ALL>) -> Snapshot {
     corrected
 }
 
+/// The same in the local frame before the origin moved.
+fn seen_from_before(
+    (mut snapshot, mut covariance): (Snapshot, Joint),
+    moved: &FrameChange<f64>,
+) -> (Snapshot, Joint) {
+    let back = moved.inverse();
+    snapshot.state.move_origin(&back);
+    snapshot.side.move_origin(&back);
+    for _ in 0..2 {
+        back.map_rows(&mut covariance);
+        covariance.transpose_mut();
+    }
+    (snapshot, covariance)
+}
+
 fn in_words(
     (snapshot, covariance): &(Snapshot, Joint),
+    moves: usize,
     later_fix_ns: Option<i64>,
     arm: &Vector3<f64>,
 ) -> SmoothedNavigation {
@@ -297,6 +332,7 @@ fn in_words(
     let nearest_ns = fixes.map(|fix| snapshot.time_ns.abs_diff(fix)).min();
     SmoothedNavigation {
         time_ns: snapshot.time_ns,
+        moves,
         position: snapshot.state.position,
         velocity: snapshot.state.velocity,
         ned_from_body: snapshot.state.ned_from_body,

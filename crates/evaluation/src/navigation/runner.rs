@@ -1,11 +1,12 @@
 //! Runs a navigation estimator over a stream of events.
 //!
-//! The first fix that a later one confirms is the origin of a local frame, north, east, down; everything inside is
-//! metres from there. Fixes can be thinned and held out, and what is held out is scored at. Memory does not grow
+//! The first fix that a later one confirms is the origin of a local frame, north, east, down, which moves along with the
+//! vehicle; everything inside is metres from there. Fixes can be thinned and held out, and what is held out is scored at. Memory does not grow
 //! with the recording, unless the estimates are smoothed.
 
 mod consensus;
 mod finish;
+mod moving_origin;
 pub(super) mod receiver;
 mod scoring;
 mod turn_agreement;
@@ -13,12 +14,13 @@ mod turn_agreement;
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
-use northing_core::earth::wgs84::{Geodetic, LocalFrame};
+use northing_core::earth::wgs84::Geodetic;
 use northing_core::geometry::frames::{flu_from_frd, flu_from_phone};
 use northing_core::kalman::{Outcome, SkipReason};
 use northing_recording::{DeviceNavigation, Event, Sample, SensorKind, WorldFrame};
 
 use self::consensus::{FixConsensus, Step};
+use self::moving_origin::MovingFrame;
 use self::turn_agreement::TurnAgreement;
 use super::axis_navigator::AxisNavigator;
 use super::device_navigator::DeviceNavigator;
@@ -97,7 +99,7 @@ struct Session<'a> {
     observer: &'a mut dyn NavigationObserver,
     navigator: Box<dyn Navigator>,
     consensus: FixConsensus,
-    frame: Option<LocalFrame>,
+    frame: Option<MovingFrame>,
     inertial: Inertial,
     turns: TurnAgreement,
     scorer: Scorer,
@@ -224,6 +226,7 @@ impl<'a> Session<'a> {
         self.counts.last_ns = time_ns;
         self.navigator.advance_to(time_ns);
         self.book_validity(time_ns);
+        self.follow_estimate(time_ns);
         let same_instant = self.inertial.waiting.is_some_and(|(at, _)| at == time_ns);
         if !(same_instant && event.sample.kind() == SensorKind::Accelerometer) {
             self.flush_inertial();
@@ -304,15 +307,19 @@ impl<'a> Session<'a> {
         Aid::MagneticField(field)
     }
 
-    /// What the device itself said, in the frame of the first fix.
+    /// What the device itself said.
     fn device(&mut self, time_ns: i64, said: &DeviceNavigation) {
-        let Some(frame) = self.frame.filter(|_| said.is_usable()) else {
+        let Some(frame) = self.frame.map(|frame| frame.now) else {
             return;
         };
+        if !said.is_usable() {
+            return;
+        }
         let attitude = self.device_attitude.filter(|(at, _)| *at == time_ns);
         let variances = Vector3::from(said.std_m.map(|std| std * std));
         let estimate = NavigationEstimate {
             time_ns,
+            frame,
             ned_from_body: attitude.map(|(_, attitude)| attitude),
             heading_std: Some(said.heading_std_rad),
             position: frame.ned(&Geodetic {

@@ -5,6 +5,7 @@
 //! points: holding the last fix, and moving on from it with its velocity.
 
 use nalgebra::{Matrix2, UnitQuaternion, Vector2, Vector3};
+use northing_core::earth::LocalFrame;
 use northing_core::geometry::trigonometry::wrap;
 use serde::Serialize;
 
@@ -25,6 +26,8 @@ const STRAIGHT: f64 = 0.035;
 pub struct ScorePoint {
     /// Time of validity, ns.
     pub time_ns: i64,
+    /// The local frame.
+    pub frame: LocalFrame,
     /// Where the antenna was, m, north, east, down.
     pub ned: Vector3<f64>,
     /// Standard deviation of that per horizontal axis, m.
@@ -203,6 +206,7 @@ impl Scorer {
         point: &ScorePoint,
         estimate: &NavigationEstimate,
     ) -> Vector3<f64> {
+        let estimate = &estimate.in_frame(&point.frame);
         let ahead = seconds_between(estimate.time_ns, point.time_ns);
         let error = estimate.position_after(ahead) - point.ned;
         let horizontal = error.xy().norm();
@@ -362,6 +366,7 @@ mod tests {
     fn estimate(time_s: f64, x: f64) -> NavigationEstimate {
         NavigationEstimate {
             time_ns: (time_s * 1e9) as i64,
+            frame: crate::navigation::navigator::no_frame(),
             ned_from_body: Some(UnitQuaternion::from_euler_angles(0.0, 0.0, 0.3)),
             heading_std: None,
             position: Vector3::new(x, 0.0, 0.0),
@@ -374,6 +379,7 @@ mod tests {
     fn point(time_s: f64, x: f64) -> ScorePoint {
         ScorePoint {
             time_ns: (time_s * 1e9) as i64,
+            frame: crate::navigation::navigator::no_frame(),
             ned: Vector3::new(x, 0.0, 0.5),
             std: 0.0,
             vertical: true,

@@ -3,10 +3,11 @@
 
 use nalgebra::{Matrix3, Rotation2, UnitQuaternion, Vector2, Vector3};
 use northing_core::ConfigError;
+use northing_core::earth::{FrameChange, LocalFrame};
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::{DeadReckoning, DeadReckoningConfig, Validity};
 
-use super::navigator::{Aid, NavigationEstimate, Navigator, Told};
+use super::navigator::{Aid, NavigationEstimate, Navigator, Told, no_frame};
 use crate::statistics::seconds_between;
 
 /// Longest step of the filter, s ...
@@ -22,6 +23,7 @@ const HEIGHT_VARIANCE: f64 = 1e4;
 /// Dead reckoning with its last heading and log.
 pub(crate) struct ShipNavigator {
     filter: DeadReckoning<f64>,
+    frame: LocalFrame,
     time_ns: Option<i64>,
     heading: Option<f64>,
     heading_std: f64,
@@ -33,6 +35,7 @@ impl ShipNavigator {
     pub(crate) fn new(config: DeadReckoningConfig<f64>) -> Result<Self, ConfigError> {
         Ok(Self {
             filter: DeadReckoning::new(config)?,
+            frame: no_frame(),
             time_ns: None,
             heading: None,
             heading_std: 0.0,
@@ -99,6 +102,16 @@ impl Navigator for ShipNavigator {
         self.time_ns = Some(last.max(time_ns));
     }
 
+    fn origin(&mut self, frame: &LocalFrame, _: i64) -> Option<f64> {
+        self.frame = *frame;
+        None
+    }
+
+    fn move_origin(&mut self, frame: &LocalFrame, change: &FrameChange<f64>, _: i64) {
+        self.frame = *frame;
+        self.height = self.filter.move_origin(change, self.height);
+    }
+
     fn inertial(&mut self, _: i64, _: &Vector3<f64>, _: &Vector3<f64>, _: &mut Vec<Told>) {}
 
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {
@@ -118,6 +131,7 @@ impl Navigator for ShipNavigator {
         let level = |heading| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
         Some(NavigationEstimate {
             time_ns,
+            frame: self.frame,
             ned_from_body: self.heading.map(level),
             heading_std: self.heading.map(|_| self.heading_std),
             position: Vector3::new(place.x, place.y, self.height),

@@ -69,7 +69,7 @@ pub(crate) fn at(nodes: &[NavigationEstimate], time_ns: i64) -> Option<Navigatio
     if b.time_ns == time_ns {
         return Some(*b);
     }
-    let a = nodes.get(after.checked_sub(1)?)?;
+    let a = &nodes.get(after.checked_sub(1)?)?.in_frame(&b.frame);
     let step = seconds_between(a.time_ns, b.time_ns);
     if step > LONGEST_STEP_S {
         return None;
@@ -106,6 +106,7 @@ mod tests {
         // A constant acceleration of 2 m/s^2 north and a turn of 0.5 rad/s.
         NavigationEstimate {
             time_ns: (time_s * 1e9) as i64,
+            frame: crate::navigation::navigator::no_frame(),
             ned_from_body: Some(UnitQuaternion::from_euler_angles(0.0, 0.0, 0.5 * time_s)),
             heading_std: None,
             position: Vector3::new(time_s * time_s, 1.0, 0.0),

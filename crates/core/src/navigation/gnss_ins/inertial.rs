@@ -15,6 +15,8 @@ const STANDING_SIGMAS: f64 = 3.0;
 pub(super) const STANDING_SPEED: f64 = 0.3;
 /// Earth's mean radius, m: how gravity turns and falls with position.
 const EARTH_RADIUS_M: f64 = 6.371e6;
+/// Nearer to the origin than this (m) the first order is enough: it is off by 0.1 mm/s^2.
+const PLANE_WITHIN_M: f64 = 1e4;
 
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {
     /// Takes an angular rate (rad/s) and specific force (m/s^2) of one stamp, body axes.
@@ -163,13 +165,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         force: &Vector3<T>,
     ) -> (Vector3<T>, Vector3<T>) {
         let state = self.filter.state();
-        let per_metre = if self.config.earth_curvature {
-            self.config.gravity / lit(EARTH_RADIUS_M)
+        let mut extra = if self.config.earth_curvature {
+            gravity_beyond_the_origin(&state.position, self.config.gravity)
         } else {
-            T::zero()
+            Vector3::zeros()
         };
-        let p = &state.position;
-        let mut extra = Vector3::new(-p.x, -p.y, p.z + p.z) * per_metre;
         let earth = Vector3::from(self.config.earth_rate_rad_s);
         let turns = earth.norm_squared() > T::zero();
         if turns {
@@ -182,5 +182,40 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             *rate
         };
         (rate, force + body_from_ned * extra)
+    }
+}
+
+/// What gravity at a position (m, NED) has beyond that of the origin, m/s^2, on a spherical Earth (E27).
+fn gravity_beyond_the_origin<T: Scalar>(position: &Vector3<T>, gravity: T) -> Vector3<T> {
+    let radius = lit::<T>(EARTH_RADIUS_M);
+    let p = position;
+    if p.norm_squared() < lit(PLANE_WITHIN_M * PLANE_WITHIN_M) {
+        return Vector3::new(-p.x, -p.y, p.z + p.z) * (gravity / radius);
+    }
+    let to_centre = Vector3::new(-p.x, -p.y, radius - p.z) / radius;
+    let distance = to_centre.norm().max(lit(0.5));
+    to_centre * (gravity / (distance * distance * distance)) - Vector3::z() * gravity
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn gravity_goes_on_from_the_plane_to_the_sphere() {
+        let g = 9.81;
+        for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            let [within, beyond] = [0.999, 1.001]
+                .map(|share| gravity_beyond_the_origin(&(direction * PLANE_WITHIN_M * share), g));
+            assert!(
+                (within - beyond).norm() < 2e-4,
+                "{direction}: {within} {beyond}"
+            );
+        }
+        // A quarter of the way around the Earth it pulls back along the old north.
+        let quarter = Vector3::new(EARTH_RADIUS_M, 0.0, EARTH_RADIUS_M);
+        let all = gravity_beyond_the_origin(&quarter, g) + Vector3::z() * g;
+        assert_relative_eq!(all, Vector3::x() * -g, epsilon = 1e-9);
     }
 }

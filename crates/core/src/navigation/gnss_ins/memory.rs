@@ -46,6 +46,8 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) judged_ns: Option<i64>,
     /// The last position that was given, to see one that is repeated.
     pub(super) last_position: Option<Vector3<T>>,
+    /// What rounding has done to it since, m.
+    pub(super) repeated_within: T,
     /// Whether the receiver repeats a position from which the body has gone.
     pub(super) frozen: bool,
     /// The same of a velocity.
@@ -124,6 +126,7 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             disagreeing: 0,
             judged_ns: None,
             last_position: None,
+            repeated_within: T::zero(),
             frozen: false,
             last_velocity: None,
             fastest: T::zero(),
@@ -172,9 +175,11 @@ impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
         let held = held.flat_map(|(_, fix)| fix.ned.iter().chain(&fix.std));
         let held = held.chain(self.last_position.iter().flatten());
         let held = held.chain(self.last_velocity.iter().flatten());
-        let start = held
-            .chain(&self.noise_scale)
-            .chain([&self.unfed_s, &self.fastest]);
+        let start = held.chain(&self.noise_scale).chain([
+            &self.unfed_s,
+            &self.fastest,
+            &self.repeated_within,
+        ]);
         finite("start", start)?;
         expect("start", self.unfed <= HISTORY, "within the history")?;
         finite("standstill", self.window.numbers())?;

@@ -3,6 +3,7 @@
 use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 use super::{ERRORS, ErrorListener, GnssIns, seconds};
+use crate::earth::FrameChange;
 use crate::geometry::so3;
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
@@ -99,6 +100,22 @@ impl<T: Scalar> LevelStart<T> {
             .flat_map(|fix| fix.ned.iter().chain(&fix.std))
             .chain(self.heading.iter().flatten())
             .chain(magnetic)
+    }
+
+    /// Goes on in another local frame.
+    pub(super) fn move_origin(&mut self, change: &FrameChange<T>) {
+        for position in [&mut self.position, &mut self.anchor].into_iter().flatten() {
+            position.ned = change.position(&position.ned);
+        }
+        for velocity in [&mut self.velocity, &mut self.difference]
+            .into_iter()
+            .flatten()
+        {
+            velocity.ned = change.vector(&velocity.ned);
+        }
+        if let Some([heading, _]) = &mut self.heading {
+            *heading += change.heading();
+        }
     }
 
     /// Sees a position; two of them make a velocity, and far enough apart a course.

@@ -18,16 +18,16 @@ const DECLINATION: f64 = 0.2;
 
 /// A vehicle that stands, and then drives on a winding road: heading, speed, position, velocity.
 #[derive(Clone, Copy)]
-struct Motion {
+pub(super) struct Motion {
     heading: f64,
     heading_rate: f64,
     speed: f64,
     acceleration: f64,
-    position: Vector3<f64>,
+    pub(super) position: Vector3<f64>,
 }
 
 impl Motion {
-    fn start() -> Self {
+    pub(super) fn start() -> Self {
         Self {
             heading: 1.0,
             heading_rate: 0.0,
@@ -37,7 +37,7 @@ impl Motion {
         }
     }
 
-    fn step(&mut self, t: f64, dt: f64) {
+    pub(super) fn step(&mut self, t: f64, dt: f64) {
         let driving = t - STILL_S;
         if driving > 0.0 {
             let full = (0.5 * driving).min(1.0);
@@ -52,15 +52,15 @@ impl Motion {
         self.position += Vector3::new(h.cos(), h.sin(), 0.0) * (v * dt);
     }
 
-    fn velocity(&self) -> Vector3<f64> {
+    pub(super) fn velocity(&self) -> Vector3<f64> {
         Vector3::new(self.heading.cos(), self.heading.sin(), 0.0) * self.speed
     }
 
-    fn rate(&self) -> Vector3<f64> {
+    pub(super) fn rate(&self) -> Vector3<f64> {
         Vector3::z() * self.heading_rate
     }
 
-    fn force(&self) -> Vector3<f64> {
+    pub(super) fn force(&self) -> Vector3<f64> {
         Vector3::new(self.acceleration, self.speed * self.heading_rate, -GRAVITY)
     }
 }
@@ -105,7 +105,7 @@ fn magnetic_field() -> Vector3<f64> {
     )
 }
 
-fn config() -> GnssInsConfig<f64> {
+pub(super) fn config() -> GnssInsConfig<f64> {
     GnssInsConfig {
         imu_samples: ImuSamples::Means,
         ..GnssInsConfig::default()

@@ -18,8 +18,9 @@ use crate::navigation::error_state::SparseMeasurement;
 use crate::navigation::{STATES, VELOCITY};
 use crate::scalar::{Scalar, lit};
 
-/// Positions further than this from the origin (m) are no fixes of this frame.
-const FURTHEST_M: f64 = 1e6;
+/// Positions further than this from the origin (m) are not on this Earth, and with a larger standard deviation (m) no fixes.
+const FURTHEST_M: f64 = 2e7;
+const LARGEST_STD_M: f64 = 1e6;
 /// Faster than this (m/s) nothing moves that this is for.
 const FASTEST_M_S: f64 = 1e3;
 /// Standard deviation of a standing body's velocity, m/s: an idling engine, a swaying boat.
@@ -85,7 +86,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         fix: &GnssPosition<T>,
         shares: ErrorShares<T>,
     ) -> GnssPositionUpdate<T> {
-        let checked = check_fix(&fix.ned, &fix.std, FURTHEST_M)
+        let checked = check_fix(&fix.ned, &fix.std, [FURTHEST_M, LARGEST_STD_M])
             .and_then(|()| self.accept(Aid::GnssPosition, time_ns));
         let update = match checked.and_then(|()| self.use_position(time_ns, fix, shares)) {
             Ok(update) => update,
@@ -112,7 +113,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     ) -> Result<GnssPositionUpdate<T>, SkipReason> {
         let has_imu = self.config.imu_samples != ImuSamples::None;
         // The very same digits again: a receiver that stands, or one that is frozen.
-        let repeated = self.memory.last_position.replace(fix.ned) == Some(fix.ned);
+        let repeated = self.is_repeated(fix);
         self.memory.frozen = repeated && (self.memory.frozen || self.is_frozen());
         if self.memory.frozen && has_imu {
             return Err(SkipReason::NotNewer);
@@ -199,7 +200,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Takes a velocity.
     pub fn gnss_velocity(&mut self, time_ns: i64, fix: &GnssVelocity<T>) -> Innovation<T> {
-        let checked = check_fix(&fix.ned, &fix.std, FASTEST_M_S)
+        let checked = check_fix(&fix.ned, &fix.std, [FASTEST_M_S; 2])
             .and_then(|()| self.accept(Aid::GnssVelocity, time_ns));
         if checked.is_ok() {
             let slow = lit::<T>(RECEIVER_STANDS_M_S) + fix.std.max();
@@ -534,9 +535,13 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     }
 }
 
-fn check_fix<T: Scalar>(ned: &Vector3<T>, std: &Vector3<T>, limit: f64) -> Result<(), SkipReason> {
-    check_vector(ned, T::zero(), lit(limit))?;
-    check_vector(std, T::zero(), lit(limit))?;
+fn check_fix<T: Scalar>(
+    ned: &Vector3<T>,
+    std: &Vector3<T>,
+    [furthest, largest]: [f64; 2],
+) -> Result<(), SkipReason> {
+    check_vector(ned, T::zero(), lit(furthest))?;
+    check_vector(std, T::zero(), lit(largest))?;
     let positive = std.iter().all(|s| *s > T::zero());
     positive.then_some(()).ok_or(SkipReason::OutOfRange)
 }

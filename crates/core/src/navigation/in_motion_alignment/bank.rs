@@ -111,7 +111,7 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         self.hypotheses.get(..self.count).unwrap_or_default()
     }
 
-    fn in_use_mut(&mut self) -> &mut [Hypothesis<T>] {
+    pub(super) fn in_use_mut(&mut self) -> &mut [Hypothesis<T>] {
         self.hypotheses.get_mut(..self.count).unwrap_or_default()
     }
 

@@ -38,7 +38,7 @@ const LOOSENED_STD: [f64; 3] = [0.02, 0.02, 0.1];
 pub(super) struct Hypothesis<T: Scalar> {
     /// Before the window, with all that has left it.
     pub(super) anchor: Estimate<T>,
-    about: Linearization<T>,
+    pub(super) about: Linearization<T>,
     /// Log evidence of what has left the window.
     pub(super) departed: T,
     /// Log evidence of everything.
@@ -54,12 +54,12 @@ pub(super) struct Hypothesis<T: Scalar> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct AttitudePrior<T: Scalar> {
     #[cfg_attr(feature = "serde", serde(with = "crate::geometry::rotation::wxyz"))]
-    ned_from_body: UnitQuaternion<T>,
+    pub(super) ned_from_body: UnitQuaternion<T>,
     accelerometer_bias: Vector3<T>,
     gyroscope_bias: Vector3<T>,
     /// Of attitude, accelerometer and gyroscope bias.
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
-    covariance: SMatrix<T, 9, 9>,
+    pub(super) covariance: SMatrix<T, 9, 9>,
 }
 
 /// The attitude that a mean specific force at rest belongs to, heading zero.

@@ -103,6 +103,10 @@ impl<T: Scalar, const N: usize> Window<T, N> {
         self.intervals.get(..self.len).unwrap_or_default()
     }
 
+    pub(super) fn intervals_mut(&mut self) -> &mut [Interval<T>] {
+        self.intervals.get_mut(..self.len).unwrap_or_default()
+    }
+
     pub(super) fn newest_mut(&mut self) -> Option<&mut Interval<T>> {
         let used = self.intervals.get_mut(..self.len)?;
         used.last_mut()

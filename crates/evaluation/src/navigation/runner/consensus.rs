@@ -38,7 +38,7 @@ pub(super) enum Step {
 
 /// A fix that waits for another to confirm it.
 #[derive(Debug, Clone, Copy)]
-struct Candidate {
+pub(super) struct Candidate {
     time_ns: i64,
     /// On the ellipsoid, earth-centred, m: heights are not compared.
     place: Vector3<f64>,
@@ -47,7 +47,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn of(time_ns: i64, fix: &GnssPosition) -> Self {
+    pub(super) fn of(time_ns: i64, fix: &GnssPosition) -> Self {
         let std = position_std(fix);
         let on_ellipsoid = Geodetic {
             latitude_rad: fix.latitude_rad,
@@ -68,7 +68,7 @@ impl Candidate {
     }
 
     /// Whether a receiver can have been at both places, each within its stated error.
-    fn could_reach(&self, other: &Self) -> bool {
+    pub(super) fn could_reach(&self, other: &Self) -> bool {
         let errors = (SIGMAS * (self.std + other.std)).min(LARGEST_ALLOWANCE_M);
         let way = FASTEST * seconds_between(self.time_ns, other.time_ns).abs();
         self.distance(other) <= way + errors

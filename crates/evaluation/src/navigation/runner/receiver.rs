@@ -5,6 +5,7 @@ use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_recording::{GnssPosition, GnssQuality, GnssVelocity};
 
 use super::Session;
+use super::moving_origin::MovingFrame;
 use crate::navigation::navigator::{Aid, AidKind};
 use crate::navigation::score::LastFix;
 use crate::navigation::smoothed::Scored;
@@ -37,7 +38,6 @@ impl Session<'_> {
             return;
         }
         self.unusable = false;
-        let ned = self.place(time_ns, fix);
         self.scorer.fix_came(time_ns);
         let thinned = !self
             .fix_index
@@ -45,7 +45,12 @@ impl Session<'_> {
         self.fix_index += 1;
         let left_out = self.options.without.contains(&AidKind::GnssPosition);
         self.held_out = thinned || left_out || self.scorer.in_outage(time_ns);
-        self.observer.fix(time_ns, &ned, !self.held_out);
+        if !self.held_out {
+            self.follow_fix(time_ns, fix);
+        }
+        let ned = self.place(time_ns, fix);
+        let from_the_first = self.frame.map_or(ned, |frame| frame.from_the_first(&ned));
+        self.observer.fix(time_ns, &from_the_first, !self.held_out);
         let std = position_std(fix);
         self.counts.fixes_ns.add(time_ns);
         self.turns.fix(time_ns, &ned, std.x.max(std.y));
@@ -73,22 +78,26 @@ impl Session<'_> {
         self.aid(time_ns, &aid);
     }
 
-    /// Metres from the origin, which the first fix is that got here.
+    /// Metres from the origin of now; the first one is the first fix that got here.
     fn place(&mut self, time_ns: i64, fix: &GnssPosition) -> Vector3<f64> {
-        let height = self.frame.as_ref().map_or(0.0, |f| f.origin().height_m);
+        let now = self.frame.map(|frame| frame.now);
+        let height = now.map_or(0.0, |frame| frame.origin().height_m);
         let place = Geodetic {
             latitude_rad: fix.latitude_rad,
             longitude_rad: fix.longitude_rad,
             height_m: fix.height_m.unwrap_or(height),
         };
-        let frame = *self.frame.get_or_insert_with(|| LocalFrame::new(place));
-        if self.fix_index == 0 {
-            self.observer.origin(&frame);
-            if let Some(declination) = self.navigator.origin(&place, time_ns) {
-                self.learnt("declination", declination);
-            }
+        if let Some(frame) = &mut self.frame {
+            frame.is_at(&place);
+            return frame.now.ned(&place);
         }
-        frame.ned(&place)
+        let frame = LocalFrame::new(place);
+        self.frame = Some(MovingFrame::new(frame, time_ns, fix));
+        self.observer.origin(&frame);
+        if let Some(declination) = self.navigator.origin(&frame, time_ns) {
+            self.learnt("declination", declination);
+        }
+        Vector3::zeros()
     }
 
     /// Keeps a fix for the answers that need no filter; its velocity is the way from the one before until
@@ -110,8 +119,11 @@ impl Session<'_> {
     }
 
     pub(super) fn gnss_velocity(&mut self, time_ns: i64, velocity: &GnssVelocity) {
+        let Some(frame) = self.frame else {
+            return;
+        };
         // What comes with a fix that nobody should use is no measurement either.
-        if self.frame.is_none() || self.unusable || !velocity.is_finite() {
+        if self.unusable || !velocity.is_finite() {
             return;
         }
         let vertical = velocity.down_m_s.is_some();
@@ -120,6 +132,7 @@ impl Session<'_> {
             velocity.east_m_s,
             velocity.down_m_s.unwrap_or(0.0),
         );
+        let ned = frame.velocity(&ned);
         self.turns.velocity(time_ns, &ned);
         if !self.has_reference {
             let latencies = &self.options.parameters.error_state;

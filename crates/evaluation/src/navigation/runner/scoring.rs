@@ -15,16 +15,18 @@ use crate::navigation::smoothed::{self, Scored};
 impl Session<'_> {
     pub(super) fn reference_position(&mut self, time_ns: i64, place: &GnssPosition) {
         self.has_reference = true;
-        let Some(frame) = self.frame.filter(|_| place.is_usable()) else {
+        let Some(moving) = self.frame.filter(|_| place.is_usable()) else {
             return;
         };
+        let frame = moving.now;
         let height = place.height_m.unwrap_or(frame.origin().height_m);
         let ned = frame.ned(&Geodetic {
             latitude_rad: place.latitude_rad,
             longitude_rad: place.longitude_rad,
             height_m: height,
         });
-        self.observer.reference(time_ns, &ned);
+        self.observer
+            .reference(time_ns, &moving.from_the_first(&ned));
         let std = place.std_m.map_or(0.0, |[north, east, _]| north.max(east));
         self.score_position(time_ns, &ned, std, place.height_m.is_some());
     }
@@ -37,9 +39,13 @@ impl Session<'_> {
         std: f64,
         vertical: bool,
     ) {
+        let Some(frame) = self.frame.map(|frame| frame.now) else {
+            return;
+        };
         self.counts.scored_at_reference = self.has_reference;
         let point = ScorePoint {
             time_ns,
+            frame,
             ned: *ned,
             std,
             vertical,

@@ -6,6 +6,7 @@
 use std::ops::RangeInclusive;
 
 use nalgebra::{Vector2, Vector3};
+use northing_core::earth::FrameChange;
 use northing_core::geometry::trigonometry::wrap;
 
 use crate::statistics::seconds_between;
@@ -145,6 +146,13 @@ impl TurnAgreement {
         if !self.has_velocity && clear && passed < LONGEST_COURSE_S {
             let middle_ns = before_ns + (time_ns - before_ns) / 2;
             self.course(middle_ns, way.y.atan2(way.x));
+        }
+    }
+
+    /// Positions are of another local frame from now on.
+    pub(super) fn move_origin(&mut self, change: &FrameChange<f64>) {
+        if let Some((_, place)) = &mut self.last_fix {
+            *place = change.position(&place.push(0.0)).xy();
         }
     }
 
