@@ -4,6 +4,7 @@
 //! vehicle; everything inside is metres from there. Fixes can be thinned and held out, and what is held out is scored at. Memory does not grow
 //! with the recording, unless the estimates are smoothed.
 
+mod axes_agreement;
 mod consensus;
 mod finish;
 mod moving_origin;
@@ -19,6 +20,7 @@ use northing_core::geometry::frames::{flu_from_frd, flu_from_phone};
 use northing_core::kalman::{Outcome, SkipReason};
 use northing_recording::{DeviceNavigation, Event, Sample, SensorKind, WorldFrame};
 
+use self::axes_agreement::AxesAgreement;
 use self::consensus::{FixConsensus, Step};
 use self::moving_origin::MovingFrame;
 use self::turn_agreement::TurnAgreement;
@@ -102,6 +104,7 @@ struct Session<'a> {
     frame: Option<MovingFrame>,
     inertial: Inertial,
     turns: TurnAgreement,
+    axes: AxesAgreement,
     scorer: Scorer,
     has_reference: bool,
     /// Usable fixes so far.
@@ -181,6 +184,7 @@ impl<'a> Session<'a> {
             frame: None,
             inertial: Inertial::default(),
             turns: TurnAgreement::default(),
+            axes: AxesAgreement::default(),
             scorer: Scorer::new(options.score_from_s, &options.outages),
             has_reference: false,
             fix_index: 0,
@@ -348,6 +352,7 @@ impl<'a> Session<'a> {
         self.counts.inertial += 1;
         self.counts.inertial_ns.add(time_ns);
         self.turns.inertial(time_ns, &rate, &force);
+        self.axes.inertial(time_ns, &rate, &force);
         self.turn_rate = rate.norm();
         self.navigator
             .inertial(time_ns, &rate, &force, &mut self.told);

@@ -61,8 +61,13 @@ impl Session<'_> {
         format!("; {}", reasons.join("; "))
     }
 
+    /// Clocks, units, signs or axes that the turns, and the accelerations, show to be wrong.
+    fn wrong_axes(&self) -> Option<String> {
+        self.turns.issue().or_else(|| self.axes.issue())
+    }
+
     fn why_none_was_used(&self) -> String {
-        if let Some(issue) = self.turns.issue() {
+        if let Some(issue) = self.wrong_axes() {
             return issue.trim_end_matches('.').to_owned();
         }
         let aid = self.counts.aids.get(&AidKind::GnssPosition);
@@ -95,6 +100,7 @@ impl Session<'_> {
 
     pub(super) fn finish(mut self, name: &str) -> Result<NavigationSummary, EvaluationError> {
         self.check()?;
+        let wrong_axes = self.wrong_axes();
         let counts = self.counts;
         let kind = self.options.estimator;
         let origin = self.frame.map(|frame| Origin::from(frame.first.origin()));
@@ -110,7 +116,7 @@ impl Session<'_> {
         let heading = self.scorer.heading_score();
         let mut issues = Vec::new();
         issues.extend(self.consensus.left_out().map(|fixes| fixes.sentence(first)));
-        issues.extend(self.turns.issue());
+        issues.extend(wrong_axes);
         if counts.zero_std > 0 {
             issues.push(format!(
                 "{} fixes state a standard deviation of 0 or below: taken as not stated.",

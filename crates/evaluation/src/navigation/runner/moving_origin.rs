@@ -119,6 +119,7 @@ impl Session<'_> {
         frame.now = moved;
         self.navigator.move_origin(&moved, &change, time_ns);
         self.turns.move_origin(&change);
+        self.axes.move_origin(&change);
         if let Some(last) = &mut self.last_fix {
             last.ned = change.position(&last.ned);
             last.velocity = change.vector(&last.velocity);

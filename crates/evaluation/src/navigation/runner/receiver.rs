@@ -54,6 +54,7 @@ impl Session<'_> {
         let std = position_std(fix);
         self.counts.fixes_ns.add(time_ns);
         self.turns.fix(time_ns, &ned, std.x.max(std.y));
+        self.axes.fix(time_ns, &ned, std.x.max(std.y));
         self.counts.zero_std += u64::from(fix.std_m.is_some() && stated(fix.std_m).is_none());
         let vertical = fix.height_m.is_some();
         let latencies = &self.options.parameters.error_state;
