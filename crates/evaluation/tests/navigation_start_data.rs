@@ -3,11 +3,13 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::cell::RefCell;
 use std::path::Path;
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use northing_evaluation::navigation::{
-    NavigationKind, NavigationOptions, NavigationSummary, run_navigation,
+    NavigationEstimate, NavigationKind, NavigationObserver, NavigationOptions, NavigationSummary,
+    run_navigation,
 };
 use northing_evaluation::statistics::median;
 use northing_recording::test_data::data_dir;
@@ -26,6 +28,8 @@ struct Part<'a> {
     is_quiet: bool,
     gnss_every: u32,
     smooth: bool,
+    /// Whether an axis of the inertial unit is reversed.
+    is_mirrored: bool,
 }
 
 impl<'a> Part<'a> {
@@ -38,10 +42,15 @@ impl<'a> Part<'a> {
             is_quiet: false,
             gnss_every: 1,
             smooth: false,
+            is_mirrored: false,
         }
     }
 
     fn run(&self) -> NavigationSummary {
+        self.watched(&mut Headings::default())
+    }
+
+    fn watched(&self, headings: &mut Headings) -> NavigationSummary {
         let options = OpenOptions {
             data: Some(self.data.to_owned()),
             ..OpenOptions::default()
@@ -54,11 +63,21 @@ impl<'a> Part<'a> {
         options.smooth = self.smooth;
         let mut begins_ns = None;
         let mut means = [None; 2];
+        let references = RefCell::new(Vec::new());
         let events = (&mut recording).filter_map(|event| {
-            let event = match event {
+            let mut event = match event {
                 Ok(event) => event,
                 Err(error) => return Some(Err(error)),
             };
+            if let Sample::Reference(reference) = &event.sample {
+                let seen = (event.time_ns, reference.attitude);
+                references.borrow_mut().push(seen);
+            }
+            if self.is_mirrored
+                && let Sample::AngularRate(v) | Sample::SpecificForce(v) = &mut event.sample
+            {
+                v.y = -v.y;
+            }
             let begins_ns = *begins_ns.get_or_insert(event.time_ns);
             let t = (event.time_ns - begins_ns) as f64 * 1e-9;
             let used = t >= self.from_s && t <= self.until_s;
@@ -72,7 +91,44 @@ impl<'a> Part<'a> {
             })
         });
         let world = metadata.world_frame;
-        run_navigation(events, "part", world, &options, &mut ()).unwrap()
+        let summary = run_navigation(events, "part", world, &options, headings).unwrap();
+        headings.references = references.into_inner();
+        summary
+    }
+}
+
+/// The headings of a run, and those of the reference.
+#[derive(Default)]
+struct Headings {
+    /// Time, attitude, and standard deviation of the heading, rad.
+    estimates: Vec<(i64, UnitQuaternion<f64>, f64)>,
+    references: Vec<(i64, UnitQuaternion<f64>)>,
+}
+
+impl Headings {
+    /// Error and stated standard deviation, deg, of each instant of the reference.
+    fn errors(&self) -> Vec<[f64; 2]> {
+        let of = |(time_ns, truth): &(i64, UnitQuaternion<f64>)| {
+            let after = self.estimates.partition_point(|e| e.0 <= *time_ns);
+            let (at, attitude, std) = self.estimates.get(after.checked_sub(1)?)?;
+            let d = (attitude * truth.inverse()).to_rotation_matrix();
+            let off = (d[(1, 0)] - d[(0, 1)]).atan2(d[(0, 0)] + d[(1, 1)]);
+            (time_ns - at < 30_000_000).then(|| [off.abs(), *std].map(f64::to_degrees))
+        };
+        self.references.iter().filter_map(of).collect()
+    }
+}
+
+impl NavigationObserver for Headings {
+    fn interval_ns(&self) -> i64 {
+        0
+    }
+
+    fn estimate(&mut self, estimate: &NavigationEstimate) {
+        let stated = estimate.ned_from_body.zip(estimate.heading_std);
+        if let Some((attitude, std)) = stated {
+            self.estimates.push((estimate.time_ns, attitude, std));
+        }
     }
 }
 
@@ -166,5 +222,63 @@ fn a_drive_is_entered_anywhere() {
             let most = 0.15_f64.min(1.3 * standing);
             assert!(position.horizontal_rmse_m <= most, "{position:?}");
         }
+    }
+}
+
+/// A heading that is stated below 8 degrees is within 5 degrees, or three times what is stated.
+#[test]
+fn a_heading_that_is_known_is_one() {
+    let Some(data) = data_dir("a_heading_that_is_known_is_one") else {
+        return;
+    };
+    let mut counts = [0; 2];
+    for path in flights(&data) {
+        let name = path.file_stem().unwrap().display().to_string();
+        let mut headings = Headings::default();
+        Part::whole(&path, &data).watched(&mut headings);
+        let errors = headings.errors();
+        let known: Vec<_> = errors.iter().filter(|[_, std]| *std < 8.0).collect();
+        let beyond = |[off, std]: &&&[f64; 2]| *off > 5_f64.max(3.0 * std);
+        let outside = known.iter().filter(beyond).count();
+        let [worst, sigmas] = known
+            .iter()
+            .fold([0.0_f64; 2], |[worst, sigmas], [off, std]| {
+                [worst.max(*off), sigmas.max(off / std)]
+            });
+        println!(
+            "{name:16} known {} of {}, outside {outside}, worst {worst:.1} deg, {sigmas:.1} sigma",
+            known.len(),
+            errors.len()
+        );
+        counts[0] += known.len();
+        counts[1] += errors.len();
+        assert_eq!(outside, 0, "{name}");
+    }
+    // Two flights hover so much that it is hardly ever known.
+    let [known, all] = counts;
+    assert!(10 * known > 6 * all, "{known} of {all}");
+}
+
+/// The flights turn faster than their fixes come, so nothing is said of them; above all nothing wrong.
+#[test]
+fn left_handed_axes_are_found_out_on_the_road() {
+    let Some(data) = data_dir("left_handed_axes_are_found_out_on_the_road") else {
+        return;
+    };
+    let issues = |path: &Path, is_mirrored: bool| {
+        let part = Part {
+            is_mirrored,
+            ..Part::whole(path, &data)
+        };
+        part.run().issues.join(" ")
+    };
+    let road = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/recordings/car_rtk.toml");
+    assert_eq!(issues(&road, false), "");
+    let mirrored = issues(&road, true);
+    assert!(mirrored.contains("are left-handed"), "{mirrored}");
+    for path in flights(&data) {
+        assert_eq!(issues(&path, false), "");
+        let mirrored = issues(&path, true);
+        assert!(!mirrored.contains("signs of"), "{mirrored}");
     }
 }
