@@ -55,11 +55,13 @@
 
 mod clock;
 mod config;
+mod constraints;
 mod counts;
 mod inertial;
 mod memory;
 mod moved_origin;
 mod propagation;
+mod receiver;
 mod solution;
 mod start;
 mod start_without_inertial;
@@ -76,7 +78,7 @@ use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 pub use config::{GnssInsConfig, ImuSamples};
 pub use counts::{Aid, AidCounts};
 pub use memory::GnssInsState;
-pub use updates::{ErrorShares, GnssPositionUpdate};
+pub use receiver::{ErrorShares, GnssPositionUpdate};
 
 use self::memory::Memory;
 use super::augmented_states::{AUGMENTED_STATES, AugmentedStates};

@@ -1,0 +1,209 @@
+//! Faults: fixes that jump, input that cannot be, gaps, clocks that go back.
+
+use super::*;
+
+#[test]
+fn fixes_that_jump_are_left_out_and_accepted_when_they_stay() {
+    let (mut ins, mut motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    assert_eq!(ins.validity(), Validity::Aided);
+    let before = ins.state().unwrap().ned_from_body;
+    let (mut outcomes, mut statuses) = (std::vec::Vec::new(), std::vec::Vec::new());
+    let turned = |ins: &GnssIns<f64, 64>, motion: &Motion| {
+        let [yaw, _, _] = rotation::to_yaw_pitch_roll(&ins.state().unwrap().ned_from_body);
+        (yaw - motion.heading).sin().abs()
+    };
+    let mut worst_heading = 0.0_f64;
+    for k in 1..=2000_i64 {
+        motion.step(60.0 + k as f64 * 0.01, 0.01);
+        let time_ns = 60_000_000_000 + k * 10_000_000;
+        ins.imu(time_ns, &motion.rate(), &motion.force()).unwrap();
+        if k % 100 == 0 {
+            let jumped = GnssPosition {
+                ned: motion.position + Vector3::new(50.0, 0.0, 0.0),
+                std: Vector3::new(0.05, 0.05, 0.1),
+                has_height: true,
+            };
+            outcomes.push(ins.gnss_position(time_ns, &jumped).horizontal.outcome);
+            statuses.push(ins.validity());
+            let std = ins.state().unwrap().covariance[(2, 2)].sqrt();
+            worst_heading = worst_heading.max(turned(&ins, &motion) / std);
+        }
+    }
+    assert_eq!(outcomes[..4], [Outcome::Gated; 4]);
+    assert_eq!(statuses[3], Validity::DeadReckoning, "it says so");
+    assert!(statuses.contains(&Validity::HeadingUnknown));
+    assert_eq!((ins.realignments(), ins.restarts()), (1, 0));
+    let off = ins.state().unwrap().position - motion.position - Vector3::x() * 50.0;
+    assert!(off.norm() < 0.2, "{off}");
+    // The attitude of before has won: only the position was wrong.
+    assert!(worst_heading < 3.0, "{worst_heading} standard deviations");
+    assert!(turned(&ins, &motion) < 0.03 && before != ins.state().unwrap().ned_from_body);
+    assert_eq!(ins.validity(), Validity::Aided);
+}
+
+#[test]
+fn bad_input_is_counted_and_changes_nothing() {
+    let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    let now = ins.time_ns().unwrap();
+    let before = *ins.state().unwrap();
+    let nan = Vector3::repeat(f64::NAN);
+    let (rate, force) = (motion.rate(), motion.force());
+    assert_eq!(ins.imu(now, &rate, &force), Err(SkipReason::NotNewer));
+    assert_eq!(ins.imu(now + 1, &nan, &force), Err(SkipReason::NotFinite));
+    assert_eq!(
+        ins.imu(now + 1, &rate, &(force * 1e4)),
+        Err(SkipReason::OutOfRange)
+    );
+    assert_eq!(ins.imu_skipped(), 3);
+    let good = GnssPosition {
+        ned: motion.position,
+        std: Vector3::repeat(1.0),
+        has_height: true,
+    };
+    let skipped = |ins: &mut GnssIns<f64, 64>, time_ns, fix: &GnssPosition<f64>| match ins
+        .gnss_position(time_ns, fix)
+        .horizontal
+        .outcome
+    {
+        Outcome::Skipped(reason) => reason,
+        other => panic!("{other:?}"),
+    };
+    let later = now + 5_000_000;
+    assert_eq!(
+        skipped(&mut ins, later, &GnssPosition { ned: nan, ..good }),
+        SkipReason::NotFinite
+    );
+    assert_eq!(
+        skipped(
+            &mut ins,
+            later,
+            &GnssPosition {
+                std: -good.std,
+                ..good
+            }
+        ),
+        SkipReason::OutOfRange
+    );
+    let swapped = GnssPosition {
+        ned: good.ned * 1e5,
+        ..good
+    };
+    assert_eq!(skipped(&mut ins, later, &swapped), SkipReason::OutOfRange);
+    assert_eq!(
+        skipped(&mut ins, now, &good),
+        SkipReason::NotNewer,
+        "the last fix had this stamp"
+    );
+    assert_eq!(
+        skipped(&mut ins, now + 5_000_000_000, &good),
+        SkipReason::TooLate
+    );
+    assert!(!ins.heading(later, f64::NAN, 0.1).outcome.is_fused());
+    assert!(!ins.barometer(later, f64::INFINITY).outcome.is_fused());
+    assert!(
+        !ins.magnetometer(later, &Vector3::zeros())
+            .outcome
+            .is_fused()
+    );
+    assert!(!ins.speed(later, 1.0, 0.0).outcome.is_fused());
+    assert_eq!(*ins.state().unwrap(), before);
+    assert_eq!(
+        ins.counts(Aid::GnssPosition).skipped as usize,
+        5 + before_start(&ins)
+    );
+    let broken = GnssInsConfig {
+        gravity: f64::NAN,
+        ..config()
+    };
+    assert_eq!(GnssIns::<f64>::new(broken).unwrap_err().field, "gravity");
+}
+
+#[test]
+fn gaps_are_bridged_and_a_long_one_starts_again() {
+    let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    let now = ins.time_ns().unwrap();
+    let before = *ins.state().unwrap();
+    ins.imu(now + 2_000_000_000, &motion.rate(), &motion.force())
+        .unwrap();
+    let bridged = *ins.state().unwrap();
+    let moved = bridged.position - before.position;
+    assert!((moved - before.velocity * 2.0).norm() < 0.1, "{moved}");
+    assert!(bridged.covariance[(3, 3)] > before.covariance[(3, 3)] + 7.0);
+    assert_eq!((ins.gaps(), ins.restarts()), (1, 0));
+    ins.imu(now + 30_000_000_000, &motion.rate(), &motion.force())
+        .unwrap();
+    assert_eq!(
+        (ins.validity(), ins.gaps(), ins.restarts()),
+        (Validity::Aligning, 2, 1)
+    );
+}
+
+#[test]
+fn a_clock_that_goes_back_is_followed_and_stray_stamps_are_not() {
+    let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    let now = ins.time_ns().unwrap();
+    let (rate, force) = (motion.rate(), motion.force());
+    // Stragglers, and a few strays.
+    for back in [10, 20, 400, 30_000, 40_000, 50_000] {
+        let refused = ins.imu(now - back * 1_000_000, &rate, &force);
+        assert_eq!(refused, Err(SkipReason::NotNewer));
+    }
+    assert_eq!((ins.validity(), ins.restarts()), (Validity::Aided, 0));
+    ins.imu(now + 10_000_000, &rate, &force).unwrap();
+    // The unit restarts: its counter begins anew.
+    let refused = |ins: &mut GnssIns<f64, 64>| {
+        let samples = (1..=3000_i64).map(|k| ins.imu(k * 10_000_000, &Vector3::zeros(), &force));
+        samples.filter(Result::is_err).count()
+    };
+    assert_eq!(refused(&mut ins), 8);
+    assert_eq!((ins.validity(), ins.restarts()), (Validity::Aligning, 1));
+    assert_eq!(ins.time_ns(), Some(30_000_000_000));
+    let fix = GnssPosition {
+        ned: motion.position,
+        std: Vector3::repeat(0.05),
+        has_height: true,
+    };
+    let told = ins.gnss_position(30_000_000_000, &fix).horizontal.outcome;
+    assert_eq!(told, Outcome::Skipped(SkipReason::NotInitialized));
+}
+
+#[test]
+fn a_rate_at_rest_that_is_refused_is_let_in_after_a_while() {
+    let standing = GnssInsConfig {
+        zero_velocity: true,
+        initial_heading: Some([0.0, 0.02]),
+        ..config()
+    };
+    let mut ins = GnssIns::<f64, 64>::new(standing).unwrap();
+    let force = Vector3::new(0.0, 0.0, -GRAVITY);
+    // The bias jumps by 2 degrees a second, about the axis that gravity says nothing of.
+    let jump = 0.035;
+    for k in 1..=12_000_i64 {
+        let time_ns = k * 10_000_000;
+        let rate = Vector3::z() * if k > 9000 { jump } else { 0.0 };
+        ins.imu(time_ns, &rate, &force).unwrap();
+        if k % 100 == 0 {
+            let std = Vector3::repeat(0.5);
+            let (ned, has_height) = (Vector3::zeros(), true);
+            ins.gnss_position(
+                time_ns,
+                &GnssPosition {
+                    ned,
+                    std,
+                    has_height,
+                },
+            );
+            let (std, has_vertical) = (Vector3::repeat(0.05), true);
+            ins.gnss_velocity(
+                time_ns,
+                &GnssVelocity {
+                    ned,
+                    std,
+                    has_vertical,
+                },
+            );
+        }
+    }
+    let bias = ins.state().unwrap().gyroscope_bias.z;
+    assert!((bias - jump).abs() < 0.2 * jump, "{bias}");
+}
