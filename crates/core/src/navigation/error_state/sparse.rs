@@ -86,12 +86,9 @@ impl<T: Scalar> ErrorStateFilter<T> {
         threshold: T,
         listener: &mut impl ErrorListener<T, ERRORS>,
     ) -> Innovation<T> {
-        const { assert!(M <= 3) };
-        let used = Used::of_states(side);
-        let Some(mut expected) = Expected::of(&self.state.covariance, side, used, measurement)
-        else {
-            self.count_skipped();
-            return Innovation::skipped(SkipReason::Numerical);
+        let (used, mut expected) = match self.expect(side, measurement) {
+            Ok(expected) => expected,
+            Err(reason) => return Innovation::skipped(reason),
         };
         let outcome = match gate.decide(expected.nis, threshold, REJECTIONS_ACCEPTED) {
             GateDecision::Accept => Outcome::Fused,
@@ -118,12 +115,9 @@ impl<T: Scalar> ErrorStateFilter<T> {
         how: Weighting,
         listener: &mut impl ErrorListener<T, ERRORS>,
     ) -> Innovation<T> {
-        const { assert!(M <= 3) };
-        let used = Used::of_states(side);
-        let Some(mut expected) = Expected::of(&self.state.covariance, side, used, measurement)
-        else {
-            self.count_skipped();
-            return Innovation::skipped(SkipReason::Numerical);
+        let (used, mut expected) = match self.expect(side, measurement) {
+            Ok(expected) => expected,
+            Err(reason) => return Innovation::skipped(reason),
         };
         let weight = weight_of::<T, M>(expected.nis);
         let outcome = if weight >= T::one() || how == Weighting::None {
@@ -149,6 +143,22 @@ impl<T: Scalar> ErrorStateFilter<T> {
             self.fuse_expected(side, used, measurement, &mut expected, listener);
         }
         record
+    }
+
+    /// Which augmented states are in use, and what is expected of a measurement.
+    #[inline(always)]
+    fn expect<const M: usize>(
+        &mut self,
+        side: &AugmentedStates<T>,
+        measurement: &SparseMeasurement<T, M>,
+    ) -> Result<(Used, Expected<T, M>), SkipReason> {
+        const { assert!(M <= 3) };
+        let used = Used::of_states(side);
+        let expected = Expected::of(&self.state.covariance, side, used, measurement);
+        if expected.is_none() {
+            self.count_skipped();
+        }
+        Ok((used, expected.ok_or(SkipReason::Numerical)?))
     }
 
     /// Fuses a measurement that the gate would still refuse, with the states that it sees set free (E17).

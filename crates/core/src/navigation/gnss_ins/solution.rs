@@ -32,14 +32,25 @@ impl<T: Scalar> NavigationState<T> {
         arm: &Vector3<T>,
     ) -> (Vector3<T>, Matrix3<T>) {
         let late = side.values[TIME_OFFSET];
-        let arm = self.ned_from_body * arm;
-        let swing = -so3::skew(&arm);
         let block = |i: usize, j: usize| self.covariance.fixed_view::<3, 3>(i, j).into_owned();
-        let with =
-            |j: usize| block(POSITION, j) - block(VELOCITY, j) * late + swing * block(ATTITUDE, j);
-        let own = with(POSITION) - with(VELOCITY) * late + with(ATTITUDE) * swing.transpose();
+        let has_arm = arm.norm_squared() > T::zero();
+        if !has_arm && !side.is_used(TIME_OFFSET) && late.abs() <= T::zero() {
+            return (self.position, block(POSITION, POSITION));
+        }
+        let with = |j: usize| block(POSITION, j) - block(VELOCITY, j) * late;
+        let mut own = with(POSITION) - with(VELOCITY) * late;
         let timed = |i: usize| side.cross.fixed_view::<3, 1>(i, TIME_OFFSET).into_owned();
-        let timed = timed(POSITION) - timed(VELOCITY) * late + swing * timed(ATTITUDE);
+        let mut timed_own = timed(POSITION) - timed(VELOCITY) * late;
+        let mut arm = *arm;
+        if has_arm {
+            arm = self.ned_from_body * arm;
+            let swing = -so3::skew(&arm);
+            let turned = with(ATTITUDE) * swing.transpose();
+            own += turned + turned.transpose();
+            own += swing * block(ATTITUDE, ATTITUDE) * swing.transpose();
+            timed_own += swing * timed(ATTITUDE);
+        }
+        let timed = timed_own;
         let moved = timed * self.velocity.transpose();
         let variance = side.covariance[(TIME_OFFSET, TIME_OFFSET)];
         let covariance =

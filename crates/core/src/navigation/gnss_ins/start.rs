@@ -271,6 +271,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.memory.aligning = false;
         self.memory.disagreeing = 0;
         let scale = self.alignment.noise_scale();
+        // That of velocities begins anew: while the heading was not known it has learnt the filter's own errors.
         self.memory.noise_scale = [scale, scale, T::one()];
     }
 
