@@ -131,7 +131,7 @@ impl NavigationTrace {
         seconds_between(first, time_ns)
     }
 
-    fn from_the_first_origin(&self, estimate: &NavigationEstimate) -> Vector3<f64> {
+    fn place_from_the_first_origin(&self, estimate: &NavigationEstimate) -> Vector3<f64> {
         match &self.frame {
             Some(first) => estimate.in_frame(first).position,
             None => estimate.position,
@@ -145,7 +145,7 @@ impl NavigationTrace {
             .map(|attitude| to_yaw_pitch_roll(&attitude).map(f64::to_degrees));
         NavigationPoint {
             time_s: self.time_s(estimate.time_ns),
-            position_m: self.from_the_first_origin(estimate).into(),
+            position_m: self.place_from_the_first_origin(estimate).into(),
             covariance_m2: [c.m11, c.m22, c.m33, c.m12],
             velocity_m_s: estimate.velocity.into(),
             angles_deg: angles,

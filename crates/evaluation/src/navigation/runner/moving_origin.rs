@@ -42,7 +42,7 @@ impl MovingFrame {
     }
 
     /// A position of the frame of now, m, counted from the first origin.
-    pub(super) fn from_the_first(&self, ned: &Vector3<f64>) -> Vector3<f64> {
+    pub(super) fn seen_from_the_first(&self, ned: &Vector3<f64>) -> Vector3<f64> {
         if self.now.origin() == self.first.origin() {
             *ned
         } else {

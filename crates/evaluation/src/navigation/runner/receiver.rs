@@ -49,7 +49,9 @@ impl Session<'_> {
             self.follow_fix(time_ns, fix);
         }
         let ned = self.place(time_ns, fix);
-        let from_the_first = self.frame.map_or(ned, |frame| frame.from_the_first(&ned));
+        let from_the_first = self
+            .frame
+            .map_or(ned, |frame| frame.seen_from_the_first(&ned));
         self.observer.fix(time_ns, &from_the_first, !self.held_out);
         let std = position_std(fix);
         self.counts.fixes_ns.add(time_ns);

@@ -26,7 +26,7 @@ impl Session<'_> {
             height_m: height,
         });
         self.observer
-            .reference(time_ns, &moving.from_the_first(&ned));
+            .reference(time_ns, &moving.seen_from_the_first(&ned));
         let std = place.std_m.map_or(0.0, |[north, east, _]| north.max(east));
         self.score_position(time_ns, &ned, std, place.height_m.is_some());
     }
