@@ -91,7 +91,7 @@ impl Diagnosis {
         self.stuck(&mut findings);
         findings.extend(self.hole());
         self.saturations(&mut findings);
-        self.from_rests(&mut findings);
+        self.rests(&mut findings);
         findings.extend(self.disturbance());
         findings.extend(self.acceleration());
         self.stamps(&mut findings);
@@ -211,7 +211,7 @@ impl Diagnosis {
         }
     }
 
-    fn from_rests(&self, findings: &mut Vec<Finding>) {
+    fn rests(&self, findings: &mut Vec<Finding>) {
         let chance = |sigmas: f64| 1.0 - (-0.5 * sigmas * sigmas).exp();
         if let Some(change) = self.rests.bias_change() {
             findings.push(Finding {

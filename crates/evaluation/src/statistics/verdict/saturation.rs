@@ -12,6 +12,11 @@ const LONG_RUN: usize = 10;
 /// The end of the range of an axis is no less than this share of the sensor's largest value.
 const LEVEL: f64 = 0.5;
 
+/// Whether a sensor has delivered the same number again, to the last bit.
+fn is_same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits()
+}
+
 /// Watches the axes of one sensor.
 #[derive(Debug, Clone, Default)]
 pub struct Saturation {
@@ -47,7 +52,8 @@ impl Run {
         self.length += 1;
         self.least = self.least.inf(sample);
         self.most = self.most.sup(sample);
-        self.others_repeat |= (0..3).any(|other| other != axis && sample[other] == last[other]);
+        let repeats = |other: usize| other != axis && is_same(sample[other], last[other]);
+        self.others_repeat |= (0..3).any(repeats);
     }
 
     fn is_saturated(&self, largest: f64) -> bool {
@@ -74,7 +80,7 @@ impl Saturation {
             let at_end = size > least && size >= self.largest[axis].max(LEVEL * largest);
             match self
                 .last
-                .filter(|last| at_end && last[axis] == sample[axis])
+                .filter(|last| at_end && is_same(last[axis], sample[axis]))
             {
                 Some(last) => run.go_on(axis, &last, sample),
                 None => *run = Run::default(),
