@@ -283,6 +283,3 @@ impl Channel {
         (self.saturation.add(v, least), self.timing.add(time_ns))
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -5,12 +5,12 @@ use northing_core::geometry::so3;
 use northing_recording::{Event, RecordingError, Sample, SensorKind};
 use northing_simulation::random::{normal_vector, stream};
 
-use super::findings::{Cause, Finding};
-use crate::attitude::kinds::EstimatorKind;
-use crate::attitude::options::RunOptions;
-use crate::attitude::parameters::Profile;
-use crate::attitude::runner::run;
-use crate::statistics::consistency::{NoiseVerdict, SensorVerdict};
+use northing_evaluation::attitude::kinds::EstimatorKind;
+use northing_evaluation::attitude::options::RunOptions;
+use northing_evaluation::attitude::parameters::Profile;
+use northing_evaluation::attitude::runner::run;
+use northing_evaluation::statistics::consistency::{NoiseVerdict, SensorVerdict};
+use northing_evaluation::statistics::verdict::findings::{Cause, Finding};
 
 /// Noise of gyroscope, accelerometer and magnetometer, as the tests state it to the filter.
 const STD: [f64; 3] = [0.002, 0.05, 0.5];
