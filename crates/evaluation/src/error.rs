@@ -2,8 +2,6 @@
 
 use northing_core::ConfigError;
 
-use crate::attitude::reference::ReferenceProblem;
-
 /// A run that cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -224,7 +222,7 @@ pub enum EvaluationError {
     },
     /// The reference cannot be that of the recording's sensors.
     #[error("the reference is refused: {0}; --ignore-reference runs without it")]
-    Reference(ReferenceProblem),
+    Reference(Box<dyn std::error::Error + Send + Sync>),
     /// The alignment of a reference was asked for, and nothing shows it.
     #[error(
         "the clock of the reference cannot be found: expected a reference and a gyroscope that turn together for 10 s or \

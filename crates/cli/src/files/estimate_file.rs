@@ -286,7 +286,7 @@ mod tests {
         );
     }
 
-    /// From the covariance of a row the standard deviations beside it follow, for a reader who knows the convention
+    /// From the covariance of a row the standard deviations beside it follow, for a reader with the convention
     /// alone: body axes, turned into the world by the row's quaternion.
     #[test]
     fn tilt_and_heading_follow_from_the_covariance_of_the_row() {

@@ -116,7 +116,7 @@ fn an_offset_is_said_and_taken_out_when_asked() {
 /// Exit code 2, the file, the number, and what to do.
 #[test]
 fn references_of_another_clock_or_motion_are_refused() {
-    let faster = lab(|t| 0.99 * t);
+    let faster = lab(|t| 0.995 * t);
     let text = faster.refuses(&["run", "turntable.csv"]);
     contains(
         &text,

@@ -109,7 +109,7 @@ where
         kind => run_filter(&mut instants, options, observer, kind),
     }?;
     if let Some(problem) = summary.reference.as_ref().and_then(|r| r.problem) {
-        return Err(EvaluationError::Reference(problem));
+        return Err(EvaluationError::Reference(Box::new(problem)));
     }
     summary.issues.extend(said);
     Ok(summary)

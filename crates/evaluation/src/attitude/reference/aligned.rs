@@ -7,7 +7,7 @@ use northing_recording::{Event, Reference, Sample};
 
 use crate::attitude::reference::ReferenceAlignment;
 
-/// Gives the events in time order, references at their corrected time; what is held back is as long as the offset.
+/// Gives the events in time order, references at their corrected time; what waits in memory is as long as the offset.
 #[derive(Debug)]
 pub(crate) struct Aligned<I> {
     events: I,
@@ -125,7 +125,7 @@ mod tests {
         }
     }
 
-    /// Early and late references come in order, none is lost, and what is held back is as long as the offset.
+    /// Early and late references come in order, none is lost, and what waits in memory is as long as the offset.
     #[test]
     fn references_come_at_their_corrected_time() {
         let turned = Turned {

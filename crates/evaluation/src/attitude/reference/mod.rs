@@ -79,6 +79,6 @@ where
         rates.add(&instant);
     }
     find(&rates.series())
-        .map_err(EvaluationError::Reference)?
+        .map_err(|problem| EvaluationError::Reference(Box::new(problem)))?
         .ok_or(EvaluationError::ReferenceAtRest)
 }

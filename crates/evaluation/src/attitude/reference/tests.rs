@@ -18,7 +18,7 @@ fn found(turned: &Turned) -> ReferenceAlignment {
 
 fn problem(turned: &Turned) -> ReferenceProblem {
     match fit(turned.events()) {
-        Err(EvaluationError::Reference(problem)) => problem,
+        Err(EvaluationError::Reference(problem)) => *problem.downcast().unwrap(),
         other => panic!("{other:?}"),
     }
 }
