@@ -1,5 +1,7 @@
 //! Whole diagnoses: a filter over simulated samples with one thing wrong.
 
+#![allow(clippy::unwrap_used)]
+
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::geometry::so3;
 use northing_recording::{Event, RecordingError, Sample, SensorKind};

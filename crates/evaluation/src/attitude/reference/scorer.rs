@@ -193,7 +193,7 @@ mod tests {
         for k in 0..100 {
             let time_ns = 25 * MS * k;
             scorer.estimate(&estimate(time_ns, time_ns as f64 * 1e-9), |r| {
-                given.push(*r)
+                given.push(*r);
             });
             for other in [time_ns + 7 * MS, time_ns + 19 * MS] {
                 scorer.reference(other, truth(other as f64 * 1e-9));

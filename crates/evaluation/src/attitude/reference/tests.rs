@@ -34,8 +34,8 @@ fn scored(turned: &Turned, reference: ReferenceUse) -> Result<RunSummary, Evalua
 /// Offset and misalignment of many references lie within what is stated of them, as often as they should.
 #[test]
 fn offset_and_misalignment_are_found_with_their_uncertainty() {
-    let stamps: [(f64, fn(f64) -> f64); 3] =
-        [(0.217, |t| t - 0.217), (-1.7, |t| t + 1.7), (0.0, |t| t)];
+    type Stamp = fn(f64) -> f64;
+    let stamps: [(f64, Stamp); 3] = [(0.217, |t| t - 0.217), (-1.7, |t| t + 1.7), (0.0, |t| t)];
     let (mut squares, mut count) = ([0.0; 2], 0.0);
     for seed in 1..=6 {
         for (offset, stamp) in stamps {
