@@ -48,7 +48,7 @@ pub(crate) struct EstimationArgs {
     /// Calibrate from the first seconds of the recording, in which the device must rest
     #[arg(long, value_name = "SECONDS", value_parser = positive_seconds, allow_negative_numbers = true)]
     calibrate_first: Option<f64>,
-    /// RTS smoothing over the whole recording (mekf, bounded-velocity, error-state; keeps it in memory)
+    /// Smoothing over the whole recording (mekf, bounded-velocity: RTS; error-state: batch; keeps it in memory)
     #[arg(long)]
     smooth: bool,
     /// Put the reference on the sensors' clock and into their axes before it is scored: clock offset and constant

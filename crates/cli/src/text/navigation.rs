@@ -1,6 +1,7 @@
 //! The outcome of a navigation run for people: a short sheet, numbers with words.
 
 use northing_evaluation::navigation::NavigationSummary;
+use northing_evaluation::navigation::batch_smoother::SmoothingSummary;
 use northing_evaluation::navigation::score::OutageScore;
 use northing_report::navigation_verdicts;
 
@@ -44,6 +45,9 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
         }
         sheet.row(kind.name(), text);
     }
+    if let Some(smoothing) = &summary.smoothing {
+        sheet.row("smoother", of_smoothing(smoothing));
+    }
     let v = &summary.validity;
     sheet.row(
         "solution status",
@@ -73,6 +77,19 @@ pub(crate) fn describe(summary: &NavigationSummary) -> String {
         summary.fixes_used,
         summary.fixes,
         sheet.render()
+    )
+}
+
+fn of_smoothing(s: &SmoothingSummary) -> String {
+    let how = if s.converged {
+        "converged in"
+    } else {
+        "not converged after"
+    };
+    let [x, y, z] = s.lever_arm_m;
+    format!(
+        "{how} {} passes; {} of {} positions count less; time offset of the receiver {:.3} s, lever arm {x:.2} {y:.2} {z:.2} m",
+        s.iterations, s.fixes_down_weighted, s.fixes, s.time_offset_s
     )
 }
 

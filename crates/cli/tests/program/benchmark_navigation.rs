@@ -122,6 +122,10 @@ fn json_has_every_score_and_they_are_those_of_run() {
         lab.json(&[&run[..], &thinned, more].concat())
     };
     assert_eq!(row["position"], run(&[])["position"]);
+    let whole = run(&["--smooth"]);
+    let batch = [&row["batch"], &whole["position"]].map(|scores| &scores["horizontal_rmse_m"]);
+    assert_eq!(batch[0], batch[1]);
+    assert_eq!(whole["smoothing"]["converged"], true);
     let outages = run(&["--outage", "20:10", "--outage", "80:10"]);
     let errors = outages["outages"].as_array().unwrap().iter();
     let errors: Vec<f64> = errors
@@ -150,6 +154,7 @@ fn json_has_every_score_and_they_are_those_of_run() {
     ];
     let smoothed = lab.json(&smoothed);
     assert_eq!(smoothed["smoothed"], true);
+    assert_eq!(smoothed["recordings"][0]["batch"], serde_json::Value::Null);
     let error = |json: &serde_json::Value| {
         let rows = json["recordings"].as_array().unwrap();
         let row = rows

@@ -39,7 +39,9 @@ mod state;
 use nalgebra::{SMatrix, Vector3};
 
 pub use aiding::{GnssCompassFix, GnssCompassUpdate};
-pub use sparse::{REJECTIONS_ACCEPTED, ROW_ELEMENTS, Row, SIDE, SparseMeasurement};
+pub use sparse::{
+    LEAST_WEIGHT, REJECTIONS_ACCEPTED, ROW_ELEMENTS, Row, SIDE, SparseMeasurement, robust_weight,
+};
 pub use state::NavigationState;
 
 use super::transition::{ErrorTransition, ProcessNoise};

@@ -76,6 +76,7 @@ mod tests;
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 pub use config::{GnssInsConfig, ImuSamples};
+pub use constraints::{CONSTRAINT_INTERVAL_S, STANDING_STD};
 pub use counts::{Aid, AidCounts};
 pub use memory::GnssInsState;
 pub use receiver::{ErrorShares, GnssPositionUpdate};
@@ -383,6 +384,13 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         } else {
             self.memory.noise_scale
         }
+    }
+
+    /// Noise densities of gyroscope and accelerometer that it expects now, (rad/s)/sqrt(Hz) and (m/s^2)/sqrt(Hz): those of the
+    /// settings, or what the samples show.
+    pub fn noise_densities(&self) -> [T; 2] {
+        let c = self.filter.config();
+        [c.gyroscope_noise_density, c.accelerometer_noise_density]
     }
 
     /// Whether the unit was found at rest in the last half second.

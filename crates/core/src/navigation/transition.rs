@@ -102,7 +102,7 @@ impl<T: Scalar> ErrorTransition<T> {
     }
 
     /// An interval of which nothing is known but its length: the velocity goes on, and attitude and force stay out.
-    pub(super) fn without_samples(duration: T) -> Self {
+    pub fn without_samples(duration: T) -> Self {
         Self {
             duration,
             ..Self::default()

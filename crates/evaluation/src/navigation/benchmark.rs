@@ -1,7 +1,8 @@
 //! Navigation benchmark: one estimator with its defaults over many recordings, with thinned fixes and with outages.
 //!
 //! The same rule for every recording, so that rows compare: see [`RULE`]. Beside the estimator two answers that need no
-//! filter are scored at the same points: holding the last fix, and extrapolating from it with its velocity.
+//! filter are scored at the same points: holding the last fix, and extrapolating from it with its velocity; and, as a bound, the
+//! batch smoother, which knows the whole recording.
 
 mod survey;
 mod watch;
@@ -37,7 +38,7 @@ const OUTAGE_S: f64 = 10.0;
 pub struct BenchmarkOptions {
     /// The estimator, with its defaults and what each recording knows about its receiver.
     pub estimator: NavigationKind,
-    /// Whether its estimates are RTS-smoothed.
+    /// Whether its estimates are smoothed; otherwise the smoother's stand beside them, as a bound.
     pub smooth: bool,
     /// How recordings are opened.
     pub open: OpenOptions,
@@ -71,6 +72,8 @@ pub struct Row {
     pub scored_against: Option<&'static str>,
     /// Scores of the position.
     pub position: Option<PositionScore>,
+    /// What the recording holds: the batch smoother at the same points; `None` where the estimator has none, or is smoothed itself.
+    pub batch: Option<BatchRow>,
     /// Share of the points to score at for which there was an estimate, 0 to 1; `None` without points.
     pub answered: Option<f64>,
     /// Root mean square of the heading error against a reference attitude, degrees.
@@ -83,6 +86,23 @@ pub struct Row {
     pub outages: Option<OutageRow>,
     /// What was odd, one sentence each.
     pub issues: Vec<String>,
+}
+
+/// Scores of the batch smoother.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct BatchRow {
+    /// Horizontal error, m.
+    pub horizontal_rmse_m: f64,
+    /// Vertical error, m.
+    pub vertical_rmse_m: Option<f64>,
+    /// Share inside the 95 % ellipse, 0 to 1.
+    pub inside_95: f64,
+    /// Heading error against a reference attitude, degrees.
+    pub heading_rmse_deg: Option<f64>,
+    /// Passes forward and backward.
+    pub iterations: u32,
+    /// Whether they converged.
+    pub converged: bool,
 }
 
 /// Root mean squares over the ends of outages.
@@ -111,6 +131,8 @@ pub struct Totals {
     pub scored: u64,
     /// Median horizontal root mean square, m.
     pub horizontal_rmse_m: Option<f64>,
+    /// Of the batch smoother, m.
+    pub batch_rmse_m: Option<f64>,
     /// Of the last fix held, m.
     pub hold_rmse_m: Option<f64>,
     /// Of the last fix moved on with its velocity, m.
@@ -170,7 +192,17 @@ fn run_file(path: &Path, options: &BenchmarkOptions) -> Result<Row, EvaluationEr
         let run = run_once(path, options, gnss_every, outages, &mut Watch::default())?;
         OutageRow::of(&run.outages)
     };
-    Ok(Row::of(summary, gnss_every, &watch, outages))
+    let mut row = Row::of(summary, gnss_every, &watch, outages);
+    if options.estimator == NavigationKind::ErrorState && !options.smooth {
+        let smoothed = BenchmarkOptions {
+            smooth: true,
+            ..options.clone()
+        };
+        let mut nobody = Watch::default();
+        let run = run_once(path, &smoothed, gnss_every, Vec::new(), &mut nobody)?;
+        row.batch = BatchRow::of(&run);
+    }
+    Ok(row)
 }
 
 fn run_once(
@@ -221,6 +253,7 @@ impl Row {
             worse_than_extrapolation: error.zip(extrapolated).is_some_and(|(e, x)| e > x),
             lost: watch.is_lost(),
             position,
+            batch: None,
             outages,
             issues: summary.issues,
         }
@@ -230,6 +263,23 @@ impl Row {
     #[must_use]
     pub fn is_without_estimate(&self) -> bool {
         self.answered == Some(0.0)
+    }
+}
+
+impl BatchRow {
+    fn of(summary: &NavigationSummary) -> Option<Self> {
+        let position = summary.position.as_ref()?;
+        let smoothing = summary.smoothing?;
+        let heading = summary.heading.as_ref();
+        let heading = heading.filter(|heading| !heading.against_course);
+        Some(Self {
+            horizontal_rmse_m: position.horizontal_rmse_m,
+            vertical_rmse_m: position.vertical_rmse_m,
+            inside_95: position.inside_95,
+            heading_rmse_deg: heading.map(|heading| heading.rmse_deg),
+            iterations: smoothing.iterations,
+            converged: smoothing.converged,
+        })
     }
 }
 
@@ -273,6 +323,7 @@ impl Totals {
             recordings: count(|_| true),
             scored: count(|row| row.position.is_some()),
             horizontal_rmse_m: position(|p| Some(p.horizontal_rmse_m)),
+            batch_rmse_m: middle(&|row: &Row| Some(row.batch?.horizontal_rmse_m)),
             hold_rmse_m: position(|p| p.hold_rmse_m),
             extrapolation_rmse_m: position(|p| p.extrapolation_rmse_m),
             vertical_rmse_m: position(|p| p.vertical_rmse_m),

@@ -3,17 +3,19 @@
 use nalgebra::Vector3;
 use northing_core::ConfigError;
 use northing_core::earth::{FrameChange, LocalFrame};
-use northing_core::kalman::{Innovation, SkipReason};
+use northing_core::kalman::{Innovation, Outcome, SkipReason};
 use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
 use northing_core::navigation::augmented_states::MAGNETIC_OFFSET;
 use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
-use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, Validity};
+use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, Validity, ValidityLimits};
 
 use super::magnetic_model;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told, no_frame};
-use crate::navigation::rts_smoother::NavigationRecorder;
+use crate::navigation::batch_smoother::{
+    BatchRecorder, Measured, Part, SmoothedNavigation, SmoothingSummary,
+};
 use crate::statistics::nis::UpdateCounts;
 
 /// Inertial samples kept for late fixes: 0.6 s at 200 Hz.
@@ -24,6 +26,8 @@ const UNSTATED: ErrorShares<f64> = ErrorShares {
     white: 0.3,
     slow: 0.9,
 };
+/// A heading with a larger standard deviation is not known, rad.
+const KNOWN_HEADING_STD: f64 = 0.15;
 /// Standard deviation of a wheel speed, m/s.
 const SPEED_STD: f64 = 0.2;
 
@@ -32,24 +36,27 @@ pub(crate) struct InsNavigator {
     ins: Box<GnssIns<f64, HISTORY>>,
     arm: Vector3<f64>,
     /// The local frame of now; where all is remembered, those of before in front of it.
-    frames: Vec<LocalFrame>,
+    frames: Vec<(i64, LocalFrame)>,
     /// Whether a compass is of no use here, and whether it was anywhere.
     is_near_pole: bool,
     was_near_pole: bool,
     /// Angular rate of the last sample: the antenna moves with it.
     rate: Vector3<f64>,
-    /// What it has done, for RTS smoothing.
-    recorder: Option<NavigationRecorder>,
+    /// Magnetic declination of the place, rad.
+    declination: f64,
+    /// What it was given, for the batch smoother.
+    recorder: Option<BatchRecorder>,
 }
 
 impl InsNavigator {
     /// `remembers`: for [`Navigator::smoothed`].
     pub(crate) fn new(config: GnssInsConfig<f64>, remembers: bool) -> Result<Self, ConfigError> {
         Ok(Self {
-            recorder: remembers.then(NavigationRecorder::default),
+            recorder: remembers.then(BatchRecorder::default),
+            declination: config.declination.unwrap_or_default(),
             ins: Box::new(GnssIns::new(config)?),
             arm: config.lever_arm_m.into(),
-            frames: vec![no_frame()],
+            frames: vec![(i64::MIN, no_frame())],
             is_near_pole: false,
             was_near_pole: false,
             rate: Vector3::zeros(),
@@ -80,8 +87,29 @@ impl InsNavigator {
         self.was_near_pole |= self.is_near_pole;
         if let Some(declination) = declination {
             self.ins.set_declination(declination);
+            self.declination = declination;
         }
         declination
+    }
+
+    /// Keeps a measurement for the batch smoother, unless it was refused whatever the state.
+    fn record(&mut self, time_ns: i64, aid: &Aid, told: &[Told]) {
+        let Some(recorder) = &mut self.recorder else {
+            return;
+        };
+        let config = self.ins.config();
+        for (kind, innovation) in told {
+            let squared = match innovation.outcome {
+                Outcome::Fused | Outcome::Inflated | Outcome::Gated => {
+                    Some((innovation.nis, innovation.degrees_of_freedom))
+                }
+                Outcome::Skipped(SkipReason::NotInitialized | SkipReason::Accumulated) => None,
+                Outcome::Skipped(_) => continue,
+            };
+            if let Some(measured) = measured(aid, *kind, config, self.declination) {
+                recorder.measurement(time_ns, measured, squared, config);
+            }
+        }
     }
 
     fn fuse(&mut self, time_ns: i64, aid: &Aid) -> Innovation<f64> {
@@ -111,6 +139,73 @@ impl InsNavigator {
     }
 }
 
+/// An aid as the batch smoother takes it.
+fn measured(
+    aid: &Aid,
+    kind: AidKind,
+    config: &GnssInsConfig<f64>,
+    declination: f64,
+) -> Option<Measured> {
+    Some(match *aid {
+        Aid::Position {
+            ned,
+            std,
+            vertical,
+            stated,
+        } => {
+            let fix = GnssPosition {
+                ned,
+                std,
+                has_height: vertical,
+            };
+            let own = ErrorShares {
+                white: config.position_uncorrelated_fraction,
+                slow: config.position_correlated_fraction,
+            };
+            let part = if kind == AidKind::GnssHeight {
+                Part::Vertical
+            } else {
+                Part::Horizontal
+            };
+            Measured::Position(fix, if stated { own } else { UNSTATED }, part)
+        }
+        Aid::Velocity { ned, std, vertical } => Measured::Velocity(GnssVelocity {
+            ned,
+            std,
+            has_vertical: vertical,
+        }),
+        Aid::MagneticField(field) => Measured::MagneticField(field, declination),
+        Aid::Heading { heading, std } => Measured::Heading(heading, std),
+        Aid::Pressure(pressure) => Measured::Height(pressure_height(pressure)?),
+        Aid::ForwardSpeed(speed) => Measured::Speed(speed, SPEED_STD),
+        Aid::WaterVelocity(_) => return None,
+    })
+}
+
+/// A smoothed node as every estimator says it.
+fn estimate_of(node: &SmoothedNavigation, limits: &ValidityLimits<f64>) -> NavigationEstimate {
+    let attitude = node.ned_from_body;
+    let p = &node.covariance;
+    let position_covariance = node.antenna_covariance;
+    let variance = position_covariance.m11.max(position_covariance.m22);
+    let heading_std = p[(ATTITUDE + 2, ATTITUDE + 2)].max(0.0).sqrt();
+    // The smoother knows the fix after as well as the one before.
+    let validity = match limits.judge(node.since_fix_s, variance) {
+        Validity::Aided if heading_std > KNOWN_HEADING_STD => Validity::HeadingUnknown,
+        validity => validity,
+    };
+    NavigationEstimate {
+        time_ns: node.time_ns,
+        frame: node.frame,
+        ned_from_body: Some(attitude),
+        heading_std: Some(heading_std),
+        position: node.antenna,
+        position_covariance,
+        velocity: node.velocity + attitude * node.angular_rate.cross(&node.lever_arm),
+        validity,
+    }
+}
+
 impl Navigator for InsNavigator {
     fn inertial(
         &mut self,
@@ -119,36 +214,36 @@ impl Navigator for InsNavigator {
         force: &Vector3<f64>,
         _: &mut Vec<Told>,
     ) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.before_imu(&mut self.ins);
-        }
         // What is refused is counted inside, and told at the end.
         if self.ins.imu(time_ns, rate, force).is_ok() {
             self.rate = *rate;
+            if let Some(recorder) = &mut self.recorder {
+                recorder.imu(time_ns, rate, force, &self.ins);
+            }
         }
     }
 
     fn origin(&mut self, frame: &LocalFrame, time_ns: i64) -> Option<f64> {
-        self.frames = vec![*frame];
+        self.frames = vec![(i64::MIN, *frame)];
+        if let Some(recorder) = &mut self.recorder {
+            recorder.frame(frame);
+        }
         self.learn_declination(frame, time_ns)
     }
 
     fn move_origin(&mut self, frame: &LocalFrame, change: &FrameChange<f64>, time_ns: i64) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.before_measurement(&mut self.ins);
-            recorder.moved(change);
+            recorder.frame(frame);
         } else {
             self.frames.clear();
         }
         self.ins.move_origin(change);
-        self.frames.push(*frame);
+        self.frames.push((time_ns, *frame));
         self.learn_declination(frame, time_ns);
     }
 
     fn aid(&mut self, time_ns: i64, aid: &Aid, told: &mut Vec<Told>) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.before_measurement(&mut self.ins);
-        }
+        let before = told.len();
         if let Aid::Position {
             ned,
             std,
@@ -171,6 +266,8 @@ impl Navigator for InsNavigator {
         } else {
             told.push((aid.kind(), self.fuse(time_ns, aid)));
         }
+        let news = told.get(before..).unwrap_or_default();
+        self.record(time_ns, aid, news);
     }
 
     fn estimate(&mut self) -> Option<NavigationEstimate> {
@@ -182,7 +279,7 @@ impl Navigator for InsNavigator {
         let (position, position_covariance) = self.ins.antenna_position()?;
         Some(NavigationEstimate {
             time_ns: self.ins.time_ns()?,
-            frame: *self.frames.last()?,
+            frame: self.frames.last()?.1,
             ned_from_body: Some(attitude),
             heading_std: Some(heading_variance.max(0.0).sqrt()),
             position,
@@ -196,33 +293,22 @@ impl Navigator for InsNavigator {
         self.ins.validity()
     }
 
-    fn smoothed(&mut self) -> Vec<NavigationEstimate> {
-        let Some(recorder) = &mut self.recorder else {
-            return Vec::new();
+    fn smoothed(&mut self) -> (Vec<NavigationEstimate>, Option<SmoothingSummary>) {
+        let Some(recorder) = self.recorder.take() else {
+            return (Vec::new(), None);
         };
-        let limits = self.ins.config().validity;
-        let arm = self.arm;
-        let frames = &self.frames;
-        let nodes = recorder.smooth(&mut self.ins).into_iter();
-        let told = nodes.filter_map(|node| {
-            let attitude = node.ned_from_body;
-            let p = &node.covariance;
-            let position_covariance = node.antenna_covariance;
-            let variance = position_covariance.m11.max(position_covariance.m22);
-            let heading_variance = p[(ATTITUDE + 2, ATTITUDE + 2)];
-            Some(NavigationEstimate {
-                time_ns: node.time_ns,
-                frame: *frames.get(node.moves)?,
-                ned_from_body: Some(attitude),
-                heading_std: Some(heading_variance.max(0.0).sqrt()),
-                position: node.antenna,
-                position_covariance,
-                velocity: node.velocity + attitude * node.angular_rate.cross(&arm),
-                // The smoother knows the fix after as well as the one before.
-                validity: limits.judge(node.since_fix_s, variance),
-            })
+        let config = self.ins.config();
+        let solution = recorder.smooth(config);
+        let nodes = solution.nodes.iter();
+        let estimates = nodes.map(|node| {
+            let moved = self
+                .frames
+                .partition_point(|(since, _)| *since <= node.time_ns);
+            let frame = self.frames.get(moved.saturating_sub(1));
+            let estimate = estimate_of(node, &config.validity);
+            frame.map_or(estimate, |(_, frame)| estimate.in_frame(frame))
         });
-        told.collect()
+        (estimates.collect(), solution.summary)
     }
 
     fn own_counts(&self) -> Vec<(AidKind, UpdateCounts)> {
@@ -290,6 +376,9 @@ mod tests {
         let config = GnssInsConfig {
             lever_arm_m: arm.into(),
             initial_heading: Some([0.0, 0.02]),
+            // What turns on the spot does not show its heading.
+            gyroscope_bias_std: 1e-3,
+            gyroscope_gauss_markov_std: 0.0,
             ..GnssInsConfig::default()
         };
         let mut navigator = InsNavigator::new(config, true).unwrap();
@@ -316,9 +405,11 @@ mod tests {
             }
         }
         let now = navigator.estimate().unwrap();
-        let smoothed = navigator.smoothed();
+        let (smoothed, summary) = navigator.smoothed();
+        assert!(summary.unwrap().converged);
         let last = smoothed.last().unwrap();
-        assert_eq!((last.velocity, last.validity), (now.velocity, now.validity));
+        assert_eq!((last.time_ns, last.validity), (now.time_ns, now.validity));
+        assert!((last.velocity - now.velocity).norm() < 0.1);
         let at = |t: f64| {
             let near = |e: &&NavigationEstimate| (e.time_ns as f64 * 1e-9 - t).abs() < 0.051;
             smoothed.iter().find(near).unwrap()

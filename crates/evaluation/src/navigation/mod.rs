@@ -10,12 +10,13 @@
 //! | `navigator.rs` | what every estimator does; the adapters of each are in `*_navigator.rs` |
 //! | `runner.rs`, `observer.rs` | from events to estimates; what watches |
 //! | `score.rs`, `outcome.rs` | errors at held-out fixes, at a reference and in outages; the outcome |
-//! | `rts_smoother.rs`, `smoothed_states.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
+//! | `batch_smoother.rs`, `smoothed.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
 //! | `benchmark.rs` | one rule over many recordings, beside answers that need no filter |
 //! | `trace.rs` | what plots need |
 //! | `tune.rs` | noise parameters by innovation likelihood, with a part held out |
 
 mod axis_navigator;
+pub mod batch_smoother;
 pub mod benchmark;
 mod device_navigator;
 mod ins_navigator;
@@ -26,7 +27,6 @@ pub mod observer;
 pub mod options;
 pub mod outcome;
 pub mod parameters;
-pub mod rts_smoother;
 pub mod runner;
 pub mod score;
 mod ship_navigator;

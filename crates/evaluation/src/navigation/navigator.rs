@@ -9,6 +9,7 @@ use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
 use serde::Serialize;
 
+use super::batch_smoother::SmoothingSummary;
 use crate::statistics::nis::UpdateCounts;
 
 /// A measurement that aids.
@@ -216,9 +217,9 @@ pub(crate) trait Navigator {
     /// Where the body is at the last sample; `None` before the start.
     fn estimate(&mut self) -> Option<NavigationEstimate>;
 
-    /// Every smoothed estimate, in time order; empty unless it was told to remember.
-    fn smoothed(&mut self) -> Vec<NavigationEstimate> {
-        Vec::new()
+    /// Every smoothed estimate, in time order, and how that went; empty unless it was told to remember.
+    fn smoothed(&mut self) -> (Vec<NavigationEstimate>, Option<SmoothingSummary>) {
+        (Vec::new(), None)
     }
 
     /// What the position is worth now.

@@ -67,7 +67,7 @@ pub struct NavigationOptions {
     /// Scores count from so many seconds after the first fix, default 60: alignment and biases have
     /// settled.
     pub score_from_s: f64,
-    /// Whether the estimate is RTS-smoothed over the whole recording.
+    /// Whether the estimate is smoothed over the whole recording.
     pub smooth: bool,
 }
 

@@ -6,6 +6,7 @@ use northing_core::earth::wgs84::Geodetic;
 use northing_core::navigation::Validity;
 use serde::Serialize;
 
+use super::batch_smoother::SmoothingSummary;
 use super::kinds::NavigationKind;
 use super::navigator::AidKind;
 use super::score::{HeadingScore, OutageScore, PositionScore};
@@ -80,8 +81,10 @@ pub struct NavigationSummary {
     pub estimator: NavigationKind,
     /// Name of the recording.
     pub recording: String,
-    /// Whether the estimates are RTS-smoothed over the whole recording.
+    /// Whether the estimates are smoothed over the whole recording.
     pub smoothed: bool,
+    /// How that went.
+    pub smoothing: Option<SmoothingSummary>,
     /// Time from the first to the last sample, s.
     pub duration_s: f64,
     /// Inertial samples taken.

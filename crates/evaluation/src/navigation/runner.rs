@@ -25,6 +25,7 @@ use self::consensus::{FixConsensus, Step};
 use self::moving_origin::MovingFrame;
 use self::turn_agreement::TurnAgreement;
 use super::axis_navigator::AxisNavigator;
+use super::batch_smoother::SmoothingSummary;
 use super::device_navigator::DeviceNavigator;
 use super::ins_navigator::InsNavigator;
 use super::kinds::NavigationKind;
@@ -124,6 +125,8 @@ struct Session<'a> {
     turn_rate: f64,
     /// What is to be scored, kept until the estimates are smoothed.
     kept: Vec<Scored>,
+    /// How smoothing went.
+    smoothing: Option<SmoothingSummary>,
     observed_ns: Option<i64>,
 }
 
@@ -198,6 +201,7 @@ impl<'a> Session<'a> {
             device_estimates: 0,
             turn_rate: 0.0,
             kept: Vec::new(),
+            smoothing: None,
             observed_ns: None,
         })
     }

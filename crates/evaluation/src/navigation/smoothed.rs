@@ -1,4 +1,4 @@
-//! Scores of RTS-smoothed estimates: what a run scores is kept until the estimates are smoothed.
+//! Scores of smoothed estimates: what a run scores is kept until the estimates are smoothed.
 
 use nalgebra::{UnitQuaternion, Vector3};
 

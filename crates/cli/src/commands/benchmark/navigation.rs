@@ -28,8 +28,9 @@ const MOST_LEFT_OUT: usize = 5;
 #[derive(Debug, Args)]
 #[command(
     long_about = "Runs a navigation estimator with its defaults over every recording of the folders, once with thinned \
-                  fixes and once with outages, beside holding the last fix and extrapolating from it, and prints one \
-                  table: errors, share inside the 95 % ellipse, heading against a reference attitude, where it was worse \
+                  fixes and once with outages, beside holding the last fix, extrapolating from it, and the batch \
+                  smoother, which knows the whole recording: a bound on what the estimator can reach as it goes. Prints \
+                  one table: errors, share inside the 95 % ellipse, heading against a reference attitude, where it was worse \
                   than extrapolation, and where it was lost: beyond five times the stated 95 % for 10 s. Files without \
                   fixes or without inertial samples are left out.",
     after_help = "\
@@ -50,7 +51,7 @@ pub(super) struct NavigationBenchmarkArgs {
     /// The estimator: error-state, axis-filters, dead-reckoning
     #[arg(long, value_name = "NAME", default_value = "error-state", value_parser = estimator)]
     estimator: NavigationKind,
-    /// RTS smoothing over each recording (error-state; keeps it in memory)
+    /// Smooth each recording as a whole (error-state; keeps it in memory)
     #[arg(long)]
     smooth: bool,
     /// Print one JSON document: the rule, the scores of each recording, medians and counts
@@ -242,6 +243,7 @@ fn table(rows: &[&Row], totals: &Totals) -> String {
         "<recording",
         "fixes used",
         "horizontal m",
+        "batch",
         "hold",
         "extrapolation",
         "vertical m",
@@ -259,6 +261,7 @@ fn table(rows: &[&Row], totals: &Totals) -> String {
             name(&row.recording, rows),
             format!("{} of {}", row.fixes_used, row.fixes),
             number(position.map(|p| p.horizontal_rmse_m), 3),
+            number(row.batch.map(|batch| batch.horizontal_rmse_m), 3),
             number(position.and_then(|p| p.hold_rmse_m), 3),
             number(position.and_then(|p| p.extrapolation_rmse_m), 3),
             number(position.and_then(|p| p.vertical_rmse_m), 3),
@@ -273,6 +276,7 @@ fn table(rows: &[&Row], totals: &Totals) -> String {
         "median".to_owned(),
         String::new(),
         number(totals.horizontal_rmse_m, 3),
+        number(totals.batch_rmse_m, 3),
         number(totals.hold_rmse_m, 3),
         number(totals.extrapolation_rmse_m, 3),
         number(totals.vertical_rmse_m, 3),
@@ -304,6 +308,9 @@ fn remarks(row: &Row) -> String {
     }
     if row.worse_than_extrapolation {
         words.push("worse than extrapolation".to_owned());
+    }
+    if row.batch.is_some_and(|batch| !batch.converged) {
+        words.push("batch not converged".to_owned());
     }
     match row.answered {
         _ if row.is_without_estimate() => words.push("no estimate".to_owned()),

@@ -51,7 +51,7 @@ pub(in crate::navigation) const NOMINAL_NIS: [f64; 3] = [4.71, 7.01, 8.95];
 /// Degrees of freedom of Student's t distribution, which the weight follows beyond.
 const STUDENT_FREEDOM: f64 = 4.0;
 /// Below this weight a measurement is left out.
-const LEAST_WEIGHT: f64 = 0.1;
+pub const LEAST_WEIGHT: f64 = 0.1;
 
 /// Largest variances of attitude (rad^2), velocity, position, accelerometer and gyroscope bias: beyond them
 /// nothing is known.
@@ -322,16 +322,20 @@ impl<T: Scalar> ErrorStateFilter<T> {
     }
 }
 
-/// Weight of a measurement of `M` components by its NIS: one up to the 97 % point of chi-square, then as Student's t
-/// distribution of four degrees of freedom falls, and nothing where less than a tenth would be left.
-fn weight_of<T: Scalar, const M: usize>(nis: T) -> T {
-    let row = NOMINAL_NIS.get(M.saturating_sub(1));
+/// Weight of a measurement by its squared normalised residual: one up to the 97 % point of chi-square of so many degrees of
+/// freedom (1 to 3), then as Student's t distribution of four degrees of freedom falls (E37).
+pub fn robust_weight<T: Scalar>(squared: T, degrees_of_freedom: usize) -> T {
+    let row = NOMINAL_NIS.get(degrees_of_freedom.saturating_sub(1));
     let nominal = lit::<T>(row.copied().unwrap_or(NOMINAL_NIS[2]));
     let freedom = lit::<T>(STUDENT_FREEDOM);
-    let weight = (freedom + nominal) / (freedom + nis);
-    if weight >= T::one() {
-        T::one()
-    } else if weight >= lit(LEAST_WEIGHT) {
+    let weight = (freedom + nominal) / (freedom + squared);
+    if weight >= T::one() { T::one() } else { weight }
+}
+
+/// The same of `M` components, and nothing where less than a tenth would be left.
+fn weight_of<T: Scalar, const M: usize>(nis: T) -> T {
+    let weight = robust_weight(nis, M);
+    if weight >= lit(LEAST_WEIGHT) {
         weight
     } else {
         T::zero()

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::stillness::{WINDOW_S, Window};
+use super::stillness::WINDOW_S;
 use super::updates::bound;
 use super::{Aid, ERRORS, ErrorListener, GnssIns};
 use crate::kalman::CountedGate;
@@ -11,7 +11,7 @@ use crate::navigation::aiding::{body_velocity, zero_velocity};
 use crate::scalar::{Scalar, lit};
 
 /// Standard deviation of a standing body's velocity, m/s: an idling engine, a swaying boat.
-const STANDING_STD: f64 = 0.03;
+pub const STANDING_STD: f64 = 0.03;
 /// A window at rest is accepted when the estimate is slower than so many of its standard deviations, and ...
 const STANDING_SIGMAS: f64 = 3.0;
 /// ... this (m/s): what a receiver or dead reckoning may be off by.
@@ -19,7 +19,7 @@ const STANDING_SPEED: f64 = 0.5;
 /// Least standard deviation of a gyroscope's bias from one window at rest, rad/s.
 const STANDING_RATE_STD: f64 = 1e-3;
 /// How often the non-holonomic constraint is taken, s.
-const CONSTRAINT_INTERVAL_S: f64 = 0.2;
+pub const CONSTRAINT_INTERVAL_S: f64 = 0.2;
 /// The velocity is damped when no receiver has measured it for so long, s.
 const DAMPED_AFTER_S: f64 = 2.0;
 /// Speed (m/s) that any vehicle may reach in an outage, however slow it was before.
@@ -32,15 +32,14 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// What the filter knows without being told: that it stands, that it does not slide, that it is no rocket.
     pub(super) fn constrain(&mut self) {
-        if let Some(window) = self.memory.due_window.take() {
-            // The first window at rest may have begun before the stop.
-            let stands = self.config.zero_velocity && self.memory.still_windows > 1;
-            if stands && self.memory.aligning {
-                let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
-                let variance = window.rate_variance.max(least);
-                self.alignment.rate_at_rest(&window.mean_rate, variance);
-            } else if stands {
-                self.stand(&window);
+        let at_rest = self.rest_window();
+        if self.memory.due_window.take().is_some() {
+            match at_rest {
+                Some((rate, variance)) if self.memory.aligning => {
+                    self.alignment.rate_at_rest(&rate, variance);
+                }
+                Some(window) => self.stand(window),
+                None => {}
             }
             self.damp(lit(WINDOW_S));
         }
@@ -62,17 +61,11 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
 
     /// Pulls the velocity towards zero as weakly as its prior says over `duration`, when nothing has measured it (E31).
     pub(super) fn damp(&mut self, duration: T) {
-        let mut std = self.config.damping_speed_m_s;
-        if self.memory.fastest > T::zero() {
-            std = std.min(self.memory.fastest.max(lit(SLOWEST_M_S)));
-        }
-        let measured = self.memory.since_velocity <= lit(DAMPED_AFTER_S);
-        if measured || std <= T::zero() || duration <= T::zero() || !self.memory.started {
+        let Some(variance) = self.damping_variance(duration) else {
             return;
-        }
-        let visits = self.config.damping_time_s / duration;
+        };
         let velocity = self.filter.state().velocity;
-        let m = zero_velocity::damping(&velocity, std * std * visits);
+        let m = zero_velocity::damping(&velocity, variance);
         // It cannot be wrong by more than itself: no gate.
         let mut open = CountedGate::default();
         let (side, listener) = (&mut self.memory.side, &mut self.listener);
@@ -80,8 +73,31 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             .fuse_sparse(side, &m, &mut open, T::zero(), listener);
     }
 
+    /// Variance ((m/s)^2) with which the velocity is taken to be zero for `duration` seconds; `None` where something measures it
+    /// (E31).
+    pub fn damping_variance(&self, duration: T) -> Option<T> {
+        let mut std = self.config.damping_speed_m_s;
+        if self.memory.fastest > T::zero() {
+            std = std.min(self.memory.fastest.max(lit(SLOWEST_M_S)));
+        }
+        let measured = self.memory.since_velocity <= lit(DAMPED_AFTER_S);
+        let none = measured || std <= T::zero() || duration <= T::zero() || !self.memory.started;
+        (!none).then(|| std * std * (self.config.damping_time_s / duration))
+    }
+
+    /// Mean angular rate (rad/s) and its variance of the window at rest that the last sample has ended, if any: such windows
+    /// are fused as zero velocity where [`GnssInsConfig::zero_velocity`](super::GnssInsConfig::zero_velocity) is set.
+    pub fn rest_window(&self) -> Option<(Vector3<T>, T)> {
+        let window = self.memory.due_window.as_ref()?;
+        // The first window at rest may have begun before the stop.
+        let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
+        let variance = window.rate_variance.max(least);
+        let stands = self.config.zero_velocity && self.memory.still_windows > 1;
+        stands.then_some((window.mean_rate, variance))
+    }
+
     /// Fuses a window at rest, unless the estimate moves faster than it can be wrong.
-    fn stand(&mut self, window: &Window<T>) {
+    fn stand(&mut self, (mean_rate, rate_variance): (Vector3<T>, T)) {
         if !self.runs_alone() {
             return;
         }
@@ -101,8 +117,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.memory.counts[Aid::ZeroVelocity as usize].count(&innovation);
         if innovation.outcome.is_fused() {
             let bias = self.filter.state().gyroscope_bias;
-            let least = lit(STANDING_RATE_STD * STANDING_RATE_STD);
-            let m = zero_velocity::rate(&window.mean_rate, &bias, window.rate_variance.max(least));
+            let m = zero_velocity::rate(&mean_rate, &bias, rate_variance);
             let (side, listener) = (&mut self.memory.side, &mut self.listener);
             let gate = &mut self.memory.standing_rate_gate;
             self.filter.fuse_sparse(side, &m, gate, bound(3), listener);

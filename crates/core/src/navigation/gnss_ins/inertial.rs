@@ -1,9 +1,9 @@
 //! Inertial samples of a GNSS/INS: checks, gaps, the Earth, and whether the unit stands.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use super::stillness::Window;
-use super::{ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, ImuSamples, seconds};
+use super::{ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, GnssInsConfig, ImuSamples, seconds};
 use crate::kalman::SkipReason;
 use crate::kalman::innovation::check_vector;
 use crate::navigation::Validity;
@@ -157,25 +157,40 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         };
     }
 
-    /// Takes out of a sample what the filter's plane does not know: Earth rate, Coriolis force, and gravity that
-    /// turns and falls with the distance from the origin (E27).
+    /// As [`GnssInsConfig::on_the_plane`], where the filter is.
     pub(super) fn on_the_earth(
         &self,
         rate: &Vector3<T>,
         force: &Vector3<T>,
     ) -> (Vector3<T>, Vector3<T>) {
         let state = self.filter.state();
-        let mut extra = if self.config.earth_curvature {
-            gravity_beyond_the_origin(&state.position, self.config.gravity)
+        let [position, velocity] = [&state.position, &state.velocity];
+        let attitude = &state.ned_from_body;
+        self.config
+            .on_the_plane([position, velocity], attitude, [rate, force])
+    }
+}
+
+impl<T: Scalar> GnssInsConfig<T> {
+    /// Takes out of an angular rate and a specific force what a flat Earth at rest does not have: Earth rate, Coriolis force,
+    /// and gravity that turns and falls with the distance from the origin (E27).
+    pub fn on_the_plane(
+        &self,
+        [position, velocity]: [&Vector3<T>; 2],
+        ned_from_body: &UnitQuaternion<T>,
+        [rate, force]: [&Vector3<T>; 2],
+    ) -> (Vector3<T>, Vector3<T>) {
+        let mut extra = if self.earth_curvature {
+            gravity_beyond_the_origin(position, self.gravity)
         } else {
             Vector3::zeros()
         };
-        let earth = Vector3::from(self.config.earth_rate_rad_s);
+        let earth = Vector3::from(self.earth_rate_rad_s);
         let turns = earth.norm_squared() > T::zero();
         if turns {
-            extra -= earth.cross(&state.velocity) * lit::<T>(2.0);
+            extra -= earth.cross(velocity) * lit::<T>(2.0);
         }
-        let body_from_ned = state.ned_from_body.inverse();
+        let body_from_ned = ned_from_body.inverse();
         let rate = if turns {
             rate - body_from_ned * earth
         } else {

@@ -62,7 +62,7 @@ pub(super) fn alignment<T: Scalar>(c: &GnssInsConfig<T>) -> Result<Alignment<T>,
         gyroscope_bias_std: with(c.gyroscope_bias_std, c.gyroscope_gauss_markov_std),
         gravity: c.gravity.max(T::one()),
         lever_arm_m: c.lever_arm_m,
-        lever_arm_std_m: lever_arm_std(c),
+        lever_arm_std_m: c.lever_arm_uncertainty_m(),
         // Samples are cut at the instant at which a fix was valid.
         position_latency_s: T::zero(),
         time_offset_std_s: c.time_offset_std_s,
@@ -80,16 +80,18 @@ pub(super) fn alignment<T: Scalar>(c: &GnssInsConfig<T>) -> Result<Alignment<T>,
     })
 }
 
-/// Standard deviation of what the lever arm is off by, m.
-pub(super) fn lever_arm_std<T: Scalar>(c: &GnssInsConfig<T>) -> T {
-    let measured = Vector3::from(c.lever_arm_m).norm_squared() > T::zero();
-    c.lever_arm_std_m.unwrap_or_else(|| {
-        lit(if measured {
-            MEASURED_ARM_STD_M
-        } else {
-            UNKNOWN_ARM_STD_M
+impl<T: Scalar> GnssInsConfig<T> {
+    /// Standard deviation of what the lever arm is off by, m: as set, or by whether there is one.
+    pub fn lever_arm_uncertainty_m(&self) -> T {
+        let measured = Vector3::from(self.lever_arm_m).norm_squared() > T::zero();
+        self.lever_arm_std_m.unwrap_or_else(|| {
+            lit(if measured {
+                MEASURED_ARM_STD_M
+            } else {
+                UNKNOWN_ARM_STD_M
+            })
         })
-    })
+    }
 }
 
 impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HISTORY, L> {

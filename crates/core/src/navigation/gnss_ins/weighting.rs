@@ -148,7 +148,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// by.
     pub(super) fn uncorrelated_variance(&self, white: &Vector3<T>) -> Vector3<T> {
         let jitter = self.filter.state().velocity * self.config.time_jitter_s;
-        let arm = super::start::lever_arm_std(&self.config);
+        let arm = self.config.lever_arm_uncertainty_m();
         white.component_mul(white) + jitter.component_mul(&jitter) + Vector3::repeat(arm * arm)
     }
 }

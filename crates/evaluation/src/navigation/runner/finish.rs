@@ -4,6 +4,7 @@ use northing_core::kalman::SkipReason;
 
 use super::Session;
 use crate::error::EvaluationError;
+use crate::navigation::batch_smoother::SmoothingSummary;
 use crate::navigation::kinds::NavigationKind;
 use crate::navigation::navigator::AidKind;
 use crate::navigation::outcome::{AidSummary, NavigationSummary, Origin};
@@ -13,6 +14,21 @@ use crate::used_parameters::VERSION;
 
 /// Inertial samples and fixes with so long a time between them have none in common, s.
 const NO_COMMON_TIME_S: f64 = 10.0;
+
+/// What is wrong with what the smoother said.
+fn not_smoothed(summary: Option<&SmoothingSummary>) -> Option<String> {
+    match summary {
+        None => Some(
+            "Nothing was smoothed: the filter never started, or there are no inertial samples."
+                .to_owned(),
+        ),
+        Some(summary) if !summary.converged => Some(format!(
+            "The smoother has not converged after {} passes: its estimates and covariances are not those of the whole recording.",
+            summary.iterations
+        )),
+        Some(_) => None,
+    }
+}
 
 impl Session<'_> {
     /// What stands in the way of a summary.
@@ -124,6 +140,9 @@ impl Session<'_> {
             ));
         }
         issues.extend(self.navigator.issues());
+        if self.options.smooth {
+            issues.extend(not_smoothed(self.smoothing.as_ref()));
+        }
         if position.is_none() && self.scorer.too_early() > 0 {
             issues.push(format!(
                 "{} points could be scored, all in the first {:.0} s after the first fix: --score-from 10 counts \
@@ -142,6 +161,7 @@ impl Session<'_> {
             estimator: self.options.estimator,
             recording: name.to_owned(),
             smoothed: self.options.smooth,
+            smoothing: self.smoothing,
             duration_s: seconds_between(first, counts.last_ns),
             inertial_samples: counts.inertial,
             fixes: counts.fixes,

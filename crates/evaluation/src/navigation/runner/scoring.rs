@@ -81,7 +81,8 @@ impl Session<'_> {
 
     /// Scores and shows the smoothed estimates.
     pub(super) fn smooth(&mut self) {
-        let nodes = self.navigator.smoothed();
+        let (nodes, summary) = self.navigator.smoothed();
+        self.smoothing = summary;
         for scored in core::mem::take(&mut self.kept) {
             let time_ns = scored.time_ns().unwrap_or_default();
             self.score_with(&scored, smoothed::at(&nodes, time_ns).as_ref());
