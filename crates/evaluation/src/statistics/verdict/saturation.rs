@@ -12,6 +12,9 @@ const LONG_RUN: usize = 10;
 /// The end of the range of an axis is no less than this share of the sensor's largest value.
 const LEVEL: f64 = 0.5;
 
+/// Values repeat at the end of the range more often than anywhere else by this factor.
+const MORE: u64 = 2;
+
 /// Whether a sensor has delivered the same number again, to the last bit.
 fn is_same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits()
@@ -24,6 +27,8 @@ pub struct Saturation {
     largest: [f64; 3],
     runs: [Run; 3],
     saturated: u64,
+    /// Samples of such runs that are not at the end of the range: coarse values repeat wherever a motion turns round.
+    elsewhere: u64,
     /// The end of the range, as found last.
     level: f64,
 }
@@ -36,6 +41,7 @@ struct Run {
     most: Vector3<f64>,
     /// Whether another axis has repeated a value.
     others_repeat: bool,
+    /// Whether its first samples are counted.
     counted: bool,
 }
 
@@ -78,21 +84,25 @@ impl Saturation {
         for (axis, run) in self.runs.iter_mut().enumerate() {
             let size = sample[axis].abs();
             let at_end = size > least && size >= self.largest[axis].max(LEVEL * largest);
-            match self
-                .last
-                .filter(|last| at_end && is_same(last[axis], sample[axis]))
-            {
+            match self.last.filter(|last| is_same(last[axis], sample[axis])) {
                 Some(last) => run.go_on(axis, &last, sample),
                 None => *run = Run::default(),
             }
-            if run.is_saturated(largest) {
-                // The samples of the run before it was known to be one.
-                self.saturated += if run.counted {
-                    0
-                } else {
-                    run.length as u64 - 1
-                };
-                (run.counted, is_saturated, self.level) = (true, true, size);
+            if !run.is_saturated(largest) {
+                continue;
+            }
+            // The samples of the run before it was known to be one.
+            let before = if run.counted {
+                0
+            } else {
+                run.length as u64 - 1
+            };
+            run.counted = true;
+            if at_end {
+                self.saturated += before;
+                (is_saturated, self.level) = (true, size);
+            } else {
+                self.elsewhere += before + 1;
             }
         }
         self.last = Some(*sample);
@@ -103,7 +113,7 @@ impl Saturation {
     /// Saturated samples, and the end of the range in the sensor's unit.
     #[must_use]
     pub fn found(&self) -> Option<(u64, f64)> {
-        (self.saturated > 0).then_some((self.saturated, self.level))
+        (self.saturated > MORE * self.elsewhere).then_some((self.saturated, self.level))
     }
 }
 
@@ -151,6 +161,13 @@ mod tests {
             starting.add(&swing(k), 0.0);
         });
         assert_eq!(starting.found(), None);
+        // Coarse values repeat wherever the motion turns round.
+        let mut coarse = Saturation::default();
+        (0..3000).for_each(|k| {
+            let slow = swing(k).map(|v| (v * 0.5).round() * 2.0);
+            coarse.add(&slow, 0.0);
+        });
+        assert_eq!(coarse.found(), None);
         let mut resting = Saturation::default();
         (0..1000).for_each(|k| {
             // Rounded to 0.1 m/s^2.
