@@ -30,6 +30,8 @@ const MOST: f64 = 0.8;
 const LEAST_CHANGE_S: f64 = 0.06;
 /// Fewest stretches that tell another rate or a jump.
 const FEWEST_STRETCHES: usize = 3;
+/// Fewest stretches on each side of a jump: the rates of one stretch of another motion may correlate somewhere by chance.
+const FEWEST_A_SIDE: usize = 2;
 
 /// What the rates say about the reference's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,15 +126,15 @@ fn changing(clear: &[Stretch]) -> Option<Clock> {
     let rate = middle(slopes)?;
     let start = middle(clear.iter().map(|s| s.offset_s - rate * s.middle_s))?;
     let line = |t: f64| start + rate * t;
-    let (at_s, levels) = jump(clear)?;
-    let by_s = levels[1] - levels[0];
-    let step = |t: f64| levels[usize::from(t > at_s)];
-    let jumps = by_s.abs() > LEAST_CHANGE_S && fits(&step);
     let runs = (rate * span_s).abs() > LEAST_CHANGE_S && fits(&line);
-    if runs && !(jumps && misfit(&step) < misfit(&line)) {
-        return Some(Clock::Rate { rate, span_s });
-    }
-    jumps.then_some(Clock::Jump { by_s, at_s })
+    let found = jump(clear).and_then(|(at_s, levels)| {
+        let by_s = levels[1] - levels[0];
+        let step = |t: f64| levels[usize::from(t > at_s)];
+        let jumps = by_s.abs() > LEAST_CHANGE_S && fits(&step);
+        let is_better = !runs || misfit(&step) < misfit(&line);
+        (jumps && is_better).then_some(Clock::Jump { by_s, at_s })
+    });
+    found.or(runs.then_some(Clock::Rate { rate, span_s }))
 }
 
 /// Where two levels fit the offsets best, and the levels.
@@ -148,7 +150,7 @@ fn jump(clear: &[Stretch]) -> Option<(f64, [f64; 2])> {
         let at_s = 0.5 * (before.last()?.middle_s + after.first()?.middle_s);
         Some((cost, at_s, levels))
     };
-    let best = (1..clear.len())
+    let best = (FEWEST_A_SIDE..=clear.len().saturating_sub(FEWEST_A_SIDE))
         .filter_map(split)
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some((best.1, best.2))
