@@ -19,7 +19,7 @@ fn turn(t: f64) -> (f64, f64) {
 }
 
 /// A minute on a turntable: inertial unit at 40 Hz, reference at 30 Hz with the stamps of its own clock.
-fn turntable(stamp: impl Fn(f64) -> f64) -> String {
+fn turntable(stamp: impl Fn(f64) -> f64, angle: impl Fn(f64) -> f64) -> String {
     let mut rows: Vec<(f64, String)> = (0..2400)
         .map(|k| {
             let t = f64::from(k) / 40.0;
@@ -28,7 +28,7 @@ fn turntable(stamp: impl Fn(f64) -> f64) -> String {
         .collect();
     rows.extend((0..1800).map(|k| {
         let t = (f64::from(k) + 0.37) / 30.0;
-        let (sine, cosine) = (0.5 * (turn(t).0 + 1.5)).sin_cos();
+        let (sine, cosine) = (0.5 * (angle(t) + 1.5)).sin_cos();
         (stamp(t), format!(",,,,,,{cosine},0,0,{sine}"))
     }));
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -41,7 +41,7 @@ fn turntable(stamp: impl Fn(f64) -> f64) -> String {
 
 fn lab(stamp: impl Fn(f64) -> f64) -> Lab {
     let lab = Lab::new();
-    lab.write("turntable.csv", turntable(stamp));
+    lab.write("turntable.csv", turntable(stamp, |t| turn(t).0));
     lab
 }
 
@@ -132,7 +132,9 @@ fn references_of_another_clock_or_motion_are_refused() {
         &jump.refuses(&["run", "turntable.csv"]),
         &["its clock jumps by -0.9"],
     );
-    let other = lab(|t| 60.0 - t);
+    let other = Lab::new();
+    let another = |t: f64| 1.3 * (0.31 * t * (1.0 + 0.02 * t)).sin() + 0.4 * (2.9 * t).cos();
+    other.write("turntable.csv", turntable(|t| t, another));
     let text = other.refuses(&["run", "turntable.csv", "--align-reference"]);
     contains(&text, &["correlate by 0.", "another recording"]);
     let text = other.succeeds(&["run", "turntable.csv", "--ignore-reference"]);
