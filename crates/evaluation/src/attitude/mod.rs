@@ -9,7 +9,7 @@
 //! | watching a run: estimates, innovations, traces for plots | [`observer`], [`trace`] |
 //! | the outcome: what `run --json` prints | [`outcome`] |
 //! | the paper's final test | [`final_test`] |
-//! | references on their own clock: scoring, clock offset, misalignment | [`reference`] |
+//! | references on their own clock: scoring, clock offset, misalignment | [`mod@reference`] |
 //! | what the sensors used cannot tell | [`observability`] |
 //! | a calibration at rest in a run: noise, bias and start | [`calibrated_start`] |
 //! | calibrations of many devices and days | [`calibrations`] |
