@@ -208,6 +208,24 @@ fn a_magnetometer_that_is_all_one_value_is_named_first() {
     assert_eq!(findings[0].sensor, SensorKind::Magnetometer);
 }
 
+/// A minute on a table: rounded values repeat, the gyroscope shows its bias, and nothing is stuck.
+#[test]
+fn a_device_at_rest_has_no_stuck_sensor() {
+    let rest = |k: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        *v = [
+            Vector3::new(0.06, -0.05, 0.07 + 1e-4 * (k % 3) as f64),
+            Vector3::new(0.3, -0.1, 9.8),
+            Vector3::new(0.0, 20.0, -44.0),
+        ];
+        true
+    };
+    let (findings, _) = diagnosed(samples(rest));
+    assert!(
+        findings.iter().all(|f| f.cause != Cause::Stuck),
+        "{findings:?}"
+    );
+}
+
 #[test]
 fn a_sensor_that_changes_its_rate_has_no_holes() {
     let slower = |k: i64, _: f64, _: &mut [Vector3<f64>; 3]| k < 2000 || k % 8 == 0;

@@ -238,7 +238,7 @@ impl Diagnosis {
                 confidence: chance(axes.sigmas),
                 sentence: format!(
                     "The accelerometer's axes are {:.1} deg off those of the gyroscope ({} turns between rests say so): two \
-                     chips on one board. Calibrate the board, or state a larger accelerometer_std.",
+                     chips on one board. Calibrate the board.",
                     axes.rotation.norm().to_degrees(),
                     axes.turns,
                 ),
@@ -317,8 +317,8 @@ impl Diagnosis {
                 sensor: SensorKind::Gyroscope,
                 confidence: 1.0 - 1.0 / bunches,
                 sentence: format!(
-                    "The gyroscope's samples come in bunches ({} pauses that are made up for at once): the stamps are those of \
-                     their arrival, not of the measurement. Take the sensor's own time.",
+                    "The gyroscope's samples come in bunches ({} pauses that are made up for at once): their stamps look \
+                     like times of arrival. Take the sensor's own time.",
                     timing.bursts,
                 ),
             });

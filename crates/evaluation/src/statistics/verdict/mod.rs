@@ -141,6 +141,11 @@ impl Length {
     }
 }
 
+/// Whether a residual is the sensor's vector, in its unit: that of a heading is an angle, that of a bounded velocity a velocity.
+fn is_of_the_vector(innovation: &Innovation<f64>) -> bool {
+    innovation.degrees_of_freedom == 3
+}
+
 impl Diagnosis {
     /// Takes a sample as the sensor delivered it; other kinds than those of gyroscope, accelerometer and magnetometer
     /// are left out.
@@ -177,7 +182,10 @@ impl Diagnosis {
     fn rate(&mut self, time_ns: i64, rate: &Vector3<f64>, sample: &Sample) {
         self.rests.rate(time_ns, rate);
         let before = self.gyroscope.last.map_or(0.0, |last| last.norm());
-        self.turned_rad += rate.norm() * self.gyroscope.timing.summary().interval_s;
+        if rate.norm() > rests::SLOWEST_RAD_S {
+            // Less may be the bias of a device that rests.
+            self.turned_rad += rate.norm() * self.gyroscope.timing.summary().interval_s;
+        }
         let (saturated, hole) = self.gyroscope.add(time_ns, rate, sample, 0.0);
         self.met
             .note(Condition::GyroscopeSaturated, saturated, time_ns);
@@ -206,10 +214,10 @@ impl Diagnosis {
         if innovation.degrees_of_freedom == 0 {
             return;
         }
-        let std = innovation.residual_std();
-        let used = &std.as_slice()[..usize::from(innovation.degrees_of_freedom).min(3)];
-        updates.std.0 += used.iter().sum::<f64>() / used.len() as f64;
-        updates.std.1 += 1;
+        if is_of_the_vector(innovation) {
+            updates.std.0 += innovation.residual_std().mean();
+            updates.std.1 += 1;
+        }
         let explained = updates.excursions.add(time_ns, innovation, met, conditions);
         if !explained {
             updates.unexplained.add(innovation);
@@ -218,6 +226,9 @@ impl Diagnosis {
 
     /// What the newest sample itself says of the moment.
     fn conditions(&self, sensor: SensorKind, innovation: &Innovation<f64>) -> Option<Condition> {
+        if !is_of_the_vector(innovation) {
+            return None;
+        }
         let std = innovation.residual_std().amax();
         match sensor {
             SensorKind::Accelerometer if self.gravity.is_off(std) => Some(Condition::Accelerated),
@@ -241,8 +252,8 @@ impl Diagnosis {
     /// deviation of a component.
     #[must_use]
     pub fn coarse_step(&self, sensor: SensorKind) -> Option<(f64, f64)> {
-        let (channel, updates) = self.of(sensor)?;
-        let std = updates.std.0 / updates.std.1.max(1) as f64;
+        let (channel, updates) = self.of(sensor).filter(|(_, updates)| updates.std.1 > 0)?;
+        let std = updates.std.0 / updates.std.1 as f64;
         let step = channel.resolution.step(sensor)?;
         (step > std).then_some((step, std))
     }

@@ -26,7 +26,7 @@ const FEWEST: u32 = 10;
 /// A window rests when its rates and forces vary by less than so many times the least that any window showed, ...
 const QUIET: f64 = 3.0;
 /// ... and turns by less than this (rad/s): no gyroscope of a device has a larger bias.
-const SLOWEST_RAD_S: f64 = 0.15;
+pub(super) const SLOWEST_RAD_S: f64 = 0.15;
 /// Turns that take longer are not used: the bias may have changed meanwhile, s.
 const LONGEST_TURN_S: f64 = 20.0;
 /// Turns smaller than this (rad) say nothing of the axes.
