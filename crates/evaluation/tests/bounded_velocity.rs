@@ -82,6 +82,11 @@ fn prototype() -> BoundedVelocityConfig<f64> {
         rest_rate_noise_density: 0.1_f64.to_radians(),
         initial_tilt_std: 8_f64.to_radians(),
         initial_heading_std: 20_f64.to_radians(),
+        // What it did not have: a noise that is learnt, rests that are doubted, samples that are averaged.
+        initial_velocity_psd: 0.0,
+        largest_velocity_psd: 0.0,
+        rest_slow_motion_gain: 0.0,
+        rest_smoothing_s: 1e-6,
         ..BoundedVelocityConfig::lab()
     }
 }

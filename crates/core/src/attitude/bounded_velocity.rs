@@ -38,6 +38,7 @@
 //! | sums over samples, step of the covariance | `propagation.rs` |
 //! | residuals, rows, injection | `updates.rs` |
 //! | is it at rest | `rest.rs` |
+//! | how far from zero is the velocity | `velocity_noise.rs` |
 //! | what a smoother records | `steps.rs` |
 //! | how good is a field | `field_quality.rs` |
 //!
@@ -57,6 +58,7 @@ pub mod rest;
 mod state;
 pub mod steps;
 pub mod updates;
+pub mod velocity_noise;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 

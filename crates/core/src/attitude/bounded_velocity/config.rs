@@ -58,6 +58,9 @@ parameters! {
         "It does not change in time.";
     initial_misalignment_std: T, "rad", NotNegative, [0.001],
         "standard deviation of each misalignment and skewness";
+    initial_misalignment_without_magnetometer_std: T, "rad", NotNegative, [0.004],
+        "the same where there is no magnetometer",
+        "With one, a field that is not the same everywhere would be taken for a misalignment. Raising it takes less for a bias.";
     accelerometer_noise_density: T, "m/s^2/sqrt(Hz)", Positive, [0.05],
         "white noise of the accelerometer",
         "Raising it lets the velocity forget faster, which trusts gravity less.";
@@ -77,6 +80,18 @@ parameters! {
     velocity_psd_gain: T, "s^3", NotNegative, [0.025],
         "adds gain * (mean square acceleration) to it",
         "Raising it trusts gravity less while the device is accelerated.";
+    initial_velocity_psd: T, "m^2/s", NotNegative, [3.0],
+        "the same while nothing is known of the motion yet",
+        "It fades with `velocity_correlation_time_s`. Raising it finds the tilt later, and a vehicle that is moving already sooner.";
+    largest_velocity_psd: T, "m^2/s", NotNegative, [10.0],
+        "most of it that is learnt from velocities that do not vanish; 0 learns nothing",
+        "Raising it follows vehicles better, and a tilt that is wrong for another reason longer.";
+    velocity_correlation_time_s: T, "s", Positive, [10.0],
+        "so long a velocity is expected to last until it is seen how long";
+    velocity_memory_s: T, "s", Positive, [60.0],
+        "so long a velocity that lasted is expected again";
+    velocity_excess: T, "-", NotNegative, [4.0],
+        "variances of the filter's own velocity that its square must exceed to be one";
     acceleration_average_s: T, "s", Positive, [1.5],
         "time over which that square is averaged";
     magnetometer_std_ut: T, "microtesla", Positive, [2.5],
@@ -111,6 +126,11 @@ parameters! {
         "the same for the specific force";
     rest_average_s: T, "s", Positive, [0.5],
         "time constant of both low-passes";
+    rest_smoothing_s: T, "s", Positive, [0.1],
+        "average of rate and force that must stay near them",
+        "Noise and vibration are no motion. Raising it finds rests that are none.";
+    rest_slow_motion_gain: T, "-", NotNegative, [1.0],
+        "share of what a slow turn or push may hide at rest; 0 takes every rest at its word";
     rest_duration_s: T, "s", NotNegative, [1.5],
         "so long must both stay below",
         "Raising it finds fewer rests.";

@@ -1,4 +1,5 @@
-//! Rest detection: rate and specific force stay near their own low-passes for long enough.
+//! Rest detection: rate and specific force stay near their own averages for long enough; what they do slowly limits how
+//! much a rest says.
 //!
 //! At rest the rate is the bias and the velocity is zero (B13, B14).
 
@@ -7,12 +8,27 @@ use nalgebra::Vector3;
 use super::config::BoundedVelocityConfig;
 use crate::scalar::{Scalar, lit};
 
+/// The slow averages are so many times slower than those that find a rest.
+const SLOWER: f64 = 4.0;
+
+/// Exponential averages of a sensor's vector over three times.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Averages<T: Scalar> {
+    /// Over [`BoundedVelocityConfig::rest_smoothing_s`]: noise and vibration are no motion.
+    smooth: Vector3<T>,
+    /// Over [`BoundedVelocityConfig::rest_average_s`].
+    average: Vector3<T>,
+    /// Over [`SLOWER`] times that.
+    slow: Vector3<T>,
+}
+
 /// The detector's memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RestDetector<T: Scalar> {
-    angular_rate: Option<Vector3<T>>,
-    specific_force: Option<Vector3<T>>,
+    angular_rate: Option<Averages<T>>,
+    specific_force: Option<Averages<T>>,
     rate_is_still: bool,
     still_for: T,
     resting: bool,
@@ -30,10 +46,56 @@ impl<T: Scalar> Default for RestDetector<T> {
     }
 }
 
+impl<T: Scalar> Averages<T> {
+    /// The averages after a sample that stood for `dt` seconds; the first sample is its own average.
+    #[inline]
+    fn with(
+        before: Option<Self>,
+        sample: &Vector3<T>,
+        dt: T,
+        config: &BoundedVelocityConfig<T>,
+    ) -> Self {
+        let Self {
+            smooth,
+            average,
+            slow,
+        } = before.unwrap_or(Self {
+            smooth: *sample,
+            average: *sample,
+            slow: *sample,
+        });
+        let towards =
+            |mean: Vector3<T>, time: T| mean + (sample - mean) * (dt / time).min(T::one());
+        Self {
+            smooth: towards(smooth, config.rest_smoothing_s),
+            average: towards(average, config.rest_average_s),
+            slow: towards(slow, config.rest_average_s * lit(SLOWER)),
+        }
+    }
+
+    /// Whether it stays nearer to its average than `limit`.
+    #[inline]
+    fn is_still(&self, limit: T) -> bool {
+        (self.smooth - self.average).norm_squared() < limit * limit
+    }
+
+    /// Square of how far the average is from the slow one.
+    #[inline]
+    fn drift2(&self) -> T {
+        (self.average - self.slow).norm_squared()
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = &T> {
+        self.smooth.iter().chain(&self.average).chain(&self.slow)
+    }
+}
+
 impl<T: Scalar> RestDetector<T> {
     pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
-        let means = self.angular_rate.iter().chain(&self.specific_force);
-        means.flatten().chain([&self.still_for])
+        let averages = self.angular_rate.iter().chain(&self.specific_force);
+        averages
+            .flat_map(Averages::numbers)
+            .chain([&self.still_for])
     }
 
     /// Whether the device rests.
@@ -52,11 +114,11 @@ impl<T: Scalar> RestDetector<T> {
         rate: &Vector3<T>,
         dt: T,
     ) {
-        let mean = low_pass(&mut self.angular_rate, rate, dt, config.rest_average_s);
-        let limit = config.rest_angular_rate;
+        let rate = Averages::with(self.angular_rate, rate, dt, config);
         let largest_bias = lit::<T>(3.0) * config.initial_gyroscope_bias_std + lit(0.02);
         self.rate_is_still =
-            (rate - mean).norm_squared() < limit * limit && (mean - bias).amax() < largest_bias;
+            rate.is_still(config.rest_angular_rate) && (rate.average - bias).amax() < largest_bias;
+        self.angular_rate = Some(rate);
         if !self.rate_is_still {
             self.wake();
         }
@@ -65,14 +127,31 @@ impl<T: Scalar> RestDetector<T> {
     /// Takes a specific force (m/s^2) that stood for `dt` seconds.
     #[inline]
     pub(super) fn force(&mut self, config: &BoundedVelocityConfig<T>, force: &Vector3<T>, dt: T) {
-        let mean = low_pass(&mut self.specific_force, force, dt, config.rest_average_s);
-        let limit = config.rest_specific_force;
-        if !(self.rate_is_still && (force - mean).norm_squared() < limit * limit) {
+        let force = Averages::with(self.specific_force, force, dt, config);
+        let still = self.rate_is_still && force.is_still(config.rest_specific_force);
+        self.specific_force = Some(force);
+        if !still {
             self.wake();
             return;
         }
         self.still_for += dt;
         self.resting = self.still_for > config.rest_duration_s;
+    }
+
+    /// Power spectral densities of what may be going on at a rest all the same (B14b, B14c): of a turn, (rad/s)^2/Hz, which
+    /// shows in a rate that changes and in a specific force of length `gravity` that turns, and of a velocity, m^2/s, which
+    /// shows in a specific force that changes.
+    #[inline]
+    pub(super) fn slow_motion_psd(&self, config: &BoundedVelocityConfig<T>, gravity: T) -> (T, T) {
+        let (Some(rate), Some(force)) = (&self.angular_rate, &self.specific_force) else {
+            return (T::zero(), T::zero());
+        };
+        let lasts = config.rest_average_s * lit(SLOWER);
+        let swept = gravity * (lasts - config.rest_average_s);
+        let force2 = force.drift2();
+        let rate2 = rate.drift2() + force2 / (swept * swept);
+        let twice = config.rest_slow_motion_gain * lasts * lit(2.0);
+        (rate2 * twice, force2 * lasts * lasts * twice)
     }
 
     /// Ends a rest.
@@ -81,20 +160,6 @@ impl<T: Scalar> RestDetector<T> {
         self.still_for = T::zero();
         self.resting = false;
     }
-}
-
-/// Moves the mean towards the sample; the first sample is its own mean.
-#[inline]
-fn low_pass<T: Scalar>(
-    mean: &mut Option<Vector3<T>>,
-    sample: &Vector3<T>,
-    dt: T,
-    time: T,
-) -> Vector3<T> {
-    let before = mean.unwrap_or(*sample);
-    let after = before + (sample - before) * (dt / time).min(T::one());
-    *mean = Some(after);
-    after
 }
 
 #[cfg(test)]
@@ -139,5 +204,43 @@ mod tests {
         assert!(detector.is_resting());
         detector.rate(&config, &bias, &Vector3::y(), 0.01);
         assert!(!detector.is_resting());
+    }
+
+    /// What a rest of `seconds` still leaves open of a turn, (rad/s)^2/Hz, and of a velocity, m^2/s.
+    fn left_open(seconds: f64, sample: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>)) -> (f64, f64) {
+        let config = BoundedVelocityConfig::lab();
+        let mut detector = RestDetector::default();
+        for k in 0..(seconds * 100.0) as u32 {
+            let (rate, force) = sample(f64::from(k) * 0.01);
+            detector.rate(&config, &Vector3::zeros(), &rate, 0.01);
+            detector.force(&config, &force, 0.01);
+        }
+        assert!(detector.is_resting());
+        detector.slow_motion_psd(&config, 9.8)
+    }
+
+    #[test]
+    fn a_turn_that_begins_slowly_is_not_taken_for_a_bias() {
+        let config = BoundedVelocityConfig::<f64>::lab();
+        let density2 = config.rest_rate_noise_density * config.rest_rate_noise_density;
+        let up = Vector3::new(0.0, 0.0, 9.8);
+        let (table, still) = left_open(10.0, |_| (Vector3::new(0.03, -0.02, 0.01), up));
+        assert!(table < 1e-3 * density2 && still < 1e-6, "{table} {still}");
+        // About up, faster and faster, by 0.5 deg/s^2: three degrees a second at the end.
+        let about_up = left_open(6.0, |t| (Vector3::z() * (0.0087 * t), up));
+        assert!(about_up.0 > 100.0 * density2, "{about_up:?}");
+        // Steadily, at a rate that a bias could have: gravity turns.
+        let turned = |t: f64| Vector3::new(0.0, 9.8 * (0.02 * t).sin(), 9.8 * (0.02 * t).cos());
+        let tipping = left_open(6.0, |t| (Vector3::x() * -0.02, turned(t)));
+        assert!(tipping.0 > 100.0 * density2, "{tipping:?}");
+        assert!(tipping.1 > 100.0 * config.rest_velocity_psd, "{tipping:?}");
+    }
+
+    #[test]
+    fn noise_and_vibration_are_no_motion() {
+        let up = Vector3::new(0.0, 0.0, 9.8);
+        let engine = |t: f64| Vector3::new(0.06, 0.05, 0.04) * (190.0 * t).sin();
+        let share = share(10.0, |t| (engine(t), up + engine(t) * 10.0));
+        assert!(share > 0.8, "{share}");
     }
 }

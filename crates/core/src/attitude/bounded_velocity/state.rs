@@ -6,6 +6,7 @@ use super::config::{BoundedVelocityConfig, ScaleStates};
 use super::layout::{ATTITUDE, BIAS, Correction, Covariance, Layout, SCALE, VELOCITY};
 use super::propagation::Sums;
 use super::rest::RestDetector;
+use super::velocity_noise::VelocityNoise;
 use crate::attitude::InitialState;
 use crate::attitude::vector_sensor::{References, VectorSensor};
 use crate::geometry::rotation;
@@ -46,6 +47,8 @@ pub struct BoundedVelocityState<T: Scalar> {
     pub rest: RestDetector<T>,
     /// Mean square of the acceleration, (m/s^2)^2.
     pub mean_square_acceleration: T,
+    /// What is known of the velocity of whatever carries the device.
+    pub velocity_noise: VelocityNoise<T>,
     /// By how much the last field's strength and dip raised its variance: one is perfect.
     pub field_variance_factor: T,
     /// Weight of the last field under Student's t: one fits.
@@ -102,6 +105,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
         finite("scale", &self.scale)?;
         finite("sums", self.sums.numbers())?;
         finite("rest", self.rest.numbers())?;
+        finite("velocity_noise", self.velocity_noise.numbers())?;
         not_negative(
             "times and sizes",
             [
@@ -134,6 +138,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
             layout,
             rest: RestDetector::default(),
             mean_square_acceleration: lit(INITIAL_SQUARE_ACCELERATION),
+            velocity_noise: VelocityNoise::new(config),
             field_variance_factor: T::one(),
             field_weight: T::one(),
             angular_rate: Vector3::zeros(),
@@ -208,7 +213,12 @@ impl<T: Scalar> BoundedVelocityState<T> {
             ScaleStates::Off => {}
             ScaleStates::Diagonal => self.set_variance(SCALE, 3, diagonal),
             ScaleStates::Full => {
-                self.set_variance(SCALE, 9, square(config.initial_misalignment_std));
+                let misalignment = if self.has_field {
+                    config.initial_misalignment_std
+                } else {
+                    config.initial_misalignment_without_magnetometer_std
+                };
+                self.set_variance(SCALE, 9, square(misalignment));
                 for i in [0, 4, 8] {
                     self.set_variance(SCALE + i, 1, diagonal);
                 }

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Matrix3, Vector1, Vector2, Vector3};
 
 use super::layout::{ATTITUDE, BIAS, Correction, VELOCITY};
 use super::steps::{Moment, Step, StepObserver};
-use super::{BoundedVelocity, field_quality};
+use super::{BoundedVelocity, BoundedVelocityConfig, BoundedVelocityState, field_quality};
 use crate::attitude::CompassHeading;
 use crate::attitude::vector_sensor::{LONGEST, Weighed};
 use crate::geometry::{rotation, so3};
@@ -91,12 +91,9 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let config = &self.config;
         let state = &mut self.state;
         let time = state.since_velocity_update;
-        let mut psd =
-            config.velocity_psd + config.velocity_psd_gain * state.mean_square_acceleration;
         let resting = state.rest.is_resting();
-        if resting {
-            psd = psd.min(config.rest_velocity_psd);
-        }
+        let (turn_psd, motion_psd) = state.rest.slow_motion_psd(config, state.gravity);
+        let psd = Self::velocity_psd(config, state, resting.then_some(motion_psd));
         let variance = psd / time;
         let residual = -state.velocity;
         let (active, p) = (state.layout.len(), &mut state.covariance);
@@ -110,7 +107,8 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             let density = config.rest_rate_noise_density;
             let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
             let projection = Projection::new(p, active, rows);
-            done = projection.fuse(p, &mut x, &still, density * density / time) && done;
+            done =
+                projection.fuse(p, &mut x, &still, (density * density + turn_psd) / time) && done;
         }
         state.since_velocity_update = T::zero();
         state.rate_sum = Vector3::zeros();
@@ -120,6 +118,26 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         } else {
             Innovation::skipped(SkipReason::Numerical)
         }
+    }
+
+    /// Noise of `velocity is zero` (B11 to B11c), at rest with what may move all the same (B14).
+    #[inline]
+    fn velocity_psd(
+        config: &BoundedVelocityConfig<T>,
+        state: &mut BoundedVelocityState<T>,
+        at_rest: Option<T>,
+    ) -> T {
+        let of_hand =
+            config.velocity_psd + config.velocity_psd_gain * state.mean_square_acceleration;
+        if let Some(motion) = at_rest {
+            state.velocity_noise.rest();
+            let psd = of_hand.max(state.velocity_noise.psd());
+            return psd.min(config.rest_velocity_psd + motion);
+        }
+        let covariance = state.covariance.fixed_view::<2, 2>(VELOCITY, VELOCITY);
+        let (velocity, time) = (state.velocity, state.since_velocity_update);
+        (state.velocity_noise).learn(config, &velocity, &covariance.into_owned(), time);
+        of_hand.max(state.velocity_noise.psd())
     }
 
     /// The field, where an update is due.
