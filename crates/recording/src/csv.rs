@@ -4,9 +4,10 @@
 
 use std::io::{BufRead, BufReader, Read};
 
-use crate::delimited::{Channel, DelimitedSource, Layout, TimeForm, csv_error};
+use crate::delimited::{Channel, DelimitedSource, Layout, Rows, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
+use crate::limits::{COMMENTS, LINE};
 use crate::metadata::Metadata;
 use crate::numbers::{ColumnsOfKinds, widths};
 use crate::recording::Opened;
@@ -87,9 +88,6 @@ pub(crate) const COLUMNS: ColumnsOfKinds = [
     (SensorKind::Reference, "ref_qw ref_qx ref_qy ref_qz"),
 ];
 
-/// Longest comment or header line that is accepted, bytes.
-const LONGEST_LINE: u64 = 1 << 20;
-
 const ADVICE: &str = "name the columns as docs/formats.md says, e.g. t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,\
      acc_x_m_s2,..., or describe the file with a manifest (.toml)";
 
@@ -102,13 +100,10 @@ pub(crate) fn open(
     let mut input = BufReader::with_capacity(1 << 16, input);
     let mut metadata = metadata;
     let lines_before = read_comments(&mut input, file, &mut metadata)?;
-    let mut reader = csv::ReaderBuilder::new()
-        .buffer_capacity(1 << 16)
-        .from_reader(input);
-    let headers = reader
-        .byte_headers()
-        .map_err(|error| csv_error(file, lines_before, &error))?;
-    let names: Vec<String> = headers
+    let builder = &mut csv::ReaderBuilder::new();
+    let mut rows = Rows::new(file.to_owned(), builder, input, lines_before);
+    let header = rows.first()?;
+    let names: Vec<String> = header
         .iter()
         .map(|name| String::from_utf8_lossy(name.trim_ascii()).into_owned())
         .collect();
@@ -122,7 +117,7 @@ pub(crate) fn open(
     let (layout, unused) = layout(names, file)?;
     metadata.format = "csv".to_owned();
     let sensors = layout.sensors();
-    let source = DelimitedSource::new(file.to_owned(), reader, layout, lines_before);
+    let source = DelimitedSource::new(rows, layout);
     let mut opened = Opened::new(metadata, sensors, Box::new(source));
     if !unused.is_empty() {
         let names = join(unused.iter().map(String::as_str));
@@ -153,8 +148,10 @@ fn read_comments(input: &mut impl BufRead, file: &str, metadata: &mut Metadata) 
     let mut lines = 0;
     while input.fill_buf().map_err(failed)?.first() == Some(&b'#') {
         let mut line = Vec::new();
-        read_line(input, LONGEST_LINE, &mut line, file)?;
+        read_line(input, LINE.most + 1, &mut line, file)?;
         lines += 1;
+        COMMENTS.check(lines, file, "")?;
+        LINE.check(line.len() as u64, file, &format!(", line {lines}"))?;
         let line = String::from_utf8_lossy(&line);
         if let Some((key, value)) = line.trim_start_matches('#').split_once(':') {
             metadata

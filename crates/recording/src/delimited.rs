@@ -4,6 +4,7 @@
 
 mod blanks;
 mod navigation;
+mod rows;
 
 use std::io::Read;
 
@@ -13,11 +14,12 @@ use crate::issues::Issues;
 use crate::numbers::{self, MOST};
 use crate::recording::Pieces;
 use crate::stamp;
-use csv::{ByteRecord, Position};
+use csv::ByteRecord;
 
 pub(crate) use blanks::Blanks;
 #[cfg(feature = "ulog")]
 pub(crate) use navigation::standard_pressure;
+pub(crate) use rows::Rows;
 
 /// Which columns (numbered from 0) make the time and the sensors.
 #[derive(Debug, Clone)]
@@ -136,11 +138,8 @@ impl Layout {
 
 /// Rows of text as events.
 pub(crate) struct DelimitedSource<R> {
-    file: String,
-    reader: csv::Reader<R>,
+    rows: Rows<R>,
     layout: Layout,
-    /// Lines of the file before the part that `reader` sees.
-    lines_before: u64,
     record: ByteRecord,
     /// Events of the current row, the next one last.
     row: Vec<Event>,
@@ -149,17 +148,10 @@ pub(crate) struct DelimitedSource<R> {
 }
 
 impl<R: Read + Send> DelimitedSource<R> {
-    pub(crate) fn new(
-        file: String,
-        reader: csv::Reader<R>,
-        layout: Layout,
-        lines_before: u64,
-    ) -> Self {
+    pub(crate) fn new(rows: Rows<R>, layout: Layout) -> Self {
         Self {
-            file,
-            reader,
+            rows,
             layout,
-            lines_before,
             record: ByteRecord::new(),
             row: Vec::new(),
             previous_ns: None,
@@ -173,18 +165,14 @@ impl<R: Read + Send> Pieces for DelimitedSource<R> {
     }
 
     fn read(&mut self, issues: &mut Issues) -> Result<bool> {
-        let more = self
-            .reader
-            .read_byte_record(&mut self.record)
-            .map_err(|error| csv_error(&self.file, self.lines_before, &error))?;
-        if !more {
+        if !self.rows.read(&mut self.record)? {
             return Ok(false);
         }
         let mut cells = Cells {
-            file: &self.file,
+            file: self.rows.file(),
             record: &self.record,
             layout: &self.layout,
-            line: self.lines_before + self.record.position().map_or(0, Position::line),
+            line: self.rows.line(self.record.position()),
             interval_s: None,
         };
         if let Some(rows) = &self.layout.rows
@@ -321,32 +309,4 @@ fn with_point(cell: &[u8]) -> Vec<u8> {
     cell.iter()
         .map(|&b| if b == b',' { b'.' } else { b })
         .collect()
-}
-
-/// An error of the csv crate as ours.
-pub(crate) fn csv_error(file: &str, lines_before: u64, error: &csv::Error) -> RecordingError {
-    match error.kind() {
-        csv::ErrorKind::UnequalLengths {
-            pos,
-            expected_len,
-            len,
-        } => RecordingError::bad_line(
-            file,
-            lines_before + pos.as_ref().map_or(0, Position::line),
-            format!("{len} cells where the first row has {expected_len}; is the line cut off?"),
-        ),
-        csv::ErrorKind::Io(cause) => {
-            // The csv crate lends its error, io::Error is not Clone.
-            RecordingError::io(
-                file,
-                "read it",
-                std::io::Error::new(cause.kind(), cause.to_string()),
-            )
-        }
-        _ => RecordingError::bad_line(
-            file,
-            lines_before + error.position().map_or(0, Position::line),
-            error.to_string(),
-        ),
-    }
 }

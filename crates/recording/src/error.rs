@@ -96,6 +96,22 @@ pub enum RecordingError {
         /// What the decoder says.
         detail: String,
     },
+    /// More than any recording has ([`crate::limits`]).
+    #[error("{file}: {what} has {found} {unit}; at most {most} are read; {advice}")]
+    TooLarge {
+        /// The file, and where in it.
+        file: String,
+        /// What is too large.
+        what: &'static str,
+        /// How much it has; `more than ...` where the rest was not looked at.
+        found: String,
+        /// How much it may have.
+        most: u64,
+        /// What is counted.
+        unit: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
     /// No estimator can run without angular rates.
     #[error(
         "{file}: no gyroscope: it has {present}; estimators need angular rates, or fixes of a satellite receiver \

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use crate::event::{Event, Sample};
+use crate::limits::WAITING;
 
-/// Events that wait for earlier ones; those of one stamp come out as they went in.
+/// Events that wait for earlier ones, [`WAITING`] at most; those of one stamp come out as they went in.
 pub(crate) struct Hold {
     /// By stamp and by what went in first.
     waiting: BTreeMap<(i64, u64), Sample>,
@@ -32,9 +33,11 @@ impl Hold {
 
     /// The next event for which nothing earlier is expected any more.
     pub(crate) fn take(&mut self, at_end: bool) -> Option<Event> {
+        let is_full = self.waiting.len() > WAITING;
         let first = self.waiting.first_entry()?;
         let (time_ns, _) = *first.key();
-        if !at_end && self.latest_ns.saturating_sub(time_ns) < self.longest_ns {
+        let is_waiting = self.latest_ns.saturating_sub(time_ns) < self.longest_ns;
+        if !at_end && is_waiting && !is_full {
             return None;
         }
         let sample = first.remove();

@@ -22,6 +22,7 @@ mod hold;
 mod instant;
 pub mod issues;
 mod kf_gins;
+pub mod limits;
 pub mod manifest;
 #[cfg(feature = "mcap")]
 pub mod mcap;

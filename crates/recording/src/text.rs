@@ -5,6 +5,7 @@ use std::io::{BufRead, ErrorKind, Read};
 use std::path::Path;
 
 use crate::error::{RecordingError, Result};
+use crate::limits::read_description;
 
 /// Reads on into `piece` however often it is interrupted; 0 at the end.
 pub(crate) fn read_piece(input: &mut impl Read, piece: &mut [u8]) -> std::io::Result<usize> {
@@ -36,14 +37,7 @@ pub(crate) fn open_file(path: &Path, file: &str) -> Result<File> {
 
 /// The text of a manifest and its name for messages.
 pub(crate) fn read_manifest(path: &Path) -> Result<(String, String)> {
-    /// A manifest is a page; anything longer is another file.
-    const LONGEST: u64 = 1 << 20;
-    let file = path.display().to_string();
-    let mut text = String::new();
-    File::open(path)
-        .and_then(|input| input.take(LONGEST).read_to_string(&mut text))
-        .map_err(|error| RecordingError::io(&file, "read the manifest", error))?;
-    Ok((text, file))
+    Ok((read_description(path)?, path.display().to_string()))
 }
 
 /// Which line of a TOML text is wrong, and what was expected there.

@@ -15,6 +15,7 @@ use northing_core::geometry::rotation::from_yaw_pitch_roll;
 use crate::error::Result;
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
+use crate::limits::LOG_LINE;
 use crate::metadata::Metadata;
 use crate::nmea::arrival;
 use crate::options::FieldUnit;
@@ -27,8 +28,6 @@ const ADDRESS: &[u8] = b"$VNYMR,";
 const FIELDS: usize = 12;
 /// From line to line where nothing says when they came, ns: 40 a second.
 const INTERVAL_NS: i64 = 25_000_000;
-/// A line of more bytes than this is none.
-const LONGEST_LINE: u64 = 1024;
 /// Lines that are looked at to tell the format.
 const LINES: usize = 20;
 
@@ -145,7 +144,7 @@ impl<R: Read + Send> Pieces for Source<R> {
     }
 
     fn read(&mut self, issues: &mut Issues) -> Result<bool> {
-        let more = read_line(&mut self.input, LONGEST_LINE, &mut self.text, &self.file)?;
+        let more = read_line(&mut self.input, LOG_LINE, &mut self.text, &self.file)?;
         if more {
             self.take_line(issues);
         }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use northing_experiments::radar::TrackerKind;
+use northing_recording::limits::read_description;
 use northing_simulation::scenario::schema::NavigationFilter;
 use northing_simulation::scenario::{Scenario, ScenarioFile};
 
@@ -55,7 +56,7 @@ fn tracker(name: &str) -> Result<TrackerKind, String> {
 pub(crate) fn read(wanted: &ScenarioArgs) -> Result<Scenario> {
     let path = &wanted.scenario;
     let name = path.display().to_string();
-    let text = fs::read_to_string(path).with_context(|| format!("{name}: cannot read it"))?;
+    let text = read_description(path)?;
     let file = ScenarioFile::parse(&name, &text)?;
     let mut scenario = file.scenario(wanted.variant.as_deref())?;
     if let Some(navigation) = wanted.navigation {

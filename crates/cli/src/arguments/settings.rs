@@ -10,6 +10,7 @@ use northing_evaluation::attitude::parameters::parameters_of;
 use northing_evaluation::attitude::{EstimatorKind, Profile, RunOptions};
 use northing_evaluation::navigation::NavigationOptions;
 use northing_evaluation::{EvaluationError, Origin, by_name};
+use northing_recording::limits::read_description;
 use serde_json::{Map, Value as Json};
 use toml::de::{DeArray, DeTable, DeValue};
 
@@ -197,8 +198,7 @@ impl ConfigFile {
 
     fn read(path: &Path) -> Result<Self> {
         let file = path.display().to_string();
-        let text =
-            std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
+        let text = read_description(path)?;
         match text.trim_start().starts_with('{') {
             true => Self::parse_json(&text, &file),
             false => Self::parse(&text, &file),

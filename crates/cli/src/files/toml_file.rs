@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
 use northing_evaluation::calibration::set::CalibrationSet;
+use northing_recording::limits::read_description;
 use serde::de::DeserializeOwned;
 
 /// Reads such a file; `command` is what writes it.
@@ -12,7 +13,7 @@ use serde::de::DeserializeOwned;
 /// It cannot be read, is no TOML, or does not hold what is expected; the message names the line.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path, command: &str) -> Result<T> {
     let file = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
+    let text = read_description(path)?;
     parse(&text, &file, command)
 }
 
@@ -35,8 +36,7 @@ pub(crate) fn read_folder<C>(
     let mut named = Vec::new();
     for path in paths {
         // Both kinds of calibration may lie in one folder.
-        let text = std::fs::read_to_string(&path)
-            .with_context(|| format!("{}: cannot read it", path.display()))?;
+        let text = read_description(&path)?;
         let other = text
             .parse::<toml::Table>()
             .is_ok_and(|table| !table.contains_key(key));

@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 
-use crate::delimited::{Blanks, Channel, DelimitedSource, Form, Layout, TimeForm};
+use crate::delimited::{Blanks, Channel, DelimitedSource, Form, Layout, Rows, TimeForm};
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
 use crate::merge::Merged;
@@ -69,12 +69,12 @@ impl Table {
         } else {
             Box::new(Blanks::new(BufReader::with_capacity(1 << 16, input)))
         };
-        let reader = csv::ReaderBuilder::new()
+        let mut builder = csv::ReaderBuilder::new();
+        builder
             .delimiter(if has_commas { b',' } else { b' ' })
             .comment(Some(b'#'))
-            .has_headers(false)
-            .buffer_capacity(1 << 16)
-            .from_reader(input);
+            .has_headers(false);
+        let rows = Rows::new(file.to_owned(), &mut builder, input, 0);
         let layout = Layout {
             names: self.names().split(", ").map(str::to_owned).collect(),
             time: 0,
@@ -83,7 +83,7 @@ impl Table {
             decimal_comma: false,
             rows: None,
         };
-        Box::new(DelimitedSource::new(file.to_owned(), reader, layout, 0))
+        Box::new(DelimitedSource::new(rows, layout))
     }
 
     fn sensors(self) -> Vec<SensorKind> {

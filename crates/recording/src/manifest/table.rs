@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 
 use super::layout::LayoutBuilder;
 use super::schema::Source;
-use crate::delimited::{Blanks, DelimitedSource, csv_error};
+use crate::delimited::{Blanks, DelimitedSource, Rows};
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
 use crate::options::OpenOptions;
@@ -25,15 +25,15 @@ pub(super) fn open(
     } else {
         Box::new(input)
     };
-    let mut reader = csv::ReaderBuilder::new()
+    let mut builder = csv::ReaderBuilder::new();
+    builder
         .delimiter(source.delimiter as u8)
         .comment(source.comment.map(|c| c as u8))
         .has_headers(source.header)
         // Rows of several kinds have several lengths.
-        .flexible(source.rows.is_some())
-        .buffer_capacity(1 << 16)
-        .from_reader(input);
-    let names = column_names(source, &mut reader, file)?;
+        .flexible(source.rows.is_some());
+    let mut rows = Rows::new(file.to_owned(), &mut builder, input, source.skip_rows);
+    let names = column_names(source, &mut rows, file)?;
     let layout = LayoutBuilder {
         source,
         manifest_file,
@@ -43,7 +43,7 @@ pub(super) fn open(
     }
     .build()?;
     let sensors = layout.sensors();
-    let source = DelimitedSource::new(file.to_owned(), reader, layout, source.skip_rows);
+    let source = DelimitedSource::new(rows, layout);
     Ok(Opened {
         units_applied: true,
         ..Opened::new(Metadata::default(), sensors, Box::new(source))
@@ -53,13 +53,11 @@ pub(super) fn open(
 /// The names in the header; without one the numbers of the columns from 1.
 fn column_names(
     source: &Source,
-    reader: &mut csv::Reader<Box<dyn Read + Send>>,
+    rows: &mut Rows<Box<dyn Read + Send>>,
     file: &str,
 ) -> Result<Vec<String>> {
     // Without a header this is the first row, which stays to be read.
-    let first = reader
-        .byte_headers()
-        .map_err(|error| csv_error(file, source.skip_rows, &error))?;
+    let first = rows.first()?;
     if first.is_empty() {
         return Err(RecordingError::empty(
             file,

@@ -1,21 +1,18 @@
 //! The messages of an MCAP file, one after the other, up to its end or up to where it is cut or damaged.
 
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-use ::mcap::io::MessageReader;
-use ::mcap::sans_io::LinearReaderOptions;
-use ::mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
-use ::mcap::{Channel, McapError, Message};
+use ::mcap::records::op;
+use ::mcap::{Channel, Message};
 
+use super::definitions::{Definitions, Fields};
+use super::records::{Records, Stop};
 use crate::error::{RecordingError, Result};
 use crate::issues::Issues;
 
 /// What every MCAP file starts and every complete one ends with.
-pub(crate) const MAGIC: &[u8] = &[0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
-/// A record or chunk that claims to be longer is damage, bytes.
-const LONGEST_RECORD: usize = 64 << 20;
-const BUFFER: usize = 1 << 16;
+pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 
 /// A file or bytes in memory.
 pub(crate) trait Input: Read + Seek + Send {}
@@ -26,31 +23,51 @@ impl<T: Read + Seek + Send> Input for T {}
 pub(crate) enum End {
     /// As it was closed.
     Complete,
-    /// Its writer was stopped, or something is damaged: what the rest is worth is not known.
-    Cut(String),
+    /// Its writer was stopped, something is damaged, or larger than is read: the rest is not used.
+    Stopped(Stop),
+}
+
+impl End {
+    /// Why it ended before its end.
+    pub(crate) fn why(&self) -> Option<String> {
+        match self {
+            Self::Complete => None,
+            Self::Stopped(Stop::Cut(why)) => Some(why.clone()),
+            Self::Stopped(Stop::TooLarge(limit, found)) => Some(format!(
+                "{} has {found} {}, more than {}",
+                limit.what, limit.unit, limit.most
+            )),
+        }
+    }
+
+    /// Refuses a file that is larger than is read.
+    fn check(&self, file: &str) -> Result<()> {
+        match self {
+            Self::Stopped(Stop::TooLarge(limit, found)) => limit.check(*found, file, ""),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The messages of a file in the order in which they were written. Memory does not grow with the file.
 pub(crate) struct Messages {
-    reader: MessageReader<BufReader<Box<dyn Input>>>,
+    records: Records,
+    definitions: Definitions,
     complete: bool,
+    begun: bool,
     end: Option<End>,
 }
 
 impl Messages {
     /// Starts at the beginning of `input`.
     pub(crate) fn new(mut input: Box<dyn Input>, file: &str) -> Result<Self> {
-        let failed = |error| RecordingError::io(file, "read it", error);
-        let complete = has_end(&mut input).map_err(failed)?;
-        input.rewind().map_err(failed)?;
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST_RECORD);
-        let input = BufReader::with_capacity(BUFFER, input);
+        let complete = has_end(&mut input);
+        let complete = complete.map_err(|error| RecordingError::io(file, "read it", error))?;
         Ok(Self {
-            reader: MessageReader::new_with_options(input, options),
+            records: Records::new(input, file)?,
+            definitions: Definitions::default(),
             complete,
+            begun: false,
             end: None,
         })
     }
@@ -62,7 +79,7 @@ impl Messages {
 
     /// Tells that the file is cut, and how many messages could not be decoded.
     pub(super) fn report(&self, unreadable: u64, issues: &mut Issues) {
-        if let Some(End::Cut(why)) = &self.end {
+        if let Some(why) = self.end.as_ref().and_then(End::why) {
             issues.notes.push(format!(
                 "The recording was not finished ({why}); it is read up to there."
             ));
@@ -75,17 +92,22 @@ impl Messages {
 
     /// From the beginning again.
     pub(crate) fn again(self, file: &str) -> Result<Self> {
-        Self::new(self.reader.into_inner().into_inner(), file)
+        Self::new(self.records.into_input(), file)
     }
 
-    fn ended(&self, error: Option<&McapError>) -> End {
-        match error {
-            None if self.complete => End::Complete,
-            None | Some(McapError::UnexpectedEof | McapError::UnexpectedEoc) => {
-                End::Cut("it ends in the middle: whatever wrote it was stopped".to_owned())
-            }
-            Some(error) => End::Cut(crate::error::shown(&error.to_string())),
+    fn read(&mut self) -> std::result::Result<Option<Message<'static>>, Stop> {
+        if !std::mem::replace(&mut self.begun, true) {
+            self.records.begin()?;
         }
+        while let Some((kind, record)) = self.records.next()? {
+            match kind {
+                op::SCHEMA => self.definitions.schema(record)?,
+                op::CHANNEL => self.definitions.channel(record)?,
+                op::MESSAGE => return self.definitions.message(record).map(Some),
+                _ => {}
+            }
+        }
+        Ok(None)
     }
 }
 
@@ -96,10 +118,13 @@ impl Iterator for Messages {
         if self.end.is_some() {
             return None;
         }
-        let next = self.reader.next().transpose();
-        if !matches!(next, Ok(Some(_))) {
-            self.end = Some(self.ended(next.as_ref().err()));
-        }
+        let next = self.read();
+        self.end = match &next {
+            Ok(Some(_)) => None,
+            Ok(None) if self.complete => Some(End::Complete),
+            Ok(None) => Some(End::Stopped(Stop::in_the_middle())),
+            Err(stop) => Some(End::Stopped(stop.clone())),
+        };
         next.ok().flatten()
     }
 }
@@ -114,7 +139,7 @@ pub(crate) fn has_end(input: &mut (impl Read + Seek)) -> std::io::Result<bool> {
     input.seek(SeekFrom::Start(length - magic))?;
     let mut last = [0; MAGIC.len()];
     input.read_exact(&mut last)?;
-    Ok(last == MAGIC)
+    Ok(last == *MAGIC)
 }
 
 /// The channels of a file, each once, and how the file ended.
@@ -124,7 +149,10 @@ pub(crate) struct Contents {
 }
 
 /// Looks through the whole file for its channels: an unfinished one has no list of them.
-pub(crate) fn contents(messages: &mut Messages) -> Contents {
+///
+/// # Errors
+/// Something in it is larger than is read.
+pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> {
     let mut channels: Vec<Arc<Channel<'static>>> = Vec::new();
     let mut known = vec![false; usize::from(u16::MAX) + 1];
     for message in &mut *messages {
@@ -134,21 +162,52 @@ pub(crate) fn contents(messages: &mut Messages) -> Contents {
         }
     }
     let end = messages.end().cloned().unwrap_or(End::Complete);
-    Contents { channels, end }
+    end.check(file)?;
+    Ok(Contents { channels, end })
 }
 
-/// The list of contents at the end of a complete file; `None` when there is none.
-pub(crate) fn summary(input: &mut (impl Read + Seek)) -> Option<::mcap::Summary> {
-    let options = SummaryReaderOptions::default().with_record_length_limit(LONGEST_RECORD);
-    let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event.ok()? {
-            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(input.seek(to).ok()?),
-            SummaryReadEvent::ReadRequest(bytes) => {
-                let read = input.read(reader.insert(bytes)).ok()?;
-                reader.notify_read(read);
-            }
+/// The list of contents at the end of a complete file.
+pub(crate) struct Summary {
+    pub(crate) channels: Vec<Arc<Channel<'static>>>,
+    /// Time of the first message, ns since 1970.
+    pub(crate) start_ns: Option<u64>,
+}
+
+/// Reads the list of contents; `None` when there is none.
+pub(crate) fn summary(mut input: Box<dyn Input>) -> Option<Summary> {
+    /// The footer: kind and length of the record, where the summary and its offsets begin, its checksum.
+    const FOOTER: i64 = 9 + 8 + 8 + 4;
+    input
+        .seek(SeekFrom::End(-FOOTER - MAGIC.len() as i64))
+        .ok()?;
+    let mut footer = [0; FOOTER as usize];
+    input.read_exact(&mut footer).ok()?;
+    let (kind, rest) = footer.split_first()?;
+    let mut fields = Fields(rest);
+    let _length = fields.u64()?;
+    let start = fields.u64().filter(|start| *start > 0)?;
+    if *kind != op::FOOTER {
+        return None;
+    }
+    let mut records = Records::from(input, start).ok()?;
+    let (mut definitions, mut start_ns) = (Definitions::default(), None);
+    while let Some((kind, record)) = records.next().ok()? {
+        match kind {
+            op::SCHEMA => definitions.schema(record).ok()?,
+            op::CHANNEL => definitions.channel(record).ok()?,
+            op::STATISTICS => start_ns = first_message(record),
+            _ => {}
         }
     }
-    reader.finish()
+    Some(Summary {
+        channels: definitions.into_channels(),
+        start_ns,
+    })
+}
+
+/// The time of the first message, behind the counts of messages, schemas, channels, attachments, metadata and chunks.
+fn first_message(statistics: &[u8]) -> Option<u64> {
+    let mut fields = Fields(statistics);
+    fields.bytes(8 + 2 + 4 + 4 + 4 + 4)?;
+    fields.u64()
 }

@@ -8,6 +8,7 @@ use super::lab::{LabRecord, RecordKind};
 use crate::error::Result;
 use crate::event::Event;
 use crate::issues::Issues;
+use crate::limits::WAITING;
 use crate::recording::Pieces;
 use crate::wire::{Decoded, Tone, WireDecoder, WireFormat};
 
@@ -15,8 +16,6 @@ use crate::wire::{Decoded, Tone, WireDecoder, WireFormat};
 const OVERLAP_NS: i64 = 2_000_000_000;
 /// A stamp that goes back further than this is another clock, ns.
 const NEW_CLOCK_NS: i64 = 2_000_000_000;
-/// No more events than this wait for others.
-const MOST_WAITING: usize = 100_000;
 /// Remarks of the decoder that are passed on.
 const MOST_REMARKS: usize = 8;
 
@@ -211,7 +210,7 @@ impl Order {
         }
         let ((next_ns, ..), _) = self.waiting.first_key_value()?;
         let old = *next_ns < self.newest_ns.saturating_sub(OVERLAP_NS);
-        if !(all || old || self.waiting.len() > MOST_WAITING) {
+        if !(all || old || self.waiting.len() > WAITING) {
             return None;
         }
         self.waiting.pop_first().map(|(_, event)| event)

@@ -2,7 +2,7 @@
 //!
 //! | I look for | file |
 //! |---|---|
-//! | the messages of a file, up to where it is cut | `file.rs` |
+//! | the messages of a file, up to where it is cut | `file.rs`, of records `records.rs`, `definitions.rs` |
 //! | what the lab records: channels, writer, records | `lab.rs` |
 //! | the events of one device of such a recording | `lab_source.rs` |
 //! | making an unfinished recording whole | `recover.rs` |
@@ -12,11 +12,13 @@
 //! Read first: `docs/formats.md`, section "MCAP", and the specification at <https://mcap.dev/spec>.
 
 mod cdr;
+mod definitions;
 mod file;
 mod lab;
 mod lab_source;
 pub(crate) mod nav_sat_fix;
 pub(crate) mod output;
+mod records;
 mod recover;
 mod ros;
 mod ros_source;
@@ -51,8 +53,8 @@ pub(crate) fn open(
     device: Option<&str>,
 ) -> Result<Opened> {
     let mut messages = Messages::new(input, file)?;
-    let contents = contents(&mut messages);
-    if let (true, End::Cut(why)) = (contents.channels.is_empty(), &contents.end) {
+    let contents = contents(&mut messages, file)?;
+    if let (true, Some(why)) = (contents.channels.is_empty(), contents.end.why()) {
         return Err(RecordingError::damaged(
             file,
             format!("{why}; nothing in it can be read"),
@@ -161,11 +163,8 @@ pub struct LabRecords {
 impl LabRecords {
     /// Why it ended before its end, once it has.
     #[must_use]
-    pub fn cut(&self) -> Option<&str> {
-        match self.messages.end() {
-            Some(End::Cut(why)) => Some(why),
-            _ => None,
-        }
+    pub fn cut(&self) -> Option<String> {
+        self.messages.end().and_then(End::why)
     }
 }
 
@@ -199,20 +198,19 @@ pub struct Description {
 pub fn describe(path: &Path) -> Result<Description> {
     let file = path.display().to_string();
     let failed = |error| RecordingError::io(&file, "open it", error);
-    let mut input = open_file(path, &file)?;
+    let input = || open_file(path, &file);
     if is_complete(path).map_err(failed)?
-        && let Some(summary) = file::summary(&mut input)
+        && let Some(summary) = file::summary(Box::new(input()?))
     {
-        let start = summary.stats.as_ref().map(|stats| stats.message_start_time);
         return Ok(Description {
-            devices: devices(summary.channels.values()),
-            start_ns: start.and_then(|ns| i64::try_from(ns).ok()),
+            devices: devices(&summary.channels),
+            start_ns: summary.start_ns.and_then(|ns| i64::try_from(ns).ok()),
         });
     }
-    let mut messages = Messages::new(Box::new(input), &file)?;
+    let mut messages = Messages::new(Box::new(input()?), &file)?;
     let first = messages.next();
     let start_ns = first.and_then(|message| i64::try_from(message.log_time).ok());
-    let contents = contents(&mut messages.again(&file)?);
+    let contents = contents(&mut messages.again(&file)?, &file)?;
     Ok(Description {
         devices: devices(&contents.channels),
         start_ns,

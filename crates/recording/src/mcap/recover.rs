@@ -1,15 +1,13 @@
 //! Makes an unfinished recording whole: everything up to the cut, with an index.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use ::mcap::McapError;
-use ::mcap::io::MessageReader;
-use ::mcap::sans_io::LinearReaderOptions;
 use tempfile::NamedTempFile;
 
-use super::file::has_end;
+use super::file::{Messages, has_end};
 use super::output::{io_error, options};
 use crate::error::{RecordingError, Result};
 
@@ -42,9 +40,11 @@ pub fn recover(path: &Path) -> Result<Recovered> {
         _ => Path::new("."),
     };
     let refused = |error| RecordingError::io(&file, "recover it", error);
-    let input = BufReader::new(File::open(path).map_err(refused)?);
+    let input = File::open(path).map_err(refused)?;
+    let messages = Messages::new(Box::new(input), &file)?;
     let temporary = NamedTempFile::new_in(folder).map_err(refused)?;
-    let (temporary, messages) = copy(input, temporary).map_err(|error| refused(io_error(error)))?;
+    let (temporary, messages) =
+        copy(messages, temporary).map_err(|error| refused(io_error(error)))?;
     if messages == 0 {
         return Err(RecordingError::damaged(file, "nothing in it can be read"));
     }
@@ -58,16 +58,12 @@ pub fn recover(path: &Path) -> Result<Recovered> {
 }
 
 fn copy(
-    input: BufReader<File>,
+    input: Messages,
     output: NamedTempFile,
 ) -> std::result::Result<(NamedTempFile, u64), McapError> {
-    let reading = LinearReaderOptions::default()
-        .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(true);
     let mut output = options().create(BufWriter::new(output))?;
     let mut messages = 0;
-    // The first error is the cut.
-    for message in MessageReader::new_with_options(input, reading).map_while(|m| m.ok()) {
+    for message in input {
         output.write(&message)?;
         messages += 1;
     }

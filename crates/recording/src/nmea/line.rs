@@ -16,8 +16,7 @@ pub(super) mod reason {
     pub(crate) const GARBLED: &str =
         "NMEA sentence(s) whose fields are not as the standard has them";
     pub(crate) const NO_SENTENCE: &str = "line(s) that are no NMEA sentence";
-    pub(crate) const NO_TIME: &str =
-        "NMEA sentence(s) before the first time of the log; nobody knows when they were";
+    pub(crate) const NO_TIME: &str = "NMEA sentence(s) before the first time of the log or long after its last; nobody knows when they were";
     pub(crate) const NO_POSITION: &str =
         "second(s) of the receiver without a position: no satellites yet, or lost";
 }

@@ -23,6 +23,7 @@ use crate::error::Result;
 use crate::event::{Event, Sample, SensorKind};
 use crate::hold::Hold;
 use crate::issues::Issues;
+use crate::limits::{LOG_LINE, WAITING};
 use crate::metadata::Metadata;
 use crate::recording::{Opened, Pieces};
 use crate::text::read_line;
@@ -41,9 +42,6 @@ const SENSORS: [SensorKind; 5] = [
 /// How long events wait for earlier ones: a fix may be told a second late, in the same log as a
 /// compass that is told at once.
 const HOLD_NS: i64 = 3_000_000_000;
-
-/// A line of more bytes than this is none.
-const LONGEST_LINE: u64 = 1024;
 
 /// Opens a log.
 pub(crate) fn open(input: impl Read + Send + 'static, file: &str, metadata: Metadata) -> Opened {
@@ -73,7 +71,7 @@ impl<R: Read + Send> Pieces for NmeaSource<R> {
 
     fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         let was_at_end = self.at_end;
-        if read_line(&mut self.input, LONGEST_LINE, &mut self.line, &self.file)? {
+        if read_line(&mut self.input, LOG_LINE, &mut self.line, &self.file)? {
             self.log.take(&self.line, issues);
         } else if !was_at_end {
             self.log.close(issues);
@@ -177,6 +175,7 @@ impl Log {
     /// Takes a sample that comes without a time of its own.
     fn beside(&mut self, sample: Sample, arrival_ns: Option<i64>, issues: &mut Issues) {
         match (&self.epoch, arrival_ns) {
+            (Some(_), _) if self.beside.len() >= WAITING => issues.reject(reason::NO_TIME),
             (Some(_), _) => self.beside.push((arrival_ns, sample)),
             (None, Some(time_ns)) => self.hold.put(time_ns, sample),
             (None, None) => issues.reject(reason::NO_TIME),

@@ -6,18 +6,22 @@
 
 mod column;
 mod layout;
+mod pages;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 
 use column::{Column, read_rows};
 use layout::Layout;
+use pages::{Budget, Pages, Watched};
 
 use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
+use crate::limits::{self, FOOTER, Limit};
 use crate::metadata::Metadata;
 use crate::numbers;
 use crate::recording::{Opened, Pieces};
@@ -68,7 +72,15 @@ pub(crate) fn open<R: ChunkReader + Send + 'static>(
     file: &str,
     mut metadata: Metadata,
 ) -> Result<Opened> {
-    let reader = contained(file, || SerializedFileReader::new(input))?;
+    let most_rows = limits::rows(input.len());
+    check_footer(&input, file)?;
+    let pages = Pages::new(input);
+    let budget = pages.budget();
+    let watched = Watched(Arc::clone(&pages));
+    let reader = contained(file, None, || SerializedFileReader::new(watched))?;
+    pages.watch();
+    let rows = reader.metadata().file_metadata().num_rows();
+    most_rows.check(u64::try_from(rows).unwrap_or(u64::MAX), file, "")?;
     let start_ns = read_metadata(&reader, file, &mut metadata)?;
     let layout = Layout::find(&reader, file)?;
     let sensors = layout.sensors.iter().map(|(kind, _)| *kind).collect();
@@ -88,6 +100,8 @@ pub(crate) fn open<R: ChunkReader + Send + 'static>(
         rows: 0,
         row: 0,
         rows_before: 0,
+        most_rows,
+        budget,
         events: Vec::new(),
     };
     Ok(Opened::new(metadata, sensors, Box::new(source)))
@@ -95,16 +109,36 @@ pub(crate) fn open<R: ChunkReader + Send + 'static>(
 
 /// Runs a piece of the Parquet decoder. Panics on garbage have been seen in decoders of this size;
 /// one must not take the program down, so it becomes the same error as any other damage. The state
-/// touched by a panic is never used again.
+/// touched by a panic is never used again. A page that is too large is told as that.
 fn contained<T>(
     file: &str,
+    budget: Option<&Budget>,
     work: impl FnOnce() -> std::result::Result<T, ParquetError>,
 ) -> Result<T> {
     let damaged = |detail: String| RecordingError::damaged(file, detail);
-    match catch_unwind(AssertUnwindSafe(work)) {
+    let done = catch_unwind(AssertUnwindSafe(work));
+    if let Some((limit, found)) = budget.and_then(Budget::refused) {
+        limit.check(found, file, "")?;
+    }
+    match done {
         Ok(Ok(value)) => Ok(value),
         Ok(Err(error)) => Err(damaged(shown(&error.to_string()))),
         Err(_) => Err(damaged("the Parquet decoder gave up".to_owned())),
+    }
+}
+
+/// Refuses a footer that is larger than is held in memory; other damage is found by the decoder.
+fn check_footer<R: ChunkReader>(input: &R, file: &str) -> Result<()> {
+    let Some(start) = input.len().checked_sub(8) else {
+        return Ok(());
+    };
+    let end = contained(file, None, || input.get_bytes(start, 8))?;
+    match *end {
+        [a, b, c, d, b'P', b'A', b'R', b'1'] => {
+            let length = u32::from_le_bytes([a, b, c, d]);
+            FOOTER.check(u64::from(length), file, "")
+        }
+        _ => Ok(()),
     }
 }
 
@@ -138,7 +172,7 @@ fn read_metadata<R: ChunkReader + 'static>(
 
 struct ParquetSource<R: ChunkReader + 'static> {
     file: String,
-    reader: SerializedFileReader<R>,
+    reader: SerializedFileReader<Watched<R>>,
     columns: Vec<Column>,
     names: Vec<String>,
     sensors: Vec<(SensorKind, usize)>,
@@ -149,6 +183,8 @@ struct ParquetSource<R: ChunkReader + 'static> {
     rows: usize,
     row: usize,
     rows_before: u64,
+    most_rows: Limit,
+    budget: Arc<Budget>,
     /// Events of the current row, the next one last.
     events: Vec<Event>,
 }
@@ -158,10 +194,12 @@ impl<R: ChunkReader + 'static> ParquetSource<R> {
     fn read_batch(&mut self) -> Result<bool> {
         self.rows_before += self.rows as u64;
         (self.rows, self.row) = (0, 0);
+        self.most_rows.check(self.rows_before, &self.file, "")?;
+        let budget = Some(self.budget.as_ref());
         loop {
             let (columns, reader) = (&mut self.columns, &self.reader);
             let rows = if columns[0].decoder.is_some() {
-                contained(&self.file, || read_rows(columns))?
+                contained(&self.file, budget, || read_rows(columns))?
             } else {
                 None
             };
@@ -177,7 +215,7 @@ impl<R: ChunkReader + 'static> ParquetSource<R> {
             }
             let group = self.next_group;
             self.next_group += 1;
-            contained(&self.file, || {
+            contained(&self.file, budget, || {
                 let group = reader.get_row_group(group)?;
                 for column in columns.iter_mut() {
                     column.decoder = Some(group.get_column_reader(column.place)?);

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tempfile::TempDir;
 
 use crate::error::{RecordingError, Result, join};
 use crate::event::{Event, Sample, SensorKind};
@@ -48,18 +47,13 @@ pub(super) trait Export {
         factor: f64,
     ) -> Result<Box<dyn EventSource>>;
 
-    /// The temporary files in which the tables are.
-    fn unpacked(&mut self) -> Option<TempDir> {
-        None
-    }
-
     fn vectors(&self, table: &str, kind: SensorKind, factor: f64) -> Result<Box<dyn EventSource>> {
         self.stream(table, &["x", "y", "z"], kind, factor)
     }
 }
 
 /// Opens the tables of an export as one recording.
-pub(super) fn open(mut export: impl Export, file: &str, mut metadata: Metadata) -> Result<Opened> {
+pub(super) fn open(export: impl Export, file: &str, mut metadata: Metadata) -> Result<Opened> {
     if !TABLES.iter().any(|table| export.has(table)) {
         return Err(RecordingError::NotARecording {
             file: file.to_owned(),
@@ -82,26 +76,10 @@ pub(super) fn open(mut export: impl Export, file: &str, mut metadata: Metadata) 
         return Err(RecordingError::no_gyroscope(file, &sensors));
     }
     let source = Merged::new(streams.into_iter().map(|(_, source)| source).collect());
-    let source = Box::new(Kept {
-        source,
-        _unpacked: export.unpacked(),
-    });
     Ok(Opened {
         notes,
-        ..Opened::new(metadata, sensors, source)
+        ..Opened::new(metadata, sensors, Box::new(source))
     })
-}
-
-/// A source and the temporary files from which it reads.
-struct Kept {
-    source: Merged,
-    _unpacked: Option<TempDir>,
-}
-
-impl EventSource for Kept {
-    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
-        self.source.next_event(issues)
-    }
 }
 
 type Streams = Vec<(SensorKind, Box<dyn EventSource>)>;

@@ -5,9 +5,7 @@ use std::io::BufRead;
 use serde::Deserialize;
 
 use crate::error::{RecordingError, Result, shown};
-
-/// Longest entry that is accepted, bytes.
-const LONGEST_ENTRY: usize = 1 << 20;
+use crate::limits::ENTRY;
 
 /// One object of the array as text.
 pub(super) struct Entry<'a> {
@@ -114,8 +112,9 @@ impl Entries {
                 return Err(self.cut_off());
             };
             self.text.push(byte);
-            if self.text.len() > LONGEST_ENTRY {
-                return Err(self.bad("an entry of more than a megabyte".to_owned()));
+            if self.text.len() as u64 > ENTRY.most {
+                let found = format!("more than {}", ENTRY.most);
+                return Err(ENTRY.exceeded(found, &self.file, &format!(", line {line}")));
             }
             match byte {
                 _ if escaped => escaped = false,

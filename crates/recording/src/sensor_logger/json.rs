@@ -14,13 +14,14 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use super::channels::Export;
+use super::csv_tables::TIME;
 use super::entries::{Entries, Entry};
-use super::folder::TIME;
 use super::plain;
 use crate::delimited::{Cells, Channel, Layout, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
+use crate::limits::TABLES;
 use crate::recording::EventSource;
 use crate::stamp;
 
@@ -32,7 +33,16 @@ pub(super) enum Store {
 }
 
 impl Store {
-    fn read_from(&self, offset: u64) -> io::Result<Box<dyn BufRead + Send>> {
+    /// Its length, bytes.
+    pub(super) fn length(&self) -> io::Result<u64> {
+        match self {
+            Self::File(path) => std::fs::metadata(path).map(|file| file.len()),
+            Self::Bytes(bytes) => Ok(bytes.len() as u64),
+        }
+    }
+
+    /// What is there from a place on.
+    pub(super) fn read_from(&self, offset: u64) -> io::Result<Box<dyn BufRead + Send>> {
         Ok(match self {
             Self::File(path) => {
                 let mut file = File::open(path)?;
@@ -94,6 +104,7 @@ impl Json {
                         end,
                     };
                     tables.insert(table, span);
+                    TABLES.check(tables.len() as u64, file, "")?;
                 }
             }
         }

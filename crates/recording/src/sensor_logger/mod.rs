@@ -7,6 +7,7 @@
 //! whose world x axis points north; all that is turned here into specific force, m/s^2 and ENU.
 
 mod channels;
+mod csv_tables;
 mod entries;
 mod folder;
 mod json;
@@ -25,6 +26,7 @@ use crate::recording::Opened;
 
 use folder::Folder;
 use json::{Json, Store};
+use zip::Zip;
 
 /// Opens a folder of CSV files.
 pub(crate) fn open_folder(path: &Path, file: &str, metadata: Metadata) -> Result<Opened> {
@@ -39,8 +41,8 @@ pub(crate) fn open_file(path: &Path, file: &str, metadata: Metadata) -> Result<O
     let mut head = [0; 2];
     let head_length = input.read(&mut head).map_err(failed)?;
     if head[..head_length] == *b"PK" {
-        let folder = zip::unpack(input, file)?;
-        return channels::open(folder, file, metadata);
+        let tables = Zip::list(Store::File(path.to_owned()), input, file)?;
+        return channels::open(tables, file, metadata);
     }
     let json = Json::index(Store::File(path.to_owned()), file)?;
     channels::open(json, file, metadata)
@@ -48,11 +50,13 @@ pub(crate) fn open_file(path: &Path, file: &str, metadata: Metadata) -> Result<O
 
 /// Opens a zip or a JSON file in memory.
 pub(crate) fn open_bytes(bytes: Vec<u8>, file: &str, metadata: Metadata) -> Result<Opened> {
+    let bytes: Arc<[u8]> = Arc::from(bytes);
+    let store = Store::Bytes(Arc::clone(&bytes));
     if bytes.starts_with(b"PK") {
-        let folder = zip::unpack(std::io::Cursor::new(bytes), file)?;
-        return channels::open(folder, file, metadata);
+        let tables = Zip::list(store, std::io::Cursor::new(bytes), file)?;
+        return channels::open(tables, file, metadata);
     }
-    let json = Json::index(Store::Bytes(Arc::from(bytes)), file)?;
+    let json = Json::index(store, file)?;
     channels::open(json, file, metadata)
 }
 

@@ -17,6 +17,7 @@ use super::sample::{AisReport, OwnShipPose, TrackingEvent, TrackingSample};
 use super::tables::Table;
 use super::{TrackingIssues, TrackingRecording};
 use crate::error::{RecordingError, Result};
+use crate::limits::LOG_LINE;
 use crate::options::KNOT;
 use crate::stamp;
 use crate::text::{open_file, read_line};
@@ -87,10 +88,10 @@ fn read_table(
         let id = id.map_err(|_| table.bad_cell(mmsi, "an MMSI of up to 9 digits"))?;
         let place = [table.number(latitude)?, table.number(longitude)?];
         match report(plane, id, place, maybe(course), maybe(speed)) {
-            Some(report) => out.events.push(TrackingEvent {
-                time_ns,
-                sample: TrackingSample::Ais(report),
-            }),
+            Some(report) => {
+                let sample = TrackingSample::Ais(report);
+                out.add(TrackingEvent { time_ns, sample }, table.file())?;
+            }
             None => out.issues.reports_without_position += 1,
         }
     }
@@ -128,16 +129,14 @@ fn read_sentences(
     plane: &LocalPlane,
     out: &mut TrackingRecording,
 ) -> Result<()> {
-    /// The longest line that is looked at: a tag block and a sentence of 82 characters.
-    const LONGEST: u64 = 512;
     let path = folder.join(&wanted.file);
     let file = path.display().to_string();
     let mut input = BufReader::new(open_file(&path, &file)?);
     let mut log = Sentences::new(*plane);
     let mut line = Vec::new();
-    while read_line(&mut input, LONGEST, &mut line, &file)? {
+    while read_line(&mut input, LOG_LINE, &mut line, &file)? {
         if let Some(event) = log.take(line.trim_ascii(), &mut out.issues) {
-            out.events.push(event);
+            out.add(event, &file)?;
         }
     }
     Ok(())

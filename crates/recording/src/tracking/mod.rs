@@ -28,6 +28,7 @@ pub use sample::{AisReport, Detection, OwnShipPose, Scan, TargetTruth, TrackingE
 pub use sample::{TrackingIssues, TrackingSample};
 
 use crate::error::{RecordingError, Result};
+use crate::limits::TRACKING_EVENTS;
 use crate::text::read_manifest;
 
 /// A recording of targets.
@@ -42,6 +43,14 @@ pub struct TrackingRecording {
     pub events: Vec<TrackingEvent>,
     /// What was left out, counted.
     pub issues: TrackingIssues,
+}
+
+impl TrackingRecording {
+    /// Adds an event from `file`.
+    fn add(&mut self, event: TrackingEvent, file: &str) -> Result<()> {
+        self.events.push(event);
+        TRACKING_EVENTS.check(self.events.len() as u64, file, "")
+    }
 }
 
 /// Opens the recording that the manifest at `path` describes. Its files are found in `data`, or

@@ -9,7 +9,9 @@ use csv::StringRecord;
 use super::TrackingRecording;
 use super::manifest::{DetectionTable, ScanTable, TrackingManifest, TruthTable};
 use super::sample::{Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent, TrackingSample};
+use crate::delimited::Rows;
 use crate::error::{RecordingError, Result, join, shown};
+use crate::limits::TRACKING_EVENTS;
 use crate::stamp;
 use crate::text::open_file;
 
@@ -17,7 +19,7 @@ use crate::text::open_file;
 pub(super) struct Table {
     file: String,
     columns: HashMap<String, usize>,
-    reader: csv::Reader<File>,
+    rows: Rows<File>,
     row: StringRecord,
 }
 
@@ -27,13 +29,12 @@ impl Table {
         let path = folder.join(name);
         let file = path.display().to_string();
         let input = open_file(&path, &file)?;
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_reader(input);
-        let headers = reader
-            .headers()
-            .map_err(|error| bad_line(&file, &error))?
-            .clone();
+        let mut builder = csv::ReaderBuilder::new();
+        builder.trim(csv::Trim::All);
+        let mut rows = Rows::new(file.clone(), &mut builder, input, 0);
+        let headers = StringRecord::from_byte_record(rows.first()?).map_err(|_| {
+            RecordingError::bad_line(&file, 1, "names of columns that are no text in UTF-8")
+        })?;
         let mut columns = HashMap::new();
         for (index, column) in headers.iter().enumerate() {
             if columns.insert(column.to_owned(), index).is_some() {
@@ -46,9 +47,13 @@ impl Table {
         Ok(Self {
             file,
             columns,
-            reader,
+            rows,
             row: StringRecord::new(),
         })
+    }
+
+    pub(super) fn file(&self) -> &str {
+        &self.file
     }
 
     /// The place of a column.
@@ -72,9 +77,7 @@ impl Table {
 
     /// Goes to the next row; false at the end.
     pub(super) fn advance(&mut self) -> Result<bool> {
-        self.reader
-            .read_record(&mut self.row)
-            .map_err(|error| bad_line(&self.file, &error))
+        self.rows.read_text(&mut self.row)
     }
 
     /// The text of a cell.
@@ -111,14 +114,6 @@ impl Table {
             expected,
         }
     }
-}
-
-fn bad_line(file: &str, error: &csv::Error) -> RecordingError {
-    RecordingError::bad_line(
-        file,
-        error.position().map_or(0, csv::Position::line),
-        shown(&error.to_string()),
-    )
 }
 
 /// What detections and truths need to know of their scan.
@@ -184,10 +179,8 @@ fn read_scans(
             }
             None => only,
         };
-        out.events.push(TrackingEvent {
-            time_ns,
-            sample: TrackingSample::OwnShip(pose),
-        });
+        let sample = TrackingSample::OwnShip(pose);
+        out.add(TrackingEvent { time_ns, sample }, &table.file)?;
         let event = used.map(|_| out.events.len());
         let place = Place { time_ns, event };
         if places.insert(scan_id, place).is_some() {
@@ -197,14 +190,12 @@ fn read_scans(
             out.issues.scans_of_unknown_sensors += 1;
             continue;
         };
-        out.events.push(TrackingEvent {
-            time_ns,
-            sample: TrackingSample::Scan(Scan {
-                id: scan_id,
-                sensor,
-                detections: Vec::new(),
-            }),
+        let sample = TrackingSample::Scan(Scan {
+            id: scan_id,
+            sensor,
+            detections: Vec::new(),
         });
+        out.add(TrackingEvent { time_ns, sample }, &table.file)?;
     }
     if places.len() as u64 == out.issues.scans_of_unknown_sensors && !places.is_empty() {
         return Err(RecordingError::manifest(
@@ -276,10 +267,13 @@ fn read_detections(
     let mut table = Table::open(folder, &wanted.file)?;
     let id = table.column(&wanted.scan)?;
     let kinds = Kinds::new(&table, wanted)?;
+    let mut detections = 0;
     while table.advance()? {
         let Some(detection) = kinds.detection(&table)? else {
             continue;
         };
+        detections += 1;
+        TRACKING_EVENTS.check(detections, &table.file, "")?;
         let Some(place) = places.get(&table.integer(id)?) else {
             out.issues.rows_without_scan += 1;
             continue;
@@ -311,15 +305,17 @@ fn read_truth(
             out.issues.rows_without_scan += 1;
             continue;
         };
-        out.events.push(TrackingEvent {
+        let truth = TargetTruth {
+            scan,
+            target: target.map_or(Ok(1), |column| table.integer(column))?,
+            north_m: table.number(north)?,
+            east_m: table.number(east)?,
+        };
+        let event = TrackingEvent {
             time_ns: place.time_ns,
-            sample: TrackingSample::Truth(TargetTruth {
-                scan,
-                target: target.map_or(Ok(1), |column| table.integer(column))?,
-                north_m: table.number(north)?,
-                east_m: table.number(east)?,
-            }),
-        });
+            sample: TrackingSample::Truth(truth),
+        };
+        out.add(event, &table.file)?;
     }
     Ok(())
 }

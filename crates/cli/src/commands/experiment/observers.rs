@@ -9,6 +9,7 @@ use northing_experiments::observers::experiment::{
 };
 use northing_experiments::observers::{Comparison, Condition, Experiment, ExperimentOutcome};
 use northing_recording::OpenOptions;
+use northing_recording::limits::read_description;
 use northing_simulation::scenario::FlightScenarioFile;
 
 use crate::arguments::recordings;
@@ -101,7 +102,7 @@ fn scenario(args: &ObserversArgs) -> Result<FlightScenarioFile> {
         return Ok(FlightScenarioFile::parse(SCENARIO_NAME, SCENARIO)?);
     };
     let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot read it"))?;
+    let text = read_description(path)?;
     Ok(FlightScenarioFile::parse(&name, &text)?)
 }
 

@@ -1,0 +1,102 @@
+//! Sensor Logger's tables as CSV, wherever they are: in a folder or in a zip.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+
+use csv::ByteRecord;
+
+use super::channels::Export;
+use crate::delimited::{Channel, DelimitedSource, Layout, Rows, TimeForm};
+use crate::error::{RecordingError, Result, join};
+use crate::event::SensorKind;
+use crate::recording::EventSource;
+use crate::stamp;
+
+/// The name of the time column of every table.
+pub(super) const TIME: &str = "time";
+
+type Input = Box<dyn Read + Send>;
+
+/// Tables of an export, each a CSV file that can be read from its beginning as often as is wanted.
+pub(super) trait CsvTables {
+    fn has(&self, table: &str) -> bool;
+
+    /// The names of all tables as they stand there.
+    fn names(&self) -> Vec<String>;
+
+    /// The name of a table for messages, and its text.
+    fn input(&self, table: &str) -> Result<(String, Input)>;
+
+    fn rows(&self, table: &str) -> Result<Rows<Input>> {
+        let (file, input) = self.input(table)?;
+        let builder = &mut csv::ReaderBuilder::new();
+        Ok(Rows::new(file, builder, input, 0))
+    }
+}
+
+impl<T: CsvTables> Export for T {
+    fn has(&self, table: &str) -> bool {
+        CsvTables::has(self, table)
+    }
+
+    fn names(&self) -> Vec<String> {
+        CsvTables::names(self)
+    }
+
+    fn metadata(&self) -> Result<Option<BTreeMap<String, String>>> {
+        // The first row of `Metadata.csv` by column name.
+        if !CsvTables::has(self, "metadata") {
+            return Ok(None);
+        }
+        let mut rows = self.rows("metadata")?;
+        let names = rows.first()?;
+        let mut row = ByteRecord::new();
+        rows.read(&mut row)?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let pairs = names.iter().zip(&row);
+        Ok(Some(
+            pairs
+                .map(|(name, value)| (text(name), text(value)))
+                .collect(),
+        ))
+    }
+
+    fn stream(
+        &self,
+        table: &str,
+        columns: &[&str],
+        kind: SensorKind,
+        factor: f64,
+    ) -> Result<Box<dyn EventSource>> {
+        let mut rows = self.rows(table)?;
+        let header = rows.first()?;
+        let names: Vec<String> = header
+            .iter()
+            .map(|name| {
+                let name = String::from_utf8_lossy(name);
+                name.trim().trim_start_matches('\u{feff}').to_owned()
+            })
+            .collect();
+        let find = |column: &str| {
+            names.iter().position(|name| name == column).ok_or_else(|| {
+                RecordingError::MissingColumns {
+                    file: rows.file().to_owned(),
+                    missing: format!("column {column}"),
+                    present: join(names.iter().map(String::as_str)),
+                    advice: format!("a Sensor Logger table has time and {}", columns.join(", ")),
+                }
+            })
+        };
+        let places = columns.iter().map(|column| find(column));
+        let places = places.collect::<Result<Vec<usize>>>()?;
+        let layout = Layout {
+            time: find(TIME)?,
+            time_form: TimeForm::Decimal(stamp::NANOSECONDS),
+            rows: None,
+            channels: vec![Channel::new(kind, &places).times(factor)],
+            decimal_comma: false,
+            names,
+        };
+        Ok(Box::new(DelimitedSource::new(rows, layout)))
+    }
+}
