@@ -97,7 +97,7 @@ pub enum RecordingError {
         detail: String,
     },
     /// More than any recording has ([`crate::limits`]).
-    #[error("{file}: {what} has {found} {unit}; at most {most} are read; {advice}")]
+    #[error("{file}: {what}: {found} {unit}; at most {most} are read; {advice}")]
     TooLarge {
         /// The file, and where in it.
         file: String,

@@ -11,7 +11,8 @@
 //! - Without a gyroscope sample for longer than [`DriverConfig::gap_limit_s`] the rate is unknown:
 //!   the attitude is held and its variance grows by a random walk.
 //! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
-//!   gyroscope sample brings the time back, or nothing would be new until then.
+//!   gyroscope sample brings the time back, or nothing would be new until then. Where the gyroscope's own
+//!   stamp was false, its samples behind it bring the time back once they go on for longer than a gap.
 //! - It starts by [`Alignment`], and aligns again, keeping the bias, when an accelerometer or
 //!   magnetometer first appears later.
 //! - Without a magnetometer the heading of the start is arbitrary: the first compass heading turns
@@ -76,6 +77,9 @@ pub struct DriverMemory<T: Scalar> {
     /// Time of the estimator's state.
     now_ns: Option<i64>,
     last_rate: Option<(i64, Vector3<T>)>,
+    /// Samples of the gyroscope that go on further than a gap behind the last one.
+    #[cfg_attr(feature = "serde", serde(default))]
+    behind: Option<Behind<T>>,
     /// Turn (rad) that the last interval between gyroscope samples still owes.
     passed_on: Vector3<T>,
     last_force_ns: Option<i64>,
@@ -95,12 +99,23 @@ impl<T: Scalar> Default for DriverMemory<T> {
             start: None,
             now_ns: None,
             last_rate: None,
+            behind: None,
             passed_on: Vector3::zeros(),
             last_force_ns: None,
             last_field_ns: None,
             last_heading_ns: None,
         }
     }
+}
+
+/// A run of gyroscope samples behind a stamp that may be false.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Behind<T: Scalar> {
+    first_ns: i64,
+    last_ns: i64,
+    /// The last rate, rad/s.
+    rate: Vector3<T>,
 }
 
 /// State of a driver and of its estimator.
@@ -139,7 +154,8 @@ impl<T: Scalar, E: AttitudeEstimator<T> + Restorable> Restorable for AttitudeDri
         let force = references.iter().flat_map(|r| &r.specific_force);
         finite("references", force.chain(field))?;
         let rate = memory.last_rate.iter().flat_map(|(_, rate)| rate);
-        finite("rates", rate.chain(&memory.passed_on))?;
+        let behind = memory.behind.iter().flat_map(|behind| &behind.rate);
+        finite("rates", rate.chain(behind).chain(&memory.passed_on))?;
         if let Some(aligning) = &memory.aligning {
             aligning.alignment.check()?;
         }
@@ -222,13 +238,13 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if !angular_rate.norm_squared().is_finite() {
             return Propagation::Skipped(SkipReason::NotFinite);
         }
-        if self
-            .memory
-            .last_rate
-            .is_some_and(|(last_ns, _)| time_ns <= last_ns)
+        let is_older = |(last_ns, _)| time_ns <= last_ns;
+        if self.memory.last_rate.is_some_and(is_older)
+            && !self.goes_on_behind(time_ns, angular_rate)
         {
             return Propagation::Skipped(SkipReason::NotNewer);
         }
+        self.memory.behind = None;
         self.forget_the_future(time_ns);
         match self.memory.last_rate {
             Some((last_ns, _)) if self.is_gap(last_ns, time_ns) => self.advance_to(time_ns),
@@ -409,6 +425,28 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         &self.memory.aligning
     }
 
+    /// Notes a sample older than the last one. Whether the last one was false: samples further than a gap behind it have
+    /// gone on for longer than a gap. The newest of them is then the last one.
+    fn goes_on_behind(&mut self, time_ns: i64, rate: &Vector3<T>) -> bool {
+        if !matches!(self.memory.last_rate, Some((last_ns, _)) if self.is_gap(time_ns, last_ns)) {
+            return false;
+        }
+        let run = self.memory.behind;
+        let run = run.filter(|run| time_ns > run.last_ns && !self.is_gap(run.last_ns, time_ns));
+        self.memory.behind = Some(Behind {
+            first_ns: run.map_or(time_ns, |run| run.first_ns),
+            last_ns: time_ns,
+            rate: *rate,
+        });
+        match run {
+            Some(run) if self.is_gap(run.first_ns, time_ns) => {
+                self.memory.last_rate = Some((run.last_ns, run.rate));
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// Takes back stamps that lie further ahead of a gyroscope sample than a gap.
     fn forget_the_future(&mut self, time_ns: i64) {
         if self
@@ -426,6 +464,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         for last in [
             &mut self.memory.last_force_ns,
             &mut self.memory.last_field_ns,
+            &mut self.memory.last_heading_ns,
         ] {
             let ahead = |last: i64| seconds::<T>(time_ns, last) > self.config.gap_limit_s;
             if last.is_some_and(ahead) {

@@ -71,6 +71,9 @@ fn repeated_and_older_samples_are_skipped() {
     );
     assert_eq!(driver.accelerometer(990 * MS, &up()).outcome, skipped);
     assert_eq!(driver.magnetometer(500 * MS, &north()).outcome, skipped);
+    // That a gyroscope sample came from far behind is all that is remembered.
+    assert_eq!(driver.memory.behind.unwrap().last_ns, 10 * MS);
+    driver.memory.behind = None;
     assert_eq!(driver, before);
 }
 
@@ -283,6 +286,59 @@ fn a_stamp_far_in_the_future_freezes_nothing() {
         let outcome = driver.accelerometer((at + 3010) * MS, &up()).outcome;
         assert_eq!(outcome, Outcome::Fused, "{at} ms, {field}");
     }
+}
+
+/// One stamp of the gyroscope an hour ahead, before the start and after it: its samples are taken again once they have
+/// gone on for longer than a gap.
+#[test]
+fn a_gyroscope_stamp_far_in_the_future_costs_half_a_second() {
+    const HOUR: i64 = 3_600_000;
+    for at in [100, 2000] {
+        let mut driver = mekf();
+        rest(&mut driver, 0, at, true);
+        let ahead = driver.gyroscope((at + HOUR) * MS, &Vector3::zeros());
+        assert_eq!(ahead, Propagation::Done);
+        let mut skipped = std::vec::Vec::new();
+        for t in (at..at + 4000).step_by(10) {
+            if driver.gyroscope(t * MS, &Vector3::zeros()) != Propagation::Done {
+                skipped.push(t - at);
+            }
+            driver.accelerometer(t * MS, &up());
+            driver.magnetometer(t * MS, &north());
+        }
+        assert!(skipped.iter().copied().eq((0..=500).step_by(10)), "{at} ms: {skipped:?}");
+        let rate = Vector3::new(0.0, 0.0, core::f64::consts::FRAC_PI_2);
+        let before = driver.attitude().unwrap();
+        for t in (at + 4000..=at + 5000).step_by(10) {
+            assert_eq!(driver.gyroscope(t * MS, &rate), Propagation::Done);
+        }
+        let turned = rotation::angle_between(&driver.attitude().unwrap(), &before);
+        assert!((turned - rate.z).abs() < 0.02, "{at} ms: {turned}");
+    }
+}
+
+/// Old samples that do not follow each other bring nothing back.
+#[test]
+fn stray_gyroscope_samples_from_long_ago_do_not_turn_the_clock_back() {
+    let mut driver = mekf();
+    rest(&mut driver, 0, 20_000, true);
+    let now = driver.memory.now_ns;
+    for t in (0..10_000).step_by(700) {
+        let outcome = driver.gyroscope(t * MS, &Vector3::x());
+        assert_eq!(outcome, Propagation::Skipped(SkipReason::NotNewer));
+        let outcome = driver.gyroscope((t + 10) * MS, &Vector3::x());
+        assert_eq!(outcome, Propagation::Skipped(SkipReason::NotNewer));
+    }
+    assert_eq!(driver.memory.now_ns, now);
+}
+
+#[test]
+fn a_compass_stamp_far_in_the_future_does_not_stop_the_compass() {
+    let mut driver = mekf();
+    rest_with_compass(&mut driver, 0, 2000, 0.0);
+    driver.compass((2000 + 3_600_000) * MS, 0.0, 0.1);
+    let outcome = rest_with_compass(&mut driver, 2000, 4000, 0.0);
+    assert_eq!(outcome, Outcome::Fused);
 }
 
 /// Feeds rest with a compass that reads `heading` ten times a second.
