@@ -164,6 +164,11 @@ impl<R: Read + Send> Pieces for DelimitedSource<R> {
         self.row.pop()
     }
 
+    fn place(&self) -> Option<String> {
+        let line = self.rows.line(self.record.position());
+        Some(format!("{}, line {line}", self.rows.file()))
+    }
+
     fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         if !self.rows.read(&mut self.record)? {
             return Ok(false);

@@ -16,6 +16,8 @@ pub struct Issues {
     pub duplicate_stamps: BTreeMap<SensorKind, u64>,
     /// Samples dropped because their stamp is earlier than one already delivered.
     pub stamps_going_back: BTreeMap<SensorKind, u64>,
+    /// Stamps that cannot be, whose samples are dropped; [`Self::notes`] has the first ones.
+    pub false_stamps: u64,
     /// Rows dropped because they have no usable time stamp.
     pub rows_without_stamp: u64,
     /// Samples with NaN or infinity in them. They are delivered; filters skip them.
@@ -100,6 +102,12 @@ impl Issues {
             sentences.push(format!(
                 "The time of {name} repeats itself {}; only the first sample of each stamp is kept.",
                 times(*count)
+            ));
+        }
+        if self.false_stamps > 1 {
+            sentences.push(format!(
+                "Left out for their time stamps, which are far from those around them: the samples of {} stamps.",
+                self.false_stamps
             ));
         }
         if self.rows_without_stamp > 0 {

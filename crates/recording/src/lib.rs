@@ -16,6 +16,7 @@ mod delimited;
 pub mod device_navigation;
 pub mod error;
 pub mod event;
+mod false_stamps;
 pub mod fixed;
 pub mod gnss;
 mod hold;

@@ -4,6 +4,7 @@ use std::fmt;
 
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
+use crate::false_stamps::FalseStamps;
 use crate::gnss::GnssQuality;
 use crate::instant::Instant;
 use crate::issues::Issues;
@@ -16,6 +17,21 @@ use crate::timeline::Timeline;
 pub(crate) trait EventSource: Send {
     /// The next event; `issues` takes what only the reader sees.
     fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>>;
+
+    /// Where the last event stands: file and line, of readers that know.
+    fn place(&self) -> Option<String> {
+        None
+    }
+}
+
+impl EventSource for Box<dyn EventSource> {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        (**self).next_event(issues)
+    }
+
+    fn place(&self) -> Option<String> {
+        (**self).place()
+    }
 }
 
 /// A source that reads a piece (a line, a row, a block) at a time, of which come some events.
@@ -25,6 +41,11 @@ pub(crate) trait Pieces: Send {
 
     /// Reads the next piece; false when nothing more comes.
     fn read(&mut self, issues: &mut Issues) -> Result<bool>;
+
+    /// Where the piece stands, see [`EventSource::place`].
+    fn place(&self) -> Option<String> {
+        None
+    }
 }
 
 impl<S: Pieces> EventSource for S {
@@ -35,6 +56,10 @@ impl<S: Pieces> EventSource for S {
                 return Ok(ready);
             }
         }
+    }
+
+    fn place(&self) -> Option<String> {
+        Pieces::place(self)
     }
 }
 
@@ -144,7 +169,7 @@ impl Recording {
             file,
             metadata: opened.metadata,
             sensors: opened.sensors,
-            source: opened.source,
+            source: Box::new(FalseStamps::new(opened.source)),
             scale,
             timeline: Timeline::new(options.gap_limit_s),
             plausibility: Plausibility::new(options),

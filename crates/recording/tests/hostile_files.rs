@@ -254,7 +254,10 @@ fn texts() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         ),
         (
             "fixes.log",
-            after(fix, repeated("$GPGGA,,4800,N,01100,E,1,8,1,5,M,,,,\n", 9_900_000)),
+            after(
+                fix,
+                repeated("$GPGGA,,4800,N,01100,E,1,8,1,5,M,,,,\n", 9_900_000),
+            ),
             "",
         ),
     ]
@@ -297,7 +300,11 @@ fn parquets() -> Vec<(&'static str, Vec<u8>, &'static str)> {
             zeros(false),
             "a block of data: 67108864 bytes; at most 33554432",
         ),
-        ("rows.parquet", zeros(true), "the file: 8388608 rows; at most "),
+        (
+            "rows.parquet",
+            zeros(true),
+            "the file: 8388608 rows; at most ",
+        ),
         (
             "footer.parquet",
             footer,
@@ -319,9 +326,19 @@ fn ulog() -> Vec<u8> {
         b"sensor_combined:uint64_t timestamp;float[3] gyro_rad;",
     );
     let subscription = message(b'A', b"\0\x07\0sensor_combined");
-    let data = message(b'D', &[&[7, 0][..], &[1, 0, 0, 0, 0, 0, 0, 0], &[0; 12]].concat());
+    let data = message(
+        b'D',
+        &[&[7, 0][..], &[1, 0, 0, 0, 0, 0, 0, 0], &[0; 12]].concat(),
+    );
     let count = 9_000_000 / data.len();
-    [&header[..], &flags, &format, &subscription, &data.repeat(count)].concat()
+    [
+        &header[..],
+        &flags,
+        &format,
+        &subscription,
+        &data.repeat(count),
+    ]
+    .concat()
 }
 
 /// A table of a million scans and more.
@@ -329,7 +346,11 @@ fn scans(folder: &Path) -> String {
     let manifest = "name = \"many\"\n[sensors.radar]\nrange_std_m = 1.0\nbearing_std_deg = 1.0\ndetection_probability = 0.9\nclutter_per_scan = 1.0\nrange_max_m = 1000.0\n\
         [scans]\nfile = \"scans.csv\"\nscan = \"i\"\ntime_s = \"t\"\nown_north_m = \"t\"\nown_east_m = \"t\"\n";
     let rows = (0..900_000).map(|number| format!("{number},0\n"));
-    fs::write(folder.join("scans.csv"), format!("i,t\n{}", rows.collect::<String>())).unwrap();
+    fs::write(
+        folder.join("scans.csv"),
+        format!("i,t\n{}", rows.collect::<String>()),
+    )
+    .unwrap();
     let path = folder.join("scans.toml");
     fs::write(&path, manifest).unwrap();
     measured("scans.csv", || match tracking::open(&path, None) {

@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use crate::delimited::{Blanks, Channel, DelimitedSource, Form, Layout, Rows, TimeForm};
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
+use crate::false_stamps::FalseStamps;
 use crate::merge::Merged;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
@@ -83,7 +84,7 @@ impl Table {
             decimal_comma: false,
             rows: None,
         };
-        Box::new(DelimitedSource::new(rows, layout))
+        Box::new(FalseStamps::new(DelimitedSource::new(rows, layout)))
     }
 
     fn sensors(self) -> Vec<SensorKind> {

@@ -3,6 +3,7 @@
 use super::schema::{Role, Source};
 use crate::error::Result;
 use crate::event::{Event, Reference, Sample, SensorKind};
+use crate::false_stamps::FalseStamps;
 use crate::issues::Issues;
 use crate::merge::Merged;
 use crate::recording::{EventSource, Opened, Scale};
@@ -23,7 +24,7 @@ pub(super) fn combine(parts: Vec<(&Source, Opened)>, scale: Scale) -> Opened {
             } else {
                 scale
             },
-            source: opened.source,
+            source: Box::new(FalseStamps::new(opened.source)),
         };
         sensors.extend(opened.sensors.iter().filter_map(|kind| adapted.kind(*kind)));
         notes.extend(opened.notes);
@@ -101,5 +102,9 @@ impl EventSource for Adapted {
             }
         }
         Ok(None)
+    }
+
+    fn place(&self) -> Option<String> {
+        self.source.place()
     }
 }

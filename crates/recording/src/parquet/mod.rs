@@ -274,6 +274,11 @@ impl<R: ChunkReader + Send + 'static> Pieces for ParquetSource<R> {
         self.events.pop()
     }
 
+    fn place(&self) -> Option<String> {
+        let row = self.rows_before + self.row as u64;
+        Some(format!("{}, row {row}", self.file))
+    }
+
     fn read(&mut self, issues: &mut Issues) -> Result<bool> {
         if self.row < self.rows {
             self.read_row(issues).map(|()| true)

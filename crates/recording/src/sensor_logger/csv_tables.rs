@@ -9,6 +9,7 @@ use super::channels::Export;
 use crate::delimited::{Channel, DelimitedSource, Layout, Rows, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
+use crate::false_stamps::FalseStamps;
 use crate::recording::EventSource;
 use crate::stamp;
 
@@ -97,6 +98,7 @@ impl<T: CsvTables> Export for T {
             decimal_comma: false,
             names,
         };
-        Ok(Box::new(DelimitedSource::new(rows, layout)))
+        let source = DelimitedSource::new(rows, layout);
+        Ok(Box::new(FalseStamps::new(source)))
     }
 }

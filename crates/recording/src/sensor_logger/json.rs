@@ -20,6 +20,7 @@ use super::plain;
 use crate::delimited::{Cells, Channel, Layout, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::{Event, SensorKind};
+use crate::false_stamps::FalseStamps;
 use crate::issues::Issues;
 use crate::limits::TABLES;
 use crate::recording::EventSource;
@@ -152,10 +153,11 @@ impl Export for Json {
             .map(str::to_owned)
             .collect();
         let places: Vec<usize> = (1..=columns.len()).collect();
-        Ok(Box::new(Table {
+        let source = Table {
             file: self.file.clone(),
             table: table.to_owned(),
             end: span.end,
+            line: span.start_line,
             entries: Entries::new(input, &self.file, span.start, span.start_line),
             layout: Layout {
                 names,
@@ -165,7 +167,8 @@ impl Export for Json {
                 channels: vec![Channel::new(kind, &places).times(factor)],
                 decimal_comma: false,
             },
-        }))
+        };
+        Ok(Box::new(FalseStamps::new(source)))
     }
 }
 
@@ -174,6 +177,8 @@ struct Table {
     file: String,
     table: String,
     end: u64,
+    /// Of the last entry.
+    line: u64,
     entries: Entries,
     layout: Layout,
 }
@@ -187,6 +192,7 @@ impl EventSource for Table {
             let Some(entry) = self.entries.next()? else {
                 return Ok(None);
             };
+            self.line = entry.line;
             let name: Name<'_> = entry.parse(&self.file)?;
             if plain(&name.sensor) != self.table {
                 continue;
@@ -214,6 +220,10 @@ impl EventSource for Table {
                 return Ok(Some(Event { time_ns, sample }));
             }
         }
+    }
+
+    fn place(&self) -> Option<String> {
+        Some(format!("{}, line {}", self.file, self.line))
     }
 }
 

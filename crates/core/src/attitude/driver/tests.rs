@@ -306,7 +306,10 @@ fn a_gyroscope_stamp_far_in_the_future_costs_half_a_second() {
             driver.accelerometer(t * MS, &up());
             driver.magnetometer(t * MS, &north());
         }
-        assert!(skipped.iter().copied().eq((0..=500).step_by(10)), "{at} ms: {skipped:?}");
+        assert!(
+            skipped.iter().copied().eq((0..=500).step_by(10)),
+            "{at} ms: {skipped:?}"
+        );
         let rate = Vector3::new(0.0, 0.0, core::f64::consts::FRAC_PI_2);
         let before = driver.attitude().unwrap();
         for t in (at + 4000..=at + 5000).step_by(10) {
