@@ -136,6 +136,12 @@ pub enum EvaluationError {
     /// There are two calibrations.
     #[error("a calibration is given and another is to be taken from the first seconds; choose one")]
     TwoCalibrations,
+    /// An attitude was to be estimated from a recording without angular rates.
+    #[error(
+        "no gyroscope sample in the recording: an attitude is estimated from angular rates; for the position alone, \
+         from the fixes of a satellite receiver, choose --estimator dead-reckoning"
+    )]
+    NoGyroscope,
     /// The recording ended before anything could be estimated.
     #[error(
         "too short: {seconds:.3} s of samples; an estimate starts after {needed:.3} s \

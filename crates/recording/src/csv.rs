@@ -196,9 +196,7 @@ fn layout(names: Vec<String>, file: &str) -> Result<(Layout, Vec<String>)> {
             advice: ADVICE.to_owned(),
         });
     }
-    if !layout.sensors().contains(&SensorKind::Gyroscope) {
-        return Err(RecordingError::no_gyroscope(file, &layout.sensors()));
-    }
+    RecordingError::check_sensors(file, &layout.sensors())?;
     Ok((layout, unused))
 }
 

@@ -115,7 +115,7 @@ pub enum RecordingError {
     /// No estimator can run without angular rates.
     #[error(
         "{file}: no gyroscope: it has {present}; estimators need angular rates, or fixes of a satellite receiver \
-         (for CSV the columns gyro_x_rad_s, gyro_y_rad_s, gyro_z_rad_s)"
+         (for CSV the columns gyro_x_rad_s, gyro_y_rad_s, gyro_z_rad_s, or gnss_latitude_rad, gnss_longitude_rad)"
     )]
     NoGyroscope {
         /// The file.
@@ -237,6 +237,15 @@ impl RecordingError {
             action,
             source,
         }
+    }
+
+    /// Refuses a file without any sensor that an estimate could begin with: a gyroscope or a satellite receiver.
+    pub(crate) fn check_sensors(file: &str, sensors: &[SensorKind]) -> Result<()> {
+        let enough = [SensorKind::Gyroscope, SensorKind::GnssPosition];
+        if enough.iter().any(|kind| sensors.contains(kind)) {
+            return Ok(());
+        }
+        Err(Self::no_gyroscope(file, sensors))
     }
 
     pub(crate) fn no_gyroscope(file: &str, sensors: &[SensorKind]) -> Self {

@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use crate::error::Result;
+use crate::error::{RecordingError, Result};
 use crate::event::Event;
 use crate::issues::Issues;
 use crate::recording::EventSource;
@@ -34,6 +34,8 @@ pub(crate) struct FalseStamps<S> {
     suspects: VecDeque<Suspect>,
     /// Events that are known to be true.
     ready: VecDeque<Event>,
+    /// An error that comes behind the events before it.
+    failed: Option<RecordingError>,
     found: u64,
 }
 
@@ -51,6 +53,7 @@ impl<S: EventSource> FalseStamps<S> {
             interval_ns: 0,
             suspects: VecDeque::new(),
             ready: VecDeque::new(),
+            failed: None,
             found: 0,
         }
     }
@@ -170,8 +173,8 @@ impl<S: EventSource> FalseStamps<S> {
     fn sentence(&self, suspect: &Suspect) -> String {
         let event = &suspect.event;
         let place = match &suspect.place {
-            Some(place) => format!("{place}: the"),
-            None => format!("The {} has a", event.sample.kind().name()),
+            Some(place) => format!("{place}: a false"),
+            None => format!("The {} has a false", event.sample.kind().name()),
         };
         let stamp = format_s(event.time_ns);
         let leap = match self.leap(event.time_ns) {
@@ -182,9 +185,7 @@ impl<S: EventSource> FalseStamps<S> {
             ),
             None => "later than those behind it".to_owned(),
         };
-        format!(
-            "{place} time stamp {stamp} s, which is {leap}; what is stamped with it is left out."
-        )
+        format!("{place} time stamp {stamp} s, {leap}; what is stamped with it is left out.")
     }
 }
 
@@ -194,10 +195,17 @@ impl<S: EventSource> EventSource for FalseStamps<S> {
             if let Some(event) = self.ready.pop_front() {
                 return Ok(Some(event));
             }
+            if let Some(error) = self.failed.take() {
+                return Err(error);
+            }
             match self.source.next_event(issues) {
                 Ok(Some(event)) => self.take(event, issues),
-                // Nothing takes them back any more.
+                // Nothing takes the suspects back any more.
                 Ok(None) if !self.suspects.is_empty() => self.believe(),
+                Err(error) if !self.suspects.is_empty() => {
+                    self.believe();
+                    self.failed = Some(error);
+                }
                 other => return other,
             }
         }
@@ -276,7 +284,7 @@ mod tests {
         assert_eq!(
             issues.notes,
             [
-                "x.csv, line 42: the time stamp 1.5 s, which is 98.890 s behind those around it; what is stamped with it is left out."
+                "x.csv, line 42: a false time stamp 1.5 s, 98.890 s behind those around it; what is stamped with it is left out."
             ]
         );
     }

@@ -195,6 +195,29 @@ fn missing_columns_list_what_is_there() {
 }
 
 #[test]
+fn a_false_stamp_costs_its_row_and_is_told_with_line_and_value() {
+    let rows = (0..100).map(|k| {
+        let t_s = 0.01 * f64::from(k) + if k == 50 { 30.0 } else { 0.0 };
+        format!("{t_s:.3},0.{k},0,0\n")
+    });
+    let text = format!("# name: walk\nt_s,{GYRO}\n{}", rows.collect::<String>());
+    let mut recording = csv(&text).unwrap();
+    let events = events(&mut recording).unwrap();
+    assert_eq!(events.len(), 99);
+    assert!(
+        events
+            .windows(2)
+            .all(|pair| pair[0].time_ns < pair[1].time_ns)
+    );
+    assert_eq!(
+        recording.issues().sentences(),
+        [
+            "test.csv, line 53: a false time stamp 30.5 s, 30.010 s ahead of those around it; what is stamped with it is left out."
+        ]
+    );
+}
+
+#[test]
 fn no_gyroscope_is_known_at_open_and_the_other_sensors_are_optional() {
     let error = csv("t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2\n0,0,0,9.81\n").unwrap_err();
     assert!(

@@ -343,7 +343,7 @@ fn ulog() -> Vec<u8> {
 
 /// A table of a million scans and more.
 fn scans(folder: &Path) -> String {
-    let manifest = "name = \"many\"\n[sensors.radar]\nrange_std_m = 1.0\nbearing_std_deg = 1.0\ndetection_probability = 0.9\nclutter_per_scan = 1.0\nrange_max_m = 1000.0\n\
+    let manifest = "name = \"many\"\n[sensors.radar]\nrange_std_m = 1.0\nbearing_std_deg = 1.0\ndetection_probability = 0.9\nclutter_per_km2 = 1.0\n\
         [scans]\nfile = \"scans.csv\"\nscan = \"i\"\ntime_s = \"t\"\nown_north_m = \"t\"\nown_east_m = \"t\"\n";
     let rows = (0..900_000).map(|number| format!("{number},0\n"));
     fs::write(

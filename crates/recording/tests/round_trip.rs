@@ -177,6 +177,91 @@ fn parquet_reads_back() {
     reads_back("all.parquet");
 }
 
+const GPS_LOG: &str = "$GPZDA,120000.00,01,06,2020,00,00\n\
+    $GPGGA,120000.00,4807.038,N,01131.324,E,4,08,0.9,545.4,M,46.9,M,,\n$HEHDT,90.5,T\n\
+    $GPGGA,120001.00,4807.040,N,01131.326,E,1,07,1.1,545.6,M,46.9,M,,\n$HEHDT,90.7,T\n\
+    $GPGGA,120002.00,4807.042,N,01131.328,E,2,07,1.1,545.6,M,46.9,M,,\n$HEHDT,90.9,T\n";
+
+/// What a format keeps of an event: MCAP has topics for some sensors, and of a fix no number of satellites.
+fn kept(event: &Event, format: &str) -> Option<(i64, SensorKind, Vec<f64>)> {
+    use northing_recording::event::SensorKind::{
+        Accelerometer, DeviceOrientation, GnssPosition, Gyroscope, Magnetometer, Reference,
+    };
+    let kind = event.sample.kind();
+    let of_ros = [
+        Gyroscope,
+        Accelerometer,
+        Magnetometer,
+        DeviceOrientation,
+        Reference,
+        GnssPosition,
+    ];
+    let is_kept = format != "mcap"
+        || (of_ros.contains(&kind)
+            && !matches!(event.sample, Sample::Reference(reference) if !reference.scored));
+    let numbers = match event.sample {
+        Sample::GnssPosition(fix) => vec![
+            fix.latitude_rad,
+            fix.longitude_rad,
+            fix.height_m.unwrap_or(-1.0),
+            fix.std_m.map_or(-1.0, |std| std[1]),
+        ],
+        Sample::GnssVelocity(v) => vec![v.north_m_s, v.east_m_s],
+        Sample::TrueHeading(heading) => vec![heading.heading_rad],
+        sample => sample
+            .vector()
+            .map_or(vec![], |v| v.iter().copied().collect()),
+    };
+    is_kept.then_some((event.time_ns, kind, numbers))
+}
+
+/// Every writer through its reader: all sensors, an inertial unit alone, a receiver alone, and the log of a receiver.
+#[cfg(all(feature = "parquet", feature = "mcap"))]
+#[test]
+fn what_was_written_is_read_again_whatever_sensors_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("gps.log");
+    std::fs::write(&log, GPS_LOG).unwrap();
+    let mut log = open(&log, &OpenOptions::default()).unwrap();
+    let promised = log.sensors().to_vec();
+    let from_log: Vec<Event> = log.by_ref().map(Result::unwrap).collect();
+    assert_eq!(from_log.len(), 6, "{from_log:?}");
+    let only = |wanted: &[SensorKind]| {
+        let all = all_sensors().into_iter();
+        let of = all.filter(|event| wanted.contains(&event.sample.kind()));
+        (wanted.to_vec(), of.collect::<Vec<_>>())
+    };
+    let inertial = [SensorKind::Gyroscope, SensorKind::Accelerometer];
+    let receiver = [SensorKind::GnssPosition, SensorKind::GnssVelocity];
+    for (sensors, events) in [
+        only(&SensorKind::ALL),
+        only(&inertial),
+        only(&inertial[..1]),
+        only(&receiver),
+        only(&receiver[..1]),
+        (promised, from_log),
+    ] {
+        for format in ["csv", "parquet", "mcap"] {
+            let path = folder.path().join(format!("again.{format}"));
+            let mut writer = create(&path, &metadata(), &sensors, true).unwrap();
+            events.iter().for_each(|event| writer.write(event).unwrap());
+            writer.finish().unwrap();
+            let mut recording = open(&path, &OpenOptions::default()).unwrap();
+            let read = recording.by_ref().map(Result::unwrap);
+            let read: Vec<_> = read.filter_map(|event| kept(&event, format)).collect();
+            let expected: Vec<_> = events.iter().filter_map(|e| kept(e, format)).collect();
+            assert_eq!(read.len(), expected.len(), "{format} {sensors:?}");
+            for (read, expected) in read.iter().zip(&expected) {
+                assert_eq!((read.0, read.1), (expected.0, expected.1), "{format}");
+                let pairs = read.2.iter().zip(&expected.2);
+                let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(worst < 1e-12, "{format}: {read:?} for {expected:?}");
+            }
+            assert!(recording.issues().is_empty(), "{:?}", recording.issues());
+        }
+    }
+}
+
 /// More rows than a row group, so that groups and batches are crossed.
 #[cfg(feature = "parquet")]
 #[test]

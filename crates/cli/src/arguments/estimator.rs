@@ -44,10 +44,14 @@ impl RunEstimator {
     }
 
     /// What runs over a recording with these sensors: asked for the device's own estimates, or for nothing, all
-    /// of what the device itself estimated is taken.
+    /// of what the device itself estimated is taken; asked for nothing, the position where there are fixes alone.
     pub(crate) fn of_recording(asked: Option<Self>, sensors: &[SensorKind]) -> Option<Self> {
         if Self::depends_on_recording(asked) && sensors.contains(&SensorKind::DeviceNavigation) {
             return Some(Self::Navigation(NavigationKind::Device));
+        }
+        let has_rates = sensors.contains(&SensorKind::Gyroscope);
+        if asked.is_none() && !has_rates && sensors.contains(&SensorKind::GnssPosition) {
+            return Some(Self::Navigation(NavigationKind::DeadReckoning));
         }
         asked
     }
@@ -67,18 +71,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_that_tells_its_position_is_asked_for_that_too() {
+    fn without_a_choice_the_sensors_decide() {
         let device = Some(RunEstimator::Attitude(EstimatorKind::Device));
         let mekf = Some(RunEstimator::Attitude(EstimatorKind::Mekf));
         let whole = Some(RunEstimator::Navigation(NavigationKind::Device));
         let board = [SensorKind::Gyroscope, SensorKind::DeviceNavigation];
         let phone = [SensorKind::Gyroscope, SensorKind::DeviceOrientation];
+        let receiver = [SensorKind::GnssPosition, SensorKind::GnssVelocity];
+        let reckoned = Some(RunEstimator::Navigation(NavigationKind::DeadReckoning));
         for (asked, sensors, expected) in [
             (None, board, whole),
             (device, board, whole),
             (mekf, board, mekf),
             (None, phone, None),
             (device, phone, device),
+            (None, receiver, reckoned),
+            (mekf, receiver, mekf),
         ] {
             assert_eq!(RunEstimator::of_recording(asked, &sensors), expected);
         }

@@ -123,6 +123,12 @@ pub(crate) fn nothing_estimated(summary: &RunSummary, options: &RunOptions) -> E
     if options.estimator == EstimatorKind::Device {
         return EvaluationError::NoDeviceOrientation;
     }
+    if !summary
+        .samples_per_sensor
+        .contains_key(&SensorKind::Gyroscope)
+    {
+        return EvaluationError::NoGyroscope;
+    }
     // Without an accelerometer the driver waits four times as long for one.
     let patience = if summary.unobservable.is_empty() {
         1.0

@@ -12,7 +12,6 @@ use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
-use crate::event::SensorKind;
 use crate::metadata::Metadata;
 use crate::open::{has_extension, open_data_file, stem};
 use crate::options::{Format, OpenOptions};
@@ -164,10 +163,7 @@ impl Loaded {
 
     /// Adds what the manifest says of the whole recording.
     fn finish(&self, mut opened: Opened, name: String) -> Result<Opened> {
-        let enough = [SensorKind::Gyroscope, SensorKind::GnssPosition];
-        if !enough.iter().any(|kind| opened.sensors.contains(kind)) {
-            return Err(RecordingError::no_gyroscope(&self.file, &opened.sensors));
-        }
+        RecordingError::check_sensors(&self.file, &opened.sensors)?;
         let general = &self.manifest.general;
         let latency = general.latency.unwrap_or_default();
         opened.metadata = Metadata {

@@ -88,7 +88,8 @@ impl<'a> CdrReader<'a> {
         })
     }
 
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+    /// A number of `N` bytes, little-endian.
+    pub(crate) fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
         let at = self.at.next_multiple_of(N);
         let mut bytes: [u8; N] = self.bytes.get(at..at + N)?.try_into().ok()?;
         self.at = at + N;

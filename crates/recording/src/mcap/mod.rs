@@ -138,7 +138,7 @@ fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
     RecordingError::not_a_recording(
         file,
         format!(
-            "MCAP with the topics {}, of which none is a device of the lab or sensor_msgs/msg/Imu",
+            "MCAP with the topics {}, of which none is a device of the lab, sensor_msgs/msg/Imu or NavSatFix",
             join(topics)
         ),
     )

@@ -130,7 +130,7 @@ pub(crate) fn header(out: &mut CdrWriter, time_ns: i64, frame: &str) -> Option<(
     Some(())
 }
 
-fn stamp(input: &mut CdrReader<'_>, log_time_ns: i64) -> Option<i64> {
+pub(crate) fn stamp(input: &mut CdrReader<'_>, log_time_ns: i64) -> Option<i64> {
     let (seconds, ns) = (input.i32()?, input.u32()?);
     input.skip_string()?;
     let time_ns = i64::from(seconds) * NS_PER_S + i64::from(ns);

@@ -1,4 +1,4 @@
-//! The events of `sensor_msgs/Imu` and `MagneticField` in an MCAP file of ROS 2.
+//! The events of `sensor_msgs/Imu`, `MagneticField` and `NavSatFix` in an MCAP file of ROS 2.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ::mcap::{Channel, Message};
 
 use super::file::Messages;
+use super::nav_sat_fix;
 use super::ros::{IMU, Imu, MAGNETIC_FIELD, MagneticField};
 use super::ros_writer::{DEVICE_ORIENTATION, REFERENCE};
 use super::{OfMessages, one_of};
@@ -17,12 +18,13 @@ use crate::recording::Pieces;
 /// The topics that are read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Topics {
-    imu: String,
+    imu: Option<String>,
     field: Option<String>,
+    fix: Option<String>,
 }
 
-/// Chooses the topics: of several `Imu` the raw one, with the field of the same namespace.
-/// `None` when there is no `Imu` at all.
+/// Chooses the topics: of several `Imu` the raw one, with the field of the same namespace; the only one with fixes, or
+/// of several the one of that namespace. `None` when there is neither `Imu` nor `NavSatFix`.
 ///
 /// # Errors
 /// There are several to choose from, or the one asked for is not there.
@@ -39,9 +41,17 @@ pub(crate) fn choose(
             .collect();
         topics.into_iter().collect()
     };
-    let imus = of(IMU);
+    let (imus, fixes) = (of(IMU), of(nav_sat_fix::NAME));
     if imus.is_empty() {
-        return Ok(None);
+        if fixes.is_empty() {
+            return Ok(None);
+        }
+        let words = ["topic", " of sensor_msgs/NavSatFix; it has"];
+        return Ok(Some(Topics {
+            imu: None,
+            field: None,
+            fix: Some(one_of(&fixes, wanted, words, file)?.clone()),
+        }));
     }
     let raw: Vec<&String> = imus.iter().filter(|t| t.ends_with("data_raw")).collect();
     let imu = match (wanted, raw.as_slice()) {
@@ -59,17 +69,18 @@ pub(crate) fn choose(
             .map_or("", |(name, _)| name)
             .to_owned()
     };
-    let fields = of(MAGNETIC_FIELD);
-    let beside = fields
-        .iter()
-        .find(|field| namespace(field) == namespace(imu));
-    let field = match fields.as_slice() {
+    let beside = |topics: &[String]| match topics {
         [only] => Some(only.clone()),
-        _ => beside.cloned(),
+        _ => {
+            let mut topics = topics.iter();
+            let near = topics.find(|topic| namespace(topic) == namespace(imu));
+            near.cloned()
+        }
     };
     Ok(Some(Topics {
-        imu: imu.clone(),
-        field,
+        imu: Some(imu.clone()),
+        field: beside(&of(MAGNETIC_FIELD)),
+        fix: beside(&fixes),
     }))
 }
 
@@ -108,8 +119,16 @@ impl RosSource {
             }
             return Some(());
         }
+        if self.topics.fix.as_deref() == Some(topic) {
+            if is(&message.channel, nav_sat_fix::NAME) {
+                let (time_ns, fix) = nav_sat_fix::decode(&message.data, log_time_ns)?;
+                self.add(time_ns, Sample::GnssPosition(fix));
+            }
+            return Some(());
+        }
         let of_orientation = topic == DEVICE_ORIENTATION || topic == REFERENCE;
-        if (topic != self.topics.imu && !of_orientation) || !is(&message.channel, IMU) {
+        let is_imu = self.topics.imu.as_deref() == Some(topic);
+        if !(is_imu || of_orientation) || !is(&message.channel, IMU) {
             return Some(());
         }
         let imu = Imu::decode(&message.data, log_time_ns)?;

@@ -2,7 +2,7 @@
 //!
 //! Topics: `/imu/data_raw` (rate and force, no orientation), `/imu/mag`, `/imu/data` (with an
 //! estimate, when one is given), `/device/orientation` and `/reference/orientation` (an `Imu` with
-//! nothing but the orientation). Each sensor keeps its own stamps: a message without force says so as
+//! nothing but the orientation), `/fix` (`NavSatFix`). Each sensor keeps its own stamps: a message without force says so as
 //! the message definition wants it. Unscored instants of a reference, and sensors without a topic,
 //! are left out.
 
@@ -14,6 +14,7 @@ use ::mcap::McapError;
 use nalgebra::{Matrix3, UnitQuaternion};
 use northing_core::geometry::frames::{covariance_in_reference, enu_from_ned_rotation};
 
+use super::nav_sat_fix;
 use super::output::{Output, io_error, options};
 use super::ros::{
     IMU, IMU_DEFINITION, Imu, MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION, MagneticField,
@@ -39,6 +40,7 @@ enum Topic {
     Field,
     Device,
     Reference,
+    Fix,
 }
 
 impl Topic {
@@ -49,12 +51,14 @@ impl Topic {
             Self::Field => "/imu/mag",
             Self::Device => DEVICE_ORIENTATION,
             Self::Reference => REFERENCE,
+            Self::Fix => "/fix",
         }
     }
 
     const fn schema(self) -> (&'static str, &'static str) {
         match self {
             Self::Field => (MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION),
+            Self::Fix => (nav_sat_fix::NAME, nav_sat_fix::DEFINITION),
             _ => (IMU, IMU_DEFINITION),
         }
     }
@@ -69,6 +73,7 @@ pub const fn has_topic(kind: SensorKind) -> bool {
             | SensorKind::Accelerometer
             | SensorKind::Magnetometer
             | SensorKind::DeviceOrientation
+            | SensorKind::GnssPosition
             | SensorKind::Reference
     )
 }
@@ -172,6 +177,10 @@ impl<W: Write + Seek> RosWriter<W> {
         if let Some(field_ut) = vector(SensorKind::Magnetometer) {
             let field = MagneticField { time_ns, field_ut };
             self.message(Topic::Field, time_ns, field.encode(FRAME))?;
+        }
+        if let Some(Sample::GnssPosition(fix)) = row.get(SensorKind::GnssPosition) {
+            let bytes = nav_sat_fix::encode_fix(time_ns, fix);
+            self.message(Topic::Fix, time_ns, bytes)?;
         }
         if let Some(Sample::DeviceOrientation(q)) = row.get(SensorKind::DeviceOrientation) {
             self.orientation(Topic::Device, time_ns, q)?;

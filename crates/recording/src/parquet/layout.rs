@@ -60,9 +60,7 @@ impl Layout {
         if kinds.is_empty() {
             return Err(missing(&["gx", "gy", "gz"]));
         }
-        if !kinds.contains(&SensorKind::Gyroscope) {
-            return Err(RecordingError::no_gyroscope(file, &kinds));
-        }
+        RecordingError::check_sensors(file, &kinds)?;
         if let Some(place) = place_of(MOVING) {
             layout.moving = Some(layout.columns.len());
             layout.columns.push(place);
