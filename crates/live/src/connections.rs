@@ -44,7 +44,11 @@ impl Default for Patience {
     }
 }
 
-/// The places for connections of one or more listeners.
+/// So many connections any address may have while there are places.
+const FEW: usize = 4;
+
+/// The places for connections of one or more listeners. A quarter of them is for addresses that hold few, so that
+/// no two or three can keep newcomers off.
 #[derive(Debug)]
 pub struct Places {
     all: usize,
@@ -67,7 +71,11 @@ impl Places {
         let mut taken = lock(&self.taken);
         let all: usize = taken.values().sum();
         let own = taken.get(&peer).copied().unwrap_or(0);
-        if all >= self.all || own >= self.per_peer {
+        let room = match own {
+            own if own < FEW || self.per_peer == self.all => self.all,
+            _ => self.all - self.all / 4,
+        };
+        if all >= room || own >= self.per_peer {
             return None;
         }
         taken.insert(peer, own + 1);
@@ -315,6 +323,27 @@ mod tests {
         assert!(places.take(b).is_none());
         held.clear();
         assert!(places.take(a).is_some() && lock(&places.taken).is_empty());
+    }
+
+    #[test]
+    fn two_addresses_do_not_keep_newcomers_off() {
+        let places = Places::new(512, 256);
+        let mut held = Vec::new();
+        for last in [1, 2] {
+            let address = IpAddr::from([10, 0, 0, last]);
+            held.extend(std::iter::from_fn(|| places.take(address)));
+        }
+        assert_eq!(held.len(), 384);
+        for last in 3..35 {
+            let address = IpAddr::from([10, 0, 0, last]);
+            let own: Vec<_> = std::iter::from_fn(|| places.take(address)).collect();
+            assert_eq!(own.len(), FEW, "{address}");
+            held.extend(own);
+        }
+        // A class behind one address has half of all.
+        held.clear();
+        let class = IpAddr::from([10, 0, 0, 1]);
+        assert_eq!(std::iter::from_fn(|| places.take(class)).count(), 256);
     }
 
     #[tokio::test]

@@ -28,6 +28,7 @@ pub mod device;
 pub mod engine;
 pub mod experiments;
 pub mod export;
+mod file_limit;
 pub mod frames;
 pub mod identities;
 pub mod ingest;
@@ -39,6 +40,7 @@ pub mod limits;
 pub mod messages;
 mod page;
 pub mod phone_hints;
+mod private;
 #[cfg(test)]
 mod protocol;
 mod pulse;

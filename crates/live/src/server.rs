@@ -17,6 +17,7 @@ use tokio::time::MissedTickBehavior;
 use crate::addresses::{Addresses, Reach, local_name};
 use crate::assets::Assets;
 use crate::connections::{Gate, Patience, Places};
+use crate::file_limit::Shares;
 use crate::ingest::{self, Ingest};
 use crate::inputs::Inputs;
 use crate::lab::Lab;
@@ -32,10 +33,6 @@ use crate::token::Token;
 const HEAD_TIMEOUT: Duration = Duration::from_secs(10);
 /// Open requests get so long to end when the lab closes.
 const GRACE: Duration = Duration::from_millis(500);
-/// Connections of phones and apps: in all, and of one address, behind which a class may be.
-const PHONE_PLACES: [usize; 2] = [512, 256];
-/// Connections of lab pages, which phones cannot take from them.
-const LAB_PLACES: usize = 128;
 /// How often the addresses of this computer are looked at.
 const LOOK_INTERVAL: Duration = Duration::from_secs(3);
 
@@ -156,12 +153,14 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         let names = Names::new(scheme, port, reach, origin).and(&config.allowed_hosts);
         router.layer(from_fn_with_state(names, guard))
     };
-    let places = Places::new(PHONE_PLACES[0], PHONE_PLACES[1]);
+    let shares = Shares::raised();
+    // Behind one address a class may be.
+    let places = Places::new(shares.phones, shares.phones / 2);
     let gate = |tls, places: &Arc<Places>| Gate::new(tls, places.clone(), config.patience);
     let handles: Vec<Handle<SocketAddr>> = (0..3).map(|_| Handle::new()).collect();
     let router = lab_api::router(api).merge(recordings_api::router(config.recordings));
     let router = guarded(router, "http", port[0], None, true);
-    let lab_gate = gate(None, &Places::new(LAB_PLACES, LAB_PLACES));
+    let lab_gate = gate(None, &Places::new(shares.pages, shares.pages));
     serve(for_lab, port[0], router, lab_gate, handles[0].clone())?;
     let router = ingest::phone_router(ingest.clone());
     let router = guarded(router, "https", port[1], Some(reach.clone()), true);
@@ -247,7 +246,8 @@ fn serve(
 ) -> Result<(), StartError> {
     let server = axum_server::from_tcp(listener);
     let server = server.map_err(|error| StartError::Port { port, error })?;
-    let mut server = server.acceptor(gate).handle(handle);
+    // WebSockets need HTTP/1, and only there a head has to come in time.
+    let mut server = server.acceptor(gate).handle(handle).http1_only();
     limit_head(server.http_builder());
     let service = router.into_make_service_with_connect_info::<Peer>();
     tokio::spawn(server.serve(service));

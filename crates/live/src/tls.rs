@@ -208,7 +208,8 @@ impl Certificate {
             not_after_unix_s: not_after.unix_timestamp(),
         };
         let facts = serde_json::to_vec(&facts).map_err(|e| TlsError::Use(e.to_string()))?;
-        fs::create_dir_all(folder).map_err(|error| failed(folder, "make this folder", error))?;
+        crate::private::create_folder(folder)
+            .map_err(|error| failed(folder, "make this folder", error))?;
         write(&folder.join("key.pem"), key.serialize_pem().as_bytes())?;
         write(
             &folder.join("certificate.pem"),

