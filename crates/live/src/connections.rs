@@ -163,7 +163,11 @@ fn late(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::TimedOut, format!("{what} took too long"))
 }
 
-/// A connection that ends with an error when its client is silent or does not read.
+/// How HTTP/2 begins without having been agreed on. It is refused: there no head has to come in time, and WebSockets need
+/// HTTP/1.
+const HTTP_2: &[u8] = b"PRI";
+
+/// A connection that ends with an error when its client is silent, does not read, or speaks HTTP/2.
 #[derive(Debug)]
 pub struct Watched<I> {
     inner: I,
@@ -172,6 +176,8 @@ pub struct Watched<I> {
     alive: Timer,
     /// Until when what waits must have been written.
     writing: Option<Timer>,
+    /// How much of the beginning of HTTP/2 has come; `None` once it was something else.
+    http_2: Option<usize>,
     _place: Place,
 }
 
@@ -209,8 +215,21 @@ impl<I> Watched<I> {
             patience,
             alive: Timer::new(patience.first_byte),
             writing: None,
+            http_2: Some(0),
             _place: place,
         }
+    }
+
+    /// Whether what the client says, with these bytes, begins as HTTP/2 does.
+    fn is_http_2(&mut self, bytes: &[u8]) -> bool {
+        let Some(before) = self.http_2 else {
+            return false;
+        };
+        let rest = &HTTP_2[before..];
+        let length = rest.len().min(bytes.len());
+        let is_same = bytes[..length] == rest[..length];
+        self.http_2 = is_same.then_some(before + length);
+        self.http_2 == Some(HTTP_2.len())
     }
 
     fn is_alive(&mut self) {
@@ -244,9 +263,14 @@ impl<I: AsyncRead + Unpin> AsyncRead for Watched<I> {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let this = &mut *self;
+        let before = buffer.filled().len();
         let polled = Pin::new(&mut this.inner).poll_read(context, buffer);
         if polled.is_ready() {
             this.is_alive();
+            if this.is_http_2(&buffer.filled()[before..]) {
+                let refused = "HTTP/2 is not spoken here";
+                return Poll::Ready(Err(io::Error::new(io::ErrorKind::InvalidData, refused)));
+            }
         } else if this.alive.is_over(context) {
             return Poll::Ready(Err(late("a client to say something")));
         }
@@ -343,7 +367,8 @@ mod tests {
         // A class behind one address has half of all.
         held.clear();
         let class = IpAddr::from([10, 0, 0, 1]);
-        assert_eq!(std::iter::from_fn(|| places.take(class)).count(), 256);
+        held.extend(std::iter::from_fn(|| places.take(class)));
+        assert_eq!(held.len(), 256);
     }
 
     #[tokio::test]
@@ -358,6 +383,26 @@ mod tests {
         }
         let error = server.read_exact(&mut byte).await.unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::TimedOut);
+    }
+
+    #[tokio::test]
+    async fn http_2_is_refused_in_whatever_pieces_it_comes_and_other_requests_are_not() {
+        for (pieces, refused) in [
+            (&[&b"PRI * HTTP/2.0\r\n"[..]][..], true),
+            (&[b"P", b"R", b"I"], true),
+            (&[b"POST / HTTP/1.1\r\n"], false),
+            (&[b"P", b"PRI"], false),
+            (&[b"GET /PRI", b"PRI"], false),
+        ] {
+            let (mut client, server) = tokio::io::duplex(64);
+            let mut server = watched(server, 1000);
+            let mut result = Ok(0);
+            for piece in pieces {
+                client.write_all(piece).await.unwrap();
+                result = server.read(&mut [0; 32]).await;
+            }
+            assert_eq!(result.is_err(), refused, "{pieces:?}");
+        }
     }
 
     #[tokio::test]

@@ -246,8 +246,7 @@ fn serve(
 ) -> Result<(), StartError> {
     let server = axum_server::from_tcp(listener);
     let server = server.map_err(|error| StartError::Port { port, error })?;
-    // WebSockets need HTTP/1, and only there a head has to come in time.
-    let mut server = server.acceptor(gate).handle(handle).http1_only();
+    let mut server = server.acceptor(gate).handle(handle);
     limit_head(server.http_builder());
     let service = router.into_make_service_with_connect_info::<Peer>();
     tokio::spawn(server.serve(service));
