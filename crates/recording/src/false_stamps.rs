@@ -82,7 +82,7 @@ impl<S: EventSource> FalseStamps<S> {
                 && since.is_some_and(|last| time_ns.saturating_sub(last) > LEAP_NS)
             {
                 // One of the two may be false: the later one is suspect, since most that is false is later.
-                self.believe();
+                self.trust();
             }
             self.suspect(event);
             self.judge();
@@ -119,14 +119,14 @@ impl<S: EventSource> FalseStamps<S> {
         self.suspects.push_back(Suspect { event, place });
     }
 
-    /// Believes the suspects once enough stamps go on from them; without anything before them, two.
+    /// Trusts the suspects once enough stamps go on from them; without anything before them, two.
     fn judge(&mut self) {
         let enough = match self.latest_ns {
             Some(_) => ENOUGH_STAMPS,
             None => 2,
         };
         if self.stamps().count() >= enough || self.suspects.len() > MOST_EVENTS {
-            self.believe();
+            self.trust();
         }
     }
 
@@ -138,7 +138,7 @@ impl<S: EventSource> FalseStamps<S> {
         })
     }
 
-    fn believe(&mut self) {
+    fn trust(&mut self) {
         self.latest_ns = None;
         for suspect in std::mem::take(&mut self.suspects) {
             self.accept(suspect.event);
@@ -201,9 +201,9 @@ impl<S: EventSource> EventSource for FalseStamps<S> {
             match self.source.next_event(issues) {
                 Ok(Some(event)) => self.take(event, issues),
                 // Nothing takes the suspects back any more.
-                Ok(None) if !self.suspects.is_empty() => self.believe(),
+                Ok(None) if !self.suspects.is_empty() => self.trust(),
                 Err(error) if !self.suspects.is_empty() => {
-                    self.believe();
+                    self.trust();
                     self.failed = Some(error);
                 }
                 other => return other,
@@ -226,9 +226,9 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
-    struct List(std::vec::IntoIter<i64>, u64);
+    struct List<I>(I, u64);
 
-    impl EventSource for List {
+    impl<I: Iterator<Item = i64> + Send> EventSource for List<I> {
         fn next_event(&mut self, _: &mut Issues) -> Result<Option<Event>> {
             self.1 += 1;
             Ok(self.0.next().map(|time_ms| Event {
@@ -244,7 +244,7 @@ mod tests {
 
     /// What is left of stamps in ms, and what is told.
     fn left(stamps: &[i64]) -> (Vec<i64>, Issues) {
-        let mut source = FalseStamps::new(List(stamps.to_vec().into_iter(), 1));
+        let mut source = FalseStamps::new(List(stamps.iter().copied(), 1));
         let mut issues = Issues::default();
         let events = std::iter::from_fn(|| source.next_event(&mut issues).unwrap());
         let left = events.map(|event| event.time_ns / 1_000_000).collect();

@@ -50,7 +50,6 @@ fn measured(name: &str, read: impl FnOnce() -> String) -> String {
     let said = read();
     setrlimit(Resource::As, free).unwrap();
     let (peak, took) = (state_kb("VmHWM:"), start.elapsed());
-    println!("{name}: {peak} kB, {:.2} s: {said}", took.as_secs_f64());
     assert!(peak < MOST_KB, "{name}: {peak} kB");
     assert!(took < LONGEST, "{name}: {took:?}");
     said

@@ -1,9 +1,8 @@
 //! Scenario files on the command line.
 
-use std::fs;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::{Args, ValueEnum};
 use northing_experiments::radar::TrackerKind;
 use northing_recording::limits::read_description;

@@ -1,7 +1,7 @@
 //! The records of an MCAP file, those of chunks among them, none of them larger than a recording needs.
 //!
 //! Read first: <https://mcap.dev/spec>. A file is a magic number and records: kind (one byte), length (`u64`), content.
-//! A length is believed only as far as the file reaches, a chunk's unpacked size as far as [`limits`] says; a chunk
+//! A length counts only as far as the file reaches, a chunk's unpacked size only as far as [`limits`] says; a chunk
 //! is unpacked as a whole, after which its checksum is checked before anything in it is used.
 
 use std::io::{self, BufReader, Read, Seek, SeekFrom};

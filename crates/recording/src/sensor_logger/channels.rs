@@ -53,7 +53,7 @@ pub(super) trait Export {
 }
 
 /// Opens the tables of an export as one recording.
-pub(super) fn open(export: impl Export, file: &str, mut metadata: Metadata) -> Result<Opened> {
+pub(super) fn open(export: &impl Export, file: &str, mut metadata: Metadata) -> Result<Opened> {
     if !TABLES.iter().any(|table| export.has(table)) {
         return Err(RecordingError::NotARecording {
             file: file.to_owned(),
@@ -68,8 +68,8 @@ pub(super) fn open(export: impl Export, file: &str, mut metadata: Metadata) -> R
     }
     "sensor-logger".clone_into(&mut metadata.format);
     metadata.world_frame = WorldFrame::Enu;
-    let (convention, mut notes) = convention(&export, &mut metadata)?;
-    let streams = streams(&export, convention, &mut notes)?;
+    let (convention, mut notes) = convention(export, &mut metadata)?;
+    let streams = streams(export, convention, &mut notes)?;
     let mut sensors: Vec<_> = streams.iter().map(|(kind, _)| *kind).collect();
     sensors.sort_unstable_by_key(|kind| kind.order());
     if !sensors.contains(&SensorKind::Gyroscope) {

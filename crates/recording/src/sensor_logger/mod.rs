@@ -31,7 +31,7 @@ use zip::Zip;
 /// Opens a folder of CSV files.
 pub(crate) fn open_folder(path: &Path, file: &str, metadata: Metadata) -> Result<Opened> {
     let folder = Folder::list(path, file)?;
-    channels::open(folder, file, metadata)
+    channels::open(&folder, file, metadata)
 }
 
 /// Opens a zip or a JSON file.
@@ -42,10 +42,10 @@ pub(crate) fn open_file(path: &Path, file: &str, metadata: Metadata) -> Result<O
     let head_length = input.read(&mut head).map_err(failed)?;
     if head[..head_length] == *b"PK" {
         let tables = Zip::list(Store::File(path.to_owned()), input, file)?;
-        return channels::open(tables, file, metadata);
+        return channels::open(&tables, file, metadata);
     }
     let json = Json::index(Store::File(path.to_owned()), file)?;
-    channels::open(json, file, metadata)
+    channels::open(&json, file, metadata)
 }
 
 /// Opens a zip or a JSON file in memory.
@@ -54,10 +54,10 @@ pub(crate) fn open_bytes(bytes: Vec<u8>, file: &str, metadata: Metadata) -> Resu
     let store = Store::Bytes(Arc::clone(&bytes));
     if bytes.starts_with(b"PK") {
         let tables = Zip::list(store, std::io::Cursor::new(bytes), file)?;
-        return channels::open(tables, file, metadata);
+        return channels::open(&tables, file, metadata);
     }
     let json = Json::index(store, file)?;
-    channels::open(json, file, metadata)
+    channels::open(&json, file, metadata)
 }
 
 /// A table's name as it is compared: letters and digits, small (`Total Acceleration` is
