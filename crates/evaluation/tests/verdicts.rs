@@ -186,7 +186,7 @@ fn a_magnet_that_passes_is_named_and_r_is_not_blamed() {
         "{findings:?}"
     );
     assert!(
-        findings[0].sentence.contains("first at 20."),
+        findings[0].sentence.contains("T at 20.0 s"),
         "{}",
         findings[0].sentence
     );
@@ -263,4 +263,144 @@ fn noise_that_is_three_times_larger_is_blamed_on_r_and_nothing_else() {
     assert_eq!(first(&findings), Some(Cause::Noise));
     let factor = verdicts[0].variance_factor.unwrap();
     assert!((7.0..11.0).contains(&factor), "{factor}");
+}
+
+#[test]
+fn noise_of_the_gyroscope_is_named_with_its_size() {
+    let mut noise = stream(5, "more");
+    let more: Vec<_> = (0..4000)
+        .map(|_| normal_vector(&mut noise, 0.006))
+        .collect();
+    let louder = |k: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[0] += more[k as usize];
+        true
+    };
+    let (findings, _) = diagnosed(samples(louder));
+    assert_eq!(first(&findings), Some(Cause::Noise), "{findings:?}");
+    assert_eq!(findings[0].sensor, SensorKind::Gyroscope);
+    // sqrt(0.006^2 + 0.002^2) / 0.002 = 3.16
+    let times = &findings[0].sentence;
+    assert!(
+        ["3.0 times", "3.1 times", "3.2 times", "3.3 times"]
+            .iter()
+            .any(|t| times.contains(t)),
+        "{times}"
+    );
+}
+
+#[test]
+fn hard_iron_is_named_with_its_size_and_is_no_disturbance() {
+    let iron = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[2] += Vector3::new(8.0, -6.0, 0.0);
+        true
+    };
+    let (findings, _) = diagnosed(samples(iron));
+    assert_eq!(first(&findings), Some(Cause::HardIron), "{findings:?}");
+    let sentence = &findings[0].sentence;
+    let near = ["9.8", "9.9", "10.0", "10.1", "10.2"].map(|ut| format!("hard iron of {ut} "));
+    assert!(
+        near.iter().any(|text| sentence.contains(text)),
+        "{sentence}"
+    );
+    let magnet = |f: &Finding| f.cause == Cause::MagneticDisturbance;
+    assert!(!findings.iter().any(magnet), "{findings:?}");
+}
+
+#[test]
+fn a_magnet_that_comes_and_stays_is_named_where_it_came() {
+    // Fixed in the room: its field goes through the body's axes as the Earth's does.
+    let mut attitude = UnitQuaternion::identity();
+    let mut there = Vec::new();
+    for event in samples(|_, _, _| true) {
+        if let Sample::AngularRate(rate) = event.sample {
+            attitude *= so3::exp(&(rate * 0.01));
+            there.push(attitude.inverse() * Vector3::new(9.0, 8.0, 3.0));
+        }
+    }
+    let comes = |k: i64, t: f64, v: &mut [Vector3<f64>; 3]| {
+        v[2] += there[k as usize] * (t - 22.0).clamp(0.0, 1.0);
+        true
+    };
+    let (findings, _) = diagnosed(samples(comes));
+    let magnet = findings
+        .iter()
+        .find(|f| f.cause == Cause::MagneticDisturbance);
+    let sentence = &magnet.unwrap().sentence;
+    let seconds: Vec<_> = (19..=23).map(|s| format!("T at {s}.")).collect();
+    assert!(
+        seconds.iter().any(|s| sentence.contains(s.as_str())),
+        "{sentence}"
+    );
+}
+
+#[test]
+fn two_chips_and_a_wrong_scale_are_named_while_the_device_turns() {
+    let chip = so3::exp(&Vector3::new(0.03, -0.02, 0.01));
+    let turned = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[0] = chip * v[0];
+        true
+    };
+    let (findings, _) = diagnosed(samples(turned));
+    assert_eq!(first(&findings), Some(Cause::Misalignment), "{findings:?}");
+    // 0.0374 rad
+    let sentence = &findings[0].sentence;
+    assert!(
+        ["2.0 deg", "2.1 deg", "2.2 deg", "2.3 deg"]
+            .iter()
+            .any(|d| sentence.contains(d)),
+        "{sentence}"
+    );
+    let scaled = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[1] = v[1].component_mul(&Vector3::new(1.03, 0.98, 1.02));
+        true
+    };
+    let (findings, _) = diagnosed(samples(scaled));
+    assert_eq!(first(&findings), Some(Cause::Scale), "{findings:?}");
+}
+
+#[test]
+fn a_bias_that_jumps_in_motion_is_named() {
+    let jump = |_: i64, t: f64, v: &mut [Vector3<f64>; 3]| {
+        if t > 21.0 {
+            v[0] += Vector3::new(0.02, -0.01, 0.015);
+        }
+        true
+    };
+    let (findings, _) = diagnosed(samples(jump));
+    assert_eq!(first(&findings), Some(Cause::BiasChange), "{findings:?}");
+}
+
+/// Pairs of samples, at one stamp or a tenth of a millisecond apart.
+#[test]
+fn samples_that_arrive_in_pairs_are_bursts_and_no_jitter() {
+    for apart_ns in [0, 100_000] {
+        let mut events = samples(|_, _, _| true);
+        for event in &mut events {
+            let k = event.time_ns / 10_000_000;
+            event.time_ns = (k / 2) * 20_000_000 + (k % 2) * apart_ns;
+        }
+        events.sort_by_key(Event::place);
+        let (findings, _) = diagnosed(events);
+        assert_eq!(first(&findings), Some(Cause::Bursts), "{findings:?}");
+        let jitter = |f: &Finding| f.cause == Cause::Jitter;
+        assert!(!findings.iter().any(jitter), "{findings:?}");
+    }
+}
+
+#[test]
+fn values_that_repeat_are_rounded_too_coarsely() {
+    let coarse = |_: i64, _: f64, v: &mut [Vector3<f64>; 3]| {
+        v[0] = v[0].map(|w| (w / 0.01).round() * 0.01);
+        v[1] = v[1].map(|f| (f / 0.3).round() * 0.3);
+        true
+    };
+    let (findings, _) = diagnosed_with([0.01, 0.3, STD[2]], samples(coarse));
+    let rounded: Vec<_> = (findings.iter().filter(|f| f.cause == Cause::Rounding))
+        .map(|f| f.sensor)
+        .collect();
+    assert_eq!(
+        rounded,
+        [SensorKind::Gyroscope, SensorKind::Accelerometer],
+        "{findings:?}"
+    );
 }

@@ -26,13 +26,18 @@ pub struct Instant {
     pub reference: Option<Reference>,
     /// Which sensors had a sample at all: bit [`SensorKind::order`].
     pub present: u32,
+    /// Angular rates of this very stamp before [`Self::angular_rate`], which differ from it.
+    pub rates_before: u32,
 }
 
 impl Instant {
     fn take(&mut self, event: &Event) {
         self.present |= 1 << event.sample.kind().order();
         match event.sample {
-            Sample::AngularRate(v) => self.angular_rate = Some(v),
+            Sample::AngularRate(v) => {
+                let before = self.angular_rate.replace(v);
+                self.rates_before += u32::from(before.is_some_and(|before| before != v));
+            }
             Sample::SpecificForce(v) => self.specific_force = Some(v),
             Sample::MagneticField(v) => self.magnetic_field = Some(v),
             Sample::MagneticFieldUncalibrated(v) => self.magnetic_field_uncalibrated = Some(v),

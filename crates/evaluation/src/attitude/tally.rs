@@ -21,7 +21,7 @@ use crate::statistics::consistency::{self, JudgeBy, SensorVerdict};
 use crate::statistics::metrics::{ErrorStatistics, HeadingReference};
 use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
 use crate::statistics::seconds_between;
-use crate::statistics::verdict::Diagnosis;
+use crate::statistics::verdict::{Diagnosis, Stated};
 use crate::used_parameters::{Named, UsedCalibrations, UsedParameter, VERSION};
 
 /// Fewer zeros than this may be chance.
@@ -77,6 +77,7 @@ impl Tally {
     pub(crate) fn configured(&mut self, options: &RunOptions, rest: Option<&RestCalibration<f64>>) {
         let [rest_name, field_name] = &options.calibration_names;
         self.parameters = options.parameters();
+        self.diagnosis.configured(stated(options));
         self.calibrations = UsedCalibrations {
             rest: rest.map(|calibration| Named {
                 name: rest_name.clone(),
@@ -138,6 +139,7 @@ impl Tally {
         for sample in samples.iter().flatten() {
             self.diagnosis.sample(instant.time_ns, sample);
         }
+        self.diagnosis.same_stamp(u64::from(instant.rates_before));
     }
 
     fn watch_gap(&mut self, now_ns: i64) {
@@ -407,6 +409,31 @@ impl Tally {
         }
         issues.extend(reference.iter().flat_map(|r| r.sentences(self.skip_s)));
         issues
+    }
+}
+
+/// What the options in force state of the sensors' white noise.
+fn stated(options: &RunOptions) -> Stated {
+    if options.estimator == EstimatorKind::BoundedVelocity {
+        let own = &options.config.bounded_velocity;
+        return Stated {
+            gyroscope_noise_density: Some(own.gyroscope_noise_density),
+            accelerometer_noise_density: Some(own.accelerometer_noise_density),
+            accelerometer_std: None,
+            magnetometer_std_ut: Some(own.magnetometer_std_ut),
+            hard_iron_std_ut: Some(own.initial_hard_iron_std_ut),
+        };
+    }
+    if !options.estimator.info().has_covariance {
+        return Stated::default();
+    }
+    let own = &options.config.attitude;
+    Stated {
+        gyroscope_noise_density: Some(own.gyroscope_noise_density),
+        accelerometer_noise_density: None,
+        accelerometer_std: Some(own.accelerometer_std),
+        magnetometer_std_ut: Some(own.magnetometer_std_ut),
+        hard_iron_std_ut: None,
     }
 }
 

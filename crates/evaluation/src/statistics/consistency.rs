@@ -190,7 +190,8 @@ fn classify(nis: &NisSummary, factor: f64, [low, high]: [f64; 2]) -> NoiseVerdic
     let in_band = (low..=high).contains(&nis.mean);
     if nis.samples < FEWEST_SAMPLES {
         NoiseVerdict::TooFew
-    } else if consistent.contains(&factor) && nis.mean > high && mean_factor > CONSISTENT_FACTOR {
+    } else if factor <= CONSISTENT_FACTOR && nis.mean > high && mean_factor > CONSISTENT_FACTOR {
+        // The bulk is no larger than stated.
         NoiseVerdict::Outliers
     } else if is_correlated(nis) && nis.effective_samples < FEWEST_INDEPENDENT && in_band {
         // The band is so wide that it excuses anything.

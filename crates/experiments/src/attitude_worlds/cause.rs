@@ -1,18 +1,13 @@
-//! Causes: what was wrong with the data of a world, and what the verdicts of a run name.
+//! Causes: what the verdicts of a run name, and when something wrong is felt. What was wrong is in [`super::truth`].
 
-use northing_evaluation::attitude::RunOptions;
+use northing_evaluation::RunSummary;
 use northing_evaluation::statistics::consistency::NoiseVerdict;
 use northing_evaluation::statistics::verdict::findings;
-use northing_evaluation::{EstimatorKind, RunSummary};
-use northing_recording::{Event, Sample, SensorKind};
-use northing_simulation::attitude_world::{AttitudeWorldDescription, WorldFault};
+use northing_recording::SensorKind;
+use northing_simulation::attitude_world::WorldFault;
 use serde::{Serialize, Serializer};
 
-use super::Sensing;
-use nalgebra::Vector3;
-
-/// `R` fits while the true deviation of the samples is within this factor of it, either way.
-const FITS: f64 = 2.0;
+use super::score::EstimatorScore;
 
 /// What is wrong with data or parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -58,111 +53,19 @@ impl Serialize for Cause {
     }
 }
 
-/// Root mean square of the true deviations of a sensor's samples, per axis: measured less what gravity or field alone would
-/// show at the true attitude.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Deviations {
-    /// m/s^2.
-    accelerometer: Option<f64>,
-    /// microtesla.
-    magnetometer: Option<f64>,
-}
+/// An error is felt where mending its cause makes tilt or heading this much better.
+const FELT: f64 = 1.1;
 
-impl Deviations {
-    /// Of the samples of a world.
-    pub(super) fn of(world: &AttitudeWorldDescription, events: &[Event]) -> Self {
-        let gravity = Vector3::z() * world.gravity_m_s2;
-        let field = Vector3::from(world.field_ut);
-        let mut sums = [(0.0, 0.0); 2];
-        let mut truth = None;
-        for event in events {
-            let (k, off) = match (event.sample, truth) {
-                (Sample::Reference(reference), _) => {
-                    truth = Some(reference.attitude.inverse());
-                    continue;
-                }
-                (Sample::SpecificForce(force), Some(body)) => (0, force - body * gravity),
-                (Sample::MagneticField(measured), Some(body)) => (1, measured - body * field),
-                _ => continue,
-            };
-            sums[k].0 += off.norm_squared() / 3.0;
-            sums[k].1 += 1.0;
-        }
-        let [accelerometer, magnetometer] =
-            sums.map(|(sum, count): (f64, f64)| (count > 0.0).then(|| (sum / count).sqrt()));
-        Self {
-            accelerometer,
-            magnetometer,
-        }
-    }
-}
-
-/// What a verdict may rightly name for this estimator, the main one first.
-#[must_use]
-pub(super) fn true_causes(
-    world: &AttitudeWorldDescription,
-    deviations: &Deviations,
-    options: &RunOptions,
-    sensing: Sensing,
-) -> Vec<Cause> {
-    let magnetic = matches!(
-        world.fault,
-        WorldFault::MagnetometerNoise | WorldFault::MagneticDisturbance | WorldFault::HardIron
-    );
-    if world.fault != WorldFault::None && !(magnetic && sensing == Sensing::Inertial) {
-        return vec![Cause::Fault(world.fault)];
-    }
-    let mut causes = Vec::new();
-    let mut compare = |deviation: Option<f64>, std: Option<f64>, small: &[Cause], large| {
-        if let (Some(deviation), Some(std)) = (deviation, std) {
-            if deviation > FITS * std {
-                causes.extend(small);
-            } else if deviation * FITS < std {
-                causes.push(large);
-            }
-        }
-    };
-    let [accelerometer, magnetometer] = stated_std(options);
-    compare(
-        deviations.accelerometer,
-        accelerometer,
-        // Without a fault of its noise it is the motion.
-        &[
-            Cause::Acceleration,
-            Cause::Fault(WorldFault::AccelerometerNoise),
-        ],
-        Cause::AccelerometerRTooLarge,
-    );
-    if sensing == Sensing::All {
-        compare(
-            deviations.magnetometer,
-            magnetometer,
-            &[Cause::Fault(WorldFault::MagnetometerNoise)],
-            Cause::MagnetometerRTooLarge,
-        );
-    }
-    if causes.is_empty() {
-        causes.push(Cause::NONE);
-    }
-    causes
-}
-
-/// Standard deviations that an estimator states for accelerometer and magnetometer samples, where it has an `R` for them.
-fn stated_std(options: &RunOptions) -> [Option<f64>; 2] {
-    let own = &options.config.attitude;
-    match options.estimator {
-        // A bounded velocity is no noise of the accelerometer.
-        EstimatorKind::BoundedVelocity => [
-            None,
-            Some(options.config.bounded_velocity.magnetometer_std_ut),
-        ],
-        // It follows a filter that has both.
-        EstimatorKind::CascadeEkf => [Some(own.accelerometer_std), Some(own.magnetometer_std_ut)],
-        kind if kind.info().has_covariance => {
-            [Some(own.accelerometer_std), Some(own.magnetometer_std_ut)]
-        }
-        _ => [None, None],
-    }
+/// Whether the errors of a run are larger than those of the same run with something mended.
+pub(super) fn is_felt(run: &EstimatorScore, mended: &EstimatorScore) -> bool {
+    let errors = |score: &EstimatorScore| [score.tilt_rms_deg, score.heading_rms_deg];
+    let pairs = errors(run).into_iter().zip(errors(mended));
+    // What ends an estimator is felt; what begins one is not.
+    pairs.into_iter().any(|pair| match pair {
+        (Some(run), Some(mended)) => run > FELT * mended,
+        (None, Some(_)) => true,
+        (_, None) => false,
+    })
 }
 
 /// What a run names first.
@@ -181,6 +84,7 @@ pub fn named_cause(summary: &RunSummary) -> Cause {
         findings::Cause::BiasChange => Cause::Fault(WorldFault::BiasJump),
         findings::Cause::Misalignment => Cause::Fault(WorldFault::Misalignment),
         findings::Cause::Scale => Cause::Fault(WorldFault::AccelerometerScale),
+        findings::Cause::HardIron => Cause::Fault(WorldFault::HardIron),
         findings::Cause::MagneticDisturbance => Cause::Fault(WorldFault::MagneticDisturbance),
         findings::Cause::Acceleration => Cause::Acceleration,
         findings::Cause::Rounding => Cause::Fault(WorldFault::Rounding),
@@ -196,6 +100,7 @@ fn noise(summary: &RunSummary, sensor: SensorKind) -> Cause {
     let verdict = verdicts.find(|v| v.sensor == sensor).map(|v| v.verdict);
     match (sensor, verdict) {
         (SensorKind::CompassHeading, _) => Cause::CompassR,
+        (SensorKind::Gyroscope, _) => Cause::Fault(WorldFault::GyroscopeNoise),
         (SensorKind::Accelerometer, Some(NoiseVerdict::TooLarge)) => Cause::AccelerometerRTooLarge,
         (SensorKind::Accelerometer, _) => Cause::Fault(WorldFault::AccelerometerNoise),
         (_, Some(NoiseVerdict::TooLarge)) => Cause::MagnetometerRTooLarge,

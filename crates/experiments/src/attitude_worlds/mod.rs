@@ -25,8 +25,10 @@
 //!
 //! # Verdicts
 //!
-//! A world knows its true cause: the fault that was drawn or, without one, whether an estimator's `R` fits the true
-//! deviations of the samples ([`cause`]). What the verdicts name is read by [`cause::named_cause`] alone. A world is **green** when nothing is
+//! A world knows its true cause: the fault that was drawn, where the estimate is worse for it than in the same world without it; else
+//! nothing is as right to name, and so is an `R` that does not fit the true deviations of the samples ([`truth`]). What the verdicts name is
+//! read by [`cause::named_cause`] alone: it is **right** where it is a true cause, **false** where something is named that is none. A world is
+//! **green** when nothing is
 //! named. Counted are green worlds in which the truth is beyond five standard deviations, and worlds in which a sensor is blamed while
 //! its mean NIS is in its band.
 
@@ -36,6 +38,7 @@ pub mod consistent;
 mod outcome;
 mod run;
 mod score;
+mod truth;
 
 pub use cause::Cause;
 pub use outcome::{Confusion, EstimatorOutcome, GroupRow, StatedRow, WorldsOutcome};

@@ -63,6 +63,8 @@ pub struct GroupRow {
     pub blamed_inside_the_band: usize,
     /// Share of the worlds in which a true cause was named.
     pub right_share: Option<f64>,
+    /// Share of the worlds in which something was named that is no true cause: false reasons.
+    pub false_share: Option<f64>,
 }
 
 /// How often causes were named for true ones.
@@ -228,6 +230,8 @@ impl GroupRow {
         let tilts: Vec<_> = scores().filter_map(|score| score.tilt).collect();
         let headings: Vec<_> = scores().filter_map(|score| score.heading).collect();
         let right = judged.iter().filter(|right| **right).count();
+        let wrong = count(EstimatorScore::is_false_reason);
+        let share = |count: usize| (!judged.is_empty()).then(|| count as f64 / judged.len() as f64);
         Self {
             group: name.to_owned(),
             worlds: scored.len(),
@@ -242,7 +246,8 @@ impl GroupRow {
             heading: StatedRow::of(1, &headings, shares),
             green_beyond_five: count(EstimatorScore::is_green_beyond_five),
             blamed_inside_the_band: count(|score| score.blamed_inside_the_band),
-            right_share: (!judged.is_empty()).then(|| right as f64 / judged.len() as f64),
+            right_share: share(right),
+            false_share: share(wrong),
         }
     }
 }

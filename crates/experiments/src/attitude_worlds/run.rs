@@ -3,11 +3,14 @@
 use northing_evaluation::attitude::{CompassUse, EstimateRecord, RunObserver};
 use northing_evaluation::{RunOptions, RunSummary, SensorSelection, run};
 use northing_recording::{Event, RecordingError};
-use northing_simulation::attitude_world::{AttitudeWorld, AttitudeWorldDescription, HeadingSource};
+use northing_simulation::attitude_world::{
+    AttitudeWorld, AttitudeWorldDescription, HeadingSource, WorldFault,
+};
 use serde::Serialize;
 
-use super::cause::{self, Cause, Deviations};
+use super::cause;
 use super::score::{EstimatorScore, Moment, Verdicts, WorldInstant, WorldOutcome};
+use super::truth::Truth;
 use super::{Sensing, baseline};
 
 /// Between two instants that are scored, s.
@@ -37,19 +40,24 @@ impl WorldRun {
     /// Runs estimators with these options in the world with this number.
     #[must_use]
     pub fn of(seed: u64, number: u64, options: &[RunOptions]) -> Self {
-        Self::in_world(&AttitudeWorld::draw(seed, number), options)
+        let world = AttitudeWorld::draw(seed, number);
+        let has_fault = world.description.fault != WorldFault::None;
+        let mended = has_fault.then(|| AttitudeWorld::draw_without_fault(seed, number));
+        Self::in_world(&world, mended.as_ref(), options)
     }
 
-    /// Runs estimators with these options in a world.
+    /// Runs estimators with these options in a world; `mended` is the same without its fault, if it has one.
     #[must_use]
-    pub fn in_world(world: &AttitudeWorld, options: &[RunOptions]) -> Self {
-        let description = &world.description;
-        let deviations = Deviations::of(description, &world.events);
-        let mut runs = Vec::new();
+    pub fn in_world(
+        world: &AttitudeWorld,
+        mended: Option<&AttitudeWorld>,
+        options: &[RunOptions],
+    ) -> Self {
+        let (description, mut runs) = (&world.description, Vec::new());
+        let truth = Truth::of(world, mended);
         for sensing in sensings(description) {
             for options in options {
-                let causes = cause::true_causes(description, &deviations, options, sensing);
-                runs.push(estimator(world, options, sensing, causes));
+                runs.push(estimator(world, options, sensing, &truth));
             }
             runs.push(vqf(world, sensing));
         }
@@ -112,8 +120,34 @@ fn estimator(
     world: &AttitudeWorld,
     options: &RunOptions,
     sensing: Sensing,
-    true_causes: Vec<Cause>,
+    truth: &Truth<'_>,
 ) -> EstimatorRun {
+    let (watch, summary) = watched(world, options, sensing);
+    let name = options.estimator.name();
+    let has_north = sensing.has_north(&world.description.board.heading);
+    let run = |verdicts| EstimatorRun::of(name, sensing, has_north, &watch.moments, verdicts);
+    let Some(summary) = summary.filter(cause::has_verdicts) else {
+        return run(None);
+    };
+    let without = run(None).score;
+    let costs = |world: &AttitudeWorld, options: &RunOptions| {
+        let (watch, _) = watched(world, options, sensing);
+        let mended = EstimatorRun::of(name, sensing, has_north, &watch.moments, None);
+        cause::is_felt(&without, &mended.score)
+    };
+    run(Some(Verdicts {
+        named: cause::named_cause(&summary),
+        blamed_inside_the_band: cause::blamed_inside_the_band(&summary),
+        true_causes: truth.causes(options, sensing, costs),
+    }))
+}
+
+/// Runs an estimator in a world; what cannot be run has no instants, and counts as such.
+fn watched(
+    world: &AttitudeWorld,
+    options: &RunOptions,
+    sensing: Sensing,
+) -> (Watch, Option<RunSummary>) {
     let mut options = options.clone();
     if sensing == Sensing::Inertial {
         options.sensors = inertial();
@@ -121,23 +155,8 @@ fn estimator(
     let mut watch = Watch::new();
     let events = world.events.iter();
     let events = events.map(|event| Ok::<Event, RecordingError>(*event));
-    // What cannot be run has no instants, and counts as such.
     let summary = run(events, &options, &mut watch).ok();
-    let summary = summary.filter(cause::has_verdicts);
-    let verdicts = |summary: RunSummary| Verdicts {
-        named: cause::named_cause(&summary),
-        blamed_inside_the_band: cause::blamed_inside_the_band(&summary),
-        true_causes,
-    };
-    let name = options.estimator.name();
-    let has_north = sensing.has_north(&world.description.board.heading);
-    EstimatorRun::of(
-        name,
-        sensing,
-        has_north,
-        &watch.moments,
-        summary.map(verdicts),
-    )
+    (watch, summary)
 }
 
 fn inertial() -> SensorSelection {

@@ -132,6 +132,12 @@ impl EstimatorScore {
         self.named.map(|named| self.true_causes.contains(&named))
     }
 
+    /// Whether something is named that is no true cause.
+    #[must_use]
+    pub fn is_false_reason(&self) -> bool {
+        self.is_right() == Some(false) && self.named != Some(Cause::NONE)
+    }
+
     /// Whether nothing is named while the truth is beyond five standard deviations.
     #[must_use]
     pub fn is_green_beyond_five(&self) -> bool {

@@ -94,6 +94,7 @@ fn facts(of: &EstimatorOutcome) -> Vec<Fact> {
             coverage(&total.tilt, |s: &StatedRow| s.pooled_coverage),
         ),
         Fact::new("true cause named", shown(total.right_share, percent)),
+        Fact::new("false cause named", shown(total.false_share, percent)),
     ]
 }
 
@@ -135,7 +136,7 @@ fn verdicts_of(of: &EstimatorOutcome) -> Vec<Verdict> {
     verdicts
 }
 
-const COLUMNS: [[&str; 2]; 14] = [
+const COLUMNS: [[&str; 2]; 15] = [
     ["worlds", ""],
     ["none", ""],
     ["tilt", "deg"],
@@ -150,6 +151,7 @@ const COLUMNS: [[&str; 2]; 14] = [
     ["in band", "%"],
     ["expected", "%"],
     ["right cause", "%"],
+    ["false cause", "%"],
 ];
 
 fn cells(name: &str, row: &GroupRow) -> Vec<Cell> {
@@ -170,7 +172,7 @@ fn cells(name: &str, row: &GroupRow) -> Vec<Cell> {
         cells.push(share(stated.as_ref().map(|s| s.consistent_share)));
         cells.push(share(stated.as_ref().map(|s| s.expected_share)));
     }
-    cells.push(share(row.right_share));
+    cells.extend([row.right_share, row.false_share].map(share));
     cells
 }
 

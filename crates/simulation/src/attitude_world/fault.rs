@@ -121,12 +121,16 @@ impl WorldFault {
         )
     }
 
-    /// Lays the fault over a benign world.
-    pub(super) fn apply(self, scene: &mut Scene, draws: &mut Draws) {
+    /// Gives a world the sensor that the fault is of.
+    pub(super) fn prepare(self, scene: &mut Scene, draws: &mut Draws) {
         if self.needs_magnetometer() && magnetometer(&mut scene.board).is_none() {
             let field = Board::magnetometer(scene.board.gyroscope.rate_hz, draws);
             scene.board.heading = HeadingSource::Magnetometer(field);
         }
+    }
+
+    /// Lays the fault over a benign world.
+    pub(super) fn apply(self, scene: &mut Scene, draws: &mut Draws) {
         let (board, seconds) = (&mut scene.board, scene.seconds);
         match self {
             Self::None => {}

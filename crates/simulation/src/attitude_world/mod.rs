@@ -180,23 +180,45 @@ impl AttitudeWorld {
     /// The world with this number under a seed; the same on every machine.
     #[must_use]
     pub fn draw(seed: u64, number: u64) -> Self {
+        Self::drawn(seed, number, true)
+    }
+
+    /// The same world with the same motion, sensors and noise, but without its fault: what the fault costs is the difference.
+    #[must_use]
+    pub fn draw_without_fault(seed: u64, number: u64) -> Self {
+        Self::drawn(seed, number, false)
+    }
+
+    fn drawn(seed: u64, number: u64, with_fault: bool) -> Self {
         let motion = WorldMotion::of(number);
         let fault = WorldFault::of(motion, number / WorldMotion::ALL.len() as u64);
         let seed = run_seed(seed, number);
-        let scene = Scene::draw(motion, fault, seed);
+        let scene = Scene::with(motion, fault, with_fault, seed);
+        let has = if with_fault { fault } else { WorldFault::None };
         Self {
             events: scene.events(seed),
-            description: scene.description(number, fault),
+            description: scene.description(number, has),
         }
     }
 }
 
 impl Scene {
-    fn draw(motion: WorldMotion, fault: WorldFault, seed: u64) -> Self {
+    /// With the sensor that a fault is of, and with that fault or without it.
+    fn with(motion: WorldMotion, fault: WorldFault, applied: bool, seed: u64) -> Self {
+        let mut scene = Self::draw(motion, seed);
+        let mut draws = Draws::new(seed, "fault");
+        fault.prepare(&mut scene, &mut draws);
+        if applied {
+            fault.apply(&mut scene, &mut draws);
+        }
+        scene
+    }
+
+    fn draw(motion: WorldMotion, seed: u64) -> Self {
         let stream = |name: &str| Draws::new(seed, name);
         let mut place = stream("place");
         let seconds = place.uniform(60.0, 120.0).round();
-        let mut scene = Self {
+        Self {
             motion,
             seconds,
             chain: motion::draw(motion, seconds, &mut stream("motion")),
@@ -206,9 +228,7 @@ impl Scene {
             field_ut: magnetic_field_ut(place.uniform(28.0, 62.0), place.uniform(-65.0, 72.0)),
             disturbance: None,
             bias_jump: None,
-        };
-        fault.apply(&mut scene, &mut stream("fault"));
-        scene
+        }
     }
 
     fn description(self, number: u64, fault: WorldFault) -> AttitudeWorldDescription {

@@ -10,7 +10,7 @@ use crate::rotation::exp;
 
 /// A world of this motion whose sensors have no errors.
 fn ideal(motion: WorldMotion, rate_hz: f64, seed: u64) -> Scene {
-    let mut scene = Scene::draw(motion, WorldFault::None, seed);
+    let mut scene = Scene::draw(motion, seed);
     scene.board = Board {
         gyroscope: Triad::ideal(rate_hz),
         accelerometer: Triad::ideal(rate_hz),
@@ -52,6 +52,27 @@ fn a_seed_and_a_number_are_one_world() {
         let text = world.description.to_string();
         let start = format!("World {number}: {}, ", world.description.motion.name());
         assert!(text.starts_with(&start), "{text}");
+    }
+}
+
+#[test]
+fn a_world_without_its_fault_is_otherwise_the_same() {
+    for number in 45..135 {
+        let world = AttitudeWorld::draw(1, number);
+        let mended = AttitudeWorld::draw_without_fault(1, number);
+        assert_eq!(mended.description.fault, WorldFault::None);
+        if world.description.fault == WorldFault::None {
+            assert_eq!(world, mended, "{number}");
+            continue;
+        }
+        assert_ne!(world.events, mended.events, "{number}");
+        let description = |of: &AttitudeWorld| {
+            let of = &of.description;
+            (of.duration_s, of.field_ut, of.board.heading.name())
+        };
+        assert_eq!(description(&world), description(&mended), "{number}");
+        let last = |of: &AttitudeWorld| attitudes(&of.events).last().copied();
+        assert_eq!(last(&world), last(&mended), "{number}");
     }
 }
 
@@ -160,7 +181,7 @@ fn descriptions(count: u64) -> Vec<AttitudeWorldDescription> {
     let scene = |number: u64| {
         let motion = WorldMotion::of(number);
         let fault = WorldFault::of(motion, number / 9);
-        Scene::draw(motion, fault, run_seed(1, number)).description(number, fault)
+        Scene::with(motion, fault, true, run_seed(1, number)).description(number, fault)
     };
     (0..count).map(scene).collect()
 }

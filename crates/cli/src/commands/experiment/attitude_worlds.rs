@@ -228,6 +228,7 @@ fn groups(kind: &str, rows: &[(&str, &GroupRow)]) -> String {
         "far",
         "blamed",
         "right %",
+        "false %",
     ]);
     for (name, row) in rows {
         let [tilt, heading] = [&row.tilt, &row.heading].map(|stated| {
@@ -251,7 +252,7 @@ fn groups(kind: &str, rows: &[(&str, &GroupRow)]) -> String {
         cells.extend(accuracy.map(|value| number(value, 2)));
         cells.extend(tilt.into_iter().chain(heading));
         cells.extend([row.green_beyond_five, row.blamed_inside_the_band].map(|n| n.to_string()));
-        cells.push(percent(row.right_share));
+        cells.extend([row.right_share, row.false_share].map(percent));
         table.row(cells);
     }
     table.render("  ")

@@ -11,22 +11,39 @@
 //! | holes, jitter and bursts of stamps | [`timing`] |
 //! | an axis at the end of its range | [`saturation`] |
 //! | values on a coarse grid | [`resolution`] |
-//! | a bias that changed, two chips' axes, a scale, from rests | [`rests`] |
+//! | white noise | [`noise`] |
+//! | a bias that changed from rest to rest | [`rests`] |
+//! | vectors that the gyroscope carries from moment to moment | [`pairs`] |
+//! | two chips' axes, scale and bias of an accelerometer | [`axes`] |
+//! | hard iron, a field that changes, the magnetometer's noise | [`iron`] |
+//! | a bias that jumped, without rests | [`bias`] |
 //! | excursions of the innovations, and what began them | [`excursions`] |
 //! | the sentences | [`findings`] |
 
+pub mod axes;
+pub mod bias;
 pub mod excursions;
 pub mod findings;
+pub mod iron;
+pub mod noise;
+pub mod pairs;
+mod prediction;
 pub mod resolution;
 pub mod rests;
 pub mod saturation;
 pub mod timing;
 
+#[cfg(test)]
+mod tests;
+
 use nalgebra::Vector3;
 use northing_core::kalman::Innovation;
 use northing_recording::{Sample, SensorKind};
 
+use self::axes::Axes;
 use self::excursions::{Condition, Excursions};
+use self::iron::Iron;
+use self::noise::WhiteNoise;
 use self::resolution::Resolution;
 use self::rests::Rests;
 use self::saturation::Saturation;
@@ -44,6 +61,7 @@ struct Channel {
     timing: Timing,
     saturation: Saturation,
     resolution: Resolution,
+    noise: WhiteNoise,
     last: Option<Vector3<f64>>,
     samples: u64,
     /// Samples that are the one before to the last digit.
@@ -77,6 +95,21 @@ impl TurningHole {
     }
 }
 
+/// What a configuration states of white noise; none where an estimator has no such parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Stated {
+    /// Of the gyroscope, (rad/s)/sqrt(Hz).
+    pub gyroscope_noise_density: Option<f64>,
+    /// Of the accelerometer, (m/s^2)/sqrt(Hz).
+    pub accelerometer_noise_density: Option<f64>,
+    /// Of a sample of the accelerometer, m/s^2.
+    pub accelerometer_std: Option<f64>,
+    /// Of a sample of the magnetometer, microtesla.
+    pub magnetometer_std_ut: Option<f64>,
+    /// Of hard iron that the filter estimates, per axis, microtesla.
+    pub hard_iron_std_ut: Option<f64>,
+}
+
 /// Watches one run. See the [module](self).
 #[derive(Debug, Clone, Default)]
 pub struct Diagnosis {
@@ -88,6 +121,9 @@ pub struct Diagnosis {
     by_magnetometer: Updates,
     by_compass: Updates,
     rests: Rests,
+    axes: Axes,
+    iron: Iron,
+    stated: Stated,
     /// The hole with the largest angle.
     worst_hole: Option<TurningHole>,
     /// When a condition was last met, ns.
@@ -147,6 +183,16 @@ fn is_of_the_vector(innovation: &Innovation<f64>) -> bool {
 }
 
 impl Diagnosis {
+    /// What the configuration of the run states.
+    pub const fn configured(&mut self, stated: Stated) {
+        self.stated = stated;
+    }
+
+    /// Takes so many samples of the gyroscope that had the very stamp of the one before and were not used.
+    pub const fn same_stamp(&mut self, samples: u64) {
+        self.gyroscope.timing.add_same(samples);
+    }
+
     /// Takes a sample as the sensor delivered it; other kinds than those of gyroscope, accelerometer and magnetometer
     /// are left out.
     pub fn sample(&mut self, time_ns: i64, sample: &Sample) {
@@ -163,6 +209,7 @@ impl Diagnosis {
                     .accelerometer
                     .add(time_ns, force, sample, BEYOND_GRAVITY * self.gravity.mean)
                     .0;
+                self.axes.force(time_ns, force, saturated);
                 self.met
                     .note(Condition::AccelerometerSaturated, saturated, time_ns);
             }
@@ -172,6 +219,7 @@ impl Diagnosis {
                     .magnetometer
                     .add(time_ns, field, sample, BEYOND_FIELD * self.strength.mean)
                     .0;
+                self.iron.field(time_ns, field);
                 self.met
                     .note(Condition::MagnetometerSaturated, saturated, time_ns);
             }
@@ -187,6 +235,8 @@ impl Diagnosis {
             self.turned_rad += rate.norm() * self.gyroscope.timing.summary().interval_s;
         }
         let (saturated, hole) = self.gyroscope.add(time_ns, rate, sample, 0.0);
+        self.axes.rate(time_ns, rate, saturated);
+        self.iron.rate(time_ns, rate, saturated);
         self.met
             .note(Condition::GyroscopeSaturated, saturated, time_ns);
         let Some(hole) = hole else {
@@ -288,9 +338,11 @@ impl Channel {
         least: f64,
     ) -> (bool, Option<Hole>) {
         self.resolution.add(sample);
+        let hole = self.timing.add(time_ns);
+        self.noise.add(v, hole.is_some());
         self.samples += 1;
         self.repeated += u64::from(self.last == Some(*v));
         self.last = Some(*v);
-        (self.saturation.add(v, least), self.timing.add(time_ns))
+        (self.saturation.add(v, least), hole)
     }
 }

@@ -6,6 +6,8 @@ use nalgebra::Vector3;
 const RUN: usize = 3;
 /// ... where the other axes change meanwhile by this share of the sensor's largest value, ...
 const CHANGE: f64 = 0.05;
+/// ... or that the axis has come to in one step of this share of it: no motion stands still from one sample to the next, ...
+const ENTERED: f64 = 0.03;
 /// ... or so many in a row, where the other axes have not once repeated a value: their noise is larger than the steps of
 /// the values, so that of this axis would be, too.
 const LONG_RUN: usize = 10;
@@ -24,6 +26,8 @@ fn is_same(a: f64, b: f64) -> bool {
 #[derive(Debug, Clone, Default)]
 pub struct Saturation {
     last: Option<Vector3<f64>>,
+    /// From the one before the last to the last.
+    step: Vector3<f64>,
     largest: [f64; 3],
     runs: [Run; 3],
     saturated: u64,
@@ -39,6 +43,8 @@ struct Run {
     length: usize,
     least: Vector3<f64>,
     most: Vector3<f64>,
+    /// The step to its first sample.
+    entered: f64,
     /// Whether another axis has repeated a value.
     others_repeat: bool,
     /// Whether its first samples are counted.
@@ -46,12 +52,13 @@ struct Run {
 }
 
 impl Run {
-    fn go_on(&mut self, axis: usize, last: &Vector3<f64>, sample: &Vector3<f64>) {
+    fn go_on(&mut self, axis: usize, [last, sample]: [&Vector3<f64>; 2], step: f64) {
         if self.length == 0 {
             *self = Self {
                 length: 1,
                 least: *last,
                 most: *last,
+                entered: step,
                 ..Self::default()
             };
         }
@@ -64,7 +71,9 @@ impl Run {
 
     fn is_saturated(&self, largest: f64) -> bool {
         let changed = (self.most - self.least).amax() > CHANGE * largest;
-        (self.length >= RUN && changed) || (self.length >= LONG_RUN && !self.others_repeat)
+        let entered = self.entered > ENTERED * largest;
+        (self.length >= RUN && (changed || entered))
+            || (self.length >= LONG_RUN && !self.others_repeat)
     }
 }
 
@@ -85,7 +94,7 @@ impl Saturation {
             let size = sample[axis].abs();
             let at_end = size > least && size >= self.largest[axis].max(LEVEL * largest);
             match self.last.filter(|last| is_same(last[axis], sample[axis])) {
-                Some(last) => run.go_on(axis, &last, sample),
+                Some(last) => run.go_on(axis, [&last, sample], self.step[axis]),
                 None => *run = Run::default(),
             }
             if !run.is_saturated(largest) {
@@ -105,7 +114,8 @@ impl Saturation {
                 self.elsewhere += before + 1;
             }
         }
-        self.last = Some(*sample);
+        let last = self.last.replace(*sample);
+        self.step = last.map_or_else(Vector3::zeros, |last| (sample - last).abs());
         self.saturated += u64::from(is_saturated);
         is_saturated
     }

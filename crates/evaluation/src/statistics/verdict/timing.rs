@@ -15,6 +15,11 @@ const NEWEST: f64 = 1.0 / 50.0;
 /// So many pauses of one length in a row, this much alike, are a new rate.
 const NEW_RATE: u32 = 3;
 const ALIKE: f64 = 0.3;
+/// Samples closer to the one before than this share of the mean interval came with it, ...
+const WITH: f64 = 0.1;
+/// ... and where so large a share of the samples did, they come in bunches: stamps that merely vary, by up to half an interval, are
+/// that close in one of thirty.
+const BUNCHED: f64 = 0.25;
 /// Intervals that vary by less than this share of the mean one are regular: timers are no better.
 const REGULAR: f64 = 0.1;
 
@@ -40,6 +45,8 @@ pub struct TimingSummary {
     pub bursts: u64,
     /// Intervals.
     pub intervals: u64,
+    /// Samples that came together with the one before, at the same instant or nearly.
+    pub together: u64,
 }
 
 impl TimingSummary {
@@ -47,6 +54,12 @@ impl TimingSummary {
     #[must_use]
     pub fn is_irregular(&self) -> bool {
         self.jitter_s > REGULAR * self.interval_s
+    }
+
+    /// Whether samples come in bunches.
+    #[must_use]
+    pub fn is_bunched(&self) -> bool {
+        self.together as f64 > BUNCHED * self.intervals as f64
     }
 }
 
@@ -57,6 +70,8 @@ pub struct Timing {
     interval_s: f64,
     pause: Option<Pause>,
     summary: TimingSummary,
+    /// Intervals that were not zero.
+    stamps: u64,
     regular: u64,
     squares: f64,
 }
@@ -72,6 +87,12 @@ struct Pause {
 }
 
 impl Timing {
+    /// Takes so many samples that had the very stamp of the one before.
+    pub const fn add_same(&mut self, samples: u64) {
+        self.summary.intervals += samples;
+        self.summary.together += samples;
+    }
+
     /// Takes the next stamp. Returns the hole that it ends, which is known as soon as samples come regularly again.
     pub fn add(&mut self, time_ns: i64) -> Option<Hole> {
         let last_ns = self.last_ns.replace(time_ns)?;
@@ -80,12 +101,14 @@ impl Timing {
             return None;
         }
         self.summary.intervals += 1;
-        if self.summary.intervals <= ENOUGH {
-            let n = self.summary.intervals as f64;
+        self.stamps += 1;
+        if self.stamps <= ENOUGH {
+            let n = self.stamps as f64;
             self.interval_s += (dt - self.interval_s) / n;
             return None;
         }
         let mean = self.interval_s;
+        self.summary.together += u64::from(dt < WITH * mean);
         if dt > PAUSE * mean {
             return self.begin_pause(last_ns, dt);
         }

@@ -1,11 +1,19 @@
 //! The causes in words, in the order in which a user should act, R last.
+//!
+//! | I look for | file |
+//! |---|---|
+//! | bias, axes, scale, hard iron, magnets | [`calibration`] |
+//! | white noise, rounding, R | [`stated_noise`] |
+
+mod calibration;
+mod stated_noise;
 
 use northing_recording::SensorKind;
 use serde::Serialize;
 
 use super::Diagnosis;
 use super::excursions::Condition;
-use crate::statistics::consistency::{NoiseVerdict, SensorVerdict};
+use crate::statistics::consistency::SensorVerdict;
 use crate::statistics::seconds_between;
 
 /// What is wrong, in the order in which a user should act.
@@ -21,24 +29,26 @@ pub enum Cause {
     Saturation,
     /// Samples come in bunches.
     Bursts,
+    /// Intervals between samples vary.
+    Jitter,
     /// The gyroscope's bias changed.
     BiasChange,
     /// The accelerometer's axes are not those of the gyroscope.
     Misalignment,
     /// The measured gravity depends on the pose.
     Scale,
+    /// An offset of the magnetometer turns with the device.
+    HardIron,
     /// The magnetic field was not the Earth's alone.
     MagneticDisturbance,
     /// The device was accelerated.
     Acceleration,
     /// Values lie on a grid that is coarser than the noise stated.
     Rounding,
-    /// Intervals between samples vary.
-    Jitter,
-    /// Residuals are alike from one sample to the next: errors that last.
-    LastingErrors,
-    /// R does not fit the noise.
+    /// White noise is not what is stated.
     Noise,
+    /// Residuals are larger than stated and the sensor's noise is not: errors that last.
+    LastingErrors,
 }
 
 impl Cause {
@@ -69,19 +79,18 @@ pub struct Finding {
 const LARGE_HOLE_RAD: f64 = 0.05;
 /// A condition is named when it explains this share of the samples beyond their bound.
 const EXPLAINS: f64 = 0.3;
-/// Axes less than this apart (rad) are those of one chip as it is sold.
-const ONE_CHIP_RAD: f64 = 0.006;
-/// Gravity may differ by this share from pose to pose in an accelerometer as it is sold.
-const AS_SOLD: f64 = 0.01;
-
 /// A sensor is stuck when its values change in fewer than this share of at least so many samples, while the device turns by
 /// this much in all (rad): rounded values do not stay the same through that.
 const STUCK: f64 = 0.01;
 const FEWEST_STUCK: u64 = 100;
 const TURNED_RAD: f64 = 1.5;
-/// Rounding is named where its noise is this share of what the filter expects of a residual: a calibration at rest
-/// states no less than it is.
-const ROUNDING_SHARE: f64 = 1.1;
+/// No sensor's range ends within so many steps of its values: what stays there is a coarse value that repeats.
+const STEPS_OF_A_RANGE: f64 = 10.0;
+
+/// Confidence in what is so many standard deviations from chance.
+fn beyond_chance(sigmas: f64) -> f64 {
+    1.0 - (-0.5 * sigmas * sigmas).exp()
+}
 
 impl Diagnosis {
     /// The causes, the first to act on first; `verdicts` are those on the stated noise of this run.
@@ -91,16 +100,11 @@ impl Diagnosis {
         self.stuck(&mut findings);
         findings.extend(self.hole());
         self.saturations(&mut findings);
-        self.rests(&mut findings);
-        findings.extend(self.disturbance());
+        self.calibration(&mut findings);
         findings.extend(self.acceleration());
         self.stamps(&mut findings);
-        self.rounding(verdicts, &mut findings);
-        findings.extend(
-            verdicts
-                .iter()
-                .filter_map(|v| noise(v, self.is_coarse(v.sensor))),
-        );
+        self.stated_noise(verdicts, &mut findings);
+        // Stable: of one cause the first found is the first to act on.
         findings.sort_by_key(|finding| finding.cause);
         findings
     }
@@ -197,6 +201,10 @@ impl Diagnosis {
             let Some((count, level)) = channel.saturation.found() else {
                 continue;
             };
+            let step = channel.resolution.step(sensor).unwrap_or_default();
+            if level < STEPS_OF_A_RANGE * step {
+                continue;
+            }
             findings.push(Finding {
                 cause: Cause::Saturation,
                 sensor,
@@ -209,73 +217,6 @@ impl Diagnosis {
                 ),
             });
         }
-    }
-
-    fn rests(&self, findings: &mut Vec<Finding>) {
-        let chance = |sigmas: f64| 1.0 - (-0.5 * sigmas * sigmas).exp();
-        if let Some(change) = self.rests.bias_change() {
-            findings.push(Finding {
-                cause: Cause::BiasChange,
-                sensor: SensorKind::Gyroscope,
-                confidence: chance(change.sigmas),
-                sentence: format!(
-                    "The gyroscope's bias changed by {:.2} deg/s between the rests at {:.1} s and {:.1} s: a filter has to \
-                     learn it anew, and the heading is off until it has. Let it warm up, or rest more often.",
-                    change.rad_s.to_degrees(),
-                    self.time_s(change.before_ns),
-                    self.time_s(change.after_ns),
-                ),
-            });
-        }
-        if let Some(axes) = self
-            .rests
-            .misalignment()
-            .filter(|m| m.rotation.norm() > ONE_CHIP_RAD)
-        {
-            findings.push(Finding {
-                cause: Cause::Misalignment,
-                sensor: SensorKind::Accelerometer,
-                confidence: chance(axes.sigmas),
-                sentence: format!(
-                    "The accelerometer's axes are {:.1} deg off those of the gyroscope ({} turns between rests say so): two \
-                     chips on one board. Calibrate the board.",
-                    axes.rotation.norm().to_degrees(),
-                    axes.turns,
-                ),
-            });
-        }
-        if let Some(scale) = self.rests.scale_error().filter(|s| s.share > AS_SOLD) {
-            findings.push(Finding {
-                cause: Cause::Scale,
-                sensor: SensorKind::Accelerometer,
-                confidence: chance(scale.sigmas),
-                sentence: format!(
-                    "At rest the accelerometer measures a gravity that differs by {:.1} % from pose to pose: its scale or its \
-                     bias is off. Calibrate it in six poses.",
-                    100.0 * scale.share,
-                ),
-            });
-        }
-    }
-
-    fn disturbance(&self) -> Option<Finding> {
-        let explains = self.explained(Condition::Disturbed);
-        let explained = self
-            .by_magnetometer
-            .excursions
-            .explained_by(Condition::Disturbed);
-        (explains > EXPLAINS).then(|| Finding {
-            cause: Cause::MagneticDisturbance,
-            sensor: SensorKind::Magnetometer,
-            confidence: explains,
-            sentence: format!(
-                "The strength of the magnetic field leaves its usual {:.0} \u{00b5}T{}: {} samples are off for that reason, and R has \
-                 nothing to do with it. Keep away from iron and magnets, or leave the magnetometer out.",
-                self.strength.mean,
-                self.from(explained.first_ns),
-                explained.beyond,
-            ),
-        })
     }
 
     fn acceleration(&self) -> Option<Finding> {
@@ -310,20 +251,19 @@ impl Diagnosis {
     fn stamps(&self, findings: &mut Vec<Finding>) {
         let timing = self.gyroscope.timing.summary();
         let intervals = timing.intervals.max(1) as f64;
-        let bunches = timing.bursts as f64;
-        if bunches > 3.0 {
+        let bunches = timing.bursts.max(timing.together) as f64;
+        if timing.is_bunched() || timing.bursts > 3 {
             findings.push(Finding {
                 cause: Cause::Bursts,
                 sensor: SensorKind::Gyroscope,
                 confidence: 1.0 - 1.0 / bunches,
                 sentence: format!(
-                    "The gyroscope's samples come in bunches ({} pauses that are made up for at once): their stamps look \
-                     like times of arrival. Take the sensor's own time.",
-                    timing.bursts,
+                    "The gyroscope's samples come in bunches ({bunches:.0} of {} come with the one before, or make up for a \
+                     pause): their stamps look like times of arrival. Take the sensor's own time.",
+                    timing.intervals,
                 ),
             });
-        }
-        if timing.is_irregular() {
+        } else if timing.is_irregular() {
             findings.push(Finding {
                 cause: Cause::Jitter,
                 sensor: SensorKind::Gyroscope,
@@ -338,46 +278,4 @@ impl Diagnosis {
             });
         }
     }
-
-    fn rounding(&self, verdicts: &[SensorVerdict], findings: &mut Vec<Finding>) {
-        for verdict in verdicts {
-            let Some((step, std)) = self.coarse_step(verdict.sensor) else {
-                continue;
-            };
-            let noise = step / 12.0_f64.sqrt();
-            if noise < ROUNDING_SHARE * std {
-                continue;
-            }
-            let unit = match verdict.sensor {
-                SensorKind::Accelerometer => "m/s\u{00b2}",
-                _ => "\u{00b5}T",
-            };
-            findings.push(Finding {
-                cause: Cause::Rounding,
-                sensor: verdict.sensor,
-                confidence: 0.97,
-                sentence: format!(
-                    "The {} comes in steps of {step:.3} {unit}: they alone are a noise of {noise:.3} {unit}, and R should not be \
-                     less than its square.",
-                    verdict.sensor.name(),
-                ),
-            });
-        }
-    }
-}
-
-/// What is left to the stated noise.
-fn noise(verdict: &SensorVerdict, is_coarse: bool) -> Option<Finding> {
-    let cause = match verdict.verdict {
-        NoiseVerdict::TooSmall | NoiseVerdict::TooLarge | NoiseVerdict::Outliers => Cause::Noise,
-        NoiseVerdict::Undetermined if is_coarse => return None,
-        NoiseVerdict::Undetermined => Cause::LastingErrors,
-        NoiseVerdict::Consistent | NoiseVerdict::TooFew => return None,
-    };
-    Some(Finding {
-        cause,
-        sensor: verdict.sensor,
-        confidence: verdict.confidence,
-        sentence: verdict.sentences.join(" "),
-    })
 }

@@ -1,0 +1,85 @@
+//! A jump of the gyroscope's bias, from everything that gravity and the field say of turns.
+//!
+//! The residuals of the pairs are explained by a bias that is one before an instant and another after it; the instant
+//! where that explains most is taken. Rests are not needed.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::pairs::Pair;
+
+/// A pair: what its residual says of the bias.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Witness {
+    pub(super) then_ns: i64,
+    pub(super) now_ns: i64,
+    information: Matrix3<f64>,
+    weighted: Vector3<f64>,
+}
+
+impl Witness {
+    pub(super) fn of(pair: &Pair, residual: &Vector3<f64>, variance: f64) -> Self {
+        let design = pair.by_bias();
+        Self {
+            then_ns: pair.then_ns,
+            now_ns: pair.now_ns,
+            information: design.transpose() * design / variance,
+            weighted: design.transpose() * residual / variance,
+        }
+    }
+}
+
+/// A bias that jumped.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BiasJump {
+    /// The last moment before, and the first after, ns.
+    pub between_ns: [i64; 2],
+    /// By how much, rad/s.
+    pub rad_s: f64,
+    /// One standard deviation of that.
+    pub std_rad_s: f64,
+    /// In standard deviations, all axes together.
+    pub sigmas: f64,
+}
+
+/// Witnesses on each side of a jump at least.
+const FEWEST: usize = 4;
+/// What a bias may be before anything is known, rad/s.
+const PRIOR_STD: f64 = 0.03;
+
+/// The jump that explains most.
+pub(super) fn largest_jump(mut witnesses: Vec<Witness>) -> Option<BiasJump> {
+    witnesses.sort_by_key(|witness| witness.now_ns);
+    let sum = |of: &[Witness]| {
+        of.iter()
+            .fold((Matrix3::zeros(), Vector3::zeros()), |sum, w| {
+                (sum.0 + w.information, sum.1 + w.weighted)
+            })
+    };
+    let (all, all_weighted) = sum(&witnesses);
+    let prior = Matrix3::identity() * PRIOR_STD.powi(-2);
+    let (mut before, mut before_weighted) = (Matrix3::zeros(), Vector3::zeros());
+    let mut best: Option<BiasJump> = None;
+    for at in 0..witnesses.len().saturating_sub(FEWEST) {
+        before += witnesses[at].information;
+        before_weighted += witnesses[at].weighted;
+        if at + 1 < FEWEST {
+            continue;
+        }
+        let first = (before + prior).try_inverse()?;
+        let second = (all - before + prior).try_inverse()?;
+        let jump = second * (all_weighted - before_weighted) - first * before_weighted;
+        let covariance = first + second;
+        let square = jump.dot(&(covariance.try_inverse()? * jump));
+        let sigmas = square.max(0.0).sqrt();
+        if best.is_none_or(|best| sigmas > best.sigmas) {
+            let along = jump.try_normalize(1e-12).unwrap_or_else(Vector3::x);
+            best = Some(BiasJump {
+                between_ns: [witnesses[at].then_ns, witnesses[at + 1].now_ns],
+                rad_s: jump.norm(),
+                std_rad_s: along.dot(&(covariance * along)).max(0.0).sqrt(),
+                sigmas,
+            });
+        }
+    }
+    best
+}
