@@ -60,7 +60,7 @@ export type Calibration = {
 
 export type CalibrationState = "running" | "done" | "refused";
 
-export type Cause = "stuck" | "hole" | "saturation" | "bursts" | "jitter" | "bias-change" | "misalignment" | "scale" | "hard-iron" | "magnetic-disturbance" | "acceleration" | "rounding" | "noise" | "lasting-errors";
+export type Cause = "stuck" | "hole" | "saturation" | "bursts" | "jitter" | "bias-change" | "misalignment" | "scale" | "hard-iron" | "magnetic-disturbance" | "rounding" | "noise" | "acceleration" | "lasting-errors";
 
 export type Coefficient = {
   value: number,

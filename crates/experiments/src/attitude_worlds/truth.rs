@@ -19,6 +19,9 @@ use super::cause::Cause;
 
 /// `R` fits while the true deviation of the samples is within this factor of it, either way.
 const FITS: f64 = 2.0;
+/// One vector of noise in a hundred is longer than so many standard deviations of a component.
+const BOUND: f64 = 3.368;
+const CHANCE: f64 = 0.01;
 /// Offsets of a magnetometer (microtesla) and of an accelerometer (m/s^2) beyond what a calibrated device has.
 const OFFSETS: [f64; 2] = [5.0, 0.3];
 
@@ -66,10 +69,24 @@ impl<'a> Truth<'a> {
         if fault_is_felt {
             return fault.into_iter().chain(felt).collect();
         }
+        if self.is_accelerated(options) {
+            wrong.push((Cause::Acceleration, options.clone()));
+        }
         let none = felt.is_empty().then_some(Cause::NONE);
         let wrong = wrong.into_iter().map(|(cause, _)| cause);
         let causes = fault.into_iter().chain(wrong).chain(none);
         causes.chain(offsets(world, sensing)).collect()
+    }
+
+    /// Whether accelerations are beyond what an estimator's `R` allows, more often than chance lets them: no mending shows
+    /// what they cost.
+    fn is_accelerated(&self, options: &RunOptions) -> bool {
+        let Some(std) = stated(options, Which::Accelerometer) else {
+            return false;
+        };
+        let beyond = |norm: &&f64| **norm > BOUND * std;
+        let count = self.deviations.forces.iter().filter(beyond).count();
+        count as f64 > 2.0 * CHANCE * self.deviations.forces.len() as f64
     }
 
     /// What is wrong with an estimator's `R`, with the options that mend it.
@@ -187,12 +204,14 @@ fn stated(options: &RunOptions, which: Which) -> Option<f64> {
 
 /// Root mean square of the true deviations of a sensor's samples, per axis: measured less what gravity, field or heading alone
 /// would show at the true attitude.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 struct Deviations {
     /// m/s^2, microtesla, and rad.
     std: [Option<f64>; 3],
     /// Mean of what the compass states, rad.
     compass_states: f64,
+    /// Lengths of the accelerometer's, m/s^2.
+    forces: Vec<f64>,
 }
 
 impl Deviations {
@@ -206,7 +225,7 @@ impl Deviations {
         let gravity = Vector3::z() * world.description.gravity_m_s2;
         let field = Vector3::from(world.description.field_ut);
         let mut sums = [(0.0, 0.0); 3];
-        let mut states = 0.0;
+        let (mut states, mut forces) = (0.0, Vec::new());
         let mut truth = None;
         for event in &world.events {
             let (k, square) = match (event.sample, truth) {
@@ -214,7 +233,11 @@ impl Deviations {
                     truth = Some(reference.attitude.inverse());
                     continue;
                 }
-                (Sample::SpecificForce(force), Some(body)) => (0, third(force - body * gravity)),
+                (Sample::SpecificForce(force), Some(body)) => {
+                    let off = force - body * gravity;
+                    forces.push(off.norm());
+                    (0, third(off))
+                }
                 (Sample::MagneticField(measured), Some(body)) => {
                     (1, third(measured - body * field))
                 }
@@ -233,6 +256,7 @@ impl Deviations {
         Self {
             std: sums.map(rms),
             compass_states: states / f64::max(sums[2].1, 1.0),
+            forces,
         }
     }
 }

@@ -41,12 +41,12 @@ pub enum Cause {
     HardIron,
     /// The magnetic field was not the Earth's alone.
     MagneticDisturbance,
-    /// The device was accelerated.
-    Acceleration,
     /// Values lie on a grid that is coarser than the noise stated.
     Rounding,
     /// White noise is not what is stated.
     Noise,
+    /// The device was accelerated.
+    Acceleration,
     /// Residuals are larger than stated and the sensor's noise is not: errors that last.
     LastingErrors,
 }
@@ -106,6 +106,7 @@ impl Diagnosis {
         self.stated_noise(verdicts, &mut findings);
         // Stable: of one cause the first found is the first to act on.
         findings.sort_by_key(|finding| finding.cause);
+        findings.extend(self.conservative(verdicts));
         findings
     }
 

@@ -33,10 +33,7 @@ impl Diagnosis {
             self.magnetometer_noise(),
         ];
         let direct: Vec<_> = direct.into_iter().flatten().collect();
-        // A conservative R is the last thing to act on.
-        let conservative = |v: &&SensorVerdict| v.verdict == NoiseVerdict::TooLarge;
-        let others = verdicts.iter().filter(|v| !conservative(v));
-        for verdict in others.chain(verdicts.iter().filter(conservative)) {
+        for verdict in verdicts {
             if direct
                 .iter()
                 .all(|finding| finding.sensor != verdict.sensor)
@@ -155,10 +152,10 @@ impl Diagnosis {
         let sensor = verdict.sensor;
         let cause = match verdict.verdict {
             // What cannot be judged is no cause.
-            NoiseVerdict::Consistent | NoiseVerdict::TooFew | NoiseVerdict::Undetermined => {
-                return None;
-            }
-            NoiseVerdict::TooLarge => self.is_conservative(sensor).then_some(Cause::Noise)?,
+            NoiseVerdict::Consistent
+            | NoiseVerdict::TooFew
+            | NoiseVerdict::Undetermined
+            | NoiseVerdict::TooLarge => return None,
             _ if sensor == SensorKind::CompassHeading => {
                 // A compass is late, and is off for seconds: its residuals are no noise, and are far off before R is.
                 let factor = verdict.variance_factor.unwrap_or(1.0);
@@ -177,6 +174,20 @@ impl Diagnosis {
             confidence: verdict.confidence,
             sentence: verdict.sentences.join(" "),
         })
+    }
+
+    /// An R that is too large: the last thing to act on.
+    pub(super) fn conservative(&self, verdicts: &[SensorVerdict]) -> Vec<Finding> {
+        let is_so = |v: &&SensorVerdict| {
+            v.verdict == NoiseVerdict::TooLarge && self.is_conservative(v.sensor)
+        };
+        let finding = |v: &SensorVerdict| Finding {
+            cause: Cause::Noise,
+            sensor: v.sensor,
+            confidence: v.confidence,
+            sentence: v.sentences.join(" "),
+        };
+        verdicts.iter().filter(is_so).map(finding).collect()
     }
 
     /// Whether the samples have less noise than is stated.
@@ -213,7 +224,11 @@ impl Diagnosis {
                     .zip(stated)
                     .is_none_or(|(deviation, stated)| LESS * deviation < stated)
             }
-            _ => true,
+            // Most samples of a motion that starts and stops are quiet: the mean has the others, too.
+            _ => self
+                .unexplained(sensor)
+                .summary()
+                .is_some_and(|nis| LESS * LESS * nis.mean < f64::from(nis.degrees_of_freedom)),
         }
     }
 }
