@@ -6,7 +6,8 @@
 //! Use it where GNSS/INS has to begin on any vehicle in any motion: nothing is taken to stand still, to be mounted in
 //! any way, or to point where it moves. What accelerations in the horizontal say of the heading, against the second
 //! differences of the fixes, decides; until it has, the heading is stated as unknown, with the position already good. A
-//! vehicle that never accelerates stays so, at constant cost. A compass or a second antenna is one more measurement of
+//! vehicle that never accelerates stays so, at constant cost, for days: what noise feigns of an acceleration or a speed shows
+//! nothing. A compass or a second antenna is one more measurement of
 //! every hypothesis.
 //!
 //! ```

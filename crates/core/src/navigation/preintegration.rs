@@ -244,13 +244,19 @@ impl<T: Scalar> Preintegration<T> {
         q
     }
 
-    /// The transition of the 15 errors over an interval that begins with the attitude `axes` and brings this increment.
+    /// The transition of the 15 errors over an interval that begins with the attitude `axes` and brings this increment. Where it
+    /// does not show the heading, nothing horizontal is turned by an error of the attitude.
     pub(super) fn transition(
         &self,
         axes: &Matrix3<T>,
         increment: &Increment<T>,
+        shows_heading: bool,
     ) -> ErrorTransition<T> {
-        let changes = [increment.velocity, increment.position];
+        let share = if shows_heading { T::one() } else { T::zero() };
+        let changes = [increment.velocity, increment.position].map(|change| {
+            let change = axes * change;
+            Vector3::new(change.x * share, change.y * share, change.z)
+        });
         self.sensitivity.turned(axes, &changes)
     }
 

@@ -194,13 +194,13 @@ impl<T: Scalar> ErrorTransition<T> {
         [-self.velocity_from_attitude, -self.position_from_attitude]
     }
 
-    /// The same transition in axes that `axes` turns into, for these increments of velocity and position.
+    /// The same transition in axes that `axes` turns into, for these increments of velocity and position in those.
     pub(super) fn turned(&self, axes: &Matrix3<T>, [velocity, position]: &[Vector3<T>; 2]) -> Self {
         Self {
             duration: self.duration,
             is_one_sample: false,
-            velocity_from_attitude: -(axes * velocity),
-            position_from_attitude: -(axes * position),
+            velocity_from_attitude: -velocity,
+            position_from_attitude: -position,
             integrated_axes: axes * self.integrated_axes,
             velocity_from_gyroscope_bias: axes * self.velocity_from_gyroscope_bias,
             position_from_accelerometer_bias: axes * self.position_from_accelerometer_bias,

@@ -4,6 +4,7 @@ mod faults;
 mod limits;
 mod magnetometer;
 mod models;
+mod standing;
 mod start_in_motion;
 mod without_samples;
 

@@ -153,6 +153,52 @@ impl<T: Scalar> Estimate<T> {
         covariance("covariance", &self.covariance.full())
     }
 
+    /// Variance of a component of the horizontal acceleration at a known heading, (m/s^2)^2: what tilt and accelerometer bias
+    /// are off by feigns one (W22).
+    pub(super) fn feigned_acceleration(&self, gravity: T) -> T {
+        let axes = rotation::to_matrix(&self.mean.ned_from_body);
+        let p = self.covariance.full();
+        let sum = [(ATTITUDE + 1, -gravity), (ATTITUDE, gravity)]
+            .into_iter()
+            .enumerate()
+            .fold(T::zero(), |sum, (axis, (tilt, gained))| {
+                let mut row = ErrorVector::<T>::zeros();
+                row[tilt] = gained;
+                for i in 0..3 {
+                    row[ACCELEROMETER_BIAS + i] = -axes[(axis, i)];
+                }
+                let column = p * row;
+                let with_heading = column[ATTITUDE + 2];
+                sum + row.dot(&column)
+                    - with_heading * with_heading / p[(ATTITUDE + 2, ATTITUDE + 2)]
+            });
+        sum.max(T::zero()) * lit(0.5)
+    }
+
+    /// The same with a heading that is `offset` (rad) further and has a standard deviation of its own, correlated with nothing
+    /// (W24).
+    pub(super) fn with_heading(&self, offset: T, std: T) -> Self {
+        let turn = so3::exp(&(Vector3::z() * offset));
+        let axes = rotation::to_matrix(&turn);
+        let mut p = self.covariance.full();
+        for first in [ATTITUDE, VELOCITY, POSITION, CORRELATED] {
+            let rows = axes * p.fixed_rows::<3>(first);
+            p.fixed_rows_mut::<3>(first).copy_from(&rows);
+            let columns = p.fixed_columns::<3>(first) * axes.transpose();
+            p.fixed_columns_mut::<3>(first).copy_from(&columns);
+        }
+        p.row_mut(ATTITUDE + 2).fill(T::zero());
+        p.column_mut(ATTITUDE + 2).fill(T::zero());
+        p[(ATTITUDE + 2, ATTITUDE + 2)] = std * std;
+        Self {
+            mean: Mean {
+                ned_from_body: rotation::renormalize(&(turn * self.mean.ned_from_body)),
+                ..self.mean
+            },
+            covariance: Triangle::of(&p),
+        }
+    }
+
     /// Whether every number is finite, and every variance one: zero only of what is not estimated.
     pub(super) fn is_usable(&self) -> bool {
         let variance = |i| self.covariance.variance(i);
@@ -164,7 +210,8 @@ impl<T: Scalar> Estimate<T> {
 }
 
 /// Moves states (W7), the error that is estimated against them, and its covariance (W8, W9) over an interval whose
-/// receiver states the correlated standard deviations `slow`.
+/// receiver states the correlated standard deviations `slow`; `feigned` is the variance of a component of the acceleration that
+/// tilt and biases feign (W22).
 // Not inlined: on a chip its memory is then free again for what follows.
 #[inline(never)]
 pub(super) fn propagate<T: Scalar>(
@@ -173,16 +220,18 @@ pub(super) fn propagate<T: Scalar>(
     p: &mut Covariance<T>,
     inertial: &Preintegration<T>,
     slow: &Vector3<T>,
+    feigned: T,
     config: &InMotionAlignmentConfig<T>,
 ) {
     let t = inertial.duration_s();
     let axes = rotation::to_matrix(&mean.ned_from_body);
     let increment = inertial.corrected(&mean.accelerometer_bias, &mean.gyroscope_bias);
-    let transition = inertial.transition(&axes, &increment);
 
     // (W7)
     let fallen = Vector3::z() * (config.gravity * t);
     let gained = fallen + axes * increment.velocity;
+    let shows_heading = is_acceleration(&gained, inertial, feigned);
+    let transition = inertial.transition(&axes, &increment, shows_heading);
     mean.position += mean.velocity * t + fallen * (t * lit(0.5)) + axes * increment.position;
     mean.velocity += gained;
     mean.ned_from_body = rotation::renormalize(&(mean.ned_from_body * increment.rotation));
@@ -204,6 +253,18 @@ pub(super) fn propagate<T: Scalar>(
     }
     mean.gnss_offset *= kept;
     add_noise(p, inertial, &axes, slow, kept, config);
+}
+
+/// Whether a horizontal change of velocity is more than tilt and biases, with this variance of an acceleration that they
+/// feign, and the samples' noise bring about (W22).
+fn is_acceleration<T: Scalar>(
+    gained: &Vector3<T>,
+    inertial: &Preintegration<T>,
+    feigned: T,
+) -> bool {
+    let t = inertial.duration_s();
+    let noise = inertial.increment_covariance().velocity.trace() / lit(3.0);
+    gained.x * gained.x + gained.y * gained.y > (feigned * t * t + noise) * lit(2.0)
 }
 
 /// (W9).

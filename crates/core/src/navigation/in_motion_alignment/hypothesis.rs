@@ -5,7 +5,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::estimate::{Estimate, Mean, Triangle};
-use super::window::{Fit, Interval, Linearization, pass, position_variance};
+use super::window::{Fit, Interval, Learnt, Linearization, pass, position_variance};
 use super::{ALIGNMENT_ERRORS, CORRELATED, Covariance, InMotionAlignmentConfig, LATE};
 use crate::geometry::{rotation, so3};
 use crate::navigation::{
@@ -18,7 +18,7 @@ use crate::scalar::{Scalar, lit};
 /// Standard deviation of a height that is not measured, m.
 const UNKNOWN_HEIGHT_STD: f64 = 100.0;
 /// Standard deviation of a hypothesis's heading as a share of half the distance to the next one.
-const OVERLAP: f64 = 1.15;
+pub(super) const OVERLAP: f64 = 1.15;
 
 /// First of the errors of attitude, accelerometer and gyroscope bias.
 const ATTITUDE_AND_BIASES: [usize; 3] = [ATTITUDE, ACCELEROMETER_BIAS, GYROSCOPE_BIAS];
@@ -277,7 +277,12 @@ impl<T: Scalar> Hypothesis<T> {
         scale: T,
         config: &InMotionAlignmentConfig<T>,
     ) -> Option<Fit<T>> {
-        let pass = pass(&self.anchor, &self.about, intervals, scale, config)?;
+        let learnt = Learnt {
+            scale,
+            velocity_variance: self.velocity_variance(),
+            feigned_acceleration: self.end.feigned_acceleration(config.gravity),
+        };
+        let pass = pass(&self.anchor, &self.about, intervals, learnt, config)?;
         self.end = pass.end;
         self.log_evidence = self.departed + pass.fit.log_evidence;
         self.nis = pass.fit.nis;
@@ -290,6 +295,39 @@ impl<T: Scalar> Hypothesis<T> {
         }
         self.about = Linearization::carried_back(&self.end.mean, ahead);
         Some(pass.fit)
+    }
+
+    /// Sum of the variances of the velocity at the newest fix, (m/s)^2.
+    fn velocity_variance(&self) -> T {
+        let variance = |i| self.end.covariance.variance(VELOCITY + i);
+        variance(0) + variance(1) + variance(2)
+    }
+
+    /// Whether the heading was less certain than `std` (rad) before the window, and still is.
+    pub(super) fn is_wider_than(&self, std: T) -> bool {
+        let ends = [&self.anchor, &self.end];
+        ends.iter()
+            .all(|at| at.covariance.variance(ATTITUDE + 2) > std * std)
+    }
+
+    /// The same with a heading that is `offset` (rad) further and had the standard deviation `std` before the window, and with
+    /// `more` log evidence (W24).
+    pub(super) fn with_heading(
+        &self,
+        [offset, std, more]: [T; 3],
+        intervals: &[Interval<T>],
+    ) -> Self {
+        let [before, now] =
+            [&self.anchor, &self.end].map(|at| at.covariance.variance(ATTITUDE + 2));
+        let end = self.end.with_heading(offset, std * (now / before).sqrt());
+        Self {
+            anchor: self.anchor.with_heading(offset, std),
+            about: Linearization::carried_back(&end.mean, intervals),
+            departed: self.departed + more,
+            log_evidence: self.log_evidence + more,
+            end,
+            nis: self.nis,
+        }
     }
 
     /// Whether a saved one can be continued from.

@@ -21,6 +21,8 @@ use crate::scalar::{Scalar, lit};
 
 /// Speed (m/s) beyond which a time offset is not made more of.
 const FASTEST_FOR_OFFSET: f64 = 300.0;
+/// A velocity of fewer standard deviations may be all error.
+const OWN_ERRORS: f64 = 2.0;
 /// NIS of three components at which a fix is as bad as any.
 const WORST_NIS: f64 = 12.0;
 
@@ -90,10 +92,21 @@ pub(super) struct Pass<T: Scalar> {
     pub(super) second: (Estimate<T>, T),
 }
 
+/// What a pass has from the one before.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Learnt<T> {
+    /// What the receiver's standard deviations are multiplied by.
+    pub(super) scale: T,
+    /// Sum of the variances of the velocity at the newest fix, (m/s)^2.
+    pub(super) velocity_variance: T,
+    /// Variance of a component of the acceleration that tilt and biases feign there, (m/s^2)^2.
+    pub(super) feigned_acceleration: T,
+}
+
 /// The state of a pass.
 struct Running<'a, T: Scalar> {
     config: &'a InMotionAlignmentConfig<T>,
-    scale: T,
+    learnt: Learnt<T>,
     mean: Mean<T>,
     error: ErrorVector<T>,
     covariance: Covariance<T>,
@@ -168,10 +181,10 @@ pub(super) fn pass<T: Scalar>(
     anchor: &Estimate<T>,
     about: &Linearization<T>,
     intervals: &[Interval<T>],
-    scale: T,
+    learnt: Learnt<T>,
     config: &InMotionAlignmentConfig<T>,
 ) -> Option<Pass<T>> {
-    let mut running = Running::begin(anchor, about, scale, config);
+    let mut running = Running::begin(anchor, about, learnt, config);
     let nothing = (Innovation::skipped(SkipReason::NotUsed), T::zero());
     let mut fit = Fit {
         log_evidence: T::zero(),
@@ -224,7 +237,7 @@ impl<'a, T: Scalar> Running<'a, T> {
     fn begin(
         anchor: &Estimate<T>,
         about: &Linearization<T>,
-        scale: T,
+        learnt: Learnt<T>,
         config: &'a InMotionAlignmentConfig<T>,
     ) -> Self {
         let from = &anchor.mean;
@@ -247,7 +260,7 @@ impl<'a, T: Scalar> Running<'a, T> {
         }
         Self {
             config,
-            scale,
+            learnt,
             mean,
             error,
             covariance: anchor.covariance.full(),
@@ -264,16 +277,26 @@ impl<'a, T: Scalar> Running<'a, T> {
     }
 
     fn propagate(&mut self, interval: &Interval<T>) {
-        let scale = self.scale.max(T::one());
+        let scale = self.learnt.scale.max(T::one());
         let slow = interval.position.std * (scale * self.config.position_correlated_fraction);
         let Self {
             mean,
             error,
             covariance,
             config,
+            learnt,
             ..
         } = self;
-        propagate(mean, error, covariance, &interval.inertial, &slow, config);
+        let feigned = learnt.feigned_acceleration;
+        propagate(
+            mean,
+            error,
+            covariance,
+            &interval.inertial,
+            &slow,
+            feigned,
+            config,
+        );
     }
 
     fn fuse<const M: usize>(
@@ -291,6 +314,7 @@ impl<'a, T: Scalar> Running<'a, T> {
         let mean = &self.mean;
         let fastest = lit::<T>(FASTEST_FOR_OFFSET);
         let corrected = mean.velocity + self.error.fixed_rows::<3>(VELOCITY);
+        let corrected = corrected * reliability(&corrected, self.learnt.velocity_variance);
         let t = interval.inertial.duration_s();
         let increment = interval.inertial.increment();
         let force = mean.ned_from_body * (increment.rotation.inverse() * increment.velocity) / t;
@@ -337,7 +361,7 @@ impl<'a, T: Scalar> Running<'a, T> {
         let then = self.instant(interval);
         let c = self.config;
         let fix = &interval.position;
-        let variance = position_variance(&fix.std, &then.velocity, self.scale, c);
+        let variance = position_variance(&fix.std, &then.velocity, self.learnt.scale, c);
         let arm = Vector3::from(c.lever_arm_m);
         let offset = self.mean.gnss_offset;
         if fix.has_height {
@@ -385,6 +409,19 @@ impl<'a, T: Scalar> Running<'a, T> {
             ))
         };
         seen.map(Some)
+    }
+}
+
+/// Share of a velocity that is one, and not its own error (W23): only that shows a time offset.
+fn reliability<T: Scalar>(velocity: &Vector3<T>, variance: T) -> T {
+    let (squared, feigned) = (
+        velocity.norm_squared(),
+        variance * lit(OWN_ERRORS * OWN_ERRORS),
+    );
+    if squared > feigned {
+        T::one() - feigned / squared
+    } else {
+        T::zero()
     }
 }
 

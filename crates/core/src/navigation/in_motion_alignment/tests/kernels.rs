@@ -108,7 +108,15 @@ fn error_after(x: &SVector<Dual, N>) -> SVector<Dual, N> {
     for end in &mut ends {
         let (mut error, mut p) = (SVector::zeros(), SMatrix::zeros());
         let none = Vector3::zeros();
-        propagate(end, &mut error, &mut p, &samples, &none, &dual_config());
+        propagate(
+            end,
+            &mut error,
+            &mut p,
+            &samples,
+            &none,
+            Dual::from(0.0),
+            &dual_config(),
+        );
     }
     let [a, b] = ends;
     let mut out = SVector::<Dual, N>::zeros();
@@ -130,6 +138,23 @@ fn error_after(x: &SVector<Dual, N>) -> SVector<Dual, N> {
     out
 }
 
+/// An acceleration that tilt and biases can have feigned shows no heading: an error of the heading then moves nothing else.
+#[test]
+fn what_is_feigned_shows_no_heading() {
+    let (made, config) = (inertial(), InMotionAlignmentConfig::default());
+    let slow = Vector3::repeat(0.7);
+    let heading = SVector::<f64, N>::from_fn(|i, _| f64::from(u8::from(i == ATTITUDE + 2)));
+    let moved = |feigned: f64| {
+        let (mut mean, mut error, mut p) = (mean(), heading, M19::zeros());
+        propagate(
+            &mut mean, &mut error, &mut p, &made, &slow, feigned, &config,
+        );
+        (error - heading).norm()
+    };
+    // It accelerates by more than 1 m/s^2.
+    assert!(moved(0.1) > 0.5 && moved(10.0) < 1e-12);
+}
+
 /// What `propagate` does to the error is the derivative of what it does to the states, and what it does to the
 /// covariance is that matrix on both sides, with the noise of the interval.
 #[test]
@@ -142,7 +167,7 @@ fn an_interval_carries_error_and_covariance_as_dual_numbers_say() {
     );
     let map = |x: &SVector<f64, N>| {
         let (mut mean, mut error, mut p) = (mean(), *x, M19::zeros());
-        propagate(&mut mean, &mut error, &mut p, &made, &slow, &config);
+        propagate(&mut mean, &mut error, &mut p, &made, &slow, 0.0, &config);
         error
     };
     for state in 0..N {
@@ -156,7 +181,7 @@ fn an_interval_carries_error_and_covariance_as_dual_numbers_say() {
         map(&SVector::from_fn(|i, _| f64::from(u8::from(i == state))))
     }));
     let (mut at, mut none, mut p) = (mean(), SVector::zeros(), covariance());
-    propagate(&mut at, &mut none, &mut p, &made, &slow, &config);
+    propagate(&mut at, &mut none, &mut p, &made, &slow, 0.0, &config);
     let axes = rotation::to_matrix(&mean().ned_from_body);
     let mut turn = SMatrix::<f64, 9, 9>::zeros();
     for first in [0, 3, 6] {
