@@ -2,6 +2,8 @@
 //!
 //! *Read first:* `docs/derivations/in_motion_alignment.md`, section 5 (W16-W19).
 
+mod division;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::estimate::{Mean, at_receiver_time, propagate};
@@ -24,12 +26,6 @@ const FIXES_BEFORE_END: u32 = 4;
 const SAME_TILT: f64 = 0.05;
 /// ... and the least and the most that their headings may differ by for that, rad.
 const SAME_HEADING: [f64; 2] = [0.03, 0.075];
-/// How many times its first standard deviation a heading may have before it is divided anew.
-const WIDEST: f64 = 2.0;
-/// Whole turns to either side that count in the density of a heading.
-const TURNS: i32 = 2;
-/// Least density of one, in that of a mixture: no heading is impossible.
-const LEAST_DENSITY: f64 = 1e-9;
 /// Log odds of an attitude that is known otherwise against one of the others: positions jump more often than attitudes.
 const LOG_ODDS_OF_PRIOR: f64 = 8.0;
 /// How much of the mean NIS's excess goes into the logarithm of the scale at a fix.
@@ -221,46 +217,6 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         self.count = kept;
     }
 
-    /// Where no hypothesis knows the heading well enough to be linear about it: the mixture as hypotheses around the horizon
-    /// again, narrow as at the start (W24).
-    fn divide(&mut self, intervals: &[Interval<T>], config: &InMotionAlignmentConfig<T>) {
-        let std = first_heading_std::<T>(K);
-        let widest = std * lit(WIDEST);
-        let wide = self.in_use().iter().all(|h| h.is_wider_than(widest));
-        let (Some(best), true) = (self.best().copied(), wide) else {
-            return;
-        };
-        let step = T::two_pi() / lit(K as f64);
-        let odds: [T; K] = core::array::from_fn(|k| {
-            let density = self.heading_density(step * lit(k as f64), std, config);
-            density.max(lit(LEAST_DENSITY)).ln() / config.evidence_power
-        });
-        for (k, hypothesis) in self.hypotheses.iter_mut().enumerate() {
-            let offset = step * lit(k as f64);
-            *hypothesis = best.with_heading([offset, std, odds[k] - odds[0]], intervals);
-        }
-        self.count = K;
-        self.order();
-    }
-
-    /// Density of the mixture's headings before the window, `offset` (rad) from the best one, but for a constant, when each
-    /// hypothesis is divided into narrower ones of `std`.
-    fn heading_density(&self, offset: T, std: T, config: &InMotionAlignmentConfig<T>) -> T {
-        let Some(best) = self.best() else {
-            return T::zero();
-        };
-        let back = best.end.mean.ned_from_body.inverse();
-        self.in_use().iter().fold(T::zero(), |sum, hypothesis| {
-            let own = so3::log(&(hypothesis.end.mean.ned_from_body * back)).z;
-            let left = hypothesis.anchor.covariance.variance(ATTITUDE + 2) - std * std;
-            let around = (-TURNS..=TURNS).fold(T::zero(), |sum, turns| {
-                let off = offset - own + T::two_pi() * lit(f64::from(turns));
-                sum + (-off * off / (left + left)).exp()
-            });
-            sum + self.weight(hypothesis, config) * around / left.sqrt()
-        })
-    }
-
     /// Only differences count: the sums must not grow for ever.
     fn count_evidence_from_the_best(&mut self) {
         let Some(departed) = self.best().map(|best| best.departed) else {
@@ -394,11 +350,6 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
         let first = self.first.ned.iter().chain(&self.first.std);
         finite("bank", first.chain(&self.origin).chain([&self.scale]))
     }
-}
-
-/// Standard deviation of each of `count` headings around the horizon, rad.
-fn first_heading_std<T: Scalar>(count: usize) -> T {
-    T::pi() * lit(super::hypothesis::OVERLAP) / lit(count as f64)
 }
 
 /// Whether two hypotheses have become the same.
