@@ -105,7 +105,7 @@ impl Diagnosis {
             sensor: SensorKind::Magnetometer,
             confidence: beyond_chance(size / iron.std_ut),
             sentence: format!(
-                "The magnetometer has a hard iron of {size:.1} \u{00b5}T (\u{00b1} {:.1}): a magnet turns with the device, and the \
+                "The magnetometer has a hard iron of {size:.1} \u{00b5}T (\u{00b1} {:.1}): something magnetic turns with the device, and the \
                  heading's error depends on where it points. Calibrate the magnetometer where it is built in.",
                 iron.std_ut,
             ),
@@ -156,8 +156,8 @@ fn misalignment(fit: &AxesFit, least: f64) -> Option<Finding> {
         sensor: SensorKind::Accelerometer,
         confidence: beyond_chance(axes.sigmas()),
         sentence: format!(
-            "The accelerometer's axes are {:.1} deg (\u{00b1} {:.1}) off those of the gyroscope ({} turns say so): two chips on one \
-             board. Calibrate the board.",
+            "The accelerometer's axes are {:.1} deg (\u{00b1} {:.1}) off those of the gyroscope ({} turns say so), as on boards \
+             with two chips. Calibrate the board.",
             angle.to_degrees(),
             std.to_degrees(),
             fit.turns,
