@@ -313,7 +313,7 @@ fn wrong_arguments_are_refused_in_one_line() {
         contains(&message, expected);
     }
     let message = lab.refuses(&["track", "missing.toml"]);
-    contains(&message, &["missing.toml", "cannot read the manifest"]);
+    contains(&message, &["missing.toml", "cannot read it"]);
 }
 
 #[test]

@@ -80,7 +80,7 @@ parameters! {
     velocity_psd_gain: T, "s^3", NotNegative, [0.025],
         "adds gain * (mean square acceleration) to it",
         "Raising it trusts gravity less while the device is accelerated.";
-    initial_velocity_psd: T, "m^2/s", NotNegative, [3.0],
+    initial_velocity_psd: T, "m^2/s", NotNegative, [1.0],
         "the same while nothing is known of the motion yet",
         "It fades with `velocity_correlation_time_s`. Raising it finds the tilt later, and a vehicle that is moving already sooner.";
     largest_velocity_psd: T, "m^2/s", NotNegative, [10.0],

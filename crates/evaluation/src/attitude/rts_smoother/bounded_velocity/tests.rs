@@ -35,6 +35,9 @@ fn consistent() -> BoundedVelocityConfig<f64> {
         // Its velocity is zero: far less than what the accelerometer adds in one interval.
         velocity_psd: 1e-12,
         velocity_psd_gain: 0.0,
+        initial_velocity_psd: 0.0,
+        largest_velocity_psd: 0.0,
+        rest_slow_motion_gain: 0.0,
         magnetometer_std_ut: simulated.magnetometer_noise_std_ut,
         magnetometer_correlation_time_s: 0.0,
         field_strength_scale_ut: 1e6,
