@@ -3,7 +3,7 @@
 //! A motion is smooth from one sample to the next and white noise is not, so differences of a high order leave the noise. Of white
 //! noise with variance `v` the difference of order `k` has the variance `v (2k)! / (k!)^2`, whatever `k`: where two orders
 //! disagree, what is left is a vibration, and nothing is said of the noise. Nor is it where the samples before
-//! [predict](super::prediction) the next one better than that: so does a rotor or an engine. Noise is there all the time, a motion
+//! predict (`prediction.rs`) the next one better than that: so does a rotor or an engine. Noise is there all the time, a motion
 //! is not, so the quietest quarter of the windows tells.
 
 use nalgebra::Vector3;

@@ -2,8 +2,8 @@
 //!
 //! | I look for | file |
 //! |---|---|
-//! | bias, axes, scale, hard iron, magnets | [`calibration`] |
-//! | white noise, rounding, R | [`stated_noise`] |
+//! | bias, axes, scale, hard iron, magnets | `calibration.rs` |
+//! | white noise, rounding, R | `stated_noise.rs` |
 
 mod calibration;
 mod stated_noise;
