@@ -1,4 +1,4 @@
-//! Causes: what the verdicts of a run name, and when something wrong is felt. What was wrong is in [`super::truth`].
+//! Causes: what the verdicts of a run name, and when something wrong is felt. What was wrong is in `truth.rs`.
 
 use northing_evaluation::RunSummary;
 use northing_evaluation::statistics::consistency::NoiseVerdict;

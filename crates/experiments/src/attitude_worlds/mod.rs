@@ -26,7 +26,7 @@
 //! # Verdicts
 //!
 //! A world knows its true cause: the fault that was drawn, where the estimate is worse for it than in the same world without it; else
-//! nothing is as right to name, and so is an `R` that does not fit the true deviations of the samples ([`truth`]). What the verdicts name is
+//! nothing is as right to name, and so is an `R` that does not fit the true deviations of the samples (`truth.rs`). What the verdicts name is
 //! read by [`cause::named_cause`] alone: it is **right** where it is a true cause, **false** where something is named that is none. A world is
 //! **green** when nothing is
 //! named. Counted are green worlds in which the truth is beyond five standard deviations, and worlds in which a sensor is blamed while
