@@ -81,10 +81,10 @@ parameters! {
         "adds gain * (mean square acceleration) to it",
         "Raising it trusts gravity less while the device is accelerated.";
     initial_velocity_psd: T, "m^2/s", NotNegative, [1.0],
-        "the same while nothing is known of the motion yet",
+        "noise of `velocity is zero` while nothing is known of the motion yet",
         "It fades with `velocity_correlation_time_s`. Raising it finds the tilt later, and a vehicle that is moving already sooner.";
     largest_velocity_psd: T, "m^2/s", NotNegative, [10.0],
-        "most of it that is learnt from velocities that do not vanish; 0 learns nothing",
+        "largest noise of `velocity is zero` that is learnt from velocities that last; 0 learns nothing",
         "Raising it follows vehicles better, and a tilt that is wrong for another reason longer.";
     velocity_correlation_time_s: T, "s", Positive, [10.0],
         "so long a velocity is expected to last until it is seen how long";
@@ -126,14 +126,14 @@ parameters! {
         "the same for the specific force";
     rest_average_s: T, "s", Positive, [0.5],
         "time constant of both low-passes";
-    rest_smoothing_s: T, "s", Positive, [0.1],
-        "average of rate and force that must stay near them",
-        "Noise and vibration are no motion. Raising it finds rests that are none.";
-    rest_slow_motion_gain: T, "-", NotNegative, [1.0],
-        "share of what a slow turn or push may hide at rest; 0 takes every rest at its word";
     rest_duration_s: T, "s", NotNegative, [1.5],
         "so long must both stay below",
         "Raising it finds fewer rests.";
+    rest_smoothing_s: T, "s", Positive, [0.1],
+        "time constant of a low-pass on rate and force before they are compared",
+        "Noise and vibration are no motion. Raising it finds rests that are none.";
+    rest_slow_motion_gain: T, "-", NotNegative, [1.0],
+        "factor on the noise that a slow turn or push adds at rest; 0 takes every rest as one";
     rest_rate_noise_density: T, "rad/s/sqrt(Hz)", Positive, [1.75e-3],
         "noise of `the rate is the bias` at rest",
         "0.1 deg/s/sqrt(Hz).";

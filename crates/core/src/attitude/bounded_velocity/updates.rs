@@ -92,8 +92,8 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let state = &mut self.state;
         let time = state.since_velocity_update;
         let resting = state.rest.is_resting();
-        let (turn_psd, motion_psd) = state.rest.slow_motion_psd(config, state.gravity);
-        let psd = Self::velocity_psd(config, state, resting.then_some(motion_psd));
+        let slow = resting.then(|| state.rest.slow_motion_psd(config, state.gravity));
+        let psd = Self::velocity_psd(config, state, slow.map(|(_, motion)| motion));
         let variance = psd / time;
         let residual = -state.velocity;
         let (active, p) = (state.layout.len(), &mut state.covariance);
@@ -102,7 +102,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let projection = Projection::new(p, active, rows);
         let innovation = velocity_innovation(&residual, &projection.predicted, variance);
         let mut done = projection.fuse(p, &mut x, &residual, variance);
-        if resting {
+        if let Some((turn_psd, _)) = slow {
             let still = state.rate_sum / time - state.gyroscope_bias;
             let density = config.rest_rate_noise_density;
             let rows = [BIAS, BIAS + 1, BIAS + 2].map(SparseRow::of_state);
