@@ -30,6 +30,7 @@
 //! | folder | what is in it |
 //! |---|---|
 //! | [`earth`] | WGS-84, local tangent frames, gravity, Earth rate |
+//! | [`faults`] | spikes, stuck and clipped values, noise, holes: found before a filter sees them |
 //! | [`geometry`] | rotations: exponential and logarithm on SO(3), Jacobians, conversions, frames; trigonometry |
 //! | [`kalman`] | the innovation record, NIS gates, in-place scalar updates, covariance hygiene |
 //! | [`attitude`] | gyroscope integration, MEKF, bounded velocity, USQUE, quaternion EKF, Wahba's problem, alignment |
@@ -59,6 +60,7 @@ extern crate std;
 pub mod attitude;
 pub mod calibration;
 pub mod earth;
+pub mod faults;
 pub mod geometry;
 pub mod kalman;
 pub mod navigation;

@@ -123,6 +123,16 @@ impl<T: Scalar> Alignment<T> {
         check_vector(v, lit(1e-3), lit(STRONGEST_FIELD_UT)).is_ok()
     }
 
+    /// Whether it has a specific force.
+    pub(super) fn has_force(&self) -> bool {
+        self.specific_force.count > 0
+    }
+
+    /// Whether it has a magnetic field.
+    pub(super) fn has_field(&self) -> bool {
+        self.magnetic_field.count > 0
+    }
+
     /// Takes note of a rotation: the rate (rad/s, as measured) over `dt` seconds.
     pub fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) {
         let turn = (angular_rate - self.prior.gyroscope_bias) * dt;

@@ -223,6 +223,21 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         }
     }
 
+    fn restart(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() || self.state.gravity <= T::zero() {
+            self.initialize(initial);
+            return;
+        }
+        self.propagate_covariance();
+        let mut state = self.state;
+        state.turn_to(&self.config, initial);
+        self.begin(state);
+    }
+
+    fn hard_iron(&self) -> Vector3<T> {
+        self.state.hard_iron_ut
+    }
+
     #[inline]
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
         match checked_rate(angular_rate, &Vector3::zeros(), dt) {

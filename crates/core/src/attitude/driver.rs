@@ -8,8 +8,11 @@
 //!   M6): between them, the last one is held and the difference made good at the next.
 //! - A sample not newer than its sensor's last is skipped; one older than the state, but new for
 //!   its sensor, updates without propagation.
-//! - Without a gyroscope sample for longer than [`DriverConfig::gap_limit_s`] the rate is unknown:
-//!   the attitude is held and its variance grows by a random walk.
+//! - Samples are checked beside those before them ([`crate::faults`]): a spike is left out, a stuck gyroscope is one
+//!   without samples, and what a clipped one did not see becomes variance. Each is an event ([`AttitudeDriver::take_fault`]).
+//! - Where gyroscope samples stay away for longer than usual the rate is unknown: it relaxes to rest, and the variance
+//!   grows by what the motion before lets expect (`docs/derivations/faults.md`, F4). When they come again, the turn between
+//!   is that of a rate with both ends known (F5), and an attitude that may have turned far is aligned again.
 //! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
 //!   gyroscope sample brings the time back, or nothing would be new until then. Where the gyroscope's own
 //!   stamp was false, its samples behind it bring the time back once they go on for longer than a gap.
@@ -18,10 +21,15 @@
 //! - Without a magnetometer the heading of the start is arbitrary: the first compass heading turns
 //!   the estimate to its north, those after it are measurements.
 
+mod holes;
+
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use self::holes::Checks;
 use super::alignment::{Alignment, Prior};
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
+use crate::faults::FaultySensor;
+use crate::faults::sample_check::Checked;
 use crate::geometry::{rotation, so3};
 use crate::kalman::{Innovation, SkipReason};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
@@ -34,9 +42,10 @@ pub struct DriverConfig<T: Scalar> {
     /// Seconds of samples that are averaged for the start, default 0.5. Raising it averages noise
     /// and vibration, and starts later.
     pub alignment_s: T,
-    /// Longest interval between gyroscope samples that counts as continuous, s, default 0.5.
+    /// Longest interval between gyroscope samples that counts as continuous, s, default 0.5: stamps further ahead are
+    /// doubted, and before the usual interval is known the last rate is held for so long.
     pub gap_limit_s: T,
-    /// How the attitude drifts while its rate is unknown, rad/sqrt(s), default 0.5.
+    /// How the attitude drifts while its rate is unknown and nothing is known of the motion yet, rad/sqrt(s), default 0.5.
     pub gap_angle_random_walk: T,
     /// What is known beforehand, among it the axes of the reference (east, north, up).
     pub prior: Prior<T>,
@@ -70,6 +79,8 @@ pub struct DriverMemory<T: Scalar> {
     started: bool,
     has_force: bool,
     has_field: bool,
+    /// Whether the alignment under way is one after a hole, of an estimator that runs.
+    is_realigning: bool,
     /// Whether the compass has said where north is.
     has_heading: bool,
     /// What the estimator started from last.
@@ -84,16 +95,20 @@ pub struct DriverMemory<T: Scalar> {
     last_force_ns: Option<i64>,
     last_field_ns: Option<i64>,
     last_heading_ns: Option<i64>,
+    /// What the samples are checked with, and what was found.
+    checks: Checks<T>,
 }
 
-impl<T: Scalar> Default for DriverMemory<T> {
+impl<T: Scalar> DriverMemory<T> {
     /// Nothing has been seen.
-    fn default() -> Self {
+    fn new(config: &DriverConfig<T>) -> Self {
         Self {
+            checks: Checks::new(config.gap_angle_random_walk),
             aligning: None,
             started: false,
             has_force: false,
             has_field: false,
+            is_realigning: false,
             has_heading: false,
             start: None,
             now_ns: None,
@@ -155,6 +170,7 @@ impl<T: Scalar, E: AttitudeEstimator<T> + Restorable> Restorable for AttitudeDri
         let rate = memory.last_rate.iter().flat_map(|(_, rate)| rate);
         let behind = memory.behind.iter().flat_map(|behind| &behind.rate);
         finite("rates", rate.chain(behind).chain(&memory.passed_on))?;
+        finite("checks", memory.checks.numbers())?;
         if let Some(aligning) = &memory.aligning {
             aligning.alignment.check()?;
         }
@@ -177,7 +193,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         Self {
             estimator,
             config,
-            memory: DriverMemory::default(),
+            memory: DriverMemory::new(&config),
         }
     }
 
@@ -237,20 +253,30 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if !angular_rate.norm_squared().is_finite() {
             return Propagation::Skipped(SkipReason::NotFinite);
         }
-        let is_older = |(last_ns, _)| time_ns <= last_ns;
-        if self.memory.last_rate.is_some_and(is_older)
+        let last_ns = self.memory.last_rate.map(|(last_ns, _)| last_ns);
+        let last_ns = last_ns.max(self.memory.checks.gyroscope.last_ns());
+        if last_ns.is_some_and(|last_ns| time_ns <= last_ns)
             && !self.goes_on_behind(time_ns, angular_rate)
         {
             return Propagation::Skipped(SkipReason::NotNewer);
         }
         self.memory.behind = None;
         self.forget_the_future(time_ns);
-        match self.memory.last_rate {
-            Some((last_ns, _)) if self.is_gap(last_ns, time_ns) => self.advance_to(time_ns),
-            Some((last_ns, last)) => self.finish_interval(last_ns, &last, time_ns, angular_rate),
-            None => self.advance_to(time_ns),
+        let checked = self.memory.checks.gyroscope.check(time_ns, angular_rate);
+        if self.heed(time_ns, &checked) {
+            match self.memory.last_rate {
+                Some((last_ns, last)) => {
+                    self.finish_interval(last_ns, &last, time_ns, angular_rate);
+                }
+                None => self.advance_to(time_ns),
+            }
+            self.memory.last_rate = Some((time_ns, *angular_rate));
+            if !matches!(checked, Checked::Saturated { .. }) {
+                self.memory.checks.ends(FaultySensor::Gyroscope, time_ns);
+            }
+        } else {
+            self.advance_to(time_ns);
         }
-        self.memory.last_rate = Some((time_ns, *angular_rate));
         self.finish_alignment(time_ns);
         Propagation::Done
     }
@@ -266,9 +292,12 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         self.memory.last_force_ns = Some(time_ns);
         self.advance_to(time_ns);
+        let checks = &mut self.memory.checks;
+        let permitted = checks.permits(FaultySensor::Accelerometer, time_ns, specific_force);
         let appeared =
             self.memory.started && !self.memory.has_force && Alignment::is_force(specific_force);
         if let Some(aligning) = self.alignment_at(time_ns, appeared)
+            && permitted.is_ok()
             && aligning.alignment.add_specific_force(specific_force)
         {
             self.memory.has_force = true;
@@ -276,7 +305,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if !self.memory.started {
             return Innovation::skipped(SkipReason::NotInitialized);
         }
-        self.estimator.update_accelerometer(specific_force)
+        match permitted {
+            Ok(()) => self.estimator.update_accelerometer(specific_force),
+            Err(reason) => Innovation::skipped(reason),
+        }
     }
 
     /// Takes a magnetic field (microtesla).
@@ -290,19 +322,30 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         }
         self.memory.last_field_ns = Some(time_ns);
         self.advance_to(time_ns);
+        let checks = &mut self.memory.checks;
+        let permitted = checks.permits(FaultySensor::Magnetometer, time_ns, magnetic_field);
+        let iron = if self.memory.is_realigning {
+            self.estimator.hard_iron()
+        } else {
+            Vector3::zeros()
+        };
         let appeared = self.memory.started
             && !self.memory.has_field
             && self.memory.has_force
             && Alignment::is_field(magnetic_field);
         if let Some(aligning) = self.alignment_at(time_ns, appeared)
-            && aligning.alignment.add_magnetic_field(magnetic_field)
+            && permitted.is_ok()
+            && aligning.alignment.add_magnetic_field(&(magnetic_field - iron))
         {
             self.memory.has_field = true;
         }
         if !self.memory.started {
             return Innovation::skipped(SkipReason::NotInitialized);
         }
-        self.estimator.update_magnetometer(magnetic_field)
+        match permitted {
+            Ok(()) => self.estimator.update_magnetometer(magnetic_field),
+            Err(reason) => Innovation::skipped(reason),
+        }
     }
 
     /// Takes a heading of the device's top axis, clockwise from north, with its standard deviation
@@ -400,6 +443,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         else {
             return;
         };
+        if self.memory.is_realigning {
+            self.go_on_realigning(&alignment, seconds(since_ns, time_ns));
+            return;
+        }
         let patience = if self.memory.has_force {
             lit(1.0)
         } else {
@@ -440,6 +487,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         match run {
             Some(run) if self.is_gap(run.first_ns, time_ns) => {
                 self.memory.last_rate = Some((run.last_ns, run.rate));
+                self.memory.checks.gyroscope.interrupt();
                 true
             }
             _ => false,
@@ -459,6 +507,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
                     .map_or(time_ns, |(last_ns, _)| last_ns),
             );
             self.memory.passed_on = Vector3::zeros();
+            self.memory.checks.turned = Vector3::zeros();
         }
         for last in [
             &mut self.memory.last_force_ns,
@@ -473,57 +522,12 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let since = self.memory.aligning.map(|aligning| aligning.since_ns);
         if since.is_some_and(|since| self.is_gap(time_ns, since)) {
             self.memory.aligning = None;
+            self.memory.is_realigning = false;
         }
     }
 
     fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {
         seconds::<T>(from_ns, to_ns) > self.config.gap_limit_s
-    }
-
-    /// Moves the state to `time_ns` with the last rate held, or blindly where that is too old.
-    fn advance_to(&mut self, time_ns: i64) {
-        let Some(now) = self.memory.now_ns else {
-            self.memory.now_ns = Some(time_ns);
-            return;
-        };
-        if time_ns <= now {
-            return;
-        }
-        self.memory.now_ns = Some(time_ns);
-        let held_until = match self.memory.last_rate {
-            Some((last_ns, rate)) => {
-                let limit = last_ns.saturating_add(nanoseconds(self.config.gap_limit_s));
-                let until = time_ns.min(limit).max(now);
-                self.propagate(&rate, seconds(now, until));
-                until
-            }
-            None => now,
-        };
-        self.propagate_blindly(seconds(held_until, time_ns));
-    }
-
-    /// Completes the interval between two gyroscope samples so that its mean rate was theirs.
-    fn finish_interval(
-        &mut self,
-        last_ns: i64,
-        last: &Vector3<T>,
-        time_ns: i64,
-        rate: &Vector3<T>,
-    ) {
-        let now = self.memory.now_ns.unwrap_or(last_ns).max(last_ns);
-        let remaining: T = seconds(now, time_ns);
-        if remaining <= T::zero() {
-            return;
-        }
-        self.memory.now_ns = Some(time_ns);
-        let whole: T = seconds(last_ns, time_ns);
-        // What the mean of both rates turns more than the last one held, applied over what is left
-        // of the interval; a sliver of it is not asked to turn at an absurd rate, it passes the
-        // rest on to the next interval.
-        let missing = (rate - last) * (lit::<T>(0.5) * whole) + self.memory.passed_on;
-        let extra = missing / remaining.max(whole * lit(0.25));
-        self.memory.passed_on = missing - extra * remaining;
-        self.propagate(&(last + extra), remaining);
     }
 
     fn propagate(&mut self, rate: &Vector3<T>, dt: T) {
@@ -537,31 +541,6 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             self.estimator.propagate(rate, dt);
         }
     }
-
-    /// Holds the attitude over a time without rates and lets its variance grow, in steps no longer
-    /// than the gap limit.
-    fn propagate_blindly(&mut self, total: T) {
-        if total <= T::zero() || !self.memory.started {
-            return;
-        }
-        let walk = self.config.gap_angle_random_walk;
-        // A day without samples is as blind as an hour: bound the number of steps.
-        let step = self.config.gap_limit_s.max(total * lit(1e-3));
-        let mut left = total;
-        while left > T::zero() {
-            let dt = left.min(step);
-            let still = self.estimator.rate_at_rest();
-            self.estimator.propagate(&still, dt);
-            self.estimator.add_attitude_variance(walk * walk * dt);
-            left -= dt;
-        }
-    }
-}
-
-/// A short time in nanoseconds.
-#[inline]
-fn nanoseconds<T: Scalar>(seconds: T) -> i64 {
-    nalgebra::try_convert::<T, f64>(seconds).map_or(0, |s| (s * 1e9) as i64)
 }
 
 #[cfg(test)]

@@ -148,6 +148,17 @@ pub trait AttitudeEstimator<T: Scalar> {
     /// [usable](InitialState::is_usable) changes nothing.
     fn initialize(&mut self, initial: &InitialState<T>);
 
+    /// Starts again from a known attitude after a time in which nobody saw how it turned, and keeps what it has learnt of
+    /// the sensors. One that is not [usable](InitialState::is_usable) changes nothing.
+    fn restart(&mut self, initial: &InitialState<T>) {
+        self.initialize(initial);
+    }
+
+    /// What it has learnt of the magnetometer's hard iron, microtesla, body axes; zero where it estimates none.
+    fn hard_iron(&self) -> Vector3<T> {
+        Vector3::zeros()
+    }
+
     /// Moves on by `dt` seconds with the angular rate (rad/s, body axes, as the gyroscope gave
     /// it) that held over that interval. `dt <= 0` changes nothing.
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation;

@@ -70,6 +70,8 @@ pub enum SkipReason {
     OutOfRange,
     /// Its time stamp is not after the sensor's last: repeated, or out of order.
     NotNewer,
+    /// Far from the samples before it: the next one shows what it was.
+    Suspect,
     /// The same numbers as before: a sensor that holds its last value has not measured again.
     Repeated,
     /// Sooner after the last update than the estimator updates: a later sample stands for it.
@@ -96,6 +98,7 @@ impl SkipReason {
             Self::ZeroNorm => "zero vector",
             Self::OutOfRange => "far out of range",
             Self::NotNewer => "time stamp repeated or going back",
+            Self::Suspect => "far from the samples before it",
             Self::Repeated => "the same numbers again",
             Self::NotDue => "sooner than the update interval",
             Self::Accumulated => "accumulated for a later update",

@@ -223,6 +223,14 @@ impl AttitudeEstimator<f64> for AnyEstimator {
         each!(self, e => e.start_uncertainty())
     }
 
+    fn restart(&mut self, initial: &InitialState<f64>) {
+        each!(self, e => e.restart(initial))
+    }
+
+    fn hard_iron(&self) -> Vector3<f64> {
+        each!(self, e => e.hard_iron())
+    }
+
     fn rate_at_rest(&self) -> Vector3<f64> {
         each!(self, e => e.rate_at_rest())
     }

@@ -10,6 +10,7 @@ use crate::attitude::reference::{ReferenceAlignment, ReferenceProblem};
 use crate::attitude::{EstimatorKind, Profile};
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::SensorVerdict;
+use crate::statistics::faults::FaultRecord;
 use crate::statistics::metrics::{ErrorSummary, HeadingReference, NeesSummary};
 use crate::statistics::nis::{NisSummary, UpdateCounts};
 use crate::statistics::verdict::findings::Finding;
@@ -53,6 +54,8 @@ pub struct RunSummary {
     pub nis: NisOf<NisSummary>,
     /// Whether each sensor's stated noise is consistent, in words.
     pub verdicts: Vec<SensorVerdict>,
+    /// Faults of the samples that were found and survived, in the order of their finding.
+    pub faults: Vec<FaultRecord>,
     /// What is wrong, the first to act on first: causes, and R last. Empty where nothing is.
     pub findings: Vec<Finding>,
     /// What the sensors used cannot tell, in words.

@@ -310,6 +310,9 @@ impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
                 innovation,
             });
         }
+        while let Some(fault) = driver.take_fault() {
+            self.tally.faulted(&fault);
+        }
         if let Some(propagation) = propagation {
             self.tally.propagated(propagation);
         }

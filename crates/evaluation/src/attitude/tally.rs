@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use northing_core::attitude::{InitialState, Propagation};
 use northing_core::calibration::RestCalibration;
+use northing_core::faults::Fault;
 use northing_core::kalman::Innovation;
 use northing_recording::{Sample, SensorKind};
 
@@ -18,6 +19,7 @@ use crate::attitude::{
 };
 use crate::calibration::magnetometer::MagnetometerSource;
 use crate::statistics::consistency::{self, JudgeBy, SensorVerdict};
+use crate::statistics::faults::FaultTally;
 use crate::statistics::metrics::{ErrorStatistics, HeadingReference};
 use crate::statistics::nis::{NisStatistics, NisSummary, UpdateCounts};
 use crate::statistics::seconds_between;
@@ -49,6 +51,7 @@ pub(crate) struct Tally {
     watch: FieldWatch,
     rates: Rates,
     diagnosis: Diagnosis,
+    faults: FaultTally,
     parameters: Vec<UsedParameter>,
     calibrations: UsedCalibrations,
 }
@@ -190,6 +193,11 @@ impl Tally {
         self.diagnosis.innovation(time_ns, sensor, innovation);
     }
 
+    /// Takes a fault of the samples.
+    pub(crate) fn faulted(&mut self, fault: &Fault<f64>) {
+        self.faults.add(self.first_ns.unwrap_or_default(), fault);
+    }
+
     /// Samples that went into a calibration instead of an update.
     pub(crate) fn calibrated_with(&mut self, gyroscope: bool, force: bool, field: bool) {
         let used = [
@@ -293,6 +301,7 @@ impl Tally {
                 true => self.diagnosis.findings(&verdicts),
                 false => Vec::new(),
             },
+            faults: self.faults.records(),
             verdicts,
             nis,
             unobservable,

@@ -3,6 +3,7 @@
 //! | I look for | file |
 //! |---|---|
 //! | error metrics and NEES of an attitude | [`metrics`] |
+//! | faults that were found in the samples | [`faults`] |
 //! | tilt, heading and body-axis standard deviations of an attitude | [`attitude_std`] |
 //! | heading errors without their constant part | [`heading_errors`] |
 //! | NIS, counts of updates, quantiles of chi-square | [`nis`] |
@@ -13,6 +14,7 @@
 
 pub mod attitude_std;
 pub mod consistency;
+pub mod faults;
 pub mod heading_errors;
 pub mod metrics;
 pub mod nis;

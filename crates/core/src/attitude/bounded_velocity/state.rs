@@ -193,15 +193,37 @@ impl<T: Scalar> BoundedVelocityState<T> {
         }
         state.layout = Layout::new(config, state.has_field);
         state.covariance = Covariance::zeros();
-        let r = state.level_from_body.to_rotation_matrix().into_inner();
-        let attitude = r * initial.attitude_covariance * r.transpose();
-        let symmetric = (attitude + attitude.transpose()) * lit::<T>(0.5);
-        state
-            .covariance
-            .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
-            .copy_from(&symmetric);
+        state.set_attitude_covariance(&initial.attitude_covariance);
         state.set_other_variances(config, bias_std);
         Some(state)
+    }
+
+    /// Takes over an attitude and its covariance; the velocity is unknown, and all else stays.
+    pub(super) fn turn_to(
+        &mut self,
+        config: &BoundedVelocityConfig<T>,
+        initial: &InitialState<T>,
+    ) {
+        let turned = self.ref_from_level.inverse() * initial.attitude;
+        self.level_from_body = rotation::renormalize(&turned);
+        self.velocity = Vector2::zeros();
+        for i in ATTITUDE..BIAS {
+            self.covariance.row_mut(i).fill(T::zero());
+            self.covariance.column_mut(i).fill(T::zero());
+        }
+        self.set_attitude_covariance(&initial.attitude_covariance);
+        let velocity = config.initial_velocity_std;
+        self.set_variance(VELOCITY, 2, velocity * velocity);
+    }
+
+    /// From body axes, where the attitude is.
+    fn set_attitude_covariance(&mut self, body: &Matrix3<T>) {
+        let r = self.level_from_body.to_rotation_matrix().into_inner();
+        let level = r * body * r.transpose();
+        let symmetric = (level + level.transpose()) * lit::<T>(0.5);
+        self.covariance
+            .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
+            .copy_from(&symmetric);
     }
 
     fn set_other_variances(&mut self, config: &BoundedVelocityConfig<T>, bias_std: T) {

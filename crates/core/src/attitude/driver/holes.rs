@@ -1,0 +1,458 @@
+//! Time without a rate, and what the checks of the samples found: how the state goes on, and which events tell it.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::{Aligning, AttitudeDriver, AttitudeEstimator};
+use crate::attitude::alignment::{Alignment, Prior, level_covariance};
+use crate::faults::sample_check::{Checked, SampleCheck};
+use crate::faults::unseen_rotation::UnseenRotation;
+use crate::faults::{Fault, FaultKind, FaultQueue, FaultySensor};
+use crate::geometry::{rotation, so3};
+use crate::kalman::SkipReason;
+use crate::scalar::{Scalar, lit, seconds};
+
+/// The last rate is held over so many usual intervals before it relaxes.
+const HELD_INTERVALS: f64 = 3.0;
+/// An interval longer than so many usual ones is a hole.
+const HOLE_INTERVALS: f64 = 1.5;
+/// A turn that was not seen, or not believed, is worth an event from here on (rad): a degree.
+const NOTABLE_RAD: f64 = 0.0175;
+/// An attitude that may have turned by more without being seen (rad) is aligned again: too far for a linear update.
+const LOST_RAD: f64 = 0.5;
+/// It aligns again over this time (s), in which a hand's velocity (m/s) changes by about this much: the mean force is off
+/// from the vertical by as much as their quotient of gravity.
+const REALIGNMENT_S: f64 = 2.0;
+const HAND_SPEED: f64 = 1.0;
+/// Square of the distance, in standard deviations, beyond which the alignment afterwards contradicts the estimator.
+const CONTRADICTS2: f64 = 11.3;
+/// A spike of the accelerometer is one from here on, m/s^2; one of the magnetometer, as a share of the field.
+const NOTABLE_FORCE: f64 = 40.0;
+const NOTABLE_FIELD_SHARE: f64 = 0.5;
+
+/// What the checks remember, and the hole or the fault under way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Checks<T: Scalar> {
+    pub(super) gyroscope: SampleCheck<T>,
+    pub(super) accelerometer: SampleCheck<T>,
+    pub(super) magnetometer: SampleCheck<T>,
+    pub(super) motion: UnseenRotation<T>,
+    pub(super) queue: FaultQueue<T>,
+    /// Faults that are not over, by sensor.
+    open: [Option<Fault<T>>; 3],
+    /// Turn (rad) since the last rate, and the variance that was added for what was not seen (rad^2).
+    pub(super) turned: Vector3<T>,
+    hole_variance: T,
+    /// Since when the gyroscope is at the end of its range.
+    saturated_since_ns: Option<i64>,
+}
+
+impl<T: Scalar> Checks<T> {
+    pub(super) fn new(angle_random_walk: T) -> Self {
+        Self {
+            gyroscope: SampleCheck::default(),
+            accelerometer: SampleCheck::default(),
+            magnetometer: SampleCheck::default(),
+            motion: UnseenRotation::new(angle_random_walk),
+            queue: FaultQueue::default(),
+            open: [None; 3],
+            turned: Vector3::zeros(),
+            hole_variance: T::zero(),
+            saturated_since_ns: None,
+        }
+    }
+
+    /// The numbers, for checks of a saved state.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let checks = [&self.gyroscope, &self.accelerometer, &self.magnetometer];
+        let checks = checks.into_iter().flat_map(SampleCheck::numbers);
+        let open = self.open.iter().flatten().map(|fault| &fault.size);
+        let own = self.turned.iter().chain([&self.hole_variance]);
+        let faults = self.queue.numbers().chain(open);
+        checks.chain(self.motion.numbers()).chain(faults).chain(own)
+    }
+
+    /// A fault that goes on or has just been found: told once.
+    pub(super) fn lasts(&mut self, fault: Fault<T>) {
+        let Some(open) = self.open.get_mut(fault.sensor as usize) else {
+            return;
+        };
+        let is_new = open.is_none_or(|o| (o.kind, o.from_ns) != (fault.kind, fault.from_ns));
+        *open = Some(fault);
+        if is_new {
+            self.queue.push(fault);
+        }
+    }
+
+    /// A good sample of a sensor: a fault under way is over.
+    pub(super) fn ends(&mut self, sensor: FaultySensor, time_ns: i64) {
+        let open = self.open.get_mut(sensor as usize).and_then(Option::take);
+        if let Some(fault) = open {
+            let lasted = seconds(fault.from_ns, time_ns);
+            let size = if fault.kind == FaultKind::Saturated {
+                fault.size
+            } else {
+                lasted
+            };
+            self.queue.push(Fault {
+                until_ns: time_ns,
+                is_over: true,
+                size,
+                ..fault
+            });
+        }
+    }
+
+    /// Whether a sample of a vector sensor may be used; `NotNewer` is found before.
+    pub(super) fn permits(
+        &mut self,
+        sensor: FaultySensor,
+        time_ns: i64,
+        sample: &Vector3<T>,
+    ) -> Result<(), SkipReason> {
+        if !sample.norm_squared().is_finite() {
+            return Ok(());
+        }
+        let (check, notable) = match sensor {
+            FaultySensor::Magnetometer => (
+                &mut self.magnetometer,
+                sample.norm() * lit(NOTABLE_FIELD_SHARE),
+            ),
+            _ => (&mut self.accelerometer, lit(NOTABLE_FORCE)),
+        };
+        let fault = |kind, from_ns, size, is_over| Fault {
+            sensor,
+            kind,
+            from_ns,
+            until_ns: time_ns,
+            is_over,
+            size,
+        };
+        match check.check(time_ns, sample) {
+            Checked::Good | Checked::Step(_) => self.ends(sensor, time_ns),
+            Checked::Suspect => return Err(SkipReason::Suspect),
+            Checked::Spike { from_ns, size } => {
+                self.ends(sensor, time_ns);
+                if size > notable {
+                    self.queue.push(fault(FaultKind::Spike, from_ns, size, true));
+                }
+            }
+            Checked::Stuck { from_ns } => {
+                let size = seconds(from_ns, time_ns);
+                self.lasts(fault(FaultKind::Stuck, from_ns, size, false));
+                return Err(SkipReason::Repeated);
+            }
+            Checked::Noise { from_ns } => {
+                let size = seconds(from_ns, time_ns);
+                self.lasts(fault(FaultKind::Noise, from_ns, size, false));
+                return Err(SkipReason::Suspect);
+            }
+            // It still shows where up is better than nothing does; gates and weights of the filter see the rest.
+            Checked::Saturated { full_scale } => {
+                self.lasts(fault(FaultKind::Saturated, time_ns, full_scale, false));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
+    /// The oldest fault of the samples that was not taken yet. A fault that lasts comes twice: when it is found, and when
+    /// it is over.
+    pub fn take_fault(&mut self) -> Option<Fault<T>> {
+        self.memory.checks.queue.take()
+    }
+
+    /// The fault of a sensor under way.
+    pub fn fault_now(&self, sensor: FaultySensor) -> Option<&Fault<T>> {
+        self.memory.checks.open.get(sensor as usize)?.as_ref()
+    }
+
+    /// Moves the state to `time_ns` with the last rate held, and relaxing where that is too old.
+    pub(super) fn advance_to(&mut self, time_ns: i64) {
+        let Some(now) = self.memory.now_ns else {
+            self.memory.now_ns = Some(time_ns);
+            return;
+        };
+        if time_ns <= now {
+            return;
+        }
+        self.memory.now_ns = Some(time_ns);
+        let Some((last_ns, rate)) = self.memory.last_rate else {
+            let unseen = self.memory.checks.motion;
+            let variance = unseen.since(&Vector3::zeros(), seconds(now, time_ns));
+            let still = self.estimator.rate_at_rest();
+            self.propagate_in_steps(&still, seconds(now, time_ns));
+            self.widen(variance.variance);
+            return;
+        };
+        let usual = self.memory.checks.gyroscope.interval_s();
+        let held: T = usual.map_or(self.config.gap_limit_s, |usual| usual * lit(HELD_INTERVALS));
+        let [before, after] = [now, time_ns].map(|t| seconds::<T>(last_ns, t).max(T::zero()));
+        let held_until = held.min(self.config.gap_limit_s).max(before);
+        if after <= held_until {
+            self.turn_by(&rate, after - before);
+            return;
+        }
+        self.turn_by(&rate, held_until - before);
+        self.coast(&rate, held_until, after);
+    }
+
+    /// Goes on from one age of the last rate to another, s: it relaxes to rest, and its error grows (F4).
+    fn coast(&mut self, rate: &Vector3<T>, from: T, to: T) {
+        let motion = self.memory.checks.motion;
+        let still = self.estimator.rate_at_rest();
+        let moving = rate - still;
+        let [before, after] = [from, to].map(|age| motion.since(&moving, age));
+        let time = to - from;
+        let mean = still + moving * ((after.held_s - before.held_s) / time);
+        self.memory.checks.turned += mean * time;
+        self.propagate_in_steps(&mean, time);
+        self.widen_to(after.variance);
+    }
+
+    /// Brings the variance that was added in this hole up to what is due.
+    fn widen_to(&mut self, variance: T) {
+        let more = variance - self.memory.checks.hole_variance;
+        if more > T::zero() {
+            self.widen(more);
+            self.memory.checks.hole_variance = variance;
+        }
+    }
+
+    fn widen(&mut self, variance: T) {
+        if self.memory.started {
+            self.estimator.add_attitude_variance(variance);
+        }
+    }
+
+    fn turn_by(&mut self, rate: &Vector3<T>, dt: T) {
+        if dt > T::zero() {
+            self.memory.checks.turned += rate * dt;
+            self.propagate(rate, dt);
+        }
+    }
+
+    /// A day without samples is as blind as an hour: the number of steps is bounded.
+    fn propagate_in_steps(&mut self, rate: &Vector3<T>, total: T) {
+        let step = self.config.gap_limit_s.max(total * lit(1e-3));
+        let mut left = total;
+        while left > T::zero() {
+            let dt = left.min(step);
+            self.propagate(rate, dt);
+            left -= dt;
+        }
+    }
+
+    /// Completes the interval between two gyroscope samples so that its turn was that of their mean, or, over a hole, of a
+    /// rate that lies between them (F5).
+    pub(super) fn finish_interval(
+        &mut self,
+        last_ns: i64,
+        last: &Vector3<T>,
+        time_ns: i64,
+        rate: &Vector3<T>,
+    ) {
+        let whole: T = seconds(last_ns, time_ns);
+        let usual = self.memory.checks.gyroscope.interval_s();
+        let is_hole = usual.is_some_and(|usual| whole > usual * lit(HOLE_INTERVALS))
+            || whole > self.config.gap_limit_s;
+        let due = if is_hole {
+            self.turn_over_hole((last_ns, last), (time_ns, rate), whole)
+        } else {
+            self.memory.checks.motion.learn(last, rate, whole);
+            (rate + last) * (whole * lit(0.5))
+        };
+        let checks = &mut self.memory.checks;
+        let missing = due + self.memory.passed_on - checks.turned;
+        checks.turned = Vector3::zeros();
+        checks.hole_variance = T::zero();
+        let now = self.memory.now_ns.unwrap_or(last_ns).max(last_ns);
+        let remaining: T = seconds(now, time_ns);
+        if remaining <= T::zero() {
+            // The state is ahead of the sample: the next interval makes it good.
+            self.memory.passed_on = missing;
+            return;
+        }
+        self.memory.now_ns = Some(time_ns);
+        // What is missing is applied over what is left of the interval; a sliver of it is not asked to turn at an absurd
+        // rate, it passes the rest on to the next interval.
+        let extra = (missing - last * remaining) / remaining.max(whole * lit(0.25));
+        let applied = last + extra;
+        self.memory.passed_on = missing - applied * remaining;
+        self.propagate_in_steps(&applied, remaining);
+    }
+
+    /// The turn between two samples with nothing between them, whose error becomes variance.
+    fn turn_over_hole(
+        &mut self,
+        (last_ns, last): (i64, &Vector3<T>),
+        (time_ns, rate): (i64, &Vector3<T>),
+        whole: T,
+    ) -> Vector3<T> {
+        let still = self.estimator.rate_at_rest();
+        let [before, after] = [last, rate].map(|rate| rate - still);
+        let unseen = self.memory.checks.motion.between(&before, &after, whole);
+        self.widen_to(unseen.variance);
+        if self.memory.checks.hole_variance > lit(LOST_RAD * LOST_RAD) {
+            self.realign(time_ns);
+        }
+        let checks = &mut self.memory.checks;
+        let was_told = checks.open[FaultySensor::Gyroscope as usize].is_some();
+        let notable = checks.hole_variance > lit(NOTABLE_RAD * NOTABLE_RAD);
+        if !was_told && (notable || whole > self.config.gap_limit_s) {
+            checks.queue.push(Fault {
+                sensor: FaultySensor::Gyroscope,
+                kind: FaultKind::Missing,
+                from_ns: last_ns,
+                until_ns: time_ns,
+                is_over: true,
+                size: whole,
+            });
+        }
+        still * whole + (before + after) * unseen.held_s
+    }
+
+    /// Begins to align again behind a hole.
+    fn realign(&mut self, time_ns: i64) {
+        if !self.memory.started || !self.memory.has_force {
+            return;
+        }
+        let prior = Prior {
+            gyroscope_bias: self.estimator.rate_at_rest(),
+            ..self.config.prior
+        };
+        self.memory.aligning = Some(Aligning {
+            alignment: Alignment::new(prior),
+            since_ns: time_ns,
+        });
+        self.memory.is_realigning = true;
+    }
+
+    /// Ends the alignment behind a hole once it has gathered for long enough.
+    pub(super) fn go_on_realigning(&mut self, alignment: &Alignment<T>, seconds: T) {
+        if seconds >= lit(REALIGNMENT_S) {
+            self.finish_realignment(alignment);
+        }
+    }
+
+    /// Compares what the samples behind a hole say by themselves with the estimator, which has seen them too, and takes
+    /// it over where they contradict each other, or where it is better known.
+    fn finish_realignment(&mut self, alignment: &Alignment<T>) {
+        if !alignment.has_force() {
+            return;
+        }
+        self.memory.aligning = None;
+        self.memory.is_realigning = false;
+        let Some(start) = self.memory.start else {
+            return;
+        };
+        let mut start_uncertainty = self.estimator.start_uncertainty();
+        let tilt: T = lit(HAND_SPEED / (REALIGNMENT_S * 9.81));
+        start_uncertainty.tilt_std = start_uncertainty.tilt_std.max(tilt);
+        start_uncertainty.heading_std = start_uncertainty.heading_std.max(tilt);
+        let mut initial = alignment.finish(&start_uncertainty);
+        let now = self.estimator.attitude();
+        let covariance = self.estimator.attitude_covariance();
+        if !(self.memory.has_field && alignment.has_field()) {
+            // The samples show where up is; the heading stays what it was, with its variance.
+            let up = self.config.prior.frame.up::<T>();
+            let up_now = now * (initial.attitude.inverse() * up);
+            let level = UnitQuaternion::rotation_between(&up_now, &up);
+            initial.attitude = rotation::renormalize(&(level.unwrap_or_default() * now));
+            let up_body = initial.attitude.inverse() * up;
+            let heading = covariance.map_or(T::zero(), |p| up_body.dot(&(p * up_body)));
+            let tilt = start_uncertainty.tilt_std;
+            let std = heading.max(T::zero()).sqrt();
+            initial.attitude_covariance =
+                level_covariance(&initial.attitude, &up, tilt, std);
+        }
+        if let Some(covariance) = covariance {
+            let off = so3::log(&(now.inverse() * initial.attitude));
+            let both = covariance + initial.attitude_covariance;
+            let distance2 = both.cholesky().map(|c| off.dot(&c.solve(&off)));
+            let agrees = distance2.is_some_and(|d2| d2 < lit(CONTRADICTS2));
+            if agrees && covariance.trace() < initial.attitude_covariance.trace() {
+                return;
+            }
+        }
+        if let Some((bias, covariance)) = self.estimator.gyroscope_bias() {
+            initial.gyroscope_bias = bias;
+            initial.gyroscope_bias_std = covariance.diagonal().max().max(T::zero()).sqrt();
+        }
+        initial.references = start.references;
+        initial.north_known = start.north_known;
+        self.estimator.restart(&initial);
+    }
+
+    /// Takes what the check says of a gyroscope sample; whether the sample is a measurement.
+    pub(super) fn heed(&mut self, time_ns: i64, checked: &Checked<T>) -> bool {
+        let sensor = FaultySensor::Gyroscope;
+        let interval = self.memory.checks.gyroscope.interval_s();
+        match *checked {
+            Checked::Good => {}
+            Checked::Suspect => return false,
+            Checked::Step(missed) => self.memory.passed_on += missed,
+            Checked::Spike { from_ns, size } => {
+                if interval.is_some_and(|dt| size * dt > lit(NOTABLE_RAD)) {
+                    self.memory.checks.queue.push(Fault {
+                        sensor,
+                        kind: FaultKind::Spike,
+                        from_ns,
+                        until_ns: time_ns,
+                        is_over: true,
+                        size,
+                    });
+                }
+            }
+            Checked::Stuck { from_ns } | Checked::Noise { from_ns } => {
+                if let Some((last_ns, _)) = &mut self.memory.last_rate {
+                    *last_ns = from_ns.min(*last_ns);
+                }
+                let size = seconds(from_ns, time_ns);
+                let is_noise = matches!(checked, Checked::Noise { .. });
+                self.memory.checks.lasts(Fault {
+                    sensor,
+                    kind: if is_noise {
+                        FaultKind::Noise
+                    } else {
+                        FaultKind::Stuck
+                    },
+                    from_ns,
+                    until_ns: time_ns,
+                    is_over: false,
+                    size,
+                });
+                return false;
+            }
+            Checked::Saturated { full_scale } => {
+                self.saturated(time_ns, full_scale);
+                return true;
+            }
+        }
+        self.memory.checks.saturated_since_ns = None;
+        true
+    }
+
+    /// At the end of the range: what lies beyond is unknown, and as large as the range may be (F6).
+    fn saturated(&mut self, time_ns: i64, full_scale: T) {
+        let checks = &mut self.memory.checks;
+        let last_ns = self.memory.last_rate.map_or(time_ns, |(last_ns, _)| last_ns);
+        let since_ns = *checks.saturated_since_ns.get_or_insert(last_ns);
+        checks.lasts(Fault {
+            sensor: FaultySensor::Gyroscope,
+            kind: FaultKind::Saturated,
+            from_ns: since_ns,
+            until_ns: time_ns,
+            is_over: false,
+            size: full_scale,
+        });
+        let end = Vector3::repeat(full_scale);
+        let motion = checks.motion;
+        let [before, after] = [last_ns, time_ns].map(|t| {
+            let clipped = seconds(since_ns, t);
+            motion.between(&end, &end, clipped).variance
+        });
+        self.widen(after - before);
+    }
+}

@@ -1,0 +1,376 @@
+//! Spike, stuck-value, noise and saturation detection on the samples of one three-axis sensor.
+//!
+//! A sample far from the one before it is neither believed nor refused: it is held back until the next one comes. If that
+//! is back where it was, the sample was a spike; if it stays, the sample was a step, and the filter is given what it
+//! missed. Far is measured by how the samples of this sensor change (F1), nothing else.
+//!
+//! Repeated samples are no fault by themselves: rounded sensors repeat at rest, and some loggers write each sample
+//! twice. They are one where a repetition has become improbable: by the resolution and the changes just before (F2), and by
+//! how often this sensor has repeated itself so far.
+
+mod noise;
+
+use nalgebra::Vector3;
+
+use self::noise::WhiteNoise;
+
+use crate::scalar::{Scalar, lit, seconds};
+
+/// So many usual changes (root mean square) away is far.
+const FAR: f64 = 12.0;
+/// And so many steps of the sensor's resolution.
+const FAR_STEPS: f64 = 8.0;
+/// Samples before a change can be called unusual.
+const FEWEST: u32 = 16;
+/// Samples that are doubted in a row before they are believed: it has become wild.
+const MOST_SUSPECTS: u8 = 6;
+/// Memory of the usual change, of the change just before, and of the interval, samples.
+const MEMORY: f64 = 64.0;
+const SHORT_MEMORY: f64 = 8.0;
+/// The chance of a repetition on one axis, times its change in steps: the density of a normal at its middle.
+const REPEAT: f64 = 0.4;
+/// Square of the chance below which a run of repetitions is a stuck sensor, and fewest repetitions.
+const STUCK_CHANCE2: f64 = 1e-18;
+const STUCK_RUN: u16 = 3;
+/// No single repetition says more than this (square of a chance): the model is not that good.
+const LEAST_CHANCE2: f64 = 1e-4;
+/// Square of the chance below which a component that repeats at the largest value ever seen is clipped.
+const CLIPPED_CHANCE2: f64 = 1e-15;
+/// Longer than so many usual intervals is a hole: nothing is compared across it.
+const HOLE: f64 = 3.0;
+
+/// What a check says of a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Checked<T: Scalar> {
+    /// Like those before it.
+    Good,
+    /// Far from the last good one: the next sample decides. Not to be used yet.
+    Suspect,
+    /// Good, and so were those that were held back: what a filter missed of their integral (unit times s), by the
+    /// trapezoidal rule.
+    Step(Vector3<T>),
+    /// Good, but those that were held back were not.
+    Spike {
+        /// Stamp of the last good sample before them.
+        from_ns: i64,
+        /// Their largest distance from it.
+        size: T,
+    },
+    /// The sensor repeats itself: not a measurement.
+    Stuck {
+        /// Stamp of the sample that it repeats.
+        from_ns: i64,
+    },
+    /// White noise, many times stronger than the changes before: not a measurement.
+    Noise {
+        /// Since when.
+        from_ns: i64,
+    },
+    /// A component is at the end of the range.
+    Saturated {
+        /// The end of the range.
+        full_scale: T,
+    },
+}
+
+/// Checks the samples of one three-axis sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SampleCheck<T: Scalar> {
+    last: Option<(i64, Vector3<T>)>,
+    suspicion: Option<Suspicion<T>>,
+    samples: u32,
+    /// Mean interval, s.
+    interval: T,
+    /// Mean square of the change between samples, all axes.
+    usual_change2: T,
+    /// Mean square of the last changes that were some, by axis.
+    recent_change2: Vector3<T>,
+    /// The smallest change that was seen: the sensor's resolution.
+    resolution: T,
+    repeats: Repeats<T>,
+    noise: WhiteNoise<T>,
+    /// The largest component that was seen, and the end of the range, zero where it is not known.
+    largest: T,
+    full_scale: T,
+}
+
+/// Samples that are held back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Suspicion<T: Scalar> {
+    good_ns: i64,
+    good: Vector3<T>,
+    /// Distance of the last, and the largest.
+    jump: T,
+    largest_jump: T,
+    samples: u8,
+    /// Their integral since the last good one.
+    integral: Vector3<T>,
+}
+
+/// Runs of equal samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Repeats<T: Scalar> {
+    since_ns: i64,
+    run: u16,
+    /// Square of the chance of the run.
+    chance2: T,
+    /// Repetitions that were not to be expected and ended soon, of all samples.
+    harmless: u32,
+    /// Runs of single components while others change.
+    component_runs: [u16; 3],
+}
+
+impl<T: Scalar> Default for SampleCheck<T> {
+    fn default() -> Self {
+        Self {
+            last: None,
+            suspicion: None,
+            samples: 0,
+            interval: T::zero(),
+            usual_change2: T::zero(),
+            recent_change2: Vector3::zeros(),
+            resolution: T::zero(),
+            repeats: Repeats {
+                since_ns: 0,
+                run: 0,
+                chance2: T::one(),
+                harmless: 0,
+                component_runs: [0; 3],
+            },
+            noise: WhiteNoise::default(),
+            largest: T::zero(),
+            full_scale: T::zero(),
+        }
+    }
+}
+
+impl<T: Scalar> SampleCheck<T> {
+    /// The usual interval between samples, s, once there have been a few.
+    #[inline]
+    pub fn interval_s(&self) -> Option<T> {
+        (self.samples >= FEWEST).then_some(self.interval)
+    }
+
+    /// Stamp of the last sample.
+    #[inline]
+    pub fn last_ns(&self) -> Option<i64> {
+        self.last.map(|(last_ns, _)| last_ns)
+    }
+
+    /// Forgets the last sample, so that the next one is compared with none; what was learnt stays.
+    pub fn interrupt(&mut self) {
+        self.last = None;
+        self.suspicion = None;
+        self.repeats.run = 0;
+        self.repeats.chance2 = T::one();
+        self.noise.interrupt();
+    }
+
+    /// Looks at a finite sample that is newer than the last one.
+    #[inline]
+    pub fn check(&mut self, time_ns: i64, sample: &Vector3<T>) -> Checked<T> {
+        let Some((last_ns, last)) = self.last.replace((time_ns, *sample)) else {
+            self.largest = self.largest.max(sample.amax());
+            return Checked::Good;
+        };
+        let dt: T = seconds(last_ns, time_ns);
+        if self.samples >= FEWEST && dt > self.interval * lit(HOLE) {
+            // Nothing is known of the time between; what comes behind it is another world.
+            self.suspicion = None;
+            self.learn_interval(dt);
+            return Checked::Good;
+        }
+        self.learn_interval(dt);
+        let change = sample - last;
+        let change2 = change.norm_squared();
+        if change2 == T::zero() {
+            if let Some(from_ns) = self.repeated(last_ns) {
+                self.suspicion = None;
+                return Checked::Stuck { from_ns };
+            }
+        } else {
+            self.changed(&change);
+        }
+        if let Some(from_ns) = self.noise.since(last_ns, sample, change2) {
+            self.suspicion = None;
+            return Checked::Noise { from_ns };
+        }
+        let checked = match self.suspicion {
+            Some(suspicion) => self.judge(suspicion, time_ns, sample, (&last, dt)),
+            None if self.is_far(change2) => {
+                let jump = change2.sqrt();
+                self.suspicion = Some(Suspicion {
+                    good_ns: last_ns,
+                    good: last,
+                    jump,
+                    largest_jump: jump,
+                    samples: 1,
+                    integral: (last + sample) * (dt * lit(0.5)),
+                });
+                Checked::Suspect
+            }
+            None => {
+                self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
+                Checked::Good
+            }
+        };
+        let clipped = self.clipped_at(sample, &change);
+        match (checked, clipped) {
+            (Checked::Good, Some(full_scale)) => Checked::Saturated { full_scale },
+            (checked, _) => checked,
+        }
+    }
+
+    #[inline]
+    fn is_far(&self, change2: T) -> bool {
+        let steps = self.resolution * lit(FAR_STEPS);
+        self.samples >= FEWEST
+            && change2 > self.usual_change2 * lit(FAR * FAR)
+            && change2 > steps * steps
+    }
+
+    /// A sample after some that are held back: where it lies says what they were.
+    fn judge(
+        &mut self,
+        mut held: Suspicion<T>,
+        time_ns: i64,
+        sample: &Vector3<T>,
+        (last, dt): (&Vector3<T>, T),
+    ) -> Checked<T> {
+        self.suspicion = None;
+        held.integral += (last + sample) * (dt * lit(0.5));
+        let from_good = (sample - held.good).norm();
+        let from_last = (sample - last).norm();
+        if from_good * lit(4.0) <= held.largest_jump {
+            return Checked::Spike {
+                from_ns: held.good_ns,
+                size: held.largest_jump,
+            };
+        }
+        let stays = from_last + from_last <= held.jump;
+        if stays || held.samples >= MOST_SUSPECTS {
+            let change2 = from_last * from_last;
+            self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
+            let whole: T = seconds(held.good_ns, time_ns);
+            let direct = (held.good + sample) * (whole * lit(0.5));
+            return Checked::Step(held.integral - direct);
+        }
+        held.samples += 1;
+        held.jump = from_good;
+        held.largest_jump = held.largest_jump.max(from_good);
+        self.suspicion = Some(held);
+        Checked::Suspect
+    }
+
+    /// Another repetition: since when the sensor is stuck, if it is (F2).
+    fn repeated(&mut self, last_ns: i64) -> Option<i64> {
+        let step2 = self.resolution * self.resolution * lit(REPEAT * REPEAT);
+        let mut chance2 = T::one();
+        for recent2 in &self.recent_change2 {
+            if *recent2 > step2 {
+                chance2 *= step2 / *recent2;
+            }
+        }
+        let repeats = &mut self.repeats;
+        if repeats.run == 0 {
+            repeats.since_ns = last_ns;
+        }
+        repeats.run = repeats.run.saturating_add(1);
+        let usual: T = lit(f64::from(repeats.harmless.saturating_add(1))
+            / f64::from(self.samples.saturating_add(2)));
+        repeats.chance2 =
+            (repeats.chance2 * chance2.max(usual * usual).max(lit(LEAST_CHANCE2))).max(lit(STUCK_CHANCE2 * 1e-6));
+        let is_stuck = repeats.run >= STUCK_RUN && repeats.chance2 < lit(STUCK_CHANCE2);
+        if !is_stuck {
+            repeats.harmless = repeats.harmless.saturating_add(1);
+        }
+        is_stuck.then_some(repeats.since_ns)
+    }
+
+    /// A sample that is not the one before.
+    fn changed(&mut self, change: &Vector3<T>) {
+        self.repeats.run = 0;
+        self.repeats.chance2 = T::one();
+        let weight = self.weight(SHORT_MEMORY);
+        for (component, recent2) in change.iter().zip(&mut self.recent_change2) {
+            let size = component.abs();
+            if size > T::zero() {
+                *recent2 += (size * size - *recent2) * weight;
+                let is_smaller = size < self.resolution || self.resolution == T::zero();
+                self.resolution = if is_smaller { size } else { self.resolution };
+            }
+        }
+    }
+
+    /// The end of the range where a component is there: the largest value ever seen, once a component has repeated it
+    /// while it should have changed, and others did.
+    #[inline]
+    fn clipped_at(&mut self, sample: &Vector3<T>, change: &Vector3<T>) -> Option<T> {
+        let is_repeat = change.norm_squared() == T::zero();
+        let step2 = self.resolution * self.resolution * lit(REPEAT * REPEAT);
+        for i in 0..3 {
+            let size = sample[i].abs();
+            if change[i] != T::zero() {
+                self.repeats.component_runs[i] = 0;
+            } else if !is_repeat && size >= self.largest && size > T::zero() {
+                let run = self.repeats.component_runs[i].saturating_add(1);
+                self.repeats.component_runs[i] = run;
+                let chance2 = step2 / self.recent_change2[i].max(step2);
+                let chance2 = chance2.max(lit(LEAST_CHANCE2)).powi(i32::from(run.min(100)));
+                if chance2 < lit(CLIPPED_CHANCE2) {
+                    self.full_scale = size;
+                }
+            }
+        }
+        let largest = sample.amax();
+        self.largest = self.largest.max(largest);
+        if self.full_scale > T::zero() && largest > self.full_scale * lit(1.001) {
+            // It measures beyond: that was no end.
+            self.full_scale = T::zero();
+        }
+        (self.full_scale > T::zero() && largest >= self.full_scale).then_some(self.full_scale)
+    }
+
+    #[inline]
+    fn weight(&self, memory: f64) -> T {
+        lit(1.0 / f64::from(self.samples.max(1)).min(memory))
+    }
+
+    #[inline]
+    fn learn_interval(&mut self, dt: T) {
+        self.samples = self.samples.saturating_add(1);
+        let most = if self.samples > FEWEST {
+            self.interval * lit(HOLE)
+        } else {
+            dt
+        };
+        self.interval += (dt.min(most) - self.interval) * self.weight(MEMORY);
+    }
+
+    /// The numbers, for checks of a saved state.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let held = self.suspicion.iter();
+        let last = self.last.iter().flat_map(|(_, last)| last);
+        held.flat_map(|held| {
+            let vectors = held.good.iter().chain(&held.integral);
+            vectors.chain([&held.jump, &held.largest_jump])
+        })
+        .chain(last)
+        .chain(&self.recent_change2)
+        .chain([
+            &self.interval,
+            &self.usual_change2,
+            &self.resolution,
+            &self.repeats.chance2,
+            &self.largest,
+            &self.full_scale,
+        ])
+        .chain(self.noise.numbers())
+    }
+}
+
+#[cfg(test)]
+mod tests;

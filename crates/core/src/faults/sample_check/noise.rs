@@ -1,0 +1,106 @@
+//! White-noise detection: a sensor whose samples have nothing to do with each other any more.
+//!
+//! Motion is smooth: the change between two samples is smaller than the motion. White noise is not: its changes have
+//! twice its variance. A sensor is noise where that is so, its changes are many times what they were before, and what is
+//! steady in it, such as gravity, is smaller (F7).
+
+use nalgebra::Vector3;
+
+use crate::scalar::{Scalar, lit};
+
+/// Memory of the noise of now, and of what was before, samples.
+const MEMORY: f64 = 16.0;
+const LONG_MEMORY: f64 = 1024.0;
+/// Samples before anything is called noise.
+const FEWEST: u16 = 64;
+/// Strong changes in a row: a spike has two.
+const FEWEST_STRONG: u8 = 8;
+/// What is stronger counts as so much of what was before: it takes minutes to become the usual.
+const MOST_GROWTH: f64 = 1.5;
+/// Changes of so many times the variance are white: noise has two, a motion well below one.
+const WHITE: f64 = 1.4;
+/// Mean square of the changes, against that of before: noise from the first on, and none again below the second.
+const STRONGER: f64 = 400.0;
+const STRONGER_STILL: f64 = 100.0;
+
+/// Mean squares of samples and changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct WhiteNoise<T: Scalar> {
+    samples: u16,
+    mean: Vector3<T>,
+    spread2: T,
+    change2: T,
+    before2: T,
+    /// Strong changes in a row, about.
+    strong: u8,
+    since_ns: Option<i64>,
+}
+
+impl<T: Scalar> Default for WhiteNoise<T> {
+    fn default() -> Self {
+        Self {
+            samples: 0,
+            mean: Vector3::zeros(),
+            spread2: T::zero(),
+            change2: T::zero(),
+            before2: T::zero(),
+            strong: 0,
+            since_ns: None,
+        }
+    }
+}
+
+impl<T: Scalar> WhiteNoise<T> {
+    /// Takes a sample and the square of its change; since when it is noise, if it is.
+    #[inline]
+    pub(super) fn since(&mut self, last_ns: i64, sample: &Vector3<T>, change2: T) -> Option<i64> {
+        self.samples = self.samples.saturating_add(1);
+        let known: T = lit(f64::from(self.samples));
+        let (short, long) = (lit::<T>(MEMORY), lit::<T>(LONG_MEMORY));
+        let weight = T::one() / known.min(short);
+        let off = sample - self.mean;
+        self.mean += off * weight;
+        self.spread2 += (off.norm_squared() - self.spread2) * weight;
+        self.change2 += (change2 - self.change2) * weight;
+        let most = if self.samples < FEWEST {
+            change2
+        } else {
+            self.before2 * lit(MOST_GROWTH)
+        };
+        self.before2 += (change2.min(most) - self.before2) / known.min(long);
+        self.strong = if change2 > self.before2 * lit(STRONGER_STILL) {
+            self.strong.saturating_add(1)
+        } else {
+            self.strong / 2
+        };
+        let stronger = if self.since_ns.is_some() {
+            STRONGER_STILL
+        } else {
+            STRONGER
+        };
+        let is_noise = self.samples >= FEWEST
+            && (self.strong >= FEWEST_STRONG || self.since_ns.is_some())
+            && self.before2 > T::zero()
+            && self.change2 > self.before2 * lit(stronger)
+            && self.change2 > self.spread2 * lit(WHITE)
+            && self.spread2 > self.mean.norm_squared();
+        if is_noise {
+            self.since_ns.get_or_insert(last_ns);
+        } else {
+            self.since_ns = None;
+        }
+        self.since_ns
+    }
+
+    /// Nothing is known of the samples between.
+    pub(super) fn interrupt(&mut self) {
+        self.since_ns = None;
+    }
+
+    /// The numbers, for checks of a saved state.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let own = [&self.spread2, &self.change2, &self.before2];
+        self.mean.iter().chain(own)
+    }
+}

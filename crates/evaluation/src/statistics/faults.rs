@@ -1,0 +1,156 @@
+//! Faults that were found in the samples of a run: which sensor, what, from when to when.
+
+use northing_core::faults::{Fault, FaultKind, FaultySensor};
+use serde::Serialize;
+
+use crate::statistics::seconds_between;
+
+/// More than these (the latest are left out) are counted only.
+const MOST: usize = 1000;
+
+/// A fault of the samples, as a run tells it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
+pub struct FaultRecord {
+    /// Whose samples.
+    #[cfg_attr(feature = "typescript", ts(type = "string"))]
+    pub sensor: FaultySensor,
+    /// What is wrong with them.
+    #[cfg_attr(feature = "typescript", ts(type = "string"))]
+    pub kind: FaultKind,
+    /// Stamp of the last good sample before, s after the first sample of the recording.
+    pub from_s: f64,
+    /// When it was found, s.
+    pub found_s: f64,
+    /// Stamp of the first good sample after it, s; `None` where it lasted to the end.
+    pub until_s: Option<f64>,
+    /// How large: the jump of a spike and the full scale of a saturation in the unit of the sensor, the seconds without
+    /// a measurement of the others.
+    pub size: f64,
+}
+
+impl FaultRecord {
+    /// In words, with the sensor: `gyroscope: stuck from 12.30 s to 15.31 s`.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        let unit = match self.sensor {
+            FaultySensor::Gyroscope => "rad/s",
+            FaultySensor::Accelerometer => "m/s^2",
+            FaultySensor::Magnetometer => "uT",
+        };
+        let from = self.from_s;
+        let until = match self.until_s {
+            Some(until) => format!("to {until:.2} s"),
+            None => "to the end".to_owned(),
+        };
+        let size = self.size;
+        let what = match self.kind {
+            FaultKind::Spike => {
+                format!("spike of {size:.3} {unit} after {from:.2} s, left out")
+            }
+            FaultKind::Stuck => {
+                format!("the same numbers from {from:.2} s {until}, not used as measurements")
+            }
+            FaultKind::Noise => format!(
+                "nothing but noise from {from:.2} s {until}, not used as measurements"
+            ),
+            FaultKind::Saturated => format!(
+                "at the end of its range ({size:.3} {unit}) from {from:.2} s {until}; what lies beyond was not seen"
+            ),
+            FaultKind::Missing => {
+                format!("no samples from {from:.2} s {until}; the turn between is estimated")
+            }
+        };
+        format!("{}: {what}.", self.sensor_name())
+    }
+
+    fn sensor_name(&self) -> &'static str {
+        match self.sensor {
+            FaultySensor::Gyroscope => "gyroscope",
+            FaultySensor::Accelerometer => "accelerometer",
+            FaultySensor::Magnetometer => "magnetometer",
+        }
+    }
+}
+
+/// Collects the faults of a run; what is told twice, when found and when over, becomes one record.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct FaultTally {
+    faults: Vec<(Fault<f64>, FaultRecord)>,
+    /// Those beyond the most that are kept.
+    pub(crate) more: u64,
+}
+
+impl FaultTally {
+    /// Takes a fault; `first_ns` is the stamp of the recording's first sample.
+    pub(crate) fn add(&mut self, first_ns: i64, fault: &Fault<f64>) {
+        let at = |ns: i64| seconds_between(first_ns, ns);
+        let until_s = fault.is_over.then(|| at(fault.until_ns));
+        let open = self.faults.iter_mut().rev().find(|(known, record)| {
+            record.until_s.is_none()
+                && (known.sensor, known.kind, known.from_ns)
+                    == (fault.sensor, fault.kind, fault.from_ns)
+        });
+        if let Some((_, record)) = open {
+            record.until_s = until_s;
+            record.size = fault.size;
+        } else if self.faults.len() < MOST {
+            let record = FaultRecord {
+                sensor: fault.sensor,
+                kind: fault.kind,
+                from_s: at(fault.from_ns),
+                found_s: at(fault.until_ns),
+                until_s,
+                size: fault.size,
+            };
+            self.faults.push((*fault, record));
+        } else {
+            self.more += 1;
+        }
+    }
+
+    pub(crate) fn records(&self) -> Vec<FaultRecord> {
+        self.faults.iter().map(|(_, record)| *record).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_that_is_told_twice_is_one_record() {
+        let mut tally = FaultTally::default();
+        let found = Fault {
+            sensor: FaultySensor::Gyroscope,
+            kind: FaultKind::Stuck,
+            from_ns: 12_300_000_000,
+            until_ns: 12_350_000_000,
+            is_over: false,
+            size: 0.05,
+        };
+        tally.add(1_000_000_000, &found);
+        let [open] = tally.records()[..] else {
+            panic!("one")
+        };
+        assert_eq!(
+            open.sentence(),
+            "gyroscope: the same numbers from 11.30 s to the end, not used as measurements."
+        );
+        let over = Fault {
+            until_ns: 15_300_000_000,
+            is_over: true,
+            size: 3.0,
+            ..found
+        };
+        tally.add(1_000_000_000, &over);
+        let [record] = tally.records()[..] else {
+            panic!("one")
+        };
+        assert!((record.found_s - 11.35).abs() < 1e-9 && record.size == 3.0);
+        assert_eq!(
+            record.sentence(),
+            "gyroscope: the same numbers from 11.30 s to 14.30 s, not used as measurements."
+        );
+    }
+}
