@@ -15,7 +15,7 @@
 pub mod sample_check;
 pub mod unseen_rotation;
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, seconds};
 
 /// Events that wait to be taken; the oldest is lost to a ninth.
 const CAPACITY: usize = 8;
@@ -70,6 +70,23 @@ pub struct Fault<T> {
     pub size: T,
 }
 
+impl<T: Scalar> Fault<T> {
+    /// The same, ended by the sample of a stamp.
+    fn over(self, time_ns: i64) -> Self {
+        let size = if self.kind == FaultKind::Saturated {
+            self.size
+        } else {
+            seconds(self.from_ns, time_ns)
+        };
+        Self {
+            until_ns: time_ns,
+            is_over: true,
+            size,
+            ..self
+        }
+    }
+}
+
 /// Faults that nobody has asked for yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -109,6 +126,73 @@ impl<T: Scalar> FaultQueue<T> {
     /// The sizes, for checks of a saved state.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = &T> {
         self.waiting.iter().flatten().map(|fault| &fault.size)
+    }
+}
+
+/// Faults that were found, and those that are not over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct FaultLog<T> {
+    found: FaultQueue<T>,
+    /// By sensor.
+    open: [Option<Fault<T>>; 3],
+}
+
+impl<T: Scalar> Default for FaultLog<T> {
+    fn default() -> Self {
+        Self {
+            found: FaultQueue::default(),
+            open: [None; 3],
+        }
+    }
+}
+
+impl<T: Scalar> FaultLog<T> {
+    /// The oldest event that was not taken yet.
+    pub fn take(&mut self) -> Option<Fault<T>> {
+        self.found.take()
+    }
+
+    /// The fault of a sensor under way.
+    pub fn now(&self, sensor: FaultySensor) -> Option<&Fault<T>> {
+        self.open.get(sensor as usize)?.as_ref()
+    }
+
+    /// A fault that began and ended.
+    pub(crate) fn happened(&mut self, fault: Fault<T>) {
+        self.found.push(Fault {
+            is_over: true,
+            ..fault
+        });
+    }
+
+    /// A fault that goes on or has just been found: told once.
+    pub(crate) fn lasts(&mut self, fault: Fault<T>) {
+        let Some(open) = self.open.get_mut(fault.sensor as usize) else {
+            return;
+        };
+        let is_new = open.is_none_or(|o| (o.kind, o.from_ns) != (fault.kind, fault.from_ns));
+        let before = open.replace(fault);
+        if is_new {
+            if let Some(before) = before {
+                self.found.push(before.over(fault.until_ns));
+            }
+            self.found.push(fault);
+        }
+    }
+
+    /// A good sample of a sensor: a fault under way is over.
+    pub(crate) fn ends(&mut self, sensor: FaultySensor, time_ns: i64) {
+        let open = self.open.get_mut(sensor as usize).and_then(Option::take);
+        if let Some(fault) = open {
+            self.found.push(fault.over(time_ns));
+        }
+    }
+
+    /// The sizes, for checks of a saved state.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = &T> {
+        let open = self.open.iter().flatten().map(|fault| &fault.size);
+        self.found.numbers().chain(open)
     }
 }
 

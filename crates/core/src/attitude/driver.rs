@@ -263,7 +263,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         self.memory.behind = None;
         self.forget_the_future(time_ns);
         let checked = self.memory.checks.gyroscope.check(time_ns, angular_rate);
-        if self.heed(time_ns, &checked) {
+        if self.heed(time_ns, angular_rate, &checked) {
             match self.memory.last_rate {
                 Some((last_ns, last)) => {
                     self.finish_interval(last_ns, &last, time_ns, angular_rate);
@@ -272,7 +272,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             }
             self.memory.last_rate = Some((time_ns, *angular_rate));
             if !matches!(checked, Checked::Saturated { .. }) {
-                self.memory.checks.ends(FaultySensor::Gyroscope, time_ns);
+                self.memory
+                    .checks
+                    .log
+                    .ends(FaultySensor::Gyroscope, time_ns);
             }
         } else {
             self.advance_to(time_ns);
@@ -335,7 +338,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             && Alignment::is_field(magnetic_field);
         if let Some(aligning) = self.alignment_at(time_ns, appeared)
             && permitted.is_ok()
-            && aligning.alignment.add_magnetic_field(&(magnetic_field - iron))
+            && aligning
+                .alignment
+                .add_magnetic_field(&(magnetic_field - iron))
         {
             self.memory.has_field = true;
         }

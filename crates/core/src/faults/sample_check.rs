@@ -46,7 +46,7 @@ pub enum Checked<T: Scalar> {
     Good,
     /// Far from the last good one: the next sample decides. Not to be used yet.
     Suspect,
-    /// Good, and so were those that were held back: what a filter missed of their integral (unit times s), by the
+    /// Good, and so were those that were held back: the integral over all since the last good one (unit times s), by the
     /// trapezoidal rule.
     Step(Vector3<T>),
     /// Good, but those that were held back were not.
@@ -71,6 +71,18 @@ pub enum Checked<T: Scalar> {
         /// The end of the range.
         full_scale: T,
     },
+}
+
+impl<T: Scalar> Checked<T> {
+    /// Whether the sample is a measurement, clipped or not.
+    #[inline]
+    #[must_use]
+    pub const fn is_measured(&self) -> bool {
+        !matches!(
+            self,
+            Self::Suspect | Self::Stuck { .. } | Self::Noise { .. }
+        )
+    }
 }
 
 /// Checks the samples of one three-axis sensor.
@@ -115,6 +127,7 @@ struct Suspicion<T: Scalar> {
 struct Repeats<T: Scalar> {
     since_ns: i64,
     run: u16,
+    is_stuck: bool,
     /// Square of the chance of the run.
     chance2: T,
     /// Repetitions that were not to be expected and ended soon, of all samples.
@@ -136,6 +149,7 @@ impl<T: Scalar> Default for SampleCheck<T> {
             repeats: Repeats {
                 since_ns: 0,
                 run: 0,
+                is_stuck: false,
                 chance2: T::one(),
                 harmless: 0,
                 component_runs: [0; 3],
@@ -186,12 +200,14 @@ impl<T: Scalar> SampleCheck<T> {
         self.learn_interval(dt);
         let change = sample - last;
         let change2 = change.norm_squared();
+        let mut was_stuck = false;
         if change2 == T::zero() {
             if let Some(from_ns) = self.repeated(last_ns) {
                 self.suspicion = None;
                 return Checked::Stuck { from_ns };
             }
         } else {
+            was_stuck = self.repeats.is_stuck;
             self.changed(&change);
         }
         if let Some(from_ns) = self.noise.since(last_ns, sample, change2) {
@@ -199,7 +215,9 @@ impl<T: Scalar> SampleCheck<T> {
             return Checked::Noise { from_ns };
         }
         let checked = match self.suspicion {
-            Some(suspicion) => self.judge(suspicion, time_ns, sample, (&last, dt)),
+            // What it repeated says nothing about where it should be now.
+            _ if was_stuck => Checked::Good,
+            Some(suspicion) => self.judge(suspicion, sample, (&last, dt)),
             None if self.is_far(change2) => {
                 let jump = change2.sqrt();
                 self.suspicion = Some(Suspicion {
@@ -236,7 +254,6 @@ impl<T: Scalar> SampleCheck<T> {
     fn judge(
         &mut self,
         mut held: Suspicion<T>,
-        time_ns: i64,
         sample: &Vector3<T>,
         (last, dt): (&Vector3<T>, T),
     ) -> Checked<T> {
@@ -254,9 +271,7 @@ impl<T: Scalar> SampleCheck<T> {
         if stays || held.samples >= MOST_SUSPECTS {
             let change2 = from_last * from_last;
             self.usual_change2 += (change2 - self.usual_change2) * self.weight(MEMORY);
-            let whole: T = seconds(held.good_ns, time_ns);
-            let direct = (held.good + sample) * (whole * lit(0.5));
-            return Checked::Step(held.integral - direct);
+            return Checked::Step(held.integral);
         }
         held.samples += 1;
         held.jump = from_good;
@@ -281,9 +296,10 @@ impl<T: Scalar> SampleCheck<T> {
         repeats.run = repeats.run.saturating_add(1);
         let usual: T = lit(f64::from(repeats.harmless.saturating_add(1))
             / f64::from(self.samples.saturating_add(2)));
-        repeats.chance2 =
-            (repeats.chance2 * chance2.max(usual * usual).max(lit(LEAST_CHANCE2))).max(lit(STUCK_CHANCE2 * 1e-6));
+        repeats.chance2 = (repeats.chance2 * chance2.max(usual * usual).max(lit(LEAST_CHANCE2)))
+            .max(lit(STUCK_CHANCE2 * 1e-6));
         let is_stuck = repeats.run >= STUCK_RUN && repeats.chance2 < lit(STUCK_CHANCE2);
+        repeats.is_stuck = is_stuck;
         if !is_stuck {
             repeats.harmless = repeats.harmless.saturating_add(1);
         }
@@ -293,6 +309,7 @@ impl<T: Scalar> SampleCheck<T> {
     /// A sample that is not the one before.
     fn changed(&mut self, change: &Vector3<T>) {
         self.repeats.run = 0;
+        self.repeats.is_stuck = false;
         self.repeats.chance2 = T::one();
         let weight = self.weight(SHORT_MEMORY);
         for (component, recent2) in change.iter().zip(&mut self.recent_change2) {
@@ -319,7 +336,9 @@ impl<T: Scalar> SampleCheck<T> {
                 let run = self.repeats.component_runs[i].saturating_add(1);
                 self.repeats.component_runs[i] = run;
                 let chance2 = step2 / self.recent_change2[i].max(step2);
-                let chance2 = chance2.max(lit(LEAST_CHANCE2)).powi(i32::from(run.min(100)));
+                let chance2 = chance2
+                    .max(lit(LEAST_CHANCE2))
+                    .powi(i32::from(run.min(100)));
                 if chance2 < lit(CLIPPED_CHANCE2) {
                     self.full_scale = size;
                 }

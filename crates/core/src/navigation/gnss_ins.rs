@@ -51,7 +51,7 @@
 //!   longer one starts it again.
 //!
 //! Cost, limits: see [`ErrorStateFilter`] and, until the heading is known, [`super::in_motion_alignment`]. Memory in single
-//! precision: 25 KB, of which 20 KB are the alignment's, and 28 bytes a sample of history.
+//! precision: 26 KB, of which 20 KB are the alignment's, and 28 bytes a sample of history.
 
 mod clock;
 mod config;
@@ -62,6 +62,7 @@ mod memory;
 mod moved_origin;
 mod propagation;
 mod receiver;
+mod sample_faults;
 mod solution;
 mod start;
 mod start_without_inertial;
@@ -82,6 +83,7 @@ pub use memory::GnssInsState;
 pub use receiver::{ErrorShares, GnssPositionUpdate};
 
 use self::memory::Memory;
+use self::sample_faults::SampleFaults;
 use super::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use super::error_state::{ErrorStateConfig, ErrorStateFilter};
 use super::in_motion_alignment::AlignmentStatus;
@@ -212,7 +214,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             config,
             filter: ErrorStateFilter::new(settings, nowhere)?,
             alignment: start::alignment(&config)?,
-            memory: Memory::default(),
+            memory: Memory {
+                faults: SampleFaults::new(config.gap_attitude_random_walk),
+                ..Memory::default()
+            },
             listener,
         })
     }

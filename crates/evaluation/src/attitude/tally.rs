@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use northing_core::attitude::{InitialState, Propagation};
 use northing_core::calibration::RestCalibration;
-use northing_core::faults::Fault;
+use northing_core::faults::{Fault, FaultySensor};
 use northing_core::kalman::Innovation;
 use northing_recording::{Sample, SensorKind};
 
@@ -52,6 +52,7 @@ pub(crate) struct Tally {
     rates: Rates,
     diagnosis: Diagnosis,
     faults: FaultTally,
+    gyroscope_is_faulty: bool,
     parameters: Vec<UsedParameter>,
     calibrations: UsedCalibrations,
 }
@@ -109,7 +110,15 @@ impl Tally {
         self.present.accelerometer |= force.is_some_and(usable);
         self.present.magnetometer |= field.is_some_and(usable);
         self.final_test.measured(instant, field);
-        self.reference.read(instant);
+        // Rates that are none would show a reference to be another recording's.
+        let seen = match self.gyroscope_is_faulty {
+            true => Instant {
+                angular_rate: None,
+                ..*instant
+            },
+            false => *instant,
+        };
+        self.reference.read(&seen);
         let time_s = self.time_s(instant.time_ns);
         if let Some(rate) = instant.angular_rate {
             self.rates.all += 1;
@@ -195,6 +204,9 @@ impl Tally {
 
     /// Takes a fault of the samples.
     pub(crate) fn faulted(&mut self, fault: &Fault<f64>) {
+        if fault.sensor == FaultySensor::Gyroscope {
+            self.gyroscope_is_faulty = !fault.is_over;
+        }
         self.faults.add(self.first_ns.unwrap_or_default(), fault);
     }
 
@@ -395,6 +407,7 @@ impl Tally {
                 self.rates.all
             ));
         }
+        issues.extend(self.faults.sentences());
         issues.extend(self.watch.sentences());
         if self.scores.not_finite() > 0 {
             issues.push(format!(

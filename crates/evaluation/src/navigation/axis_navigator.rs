@@ -9,6 +9,7 @@ use northing_core::attitude::axis_filters::{
     AxisFilters, AxisFiltersConfig, tilt_compensated_heading, tilt_of,
 };
 use northing_core::earth::{FrameChange, LocalFrame};
+use northing_core::faults::sample_check::SampleCheck;
 use northing_core::kalman::{Innovation, SkipReason};
 use northing_core::navigation::Validity;
 use northing_core::navigation::axis_filters::{PositionAxisConfig, PositionAxisFilters};
@@ -39,6 +40,27 @@ struct Start {
     fields: f64,
 }
 
+/// Samples of a sensor, and the last good one, which stands for false ones.
+#[derive(Debug, Clone, Copy, Default)]
+struct Checked {
+    check: SampleCheck<f64>,
+    good: Option<Vector3<f64>>,
+}
+
+impl Checked {
+    /// The sample, or what stands for it.
+    fn usable(&mut self, time_ns: i64, sample: &Vector3<f64>) -> Vector3<f64> {
+        if !sample.norm_squared().is_finite() || self.check.last_ns() >= Some(time_ns) {
+            return *sample;
+        }
+        if !self.check.check(time_ns, sample).is_measured() {
+            return self.good.unwrap_or(*sample);
+        }
+        self.good = Some(*sample);
+        *sample
+    }
+}
+
 /// The six filters.
 pub(crate) struct AxisNavigator {
     config: AxisFiltersConfig<f64>,
@@ -47,6 +69,8 @@ pub(crate) struct AxisNavigator {
     /// Mean rate of the rest at the start, rad/s.
     rest_rate: Vector3<f64>,
     position: PositionAxisFilters<f64>,
+    /// Of angular rate and specific force.
+    checks: [Checked; 2],
     frame: LocalFrame,
     fixes: u64,
     time_ns: Option<i64>,
@@ -67,6 +91,7 @@ impl AxisNavigator {
             attitude: None,
             rest_rate: Vector3::zeros(),
             position: PositionAxisFilters::new(position)?,
+            checks: [Checked::default(); 2],
             frame: no_frame(),
             fixes: 0,
             time_ns: None,
@@ -173,6 +198,8 @@ impl Navigator for AxisNavigator {
         told: &mut Vec<Told>,
     ) {
         let last = self.time_ns.replace(time_ns);
+        let [rates, forces] = &mut self.checks;
+        let (rate, force) = (&rates.usable(time_ns, rate), &forces.usable(time_ns, force));
         let Some(filters) = &mut self.attitude else {
             self.gather(time_ns, rate, force);
             return;

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use northing_core::ConfigError;
 use northing_core::earth::{FrameChange, LocalFrame};
+use northing_core::faults::Fault;
 use northing_core::kalman::{Innovation, Outcome, SkipReason};
 use northing_core::navigation::aiding::barometer::pressure_height;
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
@@ -216,11 +217,17 @@ impl Navigator for InsNavigator {
     ) {
         // What is refused is counted inside, and told at the end.
         if self.ins.imu(time_ns, rate, force).is_ok() {
-            self.rate = *rate;
+            // What it used: not a spike, nor what a stuck sensor repeats.
+            let (rate, force) = self.ins.last_sample().unwrap_or((*rate, *force));
+            self.rate = rate;
             if let Some(recorder) = &mut self.recorder {
-                recorder.imu(time_ns, rate, force, &self.ins);
+                recorder.imu(time_ns, &rate, &force, &self.ins);
             }
         }
+    }
+
+    fn take_fault(&mut self) -> Option<Fault<f64>> {
+        self.ins.take_fault()
     }
 
     fn origin(&mut self, frame: &LocalFrame, time_ns: i64) -> Option<f64> {

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use northing_core::earth::{FrameChange, Geodetic, LocalFrame};
+use northing_core::faults::Fault;
 use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
 use serde::Serialize;
@@ -197,6 +198,11 @@ pub(crate) trait Navigator {
         force: &Vector3<f64>,
         told: &mut Vec<Told>,
     );
+
+    /// The oldest fault of the inertial samples that was not taken yet.
+    fn take_fault(&mut self) -> Option<Fault<f64>> {
+        None
+    }
 
     /// Takes what the device itself said; estimators that measure do not look at it.
     fn device(&mut self, _estimate: &NavigationEstimate) {}

@@ -10,6 +10,7 @@ use super::batch_smoother::SmoothingSummary;
 use super::kinds::NavigationKind;
 use super::navigator::AidKind;
 use super::score::{HeadingScore, OutageScore, PositionScore};
+use crate::statistics::faults::FaultRecord;
 use crate::statistics::nis::{NisSummary, UpdateCounts};
 use crate::used_parameters::UsedParameter;
 
@@ -117,6 +118,8 @@ pub struct NavigationSummary {
     pub aids: BTreeMap<AidKind, AidSummary>,
     /// How long the position was worth what.
     pub validity: ValidityTimes,
+    /// Faults of the inertial samples that were found and survived.
+    pub faults: Vec<FaultRecord>,
     /// What was odd, one sentence each.
     pub issues: Vec<String>,
     /// Every parameter of the estimator as it ran, in the order of the tables.

@@ -37,6 +37,7 @@ use super::score::{LastFix, Scorer};
 use super::ship_navigator::ShipNavigator;
 use super::smoothed::Scored;
 use crate::error::EvaluationError;
+use crate::statistics::faults::FaultTally;
 use crate::statistics::nis::{NisStatistics, UpdateCounts};
 use crate::statistics::seconds_between;
 use crate::used_parameters::{Origin, UsedParameter};
@@ -133,6 +134,7 @@ struct Session<'a> {
 /// Counts for the summary.
 #[derive(Default)]
 struct Counts {
+    faults: FaultTally,
     first_ns: Option<i64>,
     last_ns: i64,
     inertial: u64,
@@ -360,6 +362,10 @@ impl<'a> Session<'a> {
         self.turn_rate = rate.norm();
         self.navigator
             .inertial(time_ns, &rate, &force, &mut self.told);
+        while let Some(fault) = self.navigator.take_fault() {
+            let first_ns = self.counts.first_ns.unwrap_or(time_ns);
+            self.counts.faults.add(first_ns, &fault);
+        }
         self.observer.inertial(time_ns, &rate, &force);
         self.count_told(time_ns);
         self.observe(time_ns);

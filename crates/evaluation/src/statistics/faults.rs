@@ -5,6 +5,8 @@ use serde::Serialize;
 
 use crate::statistics::seconds_between;
 
+/// So many are told in words.
+const MOST_SENTENCES: usize = 5;
 /// More than these (the latest are left out) are counted only.
 const MOST: usize = 1000;
 
@@ -51,9 +53,9 @@ impl FaultRecord {
             FaultKind::Stuck => {
                 format!("the same numbers from {from:.2} s {until}, not used as measurements")
             }
-            FaultKind::Noise => format!(
-                "nothing but noise from {from:.2} s {until}, not used as measurements"
-            ),
+            FaultKind::Noise => {
+                format!("nothing but noise from {from:.2} s {until}, not used as measurements")
+            }
             FaultKind::Saturated => format!(
                 "at the end of its range ({size:.3} {unit}) from {from:.2} s {until}; what lies beyond was not seen"
             ),
@@ -78,7 +80,7 @@ impl FaultRecord {
 pub(crate) struct FaultTally {
     faults: Vec<(Fault<f64>, FaultRecord)>,
     /// Those beyond the most that are kept.
-    pub(crate) more: u64,
+    more: u64,
 }
 
 impl FaultTally {
@@ -107,6 +109,17 @@ impl FaultTally {
         } else {
             self.more += 1;
         }
+    }
+
+    /// The first of them in words, and how many there are besides.
+    pub(crate) fn sentences(&self) -> Vec<String> {
+        let told = self.faults.iter().take(MOST_SENTENCES);
+        let mut sentences: Vec<String> = told.map(|(_, record)| record.sentence()).collect();
+        let more = self.faults.len().saturating_sub(MOST_SENTENCES) as u64 + self.more;
+        if more > 0 {
+            sentences.push(format!("{more} more faults of the samples like these."));
+        }
+        sentences
     }
 
     pub(crate) fn records(&self) -> Vec<FaultRecord> {
@@ -149,8 +162,16 @@ mod tests {
         };
         assert!((record.found_s - 11.35).abs() < 1e-9 && record.size == 3.0);
         assert_eq!(
-            record.sentence(),
-            "gyroscope: the same numbers from 11.30 s to 14.30 s, not used as measurements."
+            tally.sentences(),
+            ["gyroscope: the same numbers from 11.30 s to 14.30 s, not used as measurements."]
+        );
+        (0..7).for_each(|k| {
+            let from_ns = 20_000_000_000 + k;
+            tally.add(0, &Fault { from_ns, ..over });
+        });
+        assert_eq!(
+            tally.sentences()[5],
+            "3 more faults of the samples like these."
         );
     }
 }

@@ -199,11 +199,7 @@ impl<T: Scalar> BoundedVelocityState<T> {
     }
 
     /// Takes over an attitude and its covariance; the velocity is unknown, and all else stays.
-    pub(super) fn turn_to(
-        &mut self,
-        config: &BoundedVelocityConfig<T>,
-        initial: &InitialState<T>,
-    ) {
+    pub(super) fn turn_to(&mut self, config: &BoundedVelocityConfig<T>, initial: &InitialState<T>) {
         let turned = self.ref_from_level.inverse() * initial.attitude;
         self.level_from_body = rotation::renormalize(&turned);
         self.velocity = Vector2::zeros();

@@ -6,7 +6,7 @@ use super::{Aligning, AttitudeDriver, AttitudeEstimator};
 use crate::attitude::alignment::{Alignment, Prior, level_covariance};
 use crate::faults::sample_check::{Checked, SampleCheck};
 use crate::faults::unseen_rotation::UnseenRotation;
-use crate::faults::{Fault, FaultKind, FaultQueue, FaultySensor};
+use crate::faults::{Fault, FaultKind, FaultLog, FaultySensor};
 use crate::geometry::{rotation, so3};
 use crate::kalman::SkipReason;
 use crate::scalar::{Scalar, lit, seconds};
@@ -37,9 +37,7 @@ pub(super) struct Checks<T: Scalar> {
     pub(super) accelerometer: SampleCheck<T>,
     pub(super) magnetometer: SampleCheck<T>,
     pub(super) motion: UnseenRotation<T>,
-    pub(super) queue: FaultQueue<T>,
-    /// Faults that are not over, by sensor.
-    open: [Option<Fault<T>>; 3],
+    pub(super) log: FaultLog<T>,
     /// Turn (rad) since the last rate, and the variance that was added for what was not seen (rad^2).
     pub(super) turned: Vector3<T>,
     hole_variance: T,
@@ -54,8 +52,7 @@ impl<T: Scalar> Checks<T> {
             accelerometer: SampleCheck::default(),
             magnetometer: SampleCheck::default(),
             motion: UnseenRotation::new(angle_random_walk),
-            queue: FaultQueue::default(),
-            open: [None; 3],
+            log: FaultLog::default(),
             turned: Vector3::zeros(),
             hole_variance: T::zero(),
             saturated_since_ns: None,
@@ -66,41 +63,9 @@ impl<T: Scalar> Checks<T> {
     pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
         let checks = [&self.gyroscope, &self.accelerometer, &self.magnetometer];
         let checks = checks.into_iter().flat_map(SampleCheck::numbers);
-        let open = self.open.iter().flatten().map(|fault| &fault.size);
         let own = self.turned.iter().chain([&self.hole_variance]);
-        let faults = self.queue.numbers().chain(open);
-        checks.chain(self.motion.numbers()).chain(faults).chain(own)
-    }
-
-    /// A fault that goes on or has just been found: told once.
-    pub(super) fn lasts(&mut self, fault: Fault<T>) {
-        let Some(open) = self.open.get_mut(fault.sensor as usize) else {
-            return;
-        };
-        let is_new = open.is_none_or(|o| (o.kind, o.from_ns) != (fault.kind, fault.from_ns));
-        *open = Some(fault);
-        if is_new {
-            self.queue.push(fault);
-        }
-    }
-
-    /// A good sample of a sensor: a fault under way is over.
-    pub(super) fn ends(&mut self, sensor: FaultySensor, time_ns: i64) {
-        let open = self.open.get_mut(sensor as usize).and_then(Option::take);
-        if let Some(fault) = open {
-            let lasted = seconds(fault.from_ns, time_ns);
-            let size = if fault.kind == FaultKind::Saturated {
-                fault.size
-            } else {
-                lasted
-            };
-            self.queue.push(Fault {
-                until_ns: time_ns,
-                is_over: true,
-                size,
-                ..fault
-            });
-        }
+        let motion = self.motion.numbers();
+        checks.chain(motion).chain(self.log.numbers()).chain(own)
     }
 
     /// Whether a sample of a vector sensor may be used; `NotNewer` is found before.
@@ -120,36 +85,40 @@ impl<T: Scalar> Checks<T> {
             ),
             _ => (&mut self.accelerometer, lit(NOTABLE_FORCE)),
         };
-        let fault = |kind, from_ns, size, is_over| Fault {
+        let fault = |kind, from_ns, size| Fault {
             sensor,
             kind,
             from_ns,
             until_ns: time_ns,
-            is_over,
+            is_over: false,
             size,
         };
         match check.check(time_ns, sample) {
-            Checked::Good | Checked::Step(_) => self.ends(sensor, time_ns),
+            Checked::Good | Checked::Step(_) => self.log.ends(sensor, time_ns),
             Checked::Suspect => return Err(SkipReason::Suspect),
             Checked::Spike { from_ns, size } => {
-                self.ends(sensor, time_ns);
+                self.log.ends(sensor, time_ns);
                 if size > notable {
-                    self.queue.push(fault(FaultKind::Spike, from_ns, size, true));
+                    self.log.happened(fault(FaultKind::Spike, from_ns, size));
                 }
             }
             Checked::Stuck { from_ns } => {
                 let size = seconds(from_ns, time_ns);
-                self.lasts(fault(FaultKind::Stuck, from_ns, size, false));
+                self.log.lasts(fault(FaultKind::Stuck, from_ns, size));
                 return Err(SkipReason::Repeated);
             }
             Checked::Noise { from_ns } => {
                 let size = seconds(from_ns, time_ns);
-                self.lasts(fault(FaultKind::Noise, from_ns, size, false));
+                self.log.lasts(fault(FaultKind::Noise, from_ns, size));
                 return Err(SkipReason::Suspect);
             }
             // It still shows where up is better than nothing does; gates and weights of the filter see the rest.
             Checked::Saturated { full_scale } => {
-                self.lasts(fault(FaultKind::Saturated, time_ns, full_scale, false));
+                let open = self.log.now(sensor);
+                let open = open.filter(|open| open.kind == FaultKind::Saturated);
+                let from_ns = open.map_or(time_ns, |open| open.from_ns);
+                self.log
+                    .lasts(fault(FaultKind::Saturated, from_ns, full_scale));
             }
         }
         Ok(())
@@ -160,12 +129,12 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// The oldest fault of the samples that was not taken yet. A fault that lasts comes twice: when it is found, and when
     /// it is over.
     pub fn take_fault(&mut self) -> Option<Fault<T>> {
-        self.memory.checks.queue.take()
+        self.memory.checks.log.take()
     }
 
     /// The fault of a sensor under way.
     pub fn fault_now(&self, sensor: FaultySensor) -> Option<&Fault<T>> {
-        self.memory.checks.open.get(sensor as usize)?.as_ref()
+        self.memory.checks.log.now(sensor)
     }
 
     /// Moves the state to `time_ns` with the last rate held, and relaxing where that is too old.
@@ -298,10 +267,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             self.realign(time_ns);
         }
         let checks = &mut self.memory.checks;
-        let was_told = checks.open[FaultySensor::Gyroscope as usize].is_some();
+        let was_told = checks.log.now(FaultySensor::Gyroscope).is_some();
         let notable = checks.hole_variance > lit(NOTABLE_RAD * NOTABLE_RAD);
         if !was_told && (notable || whole > self.config.gap_limit_s) {
-            checks.queue.push(Fault {
+            checks.log.happened(Fault {
                 sensor: FaultySensor::Gyroscope,
                 kind: FaultKind::Missing,
                 from_ns: last_ns,
@@ -364,8 +333,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             let heading = covariance.map_or(T::zero(), |p| up_body.dot(&(p * up_body)));
             let tilt = start_uncertainty.tilt_std;
             let std = heading.max(T::zero()).sqrt();
-            initial.attitude_covariance =
-                level_covariance(&initial.attitude, &up, tilt, std);
+            initial.attitude_covariance = level_covariance(&initial.attitude, &up, tilt, std);
         }
         if let Some(covariance) = covariance {
             let off = so3::log(&(now.inverse() * initial.attitude));
@@ -386,16 +354,22 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     }
 
     /// Takes what the check says of a gyroscope sample; whether the sample is a measurement.
-    pub(super) fn heed(&mut self, time_ns: i64, checked: &Checked<T>) -> bool {
+    pub(super) fn heed(&mut self, time_ns: i64, sample: &Vector3<T>, checked: &Checked<T>) -> bool {
         let sensor = FaultySensor::Gyroscope;
         let interval = self.memory.checks.gyroscope.interval_s();
         match *checked {
             Checked::Good => {}
             Checked::Suspect => return false,
-            Checked::Step(missed) => self.memory.passed_on += missed,
+            Checked::Step(integral) => {
+                if let Some((last_ns, last)) = self.memory.last_rate {
+                    let whole: T = seconds(last_ns, time_ns);
+                    let direct = (last + sample) * (whole * lit(0.5));
+                    self.memory.passed_on += integral - direct;
+                }
+            }
             Checked::Spike { from_ns, size } => {
                 if interval.is_some_and(|dt| size * dt > lit(NOTABLE_RAD)) {
-                    self.memory.checks.queue.push(Fault {
+                    self.memory.checks.log.happened(Fault {
                         sensor,
                         kind: FaultKind::Spike,
                         from_ns,
@@ -411,7 +385,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
                 }
                 let size = seconds(from_ns, time_ns);
                 let is_noise = matches!(checked, Checked::Noise { .. });
-                self.memory.checks.lasts(Fault {
+                self.memory.checks.log.lasts(Fault {
                     sensor,
                     kind: if is_noise {
                         FaultKind::Noise
@@ -437,9 +411,12 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// At the end of the range: what lies beyond is unknown, and as large as the range may be (F6).
     fn saturated(&mut self, time_ns: i64, full_scale: T) {
         let checks = &mut self.memory.checks;
-        let last_ns = self.memory.last_rate.map_or(time_ns, |(last_ns, _)| last_ns);
+        let last_ns = self
+            .memory
+            .last_rate
+            .map_or(time_ns, |(last_ns, _)| last_ns);
         let since_ns = *checks.saturated_since_ns.get_or_insert(last_ns);
-        checks.lasts(Fault {
+        checks.log.lasts(Fault {
             sensor: FaultySensor::Gyroscope,
             kind: FaultKind::Saturated,
             from_ns: since_ns,

@@ -4,6 +4,7 @@ use super::*;
 use crate::attitude::AttitudeConfig;
 use crate::attitude::integration::Integration;
 use crate::attitude::mekf::Mekf;
+use crate::faults::FaultKind;
 use crate::geometry::{rotation, so3};
 use crate::kalman::Outcome;
 use approx::assert_relative_eq;
@@ -107,18 +108,143 @@ fn an_interval_turns_with_the_mean_of_its_two_rates_whatever_comes_between() {
 }
 
 #[test]
-fn a_gap_holds_the_attitude_and_grows_the_covariance() {
+fn a_hole_turns_by_what_both_ends_let_expect_and_grows_the_covariance() {
+    let turned = |silence_ms: i64| {
+        let mut driver = mekf();
+        rest(&mut driver, 0, 1000, true);
+        // It turns to and fro: 2 rad/s, 0.8 Hz.
+        let rate = |t: i64| Vector3::z() * (2.0 * (5e-3 * (t - 1000) as f64).sin());
+        let mut time = 1000;
+        while time <= 7000 || rate(time).z < 1.99 {
+            driver.gyroscope(time * MS, &rate(time));
+            time += 10;
+        }
+        let before = driver.estimator.attitude_covariance().unwrap();
+        let attitude = driver.attitude().unwrap();
+        driver.gyroscope((time - 10 + silence_ms) * MS, &(Vector3::z() * 2.0));
+        let after = driver.estimator.attitude_covariance().unwrap();
+        let turn = so3::log(&(attitude.inverse() * driver.attitude().unwrap())).z;
+        let fault = driver.take_fault();
+        (turn, (after - before)[(2, 2)].sqrt(), fault)
+    };
+    // Of a tenth of a second nearly all is known, of five seconds nearly nothing.
+    let (turn, std, fault) = turned(100);
+    assert!(
+        (turn - 0.2).abs() < 0.02 && std > 0.005 && std < 0.06,
+        "{turn} {std}"
+    );
+    assert!(fault.is_some_and(|f| f.kind == FaultKind::Missing) == (std > 0.0175));
+    let (turn, std, fault) = turned(5000);
+    assert!(turn.abs() < 1.5 && std > 1.0, "{turn} {std}");
+    let fault = fault.unwrap();
+    assert_eq!(
+        (fault.kind, fault.is_over, fault.size),
+        (FaultKind::Missing, true, 5.0)
+    );
+}
+
+/// A device in motion, seen at 100 Hz by all sensors; `faulty` changes the samples of an instant (ms). What is said of
+/// errors, deg, and NEES a degree of freedom, second by second.
+fn in_motion(
+    seconds: u32,
+    mut faulty: impl FnMut(i64, &mut [Vector3<f64>; 3]),
+) -> (std::vec::Vec<[f64; 2]>, MekfDriver) {
+    use crate::attitude::test_world;
     let mut driver = mekf();
-    rest(&mut driver, 0, 3000, true);
-    driver.gyroscope(3000 * MS, &Vector3::new(0.0, 0.0, 2.0));
-    let before = driver.estimator.attitude_covariance().unwrap();
-    let attitude = driver.attitude().unwrap();
-    // Five seconds of silence, then the rate is still what it was: nobody knows what happened.
-    driver.gyroscope(8000 * MS, &Vector3::new(0.0, 0.0, 2.0));
-    let after = driver.estimator.attitude_covariance().unwrap();
-    let held_for_the_limit = attitude * so3::exp(&Vector3::new(0.0, 0.0, 2.0 * 0.5));
-    assert!(rotation::angle_between(&driver.attitude().unwrap(), &held_for_the_limit) < 0.02);
-    assert!(after[(2, 2)] > before[(2, 2)] + 0.5 * 0.5 * 4.0);
+    let mut told = std::vec::Vec::new();
+    let mut k = 0_i64;
+    test_world::drive(seconds, 5, |truth, mut samples| {
+        k += 1;
+        faulty(k * 10, &mut samples);
+        let [w, a, m] = samples;
+        driver.gyroscope(k * 10 * MS, &w);
+        driver.accelerometer(k * 10 * MS, &a);
+        driver.magnetometer(k * 10 * MS, &m);
+        if k % 100 == 0 && driver.is_started() {
+            let off = so3::log(&(driver.attitude().unwrap().inverse() * truth));
+            let p = driver.attitude_covariance().unwrap();
+            let nees = off.dot(&(p.try_inverse().unwrap() * off)) / 3.0;
+            told.push([off.norm().to_degrees(), nees]);
+        }
+    });
+    (told, driver)
+}
+
+/// From a second on, errors and NEES are those of a run without faults.
+fn as_good_as_clean(told: &[[f64; 2]], from: usize) {
+    let (clean, _) = in_motion(told.len() as u32 + 1, |_, _| ());
+    let mean = |told: &[[f64; 2]], which: usize| {
+        let late = told.iter().skip(from).map(|t| t[which]);
+        late.clone().sum::<f64>() / late.count() as f64
+    };
+    for which in [0, 1] {
+        let (faulty, clean) = (mean(told, which), mean(&clean, which));
+        assert!(faulty < 1.2 * clean, "{faulty} {clean}");
+    }
+}
+
+#[test]
+fn one_bad_sample_costs_nothing() {
+    let worst = |told: &[[f64; 2]]| told.iter().map(|t| t[0]).fold(0.0, f64::max);
+    let (clean, mut driver) = in_motion(30, |_, _| ());
+    assert_eq!(driver.take_fault(), None);
+    for sensor in 0..3 {
+        let (told, mut driver) = in_motion(30, |t, samples| {
+            if t == 20_000 {
+                samples[sensor].y += [34.9, 160.0, 4000.0][sensor];
+            }
+        });
+        assert!(
+            worst(&told) < 1.05 * worst(&clean),
+            "{sensor}: {}",
+            worst(&told)
+        );
+        let fault = driver.take_fault().unwrap();
+        assert_eq!((fault.kind, fault.is_over), (FaultKind::Spike, true));
+        assert_eq!((fault.from_ns, fault.until_ns), (19_990 * MS, 20_010 * MS));
+        assert_eq!(driver.take_fault(), None);
+    }
+}
+
+#[test]
+fn a_frozen_or_silent_gyroscope_is_survived_and_told() {
+    for zeros in [false, true] {
+        let mut held = None;
+        let (told, mut driver) = in_motion(60, |t, samples| {
+            if (20_000..23_000).contains(&t) {
+                let value = if zeros { Vector3::zeros() } else { samples[0] };
+                samples[0] = *held.get_or_insert(value);
+            }
+        });
+        // Ten seconds of normal samples later.
+        as_good_as_clean(&told, 33);
+        let found = driver.take_fault().unwrap();
+        let over = driver.take_fault().unwrap();
+        assert_eq!((found.kind, found.is_over), (FaultKind::Stuck, false));
+        assert!(found.until_ns < 20_100 * MS && over.is_over);
+        assert_eq!(over.until_ns, 23_000 * MS);
+        assert_eq!(
+            (
+                driver.take_fault(),
+                driver.fault_now(FaultySensor::Gyroscope)
+            ),
+            (None, None)
+        );
+    }
+}
+
+#[test]
+fn twenty_seconds_of_garbage_on_all_sensors_are_survived() {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
+    let (told, _) = in_motion(90, |t, samples| {
+        if (20_000..40_000).contains(&t) {
+            for (sample, size) in samples.iter_mut().zip([8.0, 40.0, 80.0]) {
+                *sample = Vector3::from_fn(|_, _| size * rng.random_range(-1.0..1.0));
+            }
+        }
+    });
+    as_good_as_clean(&told, 50);
 }
 
 #[test]

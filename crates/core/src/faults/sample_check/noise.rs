@@ -15,13 +15,16 @@ const LONG_MEMORY: f64 = 1024.0;
 const FEWEST: u16 = 64;
 /// Strong changes in a row: a spike has two.
 const FEWEST_STRONG: u8 = 8;
+const MOST_STRONG: u8 = 32;
+/// It is over after so many samples that are none.
+const CALM: u8 = 4;
 /// What is stronger counts as so much of what was before: it takes minutes to become the usual.
 const MOST_GROWTH: f64 = 1.5;
 /// Changes of so many times the variance are white: noise has two, a motion well below one.
 const WHITE: f64 = 1.4;
-/// Mean square of the changes, against that of before: noise from the first on, and none again below the second.
+/// Mean square of the changes, against that of before: noise from the first on; and what a strong change is.
 const STRONGER: f64 = 400.0;
-const STRONGER_STILL: f64 = 100.0;
+const STRONG: f64 = 100.0;
 
 /// Mean squares of samples and changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +37,8 @@ pub(super) struct WhiteNoise<T: Scalar> {
     before2: T,
     /// Strong changes in a row, about.
     strong: u8,
+    /// Samples since it was noise.
+    calm: u8,
     since_ns: Option<i64>,
 }
 
@@ -46,6 +51,7 @@ impl<T: Scalar> Default for WhiteNoise<T> {
             change2: T::zero(),
             before2: T::zero(),
             strong: 0,
+            calm: 0,
             since_ns: None,
         }
     }
@@ -69,26 +75,31 @@ impl<T: Scalar> WhiteNoise<T> {
             self.before2 * lit(MOST_GROWTH)
         };
         self.before2 += (change2.min(most) - self.before2) / known.min(long);
-        self.strong = if change2 > self.before2 * lit(STRONGER_STILL) {
-            self.strong.saturating_add(1)
+        self.strong = if change2 > self.before2 * lit(STRONG) {
+            (self.strong + 1).min(MOST_STRONG)
         } else {
             self.strong / 2
         };
-        let stronger = if self.since_ns.is_some() {
-            STRONGER_STILL
-        } else {
-            STRONGER
+        // Once it is noise it stays so while the changes are strong: the means remember it for longer than it lasts.
+        let is_noise = match self.since_ns {
+            Some(_) => self.strong > 0,
+            None => {
+                self.samples >= FEWEST
+                    && self.strong >= FEWEST_STRONG
+                    && self.before2 > T::zero()
+                    && self.change2 > self.before2 * lit(STRONGER)
+                    && self.change2 > self.spread2 * lit(WHITE)
+                    && self.spread2 > self.mean.norm_squared()
+            }
         };
-        let is_noise = self.samples >= FEWEST
-            && (self.strong >= FEWEST_STRONG || self.since_ns.is_some())
-            && self.before2 > T::zero()
-            && self.change2 > self.before2 * lit(stronger)
-            && self.change2 > self.spread2 * lit(WHITE)
-            && self.spread2 > self.mean.norm_squared();
         if is_noise {
             self.since_ns.get_or_insert(last_ns);
+            self.calm = 0;
         } else {
-            self.since_ns = None;
+            self.calm = self.calm.saturating_add(1);
+            if self.calm >= CALM {
+                self.since_ns = None;
+            }
         }
         self.since_ns
     }

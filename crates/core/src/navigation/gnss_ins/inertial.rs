@@ -2,8 +2,10 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::stillness::Window;
+use super::sample_faults::Usable;
+use super::stillness::{StillnessWindow, Window};
 use super::{ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, GnssInsConfig, ImuSamples, seconds};
+use crate::faults::{Fault, FaultySensor};
 use crate::kalman::SkipReason;
 use crate::kalman::innovation::check_vector;
 use crate::navigation::Validity;
@@ -71,25 +73,108 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             return Ok(());
         }
         self.settle();
-        self.expect_vibration(angular_rate, specific_force, dt);
+        let (angular_rate, specific_force) = self.usable(time_ns, angular_rate, specific_force, dt);
         let half = lit::<T>(0.5);
         let (rate, force) = match self.config.imu_samples {
             ImuSamples::Instants => (
-                (angular_rate + last_rate) * half,
-                (specific_force + last_force) * half,
+                (angular_rate.value + last_rate) * half,
+                (specific_force.value + last_force) * half,
             ),
-            ImuSamples::Means | ImuSamples::None => (*angular_rate, *specific_force),
+            ImuSamples::Means | ImuSamples::None => (angular_rate.value, specific_force.value),
         };
-        self.step(&rate, &force, dt);
+        let rate = rate + angular_rate.owed / dt;
+        let force = force + specific_force.owed / dt;
+        if angular_rate.faulty_since_ns.is_none() && specific_force.faulty_since_ns.is_none() {
+            self.expect_vibration(&angular_rate, &specific_force, dt);
+            self.step(&rate, &force, dt);
+        } else {
+            self.step_unseen(
+                time_ns,
+                [&angular_rate, &specific_force],
+                [&rate, &force],
+                dt,
+            );
+        }
         Ok(())
     }
 
+    /// What to use of the samples of an instant; it is what the next interval begins with.
+    fn usable(
+        &mut self,
+        time_ns: i64,
+        angular_rate: &Vector3<T>,
+        specific_force: &Vector3<T>,
+        dt: T,
+    ) -> (Usable<T>, Usable<T>) {
+        let state = self.filter.state();
+        let (still, rest) = if self.memory.started {
+            let up = Vector3::z() * -self.config.gravity;
+            let rest = state.ned_from_body.inverse() * up + state.accelerometer_bias;
+            (state.gyroscope_bias, rest)
+        } else {
+            (Vector3::zeros(), *specific_force)
+        };
+        let faults = &mut self.memory.faults;
+        let rate = faults.rate(time_ns, angular_rate, &still, dt);
+        let force = faults.force(time_ns, specific_force, &rest, dt);
+        self.memory.last_imu = Some((time_ns, rate.value, force.value));
+        (rate, force)
+    }
+
+    /// Moves on by `dt` with a rate or a force that was not measured, or not wholly: what is not known of it becomes noise,
+    /// and nothing is concluded from it about standing.
+    fn step_unseen(
+        &mut self,
+        time_ns: i64,
+        [angular_rate, specific_force]: [&Usable<T>; 2],
+        [rate, force]: [&Vector3<T>; 2],
+        dt: T,
+    ) {
+        self.catch_up();
+        let before = {
+            let c = self.filter.config();
+            [c.gyroscope_noise_density, c.accelerometer_noise_density]
+        };
+        let turn = self.memory.faults.unseen_turn(angular_rate, time_ns, dt);
+        let mut widened = [before[0].max((turn / dt).sqrt()), before[1]];
+        if specific_force.faulty_since_ns.is_some() {
+            widened[1] = before[1].max(self.config.gap_velocity_random_walk);
+        }
+        self.filter.set_noise_densities(widened);
+        self.alignment.set_noise_densities(widened);
+        self.step(rate, force, dt);
+        self.catch_up();
+        self.filter.set_noise_densities(before);
+        self.alignment.set_noise_densities(before);
+        self.memory.window = StillnessWindow::default();
+        self.memory.due_window = None;
+        self.memory.may_be_still = false;
+        self.memory.still_windows = 0;
+    }
+
+    /// The oldest fault of the inertial samples that was not taken yet. A fault that lasts comes twice: when it is found,
+    /// and when it is over.
+    pub fn take_fault(&mut self) -> Option<Fault<T>> {
+        self.memory.faults.log.take()
+    }
+
+    /// Angular rate (rad/s) and specific force (m/s^2) of the last sample as they were used: what stands for a false one.
+    pub fn last_sample(&self) -> Option<(Vector3<T>, Vector3<T>)> {
+        self.memory.last_imu.map(|(_, rate, force)| (rate, force))
+    }
+
+    /// The fault of a sensor under way.
+    pub fn fault_now(&self, sensor: FaultySensor) -> Option<&Fault<T>> {
+        self.memory.faults.log.now(sensor)
+    }
+
     /// Lets the filter expect the noise that the samples show.
-    fn expect_vibration(&mut self, angular_rate: &Vector3<T>, specific_force: &Vector3<T>, dt: T) {
+    fn expect_vibration(&mut self, angular_rate: &Usable<T>, specific_force: &Usable<T>, dt: T) {
         if !self.config.vibration_noise {
             return;
         }
-        self.memory.vibration.add(angular_rate, specific_force, dt);
+        let (rate, force) = (&angular_rate.value, &specific_force.value);
+        self.memory.vibration.add(rate, force, dt);
         let c = &self.config;
         let stated = [c.gyroscope_noise_density, c.accelerometer_noise_density];
         let densities = self.memory.vibration.noise_densities(stated);

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::counts::{Aid, AidCounts};
+use super::sample_faults::SampleFaults;
 use super::start_without_inertial::LevelStart;
 use super::stillness::{Quiet, StillnessWindow, Window};
 use super::vibration::Vibration;
@@ -14,7 +15,7 @@ use crate::navigation::history::ImuHistory;
 use crate::navigation::in_motion_alignment::InMotionAlignmentState;
 use crate::navigation::{ErrorTransition, GnssVelocity, NavigationState};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 
 /// All that is neither a setting nor the state of the 15-state filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +61,8 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) window: StillnessWindow<T>,
     pub(super) quiet: Quiet<T>,
     pub(super) vibration: Vibration<T>,
+    /// Checks of the inertial samples.
+    pub(super) faults: SampleFaults<T>,
     /// Whether the last window may have been one at rest.
     pub(super) may_be_still: bool,
     /// Windows at rest in a row.
@@ -135,6 +138,7 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             window: StillnessWindow::default(),
             quiet: Quiet::default(),
             vibration: Vibration::default(),
+            faults: SampleFaults::new(lit(0.3)),
             may_be_still: false,
             still_windows: 0,
             stands_until_ns: None,
@@ -185,6 +189,7 @@ impl<T: Scalar, const HISTORY: usize> Memory<T, HISTORY> {
         finite("standstill", self.window.numbers())?;
         finite("standstill", self.quiet.numbers())?;
         finite("vibration", self.vibration.numbers())?;
+        finite("checks of samples", self.faults.numbers())?;
         finite(
             "standstill",
             self.due_window.iter().flat_map(Window::numbers),

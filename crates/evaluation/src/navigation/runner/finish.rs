@@ -139,6 +139,7 @@ impl Session<'_> {
                 counts.zero_std
             ));
         }
+        issues.extend(counts.faults.sentences());
         issues.extend(self.navigator.issues());
         if self.options.smooth {
             issues.extend(not_smoothed(self.smoothing.as_ref()));
@@ -188,6 +189,7 @@ impl Session<'_> {
                 .map(|(kind, aid)| (kind, summarized(aid)))
                 .collect(),
             validity: counts.validity,
+            faults: counts.faults.records(),
             issues,
             parameters: self.parameters,
             version: VERSION,

@@ -1,6 +1,7 @@
 //! Faults: fixes that jump, input that cannot be, gaps, clocks that go back.
 
 use super::*;
+use crate::faults::FaultKind;
 
 #[test]
 fn fixes_that_jump_are_left_out_and_accepted_when_they_stay() {
@@ -39,6 +40,91 @@ fn fixes_that_jump_are_left_out_and_accepted_when_they_stay() {
     assert!(worst_heading < 3.0, "{worst_heading} standard deviations");
     assert!(turned(&ins, &motion) < 0.03 && before != ins.state().unwrap().ned_from_body);
     assert_eq!(ins.validity(), Validity::Aided);
+}
+
+/// Drives for two minutes; `faulty` changes rate and force at an instant (s). Horizontal errors at each second.
+fn with_faults(
+    mut faulty: impl FnMut(f64, &mut Vector3<f64>, &mut Vector3<f64>),
+) -> (std::vec::Vec<f64>, GnssIns<f64, 64>) {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(11);
+    let mut noise =
+        |std: f64| Vector3::from_fn(|_, _| std * rng.sample::<f64, _>(rand_distr::StandardNormal));
+    let mut ins = GnssIns::<f64, 64>::new(config()).unwrap();
+    let mut motion = Motion::start();
+    let mut errors = std::vec::Vec::new();
+    for k in 1..=12_000_i64 {
+        let t = k as f64 * 0.01;
+        motion.step(t, 0.01);
+        let (mut rate, mut force) = (motion.rate() + noise(2e-3), motion.force() + noise(0.02));
+        faulty(t, &mut rate, &mut force);
+        let time_ns = k * 10_000_000;
+        ins.imu(time_ns, &rate, &force).unwrap();
+        if k % 100 == 0 {
+            let off = ins.state().map(|state| state.position - motion.position);
+            errors.push(off.map_or(f64::NAN, |off| off.xy().norm()));
+            let fix = GnssPosition {
+                ned: motion.position + noise(0.3),
+                std: Vector3::repeat(0.3),
+                has_height: true,
+            };
+            ins.gnss_position(time_ns, &fix);
+        }
+    }
+    (errors, ins)
+}
+
+#[test]
+fn a_false_inertial_sample_costs_nothing_and_is_told() {
+    let rms = |errors: &[f64]| {
+        let late = &errors[60..];
+        (late.iter().map(|e| e * e).sum::<f64>() / late.len() as f64).sqrt()
+    };
+    let (clean, mut ins) = with_faults(|_, _, _| ());
+    assert_eq!(ins.take_fault(), None);
+    for accelerometer in [false, true] {
+        let (errors, mut ins) = with_faults(|t, rate, force| {
+            if (t - 70.0).abs() < 1e-6 {
+                if accelerometer {
+                    force.x += 160.0;
+                } else {
+                    rate.z += 34.9;
+                }
+            }
+        });
+        assert!(
+            rms(&errors) < 1.05 * rms(&clean),
+            "{} {}",
+            rms(&errors),
+            rms(&clean)
+        );
+        let fault = ins.take_fault().unwrap();
+        assert_eq!(
+            (fault.kind, fault.until_ns),
+            (FaultKind::Spike, 70_010_000_000)
+        );
+        assert_eq!((ins.take_fault(), ins.realignments()), (None, 0));
+    }
+}
+
+#[test]
+fn a_frozen_gyroscope_is_survived() {
+    let (clean, _) = with_faults(|_, _, _| ());
+    for zeros in [false, true] {
+        let mut held = None;
+        let (errors, mut ins) = with_faults(|t, rate, _| {
+            if (70.0..73.0).contains(&t) {
+                let value = if zeros { Vector3::zeros() } else { *rate };
+                *rate = *held.get_or_insert(value);
+            }
+        });
+        let worst = |errors: &[f64]| errors[83..].iter().fold(0.0_f64, |worst, e| worst.max(*e));
+        let (worst, clean) = (worst(&errors), worst(&clean));
+        assert!(worst < 2.0 * clean, "{worst} {clean}");
+        assert_eq!(ins.take_fault().unwrap().kind, FaultKind::Stuck);
+        assert!(ins.take_fault().unwrap().is_over);
+        assert_eq!(ins.restarts(), 0);
+    }
 }
 
 #[test]
