@@ -31,6 +31,28 @@ pub struct FaultRecord {
     pub size: f64,
 }
 
+/// A fault under way, or that has just been found, in one sentence.
+#[must_use]
+pub fn sentence_now(fault: &Fault<f64>) -> String {
+    let name = sensor_name(fault.sensor);
+    let what = match fault.kind {
+        FaultKind::Spike => "delivered a sample far from those around it, which was left out",
+        FaultKind::Stuck => "repeats the same numbers, which are not used",
+        FaultKind::Noise => "delivers nothing but noise, which is not used",
+        FaultKind::Saturated => "is at the end of its range: what lies beyond is not seen",
+        FaultKind::Missing => "paused: the turn between is estimated",
+    };
+    format!("The {name} {what}.")
+}
+
+fn sensor_name(sensor: FaultySensor) -> &'static str {
+    match sensor {
+        FaultySensor::Gyroscope => "gyroscope",
+        FaultySensor::Accelerometer => "accelerometer",
+        FaultySensor::Magnetometer => "magnetometer",
+    }
+}
+
 impl FaultRecord {
     /// In words, with the sensor: `gyroscope: stuck from 12.30 s to 15.31 s`.
     #[must_use]
@@ -63,15 +85,7 @@ impl FaultRecord {
                 format!("no samples from {from:.2} s {until}; the turn between is estimated")
             }
         };
-        format!("{}: {what}.", self.sensor_name())
-    }
-
-    fn sensor_name(&self) -> &'static str {
-        match self.sensor {
-            FaultySensor::Gyroscope => "gyroscope",
-            FaultySensor::Accelerometer => "accelerometer",
-            FaultySensor::Magnetometer => "magnetometer",
-        }
+        format!("{}: {what}.", sensor_name(self.sensor))
     }
 }
 

@@ -23,11 +23,13 @@ use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::attitude::driver::DriverConfig;
 use northing_core::calibration::RestCalibration;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
+use northing_core::faults::FaultKind;
 use northing_core::geometry::frames::TangentFrame;
 use northing_evaluation::attitude::calibrated_start::{calibrated_driver, state_at_rest};
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
 use northing_evaluation::attitude::parameters::Parameters;
+use northing_evaluation::statistics::faults::sentence_now;
 use northing_evaluation::{EvaluationError, Profile};
 use northing_recording::{Event, Sample, SensorKind, WorldFrame};
 use serde_json::{Map, Value};
@@ -44,6 +46,8 @@ use waiting::Waiting;
 
 /// A pause of the gyroscope after which a filter starts again rather than guesses, ns.
 const RESTART_GAP_NS: i64 = 2_000_000_000;
+/// Faults of the samples are told no more often than this, ns.
+const FAULT_NOTE_NS: i64 = 5_000_000_000;
 
 /// Something that came to its end while events were taken.
 #[derive(Debug)]
@@ -72,6 +76,8 @@ pub struct DeviceSession {
     first_ns: Option<i64>,
     now_ns: i64,
     last_gyroscope_ns: Option<i64>,
+    /// When a fault of the samples was told last.
+    last_fault_ns: Option<i64>,
     /// The time that the estimates are of.
     estimate_ns: i64,
     rate_rad_s: Vector3<f64>,
@@ -103,6 +109,7 @@ impl DeviceSession {
             first_ns: None,
             now_ns: i64::MIN,
             last_gyroscope_ns: None,
+            last_fault_ns: None,
             estimate_ns: i64::MIN,
             rate_rad_s: Vector3::zeros(),
             device: None,
@@ -207,7 +214,25 @@ impl DeviceSession {
         for track in &mut self.tracks {
             track.driver.gyroscope(time_ns, &rate);
         }
+        self.note_faults(time_ns, happenings);
         self.begin_experiment(time_ns, &rate);
+    }
+
+    /// Tells of faults that the subject's driver has found, no more often than a reader can follow.
+    fn note_faults(&mut self, time_ns: i64, happenings: &mut Vec<Happening>) {
+        let subject = self.subject();
+        for track in &mut self.tracks {
+            while let Some(fault) = track.driver.take_fault() {
+                let is_new = !fault.is_over || fault.kind == FaultKind::Spike;
+                let last_ns = self.last_fault_ns.unwrap_or(i64::MIN);
+                let is_due = time_ns.saturating_sub(last_ns) > FAULT_NOTE_NS;
+                if Some(track.kind) == subject && is_new && is_due {
+                    self.last_fault_ns = Some(time_ns);
+                    let remark = Remark::new(Tone::Warn, sentence_now(&fault));
+                    happenings.push(Happening::Note(remark));
+                }
+            }
+        }
     }
 
     /// An experiment begins with a gyroscope sample: every estimator starts anew from the state it

@@ -2,11 +2,13 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::AttitudeEstimator;
+use northing_core::faults::FaultySensor;
 use northing_core::geometry::so3;
 use northing_core::kalman::Innovation;
 use northing_core::kalman::covariance::normalized_square;
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::parameters::Parameters;
+use northing_evaluation::statistics::faults::sentence_now;
 use northing_recording::SensorKind;
 use serde::Serialize;
 
@@ -283,6 +285,20 @@ impl DeviceSession {
             // Innovations cannot show every error.
             lamp.tone = Tone::Bad;
             lamp.text = format!("{} {}", truth.text, lamp.text);
+        }
+        let own = match aid.sensor {
+            SensorKind::Accelerometer => Some(FaultySensor::Accelerometer),
+            SensorKind::Magnetometer => Some(FaultySensor::Magnetometer),
+            _ => None,
+        };
+        // Without a rate nothing that the filter expects is worth judging.
+        let sensors = own.into_iter().chain([FaultySensor::Gyroscope]);
+        if let Some(fault) = sensors
+            .filter_map(|sensor| track.driver.fault_now(sensor))
+            .next()
+        {
+            lamp.tone = Tone::Bad;
+            lamp.text = format!("{} {}", sentence_now(fault), lamp.text);
         }
         lamp
     }

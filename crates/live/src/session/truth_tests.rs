@@ -51,6 +51,48 @@ fn lamp(live: &mut DeviceSession, sensor: SensorKind) -> Option<Lamp> {
         .find(|l| l.sensor == sensor)
 }
 
+/// GIVEN a phone in motion WHEN its gyroscope freezes THEN no lamp is green, the lamps say why, and so does a note; and
+/// they are as before once it goes on.
+#[test]
+fn no_lamp_is_green_while_the_gyroscope_repeats_itself() {
+    let mut live = session(&[EstimatorKind::Mekf]);
+    let mut events = phone(0.0);
+    let (from, to) = (cut(&events, 12.0), cut(&events, 14.0));
+    let mut frozen = None;
+    for event in &mut events[from..to] {
+        if let Sample::AngularRate(rate) = &mut event.sample {
+            *rate = *frozen.get_or_insert(*rate);
+        }
+    }
+    live.take(&mut events[..from].to_vec());
+    let happenings = live.take(&mut events[from..cut(&events, 13.0)].to_vec());
+    let told = serde_json::to_string(
+        &happenings
+            .iter()
+            .filter_map(|h| match h {
+                Happening::Note(remark) => Some(&remark.text),
+                _ => None,
+            })
+            .collect::<Vec<_>>(),
+    )
+    .unwrap();
+    assert!(
+        told.contains("gyroscope repeats the same numbers"),
+        "{told}"
+    );
+    for lamp in live.frame("d").lamp {
+        assert!(lamp.tone != Tone::Good, "{lamp:?}");
+        if lamp.tone == Tone::Bad {
+            assert!(lamp.text.contains("repeats the same numbers"), "{lamp:?}");
+        }
+    }
+    let force = lamp(&mut live, SensorKind::Accelerometer).unwrap();
+    assert_eq!(force.tone, Tone::Bad);
+    live.take(&mut events[cut(&events, 13.0)..cut(&events, 15.0)].to_vec());
+    let force = lamp(&mut live, SensorKind::Accelerometer).unwrap();
+    assert!(!force.text.contains("repeats"), "{force:?}");
+}
+
 #[test]
 fn lamps_innovations_and_angles_are_those_of_the_only_estimator_that_runs() {
     let mut live = session(&[MEKF3]);
