@@ -52,7 +52,7 @@ fn nearest<'a>(name: &str, names: &'a [String]) -> Option<&'a str> {
 /// The refusal of a value.
 fn refused(name: &str, value: &str, range: &Range) -> EvaluationError {
     let number = match range {
-        Range::Positive | Range::NotNegative | Range::From(..) | Range::Above(..) => "a number ",
+        Range::From(..) | Range::Above(..) => "a number ",
         _ => "",
     };
     EvaluationError::BadValue {

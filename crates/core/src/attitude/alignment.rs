@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use super::vector_sensor::References;
 use super::{InitialState, StartUncertainty, wahba};
 use crate::geometry::{frames::TangentFrame, rotation};
+use crate::kalman::covariance::undrown;
 use crate::kalman::innovation::check_vector;
 use crate::restorable::{InvalidState, finite, unit};
 use crate::scalar::{Scalar, lit};
@@ -224,7 +225,9 @@ pub fn level_covariance<T: Scalar>(
     let up_body = attitude.inverse() * up;
     let tilt = tilt_std * tilt_std;
     let excess = heading_std * heading_std - tilt;
-    Matrix3::identity() * tilt + up_body * up_body.transpose() * excess
+    let mut covariance = Matrix3::identity() * tilt + up_body * up_body.transpose() * excess;
+    undrown(&mut covariance);
+    covariance
 }
 
 #[cfg(test)]

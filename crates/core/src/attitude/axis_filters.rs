@@ -328,6 +328,10 @@ impl<T: Scalar> AxisFilters<T> {
         if !heading.is_finite() {
             return Innovation::skipped(SkipReason::NotFinite);
         }
+        // A few turns are a matter of taste, more are no heading.
+        if heading.abs() > lit(100.0) {
+            return Innovation::skipped(SkipReason::OutOfRange);
+        }
         if self.tilt().is_at_a_pole() {
             return Innovation::skipped(SkipReason::Unobservable);
         }

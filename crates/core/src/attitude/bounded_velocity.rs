@@ -66,7 +66,7 @@ use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::cap_variance;
+use crate::kalman::covariance::{cap_variance, undrown};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable};
 use crate::scalar::{Scalar, lit};
@@ -148,6 +148,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
             return Matrix3::zeros();
         }
         let tilt = self.config.accelerometer_bias_std / self.state.gravity;
+        let tilt = tilt.min(self.config.maximum_attitude_std);
         Matrix3::from_diagonal(&Vector3::new(tilt * tilt, tilt * tilt, T::zero()))
     }
 
@@ -170,9 +171,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         let (sums, p) = (&state.sums, &mut state.covariance);
         sums.propagate_covariance(p, &state.layout, variances);
         let limit = config.maximum_attitude_std * config.maximum_attitude_std;
-        for i in ATTITUDE..ATTITUDE + 3 {
-            cap_variance(p, i, limit);
-        }
+        state.cap_variances(limit);
         state.sums = propagation::Sums::default();
         self.tell(Moment::Predicted);
     }
@@ -301,7 +300,9 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         let p = p + self.unseen_tilt();
         let r = self.state.level_from_body.to_rotation_matrix().into_inner();
         let turned = r.transpose() * p * r;
-        Some((turned + turned.transpose()) * lit::<T>(0.5))
+        let mut symmetric = (turned + turned.transpose()) * lit::<T>(0.5);
+        undrown(&mut symmetric);
+        Some(symmetric)
     }
 
     fn gyroscope_bias(&self) -> Option<(Vector3<T>, Matrix3<T>)> {

@@ -91,69 +91,69 @@ parameters! {
         lab = 1,
     };
 
-    gyroscope_noise_density: T, "rad/s/sqrt(Hz)", Positive, [1.3e-3, 5e-4], for EKF,
+    gyroscope_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [1.3e-3, 5e-4], for EKF,
         "white noise of the gyroscope",
         "5e-4 is 0.005 rad/s per sample at 100 Hz. Raising it trusts the gyroscope less: faster corrections,",
         "noisier attitude.";
     process_noise: ProcessNoise, "-", Words(ProcessNoise::WORDS), [ProcessNoise::Discrete], for EKF,
         "how that noise enters the covariance",
         "`paper-literal` reproduces the paper's reading and its pessimism.";
-    gyroscope_sample_interval_s: T, "s", Positive, [0.01], for EKF,
+    gyroscope_sample_interval_s: T, "s", From(1e-6, 10.0), [0.01], for EKF,
         "interval of gyroscope samples; only for paper-literal";
-    gyroscope_scale_noise: T, "rad/(rad/s)/sqrt(s)", NotNegative, [1.5e-3, 0.0], for EKF,
+    gyroscope_scale_noise: T, "rad/(rad/s)/sqrt(s)", From(0.0, 10.0), [1.5e-3, 0.0], for EKF,
         "extra angle noise per rate: scale and misalignment errors; 0 is off",
         "Raising it widens the covariance during fast motion only.";
-    gyroscope_bias_random_walk: T, "rad/s/sqrt(s)", NotNegative, [1e-5, 2e-4], for EKF_WITH_BIAS,
+    gyroscope_bias_random_walk: T, "rad/s/sqrt(s)", From(0.0, 1.0), [1e-5, 2e-4], for EKF_WITH_BIAS,
         "random walk of the gyroscope bias",
         "Raising it lets the bias follow faster, and be fooled faster by accelerations and magnetic disturbance.";
-    accelerometer_std: T, "m/s^2", Positive, [1.0, 0.05], for EKF,
+    accelerometer_std: T, "m/s^2", From(1e-6, 1e4), [1.0, 0.05], for EKF,
         "accelerometer error per sample and axis",
         "0.05 is noise at rest; a hand-held device accelerates: 0.3 to 0.5 and more. Raising it trusts gravity less.";
-    accelerometer_gate_nis: T, "-", NotNegative, [0.0, 11.34], for EKF,
+    accelerometer_gate_nis: T, "-", From(0.0, 1e6), [0.0, 11.34], for EKF,
         "NIS above which a sample is refused; 0 is no gate",
         "11.34 is 99 % of 3 degrees of freedom. Raising it lets more disturbed samples in.";
-    accelerometer_correlation_time_s: T, "s", NotNegative, [0.5, 0.0], for EKF,
+    accelerometer_correlation_time_s: T, "s", From(0.0, 1e9), [0.5, 0.0], for EKF,
         "correlation time of accelerometer errors; 0 is white",
         "A sample that comes sooner after the last counts for only that share of an independent one. Raising it",
         "smooths over longer accelerations.";
-    accelerometer_norm_gain: T, "-", NotNegative, [0.0], for EKF,
+    accelerometer_norm_gain: T, "-", From(0.0, 1e6), [0.0], for EKF,
         "adds gain * (|f| - g)^2 to the accelerometer variance; 0 is off",
         "Raising it trusts samples whose length is not g less.";
-    magnetometer_std_ut: T, "microtesla", Positive, [3.0, 0.5], for EKF,
+    magnetometer_std_ut: T, "microtesla", From(1e-4, 1e6), [3.0, 0.5], for EKF,
         "magnetometer error per sample and axis",
         "0.5 is noise at rest; 2 to 3 with soft iron and indoor fields. Raising it trusts the field less.";
-    magnetometer_gate_nis: T, "-", NotNegative, [0.0, 11.34], for EKF,
+    magnetometer_gate_nis: T, "-", From(0.0, 1e6), [0.0, 11.34], for EKF,
         "NIS above which a sample is refused; 0 is no gate",
         "11.34 is 99 % of 3 degrees of freedom; 6.63 is 99 % for `heading`.";
-    magnetometer_correlation_time_s: T, "s", NotNegative, [1.0, 0.0], for EKF,
+    magnetometer_correlation_time_s: T, "s", From(0.0, 1e9), [1.0, 0.0], for EKF,
         "correlation time of magnetometer errors; 0 is white",
         "As for the accelerometer.";
-    magnetometer_norm_gain: T, "-", NotNegative, [1.0, 0.0], for EKF,
+    magnetometer_norm_gain: T, "-", From(0.0, 1e6), [1.0, 0.0], for EKF,
         "adds gain * (deviation of the field)^2 to the magnetometer variance; 0 is off",
         "The deviation is that of the field's strength, for `heading` that of its strength and dip.";
     magnetometer_use: MagnetometerUse, "-", Words(MagnetometerUse::WORDS),
         [MagnetometerUse::Heading, MagnetometerUse::Vector], for EKF_AND_OBSERVER,
         "whole field, or only its direction on the horizon";
-    compass_std: T, "rad", Positive, [0.17, 0.1], for EKF,
+    compass_std: T, "rad", From(1e-6, 10.0), [0.17, 0.1], for EKF,
         "smallest standard deviation of a compass heading; what the device states counts where it is larger",
         "Raising it trusts the compass less.";
-    compass_gate_nis: T, "-", NotNegative, [0.0, 6.63], for EKF,
+    compass_gate_nis: T, "-", From(0.0, 1e6), [0.0, 6.63], for EKF,
         "NIS above which a heading is refused; 0 is no gate",
         "6.63 is 99 % of 1 degree of freedom.";
-    compass_correlation_time_s: T, "s", NotNegative, [5.0, 1.0], for EKF,
+    compass_correlation_time_s: T, "s", From(0.0, 1e9), [5.0, 1.0], for EKF,
         "correlation time of compass errors; 0 is white",
         "A compass is slow and filtered. Raising it lets the heading follow the compass less.";
-    gate_timeout_s: T, "s", NotNegative, [3.0], for EKF,
+    gate_timeout_s: T, "s", From(0.0, 1e9), [3.0], for EKF,
         "after so long of nothing but rejections a gate inflates instead",
         "Raising it survives longer disturbances and recovers later from a wrong state.";
-    initial_tilt_std: T, "rad", Positive, [0.14, 0.1], for EKF,
+    initial_tilt_std: T, "rad", From(1e-6, 10.0), [0.14, 0.1], for EKF,
         "standard deviation of the tilt at the start, per axis";
-    initial_heading_std: T, "rad", Positive, [0.35, 0.1], for EKF,
+    initial_heading_std: T, "rad", From(1e-6, 10.0), [0.35, 0.1], for EKF,
         "standard deviation of the heading at the start";
-    initial_gyroscope_bias_std: T, "rad/s", NotNegative, [0.02], for EKF_WITH_BIAS,
+    initial_gyroscope_bias_std: T, "rad/s", From(0.0, 10.0), [0.02], for EKF_WITH_BIAS,
         "standard deviation of the gyroscope bias at the start, per axis",
         "Raising it lets the filter learn a large bias, at the price of a slower start.";
-    maximum_attitude_std: T, "rad", Positive, [1.8], for EKF,
+    maximum_attitude_std: T, "rad", From(1e-3, 10.0), [1.8], for EKF,
         "largest standard deviation per axis: beyond it nothing is known",
         "and single precision fails. A quaternion EKF of free norm has no axes and keeps none.";
     quaternion_norm: QuaternionNorm, "-", Words(QuaternionNorm::WORDS), [QuaternionNorm::Projected],
@@ -167,9 +167,9 @@ parameters! {
     complementary_bias_gain: T, "1/s^2", From(0.0, 10.0), [0.0, 0.3], for ANY_OBSERVER,
         "how fast its gyroscope bias follows (k_I); 0 keeps the bias",
         "The damping is `k_P / (2 sqrt(k_I))`. Raising it learns the bias faster, and accelerations as a bias.";
-    complementary_accelerometer_weight: T, "-", NotNegative, [1.0], for OBSERVER,
+    complementary_accelerometer_weight: T, "-", From(0.0, 1e6), [1.0], for OBSERVER,
         "weight of the accelerometer in a complementary filter";
-    complementary_magnetometer_weight: T, "-", NotNegative, [1.0], for OBSERVER,
+    complementary_magnetometer_weight: T, "-", From(0.0, 1e6), [1.0], for OBSERVER,
         "weight of magnetometer or compass in a complementary filter";
     complementary_field_tolerance: T, "-", From(0.0, 1000.0), [0.3], for OBSERVER,
         "fraction by which a field's strength may be off and still count in a complementary filter",

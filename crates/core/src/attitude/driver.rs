@@ -31,6 +31,7 @@ use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::faults::FaultySensor;
 use crate::faults::sample_check::Checked;
 use crate::geometry::{rotation, so3};
+use crate::kalman::covariance::{symmetrize, undrown};
 use crate::kalman::{Innovation, SkipReason};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit, seconds};
@@ -402,8 +403,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let std = measured
             .std
             .max(self.estimator.start_uncertainty().compass_std);
-        let covariance = level * covariance.unwrap_or(start.attitude_covariance) * level
+        let mut covariance = level * covariance.unwrap_or(start.attitude_covariance) * level
             + up_body * up_body.transpose() * (std * std);
+        symmetrize(&mut covariance);
+        undrown(&mut covariance);
         let (bias, bias_std) = match self.estimator.gyroscope_bias() {
             Some((bias, p)) => (bias, p.diagonal().max().max(T::zero()).sqrt()),
             None => (start.gyroscope_bias, start.gyroscope_bias_std),
@@ -420,6 +423,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     }
 
     fn start_at(&mut self, initial: &InitialState<T>) {
+        if !initial.is_usable() {
+            return;
+        }
         self.estimator.initialize(initial);
         self.memory.start = Some(*initial);
         self.memory.started = true;

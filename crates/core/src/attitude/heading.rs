@@ -9,9 +9,10 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::vector_sensor::{References, VectorSensor};
+use super::vector_sensor::{LONGEST_REFERENCE, References, SHORTEST_REFERENCE, VectorSensor};
 use crate::geometry::frames::TangentFrame;
 use crate::kalman::SkipReason;
+use crate::kalman::innovation::check_vector;
 use crate::scalar::{Scalar, lit};
 
 /// The reference a heading is measured against.
@@ -66,8 +67,11 @@ pub struct Heading<T: Scalar> {
 impl<T: Scalar> HeadingReference<T> {
     /// The heading reference of a field; `None` without a field or where it stands vertical.
     pub fn new(references: &References<T>) -> Option<Self> {
-        let up = references.specific_force.try_normalize(lit(1e-6))?;
         let field = references.magnetic_field?;
+        for reference in [&references.specific_force, &field] {
+            check_vector(reference, lit(SHORTEST_REFERENCE), lit(LONGEST_REFERENCE)).ok()?;
+        }
+        let up = references.specific_force.normalize();
         let upward_ut = field.dot(&up);
         let horizontal = field - up * upward_ut;
         let horizontal_ut = horizontal.norm();
@@ -121,8 +125,9 @@ impl<T: Scalar> CompassHeading<T> {
         if !(self.heading.is_finite() && self.std.is_finite()) {
             return Err(SkipReason::NotFinite);
         }
-        // A few turns are a matter of taste, more are no heading.
-        if self.heading.abs() > lit(100.0) || self.std < T::zero() {
+        // A few turns are a matter of taste, more are no heading; nor is one that is off by more.
+        let std_is_one = self.std >= T::zero() && self.std <= lit(100.0);
+        if self.heading.abs() > lit(100.0) || !std_is_one {
             return Err(SkipReason::OutOfRange);
         }
         let up_body = attitude.inverse() * self.frame.up::<T>();

@@ -27,7 +27,7 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
 use super::config::AttitudeConfig;
 use super::measurement::{LinearMeasurement, VectorSensors};
-use super::propagation::checked_rate;
+use super::propagation::{checked_rate, is_possible_bias};
 use super::{
     AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, propagation,
 };
@@ -148,10 +148,14 @@ impl<T: Scalar> Mekf<T> {
             return measurement.conclude(false);
         }
         let a: Vector3<T> = correction.fixed_rows::<3>(0).into_owned();
-        let db: Vector3<T> = correction.fixed_rows::<3>(3).into_owned();
+        let bias = self.state.gyroscope_bias + correction.fixed_rows::<3>(3);
+        if !(a.norm_squared().is_finite() && is_possible_bias(&bias)) {
+            self.state.covariance = before;
+            return measurement.conclude(false);
+        }
         let corrected = self.state.attitude * so3::from_gibbs(&a);
         self.state.attitude = rotation::renormalize(&corrected);
-        self.state.gyroscope_bias += db;
+        self.state.gyroscope_bias = bias;
         reset(&mut self.state.covariance, &a);
         measurement.innovation
     }

@@ -125,6 +125,9 @@ impl<T: Scalar> Mekf3<T> {
         if fusable.peek().is_none() || !fusable.all(|m| m.fuse(&mut covariance, &mut a)) {
             return false;
         }
+        if !a.norm_squared().is_finite() {
+            return false;
+        }
         // (26)
         let corrected = self.state.attitude * so3::from_gibbs(&a);
         self.state.attitude = rotation::renormalize(&corrected);

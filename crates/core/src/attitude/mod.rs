@@ -42,8 +42,10 @@ mod test_world;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use crate::geometry::rotation::is_unit;
+use crate::kalman::covariance::is_covariance;
 use crate::kalman::{Innovation, SkipReason};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 pub use alignment::Prior;
 pub use axis_filters::{AxisFilters, AxisFiltersConfig};
 pub use bounded_velocity::{BoundedVelocity, BoundedVelocityConfig};
@@ -80,15 +82,17 @@ pub struct InitialState<T: Scalar> {
 }
 
 impl<T: Scalar> InitialState<T> {
-    /// Whether every number of it is finite and no variance negative.
+    /// Whether the attitude is a rotation, the covariance one of at most 100 rad, and bias and its standard deviation of at
+    /// most 1000 rad/s.
     pub fn is_usable(&self) -> bool {
-        let variances = self.attitude_covariance.diagonal();
+        let p = &self.attitude_covariance;
         let std = self.gyroscope_bias_std;
-        self.attitude.as_ref().norm_squared().is_finite()
-            && self.attitude_covariance.norm_squared().is_finite()
-            && variances.iter().all(|v| *v >= T::zero())
-            && self.gyroscope_bias.norm_squared().is_finite()
-            && (std * std).is_finite()
+        is_unit(&self.attitude)
+            && is_covariance(p, T::default_epsilon().sqrt())
+            && p.diagonal().max() <= lit(1e4)
+            && propagation::is_possible_bias(&self.gyroscope_bias)
+            && std >= T::zero()
+            && std <= lit(propagation::LARGEST_BIAS_RAD_S)
     }
 }
 

@@ -51,6 +51,15 @@ pub const FASTEST_RAD_S: f64 = 1e4;
 /// Intervals above are refused (s): eleven days.
 pub const LONGEST_INTERVAL_S: f64 = 1e6;
 
+/// A gyroscope bias beyond is none (rad/s): an update that leads there is refused.
+pub const LARGEST_BIAS_RAD_S: f64 = 1e3;
+
+/// Whether a gyroscope can have this bias (rad/s).
+#[inline]
+pub fn is_possible_bias<T: Scalar>(bias: &Vector3<T>) -> bool {
+    bias.norm_squared() <= lit(LARGEST_BIAS_RAD_S * LARGEST_BIAS_RAD_S)
+}
+
 /// `Phi11`: the local attitude error turns against the body, `exp(-[w dt]x)`.
 #[inline]
 pub fn attitude_transition<T: Scalar>(angular_rate: &Vector3<T>, dt: T) -> Matrix3<T> {

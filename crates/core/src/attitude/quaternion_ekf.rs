@@ -41,17 +41,20 @@
 //! along `q`; never invert it.
 
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Matrix4x3, Matrix6, SMatrix, SVector};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4, Vector6};
 
 use super::config::{AttitudeConfig, QuaternionNorm};
 use super::measurement::{LinearMeasurement, VectorSensors};
-use super::propagation::checked_rate;
+use super::propagation::{checked_rate, is_possible_bias};
 use super::{
     AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty, propagation,
 };
 use crate::geometry::so3;
 use crate::kalman::Innovation;
-use crate::kalman::covariance::{cap_variance, symmetrize};
+use crate::kalman::covariance::{
+    cap_variance, forget_correlations_unless_resolved, is_resolved, semidefinite_factor, symmetrize,
+    undrown,
+};
 use crate::kalman::scalar_update::update_full;
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
@@ -210,8 +213,9 @@ impl<T: Scalar> QuaternionEkf<T> {
     fn inject(&mut self, correction: &Vector7<T>, mut covariance: Matrix7<T>) -> bool {
         let sum = wxyz(&self.state.attitude) + correction.fixed_rows::<4>(0);
         let norm = sum.norm();
+        let bias = self.state.gyroscope_bias + correction.fixed_rows::<3>(4);
         let finite = norm.is_finite()
-            && correction.norm_squared().is_finite()
+            && is_possible_bias(&bias)
             && covariance.norm_squared().is_finite();
         if !finite || norm < lit(0.1) {
             return false;
@@ -221,9 +225,30 @@ impl<T: Scalar> QuaternionEkf<T> {
         }
         symmetrize(&mut covariance);
         self.state.attitude = from_wxyz(&(sum / norm));
-        self.state.gyroscope_bias += correction.fixed_rows::<3>(4);
+        self.state.gyroscope_bias = bias;
         self.state.covariance = covariance;
+        self.settle();
         true
+    }
+
+    /// Keeps the covariance positive semidefinite: its direction without variance, along the quaternion, shows rounding
+    /// first. It then goes through the local error and comes back as a product of a factor with itself.
+    fn settle(&mut self) {
+        let mut p = self.error_covariance();
+        let otherwise = largest_variances(&self.config);
+        let forgotten = forget_correlations_unless_resolved(&mut p, &otherwise);
+        if !forgotten && is_resolved(&self.state.covariance) {
+            return;
+        }
+        let q = wxyz(&self.state.attitude);
+        let along = match self.config.quaternion_norm {
+            QuaternionNorm::Projected => T::zero(),
+            QuaternionNorm::Free => q.dot(&(quaternion_block(&self.state.covariance) * q)),
+        };
+        self.state.covariance = lift(&self.state.attitude, &p);
+        let mut block = self.state.covariance.fixed_view_mut::<4, 4>(0, 0);
+        block += q * q.transpose() * along.max(T::zero());
+        symmetrize(&mut self.state.covariance);
     }
 
     /// Keeps each axis' variance below its limit. The 7 by 7 matrix has no axes to cap, so it goes
@@ -245,6 +270,13 @@ impl<T: Scalar> QuaternionEkf<T> {
         self.state.covariance = lift(&self.state.attitude, &p);
         symmetrize(&mut self.state.covariance);
     }
+}
+
+/// The largest variances of attitude error and bias: what is known where nothing is.
+fn largest_variances<T: Scalar>(config: &AttitudeConfig<T>) -> Vector6<T> {
+    let attitude = config.maximum_attitude_std * config.maximum_attitude_std;
+    let bias = config.initial_gyroscope_bias_std * config.initial_gyroscope_bias_std;
+    Vector6::new(attitude, attitude, attitude, bias, bias, bias)
 }
 
 /// The components in the order w, x, y, z.
@@ -336,7 +368,9 @@ fn lift<T: Scalar>(q: &UnitQuaternion<T>, p: &Matrix6<T>) -> Matrix7<T> {
     map.fixed_view_mut::<4, 3>(0, 0)
         .copy_from(&(xi(&wxyz(q)) * lit::<T>(0.5)));
     map.fixed_view_mut::<3, 3>(4, 3).fill_with_identity();
-    map * p * map.transpose()
+    // Products of a factor: no two rows can have more covariance than variance.
+    let rows = map * semidefinite_factor(p);
+    rows * rows.transpose()
 }
 
 fn initial_covariance<T: Scalar>(
@@ -402,6 +436,7 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
             block += q * q.transpose() * mean;
         }
         state.sensors.start(&initial.references);
+        self.settle();
     }
 
     fn propagate(&mut self, angular_rate: &Vector3<T>, dt: T) -> Propagation {
@@ -422,6 +457,7 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
         self.state.attitude = from_wxyz(&next);
         self.state.covariance = p;
         self.cap_attitude();
+        self.settle();
         self.state.sensors.advance(dt);
         Propagation::Done
     }
@@ -455,6 +491,7 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
             let added = [variance, T::zero(), T::zero()];
             add_process_noise(&mut self.state.covariance, &q, added);
             self.cap_attitude();
+            self.settle();
         }
     }
 
@@ -465,6 +502,7 @@ impl<T: Scalar> AttitudeEstimator<T> for QuaternionEkf<T> {
     fn attitude_covariance(&self) -> Option<Matrix3<T>> {
         let mut p = self.attitude_block();
         symmetrize(&mut p);
+        undrown(&mut p);
         Some(p)
     }
 

@@ -53,11 +53,13 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
 use super::config::{AttitudeConfig, MagnetometerUse};
 use super::measurement::{LinearMeasurement, VectorSensors};
-use super::propagation::checked_rate;
+use super::propagation::{checked_rate, is_possible_bias};
 use super::vector_sensor::VectorSensor;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::geometry::{rotation, so3};
-use crate::kalman::covariance::{cap_variance, cholesky, mirror_upper};
+use crate::kalman::covariance::{
+    cap_variance, cholesky, is_resolved, mirror_upper, resolvable_variance, rounding_reserve,
+};
 use crate::kalman::innovation::Outcome;
 use crate::kalman::scalar_update::update_leading3;
 use crate::kalman::{Innovation, SkipReason};
@@ -284,6 +286,10 @@ impl<T: Scalar> Usque<T> {
 
     /// `K = Pxy S^-1`, `x = K nu`, `P <- P - K S K^T`, through the factor of `S`.
     fn correct(&mut self, predicted: &Predicted<T>, residual: &Vector3<T>, variance: T) -> bool {
+        let spread = predicted.covariance.diagonal().max();
+        let Some(variance) = resolvable_variance(variance, spread) else {
+            return false;
+        };
         let s = predicted.covariance + Matrix3::from_diagonal_element(variance);
         let Some(l) = cholesky(&s) else {
             return false;
@@ -294,21 +300,28 @@ impl<T: Scalar> Usque<T> {
             return false;
         };
         let mut covariance = self.state.covariance - half_gain.transpose() * half_gain;
+        for (i, column) in half_gain.column_iter().enumerate() {
+            covariance[(i, i)] += rounding_reserve(column.norm_squared());
+        }
         mirror_upper(&mut covariance);
         self.inject(&(half_gain.transpose() * whitened), covariance)
     }
 
     /// Takes over a correction and its covariance, unless something in them is not finite.
     fn inject(&mut self, correction: &Vector6<T>, covariance: Matrix6<T>) -> bool {
-        if !(correction.norm_squared().is_finite() && covariance.norm_squared().is_finite()) {
+        let bias = self.state.gyroscope_bias + correction.fixed_rows::<3>(3);
+        let finite = correction.norm_squared().is_finite() && covariance.norm_squared().is_finite();
+        if !(finite && is_possible_bias(&bias)) {
             return false;
         }
         let p: Vector3<T> = correction.fixed_rows::<3>(0).into_owned();
-        let db: Vector3<T> = correction.fixed_rows::<3>(3).into_owned();
         let corrected = self.state.attitude * from_rodrigues(&p);
         self.state.attitude = rotation::renormalize(&corrected);
-        self.state.gyroscope_bias += db;
+        self.state.gyroscope_bias = bias;
         self.state.covariance = recentred(&covariance, &p);
+        if !is_resolved(&self.state.covariance) {
+            self.reset_covariance();
+        }
         true
     }
 

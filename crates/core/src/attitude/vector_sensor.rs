@@ -10,13 +10,17 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::config::AttitudeConfig;
 use crate::kalman::covariance::normalized_square3;
-use crate::kalman::innovation::check_vector;
+use crate::kalman::innovation::{check_vector, checked_norm_squared};
 use crate::kalman::{Gate, GateDecision, GateState, Innovation, Outcome, SkipReason};
 use crate::restorable::{InvalidState, finite, not_negative};
 use crate::scalar::{Scalar, lit};
 
 /// A sample this many times longer than its reference was not measured: 50 g, 2.5 millitesla.
 pub const LONGEST: f64 = 50.0;
+
+/// Lengths that a reference can have (m/s^2, microtesla).
+pub(super) const SHORTEST_REFERENCE: f64 = 1e-6;
+pub(super) const LONGEST_REFERENCE: f64 = 1e6;
 
 /// What the vector sensors measure in the reference frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,7 +102,8 @@ impl<T: Scalar> VectorSensor<T> {
 
     /// Sets the reference and forgets gates and history; a zero or non-finite vector counts as none.
     pub fn start(&mut self, reference: Option<Vector3<T>>) {
-        self.reference = reference.filter(|r| check_vector(r, lit(1e-6), lit(1e6)).is_ok());
+        let limits = [lit(SHORTEST_REFERENCE), lit(LONGEST_REFERENCE)];
+        self.reference = reference.filter(|r| checked_norm_squared(r, limits).is_ok());
         self.reference_norm = self.reference.map_or(T::zero(), |r| r.norm());
         self.gate_state = GateState::default();
         self.since_fused = -T::one();

@@ -202,6 +202,12 @@ pub fn forward<T: Scalar>(q: &UnitQuaternion<T>) -> Vector3<T> {
     )
 }
 
+/// Whether a quaternion has a norm of one, within the square root of the rounding unit.
+#[inline]
+pub fn is_unit<T: Scalar>(q: &UnitQuaternion<T>) -> bool {
+    (q.as_ref().norm_squared() - T::one()).abs() <= T::default_epsilon().sqrt()
+}
+
 /// Removes the rounding that products of quaternions gather: one Newton step towards unit norm,
 /// exact to rounding for a quaternion whose norm is within 1e-4 of one.
 #[inline]

@@ -8,7 +8,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::covariance::mirror_upper;
+use super::covariance::{mirror_upper, resolvable_variance, rounding_reserve};
 use super::feedback::ScalarCorrection;
 use super::sparse_update::SparseRow;
 use crate::scalar::Scalar;
@@ -30,6 +30,11 @@ pub fn update_leading3<T: Scalar, const N: usize>(
     for i in 0..N {
         ph[i] = covariance[(i, 0)] * h.x + covariance[(i, 1)] * h.y + covariance[(i, 2)] * h.z;
     }
+    let p = |i: usize| covariance[(i, i)];
+    let spread = h.x * h.x * p(0) + h.y * h.y * p(1) + h.z * h.z * p(2);
+    let Some(variance) = resolvable_variance(variance, spread) else {
+        return false;
+    };
     let s = ph[0] * h.x + ph[1] * h.y + ph[2] * h.z + variance;
     let expected = correction[0] * h.x + correction[1] * h.y + correction[2] * h.z;
     apply(covariance, correction, &ph, s, residual - expected)
@@ -60,6 +65,10 @@ pub fn update_full<T: Scalar, const N: usize>(
     variance: T,
 ) -> bool {
     let ph = *covariance * h;
+    let spread = (0..N).fold(T::zero(), |sum, i| sum + h[i] * h[i] * covariance[(i, i)]);
+    let Some(variance) = resolvable_variance(variance, spread) else {
+        return false;
+    };
     let s = ph.dot(h) + variance;
     let expected = correction.dot(h);
     apply(covariance, correction, &ph, s, residual - expected)
@@ -83,7 +92,7 @@ pub fn update_one_state<T: Scalar, const N: usize>(
         return None;
     }
     let ph: SVector<T, N> = covariance.column(state).into_owned();
-    let s = ph[state] + variance;
+    let s = ph[state] + resolvable_variance(variance, ph[state])?;
     let nu = residual - correction[state];
     apply(covariance, correction, &ph, s, nu).then(|| ScalarCorrection {
         row: SparseRow::of_state(state),
@@ -150,6 +159,10 @@ fn update_pair<T: Scalar, const N: usize>(
     for i in 0..N {
         ph[i] = covariance[(i.min(a), i.max(a))] * h[0] + covariance[(i.min(b), i.max(b))] * h[1];
     }
+    let spread = h[0] * h[0] * covariance[(a, a)] + h[1] * h[1] * covariance[(b, b)];
+    let Some(variance) = resolvable_variance(variance, spread) else {
+        return false;
+    };
     let s = ph[a] * h[0] + ph[b] * h[1] + variance;
     let nu = residual - (correction[a] * h[0] + correction[b] * h[1]);
     if !(s > T::zero() && s.is_finite() && nu.is_finite()) {
@@ -162,6 +175,7 @@ fn update_pair<T: Scalar, const N: usize>(
         for i in 0..=j {
             covariance[(i, j)] -= ph[i] * k;
         }
+        covariance[(j, j)] += rounding_reserve(ph[j] * k);
     }
     true
 }
@@ -189,6 +203,7 @@ fn apply<T: Scalar, const N: usize>(
             covariance[(i, j)] = value;
             covariance[(j, i)] = value;
         }
+        covariance[(j, j)] += rounding_reserve(ph[j] * k);
     }
     true
 }

@@ -8,7 +8,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::covariance::cholesky;
+use super::covariance::{cholesky, resolvable_variance, rounding_reserve};
 use crate::scalar::Scalar;
 
 /// Most elements of a row, if nothing else is said: three of an attitude, three of an offset.
@@ -124,6 +124,13 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
         let mut s = self.predicted;
         for (i, row) in self.rows.iter().enumerate() {
             nu[i] -= row.dot(correction.as_slice());
+            let spread = row.elements().iter().fold(T::zero(), |sum, (state, h)| {
+                let own = covariance.get((*state, *state)).copied();
+                sum + *h * *h * own.unwrap_or_else(T::zero)
+            });
+            let Some(variance) = resolvable_variance(variance, spread) else {
+                return false;
+            };
             s[(i, i)] += variance;
         }
         let Some(l) = cholesky(&s).filter(|_| nu.norm_squared().is_finite()) else {
@@ -152,8 +159,13 @@ impl<T: Scalar, const N: usize, const M: usize> Projection<T, N, M> {
         }
         let columns = covariance.as_mut_slice().chunks_exact_mut(N);
         for (j, column) in columns.enumerate().take(self.active) {
+            let mut removed = T::zero();
             for w in &self.projected {
                 add_scaled(column, w, -w[j], self.active);
+                removed += w[j] * w[j];
+            }
+            if let Some(variance) = column.get_mut(j) {
+                *variance += rounding_reserve(removed);
             }
         }
         true

@@ -52,17 +52,17 @@ parameters! {
             "when a position is dead reckoning, and when it is invalid";
     };
 
-    water_velocity_noise_density: T, "(m/s)/sqrt(Hz)", Above(0.0, 1e9), [0.3],
+    water_velocity_noise_density: T, "(m/s)/sqrt(Hz)", From(1e-6, 1e3), [0.3],
         "white error of the velocity through the water",
         "Raising it follows the fixes more.";
-    current_random_walk: T, "(m/s)/sqrt(s)", Above(0.0, 1e9), [0.02],
+    current_random_walk: T, "(m/s)/sqrt(s)", From(1e-6, 1e3), [0.02],
         "random walk of the current",
         "Raising it follows a change of current, or of what log and compass do wrong, faster; an outage grows faster,",
         "too.";
-    velocity_random_walk: T, "(m/s)/sqrt(s)", Above(0.0, 1e9), [1.0],
+    velocity_random_walk: T, "(m/s)/sqrt(s)", From(1e-6, 1e3), [1.0],
         "random walk of the velocity while there is no log",
         "What a vessel's or a vehicle's accelerations amount to. Raising it follows the fixes more.";
-    initial_current_std: T, "m/s", Above(0.0, 1e9), [2.0],
+    initial_current_std: T, "m/s", From(1e-4, 1e3), [2.0],
         "standard deviation of the current at the start";
 }
 

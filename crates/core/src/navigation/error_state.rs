@@ -65,19 +65,19 @@ parameters! {
     /// Parameters of the filter.
     pub struct ErrorStateConfig;
 
-    accelerometer_noise_density: T, "(m/s^2)/sqrt(Hz)", NotNegative, [0.01],
+    accelerometer_noise_density: T, "(m/s^2)/sqrt(Hz)", From(0.0, 100.0), [0.01],
         "white noise of the accelerometer",
         "Raising it makes the filter follow aiding more quickly.";
-    gyroscope_noise_density: T, "(rad/s)/sqrt(Hz)", NotNegative, [0.001],
+    gyroscope_noise_density: T, "(rad/s)/sqrt(Hz)", From(0.0, 10.0), [0.001],
         "white noise of the gyroscope",
         "Raising it makes the filter follow the compass more quickly.";
-    accelerometer_bias_random_walk: T, "(m/s^2)/sqrt(s)", NotNegative, [0.0],
+    accelerometer_bias_random_walk: T, "(m/s^2)/sqrt(s)", From(0.0, 10.0), [0.0],
         "random walk of the accelerometer bias",
         "Raising it lets the bias move.";
-    gyroscope_bias_random_walk: T, "(rad/s)/sqrt(s)", NotNegative, [0.0],
+    gyroscope_bias_random_walk: T, "(rad/s)/sqrt(s)", From(0.0, 1.0), [0.0],
         "random walk of the gyroscope bias",
         "Raising it lets the bias move.";
-    gravity: T, "m/s^2", NotNegative, [9.806_65],
+    gravity: T, "m/s^2", From(0.0, 1e4), [9.806_65],
         "gravity";
     reset_jacobian: bool, "-", Flag, [true],
         "whether the attitude covariance is re-centred at the corrected attitude (E12)",

@@ -33,13 +33,13 @@ parameters! {
         log = 1,
     };
 
-    dead_reckoning_after_s: T, "s", Above(0.0, 1e9), [2.0],
+    dead_reckoning_after_s: T, "s", From(1e-3, 1e9), [2.0],
         "time without a fix after which a position is dead reckoning",
         "Raising it hides short outages.";
-    invalid_after_s: T, "s", Above(0.0, 1e9), [30.0, 1800.0],
+    invalid_after_s: T, "s", From(1e-3, 1e9), [30.0, 1800.0],
         "time without a fix after which a position is invalid",
         "Raising it trusts inertial sensors for longer than cheap ones deserve.";
-    invalid_above_m: T, "m", Above(0.0, 1e9), [50.0, 500.0],
+    invalid_above_m: T, "m", From(1e-4, 1e9), [50.0, 500.0],
         "standard deviation of the less certain horizontal axis above which a position is invalid";
 }
 

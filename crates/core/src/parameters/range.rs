@@ -8,11 +8,8 @@ use crate::scalar::{Scalar, lit};
 /// What a parameter may be. Numbers are finite in every range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Range {
-    /// A number above 0 whose square, a variance, is above 0 and finite too.
-    Positive,
-    /// A number of 0 or above whose square is finite.
-    NotNegative,
-    /// A number from the first to the second.
+    /// A number from the first to the second. Both are far enough from the ends of single precision that variances and
+    /// their products with gravity, fields and intervals keep a meaning.
     From(f64, f64),
     /// A number above the first, up to the second.
     Above(f64, f64),
@@ -37,8 +34,6 @@ impl Range {
     #[inline]
     pub fn permits<T: Scalar>(&self, x: T) -> bool {
         match *self {
-            Self::Positive => x > T::zero() && x * x > T::zero() && (x * x).is_finite(),
-            Self::NotNegative => x >= T::zero() && (x * x).is_finite(),
             Self::From(least, most) => x >= lit(least) && x <= lit(most),
             Self::Above(limit, most) => x > lit(limit) && x <= lit(most),
             _ => false,
@@ -87,13 +82,28 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     parts.next().is_none().then_some(values)
 }
 
+/// A limit as it is read best: `0.05`, `1000`, `1e-6`.
+struct Limit(f64);
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(limit) = *self;
+        let size = limit.abs();
+        if limit == 0.0 || (1e-3..1e6).contains(&size) {
+            write!(f, "{limit}")
+        } else {
+            write!(f, "{limit:e}")
+        }
+    }
+}
+
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Positive => f.write_str("above 0"),
-            Self::NotNegative => f.write_str("0 or above"),
-            Self::From(least, most) => write!(f, "from {least} to {most}"),
-            Self::Above(limit, most) => write!(f, "above {limit}, up to {most}"),
+            Self::From(least, most) => write!(f, "from {} to {}", Limit(*least), Limit(*most)),
+            Self::Above(limit, most) => {
+                write!(f, "above {}, up to {}", Limit(*limit), Limit(*most))
+            }
             Self::Count(least) => write!(f, "a whole number, {least} or above"),
             Self::Flag => f.write_str("true | false"),
             Self::Words(words) => {

@@ -164,10 +164,10 @@ impl<T: Scalar> TrackerConfig<T> {
     /// The first one outside its permitted range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let acceleration = self.motion.acceleration_std;
-        Range::NotNegative.check("motion.acceleration_std", acceleration)?;
-        Range::Positive.check("radar.range_std", self.radar.range_std)?;
-        Range::Positive.check("radar.bearing_std", self.radar.bearing_std)?;
-        Range::NotNegative.check("gate_nis", self.gate_nis)
+        Range::From(0.0, 1e3).check("motion.acceleration_std", acceleration)?;
+        Range::From(1e-3, 1e6).check("radar.range_std", self.radar.range_std)?;
+        Range::From(1e-6, 10.0).check("radar.bearing_std", self.radar.bearing_std)?;
+        Range::From(0.0, 1e6).check("gate_nis", self.gate_nis)
     }
 }
 

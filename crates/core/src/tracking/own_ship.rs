@@ -40,10 +40,10 @@ parameters! {
     /// Correlation times of the error of the own ship's pose, for a navigation filter that is a black box.
     pub struct PoseErrorCorrelation;
 
-    position_s: T, "s", NotNegative, [300.0],
+    position_s: T, "s", From(0.0, 1e9), [300.0],
         "correlation time of the position error; 0 for an error that is new at every scan",
         "Raising it makes the tracker average less.";
-    heading_s: T, "s", NotNegative, [1e4],
+    heading_s: T, "s", From(0.0, 1e9), [1e4],
         "correlation time of the heading error; 0 as for the position";
 }
 
@@ -51,9 +51,9 @@ parameters! {
     /// How fast a ship can move: what is beyond is a jump of its navigation.
     pub struct PoseLimits;
 
-    speed_m_s: T, "m/s", Positive, [50.0],
+    speed_m_s: T, "m/s", From(1e-4, 1e4), [50.0],
         "fastest own ship";
-    turn_rad_s: T, "rad/s", Positive, [1.5],
+    turn_rad_s: T, "rad/s", From(1e-6, 1e3), [1.5],
         "fastest turn of the own ship";
 }
 

@@ -38,13 +38,13 @@ parameters! {
         printed = 1,
     };
 
-    gyroscope_std: T, "rad/s", Above(0.0, 1e3), [0.2_f64.to_radians()],
+    gyroscope_std: T, "rad/s", From(1e-8, 1e3), [0.2_f64.to_radians()],
         "gyroscope noise of each sample",
         "0.2 deg/s. Raising it trusts the angles of accelerometer and magnetometer more.";
-    gyroscope_bias_random_walk: T, "rad/s/sqrt(s)", From(0.0, 1e6), [3e-5],
+    gyroscope_bias_random_walk: T, "rad/s/sqrt(s)", From(0.0, 1.0), [3e-5],
         "random walk of each bias",
         "Raising it follows the bias faster.";
-    angle_std: T, "rad", Above(0.0, 1e3), [10.0_f64.to_radians()],
+    angle_std: T, "rad", From(1e-6, 10.0), [10.0_f64.to_radians()],
         "error of the angles that the sensors give",
         "10 degrees: accelerations, not sensor noise (walking 10, driving 30 deg). Raising it smooths longer.";
     noise: AxisNoise, "-", Words(AxisNoise::WORDS), [AxisNoise::Physical, AxisNoise::Printed],

@@ -32,136 +32,136 @@ parameters! {
         lab = 1,
     };
 
-    update_interval_s: T, "s", Positive, [0.02],
+    update_interval_s: T, "s", From(1e-4, 10.0), [0.02],
         "interval of covariance and updates; the attitude follows every sample",
         "Raising it costs less and corrects later.";
-    gyroscope_noise_density: T, "rad/s/sqrt(Hz)", Positive, [1.3e-3],
+    gyroscope_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [1.3e-3],
         "white noise of the gyroscope, unmodelled errors included",
         "0.075 deg/sqrt(s), much above the sensor's own. Raising it trusts the gyroscope less.";
-    gyroscope_scale_noise: T, "rad/(rad/s)/sqrt(s)", NotNegative, [1.5e-3],
+    gyroscope_scale_noise: T, "rad/(rad/s)/sqrt(s)", From(0.0, 10.0), [1.5e-3],
         "extra angle noise per rate",
         "Raising it widens the covariance in fast motion; zero makes it too small there.";
-    gyroscope_bias_random_walk: T, "rad/s/sqrt(s)", NotNegative, [1e-5],
+    gyroscope_bias_random_walk: T, "rad/s/sqrt(s)", From(0.0, 1.0), [1e-5],
         "random walk of the gyroscope bias",
         "Raising it lets the bias follow faster, and be fooled faster.";
-    initial_gyroscope_bias_std: T, "rad/s", NotNegative, [0.0175],
+    initial_gyroscope_bias_std: T, "rad/s", From(0.0, 10.0), [0.0175],
         "standard deviation of the gyroscope bias at the start, per axis",
         "1 deg/s; it learns six. Raising it learns large biases sooner and starts slower.";
-    initial_gyroscope_bias_without_magnetometer_std: T, "rad/s", NotNegative, [8.7e-3],
+    initial_gyroscope_bias_without_magnetometer_std: T, "rad/s", From(0.0, 10.0), [8.7e-3],
         "the same where there is no magnetometer",
         "0.5 deg/s: there nothing but a rest shows the bias about the vertical. Raising it learns large biases sooner",
         "and lets the heading drift further; a calibration at rest says better.";
     scale_states: ScaleStates, "-", Words(ScaleStates::WORDS), [ScaleStates::Full],
         "which errors of the gyroscope's scale are estimated";
-    initial_scale_std: T, "-", NotNegative, [0.004],
+    initial_scale_std: T, "-", From(0.0, 1e6), [0.004],
         "standard deviation of the scale of each axis",
         "It does not change in time.";
-    initial_misalignment_std: T, "rad", NotNegative, [0.001],
+    initial_misalignment_std: T, "rad", From(0.0, 10.0), [0.001],
         "standard deviation of each misalignment and skewness";
-    initial_misalignment_without_magnetometer_std: T, "rad", NotNegative, [0.004],
+    initial_misalignment_without_magnetometer_std: T, "rad", From(0.0, 10.0), [0.004],
         "the same where there is no magnetometer",
         "With one, a field that is not the same everywhere would be taken for a misalignment. Raising it takes less for a bias.";
-    accelerometer_noise_density: T, "m/s^2/sqrt(Hz)", Positive, [0.05],
+    accelerometer_noise_density: T, "m/s^2/sqrt(Hz)", From(1e-6, 100.0), [0.05],
         "white noise of the accelerometer",
         "Raising it lets the velocity forget faster, which trusts gravity less.";
-    accelerometer_scale_noise: T, "1/sqrt(Hz)", NotNegative, [0.01],
+    accelerometer_scale_noise: T, "1/sqrt(Hz)", From(0.0, 10.0), [0.01],
         "extra of it per acceleration",
         "Scale errors.";
-    accelerometer_bias_std: T, "m/s^2", NotNegative, [0.05, 0.0],
+    accelerometer_bias_std: T, "m/s^2", From(0.0, 10.0), [0.05, 0.0],
         "standard deviation of an uncalibrated accelerometer's bias, per axis; widens the stated tilt",
         "0: calibrated. It is no state: the stated covariance of the tilt has `(bias / gravity)^2` beside the filter's",
         "own, and nothing else changes.";
-    initial_velocity_std: T, "m/s", Positive, [1.0],
+    initial_velocity_std: T, "m/s", From(1e-4, 1e4), [1.0],
         "standard deviation of the velocity at the start, per axis",
         "Also after a pause of the accelerometer.";
-    velocity_psd: T, "m^2/s", Positive, [0.02],
+    velocity_psd: T, "m^2/s", From(1e-9, 1e4), [0.02],
         "noise of `velocity is zero` without acceleration",
         "The power spectral density of that pseudo-measurement. Raising it trusts gravity less.";
-    velocity_psd_gain: T, "s^3", NotNegative, [0.025],
+    velocity_psd_gain: T, "s^3", From(0.0, 1e4), [0.025],
         "adds gain * (mean square acceleration) to it",
         "Raising it trusts gravity less while the device is accelerated.";
-    initial_velocity_psd: T, "m^2/s", NotNegative, [1.0],
+    initial_velocity_psd: T, "m^2/s", From(0.0, 1e4), [1.0],
         "noise of `velocity is zero` while nothing is known of the motion yet",
         "It fades with `velocity_correlation_time_s`. Raising it finds the tilt later, and a vehicle that is moving already sooner.";
-    largest_velocity_psd: T, "m^2/s", NotNegative, [10.0],
+    largest_velocity_psd: T, "m^2/s", From(0.0, 1e4), [10.0],
         "largest noise of `velocity is zero` that is learnt from velocities that last; 0 learns nothing",
         "Raising it follows vehicles better, and a tilt that is wrong for another reason longer.";
-    velocity_correlation_time_s: T, "s", Positive, [10.0],
+    velocity_correlation_time_s: T, "s", From(1e-4, 1e9), [10.0],
         "so long a velocity is expected to last until it is seen how long";
-    velocity_memory_s: T, "s", Positive, [60.0],
+    velocity_memory_s: T, "s", From(1e-4, 1e9), [60.0],
         "so long a velocity that lasted is expected again";
-    velocity_excess: T, "-", NotNegative, [4.0],
+    velocity_excess: T, "-", From(0.0, 1e6), [4.0],
         "variances of the filter's own velocity that its square must exceed to be one";
-    acceleration_average_s: T, "s", Positive, [1.5],
+    acceleration_average_s: T, "s", From(1e-4, 1e9), [1.5],
         "time over which that square is averaged";
-    magnetometer_std_ut: T, "microtesla", Positive, [2.5],
+    magnetometer_std_ut: T, "microtesla", From(1e-4, 1e6), [2.5],
         "magnetometer error per look and axis, the field's unevenness included",
         "Raising it trusts the field less.";
-    magnetometer_correlation_time_s: T, "s", NotNegative, [1.0],
+    magnetometer_correlation_time_s: T, "s", From(0.0, 1e9), [1.0],
         "correlation time of such errors",
         "One independent look per this time. Raising it lets the heading follow the field less.";
-    field_strength_scale_ut: T, "microtesla", Positive, [8.0],
+    field_strength_scale_ut: T, "microtesla", From(1e-4, 1e6), [8.0],
         "deviation of the field's strength that doubles the variance",
         "Raising it trusts disturbed fields more.";
-    field_dip_scale: T, "rad", Positive, [0.07],
+    field_dip_scale: T, "rad", From(1e-6, 10.0), [0.07],
         "deviation of its dip that doubles the variance",
         "4 degrees.";
-    magnetometer_student_freedom: T, "-", NotNegative, [2.0],
+    magnetometer_student_freedom: T, "-", From(0.0, 1e6), [2.0],
         "degrees of freedom of Student's t for its errors; 0 takes them as normal",
         "Raising it lets outliers weigh more.";
-    initial_hard_iron_std_ut: T, "microtesla", NotNegative, [0.0],
+    initial_hard_iron_std_ut: T, "microtesla", From(0.0, 1e6), [0.0],
         "standard deviation of the hard iron; unless set, it follows from the magnetometer: 0 calibrated, 2 by a file, 3 by a phone's system, 12 uncalibrated",
         "0: calibrated, no states for it. Raising it learns larger offsets, and takes a field's unevenness for one.";
-    hard_iron_random_walk_ut: T, "microtesla/sqrt(s)", NotNegative, [0.02],
+    hard_iron_random_walk_ut: T, "microtesla/sqrt(s)", From(0.0, 1e4), [0.02],
         "random walk of the hard iron";
-    initial_field_std_ut: T, "microtesla", NotNegative, [5.0],
+    initial_field_std_ut: T, "microtesla", From(0.0, 1e6), [5.0],
         "standard deviation of the reference field; 0 keeps that of the start",
         "Of its horizontal and vertical strength; 0 has no states for it.";
-    field_random_walk_ut: T, "microtesla/sqrt(s)", NotNegative, [0.05],
+    field_random_walk_ut: T, "microtesla/sqrt(s)", From(0.0, 1e4), [0.05],
         "random walk of the reference field";
-    rest_angular_rate: T, "rad/s", Positive, [0.035],
+    rest_angular_rate: T, "rad/s", From(1e-6, 1e3), [0.035],
         "deviation of the rate from its low-pass below which the device may rest",
         "2 deg/s.";
-    rest_specific_force: T, "m/s^2", Positive, [0.5],
+    rest_specific_force: T, "m/s^2", From(1e-6, 1e4), [0.5],
         "the same for the specific force";
-    rest_average_s: T, "s", Positive, [0.5],
+    rest_average_s: T, "s", From(1e-4, 1e9), [0.5],
         "time constant of both low-passes";
-    rest_duration_s: T, "s", NotNegative, [1.5],
+    rest_duration_s: T, "s", From(0.0, 1e9), [1.5],
         "so long must both stay below",
         "Raising it finds fewer rests.";
-    rest_smoothing_s: T, "s", Positive, [0.1],
+    rest_smoothing_s: T, "s", From(1e-4, 1e9), [0.1],
         "time constant of a low-pass on rate and force before they are compared",
         "Noise and vibration are no motion. Raising it finds rests that are none.";
-    rest_slow_motion_gain: T, "-", NotNegative, [1.0],
+    rest_slow_motion_gain: T, "-", From(0.0, 1e6), [1.0],
         "factor on the noise that a slow turn or push adds at rest; 0 takes every rest as one";
-    rest_rate_noise_density: T, "rad/s/sqrt(Hz)", Positive, [1.75e-3],
+    rest_rate_noise_density: T, "rad/s/sqrt(Hz)", From(1e-9, 10.0), [1.75e-3],
         "noise of `the rate is the bias` at rest",
         "0.1 deg/s/sqrt(Hz).";
-    rest_velocity_psd: T, "m^2/s", Positive, [9e-4],
+    rest_velocity_psd: T, "m^2/s", From(1e-9, 1e4), [9e-4],
         "most noise of `velocity is zero` at rest";
-    gyroscope_saturation: T, "rad/s", NotNegative, [0.0],
+    gyroscope_saturation: T, "rad/s", From(0.0, 1e4), [0.0],
         "rate at which an axis of the gyroscope is at its limit; 0 is unknown",
         "99 % of its full scale.";
-    saturation_angle_random_walk: T, "rad/sqrt(s)", NotNegative, [0.5],
+    saturation_angle_random_walk: T, "rad/sqrt(s)", From(0.0, 100.0), [0.5],
         "angle noise while an axis is";
-    accelerometer_saturation: T, "m/s^2", NotNegative, [0.0],
+    accelerometer_saturation: T, "m/s^2", From(0.0, 1e4), [0.0],
         "force at which an axis of the accelerometer is at its limit; 0 is unknown";
-    saturation_velocity_random_walk: T, "m/s/sqrt(s)", NotNegative, [5.0],
+    saturation_velocity_random_walk: T, "m/s/sqrt(s)", From(0.0, 1e3), [5.0],
         "velocity noise while an axis is";
     prediction_s: T, "s", From(-0.1, 0.1), [0.0025, 0.0],
         "how far ahead of its samples the attitude is given: the sensors' group delay",
         "At the present rate.";
-    initial_tilt_std: T, "rad", Positive, [0.14],
+    initial_tilt_std: T, "rad", From(1e-6, 10.0), [0.14],
         "standard deviation of the tilt at the start, per axis",
         "8 degrees.";
-    initial_heading_std: T, "rad", Positive, [0.35],
+    initial_heading_std: T, "rad", From(1e-6, 10.0), [0.35],
         "standard deviation of the heading at the start",
         "20 degrees.";
-    maximum_attitude_std: T, "rad", Positive, [1.8],
+    maximum_attitude_std: T, "rad", From(1e-3, 10.0), [1.8],
         "largest standard deviation per axis: beyond it nothing is known";
-    compass_std: T, "rad", Positive, [0.17],
+    compass_std: T, "rad", From(1e-6, 10.0), [0.17],
         "smallest standard deviation of a compass heading; what the device states counts where it is larger";
-    compass_correlation_time_s: T, "s", NotNegative, [5.0],
+    compass_correlation_time_s: T, "s", From(0.0, 1e9), [5.0],
         "correlation time of compass errors";
 }
 

@@ -8,14 +8,21 @@ use super::propagation::Sums;
 use super::rest::RestDetector;
 use super::velocity_noise::VelocityNoise;
 use crate::attitude::InitialState;
+use crate::attitude::propagation::LARGEST_BIAS_RAD_S;
 use crate::attitude::vector_sensor::{References, VectorSensor};
 use crate::geometry::rotation;
+use crate::kalman::covariance::{cap_variance, undrown};
 use crate::kalman::innovation::check_vector;
 use crate::restorable::{InvalidState, covariance, expect, finite, not_negative, unit};
 use crate::scalar::{Scalar, lit};
 
 /// The square of the acceleration that is taken for the mean before there is one, (m/s^2)^2.
 const INITIAL_SQUARE_ACCELERATION: f64 = 1.0;
+
+/// Largest error of scale and alignment, largest velocity, and largest field and hard iron: beyond them nothing was measured.
+const LARGEST_SCALE: f64 = 10.0;
+const LARGEST_VELOCITY_M_S: f64 = 1e4;
+const LARGEST_FIELD_UT: f64 = 1e6;
 
 /// Save it, restore it, and the filter continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -170,7 +177,12 @@ impl<T: Scalar> BoundedVelocityState<T> {
         check_vector(force, lit(1e-3), lit(1e6)).ok()?;
         let mut state = Self::blank(config);
         state.gravity = force.norm();
-        state.ref_from_level = ref_from_level(references);
+        let usable = |field: &Vector3<T>| check_vector(field, lit(1e-3), lit(1e6)).is_ok();
+        let references = References {
+            specific_force: *force,
+            magnetic_field: references.magnetic_field.filter(usable),
+        };
+        state.ref_from_level = ref_from_level(&references);
         let level_from_ref = state.ref_from_level.inverse();
         let turned = level_from_ref * initial.attitude;
         state.level_from_body = rotation::renormalize(&turned);
@@ -179,7 +191,6 @@ impl<T: Scalar> BoundedVelocityState<T> {
         let field = references
             .magnetic_field
             .map(|field| level_from_ref * field);
-        let field = field.filter(|f| check_vector(f, lit(1e-3), lit(1e6)).is_ok());
         let mut bias_std = initial.gyroscope_bias_std;
         match field {
             Some(level) => {
@@ -216,7 +227,8 @@ impl<T: Scalar> BoundedVelocityState<T> {
     fn set_attitude_covariance(&mut self, body: &Matrix3<T>) {
         let r = self.level_from_body.to_rotation_matrix().into_inner();
         let level = r * body * r.transpose();
-        let symmetric = (level + level.transpose()) * lit::<T>(0.5);
+        let mut symmetric = (level + level.transpose()) * lit::<T>(0.5);
+        undrown(&mut symmetric);
         self.covariance
             .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
             .copy_from(&symmetric);
@@ -247,6 +259,45 @@ impl<T: Scalar> BoundedVelocityState<T> {
         }
         if let Some(first) = self.layout.hard_iron() {
             self.set_variance(first, 3, square(config.initial_hard_iron_std_ut));
+        }
+    }
+
+    /// Holds gyroscope bias, scale, velocity, field and hard iron where sensors and their carriers are.
+    #[inline]
+    pub(super) fn hold_within_limits(&mut self) {
+        let hold = |values: &mut [T], limit: f64| {
+            let limit = lit::<T>(limit);
+            for value in values {
+                if value.abs() > limit {
+                    *value = limit.copysign(*value);
+                }
+            }
+        };
+        hold(self.gyroscope_bias.as_mut_slice(), LARGEST_BIAS_RAD_S);
+        hold(self.scale.as_mut_slice(), LARGEST_SCALE);
+        hold(self.velocity.as_mut_slice(), LARGEST_VELOCITY_M_S);
+        hold(self.field_ut.as_mut_slice(), LARGEST_FIELD_UT);
+        hold(self.hard_iron_ut.as_mut_slice(), LARGEST_FIELD_UT);
+    }
+
+    /// Keeps variances where numbers still mean something, correlations as they are; `attitude` is the largest of its three.
+    #[inline]
+    pub(super) fn cap_variances(&mut self, attitude: T) {
+        let square = |limit: f64| lit::<T>(limit * limit);
+        let p = &mut self.covariance;
+        let mut cap = |first: usize, count: usize, limit: T| {
+            for i in first..first + count {
+                cap_variance(p, i, limit);
+            }
+        };
+        cap(ATTITUDE, 3, attitude);
+        cap(VELOCITY, 2, square(LARGEST_VELOCITY_M_S));
+        cap(BIAS, 3, square(LARGEST_BIAS_RAD_S));
+        if let Some(first) = self.layout.field() {
+            cap(first, 2, square(LARGEST_FIELD_UT));
+        }
+        if let Some(first) = self.layout.hard_iron() {
+            cap(first, 3, square(LARGEST_FIELD_UT));
         }
     }
 

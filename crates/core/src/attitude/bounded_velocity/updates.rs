@@ -267,10 +267,14 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
         innovation
     }
 
-    /// Takes the corrections into the state (B21). They are small: the covariance is not turned.
+    /// Takes the corrections into the state (B21). They are small: the covariance is not turned. What is not finite is not
+    /// taken, and no state leaves what its sensor can have.
     #[inline]
     pub(super) fn inject(&mut self, x: &Correction<T>) {
         let state = &mut self.state;
+        if !x.norm_squared().is_finite() {
+            return;
+        }
         let turn = so3::exp(&Vector3::new(x[0], x[1], x[2]));
         state.level_from_body = rotation::renormalize(&(turn * state.level_from_body));
         state.velocity.x += x[VELOCITY];
@@ -290,6 +294,7 @@ impl<T: Scalar, O: StepObserver<T>> BoundedVelocity<T, O> {
                 state.hard_iron_ut[i] += tail(first, i).unwrap_or_else(T::zero);
             }
         }
+        state.hold_within_limits();
         self.tell(Moment::Corrected);
     }
 }

@@ -10,31 +10,31 @@ parameters! {
     pub struct MagnetometerLimits;
 
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-    field_strength_ut: Option<T>, "microtesla", Optional(&Positive), [None],
+    field_strength_ut: Option<T>, "microtesla", Optional(&From(1e-4, 1e6)), [None],
         "strength of the field at this place, to which calibrated samples are scaled",
         "None: the mean radius that the sensor itself shows.";
     minimum_samples: u32, "-", Count(0), [100],
         "fewest different samples",
         "Raising it asks for longer recordings.";
-    ellipsoid_coverage: T, "-", NotNegative, [0.45],
+    ellipsoid_coverage: T, "-", From(0.0, 1e6), [0.45],
         "fraction of the sphere that an ellipsoid needs",
         "With less, or where the sphere's centre is much better known, a sphere is fitted. Raising it asks for more",
         "turning and refuses soft iron found from half a view; above 1 a sphere is fitted always.";
     sphere_coverage: T, "-", From(0.0, 1.0), [0.35],
         "fraction of the sphere that a sphere needs; with less nothing is fitted";
-    condition_number: T, "-", Positive, [60.0],
+    condition_number: T, "-", From(1e-3, 1e6), [60.0],
         "largest condition number of a fit",
         "A full view has 3.2 for an ellipsoid and 1.2 for a sphere. Raising it accepts directions that happen to leave",
         "a parameter open.";
-    axis_ratio: T, "-", Positive, [2.0],
+    axis_ratio: T, "-", From(1e-3, 1e6), [2.0],
         "largest ratio of the ellipsoid's longest and shortest axis; beyond it no ellipsoid is accepted";
-    residual_std_ut: T, "microtesla", Positive, [3.0],
+    residual_std_ut: T, "microtesla", From(1e-4, 1e6), [3.0],
         "largest standard deviation of the calibrated samples' distance from the surface",
         "Raising it accepts disturbed surroundings.";
-    field_minimum_ut: T, "microtesla", NotNegative, [20.0],
+    field_minimum_ut: T, "microtesla", From(0.0, 1e6), [20.0],
         "weakest mean radius",
         "The Earth's field is 22 to 67.";
-    field_maximum_ut: T, "microtesla", Positive, [80.0],
+    field_maximum_ut: T, "microtesla", From(1e-4, 1e6), [80.0],
         "strongest mean radius",
         "Sensors may be some percent too sensitive.";
 }

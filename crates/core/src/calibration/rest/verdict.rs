@@ -55,30 +55,30 @@ parameters! {
     minimum_samples: u32, "-", Count(0), [50],
         "fewest samples of each sensor",
         "Raising it asks for longer recordings.";
-    gyroscope_std_rad_s: T, "rad/s", NotNegative, [0.05],
+    gyroscope_std_rad_s: T, "rad/s", From(0.0, 10.0), [0.05],
         "largest standard deviation of an axis of the gyroscope",
         "Raising it accepts noisier sensors and unsteadier tables; so for the next two.";
-    accelerometer_std_m_s2: T, "m/s^2", NotNegative, [0.3],
+    accelerometer_std_m_s2: T, "m/s^2", From(0.0, 1e4), [0.3],
         "largest standard deviation of an axis of the accelerometer";
-    magnetometer_std_ut: T, "microtesla", NotNegative, [5.0],
+    magnetometer_std_ut: T, "microtesla", From(0.0, 1e6), [5.0],
         "largest standard deviation of an axis of the magnetometer";
-    gyroscope_drift_rad_s: T, "rad/s", NotNegative, [0.005],
+    gyroscope_drift_rad_s: T, "rad/s", From(0.0, 10.0), [0.005],
         "largest change of the mean of an axis of the gyroscope from the first half to the second",
         "Noise is allowed for on top. Raising it accepts slower motion; so for the next two.";
-    accelerometer_drift_m_s2: T, "m/s^2", NotNegative, [0.1],
+    accelerometer_drift_m_s2: T, "m/s^2", From(0.0, 1e4), [0.1],
         "the same of the accelerometer",
         "0.6 degrees of tilt.";
-    magnetometer_drift_ut: T, "microtesla", NotNegative, [1.0],
+    magnetometer_drift_ut: T, "microtesla", From(0.0, 1e6), [1.0],
         "the same of the magnetometer",
         "Some two degrees of turn.";
-    gravity_m_s2: T, "m/s^2", Positive, [9.81],
+    gravity_m_s2: T, "m/s^2", From(1e-6, 1e4), [9.81],
         "length of the specific force at rest";
-    gravity_tolerance_m_s2: T, "m/s^2", NotNegative, [0.5],
+    gravity_tolerance_m_s2: T, "m/s^2", From(0.0, 1e4), [0.5],
         "by how much the measured length may differ from it";
-    field_minimum_ut: T, "microtesla", NotNegative, [20.0],
+    field_minimum_ut: T, "microtesla", From(0.0, 1e6), [20.0],
         "weakest magnetic field",
         "The Earth's is 22 to 67.";
-    field_maximum_ut: T, "microtesla", Positive, [70.0],
+    field_maximum_ut: T, "microtesla", From(1e-4, 1e6), [70.0],
         "strongest magnetic field";
     field_gravity_angle_deg: T, "degrees", From(0.0, 90.0), [5.0],
         "smallest angle between gravity's line and the field's: below it there is no heading";

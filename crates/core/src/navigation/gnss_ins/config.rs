@@ -28,11 +28,11 @@ parameters! {
 
     imu_samples: ImuSamples, "-", Words(ImuSamples::WORDS), [ImuSamples::Instants],
         "what one inertial sample is: read at its stamp, the mean since the one before, or none at all";
-    accelerometer_noise_density: T, "(m/s^2)/sqrt(Hz)", Above(0.0, 10.0), [0.015],
+    accelerometer_noise_density: T, "(m/s^2)/sqrt(Hz)", From(1e-6, 10.0), [0.015],
         "white noise of the accelerometer",
         "An engine's vibration of 0.15 m/s^2, read at 100 Hz. Raising it follows fixes more quickly and grows faster",
         "in an outage.";
-    gyroscope_noise_density: T, "(rad/s)/sqrt(Hz)", Above(0.0, 1.0), [2.5e-3],
+    gyroscope_noise_density: T, "(rad/s)/sqrt(Hz)", From(1e-9, 1.0), [2.5e-3],
         "white noise of the gyroscope",
         "Vibration of 1.4 deg/s at 100 Hz, between axes and rest of a car; the sensor alone has a twentieth. Raising",
         "it learns the tilt faster from fixes.";
@@ -46,19 +46,19 @@ parameters! {
         "first-order Gauss-Markov bias of the accelerometer on top of it, standard deviation; 0: none",
         "Vibration that is sampled too slowly returns as an offset. Raising it trusts the accelerometer less in an",
         "outage.";
-    accelerometer_gauss_markov_time_s: T, "s", Above(0.0, 1e6), [60.0], was "accelerometer_wander_time_s",
+    accelerometer_gauss_markov_time_s: T, "s", From(1e-3, 1e6), [60.0], was "accelerometer_wander_time_s",
         "its correlation time";
     gyroscope_gauss_markov_std: T, "rad/s", From(0.0, 1.0), [2e-3], was "gyroscope_wander_std",
         "first-order Gauss-Markov bias of the gyroscope, standard deviation; 0: none",
         "0.11 deg/s: what vibration does to a cheap one; none for a sensor on foot. Raising it trusts the gyroscope",
         "less in an outage.";
-    gyroscope_gauss_markov_time_s: T, "s", Above(0.0, 1e6), [20.0], was "gyroscope_wander_time_s",
+    gyroscope_gauss_markov_time_s: T, "s", From(1e-3, 1e6), [20.0], was "gyroscope_wander_time_s",
         "its correlation time",
         "Until the next gear or speed.";
-    accelerometer_bias_std: T, "m/s^2", Above(0.0, 10.0), [0.15],
+    accelerometer_bias_std: T, "m/s^2", From(1e-6, 10.0), [0.15],
         "standard deviation of the accelerometer bias at the start",
         "Consumer sensors.";
-    gyroscope_bias_std: T, "rad/s", Above(0.0, 1.0), [0.02],
+    gyroscope_bias_std: T, "rad/s", From(1e-8, 1.0), [0.02],
         "standard deviation of the gyroscope bias at the start, when it never stood still";
     gravity: T, "m/s^2", From(0.0, 100.0), [9.806_65],
         "gravity",
@@ -86,17 +86,17 @@ parameters! {
     time_jitter_s: T, "s", From(0.0, 1.0), [0.005],
         "jitter of the stamps between the two clocks",
         "Adds speed times jitter to the noise of a position.";
-    position_uncorrelated_fraction: T, "-", Above(0.0, 100.0), [0.8], was "position_white_share",
+    position_uncorrelated_fraction: T, "-", From(1e-3, 100.0), [0.8], was "position_white_share",
         "fraction of a position's stated standard deviation that is independent from fix to fix";
     position_correlated_fraction: T, "-", From(0.0, 100.0), [0.7], was "position_slow_share",
         "fraction of it that stays correlated from fix to fix; 0: none is estimated",
         "Receivers' errors are of the sky and last a minute. Without it an average of many fixes is overconfident.",
         "Raising it trusts the mean of many fixes less.";
-    position_correlation_time_s: T, "s", Above(0.0, 1e6), [60.0], was "position_slow_time_s",
+    position_correlation_time_s: T, "s", From(1e-3, 1e6), [60.0], was "position_slow_time_s",
         "correlation time of that fraction";
-    position_std_floor_m: T, "m", Above(0.0, 1e3), [0.01],
+    position_std_floor_m: T, "m", From(1e-4, 1e3), [0.01],
         "least standard deviation of a horizontal position; of a height two and a half times that";
-    least_noise_scale: T, "-", Above(0.0, 1.0), [1.0],
+    least_noise_scale: T, "-", From(1e-3, 1.0), [1.0],
         "least that a receiver's stated standard deviations are multiplied by, as its fixes show",
         "Of the fraction that is independent from fix to fix. 1, and 1 for the largest: they are taken as stated.";
     largest_noise_scale: T, "-", From(1.0, 1e3), [20.0],
@@ -106,10 +106,10 @@ parameters! {
         "Without it the errors of fixes are taken to be normal, and none is left out.";
     vibration_noise: bool, "-", Flag, [true],
         "whether the noise that the inertial samples themselves show is expected where it is above the noise densities";
-    velocity_std_floor_m_s: T, "m/s", Above(0.0, 1e3), [0.1],
+    velocity_std_floor_m_s: T, "m/s", From(1e-4, 1e3), [0.1],
         "least standard deviation of a velocity",
         "Receivers smooth it, and state what is left.";
-    magnetic_heading_std: T, "rad", Above(0.0, 10.0), [0.09],
+    magnetic_heading_std: T, "rad", From(1e-6, 10.0), [0.09],
         "standard deviation of a magnetometer's heading",
         "5 degrees.";
     magnetic_interval_s: T, "s", From(0.0, 1e3), [5.0],
@@ -125,7 +125,7 @@ parameters! {
     declination: Option<T>, "rad", Optional(&From(-4.0, 4.0)), [None],
         "magnetic declination, east positive; none: that of the magnetic model at the place",
         "Without either ([`super::GnssIns::set_declination`]) it is zero.";
-    barometer_std_m: T, "m", Above(0.0, 1e3), [0.5],
+    barometer_std_m: T, "m", From(1e-4, 1e3), [0.5],
         "standard deviation of a barometer's height from sample to sample";
     barometer_offset_random_walk: T, "m/sqrt(s)", From(0.0, 1e3), [0.02],
         "random walk of its offset";
@@ -133,14 +133,14 @@ parameters! {
         "horizontal speed that is prior knowledge, one standard deviation an axis; 0: no damping",
         "76 km/h in all, a road vehicle; the fastest of the last minutes, from 3 m/s on, where that was slower. It damps the velocity in an outage, when nothing else measures it. Raising it",
         "lets dead reckoning run away further; lowering it below the speeds that are driven pulls them down.";
-    damping_time_s: T, "s", Above(0.0, 1e6), [15.0],
+    damping_time_s: T, "s", From(1e-3, 1e6), [15.0],
         "how long a speed lasts: once in that time the prior counts as a measurement";
     zero_velocity: bool, "-", Flag, [false],
         "whether zero velocity is fused when the unit is found at rest";
     non_holonomic: bool, "-", Flag, [false],
         "whether the vehicle is taken not to move sideways or up and down",
         "Only for what rolls on wheels.";
-    non_holonomic_std_m_s: T, "m/s", Above(0.0, 1e3), [0.3],
+    non_holonomic_std_m_s: T, "m/s", From(1e-4, 1e3), [0.3],
         "standard deviation of its sideways and vertical velocity, taken at 5 Hz",
         "Five of them a second are not independent, and tyres slip.";
     vehicle_arm_m: [T; 3], "m", Vector(&From(-100.0, 100.0)), [[0.0; 3]],
@@ -148,9 +148,9 @@ parameters! {
     mount_std: T, "rad", From(0.0, 1.0), [0.12],
         "standard deviation of pitch and yaw of the mount",
         "7 degrees.";
-    initial_heading: Option<[T; 2]>, "rad", Optional(&Pair(&From(-10.0, 10.0), &Above(0.0, 10.0))), [None],
+    initial_heading: Option<[T; 2]>, "rad", Optional(&Pair(&From(-10.0, 10.0), &From(1e-6, 10.0))), [None],
         "true heading at the start and its standard deviation, if known";
-    course_std: T, "rad", Above(0.0, 1.0), [0.15],
+    course_std: T, "rad", From(1e-6, 1.0), [0.15],
         "standard deviation of heading against course at the start without inertial unit: crab and mount";
     gap_attitude_random_walk: T, "rad/sqrt(s)", From(0.0, 100.0), [0.3],
         "random walk of the attitude while there are no inertial samples",

@@ -31,11 +31,11 @@ parameters! {
     /// How existence and visibility change while nothing is measured.
     pub struct ExistenceModel;
 
-    lifetime_s: T, "s", Positive, [600.0],
+    lifetime_s: T, "s", From(1e-4, 1e9), [600.0],
         "mean time a target stays in the area";
-    visible_s: T, "s", Positive, [60.0],
+    visible_s: T, "s", From(1e-4, 1e9), [60.0],
         "mean time a visible target stays visible";
-    hidden_s: T, "s", NotNegative, [15.0],
+    hidden_s: T, "s", From(0.0, 1e9), [15.0],
         "mean time a hidden target stays hidden; zero when targets are always visible";
 }
 

@@ -16,13 +16,13 @@ parameters! {
         pose_error_correlation: PoseErrorCorrelation, [PoseErrorCorrelation::default()], "How long errors of the own ship's pose last";
     };
 
-    gate_sigmas: T, "-", Positive, [3.5],
+    gate_sigmas: T, "-", From(1e-3, 1e6), [3.5],
         "radius of the gate, standard deviations",
         "Raising it loses fewer manoeuvring targets and lets in more clutter.";
     birth_existence: T, "-", Above(0.0, 1.0), [0.1],
         "existence of a new track",
         "Raising it confirms sooner, and more false tracks.";
-    birth_speed_std_m_s: T, "m/s", Positive, [8.0],
+    birth_speed_std_m_s: T, "m/s", From(1e-4, 1e4), [8.0],
         "standard deviation of a new target's velocity on each axis";
     confirm_existence: T, "-", From(0.0, 1.0), [0.99],
         "existence at which a track is confirmed";
@@ -31,11 +31,11 @@ parameters! {
     delete_confirmed_existence: T, "-", From(0.0, 1.0), [0.02],
         "existence below which a confirmed track is removed",
         "A known target may be hidden for a while: no higher than for tentative tracks.";
-    largest_position_std_m: T, "m", Positive, [100.0],
+    largest_position_std_m: T, "m", From(1e-3, 1e6), [100.0],
         "standard deviation of the position beyond which a track is removed";
-    merge_sigmas: T, "-", NotNegative, [1.0],
+    merge_sigmas: T, "-", From(0.0, 1e6), [1.0],
         "distance of two tracks, standard deviations, below which they are one target";
-    longest_gap_s: T, "s", Positive, [3600.0],
+    longest_gap_s: T, "s", From(1e-4, 1e9), [3600.0],
         "longest plausible time between two scans: what lies further ahead has a wrong stamp";
 }
 
@@ -64,15 +64,14 @@ impl<T: Scalar, const M: usize> MultiTargetConfig<T, M> {
     pub fn validate(&self) -> Result<(), ConfigError> {
         for motion in &self.models.motions {
             let density = motion.acceleration_noise_density;
-            Range::NotNegative.check("models.motions.acceleration_noise_density", density)?;
+            Range::From(0.0, 1e3).check("models.motions.acceleration_noise_density", density)?;
         }
-        if !self.models.dwell_s.iter().all(|dwell| *dwell > T::zero()) {
-            let (field, range) = ("models.dwell_s", Range::Described("above 0"));
-            return Err(ConfigError { field, range });
+        for dwell in self.models.dwell_s {
+            Range::From(1e-4, 1e9).check("models.dwell_s", dwell)?;
         }
         let turn = &self.models.turn;
-        Range::NotNegative.check("models.turn.std_rad_s", turn.std_rad_s)?;
-        Range::Positive.check("models.turn.time_s", turn.time_s)?;
+        Range::From(0.0, 10.0).check("models.turn.std_rad_s", turn.std_rad_s)?;
+        Range::From(1e-4, 1e9).check("models.turn.time_s", turn.time_s)?;
         self.settings.validate()
     }
 }
@@ -101,23 +100,23 @@ parameters! {
     /// Motion models of boats and small ships seen by radar: straight, turning, and manoeuvring hard.
     pub struct MotionModels;
 
-    straight_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", NotNegative, [0.15],
+    straight_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", From(0.0, 1e3), [0.15],
         "white acceleration noise of the straight model on each axis",
         "Raising it follows small changes of course and speed faster and smooths less.";
-    turning_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", NotNegative, [0.5],
+    turning_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", From(0.0, 1e3), [0.5],
         "the same of the coordinated turn";
-    manoeuvring_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", NotNegative, [1.5],
+    manoeuvring_acceleration_noise_density: T, "m/s^2/sqrt(Hz)", From(0.0, 1e3), [1.5],
         "the same of the model for hard manoeuvres, which goes straight";
-    straight_dwell_s: T, "s", Positive, [40.0],
+    straight_dwell_s: T, "s", From(1e-4, 1e9), [40.0],
         "mean time that a target stays in the straight model",
         "Raising it switches later to the other models.";
-    turning_dwell_s: T, "s", Positive, [30.0],
+    turning_dwell_s: T, "s", From(1e-4, 1e9), [30.0],
         "the same of the coordinated turn";
-    manoeuvring_dwell_s: T, "s", Positive, [20.0],
+    manoeuvring_dwell_s: T, "s", From(1e-4, 1e9), [20.0],
         "the same of the model for hard manoeuvres";
-    turn_rate_std_rad_s: T, "rad/s", NotNegative, [0.1],
+    turn_rate_std_rad_s: T, "rad/s", From(0.0, 10.0), [0.1],
         "stationary standard deviation of the turn rate, a first-order Gauss-Markov process";
-    turn_rate_time_s: T, "s", Positive, [15.0],
+    turn_rate_time_s: T, "s", From(1e-4, 1e9), [15.0],
         "correlation time of the turn rate: how long a turn lasts";
 }
 

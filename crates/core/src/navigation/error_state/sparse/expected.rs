@@ -6,6 +6,7 @@ use super::shrink::{add_scaled, scaled};
 use super::{Row, SIDE, SparseMeasurement};
 use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::{ERRORS, STATES};
+use crate::kalman::covariance::resolvable_variance;
 use crate::scalar::Scalar;
 
 /// `P H^T` for one row, or a gain, or a correction: over the errors and the augmented states.
@@ -175,7 +176,8 @@ impl<T: Scalar, const M: usize> Expected<T, M> {
             let (before, rest) = rows.split_at_mut_checked(i)?;
             let known = rest.first_mut()?;
             let elements = covariance.get_mut(i)?;
-            let own = known.projected.dot(row) + *variance;
+            let spread = spread(row, p, side);
+            let own = known.projected.dot(row) + resolvable_variance(*variance, spread)?;
             *elements.get_mut(i)? = own;
             known.residual = *residual;
             let mut d = own;
@@ -202,6 +204,21 @@ impl<T: Scalar, const M: usize> Expected<T, M> {
             rows,
         })
     }
+}
+
+/// Sum of the squares of a row's elements times the variances they see.
+fn spread<T: Scalar>(
+    row: &Row<T>,
+    p: &SMatrix<T, STATES, STATES>,
+    side: &AugmentedStates<T>,
+) -> T {
+    row.elements().iter().fold(T::zero(), |sum, (state, h)| {
+        let variance = match state.checked_sub(SIDE) {
+            None => p.get((*state, *state)),
+            Some(j) => side.covariance.get((j, j)),
+        };
+        sum + *h * *h * variance.copied().unwrap_or_else(T::zero)
+    })
 }
 
 /// The symmetric matrix whose lower triangle is given by rows.

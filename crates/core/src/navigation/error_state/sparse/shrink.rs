@@ -6,6 +6,7 @@
 use nalgebra::SMatrix;
 
 use super::expected::{Projected, Used};
+use crate::kalman::covariance::rounding_reserve;
 use crate::navigation::STATES;
 use crate::navigation::augmented_states::AugmentedStates;
 use crate::scalar::{Scalar, lit};
@@ -37,6 +38,7 @@ fn shrink_column<T: Scalar, const J: usize>(
     for i in J..STATES {
         column[i] -= ph.error[i] * gain.error[J];
     }
+    column[J] += rounding_reserve(ph.error[J] * gain.error[J]);
 }
 
 /// The lower triangle mirrored into the upper.
@@ -93,6 +95,8 @@ pub(super) fn shrink_side<T: Scalar>(
         }
         // An augmented state does not go out of use by being known well.
         if let Some(variance) = side.covariance.get_mut((j, j)) {
+            let removed = ph.side.get(j).map_or_else(T::zero, |ph| *ph * *gain);
+            *variance += rounding_reserve(removed);
             *variance = variance.max(lit(LEAST_SIDE_VARIANCE));
         }
     }
