@@ -3,7 +3,11 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::innovation::SkipReason;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
+
+/// A pose further away (m), or with a heading beyond (rad), is none.
+const FURTHEST_M: f64 = 1e8;
+const MOST_HEADING_RAD: f64 = 1e4;
 
 /// Where a navigation filter says that the own ship is, and the error that it says so with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,10 +40,15 @@ impl<T: Scalar, const N: usize> NavigationPose<'_, T, N> {
 
     /// Refuses what cannot be a pose with its covariance.
     pub(crate) fn check(&self) -> Result<(), SkipReason> {
-        if !self.pose.norm_squared().is_finite() || !self.covariance.norm_squared().is_finite() {
+        let finite =
+            self.pose.norm_squared().is_finite() && self.covariance.norm_squared().is_finite();
+        let place = self.pose.xy();
+        if !finite {
             Err(SkipReason::NotFinite)
         } else if self.covariance.diagonal().iter().any(|v| *v < T::zero()) {
             Err(SkipReason::Numerical)
+        } else if place.amax() > lit(FURTHEST_M) || self.pose.z.abs() > lit(MOST_HEADING_RAD) {
+            Err(SkipReason::OutOfRange)
         } else {
             Ok(())
         }

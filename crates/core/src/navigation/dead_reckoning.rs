@@ -44,6 +44,8 @@ const FASTEST: f64 = 100.0;
 const OUTLIERS_ACCEPTED: u8 = 5;
 /// Largest position error that still means something, m.
 const FARTHEST: f64 = 1e6;
+/// Nothing is measured better than this, m and m/s.
+const LEAST_STD: f64 = 1e-4;
 
 parameters! {
     /// Parameters of dead reckoning.
@@ -244,7 +246,7 @@ impl<T: Scalar> DeadReckoning<T> {
         if let Err(reason) = check2(position, 1e8).and_then(|()| check_std(std)) {
             return Innovation::skipped(reason);
         }
-        let variance = std * std;
+        let variance = square_of(std);
         if self.state.since_fix_s.is_none() {
             self.state.covariance.m33 = self.config.initial_current_std.powi(2);
             self.state.covariance.m44 = self.state.covariance.m33;
@@ -277,7 +279,7 @@ impl<T: Scalar> DeadReckoning<T> {
         } else {
             T::zero()
         };
-        let variance = std * std + log * log;
+        let variance = square_of(std) + log * log;
         let record = self.record(&residual, 2, variance, Outcome::Fused);
         if record.nis > outlier_nis() {
             return Innovation {
@@ -377,10 +379,16 @@ fn check2<T: Scalar>(v: &Vector2<T>, longest: f64) -> Result<(), SkipReason> {
     }
 }
 
+/// The variance of a fix, and at least that of [`LEAST_STD`].
+fn square_of<T: Scalar>(std: T) -> T {
+    let std = std.max(lit(LEAST_STD));
+    std * std
+}
+
 fn check_std<T: Scalar>(std: T) -> Result<(), SkipReason> {
     if !std.is_finite() {
         Err(SkipReason::NotFinite)
-    } else if std > T::zero() {
+    } else if std > T::zero() && std <= lit(FARTHEST) {
         Ok(())
     } else {
         Err(SkipReason::OutOfRange)

@@ -172,7 +172,7 @@ fn errors_name_field_and_range_with_the_group() {
     config.validity.invalid_after_s = f64::NAN;
     assert_eq!(
         config.validate().unwrap_err().to_string(),
-        "validity.invalid_after_s must be above 0, up to 1000000000"
+        "validity.invalid_after_s must be from 0.001 to 1e9"
     );
     let mut config = BoundedVelocityConfig::<f32> {
         prediction_s: 1.0,
@@ -183,11 +183,11 @@ fn errors_name_field_and_range_with_the_group() {
         "prediction_s must be from -0.1 to 0.1"
     );
     config.prediction_s = 0.0;
-    // In single precision its square is no number any more.
+    // In single precision its square is no number.
     config.compass_std = 1e30;
     assert_eq!(
         config.validate().unwrap_err().to_string(),
-        "compass_std must be above 0"
+        "compass_std must be from 1e-6 to 10"
     );
 }
 

@@ -13,11 +13,12 @@ use nalgebra::{Matrix2, Matrix3, Matrix4, SMatrix, Vector2, Vector3};
 
 use super::radar::PredictedDetection;
 use super::update::{Measured, symmetric2};
-use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
+use super::{FARTHEST, RadarDetection, TrackEstimate, TrackerConfig, check_step};
+use crate::kalman::covariance::is_resolved;
 use crate::kalman::{Innovation, SkipReason};
 use crate::parameters::ConfigError;
 use crate::restorable::restorable;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 
 /// How the own ship moved since the last scan.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,9 +44,10 @@ impl<T: Scalar> BodyFrameTracker<T> {
     /// Starts from a track in body axes.
     ///
     /// # Errors
-    /// The first setting outside its permitted range.
+    /// The first setting outside its permitted range, or `"track"`.
     pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
         config.validate()?;
+        let track = track.checked()?;
         Ok(Self { config, track })
     }
 
@@ -67,6 +69,9 @@ impl<T: Scalar> BodyFrameTracker<T> {
         if !finite {
             return Err(SkipReason::NotFinite);
         }
+        if !is_resolved(&own.covariance) {
+            return Err(SkipReason::Numerical);
+        }
         let (sin, cos) = (own.turn.sin(), own.turn.cos());
         let r = Matrix2::new(cos, sin, -sin, cos);
         let x = &self.track.state;
@@ -74,9 +79,15 @@ impl<T: Scalar> BodyFrameTracker<T> {
         let (position, velocity) = (r * position, r * Vector2::new(x[1], x[3]));
         let by_state = self.transition(&r, dt);
         let by_own = increment_jacobian(&r, &position, &velocity);
-        self.track.state = [position.x, velocity.x, position.y, velocity.y].into();
-        self.track.covariance = by_state * self.track.covariance * by_state.transpose()
-            + by_own * own.covariance * by_own.transpose();
+        let moved = TrackEstimate {
+            state: [position.x, velocity.x, position.y, velocity.y].into(),
+            covariance: by_state * self.track.covariance * by_state.transpose()
+                + by_own * own.covariance * by_own.transpose(),
+        };
+        if !moved.state.iter().all(|x| x.abs() <= lit(FARTHEST)) {
+            return Err(SkipReason::OutOfRange);
+        }
+        self.track = moved;
         // White accelerations have no direction: the same noise in any axes.
         self.config.motion.add_noise(&mut self.track, dt);
         Ok(())

@@ -6,7 +6,8 @@
 
 use nalgebra::SMatrix;
 
-use super::TrackEstimate;
+use super::{FARTHEST, TrackEstimate};
+use crate::kalman::SkipReason;
 use crate::kalman::covariance::symmetrize;
 use crate::scalar::{Scalar, lit};
 
@@ -40,17 +41,25 @@ impl<T: Scalar> ConstantVelocity<T> {
         Self { acceleration_std }
     }
 
-    /// Moves the target on by `dt` seconds: `x <- F x`, `P <- F P F^T + Q`.
+    /// Moves the target on by `dt` seconds: `x <- F x`, `P <- F P F^T + Q`, each variance at most (1e8)^2.
+    ///
+    /// # Errors
+    /// The target would leave what can be told apart (1e8 m); nothing has changed then.
     #[inline]
-    pub fn predict(&self, track: &mut TrackEstimate<T>, dt: T) {
+    pub fn predict(&self, track: &mut TrackEstimate<T>, dt: T) -> Result<(), SkipReason> {
         let (v_north, v_east) = (track.state[1], track.state[3]);
-        track.state[0] += v_north * dt;
-        track.state[2] += v_east * dt;
+        let (north, east) = (track.state[0] + v_north * dt, track.state[2] + v_east * dt);
+        let limit = lit::<T>(FARTHEST);
+        if !(north.abs() <= limit && east.abs() <= limit) {
+            return Err(SkipReason::OutOfRange);
+        }
+        (track.state[0], track.state[2]) = (north, east);
         let p = &mut track.covariance;
         predict_columns(p, dt);
         p.transpose_mut();
         predict_columns(p, dt);
         self.add_noise(track, dt);
+        Ok(())
     }
 
     /// Adds `Q` of a step.
@@ -67,6 +76,7 @@ impl<T: Scalar> ConstantVelocity<T> {
             }
         }
         symmetrize(p);
+        track.hold();
     }
 }
 
@@ -93,7 +103,8 @@ mod tests {
         ConstantVelocity {
             acceleration_std: 0.3,
         }
-        .predict(&mut track, dt);
+        .predict(&mut track, dt)
+        .unwrap();
         assert_relative_eq!(track.state, f * x, epsilon = 1e-12);
         let q = g * g.transpose() * 0.09;
         assert_relative_eq!(track.covariance, f * p * f.transpose() + q, epsilon = 1e-12);

@@ -44,13 +44,14 @@ impl<T: Scalar> ConvertedMeasurement<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.
     ///
     /// # Errors
-    /// The first setting outside its permitted range.
+    /// The first setting outside its permitted range, or `"track"`.
     pub fn new(
         config: TrackerConfig<T>,
         conversion: Conversion,
         track: TrackEstimate<T>,
     ) -> Result<Self, ConfigError> {
         config.validate()?;
+        let track = track.checked()?;
         Ok(Self {
             config,
             conversion,
@@ -69,8 +70,7 @@ impl<T: Scalar> ConvertedMeasurement<T> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.track, dt);
-        Ok(())
+        self.config.motion.predict(&mut self.track, dt)
     }
 
     /// Fuses a detection from a pose with this covariance. The innovation is a position: north and

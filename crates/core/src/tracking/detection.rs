@@ -15,6 +15,8 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, SMatrix, Vector2};
 
 use super::coordinated_turn::{STATES, TargetCovariance, TargetState};
+use super::FARTHEST;
+use super::radar::MOST_BEARING_RAD;
 use super::own_ship::OwnShip;
 use crate::geometry::trigonometry::wrap;
 use crate::scalar::{Scalar, lit};
@@ -101,9 +103,15 @@ impl<T: Scalar> Detection<T> {
             Self::RangeBearing {
                 range_m,
                 bearing_rad,
-            } => range_m.is_finite() && range_m > T::zero() && bearing_rad.is_finite(),
-            Self::Bearing { bearing_rad } => bearing_rad.is_finite(),
-            Self::Position { north_m, east_m } => north_m.is_finite() && east_m.is_finite(),
+            } => {
+                range_m > T::zero()
+                    && range_m <= lit(FARTHEST)
+                    && bearing_rad.abs() <= lit(MOST_BEARING_RAD)
+            }
+            Self::Bearing { bearing_rad } => bearing_rad.abs() <= lit(MOST_BEARING_RAD),
+            Self::Position { north_m, east_m } => {
+                north_m.abs() <= lit(FARTHEST) && east_m.abs() <= lit(FARTHEST)
+            }
         }
     }
 

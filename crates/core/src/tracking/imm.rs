@@ -19,8 +19,9 @@ use nalgebra::Vector3;
 
 use super::coordinated_turn::{Motion, TargetCovariance, TargetState, TurnRate};
 use super::detection::CrossCovariance;
-use crate::kalman::covariance::symmetrize;
-use crate::scalar::Scalar;
+use super::FARTHEST;
+use crate::kalman::covariance::{forget_correlations_unless_resolved, is_resolved, symmetrize};
+use crate::scalar::{Scalar, lit};
 
 /// One motion model's belief about a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,6 +126,7 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
             mode.covariance = f * mode.covariance * f.transpose() + motion.noise(&models.turn, dt);
             symmetrize(&mut mode.covariance);
             mode.cross = f * mode.cross;
+            mode.hold();
             for (i, share) in kept.iter().enumerate() {
                 mode.cross.column_mut(i).scale_mut(*share);
             }
@@ -155,15 +157,25 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
         .unwrap_or(self.modes[0])
     }
 
-    /// Whether every number is finite and every variance positive.
+    /// Whether every number is finite, every state where a target can be (1e8 m, 1e8 m/s), and every covariance one.
     pub fn is_valid(&self) -> bool {
         self.modes.iter().all(|m| {
             m.probability.is_finite()
-                && m.state.iter().all(|v| v.is_finite())
-                && m.covariance.iter().all(|v| v.is_finite())
+                && m.state.iter().all(|v| v.abs() <= lit(FARTHEST))
                 && m.cross.iter().all(|v| v.is_finite())
+                && is_resolved(&m.covariance)
                 && m.covariance.diagonal().iter().all(|v| *v > T::zero())
         })
+    }
+}
+
+impl<T: Scalar> Mode<T> {
+    /// Forgets correlations that rounding has made more than one, with those to the own ship.
+    pub(super) fn hold(&mut self) {
+        let unknown = TargetState::repeat(lit(FARTHEST * FARTHEST));
+        if forget_correlations_unless_resolved(&mut self.covariance, &unknown) {
+            self.cross.fill(T::zero());
+        }
     }
 }
 

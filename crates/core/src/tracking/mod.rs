@@ -72,6 +72,9 @@ use nalgebra::{Matrix2, Matrix4, Vector4};
 
 use crate::kalman::SkipReason;
 use crate::parameters::{ConfigError, Range};
+use crate::kalman::covariance::{
+    cap_variance, forget_correlations_unless_resolved, is_resolved,
+};
 use crate::restorable::{InvalidState, covariance, finite};
 use crate::scalar::{Scalar, lit};
 
@@ -87,11 +90,29 @@ pub struct TrackEstimate<T: Scalar> {
 }
 
 impl<T: Scalar> TrackEstimate<T> {
-    /// Whether every number is finite and no variance negative.
+    /// Whether position (m), velocity (m/s) and their standard deviations are at most 1e8, and the covariance is one.
     pub fn is_usable(&self) -> bool {
-        self.state.norm_squared().is_finite()
-            && self.covariance.norm_squared().is_finite()
-            && self.covariance.diagonal().iter().all(|v| *v >= T::zero())
+        let limit = lit::<T>(FARTHEST);
+        self.state.iter().all(|x| x.abs() <= limit)
+            && self.covariance.diagonal().iter().all(|v| *v <= limit * limit)
+            && is_resolved(&self.covariance)
+    }
+
+    /// Refuses one that is not [usable](Self::is_usable), as an argument.
+    fn checked(self) -> Result<Self, ConfigError> {
+        let range = Range::Described("at most 1e8 in each component, with a covariance");
+        let field = "track";
+        self.is_usable().then_some(self).ok_or(ConfigError { field, range })
+    }
+
+    /// Keeps variances where numbers still mean something: correlations stay, or are forgotten where rounding has made
+    /// them more than one.
+    fn hold(&mut self) {
+        let limit = lit::<T>(FARTHEST * FARTHEST);
+        for i in 0..4 {
+            cap_variance(&mut self.covariance, i, limit);
+        }
+        forget_correlations_unless_resolved(&mut self.covariance, &Vector4::repeat(limit));
     }
 
     /// Standard deviations of `[north, v_north, east, v_east]`, m and m/s.
@@ -171,6 +192,8 @@ impl<T: Scalar> TrackerConfig<T> {
     }
 }
 
+/// Largest position (m) and velocity (m/s) of a target, and their largest standard deviations.
+const FARTHEST: f64 = 1e8;
 /// Longest prediction in one go, s.
 const LONGEST_STEP_S: f64 = 3600.0;
 

@@ -5,6 +5,8 @@
 //! is a black box here: only pose and covariance are known. What a target's error shares with the
 //! own ship's (the cross-covariance `X`) then fades with [`PoseErrorCorrelation`].
 
+use super::radar::MOST_BEARING_RAD;
+use super::FARTHEST;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::trigonometry::wrap;
@@ -92,11 +94,14 @@ impl<T: Scalar> OwnShip<T> {
         self
     }
 
-    /// Whether pose and covariance are finite, the covariance symmetric and not negative.
+    /// Whether the pose is one of this Earth (1e8 m, 1e4 rad), and its covariance one.
     pub fn is_valid(&self) -> bool {
-        let finite =
-            self.north_m.is_finite() && self.east_m.is_finite() && self.heading_rad.is_finite();
-        finite && is_covariance(&self.covariance, lit(1e-6))
+        let (limit, p) = (lit(FARTHEST), &self.covariance);
+        let is_near = self.north_m.abs() <= limit && self.east_m.abs() <= limit;
+        is_near
+            && self.heading_rad.abs() <= lit(MOST_BEARING_RAD)
+            && is_covariance(p, lit(1e-6))
+            && p.diagonal().max() <= limit * limit
     }
 }
 

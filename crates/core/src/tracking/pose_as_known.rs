@@ -26,9 +26,10 @@ impl<T: Scalar> PoseAsKnown<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.
     ///
     /// # Errors
-    /// The first setting outside its permitted range.
+    /// The first setting outside its permitted range, or `"track"`.
     pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
         config.validate()?;
+        let track = track.checked()?;
         Ok(Self { config, track })
     }
 
@@ -73,8 +74,7 @@ impl<T: Scalar> PoseAsKnown<T> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.track, dt);
-        Ok(())
+        self.config.motion.predict(&mut self.track, dt)
     }
 
     /// Fuses a detection from this pose: `[north, east, heading]`, m and rad.

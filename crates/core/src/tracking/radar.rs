@@ -16,6 +16,9 @@ const CLOSEST_M: f64 = 1.0;
 /// Farther than this (m) no radar looks.
 const FARTHEST_M: f64 = 1e7;
 
+/// A bearing beyond (rad) is none: its part within a turn would be rounding.
+pub(super) const MOST_BEARING_RAD: f64 = 1e4;
+
 /// One detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -72,7 +75,10 @@ impl<T: Scalar> RadarDetection<T> {
     pub(super) fn check(&self) -> Result<(), SkipReason> {
         if !(self.range.is_finite() && self.bearing.is_finite()) {
             Err(SkipReason::NotFinite)
-        } else if self.range <= T::zero() || self.range > lit(FARTHEST_M) {
+        } else if self.range <= T::zero()
+            || self.range > lit(FARTHEST_M)
+            || self.bearing.abs() > lit(MOST_BEARING_RAD)
+        {
             Err(SkipReason::OutOfRange)
         } else {
             Ok(())

@@ -39,7 +39,9 @@ use super::update::{Measured, symmetric2};
 use super::{NavigationPose, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
 use crate::kalman::feedback::reset_rows;
-use crate::kalman::{ErrorListener, ErrorPropagation, Innovation, ScalarCorrection, SkipReason};
+use crate::kalman::{
+    ErrorListener, ErrorPropagation, Innovation, Outcome, ScalarCorrection, SkipReason,
+};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, finite};
 use crate::scalar::Scalar;
@@ -129,7 +131,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// knows nothing of the navigation.
     ///
     /// # Errors
-    /// The first setting outside its permitted range.
+    /// The first setting outside its permitted range, or `"track"`.
     pub fn new(
         config: TrackerConfig<T>,
         coupling: Coupling,
@@ -137,6 +139,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         cross: SMatrix<T, N, 4>,
     ) -> Result<Self, ConfigError> {
         config.validate()?;
+        let track = track.checked()?;
         Ok(Self {
             config,
             coupling,
@@ -180,7 +183,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.state.track, dt);
+        self.config.motion.predict(&mut self.state.track, dt)?;
         predict_columns(&mut self.state.cross, dt);
         Ok(())
     }
@@ -239,6 +242,9 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         };
         let (innovation, gain) = measured.fuse(&mut self.state.track, self.config.gate_nis);
         let Some(gain) = gain else {
+            if innovation.outcome == Outcome::Skipped(SkipReason::Numerical) {
+                self.state.cross.fill(T::zero());
+            }
             return (innovation, None);
         };
         // X <- X - K o^T

@@ -1,9 +1,9 @@
 //! The measurement update that all trackers share: two components, gain from `a = cov(x, nu)`.
 
-use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Matrix4, SMatrix, Vector2, Vector3};
 
 use super::TrackEstimate;
-use crate::kalman::covariance::symmetrize;
+use crate::kalman::covariance::{rounding_reserve, symmetrize};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
 
@@ -52,6 +52,12 @@ impl<T: Scalar> Measured<T> {
         }
     }
 
+    /// Numerics do not bear the update: correlations are forgotten, so that they bear the next one.
+    fn refuse(&self, track: &mut TrackEstimate<T>) -> Innovation<T> {
+        track.covariance = Matrix4::from_diagonal(&track.covariance.diagonal());
+        Innovation::skipped(SkipReason::Numerical)
+    }
+
     /// `x <- x + K nu`, `P <- P - K S K^T` with `K = a S^-1` (S9). Gives the record, and the gain
     /// when the measurement was used. A NIS above a positive `gate_nis` refuses it.
     #[inline]
@@ -61,7 +67,7 @@ impl<T: Scalar> Measured<T> {
         gate_nis: T,
     ) -> (Innovation<T>, Option<SMatrix<T, 4, 2>>) {
         let Some(inverse) = inverse2(&self.covariance) else {
-            return (Innovation::skipped(SkipReason::Numerical), None);
+            return (self.refuse(track), None);
         };
         let weighted = inverse * self.residual;
         let nis = self.residual.dot(&weighted);
@@ -72,9 +78,19 @@ impl<T: Scalar> Measured<T> {
             return (self.innovation(nis, Outcome::Gated), None);
         }
         let gain = self.target * inverse;
-        track.state += self.target * weighted;
-        track.covariance -= gain * self.target.transpose();
-        symmetrize(&mut track.covariance);
+        let mut after = TrackEstimate {
+            state: track.state + self.target * weighted,
+            covariance: track.covariance - gain * self.target.transpose(),
+        };
+        symmetrize(&mut after.covariance);
+        for i in 0..4 {
+            let removed = (track.covariance[(i, i)] - after.covariance[(i, i)]).max(T::zero());
+            after.covariance[(i, i)] += rounding_reserve(removed);
+        }
+        if !after.is_usable() {
+            return (self.refuse(track), None);
+        }
+        *track = after;
         (self.innovation(nis, Outcome::Fused), Some(gain))
     }
 }

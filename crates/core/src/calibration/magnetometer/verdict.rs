@@ -22,7 +22,7 @@ parameters! {
         "turning and refuses soft iron found from half a view; above 1 a sphere is fitted always.";
     sphere_coverage: T, "-", From(0.0, 1.0), [0.35],
         "fraction of the sphere that a sphere needs; with less nothing is fitted";
-    condition_number: T, "-", From(1e-3, 1e6), [60.0],
+    condition_number: T, "-", From(1.0, 1e12), [60.0],
         "largest condition number of a fit",
         "A full view has 3.2 for an ellipsoid and 1.2 for a sphere. Raising it accepts directions that happen to leave",
         "a parameter open.";

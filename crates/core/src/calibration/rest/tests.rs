@@ -307,7 +307,7 @@ fn limits_outside_their_range_are_refused() {
         ..RestLimits::default()
     };
     let error = World::default().calibrator().finish(&limits).unwrap_err();
-    let message = "limits of the calibration: gravity_m_s2 must be above 0";
+    let message = "limits of the calibration: gravity_m_s2 must be from 0.1 to 100";
     assert_eq!(error.to_string(), message);
 }
 

@@ -71,7 +71,7 @@ parameters! {
     magnetometer_drift_ut: T, "microtesla", From(0.0, 1e6), [1.0],
         "the same of the magnetometer",
         "Some two degrees of turn.";
-    gravity_m_s2: T, "m/s^2", From(1e-6, 1e4), [9.81],
+    gravity_m_s2: T, "m/s^2", From(0.1, 100.0), [9.81],
         "length of the specific force at rest";
     gravity_tolerance_m_s2: T, "m/s^2", From(0.0, 1e4), [0.5],
         "by how much the measured length may differ from it";

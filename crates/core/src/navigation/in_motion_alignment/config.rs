@@ -20,7 +20,7 @@ parameters! {
         "standard deviation of the accelerometer bias at the start";
     gyroscope_bias_std: T, "rad/s", From(1e-8, 1.0), [0.02],
         "standard deviation of the gyroscope bias at the start";
-    gravity: T, "m/s^2", From(1e-6, 100.0), [9.806_65],
+    gravity: T, "m/s^2", From(0.1, 100.0), [9.806_65],
         "gravity";
     lever_arm_m: [T; 3], "m", Vector(&From(-100.0, 100.0)), [[0.0; 3]],
         "from the unit to the antenna";

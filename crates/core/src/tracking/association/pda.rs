@@ -78,6 +78,7 @@ impl<T: Scalar> PdaUpdate<T> {
         mode.covariance += (self.spread - self.shrink) * scale - shift * shift.transpose();
         symmetrize(&mut mode.covariance);
         mode.cross -= self.cross * scale;
+        mode.hold();
     }
 }
 

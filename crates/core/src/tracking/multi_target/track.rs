@@ -145,14 +145,15 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
     }
     let turn = config.models.turn.std_rad_s;
     p[(4, 4)] = turn * turn;
-    Some(Track {
+    let imm = Imm::new(&config.models, state, p, cross);
+    imm.is_valid().then_some(Track {
         id,
         status: TrackStatus::Tentative,
         existence: Existence {
             existence: config.settings.birth_existence,
             visibility: T::one(),
         },
-        imm: Imm::new(&config.models, state, p, cross),
+        imm,
         age_s: T::zero(),
         silent_s: T::zero(),
         innovation: Innovation::skipped(SkipReason::NotInitialized),
