@@ -127,6 +127,9 @@ const LEAST_NOISE_ROUNDINGS: f64 = 64.0;
 /// Rounding units of what an update takes off a variance that it leaves there.
 const KEPT_ROUNDINGS: f64 = 16.0;
 
+/// What is left of the correlations of a matrix that is nearly a covariance.
+const KEPT_CORRELATION: f64 = 0.996;
+
 /// The noise variance of a measurement, and at least what the precision resolves beside `predicted`, the sum of squares of
 /// the row's elements times the variances they see: below it `P - K S K^T` is a difference of roundings. That is a
 /// standard deviation 360 times smaller than the prediction's in single precision, and eight million times in double.
@@ -169,6 +172,19 @@ pub fn undrown<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
             p[(i, i)] += added;
         }
         added *= lit(2.0);
+    }
+}
+
+/// Makes a matrix that is a covariance but for some thousandths of a correlation one that is it altogether: every
+/// correlation shrinks by that much. A matrix that is a covariance stays as it is, to the bit.
+pub fn shrink_correlations_unless_resolved<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
+    if is_resolved(p) {
+        return;
+    }
+    for j in 0..N {
+        for i in (0..N).filter(|i| *i != j) {
+            p[(i, j)] *= lit(KEPT_CORRELATION);
+        }
     }
 }
 

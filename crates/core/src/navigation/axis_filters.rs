@@ -266,6 +266,9 @@ impl<T: Scalar> PositionAxisFilters<T> {
         if !gravity.is_finite() {
             return Err(SkipReason::NotFinite);
         }
+        if gravity.abs() > lit(100.0) {
+            return Err(SkipReason::OutOfRange);
+        }
         // One that was good for the last step is good for this one.
         if dt != self.state.last_dt {
             if !dt.is_finite() {

@@ -119,7 +119,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         if !state.is_usable() {
             return Err(ConfigError {
                 field: "state",
-                range: Range::Described("finite, with no negative variance"),
+                range: Range::Described("a rotation and finite numbers, with a covariance"),
             });
         }
         Ok(Self {
@@ -212,6 +212,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
         let transition = core::mem::take(&mut self.state.pending);
         let noise = self.process_noise();
         transition.propagate_covariance(&mut self.state.covariance, &noise);
+        self.state.hold_covariance();
         transition
     }
 

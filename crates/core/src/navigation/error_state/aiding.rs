@@ -8,12 +8,18 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::ErrorStateFilter;
+use crate::geometry::rotation::is_unit;
 use crate::geometry::so3;
 use crate::kalman::covariance::normalized_square3;
 use crate::kalman::scalar_update::update_one_state;
 use crate::kalman::{ErrorFeedback, ErrorListener, Innovation, Outcome, SkipReason};
 use crate::navigation::{ATTITUDE, ErrorTransition, POSITION, STATES};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
+
+/// A position further away (m) is none, nor a fix whose standard deviations are larger (m, rad).
+const FURTHEST_M: f64 = 1e8;
+const LARGEST_STD_M: f64 = 1e6;
+const LARGEST_STD_RAD: f64 = 10.0;
 
 /// What a GNSS compass says at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +77,7 @@ impl<T: Scalar> GnssCompassUpdate<T> {
 
 impl<T: Scalar> ErrorStateFilter<T> {
     /// Fuses a fix (E10). One that holds a number that is not finite, or a standard deviation
-    /// that is not positive, is skipped and counted; the covariance still catches up.
+    /// that is not positive or absurdly large, is skipped and counted; the covariance still catches up.
     pub fn update_gnss_compass(&mut self, fix: &GnssCompassFix<T>) -> GnssCompassUpdate<T> {
         let transition = self.catch_up();
         if let Err(reason) = fix.check() {
@@ -146,10 +152,16 @@ impl<T: Scalar> GnssCompassFix<T> {
             .iter()
             .all(|v| v.norm_squared().is_finite())
             && self.ned_from_body.as_ref().norm_squared().is_finite();
+        let within = |v: &Vector3<T>, limit: f64| v.iter().all(|x| *x <= lit(limit));
         let stds = self.position_std.iter().chain(self.attitude_std.iter());
         if !finite {
             Err(SkipReason::NotFinite)
-        } else if stds.copied().all(|std| std > T::zero()) {
+        } else if stds.copied().all(|std| std > T::zero())
+            && within(&self.position.abs(), FURTHEST_M)
+            && within(&self.position_std, LARGEST_STD_M)
+            && within(&self.attitude_std, LARGEST_STD_RAD)
+            && is_unit(&self.ned_from_body)
+        {
             Ok(())
         } else {
             Err(SkipReason::OutOfRange)

@@ -2,10 +2,16 @@
 
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
-use crate::kalman::covariance::mirror_upper;
+use crate::geometry::rotation::is_unit;
+use crate::kalman::covariance::{
+    cap_variance, forget_correlations_unless_resolved, is_covariance, mirror_upper, shrink_correlations_unless_resolved,
+};
 use crate::navigation::{ErrorTransition, STATES};
 use crate::restorable::{InvalidState, covariance, finite, unit};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
+
+/// Largest attitude error (rad), velocity (m/s), position (m), accelerometer (m/s^2) and gyroscope bias (rad/s).
+const LARGEST: [f64; 5] = [100.0, 1e5, 1e9, 1e4, 1e3];
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,17 +67,46 @@ impl<T: Scalar> NavigationState<T> {
         self
     }
 
-    /// Whether every number is finite and no variance negative.
+    /// Whether the attitude is a rotation, the covariance one within a thousandth of a correlation, and each state and
+    /// standard deviation at most what it can be: 100 rad, 1e5 m/s, 1e9 m, 1e4 m/s^2, 1e3 rad/s.
     pub fn is_usable(&self) -> bool {
         let variances = self.covariance.diagonal();
+        let within = |(i, v): (usize, &T)| {
+            let limit = LARGEST.get(i / 3).copied().unwrap_or_default();
+            *v <= lit(limit * limit)
+        };
+        is_unit(&self.ned_from_body)
+            && self.is_sound()
+            && variances.iter().enumerate().all(within)
+            && is_covariance(&self.covariance, lit(1e-3))
+    }
+
+    /// Keeps variances within what their states can be: beyond, nothing is known. Only an outage or garbage leads there.
+    #[inline]
+    pub(super) fn hold_covariance(&mut self) {
+        let limit = |i: usize| lit::<T>(LARGEST[i / 3] * LARGEST[i / 3]);
+        if (0..STATES).all(|i| self.covariance[(i, i)] <= limit(i)) {
+            return;
+        }
+        for i in 0..STATES {
+            cap_variance(&mut self.covariance, i, limit(i));
+        }
+        let unknown = SVector::from_fn(|i, _| limit(i));
+        forget_correlations_unless_resolved(&mut self.covariance, &unknown);
+    }
+
+    /// Whether every number is finite and within what it can be, and no variance negative: what is asked at each step.
+    pub(in crate::navigation) fn is_sound(&self) -> bool {
         let vectors = [
             &self.velocity,
             &self.position,
             &self.accelerometer_bias,
             &self.gyroscope_bias,
         ];
+        let variances = self.covariance.diagonal();
+        let mut limits = vectors.iter().zip(LARGEST.iter().skip(1));
         self.ned_from_body.as_ref().norm_squared().is_finite()
-            && vectors.iter().all(|v| v.norm_squared().is_finite())
+            && limits.all(|(v, limit)| v.norm_squared() <= lit(limit * limit))
             && self.covariance.norm_squared().is_finite()
             && variances.iter().all(|v| *v >= T::zero())
     }
@@ -87,9 +122,11 @@ impl<T: Scalar> NavigationState<T> {
         covariance("covariance", &self.covariance)
     }
 
-    /// The covariance symmetric to the bit, as every step of the filter leaves it; the upper triangle counts.
+    /// The covariance symmetric to the bit, as every step of the filter leaves it, and positive semidefinite; the upper
+    /// triangle counts.
     pub(super) fn with_symmetric_covariance(mut self) -> Self {
         mirror_upper(&mut self.covariance);
+        shrink_correlations_unless_resolved(&mut self.covariance);
         self
     }
 }

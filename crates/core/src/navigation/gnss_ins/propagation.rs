@@ -101,7 +101,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         self.listener.propagated(&self.memory.last_step);
         self.filter
             .limit_covariance(&mut self.memory.side, &mut self.listener);
-        if !(self.filter.state().is_usable() && self.memory.side.is_usable()) {
+        if !(self.filter.state().is_sound() && self.memory.side.is_usable()) {
             self.restart();
         }
     }

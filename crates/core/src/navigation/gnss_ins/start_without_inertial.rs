@@ -289,12 +289,18 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         position_std: &Vector3<T>,
         iron: Option<Vector3<T>>,
     ) {
-        if !self.begin(state) {
+        let square = |x: T| x * x;
+        let slow = self.config.position_correlated_fraction;
+        let mut state = *state;
+        for i in 0..3 {
+            // What is correlated is part of it.
+            let own = &mut state.covariance[(POSITION + i, POSITION + i)];
+            *own = own.max(square(slow * position_std[i]) * lit(1.001));
+        }
+        if !self.begin(&state) {
             return;
         }
         self.memory.aligning = false;
-        let square = |x: T| x * x;
-        let slow = self.config.position_correlated_fraction;
         for i in 0..3 {
             let variance = square(slow * position_std[i]);
             self.memory.slow_variance[i] = variance;

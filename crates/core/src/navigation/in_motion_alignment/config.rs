@@ -12,13 +12,13 @@ parameters! {
     gyroscope_noise_density: T, "(rad/s)/sqrt(Hz)", From(1e-9, 1.0), [2.5e-3],
         "white noise of the gyroscope",
         "Vibration included. Raising it forgets sooner what earlier accelerations said of the heading.";
-    accelerometer_bias_random_walk: T, "(m/s^2)/sqrt(s)", From(0.0, 1.0), [4e-3],
+    accelerometer_bias_random_walk: T, "(m/s^2)/sqrt(s)", From(0.0, 1e3), [4e-3],
         "random walk of the accelerometer bias";
-    gyroscope_bias_random_walk: T, "(rad/s)/sqrt(s)", From(0.0, 1.0), [2e-4],
+    gyroscope_bias_random_walk: T, "(rad/s)/sqrt(s)", From(0.0, 100.0), [2e-4],
         "random walk of the gyroscope bias";
-    accelerometer_bias_std: T, "m/s^2", From(1e-6, 10.0), [0.15],
+    accelerometer_bias_std: T, "m/s^2", From(1e-6, 20.0), [0.15],
         "standard deviation of the accelerometer bias at the start";
-    gyroscope_bias_std: T, "rad/s", From(1e-8, 1.0), [0.02],
+    gyroscope_bias_std: T, "rad/s", From(1e-8, 2.0), [0.02],
         "standard deviation of the gyroscope bias at the start";
     gravity: T, "m/s^2", From(0.1, 100.0), [9.806_65],
         "gravity";
