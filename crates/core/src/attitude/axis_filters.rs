@@ -41,6 +41,7 @@ pub use config::{AxisAngles, AxisFiltersConfig, AxisNoise};
 
 use crate::geometry::trigonometry::sin_cos;
 pub use crate::geometry::trigonometry::wrap;
+use crate::kalman::covariance::{resolvable_variance, rounding_reserve};
 use crate::kalman::innovation::{check_within, checked_norm_squared};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::parameters::{ConfigError, Range};
@@ -93,6 +94,7 @@ impl<T: Scalar> AngleFilter<T> {
     /// Corrects with an angle of variance `r`.
     fn update(&mut self, measured: T, r: T) -> Correction<T> {
         let [a, b, c] = self.covariance;
+        let r = resolvable_variance(r, a).unwrap_or(r);
         let variance = a + r;
         let innovation = wrap(measured - self.angle);
         let inverse = T::one() / variance;
@@ -100,7 +102,12 @@ impl<T: Scalar> AngleFilter<T> {
         self.angle = wrap(self.angle + gain_angle * innovation);
         self.bias += gain_bias * innovation;
         // (1 - a / (a + r)) of a and b, without the difference.
-        self.covariance = [r * gain_angle, r * gain_bias, c - gain_bias * b];
+        let removed = gain_bias * b;
+        self.covariance = [
+            r * gain_angle,
+            r * gain_bias,
+            c - removed + rounding_reserve(removed),
+        ];
         Correction {
             innovation,
             variance,

@@ -34,6 +34,7 @@ pub use config::{PositionAxisConfig, PositionNoise};
 use covariance::{AxisCovariance, AxisProcess};
 
 use crate::earth::FrameChange;
+use crate::kalman::covariance::resolvable_variance;
 use crate::kalman::innovation::check_within;
 use crate::kalman::{Innovation, Outcome, SkipReason};
 pub use crate::navigation::validity::Validity;
@@ -88,9 +89,15 @@ impl<T: Scalar> Uncertainty<T> {
         }
     }
 
+    /// Variance of a fix, and at least what the precision resolves.
+    fn noise(&self) -> T {
+        let stated = self.position_noise;
+        resolvable_variance(stated, self.covariance.ss).unwrap_or(stated)
+    }
+
     /// Variance of an innovation.
     fn of_innovation(&self) -> T {
-        self.covariance.ss + self.position_noise
+        self.covariance.ss + self.noise()
     }
 }
 
@@ -352,9 +359,10 @@ impl<T: Scalar> PositionAxisFilters<T> {
     fn correct(&mut self, fix: &FixInnovation<T>) {
         let [across, down] = fix.inverses;
         let (horizontal, vertical) = (&mut self.state.horizontal, &mut self.state.vertical);
-        let r = horizontal.position_noise;
+        let r = horizontal.noise();
+        let r_down = vertical.noise();
         let across = horizontal.covariance.update(r, across);
-        let down = vertical.covariance.update(vertical.position_noise, down);
+        let down = vertical.covariance.update(r_down, down);
         let (x, y, z) = (fix.residual.x, fix.residual.y, fix.residual.z);
         let by = |across: T, down: T| Vector3::new(across * x, across * y, down * z);
         self.state.position += by(across.x, down.x);

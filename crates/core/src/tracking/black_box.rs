@@ -14,6 +14,7 @@ use super::{
     Coupling, NavigationPose, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
     check_step,
 };
+use crate::kalman::covariance::is_resolved;
 use crate::kalman::{ErrorListener as _, ErrorPropagation, Innovation, SkipReason};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, not_negative};
@@ -122,7 +123,7 @@ impl<T: Scalar> BlackBoxSchmidt<T> {
         if !variances.norm_squared().is_finite() {
             return Innovation::skipped(SkipReason::NotFinite);
         }
-        if variances.iter().any(|v| *v < T::zero()) {
+        if variances.iter().any(|v| *v < T::zero()) || !is_resolved(pose_covariance) {
             return Innovation::skipped(SkipReason::Numerical);
         }
         let remains = self

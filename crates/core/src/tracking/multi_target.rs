@@ -210,6 +210,9 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         if !scan.own_ship.is_valid() {
             return Err(ScanError::PoseInvalid);
         }
+        if !scan.sensor.is_valid() {
+            return Err(ScanError::SensorInvalid);
+        }
         let dt = self
             .state
             .last

@@ -74,6 +74,9 @@ impl<T: Scalar> Measured<T> {
         if !nis.is_finite() {
             return (Innovation::skipped(SkipReason::NotFinite), None);
         }
+        if nis < T::zero() {
+            return (self.refuse(track), None);
+        }
         if gate_nis > T::zero() && nis > gate_nis {
             return (self.innovation(nis, Outcome::Gated), None);
         }

@@ -3,6 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::kalman::covariance::rounding_reserve;
 use crate::scalar::{Scalar, lit};
 
 /// Largest variances: position m^2, velocity m^2/s^2, bias m^2/s^4. Beyond nothing is known.
@@ -140,9 +141,9 @@ impl<T: Scalar> AxisCovariance<T> {
             ss: r * gain.x,
             sv: r * gain.y,
             sb: r * gain.z,
-            vv: p.vv - gain.y * p.sv,
+            vv: p.vv - gain.y * p.sv + rounding_reserve(gain.y * p.sv),
             vb: p.vb - gain.y * p.sb,
-            bb: p.bb - gain.z * p.sb,
+            bb: p.bb - gain.z * p.sb + rounding_reserve(gain.z * p.sb),
         };
         gain
     }

@@ -60,7 +60,7 @@ parameters! {
         "Consumer sensors.";
     gyroscope_bias_std: T, "rad/s", From(1e-8, 1.0), [0.02],
         "standard deviation of the gyroscope bias at the start, when it never stood still";
-    gravity: T, "m/s^2", From(0.1, 100.0), [9.806_65],
+    gravity: T, "m/s^2", From(0.0, 100.0), [9.806_65],
         "gravity",
         "Take [`crate::earth::normal_gravity`] of the place, unless the accelerometer is scaled in units of standard",
         "gravity.";

@@ -15,6 +15,8 @@ use crate::scalar::{Scalar, lit};
 /// Positions further than this from the origin (m) are not on this Earth, and with a larger standard deviation (m) no fixes.
 const FURTHEST_M: f64 = 2e7;
 const LARGEST_STD_M: f64 = 1e6;
+/// Largest share of the stated standard deviation.
+const LARGEST_SHARE: f64 = 100.0;
 /// How much larger the floor of a height is: satellites are seen on one side only.
 const VERTICAL_FLOOR: f64 = 2.5;
 /// A receiver's velocity (m/s) below which it stands, beside its noise, and for how long after (ns).
@@ -57,6 +59,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         shares: ErrorShares<T>,
     ) -> GnssPositionUpdate<T> {
         let checked = check_fix(&fix.ned, &fix.std, [FURTHEST_M, LARGEST_STD_M])
+            .and_then(|()| shares.check())
             .and_then(|()| self.accept(Aid::GnssPosition, time_ns));
         let update = match checked.and_then(|()| self.use_position(time_ns, fix, shares)) {
             Ok(update) => update,
@@ -224,6 +227,24 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         } else {
             let m = gnss_velocity::measurement(&then, &arm, &fix.ned, &variance, [0, 1]);
             self.fuse_weighted(&m, Aid::GnssVelocity, false)
+        }
+    }
+}
+
+impl<T: Scalar> ErrorShares<T> {
+    /// Both from 0 to [`LARGEST_SHARE`], and the first above 0.
+    fn check(&self) -> Result<(), SkipReason> {
+        let most = lit(LARGEST_SHARE);
+        if !(self.white.is_finite() && self.slow.is_finite()) {
+            Err(SkipReason::NotFinite)
+        } else if self.white > T::zero()
+            && self.white <= most
+            && self.slow >= T::zero()
+            && self.slow <= most
+        {
+            Ok(())
+        } else {
+            Err(SkipReason::OutOfRange)
         }
     }
 }

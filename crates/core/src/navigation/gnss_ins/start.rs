@@ -99,7 +99,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     pub(super) fn keep_for_alignment(&mut self, dt: T) {
         let memory = &mut self.memory;
         memory.unfed_s += dt;
-        memory.unfed += 1;
+        memory.unfed = (memory.unfed + 1).min(HISTORY);
         if memory.unfed >= HISTORY {
             let newest = memory.history.duration_s(HISTORY - HISTORY.div_ceil(4));
             self.feed(newest);

@@ -8,6 +8,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::{Covariance, ErrorVector};
+use crate::kalman::covariance::{resolvable_variance, rounding_reserve};
 use crate::kalman::covariance::cholesky;
 use crate::kalman::sparse_update::add_scaled;
 use crate::kalman::{Innovation, Outcome};
@@ -87,7 +88,14 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
     dof: T,
 ) -> Option<Weighted<T>> {
     const { assert!(M <= 3) };
-    let std = measurement.variance.map(|v| v.sqrt());
+    let mut std = measurement.variance;
+    for (std, row) in std.iter_mut().zip(&measurement.rows) {
+        let spread = row.elements().iter().fold(T::zero(), |sum, (state, h)| {
+            let own = covariance.get((*state, *state)).copied();
+            sum + *h * *h * own.unwrap_or_else(T::zero)
+        });
+        *std = resolvable_variance(*std, spread)?.sqrt();
+    }
     let mut projected = [[T::zero(); ALIGNMENT_ERRORS]; M];
     let mut off = measurement.residual;
     for (i, (row, out)) in measurement.rows.iter().zip(&mut projected).enumerate() {
@@ -118,8 +126,11 @@ pub(super) fn fuse<T: Scalar, const M: usize>(
             add_scaled(&mut column, h, gain[(i, k)], ALIGNMENT_ERRORS);
         }
         add_scaled(error.as_mut_slice(), &column, whitened[i], ALIGNMENT_ERRORS);
-        for (out, factor) in covariance.data.0.iter_mut().zip(column) {
+        for (j, (out, factor)) in covariance.data.0.iter_mut().zip(column).enumerate() {
             add_scaled(out, &column, -factor, ALIGNMENT_ERRORS);
+            if let Some(variance) = out.get_mut(j) {
+                *variance += rounding_reserve(factor * factor);
+            }
         }
     }
     // (W15)

@@ -1,7 +1,7 @@
 //! Settings of the tracker and of the sensors it listens to.
 
 use crate::parameters::{ConfigError, Range, parameters};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, lit};
 use crate::tracking::association::ipda::ExistenceModel;
 use crate::tracking::coordinated_turn::{Motion, TurnRate};
 use crate::tracking::detection::DetectionNoise;
@@ -94,6 +94,21 @@ pub struct ScanSensor<T> {
     pub covers_all: bool,
     /// Whether a detection may start a track.
     pub initiates: bool,
+}
+
+impl<T: Scalar> ScanSensor<T> {
+    /// Whether a sensor can be like that: standard deviations from 0 to 1e6 m and 10 rad, a probability from 0 to 1, clutter
+    /// from 0 to 1e6, a range of 0 or above.
+    pub fn is_valid(&self) -> bool {
+        let within = |x: T, most: f64| x >= T::zero() && x <= lit(most);
+        let noise = &self.noise;
+        within(noise.range_std_m, 1e6)
+            && within(noise.extent_std_m, 1e6)
+            && within(noise.bearing_std_rad, 10.0)
+            && within(self.detection_probability, 1.0)
+            && within(self.clutter_density, 1e6)
+            && self.largest_range_m >= T::zero()
+    }
 }
 
 parameters! {

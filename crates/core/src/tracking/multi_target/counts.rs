@@ -15,6 +15,9 @@ pub enum ScanError {
     PoseInvalid,
     /// The own ship cannot have come from its last pose to this one. The next scan from here is taken.
     PoseJumps,
+    /// What is said of the sensor is of none: a standard deviation, density or range that is negative or not a number, or a
+    /// probability beyond 0 to 1.
+    SensorInvalid,
 }
 
 impl ScanError {
@@ -25,6 +28,7 @@ impl ScanError {
             Self::TimeGoesBack => "time before the last scan",
             Self::TimeInFuture => "time far ahead of the last scan",
             Self::PoseJumps => "own ship's pose jumps",
+            Self::SensorInvalid => "noise, probability, density or range of the sensor out of range",
             Self::PoseInvalid => "own ship's pose not finite or its covariance not positive",
         }
     }
@@ -54,6 +58,9 @@ pub struct TrackerCounts {
     pub pose_invalid: u64,
     /// Scans refused: the pose jumped.
     pub pose_jumps: u64,
+    /// Scans refused: noise, probability, density or range of the sensor.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub sensor_invalid: u64,
     /// Detections skipped: not finite, or a range that is not positive.
     pub detections_invalid: u64,
     /// Detections left out: more in one scan than the tracker has room for.
@@ -82,6 +89,7 @@ impl TrackerCounts {
             ScanError::TimeInFuture => self.time_in_future += 1,
             ScanError::PoseJumps => self.pose_jumps += 1,
             ScanError::PoseInvalid => self.pose_invalid += 1,
+            ScanError::SensorInvalid => self.sensor_invalid += 1,
         }
     }
 }
