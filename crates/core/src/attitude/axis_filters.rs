@@ -192,10 +192,10 @@ impl<T: Scalar> AxisFilters<T> {
     /// The first parameter outside its permitted range, or `"start"`.
     pub fn new(config: AxisFiltersConfig<T>, start: [T; 3]) -> Result<Self, ConfigError> {
         config.validate()?;
-        if !start.iter().all(|angle| angle.is_finite()) {
+        if !start.iter().all(|angle| angle.abs() <= lit(100.0)) {
             return Err(ConfigError {
                 field: "start",
-                range: Range::Described("three finite angles"),
+                range: Range::Described("three angles of at most 100 rad"),
             });
         }
         let last_dt = lit(0.02);

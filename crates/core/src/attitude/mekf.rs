@@ -33,7 +33,7 @@ use super::{
 };
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::cap_variance;
+use crate::kalman::covariance::cap_attitude;
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::Scalar;
@@ -227,9 +227,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
         let p = &mut self.state.covariance;
         propagation::propagate_covariance(p, &rate, dt, psd, self.config.bias_walk_psd());
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
-        for i in 0..3 {
-            cap_variance(p, i, limit);
-        }
+        cap_attitude(p, limit);
         self.state.sensors.advance(dt);
         Propagation::Done
     }
@@ -271,8 +269,8 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
         for i in 0..3 {
             self.state.covariance[(i, i)] += variance;
-            cap_variance(&mut self.state.covariance, i, limit);
         }
+        cap_attitude(&mut self.state.covariance, limit);
     }
 
     fn attitude(&self) -> UnitQuaternion<T> {

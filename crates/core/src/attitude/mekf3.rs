@@ -26,7 +26,7 @@ use super::{
 };
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::{cap_variance, symmetrize};
+use crate::kalman::covariance::{cap_attitude, symmetrize};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::Scalar;
@@ -143,9 +143,7 @@ impl<T: Scalar> Mekf3<T> {
 
     fn cap(&mut self) {
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
-        for i in 0..3 {
-            cap_variance(&mut self.state.covariance, i, limit);
-        }
+        cap_attitude(&mut self.state.covariance, limit);
     }
 }
 

@@ -245,9 +245,12 @@ impl<T: Scalar> QuaternionEkf<T> {
             QuaternionNorm::Projected => T::zero(),
             QuaternionNorm::Free => q.dot(&(quaternion_block(&self.state.covariance) * q)),
         };
-        self.state.covariance = lift(&self.state.attitude, &p);
-        let mut block = self.state.covariance.fixed_view_mut::<4, 4>(0, 0);
-        block += q * q.transpose() * along.max(T::zero());
+        let mut rows = Matrix7::zeros();
+        rows.fixed_columns_mut::<6>(0)
+            .copy_from(&lifted_factor(&self.state.attitude, &p));
+        let std = along.max(T::zero()).sqrt();
+        rows.fixed_view_mut::<4, 1>(0, 6).copy_from(&(q * std));
+        self.state.covariance = rows * rows.transpose();
         symmetrize(&mut self.state.covariance);
     }
 
@@ -364,13 +367,17 @@ fn reduce<T: Scalar>(q: &UnitQuaternion<T>, p: &Matrix7<T>) -> Matrix6<T> {
 
 /// 6 by 6 to 7 by 7 with `dq = Xi a / 2`.
 fn lift<T: Scalar>(q: &UnitQuaternion<T>, p: &Matrix6<T>) -> Matrix7<T> {
+    let rows = lifted_factor(q, p);
+    rows * rows.transpose()
+}
+
+/// The factor of the lifted covariance: of a product with itself, no two rows can have more covariance than variance.
+fn lifted_factor<T: Scalar>(q: &UnitQuaternion<T>, p: &Matrix6<T>) -> SMatrix<T, 7, 6> {
     let mut map = SMatrix::<T, 7, 6>::zeros();
     map.fixed_view_mut::<4, 3>(0, 0)
         .copy_from(&(xi(&wxyz(q)) * lit::<T>(0.5)));
     map.fixed_view_mut::<3, 3>(4, 3).fill_with_identity();
-    // Products of a factor: no two rows can have more covariance than variance.
-    let rows = map * semidefinite_factor(p);
-    rows * rows.transpose()
+    map * semidefinite_factor(p)
 }
 
 fn initial_covariance<T: Scalar>(

@@ -58,7 +58,7 @@ use super::vector_sensor::VectorSensor;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation, StartUncertainty};
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{
-    cap_variance, cholesky, is_resolved, mirror_upper, resolvable_variance, rounding_reserve,
+    cap_attitude, cholesky, is_resolved, mirror_upper, resolvable_variance, rounding_reserve,
 };
 use crate::kalman::innovation::Outcome;
 use crate::kalman::scalar_update::update_leading3;
@@ -338,9 +338,7 @@ impl<T: Scalar> Usque<T> {
 
     fn cap_attitude(&mut self) {
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
-        for i in 0..3 {
-            cap_variance(&mut self.state.covariance, i, limit);
-        }
+        cap_attitude(&mut self.state.covariance, limit);
     }
 }
 

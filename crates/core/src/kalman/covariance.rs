@@ -53,13 +53,15 @@ pub fn cholesky<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> Option<SMatr
 }
 
 /// Whether a matrix is finite, symmetric and positive semidefinite, each up to `tolerance` as a correlation: with so
-/// much added to the unit diagonal of the correlation matrix it has a Cholesky factor. Variances of zero pass.
+/// much added to the unit diagonal of the correlation matrix it has a Cholesky factor. Variances of zero pass,
+/// and correlations are those of standard deviations of at least 1e-18: the squares of smaller ones have lost digits.
 pub fn is_covariance<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>, tolerance: T) -> bool {
     let variances = p.diagonal();
     if !variances.iter().all(|v| v.is_finite() && *v >= T::zero()) {
         return false;
     }
-    let std = variances.map(|v| v.sqrt());
+    let least = lit(LEAST_STD);
+    let std = variances.map(|v| v.sqrt().max(least));
     let mut correlation = SMatrix::<T, N, N>::from_diagonal_element(T::one() + tolerance);
     for i in 0..N {
         for j in 0..i {
@@ -70,11 +72,7 @@ pub fn is_covariance<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>, tolerance:
             if !asymmetry.is_finite() || asymmetry > tolerance * scale {
                 return false;
             }
-            if scale > T::zero() {
-                correlation[(i, j)] = lower / scale;
-            } else if lower != T::zero() {
-                return false;
-            }
+            correlation[(i, j)] = lower / scale;
         }
     }
     cholesky(&correlation).is_some()
@@ -122,6 +120,8 @@ pub fn normalized_square3<T: Scalar>(x: &Vector3<T>, s: &Matrix3<T>) -> Option<T
     nis.is_finite().then_some(nis.max(T::zero()))
 }
 
+/// Standard deviations below have squares of few digits in single precision.
+const LEAST_STD: f64 = 1e-18;
 /// Rounding units of the state's own share that the noise of a measurement is at least taken for.
 const LEAST_NOISE_ROUNDINGS: f64 = 64.0;
 /// Rounding units of what an update takes off a variance that it leaves there.
@@ -175,6 +175,21 @@ pub fn undrown<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
     }
 }
 
+/// [`cap_variance`] of the first three states, an attitude error. Where that was needed, much has grown at once: the
+/// matrix is then made a covariance again if rounding was too much for it.
+#[inline]
+pub fn cap_attitude<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>, limit: T) {
+    const { assert!(N >= 3) };
+    if (0..3).all(|i| p[(i, i)] <= limit) {
+        return;
+    }
+    for i in 0..3 {
+        cap_variance(p, i, limit);
+    }
+    let unknown = p.diagonal().map(|own| own.max(limit));
+    forget_correlations_unless_resolved(p, &unknown);
+}
+
 /// Makes a matrix that is a covariance but for some thousandths of a correlation one that is it altogether: every
 /// correlation shrinks by that much. A matrix that is a covariance stays as it is, to the bit.
 pub fn shrink_correlations_unless_resolved<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
@@ -188,12 +203,13 @@ pub fn shrink_correlations_unless_resolved<T: Scalar, const N: usize>(p: &mut SM
     }
 }
 
-/// Keeps the variances of a matrix that is no covariance any more, and forgets the correlations; what is no variance
-/// becomes `otherwise`. Gives whether that was needed.
+/// Keeps the variances of a matrix that is no covariance any more, and forgets the correlations, or only some thousandths
+/// of them where that will do; what is no variance becomes `otherwise`. Gives whether they were forgotten.
 pub fn forget_correlations_unless_resolved<T: Scalar, const N: usize>(
     p: &mut SMatrix<T, N, N>,
     otherwise: &SVector<T, N>,
 ) -> bool {
+    shrink_correlations_unless_resolved(p);
     if is_resolved(p) {
         return false;
     }

@@ -209,10 +209,17 @@ impl<T: Scalar> ErrorStateFilter<T> {
     /// whoever carries a cross-covariance with this filter must apply it.
     #[inline]
     pub fn catch_up(&mut self) -> ErrorTransition<T> {
+        let transition = self.catch_up_without_limits();
+        self.state.hold_covariance();
+        transition
+    }
+
+    /// The same for who limits the covariance itself, and what is correlated with it.
+    #[inline]
+    pub(super) fn catch_up_without_limits(&mut self) -> ErrorTransition<T> {
         let transition = core::mem::take(&mut self.state.pending);
         let noise = self.process_noise();
         transition.propagate_covariance(&mut self.state.covariance, &noise);
-        self.state.hold_covariance();
         transition
     }
 

@@ -75,8 +75,21 @@ pub fn covariance<T: RealField + Copy, const N: usize>(
     if is_covariance(p, T::default_epsilon().sqrt()) {
         Ok(())
     } else {
-        Err(format!("{what} is no covariance: {p}"))
+        Err(format!("{what} is no covariance: {}", offence(p)))
     }
+}
+
+/// The standard deviations, and the correlation that is furthest from what one can be.
+fn offence<T: RealField + Copy, const N: usize>(p: &SMatrix<T, N, N>) -> String {
+    let std: Vec<_> = p.diagonal().iter().map(|v| v.abs().sqrt()).collect();
+    let mut worst = (0, 0, T::zero());
+    for (i, j) in (0..N).flat_map(|i| (0..i).map(move |j| (i, j))) {
+        let correlation = p[(i, j)] / (std[i] * std[j]);
+        if !(correlation.abs() <= worst.2.abs()) {
+            worst = (i, j, correlation);
+        }
+    }
+    format!("deviations {std:?}, largest correlation {worst:?}, diagonal {:?}", p.diagonal())
 }
 
 /// Finite and of unit length, within some hundred roundings.

@@ -47,7 +47,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
     /// Brings the covariance up to the state.
     pub fn catch_up(&mut self) {
         if self.pending_s() > T::zero() {
-            let transition = self.filter.catch_up();
+            let transition = self.filter.catch_up_without_limits();
             self.follow(&transition);
         }
     }
