@@ -235,11 +235,15 @@ impl<T: Scalar> QuaternionEkf<T> {
     /// first. It then goes through the local error and comes back as a product of a factor with itself.
     fn settle(&mut self) {
         let mut p = self.error_covariance();
-        let otherwise = largest_variances(&self.config);
-        let forgotten = forget_correlations_unless_resolved(&mut p, &otherwise);
-        if !forgotten && is_resolved(&self.state.covariance) {
+        if is_resolved(&p) && is_resolved(&self.state.covariance) {
             return;
         }
+        // Four components show no variance that is so much smaller than the largest one.
+        let drowned = p.diagonal().fixed_rows::<3>(0).amax() * T::default_epsilon() * lit(64.0);
+        for i in 0..3 {
+            p[(i, i)] += drowned;
+        }
+        forget_correlations_unless_resolved(&mut p, &largest_variances(&self.config));
         let q = wxyz(&self.state.attitude);
         let along = match self.config.quaternion_norm {
             QuaternionNorm::Projected => T::zero(),
@@ -248,7 +252,7 @@ impl<T: Scalar> QuaternionEkf<T> {
         let mut rows = Matrix7::zeros();
         rows.fixed_columns_mut::<6>(0)
             .copy_from(&lifted_factor(&self.state.attitude, &p));
-        let std = along.max(T::zero()).sqrt();
+        let std = along.min(T::one()).max(T::zero()).sqrt();
         rows.fixed_view_mut::<4, 1>(0, 6).copy_from(&(q * std));
         self.state.covariance = rows * rows.transpose();
         symmetrize(&mut self.state.covariance);

@@ -104,7 +104,7 @@ where
         filter.initialize(&start(g));
         filter
     };
-    let whole = |filter: &E| check(filter).and_then(|()| inside(filter));
+    let whole = |filter: &E| inside(filter).and_then(|()| check(filter));
     run(name, started, operate, whole);
     let driven = |g: &mut Garbage| {
         let config = DriverConfig {
