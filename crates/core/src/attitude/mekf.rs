@@ -33,7 +33,7 @@ use super::{
 };
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::cap_attitude;
+use crate::kalman::covariance::{cap_attitude, undrown_attitude};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::Scalar;
@@ -157,6 +157,7 @@ impl<T: Scalar> Mekf<T> {
         self.state.attitude = rotation::renormalize(&corrected);
         self.state.gyroscope_bias = bias;
         reset(&mut self.state.covariance, &a);
+        undrown_attitude(&mut self.state.covariance);
         measurement.innovation
     }
 }
@@ -228,6 +229,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf<T> {
         propagation::propagate_covariance(p, &rate, dt, psd, self.config.bias_walk_psd());
         let limit = self.config.maximum_attitude_std * self.config.maximum_attitude_std;
         cap_attitude(p, limit);
+        undrown_attitude(p);
         self.state.sensors.advance(dt);
         Propagation::Done
     }

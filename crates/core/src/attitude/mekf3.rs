@@ -26,7 +26,7 @@ use super::{
 };
 use crate::geometry::{rotation, so3};
 use crate::kalman::Innovation;
-use crate::kalman::covariance::{cap_attitude, symmetrize};
+use crate::kalman::covariance::{cap_attitude, symmetrize, undrown_attitude};
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, covariance, finite, restorable, unit};
 use crate::scalar::Scalar;
@@ -131,6 +131,7 @@ impl<T: Scalar> Mekf3<T> {
         // (26)
         let corrected = self.state.attitude * so3::from_gibbs(&a);
         self.state.attitude = rotation::renormalize(&corrected);
+        undrown_attitude(&mut covariance);
         // (27), without re-centring, as printed.
         self.state.covariance = covariance;
         true
@@ -178,6 +179,7 @@ impl<T: Scalar> AttitudeEstimator<T> for Mekf3<T> {
             p[(i, i)] += q;
         }
         symmetrize(&mut p);
+        undrown_attitude(&mut p);
         self.state.covariance = p;
         self.cap();
         self.state.sensors.advance(dt);

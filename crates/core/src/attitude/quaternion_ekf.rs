@@ -52,8 +52,8 @@ use super::{
 use crate::geometry::so3;
 use crate::kalman::Innovation;
 use crate::kalman::covariance::{
-    cap_variance, forget_correlations_unless_resolved, is_resolved, semidefinite_factor, symmetrize,
-    undrown,
+    cap_variance, forget_correlations_unless_resolved, is_resolved, semidefinite_factor,
+    symmetrize, undrown,
 };
 use crate::kalman::scalar_update::update_full;
 use crate::parameters::ConfigError;
@@ -214,9 +214,8 @@ impl<T: Scalar> QuaternionEkf<T> {
         let sum = wxyz(&self.state.attitude) + correction.fixed_rows::<4>(0);
         let norm = sum.norm();
         let bias = self.state.gyroscope_bias + correction.fixed_rows::<3>(4);
-        let finite = norm.is_finite()
-            && is_possible_bias(&bias)
-            && covariance.norm_squared().is_finite();
+        let finite =
+            norm.is_finite() && is_possible_bias(&bias) && covariance.norm_squared().is_finite();
         if !finite || norm < lit(0.1) {
             return false;
         }

@@ -125,7 +125,7 @@ const LEAST_STD: f64 = 1e-18;
 /// Rounding units of the state's own share that the noise of a measurement is at least taken for.
 const LEAST_NOISE_ROUNDINGS: f64 = 64.0;
 /// Rounding units of what an update takes off a variance that it leaves there.
-const KEPT_ROUNDINGS: f64 = 16.0;
+const KEPT_ROUNDINGS: f64 = 64.0;
 
 /// What is left of the correlations of a matrix that is nearly a covariance.
 const KEPT_CORRELATION: f64 = 0.996;
@@ -200,6 +200,23 @@ pub fn shrink_correlations_unless_resolved<T: Scalar, const N: usize>(p: &mut SM
         for i in (0..N).filter(|i| *i != j) {
             p[(i, j)] *= lit(KEPT_CORRELATION);
         }
+    }
+}
+
+/// [`undrown`] of the first three states, an attitude error that has turned with the body; nothing where their variances
+/// are of a size that the precision holds side by side.
+#[inline]
+pub fn undrown_attitude<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
+    const { assert!(N >= 3) };
+    let (a, b, c) = (p[(0, 0)], p[(1, 1)], p[(2, 2)]);
+    let drowned = a.max(b).max(c) * (T::default_epsilon() * lit(16.0));
+    if a >= drowned && b >= drowned && c >= drowned {
+        return;
+    }
+    let mut block = Matrix3::from_fn(|i, j| p[(i, j)]);
+    undrown(&mut block);
+    for i in 0..3 {
+        p[(i, i)] = block[(i, i)];
     }
 }
 

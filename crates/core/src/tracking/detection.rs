@@ -14,10 +14,10 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, SMatrix, Vector2};
 
-use super::coordinated_turn::{STATES, TargetCovariance, TargetState};
 use super::FARTHEST;
-use super::radar::MOST_BEARING_RAD;
+use super::coordinated_turn::{STATES, TargetCovariance, TargetState};
 use super::own_ship::OwnShip;
+use super::radar::MOST_BEARING_RAD;
 use crate::geometry::trigonometry::wrap;
 use crate::scalar::{Scalar, lit};
 

@@ -17,9 +17,9 @@
 
 use nalgebra::Vector3;
 
+use super::FARTHEST;
 use super::coordinated_turn::{Motion, TargetCovariance, TargetState, TurnRate};
 use super::detection::CrossCovariance;
-use super::FARTHEST;
 use crate::kalman::covariance::{forget_correlations_unless_resolved, is_resolved, symmetrize};
 use crate::scalar::{Scalar, lit};
 

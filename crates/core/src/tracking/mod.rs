@@ -71,10 +71,8 @@ pub use schmidt_kalman::{Coupling, SchmidtKalman};
 use nalgebra::{Matrix2, Matrix4, Vector4};
 
 use crate::kalman::SkipReason;
+use crate::kalman::covariance::{cap_variance, forget_correlations_unless_resolved, is_resolved};
 use crate::parameters::{ConfigError, Range};
-use crate::kalman::covariance::{
-    cap_variance, forget_correlations_unless_resolved, is_resolved,
-};
 use crate::restorable::{InvalidState, covariance, finite};
 use crate::scalar::{Scalar, lit};
 
@@ -94,7 +92,11 @@ impl<T: Scalar> TrackEstimate<T> {
     pub fn is_usable(&self) -> bool {
         let limit = lit::<T>(FARTHEST);
         self.state.iter().all(|x| x.abs() <= limit)
-            && self.covariance.diagonal().iter().all(|v| *v <= limit * limit)
+            && self
+                .covariance
+                .diagonal()
+                .iter()
+                .all(|v| *v <= limit * limit)
             && is_resolved(&self.covariance)
     }
 
@@ -102,7 +104,9 @@ impl<T: Scalar> TrackEstimate<T> {
     fn checked(self) -> Result<Self, ConfigError> {
         let range = Range::Described("at most 1e8 in each component, with a covariance");
         let field = "track";
-        self.is_usable().then_some(self).ok_or(ConfigError { field, range })
+        self.is_usable()
+            .then_some(self)
+            .ok_or(ConfigError { field, range })
     }
 
     /// Keeps variances where numbers still mean something: correlations stay, or are forgotten where rounding has made

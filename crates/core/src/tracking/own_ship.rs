@@ -5,8 +5,8 @@
 //! is a black box here: only pose and covariance are known. What a target's error shares with the
 //! own ship's (the cross-covariance `X`) then fades with [`PoseErrorCorrelation`].
 
-use super::radar::MOST_BEARING_RAD;
 use super::FARTHEST;
+use super::radar::MOST_BEARING_RAD;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::trigonometry::wrap;

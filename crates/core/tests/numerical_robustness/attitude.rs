@@ -113,12 +113,17 @@ where
         };
         (AttitudeDriver::new(make(g), config), 0_i64)
     };
-    run(&format!("{name} behind its driver"), driven, drive, |(driver, _)| {
-        continuable(driver)?;
-        driver.attitude().map_or(Ok(()), |q| unit("attitude", &q))?;
-        let p = driver.attitude_covariance();
-        p.map_or(Ok(()), |p| covariance("attitude covariance", &p))
-    });
+    run(
+        &format!("{name} behind its driver"),
+        driven,
+        drive,
+        |(driver, _)| {
+            continuable(driver)?;
+            driver.attitude().map_or(Ok(()), |q| unit("attitude", &q))?;
+            let p = driver.attitude_covariance();
+            p.map_or(Ok(()), |p| covariance("attitude covariance", &p))
+        },
+    );
 }
 
 fn drive<T, E>((driver, clock_ns): &mut (AttitudeDriver<T, E>, i64), g: &mut Garbage) -> Check
@@ -129,8 +134,14 @@ where
     let time_ns = g.stamp(clock_ns, 3_000_000);
     match g.below(12) {
         0 => record("compass", &driver.compass(time_ns, g.near(4.0), g.std(0.1))),
-        1 | 2 => record("magnetometer", &driver.magnetometer(time_ns, &g.around(FIELD, 10.0))),
-        3..7 => record("accelerometer", &driver.accelerometer(time_ns, &g.around(FORCE, 2.0))),
+        1 | 2 => record(
+            "magnetometer",
+            &driver.magnetometer(time_ns, &g.around(FIELD, 10.0)),
+        ),
+        3..7 => record(
+            "accelerometer",
+            &driver.accelerometer(time_ns, &g.around(FORCE, 2.0)),
+        ),
         _ => {
             let _ = driver.gyroscope(time_ns, &g.vector(3.0));
             Ok(())
@@ -189,7 +200,13 @@ both! {
 fn axis_filters<T: RealField + Copy>(name: &str) {
     let make = |g: &mut Garbage| {
         let angles: [T; 3] = [0; 3].map(|_| g.near(4.0));
-        let start = angles.map(|x| if x.abs() <= number(100.0) { x } else { T::zero() });
+        let start = angles.map(|x| {
+            if x.abs() <= number(100.0) {
+                x
+            } else {
+                T::zero()
+            }
+        });
         AxisFilters::new(g.settings(), start).unwrap()
     };
     let operate = |filter: &mut AxisFilters<T>, g: &mut Garbage| match g.below(10) {
@@ -201,7 +218,10 @@ fn axis_filters<T: RealField + Copy>(name: &str) {
             let force = g.around([0.0, 0.0, -9.81], 3.0);
             record("accelerometer", &filter.update_accelerometer(&force))
         }
-        7..9 => record("magnetometer", &filter.update_magnetometer(&g.around(FIELD, 10.0))),
+        7..9 => record(
+            "magnetometer",
+            &filter.update_magnetometer(&g.around(FIELD, 10.0)),
+        ),
         _ => record("heading", &filter.update_heading(g.near(4.0))),
     };
     run(name, make, operate, |filter| {

@@ -43,7 +43,11 @@ fn start<T: RealField + Copy>(sequence: &mut Sequence<T>, g: &mut Garbage) {
 }
 
 fn operate<T: RealField + Copy>(sequence: &mut Sequence<T>, g: &mut Garbage) -> Check {
-    let usual_ns = if g.chance(0.1) { 100_000_000 } else { 10_000_000 };
+    let usual_ns = if g.chance(0.1) {
+        100_000_000
+    } else {
+        10_000_000
+    };
     let ns = g.stamp(&mut sequence.clock_ns, usual_ns);
     let ins = &mut sequence.ins;
     match g.below(40) {
@@ -135,7 +139,6 @@ fn check<T: RealField + Copy>(sequence: &Sequence<T>) -> Check {
     }
     Ok(())
 }
-
 
 #[test]
 fn single() {

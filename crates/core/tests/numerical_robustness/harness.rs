@@ -68,10 +68,7 @@ pub fn continuable<F: Restorable + Clone>(filter: &F) -> Check {
 }
 
 /// Symmetric and positive semidefinite, within the square root of the rounding unit.
-pub fn covariance<T: RealField + Copy, const N: usize>(
-    what: &str,
-    p: &SMatrix<T, N, N>,
-) -> Check {
+pub fn covariance<T: RealField + Copy, const N: usize>(what: &str, p: &SMatrix<T, N, N>) -> Check {
     if is_covariance(p, T::default_epsilon().sqrt()) {
         Ok(())
     } else {
@@ -89,7 +86,10 @@ fn offence<T: RealField + Copy, const N: usize>(p: &SMatrix<T, N, N>) -> String 
             worst = (i, j, correlation);
         }
     }
-    format!("deviations {std:?}, largest correlation {worst:?}, diagonal {:?}", p.diagonal())
+    format!(
+        "deviations {std:?}, largest correlation {worst:?}, diagonal {:?}",
+        p.diagonal()
+    )
 }
 
 /// Finite and of unit length, within some hundred roundings.

@@ -108,9 +108,16 @@ fn aid_axes<T: RealField + Copy>(
         if g.chance(0.9) {
             *fixes += 1;
         }
-        return record("position", &filter.update_position(*fixes, &g.vector(100.0)));
+        return record(
+            "position",
+            &filter.update_position(*fixes, &g.vector(100.0)),
+        );
     }
-    let gravity = if g.chance(0.05) { g.near(20.0) } else { number(9.81) };
+    let gravity = if g.chance(0.05) {
+        g.near(20.0)
+    } else {
+        number(9.81)
+    };
     let force = g.around([0.0, 0.0, -9.81], 2.0);
     let _ = filter.propagate(&g.rotation(3.0), &force, gravity, g.interval(0.02));
     Ok(())
@@ -130,8 +137,14 @@ fn reckoning<T: RealField + Copy>(g: &mut Garbage) -> DeadReckoning<T> {
 
 fn reckon<T: RealField + Copy>(filter: &mut DeadReckoning<T>, g: &mut Garbage) -> Check {
     match g.below(10) {
-        0 => record("position", &filter.update_position(&g.plane(100.0), g.std(3.0))),
-        1 => record("velocity", &filter.update_velocity(&g.plane(5.0), g.std(0.5))),
+        0 => record(
+            "position",
+            &filter.update_position(&g.plane(100.0), g.std(3.0)),
+        ),
+        1 => record(
+            "velocity",
+            &filter.update_velocity(&g.plane(5.0), g.std(0.5)),
+        ),
         2 => {
             let _ = filter.water_velocity(&g.plane(5.0));
             Ok(())

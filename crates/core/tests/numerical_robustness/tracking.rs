@@ -3,13 +3,13 @@
 use nalgebra::{Matrix3, Matrix4, RealField, SMatrix, Vector3, Vector4};
 use northing_core::parameters::Range;
 use northing_core::tracking::body_frame::OwnIncrement;
+use northing_core::tracking::multi_target::MotionModels;
 use northing_core::tracking::{
     BlackBoxSchmidt, BodyFrameTracker, ConstantVelocity, Conversion, ConvertedMeasurement,
     Coupling, Detection, DetectionNoise, JointEkf, MultiTargetConfig, MultiTargetTracker,
     NavigationPose, OwnShip, PoseAsKnown, RadarDetection, RadarNoise, Scan, ScanSensor,
     SchmidtKalman, TrackEstimate, TrackerConfig,
 };
-use northing_core::tracking::multi_target::MotionModels;
 
 use super::garbage::{Garbage, number};
 use super::harness::{Check, continuable, covariance, record, run};
@@ -23,9 +23,16 @@ pub fn settings<T: RealField + Copy>(g: &mut Garbage) -> TrackerConfig<T> {
         }
     };
     let motion = ConstantVelocity::new(one(0.1, Range::From(0.0, 1e3)));
-    let radar = RadarNoise::new(one(5.0, Range::From(1e-3, 1e6)), one(0.02, Range::From(1e-6, 10.0)));
+    let radar = RadarNoise::new(
+        one(5.0, Range::From(1e-3, 1e6)),
+        one(0.02, Range::From(1e-6, 10.0)),
+    );
     let gate_nis = one(0.0, Range::From(0.0, 1e6));
-    let config = TrackerConfig { motion, radar, gate_nis };
+    let config = TrackerConfig {
+        motion,
+        radar,
+        gate_nis,
+    };
     config.validate().unwrap();
     config
 }
@@ -185,7 +192,14 @@ fn see_joint<T: RealField + Copy>(tracker: &mut JointEkf<T, 3>, g: &mut Garbage)
 
 fn black_box<T: RealField + Copy>(g: &mut Garbage) -> BlackBoxSchmidt<T> {
     let start = Matrix3::identity();
-    BlackBoxSchmidt::new(settings(g), g.settings(), track(g), SMatrix::zeros(), &start).unwrap()
+    BlackBoxSchmidt::new(
+        settings(g),
+        g.settings(),
+        track(g),
+        SMatrix::zeros(),
+        &start,
+    )
+    .unwrap()
 }
 
 fn see_black_box<T: RealField + Copy>(tracker: &mut BlackBoxSchmidt<T>, g: &mut Garbage) -> Check {
@@ -217,9 +231,21 @@ fn scan<T: RealField + Copy>(scene: &mut Scene<T>, g: &mut Garbage) -> Check {
             bearing_std_rad: g.std(0.01),
             extent_std_m: g.std(1.0),
         },
-        detection_probability: if g.chance(0.1) { g.near(1.0) } else { number(0.9) },
-        clutter_density: if g.chance(0.1) { g.near(1.0) } else { number(1e-6) },
-        largest_range_m: if g.chance(0.1) { g.near(1e4) } else { number(5000.0) },
+        detection_probability: if g.chance(0.1) {
+            g.near(1.0)
+        } else {
+            number(0.9)
+        },
+        clutter_density: if g.chance(0.1) {
+            g.near(1.0)
+        } else {
+            number(1e-6)
+        },
+        largest_range_m: if g.chance(0.1) {
+            g.near(1e4)
+        } else {
+            number(5000.0)
+        },
         covers_all: g.chance(0.8),
         initiates: g.chance(0.8),
     };
@@ -233,18 +259,31 @@ fn scan<T: RealField + Copy>(scene: &mut Scene<T>, g: &mut Garbage) -> Check {
         .map(|k| {
             let at = 400.0 + 200.0 * k as f64;
             match g.below(6) {
-                0 => Detection::Bearing { bearing_rad: g.near(3.0) },
-                1 => Detection::Position { north_m: g.near(at), east_m: g.near(at) },
+                0 => Detection::Bearing {
+                    bearing_rad: g.near(3.0),
+                },
+                1 => Detection::Position {
+                    north_m: g.near(at),
+                    east_m: g.near(at),
+                },
                 _ => {
                     let around: Vector3<T> = g.around([at, 0.3 * k as f64, 0.0], 2.0);
-                    Detection::RangeBearing { range_m: around.x, bearing_rad: around.y }
+                    Detection::RangeBearing {
+                        range_m: around.x,
+                        bearing_rad: around.y,
+                    }
                 }
             }
         })
         .collect();
     let dt: T = g.interval(1.0);
     let time_s = scene.time_s + dt;
-    let scan = Scan { time_s, sensor: &sensor, own_ship: &own_ship, detections: &detections };
+    let scan = Scan {
+        time_s,
+        sensor: &sensor,
+        own_ship: &own_ship,
+        detections: &detections,
+    };
     if scene.tracker.scan(&scan).is_ok() {
         scene.time_s = time_s;
     }
@@ -260,7 +299,11 @@ fn check_scene<T: RealField + Copy>(scene: &Scene<T>) -> Check {
         let estimate = track.estimate();
         covariance("covariance of a track", &estimate.covariance)?;
         record("track", &track.innovation)?;
-        let total = track.imm.modes.iter().fold(T::zero(), |sum, mode| sum + mode.probability);
+        let total = track
+            .imm
+            .modes
+            .iter()
+            .fold(T::zero(), |sum, mode| sum + mode.probability);
         let off = (total - T::one()).abs();
         if !(off <= number(1e-4)) {
             return Err(format!("probabilities of the models sum to {total}"));

@@ -4,7 +4,8 @@ use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
 use crate::geometry::rotation::is_unit;
 use crate::kalman::covariance::{
-    cap_variance, forget_correlations_unless_resolved, is_covariance, mirror_upper, shrink_correlations_unless_resolved,
+    cap_variance, forget_correlations_unless_resolved, is_covariance, mirror_upper,
+    shrink_correlations_unless_resolved,
 };
 use crate::navigation::{ErrorTransition, STATES};
 use crate::restorable::{InvalidState, covariance, finite, unit};

@@ -8,8 +8,8 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::{Covariance, ErrorVector};
-use crate::kalman::covariance::{resolvable_variance, rounding_reserve};
 use crate::kalman::covariance::cholesky;
+use crate::kalman::covariance::{resolvable_variance, rounding_reserve};
 use crate::kalman::sparse_update::add_scaled;
 use crate::kalman::{Innovation, Outcome};
 use crate::navigation::error_state::SparseMeasurement;

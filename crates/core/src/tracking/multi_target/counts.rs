@@ -28,7 +28,9 @@ impl ScanError {
             Self::TimeGoesBack => "time before the last scan",
             Self::TimeInFuture => "time far ahead of the last scan",
             Self::PoseJumps => "own ship's pose jumps",
-            Self::SensorInvalid => "noise, probability, density or range of the sensor out of range",
+            Self::SensorInvalid => {
+                "noise, probability, density or range of the sensor out of range"
+            }
             Self::PoseInvalid => "own ship's pose not finite or its covariance not positive",
         }
     }

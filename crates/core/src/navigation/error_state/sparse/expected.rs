@@ -4,9 +4,9 @@ use nalgebra::{SMatrix, SVector};
 
 use super::shrink::{add_scaled, scaled};
 use super::{Row, SIDE, SparseMeasurement};
+use crate::kalman::covariance::resolvable_variance;
 use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::{ERRORS, STATES};
-use crate::kalman::covariance::resolvable_variance;
 use crate::scalar::Scalar;
 
 /// `P H^T` for one row, or a gain, or a correction: over the errors and the augmented states.
@@ -207,11 +207,7 @@ impl<T: Scalar, const M: usize> Expected<T, M> {
 }
 
 /// Sum of the squares of a row's elements times the variances they see.
-fn spread<T: Scalar>(
-    row: &Row<T>,
-    p: &SMatrix<T, STATES, STATES>,
-    side: &AugmentedStates<T>,
-) -> T {
+fn spread<T: Scalar>(row: &Row<T>, p: &SMatrix<T, STATES, STATES>, side: &AugmentedStates<T>) -> T {
     row.elements().iter().fold(T::zero(), |sum, (state, h)| {
         let variance = match state.checked_sub(SIDE) {
             None => p.get((*state, *state)),
