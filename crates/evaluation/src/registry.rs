@@ -82,7 +82,7 @@ pub struct ParameterInfo {
     pub name: String,
     /// Its unit; `-` for numbers without one, otherwise the words it can be.
     pub unit: String,
-    /// What is permitted, such as `above 0`.
+    /// What is permitted, such as `from 0 to 10`.
     pub range: String,
     /// What it is.
     pub meaning: &'static str,

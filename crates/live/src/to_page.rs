@@ -154,7 +154,7 @@ pub struct Parameter {
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// What is permitted, such as `above 0`.
+    /// What is permitted, such as `from 0 to 10`.
     pub range: String,
     /// What it is.
     pub meaning: &'static str,

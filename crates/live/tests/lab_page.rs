@@ -225,7 +225,7 @@ fn settings_reach_the_device_and_mistakes_come_back_in_words() {
     let mistakes = [
         (
             json!({"type": "settings", "device": device, "settings": {"accelerometer_std": -1}}),
-            "above 0",
+            "from 1e-6 to 10000",
         ),
         (
             json!({"type": "sensors", "device": device, "use": {"gyroscope": false}}),

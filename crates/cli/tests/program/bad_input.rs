@@ -300,7 +300,7 @@ fn unknown_estimators_parameters_and_sensors_list_the_valid_ones() {
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--set", "accelerometer_std=-1"]),
-        &["accelerometer_std", "above 0"],
+        &["accelerometer_std", "from 1e-6 to 10000"],
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--profile", "car"]),

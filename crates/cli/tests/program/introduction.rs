@@ -78,7 +78,13 @@ fn estimators_of_all_questions_are_listed_and_one_is_shown_with_its_parameters()
     let one = |name: &str, parts: &[&str]| contains(&lab.succeeds(&["estimators", name]), parts);
     one(
         "mekf",
-        &["accelerometer_std", "m/s^2", "hand-held", "lab", "above 0"],
+        &[
+            "accelerometer_std",
+            "m/s^2",
+            "hand-held",
+            "lab",
+            "from 1e-6 to 10000",
+        ],
     );
     one(
         "cascade-ekf",

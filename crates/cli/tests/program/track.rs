@@ -147,7 +147,7 @@ fn settings_of_the_tracker_are_set_by_name_and_handed_over() {
             "did you mean `motion.turn_rate_std_rad_s`?",
         ),
         ("gate_sigma=4", "did you mean `gate_sigmas`?"),
-        ("gate_sigmas=0", "above 0"),
+        ("gate_sigmas=0", "from 0.001 to 1e6"),
         (
             "pose_error_correlation.heading_s=10",
             "`converted` takes pose errors as new",

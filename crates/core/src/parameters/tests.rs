@@ -79,8 +79,15 @@ fn samples(range: &Range) -> (Vec<Value<f64>>, Vec<Value<f64>>) {
         (all(good), [all(bad), all(&never)].concat())
     };
     let (good, mut bad) = match *range {
-        Range::From(a, b) => numbers(&[a, 0.5 * (a + b), b], &[a - 1.0, b + 1.0, b * 1.01]),
-        Range::Above(a, b) => numbers(&[0.5 * (a + b), b], &[a, a - 1.0, b * 1.01]),
+        // Both ends, and the numbers next to them.
+        Range::From(a, b) => numbers(
+            &[a, a.next_up(), 0.5 * (a + b), b.next_down(), b],
+            &[a.next_down(), b.next_up(), a - 1.0, b + 1.0, -1e38, 1e38],
+        ),
+        Range::Above(a, b) => numbers(
+            &[a.next_up(), 0.5 * (a + b), b.next_down(), b],
+            &[a, a.next_down(), b.next_up(), a - 1.0, -1e38, 1e38],
+        ),
         Range::Count(0) => (Vec::from([Count(0), Count(9)]), Vec::new()),
         Range::Count(least) => (Vec::from([Count(least)]), Vec::from([Count(least - 1)])),
         Range::Flag => (Vec::from([Flag(true), Flag(false)]), Vec::new()),
@@ -137,6 +144,8 @@ fn every_row_can_be_set_and_read_and_refuses_what_is_outside_its_range() {
                     (row.name, row.range),
                     "{value:?}"
                 );
+                let message = std::format!("{} must be {}", row.name, row.range);
+                assert_eq!(error.to_string(), message);
                 assert_eq!(config, C::default());
             }
         }

@@ -283,7 +283,7 @@ mod tests {
         let error = AnyEstimator::new(EstimatorKind::Mekf, &config).unwrap_err();
         let text = error.to_string();
         assert!(
-            text.starts_with("configuration: accelerometer_std must be above 0"),
+            text.starts_with("configuration: accelerometer_std must be from 1e-6 to 10000"),
             "{text}"
         );
     }
