@@ -90,6 +90,7 @@ impl<T: Scalar> BodyFrameTracker<T> {
         self.track = moved;
         // White accelerations have no direction: the same noise in any axes.
         self.config.motion.add_noise(&mut self.track, dt);
+        self.track.hold();
         Ok(())
     }
 

@@ -47,6 +47,18 @@ impl<T: Scalar> ConstantVelocity<T> {
     /// The target would leave what can be told apart (1e8 m); nothing has changed then.
     #[inline]
     pub fn predict(&self, track: &mut TrackEstimate<T>, dt: T) -> Result<(), SkipReason> {
+        self.predict_as_printed(track, dt)?;
+        track.hold();
+        Ok(())
+    }
+
+    /// The same for a form that loses its covariance as printed: nothing is mended.
+    #[inline]
+    pub(super) fn predict_as_printed(
+        &self,
+        track: &mut TrackEstimate<T>,
+        dt: T,
+    ) -> Result<(), SkipReason> {
         let (v_north, v_east) = (track.state[1], track.state[3]);
         let (north, east) = (track.state[0] + v_north * dt, track.state[2] + v_east * dt);
         let limit = lit::<T>(FARTHEST);
@@ -76,7 +88,6 @@ impl<T: Scalar> ConstantVelocity<T> {
             }
         }
         symmetrize(p);
-        track.hold();
     }
 }
 

@@ -91,13 +91,17 @@ impl<T: Scalar> TrackEstimate<T> {
     /// Whether position (m), velocity (m/s) and their standard deviations are at most 1e8, and the covariance is one.
     pub fn is_usable(&self) -> bool {
         let limit = lit::<T>(FARTHEST);
-        self.state.iter().all(|x| x.abs() <= limit)
+        self.is_within_limits()
             && self
                 .covariance
                 .diagonal()
                 .iter()
                 .all(|v| *v <= limit * limit)
             && is_resolved(&self.covariance)
+    }
+
+    fn is_within_limits(&self) -> bool {
+        self.state.iter().all(|x| x.abs() <= lit(FARTHEST))
     }
 
     /// Refuses one that is not [usable](Self::is_usable), as an argument.

@@ -183,7 +183,11 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.state.track, dt)?;
+        let (motion, track) = (&self.config.motion, &mut self.state.track);
+        match self.coupling {
+            Coupling::OpenLoop => motion.predict_as_printed(track, dt)?,
+            Coupling::Exact | Coupling::FeedForward => motion.predict(track, dt)?,
+        }
         predict_columns(&mut self.state.cross, dt);
         Ok(())
     }
@@ -240,9 +244,14 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
             covariance: symmetric2(&s),
             target,
         };
-        let (innovation, gain) = measured.fuse(&mut self.state.track, self.config.gate_nis);
+        let (track, gate) = (&mut self.state.track, self.config.gate_nis);
+        let (innovation, gain) = match self.coupling {
+            Coupling::OpenLoop => measured.fuse_as_printed(track, gate),
+            Coupling::Exact | Coupling::FeedForward => measured.fuse(track, gate),
+        };
         let Some(gain) = gain else {
-            if innovation.outcome == Outcome::Skipped(SkipReason::Numerical) {
+            let mended = self.coupling != Coupling::OpenLoop;
+            if mended && innovation.outcome == Outcome::Skipped(SkipReason::Numerical) {
                 self.state.cross.fill(T::zero());
             }
             return (innovation, None);

@@ -96,6 +96,35 @@ impl<T: Scalar> Measured<T> {
         *track = after;
         (self.innovation(nis, Outcome::Fused), Some(gain))
     }
+
+    /// The same for a form that is no recursion of a covariance as printed: nothing is mended, and what is not finite is
+    /// not taken.
+    pub(super) fn fuse_as_printed(
+        &self,
+        track: &mut TrackEstimate<T>,
+        gate_nis: T,
+    ) -> (Innovation<T>, Option<SMatrix<T, 4, 2>>) {
+        let Some(inverse) = inverse2(&self.covariance) else {
+            return (Innovation::skipped(SkipReason::Numerical), None);
+        };
+        let weighted = inverse * self.residual;
+        let nis = self.residual.dot(&weighted);
+        let gain = self.target * inverse;
+        let mut after = TrackEstimate {
+            state: track.state + self.target * weighted,
+            covariance: track.covariance - gain * self.target.transpose(),
+        };
+        symmetrize(&mut after.covariance);
+        let finite = after.covariance.norm_squared().is_finite();
+        if !(nis.is_finite() && finite && after.is_within_limits()) {
+            return (Innovation::skipped(SkipReason::NotFinite), None);
+        }
+        if gate_nis > T::zero() && nis > gate_nis {
+            return (self.innovation(nis, Outcome::Gated), None);
+        }
+        *track = after;
+        (self.innovation(nis, Outcome::Fused), Some(gain))
+    }
 }
 
 /// Half of `m + m^T`.

@@ -4,11 +4,11 @@ use nalgebra::{RealField, SMatrix};
 use northing_core::kalman::covariance::is_covariance;
 use northing_core::navigation::gnss_ins::ErrorShares;
 use northing_core::navigation::{ERRORS, GnssIns, GnssPosition, GnssVelocity, NavigationState};
-use northing_core::tracking::{Coupling, SchmidtKalman};
+use northing_core::tracking::SchmidtKalman;
 
 use super::garbage::{Garbage, number};
 use super::harness::{Check, continuable, covariance, record, run, unit};
-use super::tracking::{detection, settings, track};
+use super::tracking::{coupling, detection, settings, track};
 
 type Tracker<T> = SchmidtKalman<T, ERRORS>;
 type Ins<T> = GnssIns<T, 32, Tracker<T>>;
@@ -20,9 +20,7 @@ struct Sequence<T: RealField + Copy> {
 }
 
 fn make<T: RealField + Copy>(g: &mut Garbage) -> Sequence<T> {
-    let couplings = [Coupling::Exact, Coupling::FeedForward, Coupling::OpenLoop];
-    let coupling = couplings[g.below(3)];
-    let tracker = Tracker::new(settings(g), coupling, track(g), SMatrix::zeros()).unwrap();
+    let tracker = Tracker::new(settings(g), coupling(g), track(g), SMatrix::zeros()).unwrap();
     let ins = Ins::listened_to(g.settings(), tracker).unwrap();
     let mut sequence = Sequence {
         ins,

@@ -163,8 +163,9 @@ fn own<'a, T: RealField + Copy>(g: &mut Garbage, p: &'a Matrix3<T>) -> Navigatio
     }
 }
 
-fn coupling(g: &mut Garbage) -> Coupling {
-    [Coupling::Exact, Coupling::FeedForward, Coupling::OpenLoop][g.below(3)]
+/// Not the open loop: as printed it is no recursion of a covariance.
+pub fn coupling(g: &mut Garbage) -> Coupling {
+    [Coupling::Exact, Coupling::FeedForward][g.below(2)]
 }
 
 fn schmidt<T: RealField + Copy>(g: &mut Garbage) -> SchmidtKalman<T, 3> {
