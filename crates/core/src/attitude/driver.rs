@@ -27,6 +27,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use self::holes::Checks;
 use super::alignment::{Alignment, Prior};
+use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::faults::FaultySensor;
 use crate::faults::sample_check::Checked;
@@ -251,8 +252,8 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
 
     /// Takes an angular rate (rad/s).
     pub fn gyroscope(&mut self, time_ns: i64, angular_rate: &Vector3<T>) -> Propagation {
-        if !angular_rate.norm_squared().is_finite() {
-            return Propagation::Skipped(SkipReason::NotFinite);
+        if let Err(reason) = checked_rate(angular_rate, &Vector3::zeros(), T::one()) {
+            return Propagation::Skipped(reason);
         }
         let last_ns = self.memory.last_rate.map(|(last_ns, _)| last_ns);
         let last_ns = last_ns.max(self.memory.checks.gyroscope.last_ns());

@@ -17,6 +17,8 @@ const HELD_INTERVALS: f64 = 3.0;
 const HOLE_INTERVALS: f64 = 1.5;
 /// A turn that was not seen, or not believed, is worth an event from here on (rad): a degree.
 const NOTABLE_RAD: f64 = 0.0175;
+/// Longer samples are no measurements (m/s^2, microtesla).
+const LONGEST_SAMPLE: f64 = 1e6;
 /// An attitude that may have turned by more without being seen (rad) is aligned again: too far for a linear update.
 const LOST_RAD: f64 = 0.5;
 /// It aligns again over this time (s), in which a hand's velocity (m/s) changes by about this much: the mean force is off
@@ -75,7 +77,9 @@ impl<T: Scalar> Checks<T> {
         time_ns: i64,
         sample: &Vector3<T>,
     ) -> Result<(), SkipReason> {
-        if !sample.norm_squared().is_finite() {
+        // What no sensor measures is the estimator's to refuse, and no neighbour of a sample.
+        let is_measured = sample.norm_squared() <= lit(LONGEST_SAMPLE * LONGEST_SAMPLE);
+        if !is_measured {
             return Ok(());
         }
         let (check, notable) = match sensor {
