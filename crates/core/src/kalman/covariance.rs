@@ -249,8 +249,9 @@ pub fn semidefinite_factor<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> S
     for j in 0..N {
         let known = (0..j).fold(T::zero(), |sum, k| sum + l[(j, k)] * l[(j, k)]);
         let own = p[(j, j)] - known;
-        // Not above: what is not a number is no variance.
-        if !(own > p[(j, j)] * T::default_epsilon()) {
+        // What is not a number is no variance either.
+        let has_own = own > p[(j, j)] * T::default_epsilon();
+        if !has_own {
             continue;
         }
         let root = own.sqrt();
