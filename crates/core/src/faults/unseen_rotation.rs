@@ -63,9 +63,9 @@ impl<T: Scalar> UnseenRotation<T> {
         let known = self.seen_s + lit(PRIOR_S);
         let short = dt / known.min(lit(MEMORY_S)).max(dt);
         let long = dt / known.max(dt);
-        for i in 0..2 {
-            self.recent[i] += (squares[i] - self.recent[i]) * short;
-            self.whole[i] += (squares[i] - self.whole[i]) * long;
+        for (i, square) in squares.iter().enumerate() {
+            self.recent[i] += (square - self.recent[i]) * short;
+            self.whole[i] += (square - self.whole[i]) * long;
         }
     }
 
