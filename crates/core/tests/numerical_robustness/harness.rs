@@ -82,7 +82,9 @@ fn offence<T: RealField + Copy, const N: usize>(p: &SMatrix<T, N, N>) -> String 
     let mut worst = (0, 0, T::zero());
     for (i, j) in (0..N).flat_map(|i| (0..i).map(move |j| (i, j))) {
         let correlation = p[(i, j)] / (std[i] * std[j]);
-        if !(correlation.abs() <= worst.2.abs()) {
+        // What is not a number is the worst.
+        let is_less = correlation.abs() <= worst.2.abs();
+        if !is_less {
             worst = (i, j, correlation);
         }
     }

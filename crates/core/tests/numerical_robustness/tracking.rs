@@ -306,7 +306,8 @@ fn check_scene<T: RealField + Copy>(scene: &Scene<T>) -> Check {
             .iter()
             .fold(T::zero(), |sum, mode| sum + mode.probability);
         let off = (total - T::one()).abs();
-        if !(off <= number(1e-4)) {
+        let sums_to_one = off <= number(1e-4);
+        if !sums_to_one {
             return Err(format!("probabilities of the models sum to {total}"));
         }
         let existence = track.existence.existence;
