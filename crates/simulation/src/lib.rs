@@ -9,6 +9,7 @@
 //! | where a body is and how it moves, as closed forms | [`trajectory`] |
 //! | what a sensor makes of the truth: noise, bias, quantisation, disturbances | [`sensors`] |
 //! | faults that wrap a sensor | [`faults`] |
+//! | faults laid over a clean stream of samples | [`fault_injection`] |
 //! | a vessel and its manoeuvres | [`trajectory::vessel`] |
 //! | a person and a car with a 1 Hz receiver, for GNSS/INS | [`ground`] |
 //! | random boards with gyroscope, accelerometer, magnetometer, from desk to running | [`attitude_world`] |
@@ -26,6 +27,7 @@
 //! `libm` through nalgebra, so a seed gives the same numbers on every machine.
 
 pub mod attitude_world;
+pub mod fault_injection;
 pub mod faults;
 pub mod ground;
 pub mod monte_carlo;

@@ -189,6 +189,19 @@ impl AttitudeWorld {
         Self::drawn(seed, number, false)
     }
 
+    /// A world of this motion, so long, without a fault and with a magnetometer: what faults are injected into.
+    #[must_use]
+    pub fn draw_healthy(seed: u64, number: u64, motion: WorldMotion, seconds: f64) -> Self {
+        let seed = run_seed(seed, number);
+        let mut scene = Scene::lasting(motion, Some(seconds), seed);
+        // It gives the board a magnetometer, and is not applied.
+        WorldFault::HardIron.prepare(&mut scene, &mut Draws::new(seed, "fault"));
+        Self {
+            events: scene.events(seed),
+            description: scene.description(number, WorldFault::None),
+        }
+    }
+
     fn drawn(seed: u64, number: u64, with_fault: bool) -> Self {
         let motion = WorldMotion::of(number);
         let fault = WorldFault::of(motion, number / WorldMotion::ALL.len() as u64);
@@ -215,9 +228,15 @@ impl Scene {
     }
 
     fn draw(motion: WorldMotion, seed: u64) -> Self {
+        Self::lasting(motion, None, seed)
+    }
+
+    /// One that lasts so long, s, or as long as is drawn.
+    fn lasting(motion: WorldMotion, seconds: Option<f64>, seed: u64) -> Self {
         let stream = |name: &str| Draws::new(seed, name);
         let mut place = stream("place");
-        let seconds = place.uniform(60.0, 120.0).round();
+        let drawn = place.uniform(60.0, 120.0).round();
+        let seconds = seconds.unwrap_or(drawn);
         Self {
             motion,
             seconds,
