@@ -7,8 +7,10 @@
 //! | [`ground`] | Romaniuk & Gosiewski (2014) | GNSS/INS on simulated walks and drives |
 //! | [`attitude_worlds`] | none | attitude on random boards and motions: accuracy, coverage, verdicts |
 //! | [`navigation_worlds`] | none | GNSS/INS on random worlds: lost, worse than extrapolation, coverage, heading |
+//! | [`faults`] | none | a campaign of injected faults: cost, recovery, consistency afterwards, for every estimator |
 
 pub mod attitude_worlds;
+pub mod faults;
 pub mod ground;
 pub mod navigation_worlds;
 pub mod observers;

@@ -37,7 +37,7 @@ pub mod cause;
 pub mod consistent;
 mod outcome;
 mod run;
-mod score;
+pub(crate) mod score;
 mod truth;
 
 pub use cause::Cause;

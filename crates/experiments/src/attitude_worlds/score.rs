@@ -17,12 +17,12 @@ const UNKNOWN_RAD: f64 = 1.0;
 
 /// An estimate and the truth.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Moment {
-    pub(super) time_s: f64,
-    pub(super) estimate: UnitQuaternion<f64>,
+pub(crate) struct Moment {
+    pub(crate) time_s: f64,
+    pub(crate) estimate: UnitQuaternion<f64>,
     /// Of the local error in body axes, rad^2.
-    pub(super) covariance: Option<Matrix3<f64>>,
-    pub(super) truth: UnitQuaternion<f64>,
+    pub(crate) covariance: Option<Matrix3<f64>>,
+    pub(crate) truth: UnitQuaternion<f64>,
 }
 
 /// What the verdicts of a run say.
@@ -190,17 +190,17 @@ impl EstimatorRun {
 }
 
 /// A moment with its errors, also in units of what was stated.
-struct Judged {
-    instant: WorldInstant,
+pub(crate) struct Judged {
+    pub(crate) instant: WorldInstant,
     /// Whitened tilt error.
-    tilt: Option<Vector2<f64>>,
+    pub(crate) tilt: Option<Vector2<f64>>,
     /// Heading error over its standard deviation, and zero.
-    heading: Option<Vector2<f64>>,
+    pub(crate) heading: Option<Vector2<f64>>,
 }
 
 impl Judged {
     /// `start` is the moment from which headings count, where nothing says where north is.
-    fn of(moment: &Moment, start: Option<&Moment>) -> Self {
+    pub(crate) fn of(moment: &Moment, start: Option<&Moment>) -> Self {
         let heading_of = |m: &Moment| AttitudeError::between(&m.estimate, &m.truth).heading;
         let zero = start.map_or(0.0, heading_of);
         let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -zero) * moment.estimate;

@@ -144,9 +144,34 @@ impl NavigationWorld {
         let seed = run_seed(seed, number);
         let class = WorldClass::of(number);
         let duration_s = Draws::new(seed, "duration").uniform(120.0, 240.0).round();
-        let mut unit = InertialUnit::draw(class, duration_s, &mut Draws::new(seed, "imu/errors"));
+        let unit = InertialUnit::draw(class, duration_s, &mut Draws::new(seed, "imu/errors"));
         let receiver =
             WorldReceiver::draw(class, duration_s, &mut Draws::new(seed, "receiver/errors"));
+        Self::with(seed, number, duration_s, unit, receiver)
+    }
+
+    /// A world of the class with this number, so long, whose unit and receiver are healthy: no faults, no lever arm or latency that
+    /// nobody tells, errors stated as they are. What faults are injected into.
+    #[must_use]
+    pub fn draw_healthy(seed: u64, number: u64, seconds: f64) -> Self {
+        let seed = run_seed(seed, number);
+        let class = WorldClass::of(number);
+        let mut unit = InertialUnit::draw(class, seconds, &mut Draws::new(seed, "imu/errors"));
+        unit.bias_jumps.clear();
+        unit.saturation = None;
+        let mut draws = Draws::new(seed, "receiver/errors");
+        let receiver = WorldReceiver::draw(class, seconds, &mut draws).healthy();
+        Self::with(seed, number, seconds, unit, receiver)
+    }
+
+    fn with(
+        seed: u64,
+        number: u64,
+        duration_s: f64,
+        mut unit: InertialUnit,
+        receiver: WorldReceiver,
+    ) -> Self {
+        let class = WorldClass::of(number);
         let count = (duration_s * unit.rate_hz) as usize;
         let path = Path::draw(
             class,

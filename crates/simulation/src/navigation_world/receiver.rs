@@ -121,6 +121,20 @@ impl WorldReceiver {
         }
     }
 
+    /// The same without faults, latency and lever arm, its errors white and stated as they are, at least once a second.
+    pub(super) fn healthy(self) -> Self {
+        Self {
+            rate_hz: self.rate_hz.max(1.0),
+            correlated_fraction: 0.0,
+            position_stated: 1.0,
+            velocity_stated: 1.0,
+            latency_s: 0.0,
+            lever_arm_m: [0.0; 3],
+            faults: Vec::new(),
+            ..self
+        }
+    }
+
     /// All its fixes, in the order of their stamps.
     pub(super) fn measure(
         &self,

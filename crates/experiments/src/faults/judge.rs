@@ -1,0 +1,259 @@
+//! How one run is judged: cost, recovery and consistency of an estimator after a fault, beside the same run without it.
+
+use northing_evaluation::registry::Question;
+use northing_simulation::fault_injection::InjectedFault;
+use serde::{Serialize, Serializer};
+
+use super::stream::{Origin, Stream};
+use super::{MOST_COST, MOST_NEES, RECOVERED_DEG, RECOVERED_RATIO, RECOVERY_S, Subject};
+
+/// Nothing is scored before, s: an estimator finds its start.
+const SKIP_S: f64 = 5.0;
+/// Between two instants that are scored, s.
+const EVERY_S: f64 = 0.1;
+/// The time after a fault that is judged, s.
+const MINUTE_S: f64 = 60.0;
+/// An estimator has recovered if it states something at so much of the instants of the clean run, at least.
+const LEAST_PRESENT: f64 = 0.5;
+
+/// An estimate against the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Instant {
+    /// Seconds since the first sample.
+    pub time_s: f64,
+    /// Error, deg or m.
+    pub error: f64,
+    /// NEES per degree of freedom, of what states a covariance.
+    pub nees: Option<f64>,
+}
+
+/// What an estimator made of a stream.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Track {
+    /// Ten times a second.
+    pub instants: Vec<Instant>,
+}
+
+/// Takes ten instants a second.
+#[derive(Debug, Default)]
+pub(super) struct Thinned {
+    next_s: f64,
+}
+
+impl Thinned {
+    pub(super) fn takes(&mut self, time_s: f64) -> bool {
+        let takes = time_s + 1e-6 >= self.next_s.max(SKIP_S);
+        if takes {
+            self.next_s = (self.next_s + EVERY_S).max(time_s + 0.5 * EVERY_S);
+        }
+        takes
+    }
+}
+
+/// A run with a fault, judged.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Judgement {
+    /// The fault.
+    pub fault: &'static str,
+    /// The estimator.
+    pub estimator: &'static str,
+    /// What it estimates.
+    pub question: Question,
+    /// Where the stream comes from.
+    pub origin: Origin,
+    /// The stream's name.
+    pub stream: String,
+    /// The stream's number.
+    pub number: u64,
+    /// When the fault began, s.
+    pub from_s: f64,
+    /// When samples were normal again, s.
+    pub until_s: f64,
+    /// Root mean square of the error without the fault, deg or m; `None`: there was no estimate.
+    pub clean_rms: Option<f64>,
+    /// That of the run with the fault.
+    #[serde(serialize_with = "finite")]
+    pub rms: Option<f64>,
+    /// The one over the other.
+    #[serde(serialize_with = "finite")]
+    pub cost: Option<f64>,
+    /// Largest error in the minute after the fault, deg or m.
+    #[serde(serialize_with = "finite")]
+    pub largest: Option<f64>,
+    /// How long after the fault the error was within the limit for good, s; `None`: not within the minute.
+    pub recovery_s: Option<f64>,
+    /// Mean NEES per degree of freedom in the minute from ten seconds after the fault on.
+    #[serde(serialize_with = "finite")]
+    pub nees: Option<f64>,
+    /// The same without the fault.
+    pub clean_nees: Option<f64>,
+    /// Whether it meets the limits.
+    pub meets: bool,
+}
+
+/// A number that is infinite or none is no number of JSON.
+fn finite<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    value
+        .filter(|value| value.is_finite())
+        .serialize(serializer)
+}
+
+impl Judgement {
+    /// An estimator with a fault in `span` of a stream, without it and with it.
+    pub(super) fn of(
+        stream: &Stream,
+        subject: Subject,
+        fault: &InjectedFault,
+        span: [i64; 2],
+        [clean, faulty]: [&Track; 2],
+    ) -> Self {
+        let [from_s, until_s] = span.map(|ns| stream.seconds(ns));
+        let (clean_rms, rms) = (clean.rms(), faulty.rms());
+        let cost = rms.zip(clean_rms).map(|(rms, clean)| rms / clean.max(1e-9));
+        let calm_s = until_s + RECOVERY_S;
+        let after = |track: &Track| track.mean_nees(calm_s, calm_s + MINUTE_S);
+        let (nees, clean_nees) = (after(faulty), after(clean));
+        let limit = match stream.question {
+            Question::Attitude => RECOVERED_DEG,
+            _ => clean_rms.map_or(0.0, |rms| RECOVERED_RATIO * rms),
+        };
+        let recovery_s = recovery(clean, faulty, until_s, limit);
+        let is_sound =
+            nees.is_none_or(|nees| nees < MOST_NEES.max(MOST_COST * clean_nees.unwrap_or(0.0)));
+        let meets = if fault.is_one_sample() {
+            cost.is_some_and(|cost| cost <= MOST_COST)
+        } else {
+            recovery_s.is_some_and(|time| time <= RECOVERY_S) && is_sound
+        };
+        Self {
+            fault: fault.name,
+            estimator: subject.name(),
+            question: stream.question,
+            origin: stream.origin,
+            stream: stream.name.clone(),
+            number: stream.number,
+            from_s,
+            until_s,
+            clean_rms,
+            rms,
+            cost,
+            largest: faulty.largest(from_s, until_s + MINUTE_S),
+            recovery_s,
+            nees,
+            clean_nees,
+            meets,
+        }
+    }
+}
+
+impl Track {
+    fn within(&self, from_s: f64, until_s: f64) -> &[Instant] {
+        let place = |time_s: f64| self.instants.partition_point(|i| i.time_s < time_s);
+        self.instants
+            .get(place(from_s)..place(until_s))
+            .unwrap_or_default()
+    }
+
+    fn rms(&self) -> Option<f64> {
+        let sum: f64 = self.instants.iter().map(|i| i.error * i.error).sum();
+        let count = self.instants.len();
+        (count > 0).then(|| (sum / count as f64).sqrt())
+    }
+
+    fn mean_nees(&self, from_s: f64, until_s: f64) -> Option<f64> {
+        let stated = self.within(from_s, until_s).iter().filter_map(|i| i.nees);
+        let (count, sum) = stated.fold((0_usize, 0.0), |(n, sum), nees| (n + 1, sum + nees));
+        (count > 0).then(|| sum / count as f64)
+    }
+
+    fn largest(&self, from_s: f64, until_s: f64) -> Option<f64> {
+        let errors = self.within(from_s, until_s).iter().map(|i| i.error);
+        errors.reduce(f64::max)
+    }
+
+    /// The error at an instant, or at the next.
+    fn error_at(&self, time_s: f64) -> Option<f64> {
+        let place = self
+            .instants
+            .partition_point(|i| i.time_s < time_s - 0.5 * EVERY_S);
+        self.instants.get(place).map(|i| i.error)
+    }
+}
+
+/// How long after a fault the error came within a limit, or near that of the clean run, and stayed there for the minute and ten
+/// seconds that are judged.
+fn recovery(clean: &Track, faulty: &Track, until_s: f64, limit: f64) -> Option<f64> {
+    let end_s = until_s + RECOVERY_S + MINUTE_S;
+    let (expected, present) = (clean.within(until_s, end_s), faulty.within(until_s, end_s));
+    if present.is_empty() || (present.len() as f64) < LEAST_PRESENT * expected.len() as f64 {
+        return None;
+    }
+    let is_off = |instant: &&Instant| {
+        let without = clean.error_at(instant.time_s).unwrap_or(0.0);
+        let within = instant.error <= limit.max(MOST_COST * without);
+        !within
+    };
+    let last_off = present.iter().rev().find(is_off);
+    match (last_off, present.last()) {
+        (None, _) => Some(present.first().map_or(0.0, |i| i.time_s - until_s)),
+        (Some(off), Some(last)) if off.time_s < last.time_s => Some(off.time_s - until_s),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn track(error: impl Fn(f64) -> f64) -> Track {
+        let at = |k: u32| {
+            let time_s = 5.0 + 0.1 * f64::from(k);
+            let error = error(time_s);
+            Instant {
+                time_s,
+                error,
+                nees: Some(error),
+            }
+        };
+        Track {
+            instants: (0..1150).map(at).collect(),
+        }
+    }
+
+    #[test]
+    fn recovery_is_the_last_time_beyond_the_limit() {
+        let clean = track(|_| 1.0);
+        let back = track(|t| if t > 30.0 && t < 47.0 { 20.0 } else { 1.0 });
+        let time = recovery(&clean, &back, 40.0, 5.0).unwrap();
+        assert!((time - 7.0).abs() < 0.15, "{time}");
+        assert!(recovery(&clean, &clean, 40.0, 5.0).unwrap() < 0.2);
+        let again = track(|t| {
+            if (40.0..41.0).contains(&t) || t > 90.0 {
+                20.0
+            } else {
+                1.0
+            }
+        });
+        assert_eq!(recovery(&clean, &again, 40.0, 5.0), None);
+        let silent = Track {
+            instants: clean.within(5.0, 50.0).to_vec(),
+        };
+        assert_eq!(recovery(&clean, &silent, 40.0, 5.0), None);
+        // What is so without the fault is no fault.
+        let poor = track(|_| 30.0);
+        assert!(recovery(&poor, &poor, 40.0, 5.0).is_some());
+        let lost = track(|t| if t > 40.0 { f64::NAN } else { 1.0 });
+        assert_eq!(recovery(&clean, &lost, 40.0, 5.0), None);
+    }
+
+    #[test]
+    fn means_are_those_of_their_minute() {
+        let steps = track(|t| if t < 50.0 { 9.0 } else { 2.0 });
+        assert!((steps.mean_nees(50.0, 110.0).unwrap() - 2.0).abs() < 1e-9);
+        assert_eq!(steps.mean_nees(200.0, 260.0), None);
+        assert_eq!(steps.largest(40.0, 60.0), Some(9.0));
+        let mut thinned = Thinned::default();
+        let taken = (0..10_000).filter(|k| thinned.takes(f64::from(*k) * 0.002));
+        assert_eq!(taken.count(), 150);
+    }
+}

@@ -1,0 +1,238 @@
+//! Clean streams of samples that faults are laid over: simulated worlds with healthy sensors, and recordings.
+
+use northing_core::earth::wgs84::{Geodetic, LocalFrame};
+use northing_evaluation::registry::Question;
+use northing_recording::{
+    Event, GnssPosition, GnssQuality, GnssVelocity, Metadata, Recording, Sample, WorldFrame,
+};
+use northing_simulation::attitude_world::{AttitudeWorld, WorldMotion};
+use northing_simulation::navigation_world::{NavigationWorld, WorldFix, WorldSample};
+use serde::Serialize;
+
+/// How long a world of attitude lasts, s: a fault after a third, and a minute and more after it.
+const ATTITUDE_S: f64 = 120.0;
+/// The same of navigation, s: an outage lasts longer.
+const NAVIGATION_S: f64 = 180.0;
+/// So much of a recording is taken, s.
+const RECORDED_S: f64 = 180.0;
+/// Recordings that are shorter say nothing of the minute after a fault, s.
+const LEAST_RECORDED_S: f64 = 90.0;
+/// Motions of what people carry and lay down.
+const MOTIONS: [WorldMotion; 4] = [
+    WorldMotion::PutDown,
+    WorldMotion::Walking,
+    WorldMotion::Desk,
+    WorldMotion::Swinging,
+];
+/// Where the worlds of navigation lie: gravity there is that of the worlds.
+const LATITUDE_RAD: f64 = 0.793_5;
+const LONGITUDE_RAD: f64 = 0.15;
+/// Between two positions of the truth, s.
+const TRUTH_EVERY_S: f64 = 0.1;
+
+/// Where a stream comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Origin {
+    /// A simulated world.
+    Simulated,
+    /// A recording.
+    Recorded,
+}
+
+/// A clean stream of samples, with what it is scored against.
+#[derive(Debug, Clone)]
+pub struct Stream {
+    /// Motion and number of the world, or name of the recording.
+    pub name: String,
+    /// Where it comes from.
+    pub origin: Origin,
+    /// Number of the world or of the recording.
+    pub number: u64,
+    /// What is estimated.
+    pub question: Question,
+    /// Whether a magnetometer or a compass says where north is.
+    pub has_north: bool,
+    /// What the recording knows about itself.
+    pub metadata: Metadata,
+    /// The samples, and references among them.
+    pub events: Vec<Event>,
+}
+
+impl Stream {
+    /// The world with this number.
+    #[must_use]
+    pub fn world(question: Question, seed: u64, number: u64) -> Self {
+        if question == Question::Navigation {
+            return Self::navigation_world(seed, number);
+        }
+        let motion = MOTIONS[(number % MOTIONS.len() as u64) as usize];
+        let world = AttitudeWorld::draw_healthy(seed, number, motion, ATTITUDE_S);
+        Self::simulated(
+            number,
+            motion.name(),
+            question,
+            WorldFrame::Enu,
+            world.events,
+        )
+    }
+
+    fn navigation_world(seed: u64, number: u64) -> Self {
+        let world = NavigationWorld::draw_healthy(seed, number, NAVIGATION_S);
+        let class = world.description.class.name();
+        Self::simulated(
+            number,
+            class,
+            Question::Navigation,
+            WorldFrame::Ned,
+            events(&world),
+        )
+    }
+
+    fn simulated(
+        number: u64,
+        what: &str,
+        question: Question,
+        world_frame: WorldFrame,
+        events: Vec<Event>,
+    ) -> Self {
+        Self {
+            name: format!("{what} {number}"),
+            origin: Origin::Simulated,
+            number,
+            question,
+            has_north: question == Question::Attitude,
+            metadata: Metadata {
+                world_frame,
+                ..Metadata::default()
+            },
+            events,
+        }
+    }
+
+    /// The first minutes of a recording; `None` for one that is too short, damaged there, or has no gyroscope or nothing to score
+    /// against: a reference attitude, a reference position, or fixes, of which every other is held out.
+    #[must_use]
+    pub fn recorded(recording: &mut Recording, number: u64) -> Option<Self> {
+        let metadata = recording.metadata().clone();
+        let mut events: Vec<Event> = Vec::new();
+        for event in &mut *recording {
+            let event = event.ok()?;
+            let first = events.first().map_or(event.time_ns, |first| first.time_ns);
+            if (event.time_ns - first) as f64 * 1e-9 > RECORDED_S {
+                break;
+            }
+            events.push(event);
+        }
+        let length = events.last()?.time_ns - events.first()?.time_ns;
+        let has = |of: fn(&Sample) -> bool| events.iter().any(|event| of(&event.sample));
+        let has_fixes = has(|s| matches!(s, Sample::GnssPosition(_)));
+        let has_attitude = has(|s| matches!(s, Sample::Reference(_)));
+        let has_rates = has(|s| matches!(s, Sample::AngularRate(_)));
+        let is_sound = (length as f64 * 1e-9) > LEAST_RECORDED_S && has_rates;
+        if !is_sound || !(has_fixes || has_attitude) {
+            return None;
+        }
+        let has_position = has(|s| matches!(s, Sample::ReferencePosition(_)));
+        let has_north = has(|s| matches!(s, Sample::MagneticField(_) | Sample::CompassHeading(_)));
+        if has_fixes && !has_position {
+            hold_out(&mut events);
+        }
+        Some(Self {
+            name: metadata.name.clone(),
+            origin: Origin::Recorded,
+            number,
+            question: if has_fixes {
+                Question::Navigation
+            } else {
+                Question::Attitude
+            },
+            has_north,
+            metadata,
+            events,
+        })
+    }
+
+    /// Seconds of an instant of this stream.
+    pub(super) fn seconds(&self, time_ns: i64) -> f64 {
+        let first = self.events.first().map_or(0, |event| event.time_ns);
+        time_ns.saturating_sub(first) as f64 * 1e-9
+    }
+}
+
+/// Every other fix becomes what is scored against.
+fn hold_out(events: &mut [Event]) {
+    let fixes = events.iter_mut().filter_map(|event| match event.sample {
+        Sample::GnssPosition(fix) => Some((event, fix)),
+        _ => None,
+    });
+    for (event, fix) in fixes.skip(1).step_by(2) {
+        event.sample = Sample::ReferencePosition(fix);
+    }
+}
+
+/// Samples, fixes and truth of a world as a recording has them.
+fn events(world: &NavigationWorld) -> Vec<Event> {
+    let frame = LocalFrame::new(Geodetic {
+        latitude_rad: LATITUDE_RAD,
+        longitude_rad: LONGITUDE_RAD,
+        height_m: 0.0,
+    });
+    let mut events: Vec<Event> = Vec::with_capacity(3 * world.samples.len());
+    let mut next_s = 0.0;
+    for sample in &world.samples {
+        let time_ns = sample.stamp_ns;
+        let measured = [
+            Sample::AngularRate(sample.angular_rate),
+            Sample::SpecificForce(sample.specific_force),
+        ];
+        events.extend(measured.map(|sample| Event { time_ns, sample }));
+        if sample.time_s + 1e-9 >= next_s {
+            next_s += TRUTH_EVERY_S;
+            events.push(truth(&frame, sample));
+        }
+    }
+    events.extend(world.fixes.iter().flat_map(|fix| fixes(&frame, fix)));
+    events.sort_by_key(Event::place);
+    events
+}
+
+fn truth(frame: &LocalFrame, sample: &WorldSample) -> Event {
+    Event {
+        time_ns: sample.stamp_ns,
+        sample: Sample::ReferencePosition(position(frame, &sample.antenna, None)),
+    }
+}
+
+fn fixes(frame: &LocalFrame, fix: &WorldFix) -> impl Iterator<Item = Event> + use<> {
+    let [place, std] = fix.position;
+    let position = Sample::GnssPosition(position(frame, &place, Some(std.into())));
+    let velocity = fix.velocity.map(|[velocity, std]| {
+        Sample::GnssVelocity(GnssVelocity {
+            north_m_s: velocity.x,
+            east_m_s: velocity.y,
+            down_m_s: Some(velocity.z),
+            std_m_s: Some(std.into()),
+        })
+    });
+    let time_ns = fix.stamp_ns;
+    let samples = core::iter::once(position).chain(velocity);
+    samples.map(move |sample| Event { time_ns, sample })
+}
+
+fn position(
+    frame: &LocalFrame,
+    ned: &nalgebra::Vector3<f64>,
+    std_m: Option<[f64; 3]>,
+) -> GnssPosition {
+    let place = frame.geodetic(ned);
+    GnssPosition {
+        latitude_rad: place.latitude_rad,
+        longitude_rad: place.longitude_rad,
+        height_m: Some(place.height_m),
+        std_m,
+        hdop: None,
+        satellites: None,
+        quality: GnssQuality::Autonomous,
+    }
+}
