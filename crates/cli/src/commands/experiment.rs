@@ -1,6 +1,8 @@
-//! `northing experiment`: experiments of the literature, made again, and those of random worlds.
+//! `northing experiment`: experiments of the literature, made again, those of random worlds, and a campaign of faults.
 
 mod attitude_worlds;
+mod faults;
+mod frame;
 mod navigation_worlds;
 mod observers;
 
@@ -23,6 +25,8 @@ enum ExperimentCommand {
     AttitudeWorlds(attitude_worlds::AttitudeWorldsArgs),
     /// GNSS/INS on random worlds: is it ever lost, and does it state its error?
     NavigationWorlds(navigation_worlds::NavigationWorldsArgs),
+    /// Faults of sensors, injected: what does each cost, and does an estimator recover?
+    Faults(faults::FaultsArgs),
 }
 
 /// Makes an experiment.
@@ -31,5 +35,6 @@ pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
         ExperimentCommand::Observers(args) => observers::execute(args),
         ExperimentCommand::AttitudeWorlds(args) => attitude_worlds::execute(args),
         ExperimentCommand::NavigationWorlds(args) => navigation_worlds::execute(args),
+        ExperimentCommand::Faults(args) => faults::execute(args),
     }
 }

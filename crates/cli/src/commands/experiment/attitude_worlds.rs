@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use clap::Args;
 use northing_evaluation::EstimatorKind;
 use northing_experiments::attitude_worlds::{
@@ -11,10 +11,9 @@ use northing_experiments::attitude_worlds::{
 };
 use northing_simulation::attitude_world::WorldMotion;
 
-use crate::files::output::{ReportArgs, number, print, print_json};
-use crate::interrupt;
+use super::frame::{OutputArgs, WorldsArgs, percent, with_progress};
+use crate::files::output::number;
 use crate::invocation::command_line;
-use crate::progress::SharedProgress;
 use crate::text::table::Table;
 
 /// Most worlds of one run: their judgements are kept in memory.
@@ -38,15 +37,8 @@ Examples:
   northing experiment attitude-worlds --world 17"
 )]
 pub(super) struct AttitudeWorldsArgs {
-    /// How many worlds
-    #[arg(long, value_name = "NUMBER", default_value_t = 1000)]
-    worlds: u64,
-    /// Number of the first
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
-    first: u64,
-    /// Seed of all worlds
-    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
-    seed: u64,
+    #[command(flatten)]
+    numbers: WorldsArgs,
     /// Of these worlds only those of one motion
     #[arg(long, value_name = "NAME")]
     motion: Option<String>,
@@ -59,71 +51,44 @@ pub(super) struct AttitudeWorldsArgs {
     /// One world: what it has, and a line a second of the first estimator
     #[arg(long, value_name = "NUMBER", alias = "only", conflicts_with_all = ["worlds", "first", "motion"])]
     world: Option<u64>,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
-    report: ReportArgs,
+    output: OutputArgs,
 }
 
 /// Runs the worlds, or one.
 pub(super) fn execute(args: &AttitudeWorldsArgs) -> Result<()> {
-    args.report.check_free()?;
+    args.output.check_free()?;
     let worlds = asked(args)?;
     let options = worlds.options()?;
     if let Some(number) = args.world {
-        let run = WorldRun::of(args.seed, number, &options);
-        let outcome = WorldsOutcome::of(args.seed, vec![run.clone().outcome()]);
+        let run = WorldRun::of(args.numbers.seed, number, &options);
+        let outcome = WorldsOutcome::of(args.numbers.seed, vec![run.clone().outcome()]);
         write_report(args, &outcome, std::slice::from_ref(&run))?;
-        return if args.json {
-            print_json(&run)
-        } else {
-            print(&one_world(&run))
-        };
+        return args.output.print(&run, || one_world(&run));
     }
-    let count = worlds.numbers().len() as u64;
-    if count == 0 {
-        let last = args.first.saturating_add(args.worlds - 1);
-        bail!(
-            "no world of this motion among the numbers {} to {last}; ask for 9 or more",
-            args.first
-        );
-    }
-    let progress = SharedProgress::of_steps(count, "worlds");
-    let outcome = worlds.run(&|| {
-        interrupt::exit_if_happened();
-        progress.step();
-    })?;
-    drop(progress);
-    if args.report.report.is_some() {
+    let count = args.numbers.counted(&worlds.numbers(), "motion")?;
+    let outcome = with_progress(count, "worlds", |done| worlds.run(done))?;
+    if args.output.has_report() {
         let worst = outcome.estimators.first().map(|of| of.worst.as_slice());
-        let again = |number: &u64| WorldRun::of(args.seed, *number, &options[..1]);
+        let again = |number: &u64| WorldRun::of(args.numbers.seed, *number, &options[..1]);
         let runs: Vec<_> = worst.unwrap_or_default().iter().map(again).collect();
         write_report(args, &outcome, &runs)?;
     }
-    if args.json {
-        print_json(&outcome)
-    } else {
-        print(&text(&outcome, args.settings.is_empty()))
-    }
+    args.output
+        .print(&outcome, || text(&outcome, args.settings.is_empty()))
 }
 
 fn asked(args: &AttitudeWorldsArgs) -> Result<Worlds> {
-    if !(1..=MOST_WORLDS).contains(&args.worlds) {
-        bail!(
-            "--worlds is {}, expected from 1 to {MOST_WORLDS}",
-            args.worlds
-        );
-    }
+    args.numbers.check(MOST_WORLDS)?;
     let estimators = if args.estimator.is_empty() {
         every_estimator()
     } else {
         args.estimator.clone()
     };
     Ok(Worlds {
-        seed: args.seed,
-        first: args.first,
-        count: args.worlds,
+        seed: args.numbers.seed,
+        first: args.numbers.first,
+        count: args.numbers.worlds,
         motion: args.motion.as_deref().map(motion_named).transpose()?,
         estimators,
         settings: args.settings.clone(),
@@ -137,7 +102,7 @@ fn write_report(
     runs: &[WorldRun],
 ) -> Result<()> {
     let html = || northing_report::attitude_worlds_html(outcome, runs, Some(&command_line()));
-    args.report.write(html)
+    args.output.report.write(html)
 }
 
 fn motion_named(name: &str) -> Result<WorldMotion> {
@@ -201,10 +166,6 @@ fn details(of: &EstimatorOutcome) -> String {
         );
     }
     text
-}
-
-fn percent(share: Option<f64>) -> String {
-    number(share.map(|share| 100.0 * share), 1)
 }
 
 fn groups(kind: &str, rows: &[(&str, &GroupRow)]) -> String {

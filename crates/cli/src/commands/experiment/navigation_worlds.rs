@@ -2,17 +2,16 @@
 
 use std::fmt::Write as _;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use clap::Args;
 use northing_experiments::navigation_worlds::{
     ClassRow, FeatureRow, Score, WorldInstant, WorldOutcome, WorldRun, Worlds, WorldsOutcome,
 };
 use northing_simulation::navigation_world::WorldClass;
 
-use crate::files::output::{ReportArgs, number, print, print_json};
-use crate::interrupt;
+use super::frame::{OutputArgs, WorldsArgs, percent, with_progress};
+use crate::files::output::number;
 use crate::invocation::command_line;
-use crate::progress::SharedProgress;
 use crate::text::table::Table;
 
 /// Most worlds of one run: their judgements are kept in memory.
@@ -39,77 +38,42 @@ Examples:
   northing experiment navigation-worlds --world 17"
 )]
 pub(super) struct NavigationWorldsArgs {
-    /// How many worlds
-    #[arg(long, value_name = "NUMBER", default_value_t = 1000)]
-    worlds: u64,
-    /// Number of the first
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
-    first: u64,
-    /// Seed of all worlds
-    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
-    seed: u64,
+    #[command(flatten)]
+    numbers: WorldsArgs,
     /// Of these worlds only those of one class
     #[arg(long, value_name = "NAME", alias = "only")]
     class: Option<String>,
     /// One world: what it has, and a line a second
     #[arg(long, value_name = "NUMBER", conflicts_with_all = ["worlds", "first", "class"])]
     world: Option<u64>,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
-    report: ReportArgs,
+    output: OutputArgs,
 }
 
 /// Runs the worlds, or one.
 pub(super) fn execute(args: &NavigationWorldsArgs) -> Result<()> {
-    args.report.check_free()?;
+    args.output.check_free()?;
     if let Some(number) = args.world {
-        let run = WorldRun::of(args.seed, number);
-        let outcome = WorldsOutcome::of(args.seed, vec![run.outcome()]);
+        let run = WorldRun::of(args.numbers.seed, number);
+        let outcome = WorldsOutcome::of(args.numbers.seed, vec![run.outcome()]);
         write_report(args, &outcome, std::slice::from_ref(&run))?;
-        return if args.json {
-            print_json(&run)
-        } else {
-            print(&one_world(&run))
-        };
+        return args.output.print(&run, || one_world(&run));
     }
     let worlds = Worlds {
-        seed: args.seed,
-        first: args.first,
-        count: args.worlds,
+        seed: args.numbers.seed,
+        first: args.numbers.first,
+        count: args.numbers.worlds,
         class: args.class.as_deref().map(class_named).transpose()?,
     };
-    if !(1..=MOST_WORLDS).contains(&args.worlds) {
-        bail!(
-            "--worlds is {}, expected from 1 to {MOST_WORLDS}",
-            args.worlds
-        );
-    }
-    let count = worlds.numbers().len() as u64;
-    if count == 0 {
-        let last = args.first.saturating_add(args.worlds - 1);
-        bail!(
-            "no world of this class among the numbers {} to {last}; ask for 9 or more",
-            args.first
-        );
-    }
-    let progress = SharedProgress::of_steps(count, "worlds");
-    let outcome = worlds.run(&|| {
-        interrupt::exit_if_happened();
-        progress.step();
-    });
-    drop(progress);
-    if args.report.report.is_some() {
-        let again = |number: &u64| WorldRun::of(args.seed, *number);
+    args.numbers.check(MOST_WORLDS)?;
+    let count = args.numbers.counted(&worlds.numbers(), "class")?;
+    let outcome = with_progress(count, "worlds", |done| worlds.run(done));
+    if args.output.has_report() {
+        let again = |number: &u64| WorldRun::of(args.numbers.seed, *number);
         let runs: Vec<_> = outcome.worst.iter().map(again).collect();
         write_report(args, &outcome, &runs)?;
     }
-    if args.json {
-        print_json(&outcome)
-    } else {
-        print(&text(&outcome))
-    }
+    args.output.print(&outcome, || text(&outcome))
 }
 
 /// The page, with these worlds drawn.
@@ -119,7 +83,7 @@ fn write_report(
     runs: &[WorldRun],
 ) -> Result<()> {
     let html = || northing_report::navigation_worlds_html(outcome, runs, Some(&command_line()));
-    args.report.write(html)
+    args.output.report.write(html)
 }
 
 fn class_named(name: &str) -> Result<WorldClass> {
@@ -156,10 +120,6 @@ fn lost_numbers(outcome: &WorldsOutcome) -> String {
         ),
         _ => numbers.join(", "),
     }
-}
-
-fn percent(share: Option<f64>) -> String {
-    number(share.map(|share| 100.0 * share), 1)
 }
 
 fn classes(outcome: &WorldsOutcome) -> String {

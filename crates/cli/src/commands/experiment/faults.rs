@@ -1,0 +1,227 @@
+//! `northing experiment faults`: faults of sensors laid over worlds and recordings, and what they cost every estimator.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result, bail};
+use clap::Args;
+use northing_evaluation::registry::Question;
+use northing_experiments::faults::{Campaign, CampaignOutcome, FaultRow, Origin, Stream, Subject};
+use northing_recording::{OpenOptions, open};
+use northing_simulation::fault_injection::{CATALOGUE, InjectedFault};
+
+use super::frame::{OutputArgs, percent, with_progress, within};
+use crate::arguments::recordings;
+use crate::files::output::number;
+use crate::text::table::Table;
+
+/// Most worlds of a question: every run is kept.
+const MOST_RUNS: u64 = 1000;
+
+/// Arguments of `experiment faults`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Lays one fault at a time (a spike, a frozen, silent, clipped or biased sensor, garbage, a false stamp, a wrong fix) over \
+                  clean streams of samples and runs every estimator without and with it: simulated worlds with healthy sensors, and \
+                  recordings. Limits: one bad sample costs at most 1.2 times the clean RMS error; after any other fault the error \
+                  is within 5 deg, or 3 times the clean RMS of the position, 10 s after samples are normal again, and stays \
+                  there, and the NEES per degree of freedom is below 3 in the minute after. What a clean run has as well is no fault's.",
+    after_help = "\
+Examples:
+  northing experiment faults
+  northing experiment faults --report faults.html
+  northing experiment faults --estimator mekf --kind gyroscope-spike --runs 50
+  northing experiment faults --data recordings --runs 4 --json"
+)]
+pub(super) struct FaultsArgs {
+    /// How many simulated worlds of attitude, and as many of navigation; with --data also the most recordings, spread evenly
+    #[arg(long, value_name = "NUMBER", default_value_t = 8)]
+    runs: u64,
+    /// Seed of worlds and faults
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    seed: u64,
+    /// An estimator of attitude or navigation, more than once for several [default: all]
+    #[arg(long, value_name = "NAME", value_parser = subject)]
+    estimator: Vec<Subject>,
+    /// A fault, more than once for several [default: all]
+    #[arg(long, value_name = "NAME", value_parser = fault)]
+    kind: Vec<&'static InjectedFault>,
+    /// Folder of recordings, with a reference attitude or with fixes; may be given several times
+    #[arg(long, value_name = "DIR")]
+    data: Vec<PathBuf>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+fn subject(name: &str) -> Result<Subject, String> {
+    Subject::named(name).ok_or_else(|| {
+        format!(
+            "no estimator `{name}`; expected one of {}",
+            Subject::names()
+        )
+    })
+}
+
+fn fault(name: &str) -> Result<&'static InjectedFault, String> {
+    InjectedFault::named(name).ok_or_else(|| {
+        format!(
+            "no fault `{name}`; expected one of {}",
+            InjectedFault::names()
+        )
+    })
+}
+
+/// Runs the campaign.
+pub(super) fn execute(args: &FaultsArgs) -> Result<()> {
+    args.output.check_free()?;
+    within("--runs", args.runs, MOST_RUNS)?;
+    let campaign = asked(args)?;
+    let outcome = with_progress(campaign.streams(), "streams", |done| campaign.run(done));
+    if outcome.rows.is_empty() {
+        bail!(
+            "none of these faults concerns one of these estimators; leave --kind or --estimator out"
+        );
+    }
+    args.output.print(&outcome, || text(&outcome))
+}
+
+fn asked(args: &FaultsArgs) -> Result<Campaign> {
+    let mut campaign = Campaign::of_worlds(args.seed, args.runs);
+    if !args.estimator.is_empty() {
+        campaign.subjects.clone_from(&args.estimator);
+    }
+    if !args.kind.is_empty() {
+        campaign.faults.clone_from(&args.kind);
+    }
+    for folder in &args.data {
+        let found = found(folder, args.runs as usize)
+            .with_context(|| format!("{}: no recording to lay faults over", folder.display()))?;
+        campaign.recordings.extend(found);
+    }
+    Ok(campaign)
+}
+
+/// At most so many recordings of a folder, spread evenly.
+fn found(folder: &PathBuf, most: usize) -> Result<Vec<Stream>> {
+    let options = OpenOptions::default();
+    let paths = recordings::find_navigation(std::slice::from_ref(folder), &options)?.paths;
+    let every = paths.len().div_ceil(most).max(1);
+    let stream = |(number, path): (usize, &PathBuf)| {
+        let mut recording = open(path, &options).ok()?;
+        Stream::recorded(&mut recording, number as u64)
+    };
+    let streams: Vec<_> = paths
+        .iter()
+        .enumerate()
+        .step_by(every)
+        .filter_map(stream)
+        .collect();
+    if streams.is_empty() {
+        bail!("expected 90 s or more with a gyroscope and a reference attitude or fixes");
+    }
+    Ok(streams)
+}
+
+/// The result for people.
+fn text(outcome: &CampaignOutcome) -> String {
+    let mut text = format!(
+        "{} runs, seed {}, default parameters\n\nShare of the runs that meet the limits, %. One bad sample: RMS at most 1.2 times the clean one; else within 5 deg or 3 times\n\
+         the clean RMS of the position 10 s after the fault and for a minute, NEES per degree of freedom below 3 meanwhile.\n",
+        outcome.runs.len(),
+        outcome.seed,
+    );
+    for question in [Question::Attitude, Question::Navigation] {
+        for origin in [Origin::Simulated, Origin::Recorded] {
+            let rows: Vec<_> = outcome.table(question, origin).collect();
+            if !rows.is_empty() {
+                let _ = write!(text, "\n{}\n{}", title(question, origin), shares(&rows));
+            }
+        }
+    }
+    for question in [Question::Attitude, Question::Navigation] {
+        for origin in [Origin::Simulated, Origin::Recorded] {
+            let rows: Vec<_> = outcome.table(question, origin).collect();
+            if let Some(first) = rows.first() {
+                let name = first.estimator;
+                let of: Vec<_> = rows
+                    .into_iter()
+                    .filter(|row| row.estimator == name)
+                    .collect();
+                let _ = write!(
+                    text,
+                    "\n{name}: {}\n{}",
+                    title(question, origin),
+                    details(&of)
+                );
+            }
+        }
+    }
+    text
+}
+
+const fn title(question: Question, origin: Origin) -> &'static str {
+    match (question, origin) {
+        (Question::Navigation, Origin::Simulated) => "navigation, simulated worlds",
+        (Question::Navigation, Origin::Recorded) => "navigation, recordings",
+        (_, Origin::Simulated) => "attitude, simulated worlds",
+        (_, Origin::Recorded) => "attitude, recordings",
+    }
+}
+
+/// A row a fault, a column an estimator: shares that meet the limits.
+fn shares(rows: &[&FaultRow]) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for row in rows {
+        if !names.contains(&row.estimator) {
+            names.push(row.estimator);
+        }
+    }
+    let mut table = Table::new(&[&["<fault"][..], &names].concat());
+    for fault in &CATALOGUE {
+        let of = |name: &&str| {
+            let mut rows = rows.iter();
+            let row = rows.find(|row| row.fault == fault.name && row.estimator == *name);
+            number(row.map(|row| 100.0 * row.meets_share), 0)
+        };
+        if rows.iter().any(|row| row.fault == fault.name) {
+            let cells = names.iter().map(of);
+            table.row(core::iter::once(fault.name.to_owned()).chain(cells));
+        }
+    }
+    table.render("  ")
+}
+
+/// A row a fault of one estimator.
+fn details(rows: &[&FaultRow]) -> String {
+    let mut table = Table::new(&[
+        "<fault",
+        "runs",
+        "clean RMS",
+        "RMS/clean",
+        "95th",
+        "largest",
+        "recovery s",
+        "in 10 s %",
+        "NEES/dof",
+        "below 3 %",
+        "clean %",
+        "meets %",
+    ]);
+    for row in rows {
+        table.row([
+            row.fault.to_owned(),
+            row.runs.to_string(),
+            number(row.clean_rms, 2),
+            number(row.cost, 2),
+            number(row.cost_95, 2),
+            number(row.largest, 1),
+            number(row.recovery_s, 1),
+            percent(Some(row.recovered_share)),
+            number(row.nees, 1),
+            percent(row.nees_share),
+            percent(row.clean_nees_share),
+            percent(Some(row.meets_share)),
+        ]);
+    }
+    table.render("  ")
+}
