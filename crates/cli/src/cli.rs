@@ -91,6 +91,7 @@ northing: which way is it pointing, where is it, and where are the others?
   northing experiment observers          observers in cascade: errors, gains, cost
   northing experiment attitude-worlds    attitude on random worlds: accuracy, coverage, causes
   northing experiment navigation-worlds  GNSS/INS on random worlds: lost, coverage, heading
+  northing experiment faults             faults of sensors, injected: cost, recovery, detection
   northing tune drive.toml               noise parameters fitted to a recording
   northing estimators                    the estimators and their parameters
 

@@ -14,6 +14,7 @@
 //! | `observers.rs` | the page of the experiment on observers in cascade |
 //! | `attitude_worlds.rs` | the page of attitude on random worlds |
 //! | `navigation_worlds.rs` | the page of GNSS/INS on random worlds |
+//! | `faults.rs` | the page of the fault campaign |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |
@@ -49,6 +50,7 @@ pub use calibration::allan::render as allan_html;
 pub use calibration::magnetometer::render as magnetometer_html;
 pub use experiments::attitude_worlds::render as attitude_worlds_html;
 pub use experiments::campaign_outcome;
+pub use experiments::faults::render as faults_html;
 pub use experiments::navigation_worlds::render as navigation_worlds_html;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
 pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};

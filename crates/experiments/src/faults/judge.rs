@@ -1,7 +1,7 @@
 //! How one run is judged: cost, recovery and consistency of an estimator after a fault, beside the same run without it.
 
 use northing_evaluation::registry::Question;
-use northing_simulation::fault_injection::InjectedFault;
+use northing_simulation::fault_injection::{FaultySensor, InjectedFault};
 use serde::{Serialize, Serializer};
 
 use super::stream::{Origin, Stream};
@@ -13,6 +13,8 @@ const SKIP_S: f64 = 5.0;
 const EVERY_S: f64 = 0.1;
 /// The time after a fault that is judged, s.
 const MINUTE_S: f64 = 60.0;
+/// A fault is to be found within, s.
+const DETECTION_S: f64 = 3.0;
 /// An estimator has recovered if it states something at so much of the instants of the clean run, at least.
 const LEAST_PRESENT: f64 = 0.5;
 
@@ -27,11 +29,22 @@ pub struct Instant {
     pub nees: Option<f64>,
 }
 
+/// A fault that a run found in its samples.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Detected {
+    /// Whose samples.
+    pub sensor: FaultySensor,
+    /// When it was found, s.
+    pub found_s: f64,
+}
+
 /// What an estimator made of a stream.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Track {
     /// Ten times a second.
     pub instants: Vec<Instant>,
+    /// Faults that were found; `None` where nobody looks for them.
+    pub detected: Option<Vec<Detected>>,
 }
 
 /// Takes ten instants a second.
@@ -87,6 +100,12 @@ pub struct Judgement {
     pub nees: Option<f64>,
     /// The same without the fault.
     pub clean_nees: Option<f64>,
+    /// Whether the fault was found, of the right sensor and within three seconds; `None` where nobody looks for faults.
+    pub detected: Option<bool>,
+    /// Faults that were found without the fault: false alarms.
+    pub clean_alarms: Option<usize>,
+    /// How long the clean run was, s.
+    pub clean_s: f64,
     /// Whether it meets the limits.
     pub meets: bool,
 }
@@ -141,9 +160,23 @@ impl Judgement {
             recovery_s,
             nees,
             clean_nees,
+            detected: detected(faulty, fault.sensor, from_s),
+            clean_alarms: clean.detected.as_ref().map(Vec::len),
+            clean_s: clean.instants.last().map_or(0.0, |last| last.time_s),
             meets,
         }
     }
+}
+
+/// Whether a run found a fault of this sensor in time.
+fn detected(track: &Track, sensor: FaultySensor, from_s: f64) -> Option<bool> {
+    let is_it = |found: &Detected| {
+        let right = sensor == FaultySensor::All || found.sensor == sensor;
+        right && (from_s..=from_s + DETECTION_S).contains(&found.found_s)
+    };
+    let found = track.detected.as_ref()?;
+    // A receiver's faults are nobody's here: those of the samples are looked for.
+    (sensor != FaultySensor::Receiver).then(|| found.iter().any(is_it))
 }
 
 impl Track {
@@ -204,6 +237,33 @@ fn recovery(clean: &Track, faulty: &Track, until_s: f64, limit: f64) -> Option<f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use FaultySensor::{Accelerometer, All, Gyroscope};
+
+    #[test]
+    fn a_fault_is_found_in_its_sensor_and_in_time_or_not_at_all() {
+        let found = |sensor, found_s| Track {
+            detected: Some(vec![Detected { sensor, found_s }]),
+            ..Track::default()
+        };
+        assert_eq!(
+            detected(&found(Gyroscope, 41.0), Gyroscope, 40.0),
+            Some(true)
+        );
+        assert_eq!(detected(&found(Gyroscope, 41.0), All, 40.0), Some(true));
+        assert_eq!(
+            detected(&found(Gyroscope, 39.0), Gyroscope, 40.0),
+            Some(false)
+        );
+        assert_eq!(
+            detected(&found(Gyroscope, 43.5), Gyroscope, 40.0),
+            Some(false)
+        );
+        assert_eq!(
+            detected(&found(Accelerometer, 41.0), Gyroscope, 40.0),
+            Some(false)
+        );
+        assert_eq!(detected(&Track::default(), Gyroscope, 40.0), None);
+    }
 
     fn track(error: impl Fn(f64) -> f64) -> Track {
         let at = |k: u32| {
@@ -217,6 +277,7 @@ mod tests {
         };
         Track {
             instants: (0..1150).map(at).collect(),
+            ..Track::default()
         }
     }
 
@@ -237,6 +298,7 @@ mod tests {
         assert_eq!(recovery(&clean, &again, 40.0, 5.0), None);
         let silent = Track {
             instants: clean.within(5.0, 50.0).to_vec(),
+            ..Track::default()
         };
         assert_eq!(recovery(&clean, &silent, 40.0, 5.0), None);
         // What is so without the fault is no fault.

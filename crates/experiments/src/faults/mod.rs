@@ -18,6 +18,9 @@
 //!   stays, and counts from its beginning. The mean NEES per degree of freedom is below [3](MOST_NEES) in the minute after
 //!   those ten seconds.
 //!
+//! **Detected** is a fault that is found in the right sensor within three seconds of its beginning; what is found in a clean run
+//! is a **false alarm**.
+//!
 //! A run is not blamed for what the clean run has as well: an error within 1.2 times the clean error at the same instant is recovered,
 //! and so is a NEES within 1.2 times the clean one. What states no covariance is judged by its error alone.
 
@@ -27,8 +30,8 @@ mod navigation;
 mod outcome;
 mod stream;
 
-pub use judge::{Instant, Judgement, Track};
-pub use outcome::{CampaignOutcome, FaultRow};
+pub use judge::{Detected, Instant, Judgement, Track};
+pub use outcome::{AlarmRow, CampaignOutcome, FaultRow};
 pub use stream::{Origin, Stream};
 
 use northing_evaluation::EstimatorKind;

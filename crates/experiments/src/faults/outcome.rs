@@ -1,5 +1,7 @@
 //! What came out of a campaign: a row a fault, estimator and origin of the streams, and the worst runs.
 
+use std::collections::BTreeSet;
+
 use northing_evaluation::registry::Question;
 use northing_simulation::fault_injection::CATALOGUE;
 use serde::Serialize;
@@ -42,8 +44,25 @@ pub struct FaultRow {
     pub nees_share: Option<f64>,
     /// The same without the fault.
     pub clean_nees_share: Option<f64>,
+    /// Share of the runs in which it is found, of the right sensor and within three seconds; `None` where nobody looks for faults.
+    pub detected_share: Option<f64>,
     /// Share of the runs that meet the limits.
     pub meets_share: f64,
+}
+
+/// False alarms of an estimator on clean data.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AlarmRow {
+    /// The estimator.
+    pub estimator: &'static str,
+    /// Where the streams come from.
+    pub origin: Origin,
+    /// Clean data, hours.
+    pub hours: f64,
+    /// Faults that were found in them.
+    pub alarms: usize,
+    /// The one over the other.
+    pub per_hour: f64,
 }
 
 /// What came out.
@@ -53,6 +72,8 @@ pub struct CampaignOutcome {
     pub seed: u64,
     /// A row a fault and estimator: the faults in the order of the catalogue, of each the estimators.
     pub rows: Vec<FaultRow>,
+    /// False alarms, a row an estimator that looks for faults.
+    pub alarms: Vec<AlarmRow>,
     /// The runs of the default estimators that miss the limits by most, one a fault at most.
     pub worst: Vec<Judgement>,
     /// Every run.
@@ -83,6 +104,7 @@ impl CampaignOutcome {
         Self {
             seed,
             worst: worst(&runs),
+            alarms: alarms(&runs),
             rows,
             runs,
         }
@@ -132,9 +154,49 @@ impl FaultRow {
             nees: (!nees.is_empty()).then(|| nees.iter().sum::<f64>() / nees.len() as f64),
             nees_share: below(&nees),
             clean_nees_share: below(&of(|run| run.clean_nees)),
+            detected_share: detected_share(runs),
             meets_share: share(&|run| run.meets),
         })
     }
+}
+
+fn detected_share(runs: &[&Judgement]) -> Option<f64> {
+    let looked: Vec<bool> = runs.iter().filter_map(|run| run.detected).collect();
+    let found = looked.iter().filter(|found| **found).count();
+    (!looked.is_empty()).then(|| found as f64 / looked.len() as f64)
+}
+
+/// False alarms: each clean run counts once, whatever faults were laid over its stream.
+fn alarms(runs: &[Judgement]) -> Vec<AlarmRow> {
+    let mut rows: Vec<AlarmRow> = Vec::new();
+    let mut seen = BTreeSet::new();
+    for run in runs {
+        let Some(alarms) = run.clean_alarms else {
+            continue;
+        };
+        if !seen.insert((run.estimator, run.origin, &run.stream)) {
+            continue;
+        }
+        let is_row =
+            |row: &&mut AlarmRow| row.estimator == run.estimator && row.origin == run.origin;
+        let hours = run.clean_s / 3600.0;
+        if let Some(row) = rows.iter_mut().find(is_row) {
+            row.hours += hours;
+            row.alarms += alarms;
+        } else {
+            rows.push(AlarmRow {
+                estimator: run.estimator,
+                origin: run.origin,
+                hours,
+                alarms,
+                per_hour: 0.0,
+            });
+        }
+    }
+    for row in &mut rows {
+        row.per_hour = row.alarms as f64 / row.hours.max(1e-9);
+    }
+    rows
 }
 
 /// The value below which this share of values lies, by the nearest rank; `None` where that is no number.

@@ -148,6 +148,7 @@ nav a:hover{text-decoration:underline}
 .verdicts li,.verdict{display:flex;gap:14px;align-items:baseline;background:var(--panel);border:1px solid var(--grid);border-left:6px solid var(--tone);border-radius:10px;padding:11px 18px}
 .verdicts b,.verdict b{flex:none;min-width:5.2em;color:var(--tone);font-weight:700}
 .good{--tone:var(--good)}.info{--tone:var(--muted)}.warn{--tone:var(--inflated)}.bad{--tone:var(--gated)}
+.toned{background:color-mix(in srgb,var(--tone) 24%,transparent)}
 figure{margin:0 0 30px;background:var(--panel);border:1px solid var(--grid);border-radius:14px;padding:20px 18px 16px}
 figure .plot{display:block;width:100%;height:auto}
 figcaption{max-width:62em;margin:10px 6px 4px;color:var(--muted);font-size:16.5px}

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::drawing::svg::escape;
+use crate::page::facts::Tone;
 use crate::page::html;
 
 /// A table of a page.
@@ -51,6 +52,13 @@ pub enum Cell {
         value: f64,
         /// Digits behind the point.
         decimals: usize,
+    },
+    /// A number of no decimals, coloured by how welcome it is.
+    Toned {
+        /// The number.
+        value: f64,
+        /// How welcome it is.
+        tone: Tone,
     },
     /// Does not apply.
     Missing,
@@ -138,6 +146,10 @@ fn cell_html(cell: &Cell, first: bool, best: Option<f64>) -> String {
             let class = if is_best(value) { "num best" } else { "num" };
             let decimals = (*decimals).min(9);
             format!("<td class=\"{class}\">{value:.decimals$}</td>")
+        }
+        (Cell::Toned { value, tone }, _) => {
+            let (class, _) = tone.class_and_word();
+            format!("<td class=\"num toned {class}\">{value:.0}</td>")
         }
         _ => "<td class=\"num none\">\u{2013}</td>".to_owned(),
     }
