@@ -1,4 +1,4 @@
-//! `experiment observers` on a few short flights, `experiment navigation-worlds` and `attitude-worlds` on a few worlds.
+//! `experiment observers` on a few short flights, `experiment navigation-worlds` and `attitude-worlds` on a few worlds, `faults` on one.
 
 use crate::support::{Lab, contains};
 
@@ -253,5 +253,43 @@ fn random_boards_that_are_not_there_are_said_in_one_line() {
     contains(
         &lab.refuses(&with(&["--worlds", "1", "--set", "accelerometer_std=-1"])),
         &["accelerometer_std"],
+    );
+}
+
+#[test]
+fn faults_print_a_table_or_one_document_and_a_report() {
+    let lab = Lab::new();
+    let with = |more: &[&'static str]| [&["experiment", "faults", "--runs", "1"][..], more].concat();
+    let few = ["--estimator", "complementary", "--kind", "gyroscope-spike-all-axes"];
+    contains(
+        &lab.succeeds(&with(&few)),
+        &[
+            "1 runs, seed 1, default parameters",
+            "attitude, simulated worlds",
+            "fault complementary",
+            "gyroscope-spike-all-axes",
+            "RMS/clean",
+        ],
+    );
+    let document = lab.json(&with(&[&few[..], &["--json", "--report", "f.html"]].concat()));
+    let [row, run] = ["rows", "runs"].map(|name| &document[name][0]);
+    assert_eq!(row["fault"], "gyroscope-spike-all-axes");
+    assert_eq!((&row["runs"], &row["cost"]), (&1.into(), &run["cost"]));
+    assert!(run["clean_rms"].as_f64().unwrap() > 0.0);
+    contains(&lab.read("f.html"), &["num toned", "does an estimator recover?"]);
+    for (bad, expected) in [
+        (&["--kind", "toothache"][..], "no fault `toothache`; expected one of gyroscope-spike"),
+        (&["--estimator", "oracle"], "no estimator `oracle`; expected one of bounded-velocity"),
+        (&["--data", "nowhere"], "nowhere"),
+    ] {
+        contains(&lab.refuses(&with(bad)), &[expected]);
+    }
+    contains(
+        &lab.refuses(&with(&["--estimator", "mekf", "--kind", "fix-10km-off"])),
+        &["none of these faults concerns one of these estimators"],
+    );
+    contains(
+        &lab.refuses(&["experiment", "faults", "--runs", "0"]),
+        &["--runs is 0, expected from 1 to 1000"],
     );
 }

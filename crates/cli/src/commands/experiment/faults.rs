@@ -19,6 +19,9 @@ use crate::text::table::Table;
 /// Most worlds of a question: every run is kept.
 const MOST_RUNS: u64 = 1000;
 
+/// What recordings are to have.
+const EXPECTED: &str = "expected 90 s or more with a gyroscope and a reference attitude or fixes";
+
 /// Arguments of `experiment faults`.
 #[derive(Debug, Args)]
 #[command(
@@ -32,11 +35,15 @@ Examples:
   northing experiment faults
   northing experiment faults --report faults.html
   northing experiment faults --estimator mekf --kind gyroscope-spike --runs 50
-  northing experiment faults --data recordings --runs 4 --json"
+  northing experiment faults --data recordings --runs 4 --json
+  northing experiment faults examples/recordings/car_rtk.toml --data data"
 )]
 pub(super) struct FaultsArgs {
+    /// Recordings or manifests, all of them, with a reference attitude or with fixes
+    #[arg(value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
     /// How many simulated worlds of attitude, and as many of navigation; with --data also the most recordings, spread evenly
-    #[arg(long, value_name = "NUMBER", default_value_t = 20)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 12)]
     runs: u64,
     /// Seed of worlds and faults
     #[arg(long, value_name = "NUMBER", default_value_t = 1)]
@@ -47,7 +54,7 @@ pub(super) struct FaultsArgs {
     /// A fault, more than once for several [default: all]
     #[arg(long, value_name = "NAME", value_parser = fault)]
     kind: Vec<&'static InjectedFault>,
-    /// Folder of recordings, with a reference attitude or with fixes; may be given several times
+    /// Folder of recordings; may be given several times. With recordings named: the folder of the files that manifests name
     #[arg(long, value_name = "DIR")]
     data: Vec<PathBuf>,
     #[command(flatten)]
@@ -100,31 +107,39 @@ fn asked(args: &FaultsArgs) -> Result<Campaign> {
     if !args.kind.is_empty() {
         campaign.faults.clone_from(&args.kind);
     }
-    for folder in &args.data {
-        let found = found(folder, args.runs as usize)
-            .with_context(|| format!("{}: no recording to lay faults over", folder.display()))?;
-        campaign.recordings.extend(found);
-    }
+    campaign.recordings = recorded(args)?;
     Ok(campaign)
 }
 
-/// At most so many recordings of a folder, spread evenly.
-fn found(folder: &PathBuf, most: usize) -> Result<Vec<Stream>> {
-    let options = OpenOptions::default();
-    let paths = recordings::find_navigation(std::slice::from_ref(folder), &options)?.paths;
-    let every = paths.len().div_ceil(most).max(1);
-    let stream = |(number, path): (usize, &PathBuf)| {
-        let mut recording = open(path, &options).ok()?;
-        Stream::recorded(&mut recording, number as u64)
-    };
-    let streams: Vec<_> = paths
-        .iter()
-        .enumerate()
-        .step_by(every)
-        .filter_map(stream)
-        .collect();
-    if streams.is_empty() {
-        bail!("expected 90 s or more with a gyroscope and a reference attitude or fixes");
+/// The recordings that are named, or of each folder at most so many as there are runs, spread evenly.
+fn recorded(args: &FaultsArgs) -> Result<Vec<Stream>> {
+    let mut options = OpenOptions::default();
+    if !args.recordings.is_empty() {
+        options.data = args.data.first().cloned();
+        return args
+            .recordings
+            .iter()
+            .zip(0..)
+            .map(|(path, number)| {
+                let mut recording = open(path, &options)?;
+                let name = path.display();
+                Stream::recorded(&mut recording, number)
+                    .with_context(|| format!("{name}: cannot lay faults over it; {EXPECTED}"))
+            })
+            .collect();
+    }
+    let mut streams = Vec::new();
+    for folder in &args.data {
+        let paths = recordings::find_navigation(std::slice::from_ref(folder), &options)?.paths;
+        let every = paths.len().div_ceil(args.runs as usize).max(1);
+        let before = streams.len();
+        for (path, number) in paths.iter().zip(0..).step_by(every) {
+            let stream = open(path, &options).ok();
+            streams.extend(stream.and_then(|mut recording| Stream::recorded(&mut recording, number)));
+        }
+        if streams.len() == before {
+            bail!("{}: no recording to lay faults over; {EXPECTED}", folder.display());
+        }
     }
     Ok(streams)
 }
