@@ -259,8 +259,14 @@ fn random_boards_that_are_not_there_are_said_in_one_line() {
 #[test]
 fn faults_print_a_table_or_one_document_and_a_report() {
     let lab = Lab::new();
-    let with = |more: &[&'static str]| [&["experiment", "faults", "--runs", "1"][..], more].concat();
-    let few = ["--estimator", "complementary", "--kind", "gyroscope-spike-all-axes"];
+    let with =
+        |more: &[&'static str]| [&["experiment", "faults", "--runs", "1"][..], more].concat();
+    let few = [
+        "--estimator",
+        "complementary",
+        "--kind",
+        "gyroscope-spike-all-axes",
+    ];
     contains(
         &lab.succeeds(&with(&few)),
         &[
@@ -271,15 +277,26 @@ fn faults_print_a_table_or_one_document_and_a_report() {
             "RMS/clean",
         ],
     );
-    let document = lab.json(&with(&[&few[..], &["--json", "--report", "f.html"]].concat()));
+    let document = lab.json(&with(
+        &[&few[..], &["--json", "--report", "f.html"]].concat(),
+    ));
     let [row, run] = ["rows", "runs"].map(|name| &document[name][0]);
     assert_eq!(row["fault"], "gyroscope-spike-all-axes");
     assert_eq!((&row["runs"], &row["cost"]), (&1.into(), &run["cost"]));
     assert!(run["clean_rms"].as_f64().unwrap() > 0.0);
-    contains(&lab.read("f.html"), &["num toned", "does an estimator recover?"]);
+    contains(
+        &lab.read("f.html"),
+        &["num toned", "does an estimator recover?"],
+    );
     for (bad, expected) in [
-        (&["--kind", "toothache"][..], "no fault `toothache`; expected one of gyroscope-spike"),
-        (&["--estimator", "oracle"], "no estimator `oracle`; expected one of bounded-velocity"),
+        (
+            &["--kind", "toothache"][..],
+            "no fault `toothache`; expected one of gyroscope-spike",
+        ),
+        (
+            &["--estimator", "oracle"],
+            "no estimator `oracle`; expected one of bounded-velocity",
+        ),
         (&["--data", "nowhere"], "nowhere"),
     ] {
         contains(&lab.refuses(&with(bad)), &[expected]);

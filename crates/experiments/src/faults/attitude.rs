@@ -1,14 +1,11 @@
 //! An attitude estimator on a stream: its error and NEES ten times a second.
 
 use nalgebra::{Matrix3, Vector3};
-use northing_core::faults;
 use northing_evaluation::attitude::{RunObserver, ScoredRecord};
-use northing_evaluation::statistics::faults::FaultRecord;
-use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary, run};
+use northing_evaluation::{EstimatorKind, Profile, RunOptions, run};
 use northing_recording::{Event, RecordingError};
-use northing_simulation::fault_injection::FaultySensor;
 
-use super::judge::{Detected, Instant, Thinned, Track};
+use super::judge::{Instant, Thinned, Track, found};
 use super::stream::Stream;
 use crate::attitude_worlds::score::{Judged, Moment};
 
@@ -32,21 +29,8 @@ pub(super) fn track(kind: EstimatorKind, stream: &Stream, events: &[Event]) -> T
     let summary = run(events, &options, &mut watch).ok();
     Track {
         instants: watch.instants,
-        detected: summary.as_ref().map(detected),
+        detected: summary.map(|summary| found(&summary.faults)),
     }
-}
-
-/// The faults that a run found, the one place that reads them.
-fn detected(summary: &RunSummary) -> Vec<Detected> {
-    let one = |record: &FaultRecord| Detected {
-        sensor: match record.sensor {
-            faults::FaultySensor::Gyroscope => FaultySensor::Gyroscope,
-            faults::FaultySensor::Accelerometer => FaultySensor::Accelerometer,
-            faults::FaultySensor::Magnetometer => FaultySensor::Magnetometer,
-        },
-        found_s: record.found_s,
-    };
-    summary.faults.iter().map(one).collect()
 }
 
 struct Watch<'a> {

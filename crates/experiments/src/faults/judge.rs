@@ -1,6 +1,8 @@
 //! How one run is judged: cost, recovery and consistency of an estimator after a fault, beside the same run without it.
 
+use northing_core::faults;
 use northing_evaluation::registry::Question;
+use northing_evaluation::statistics::faults::FaultRecord;
 use northing_simulation::fault_injection::{FaultySensor, InjectedFault};
 use serde::{Serialize, Serializer};
 
@@ -47,6 +49,19 @@ pub struct Track {
     pub detected: Option<Vec<Detected>>,
 }
 
+/// The faults that a run tells: the one place that reads them.
+pub(super) fn found(records: &[FaultRecord]) -> Vec<Detected> {
+    let one = |record: &FaultRecord| Detected {
+        sensor: match record.sensor {
+            faults::FaultySensor::Gyroscope => FaultySensor::Gyroscope,
+            faults::FaultySensor::Accelerometer => FaultySensor::Accelerometer,
+            faults::FaultySensor::Magnetometer => FaultySensor::Magnetometer,
+        },
+        found_s: record.found_s,
+    };
+    records.iter().map(one).collect()
+}
+
 /// Takes ten instants a second.
 #[derive(Debug, Default)]
 pub(super) struct Thinned {
@@ -57,7 +72,7 @@ impl Thinned {
     pub(super) fn takes(&mut self, time_s: f64) -> bool {
         let takes = time_s + 1e-6 >= self.next_s.max(SKIP_S);
         if takes {
-            self.next_s = (self.next_s + EVERY_S).max(time_s + 0.5 * EVERY_S);
+            self.next_s = (self.next_s.max(SKIP_S) + EVERY_S).max(time_s + 0.5 * EVERY_S);
         }
         takes
     }

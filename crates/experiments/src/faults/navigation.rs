@@ -5,7 +5,7 @@ use northing_evaluation::navigation::{
 };
 use northing_recording::{Event, RecordingError};
 
-use super::judge::{Instant, Thinned, Track};
+use super::judge::{Instant, Thinned, Track, found};
 use super::stream::Stream;
 
 /// What an estimator makes of these events of a stream; nothing where it cannot run.
@@ -24,11 +24,13 @@ pub(super) fn track(kind: NavigationKind, stream: &Stream, events: &[Event]) -> 
         .map(|event| Ok::<Event, RecordingError>(*event));
     let frame = stream.metadata.world_frame;
     // What ends with an error has said something before it.
-    let _ = run_navigation(events, &stream.name, frame, &options, &mut watch);
+    let summary = run_navigation(events, &stream.name, frame, &options, &mut watch).ok();
     Track {
         instants: watch.instants,
-        // Faults of the samples are not told by these runs.
-        detected: None,
+        // A ship's log and compass have no inertial samples to look at.
+        detected: summary
+            .filter(|_| kind != NavigationKind::DeadReckoning)
+            .map(|summary| found(&summary.faults)),
     }
 }
 

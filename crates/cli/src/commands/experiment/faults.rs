@@ -135,10 +135,14 @@ fn recorded(args: &FaultsArgs) -> Result<Vec<Stream>> {
         let before = streams.len();
         for (path, number) in paths.iter().zip(0..).step_by(every) {
             let stream = open(path, &options).ok();
-            streams.extend(stream.and_then(|mut recording| Stream::recorded(&mut recording, number)));
+            streams
+                .extend(stream.and_then(|mut recording| Stream::recorded(&mut recording, number)));
         }
         if streams.len() == before {
-            bail!("{}: no recording to lay faults over; {EXPECTED}", folder.display());
+            bail!(
+                "{}: no recording to lay faults over; {EXPECTED}",
+                folder.display()
+            );
         }
     }
     Ok(streams)
