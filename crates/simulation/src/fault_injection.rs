@@ -206,7 +206,7 @@ impl InjectedFault {
                 let sizes = touched.filter_map(|event| event.sample.vector().map(|v| v.amax()));
                 let limit = share * sizes.fold(0.0, f64::max);
                 self.changed(events, span, |v, _| {
-                    v.apply(|x| *x = x.clamp(-limit, limit))
+                    v.apply(|x| *x = x.clamp(-limit, limit));
                 })
             }
             Effect::ClippedSpin {
