@@ -74,7 +74,7 @@ parameters! {
     initial_velocity_std: T, "m/s", From(1e-4, 1e4), [1.0],
         "standard deviation of the velocity at the start, per axis",
         "Also after a pause of the accelerometer.";
-    velocity_psd: T, "m^2/s", From(1e-9, 1e4), [0.02],
+    velocity_psd: T, "m^2/s", From(1e-12, 1e4), [0.02],
         "noise of `velocity is zero` without acceleration",
         "The power spectral density of that pseudo-measurement. Raising it trusts gravity less.";
     velocity_psd_gain: T, "s^3", From(0.0, 1e4), [0.025],
@@ -129,7 +129,7 @@ parameters! {
     rest_duration_s: T, "s", From(0.0, 1e9), [1.5],
         "so long must both stay below",
         "Raising it finds fewer rests.";
-    rest_smoothing_s: T, "s", From(1e-4, 1e9), [0.1],
+    rest_smoothing_s: T, "s", From(1e-6, 1e9), [0.1],
         "time constant of a low-pass on rate and force before they are compared",
         "Noise and vibration are no motion. Raising it finds rests that are none.";
     rest_slow_motion_gain: T, "-", From(0.0, 1e6), [1.0],
