@@ -210,7 +210,7 @@ impl<T: Scalar> SampleCheck<T> {
             was_stuck = self.repeats.is_stuck;
             self.changed(&change);
         }
-        if let Some(from_ns) = self.noise.since(last_ns, sample, change2) {
+        if let Some(from_ns) = self.noise.since(last_ns, sample, (&change, change2)) {
             self.suspicion = None;
             return Checked::Noise { from_ns };
         }

@@ -13,9 +13,9 @@ const MEMORY: f64 = 16.0;
 const LONG_MEMORY: f64 = 1024.0;
 /// Samples before anything is called noise.
 const FEWEST: u16 = 64;
-/// Strong changes in a row: a spike has two.
+/// Strong changes, each against the one before, less those that are not: a spike has one.
 const FEWEST_STRONG: u8 = 8;
-const MOST_STRONG: u8 = 32;
+const MOST_STRONG: u8 = 16;
 /// It is over after so many samples that are none.
 const CALM: u8 = 4;
 /// What is stronger counts as so much of what was before: it takes minutes to become the usual.
@@ -32,10 +32,11 @@ const STRONG: f64 = 100.0;
 pub(super) struct WhiteNoise<T: Scalar> {
     samples: u16,
     mean: Vector3<T>,
+    last_change: Vector3<T>,
     spread2: T,
     change2: T,
     before2: T,
-    /// Strong changes in a row, about.
+    /// Strong changes against the one before, less the others.
     strong: u8,
     /// Samples since it was noise.
     calm: u8,
@@ -47,6 +48,7 @@ impl<T: Scalar> Default for WhiteNoise<T> {
         Self {
             samples: 0,
             mean: Vector3::zeros(),
+            last_change: Vector3::zeros(),
             spread2: T::zero(),
             change2: T::zero(),
             before2: T::zero(),
@@ -60,7 +62,12 @@ impl<T: Scalar> Default for WhiteNoise<T> {
 impl<T: Scalar> WhiteNoise<T> {
     /// Takes a sample and the square of its change; since when it is noise, if it is.
     #[inline]
-    pub(super) fn since(&mut self, last_ns: i64, sample: &Vector3<T>, change2: T) -> Option<i64> {
+    pub(super) fn since(
+        &mut self,
+        last_ns: i64,
+        sample: &Vector3<T>,
+        (change, change2): (&Vector3<T>, T),
+    ) -> Option<i64> {
         self.samples = self.samples.saturating_add(1);
         let known: T = lit(f64::from(self.samples));
         let (short, long) = (lit::<T>(MEMORY), lit::<T>(LONG_MEMORY));
@@ -75,10 +82,13 @@ impl<T: Scalar> WhiteNoise<T> {
             self.before2 * lit(MOST_GROWTH)
         };
         self.before2 += (change2.min(most) - self.before2) / known.min(long);
-        self.strong = if change2 > self.before2 * lit(STRONG) {
+        // A motion, however strong, goes on the way it went; noise comes back.
+        let comes_back = change.dot(&self.last_change) < T::zero();
+        self.last_change = *change;
+        self.strong = if comes_back && change2 > self.before2 * lit(STRONG) {
             (self.strong + 1).min(MOST_STRONG)
         } else {
-            self.strong / 2
+            self.strong.saturating_sub(1)
         };
         // Once it is noise it stays so while the changes are strong: the means remember it for longer than it lasts.
         let is_noise = match self.since_ns {
@@ -112,6 +122,6 @@ impl<T: Scalar> WhiteNoise<T> {
     /// The numbers, for checks of a saved state.
     pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
         let own = [&self.spread2, &self.change2, &self.before2];
-        self.mean.iter().chain(own)
+        self.mean.iter().chain(&self.last_change).chain(own)
     }
 }

@@ -54,6 +54,25 @@ fn one_sample_at_full_scale_is_a_spike_and_its_neighbours_are_good() {
 }
 
 #[test]
+fn a_spike_in_a_motion_after_a_rest_is_a_spike_and_no_noise() {
+    let mut motion = hand(12, 0.002);
+    let said = said(1200, |k| {
+        let w = motion(k);
+        match k {
+            ..800 => w * 1e-3,
+            1000 => Vector3::new(34.9, w.y, w.z),
+            _ => w,
+        }
+    });
+    assert!(
+        matches!(said[1001], Checked::Spike { .. }),
+        "{:?}",
+        said[1001]
+    );
+    assert!(is_quiet(&said[..1000]) && is_quiet(&said[1002..]));
+}
+
+#[test]
 fn a_sudden_turn_is_a_step_and_its_integral_is_kept() {
     let mut still = hand(10, 0.0);
     let turned = |k: i64| still(k) * 1e-3 + Vector3::x() * if k < 100 { 0.0 } else { 5.0 };
