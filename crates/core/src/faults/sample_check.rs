@@ -1,6 +1,6 @@
 //! Spike, stuck-value, noise and saturation detection on the samples of one three-axis sensor.
 //!
-//! A sample far from the one before it is neither believed nor refused: it is held back until the next one comes. If that
+//! A sample far from the one before it is neither used nor refused: it waits until the next one comes. If that
 //! is back where it was, the sample was a spike; if it stays, the sample was a step, and the filter is given what it
 //! missed. Far is measured by how the samples of this sensor change (F1), nothing else.
 //!
@@ -22,7 +22,7 @@ const FAR: f64 = 12.0;
 const FAR_STEPS: f64 = 8.0;
 /// Samples before a change can be called unusual.
 const FEWEST: u32 = 16;
-/// Samples that are doubted in a row before they are believed: it has become wild.
+/// Samples that are doubted in a row before they are used: it has become wild.
 const MOST_SUSPECTS: u8 = 6;
 /// Memory of the usual change, of the change just before, and of the interval, samples.
 const MEMORY: f64 = 64.0;
@@ -46,10 +46,10 @@ pub enum Checked<T: Scalar> {
     Good,
     /// Far from the last good one: the next sample decides. Not to be used yet.
     Suspect,
-    /// Good, and so were those that were held back: the integral over all since the last good one (unit times s), by the
+    /// Good, and so were those that waited: the integral over all since the last good one (unit times s), by the
     /// trapezoidal rule.
     Step(Vector3<T>),
-    /// Good, but those that were held back were not.
+    /// Good, but those that waited were not.
     Spike {
         /// Stamp of the last good sample before them.
         from_ns: i64,
@@ -107,7 +107,7 @@ pub struct SampleCheck<T: Scalar> {
     full_scale: T,
 }
 
-/// Samples that are held back.
+/// Samples that wait.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Suspicion<T: Scalar> {
@@ -250,7 +250,7 @@ impl<T: Scalar> SampleCheck<T> {
             && change2 > steps * steps
     }
 
-    /// A sample after some that are held back: where it lies says what they were.
+    /// A sample after some that wait: where it lies says what they were.
     fn judge(
         &mut self,
         mut held: Suspicion<T>,

@@ -15,7 +15,7 @@ use crate::scalar::{Scalar, lit, seconds};
 const HELD_INTERVALS: f64 = 3.0;
 /// An interval longer than so many usual ones is a hole.
 const HOLE_INTERVALS: f64 = 1.5;
-/// A turn that was not seen, or not believed, is worth an event from here on (rad): a degree.
+/// A turn that was not seen, or not used, is worth an event from here on (rad): a degree.
 const NOTABLE_RAD: f64 = 0.0175;
 /// Longer samples are no measurements (m/s^2, microtesla).
 const LONGEST_SAMPLE: f64 = 1e6;
