@@ -200,6 +200,9 @@ impl<T: Scalar> SampleCheck<T> {
         self.learn_interval(dt);
         let change = sample - last;
         let change2 = change.norm_squared();
+        // Of a motion that has just ended the last changes tell, not those of seconds ago.
+        let just_before2 = self.recent_change2.sum() * lit(2.0);
+        let usual2 = self.usual_change2.min(just_before2);
         let mut was_stuck = false;
         if change2 == T::zero() {
             if let Some(from_ns) = self.repeated(last_ns) {
@@ -218,7 +221,7 @@ impl<T: Scalar> SampleCheck<T> {
             // What it repeated says nothing about where it should be now.
             _ if was_stuck => Checked::Good,
             Some(suspicion) => self.judge(suspicion, sample, (&last, dt)),
-            None if self.is_far(change2) => {
+            None if self.is_far(change2, usual2) => {
                 let jump = change2.sqrt();
                 self.suspicion = Some(Suspicion {
                     good_ns: last_ns,
@@ -243,11 +246,9 @@ impl<T: Scalar> SampleCheck<T> {
     }
 
     #[inline]
-    fn is_far(&self, change2: T) -> bool {
+    fn is_far(&self, change2: T, usual2: T) -> bool {
         let steps = self.resolution * lit(FAR_STEPS);
-        self.samples >= FEWEST
-            && change2 > self.usual_change2 * lit(FAR * FAR)
-            && change2 > steps * steps
+        self.samples >= FEWEST && change2 > usual2 * lit(FAR * FAR) && change2 > steps * steps
     }
 
     /// A sample after some that wait: where it lies says what they were.

@@ -73,6 +73,26 @@ fn a_spike_in_a_motion_after_a_rest_is_a_spike_and_no_noise() {
 }
 
 #[test]
+fn a_spike_just_after_a_wild_motion_is_found_at_a_low_rate_too() {
+    let mut motion = hand(13, 1e-4);
+    let said = said(400, |k| {
+        // Twenty samples a second: from one to the next it changes by some rad/s.
+        let w = motion(5 * k);
+        match k {
+            ..300 => w * 3.0,
+            320 => Vector3::new(34.9, 0.0, 0.0),
+            _ => w * 1e-3,
+        }
+    });
+    assert!(
+        matches!(said[321], Checked::Spike { .. }),
+        "{:?}",
+        said[321]
+    );
+    assert!(is_quiet(&said[..320]) && is_quiet(&said[322..]));
+}
+
+#[test]
 fn a_sudden_turn_is_a_step_and_its_integral_is_kept() {
     let mut still = hand(10, 0.0);
     let turned = |k: i64| still(k) * 1e-3 + Vector3::x() * if k < 100 { 0.0 } else { 5.0 };
