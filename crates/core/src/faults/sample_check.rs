@@ -89,6 +89,8 @@ impl<T: Scalar> Checked<T> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SampleCheck<T: Scalar> {
+    /// A jump that adds less to the integral in one interval (unit times s) is not worth a doubt.
+    least: T,
     last: Option<(i64, Vector3<T>)>,
     suspicion: Option<Suspicion<T>>,
     samples: u32,
@@ -137,8 +139,17 @@ struct Repeats<T: Scalar> {
 }
 
 impl<T: Scalar> Default for SampleCheck<T> {
+    /// One that doubts jumps of any size.
     fn default() -> Self {
+        Self::new(T::zero())
+    }
+}
+
+impl<T: Scalar> SampleCheck<T> {
+    /// One that doubts jumps which add more than `least` to the integral of the samples in one interval (unit times s).
+    pub fn new(least: T) -> Self {
         Self {
+            least,
             last: None,
             suspicion: None,
             samples: 0,
@@ -248,7 +259,11 @@ impl<T: Scalar> SampleCheck<T> {
     #[inline]
     fn is_far(&self, change2: T, usual2: T) -> bool {
         let steps = self.resolution * lit(FAR_STEPS);
-        self.samples >= FEWEST && change2 > usual2 * lit(FAR * FAR) && change2 > steps * steps
+        let least = self.least / self.interval.max(T::default_epsilon());
+        self.samples >= FEWEST
+            && change2 > least * least
+            && change2 > usual2 * lit(FAR * FAR)
+            && change2 > steps * steps
     }
 
     /// A sample after some that wait: where it lies says what they were.
@@ -381,6 +396,7 @@ impl<T: Scalar> SampleCheck<T> {
         .chain(last)
         .chain(&self.recent_change2)
         .chain([
+            &self.least,
             &self.interval,
             &self.usual_change2,
             &self.resolution,

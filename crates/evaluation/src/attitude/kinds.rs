@@ -224,7 +224,7 @@ impl AttitudeEstimator<f64> for AnyEstimator {
     }
 
     fn restart(&mut self, initial: &InitialState<f64>) {
-        each!(self, e => e.restart(initial))
+        each!(self, e => e.restart(initial));
     }
 
     fn hard_iron(&self) -> Vector3<f64> {

@@ -17,6 +17,10 @@ const HELD_INTERVALS: f64 = 3.0;
 const HOLE_INTERVALS: f64 = 1.5;
 /// A turn that was not seen, or not used, is worth an event from here on (rad): a degree.
 const NOTABLE_RAD: f64 = 0.0175;
+/// A jump of the gyroscope is not doubted below this share of it, one of the accelerometer below so much velocity (m/s): taps
+/// and steps are no faults, and a sample that cannot be noticed is not worth one of delay.
+const LEAST_SHARE: f64 = 0.25;
+const LEAST_PUSH: f64 = 0.05;
 /// Longer samples are no measurements (m/s^2, microtesla).
 const LONGEST_SAMPLE: f64 = 1e6;
 /// An attitude that may have turned by more without being seen (rad) is aligned again: too far for a linear update.
@@ -50,8 +54,8 @@ pub(super) struct Checks<T: Scalar> {
 impl<T: Scalar> Checks<T> {
     pub(super) fn new(angle_random_walk: T) -> Self {
         Self {
-            gyroscope: SampleCheck::default(),
-            accelerometer: SampleCheck::default(),
+            gyroscope: SampleCheck::new(lit(NOTABLE_RAD * LEAST_SHARE)),
+            accelerometer: SampleCheck::new(lit(LEAST_PUSH)),
             magnetometer: SampleCheck::default(),
             motion: UnseenRotation::new(angle_random_walk),
             log: FaultLog::default(),

@@ -10,6 +10,8 @@ use crate::scalar::{Scalar, lit, seconds};
 /// A spike is worth an event where it would have turned (rad) or pushed (m/s) by so much.
 const NOTABLE_TURN: f64 = 0.0175;
 const NOTABLE_PUSH: f64 = 0.3;
+/// Less of a turn is not doubted, rad.
+const LEAST_TURN: f64 = 0.004;
 
 /// What the checks of one sensor remember.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +51,11 @@ pub(super) struct SampleFaults<T: Scalar> {
 impl<T: Scalar> SampleFaults<T> {
     pub(super) fn new(angle_random_walk: T) -> Self {
         Self {
-            sensors: [Sensor::default(); 2],
+            // A bump of the road is no fault; a turn is remembered for longer.
+            sensors: [LEAST_TURN, NOTABLE_PUSH].map(|least| Sensor {
+                check: SampleCheck::new(lit(least)),
+                ..Sensor::default()
+            }),
             motion: UnseenRotation::new(angle_random_walk),
             log: FaultLog::default(),
         }

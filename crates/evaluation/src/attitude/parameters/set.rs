@@ -208,7 +208,7 @@ mod tests {
     fn every_parameter_is_checked_under_its_name_on_the_command_line() {
         for (name, range) in [
             ("cascade_pole", "from 0.001 to 100"),
-            ("bounded_velocity_psd", "from 1e-9 to 10000"),
+            ("bounded_velocity_psd", "from 1e-12 to 10000"),
             ("accelerometer_std", "from 1e-6 to 10000"),
         ] {
             let mut set = Parameters::default();

@@ -41,7 +41,7 @@ fn consistent() -> BoundedVelocityConfig<f64> {
         magnetometer_std_ut: simulated.magnetometer_noise_std_ut,
         magnetometer_correlation_time_s: 0.0,
         field_strength_scale_ut: 1e6,
-        field_dip_scale: 1e6,
+        field_dip_scale: 10.0,
         magnetometer_student_freedom: 0.0,
         initial_field_std_ut: 0.0,
         initial_hard_iron_std_ut: 0.0,
