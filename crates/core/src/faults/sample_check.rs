@@ -91,6 +91,8 @@ impl<T: Scalar> Checked<T> {
 pub struct SampleCheck<T: Scalar> {
     /// A jump that adds less to the integral in one interval (unit times s) is not worth a doubt.
     least: T,
+    /// White noise whose integral walks less (unit times sqrt(s)) is vibration or wear: its samples are still measurements.
+    least_walk: T,
     last: Option<(i64, Vector3<T>)>,
     suspicion: Option<Suspicion<T>>,
     samples: u32,
@@ -141,15 +143,17 @@ struct Repeats<T: Scalar> {
 impl<T: Scalar> Default for SampleCheck<T> {
     /// One that doubts jumps of any size.
     fn default() -> Self {
-        Self::new(T::zero())
+        Self::new(T::zero(), T::zero())
     }
 }
 
 impl<T: Scalar> SampleCheck<T> {
-    /// One that doubts jumps which add more than `least` to the integral of the samples in one interval (unit times s).
-    pub fn new(least: T) -> Self {
+    /// One that doubts jumps which add more than `least` to the integral of the samples in one interval (unit times s), and
+    /// noise which makes it walk by more than `least_walk` (unit times sqrt(s)).
+    pub fn new(least: T, least_walk: T) -> Self {
         Self {
             least,
+            least_walk,
             last: None,
             suspicion: None,
             samples: 0,
@@ -224,7 +228,10 @@ impl<T: Scalar> SampleCheck<T> {
             was_stuck = self.repeats.is_stuck;
             self.changed(&change);
         }
-        if let Some(from_ns) = self.noise.since(last_ns, sample, (&change, change2)) {
+        if let Some(from_ns) =
+            self.noise
+                .since(last_ns, sample, (&change, change2), self.walk_limit2())
+        {
             self.suspicion = None;
             return Checked::Noise { from_ns };
         }
@@ -254,6 +261,12 @@ impl<T: Scalar> SampleCheck<T> {
             (Checked::Good, Some(full_scale)) => Checked::Saturated { full_scale },
             (checked, _) => checked,
         }
+    }
+
+    /// The mean square of samples that walk as much as is tolerated.
+    #[inline]
+    fn walk_limit2(&self) -> T {
+        self.least_walk * self.least_walk / self.interval.max(T::default_epsilon())
     }
 
     #[inline]
@@ -397,6 +410,7 @@ impl<T: Scalar> SampleCheck<T> {
         .chain(&self.recent_change2)
         .chain([
             &self.least,
+            &self.least_walk,
             &self.interval,
             &self.usual_change2,
             &self.resolution,

@@ -21,6 +21,9 @@ const NOTABLE_RAD: f64 = 0.0175;
 /// and steps are no faults, and a sample that cannot be noticed is not worth one of delay.
 const LEAST_SHARE: f64 = 0.25;
 const LEAST_PUSH: f64 = 0.05;
+/// White noise of a gyroscope is vibration or wear below this, rad/sqrt(s), and of an accelerometer, m/s/sqrt(s).
+const LEAST_WALK: f64 = 0.1;
+const LEAST_PUSH_WALK: f64 = 1.0;
 /// Longer samples are no measurements (m/s^2, microtesla).
 const LONGEST_SAMPLE: f64 = 1e6;
 /// An attitude that may have turned by more without being seen (rad) is aligned again: too far for a linear update.
@@ -54,8 +57,8 @@ pub(super) struct Checks<T: Scalar> {
 impl<T: Scalar> Checks<T> {
     pub(super) fn new(angle_random_walk: T) -> Self {
         Self {
-            gyroscope: SampleCheck::new(lit(NOTABLE_RAD * LEAST_SHARE)),
-            accelerometer: SampleCheck::new(lit(LEAST_PUSH)),
+            gyroscope: SampleCheck::new(lit(NOTABLE_RAD * LEAST_SHARE), lit(LEAST_WALK)),
+            accelerometer: SampleCheck::new(lit(LEAST_PUSH), lit(LEAST_PUSH_WALK)),
             magnetometer: SampleCheck::default(),
             motion: UnseenRotation::new(angle_random_walk),
             log: FaultLog::default(),

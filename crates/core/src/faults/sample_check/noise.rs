@@ -60,13 +60,14 @@ impl<T: Scalar> Default for WhiteNoise<T> {
 }
 
 impl<T: Scalar> WhiteNoise<T> {
-    /// Takes a sample and the square of its change; since when it is noise, if it is.
+    /// Takes a sample and its change; since when it is noise of more than a mean square, if it is.
     #[inline]
     pub(super) fn since(
         &mut self,
         last_ns: i64,
         sample: &Vector3<T>,
         (change, change2): (&Vector3<T>, T),
+        least_spread2: T,
     ) -> Option<i64> {
         self.samples = self.samples.saturating_add(1);
         let known: T = lit(f64::from(self.samples));
@@ -100,6 +101,7 @@ impl<T: Scalar> WhiteNoise<T> {
                     && self.change2 > self.before2 * lit(STRONGER)
                     && self.change2 > self.spread2 * lit(WHITE)
                     && self.spread2 > self.mean.norm_squared()
+                    && self.spread2 > least_spread2
             }
         };
         if is_noise {

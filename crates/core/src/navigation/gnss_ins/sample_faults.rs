@@ -12,6 +12,8 @@ const NOTABLE_TURN: f64 = 0.0175;
 const NOTABLE_PUSH: f64 = 0.3;
 /// Less of a turn is not doubted, rad.
 const LEAST_TURN: f64 = 0.004;
+/// White noise below is vibration, whose strength the filter learns: rad/sqrt(s), m/s/sqrt(s).
+const LEAST_WALK: [f64; 2] = [0.1, 1.0];
 
 /// What the checks of one sensor remember.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,9 +54,11 @@ impl<T: Scalar> SampleFaults<T> {
     pub(super) fn new(angle_random_walk: T) -> Self {
         Self {
             // A bump of the road is no fault; a turn is remembered for longer.
-            sensors: [LEAST_TURN, NOTABLE_PUSH].map(|least| Sensor {
-                check: SampleCheck::new(lit(least)),
-                ..Sensor::default()
+            sensors: [(LEAST_TURN, LEAST_WALK[0]), (NOTABLE_PUSH, LEAST_WALK[1])].map(|least| {
+                Sensor {
+                    check: SampleCheck::new(lit(least.0), lit(least.1)),
+                    ..Sensor::default()
+                }
             }),
             motion: UnseenRotation::new(angle_random_walk),
             log: FaultLog::default(),
