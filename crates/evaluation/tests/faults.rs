@@ -23,18 +23,21 @@ fn phone() -> Vec<Event> {
         rest_after_s: 3.0,
         ..VirtualPhoneConfig::default()
     };
-    VirtualPhone::new(config).unwrap().events().collect()
+    VirtualPhone::new(config)
+        .expect("a valid phone")
+        .events()
+        .collect()
 }
 
 fn summary(kind: EstimatorKind, events: &[Event], score_from_s: f64) -> RunSummary {
     let mut options = RunOptions::new(kind, Profile::HandHeld);
     options.skip_s = score_from_s;
     let events = events.iter().cloned().map(Ok::<_, RecordingError>);
-    run(events, &options, &mut ()).unwrap()
+    run(events, &options, &mut ()).expect("a run")
 }
 
 fn rmse(summary: &RunSummary) -> f64 {
-    summary.error_deg.as_ref().unwrap().total_rmse
+    summary.error_deg.as_ref().expect("a reference").total_rmse
 }
 
 /// Changes the angular rates from `from_s` to `to_s`.
