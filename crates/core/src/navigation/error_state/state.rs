@@ -12,7 +12,10 @@ use crate::restorable::{InvalidState, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
 
 /// Largest attitude error (rad), velocity (m/s), position (m), accelerometer (m/s^2) and gyroscope bias (rad/s).
-const LARGEST: [f64; 5] = [100.0, 1e5, 1e9, 1e4, 1e3];
+/// as squares. Written out, so that a chip without double precision converts nothing.
+fn largest_squares<T: Scalar>() -> [T; 5] {
+    [lit(1e4), lit(1e10), lit(1e18), lit(1e8), lit(1e6)]
+}
 
 /// Everything the filter remembers: save it, restore it, and it continues exactly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,10 +75,8 @@ impl<T: Scalar> NavigationState<T> {
     /// standard deviation at most what it can be: 100 rad, 1e5 m/s, 1e9 m, 1e4 m/s^2, 1e3 rad/s.
     pub fn is_usable(&self) -> bool {
         let variances = self.covariance.diagonal();
-        let within = |(i, v): (usize, &T)| {
-            let limit = LARGEST.get(i / 3).copied().unwrap_or_default();
-            *v <= lit(limit * limit)
-        };
+        let limits = largest_squares::<T>();
+        let within = |(i, v): (usize, &T)| limits.get(i / 3).is_some_and(|limit| *v <= *limit);
         is_unit(&self.ned_from_body)
             && self.is_sound()
             && variances.iter().enumerate().all(within)
@@ -85,7 +86,8 @@ impl<T: Scalar> NavigationState<T> {
     /// Keeps variances within what their states can be: beyond, nothing is known. Only an outage or garbage leads there.
     #[inline]
     pub(super) fn hold_covariance(&mut self) {
-        let limit = |i: usize| lit::<T>(LARGEST[i / 3] * LARGEST[i / 3]);
+        let limits = largest_squares::<T>();
+        let limit = |i: usize| limits[i / 3];
         if (0..STATES).all(|i| self.covariance[(i, i)] <= limit(i)) {
             return;
         }
@@ -105,9 +107,10 @@ impl<T: Scalar> NavigationState<T> {
             &self.gyroscope_bias,
         ];
         let variances = self.covariance.diagonal();
-        let mut limits = vectors.iter().zip(LARGEST.iter().skip(1));
+        let largest = largest_squares::<T>();
+        let mut limits = vectors.iter().zip(largest.iter().skip(1));
         self.ned_from_body.as_ref().norm_squared().is_finite()
-            && limits.all(|(v, limit)| v.norm_squared() <= lit(limit * limit))
+            && limits.all(|(v, limit)| v.norm_squared() <= *limit)
             && self.covariance.norm_squared().is_finite()
             && variances.iter().all(|v| *v >= T::zero())
     }
