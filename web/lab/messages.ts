@@ -173,6 +173,14 @@ export type ExperimentRow = {
 
 export type ExperimentState = "running" | "done";
 
+export type FaultRecord = {
+  sensor: string,
+  kind: string,
+  from_s: number,
+  found_s: number,
+  until_s: number | null,
+  size: number, };
+
 export type Fill = {
   settings: Settings,
   said: Array<string>, };
@@ -463,6 +471,7 @@ export type RunSummary = {
   final: FinalSummary | null,
   nis: NisOf<NisSummary>,
   verdicts: Array<SensorVerdict>,
+  faults: Array<FaultRecord>,
   findings: Array<Finding>,
   unobservable: Array<string>,
   profile: Profile | null,
