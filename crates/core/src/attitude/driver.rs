@@ -13,6 +13,8 @@
 //! - Where gyroscope samples stay away for longer than usual the rate is unknown: it relaxes to rest, and the variance
 //!   grows by what the motion before lets expect (`docs/derivations/faults.md`, F4). When they come again, the turn between
 //!   is that of a rate with both ends known (F5), and an attitude that may have turned far is aligned again.
+//! - A stamp far ahead of all samples is not used before another one goes on from it ([`crate::faults::leaping_stamp`]): behind a pause
+//!   that costs one sample, and a false stamp costs its own sample only.
 //! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
 //!   gyroscope sample brings the time back, or nothing would be new until then. Where the gyroscope's own
 //!   stamp was false, its samples behind it bring the time back once they go on for longer than a gap.
@@ -30,12 +32,17 @@ use super::alignment::{Alignment, Prior};
 use super::propagation::checked_rate;
 use super::{AttitudeEstimator, CompassHeading, InitialState, Propagation};
 use crate::faults::FaultySensor;
+use crate::faults::leaping_stamp::{LeapingStamp, Stamp};
 use crate::faults::sample_check::Checked;
 use crate::geometry::{rotation, so3};
 use crate::kalman::covariance::{symmetrize, undrown};
 use crate::kalman::{Innovation, SkipReason};
 use crate::restorable::{InvalidState, Restorable, expect, finite};
 use crate::scalar::{Scalar, lit, seconds};
+
+/// A stamp that is ahead of all samples by more than so many times the longest continuous interval waits until another
+/// one goes on from it.
+const LEAP_GAPS: f64 = 10.0;
 
 /// Settings of a driver.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,6 +104,8 @@ pub struct DriverMemory<T: Scalar> {
     last_force_ns: Option<i64>,
     last_field_ns: Option<i64>,
     last_heading_ns: Option<i64>,
+    /// A stamp that may be false.
+    leaping: LeapingStamp,
     /// What the samples are checked with, and what was found.
     checks: Checks<T>,
 }
@@ -120,6 +129,7 @@ impl<T: Scalar> DriverMemory<T> {
             last_force_ns: None,
             last_field_ns: None,
             last_heading_ns: None,
+            leaping: LeapingStamp::default(),
         }
     }
 }
@@ -262,6 +272,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         {
             return Propagation::Skipped(SkipReason::NotNewer);
         }
+        if self.leaps(Some(FaultySensor::Gyroscope), time_ns) {
+            return Propagation::Skipped(SkipReason::Suspect);
+        }
         self.memory.behind = None;
         self.forget_the_future(time_ns);
         let checked = self.memory.checks.gyroscope.check(time_ns, angular_rate);
@@ -295,6 +308,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         {
             return Innovation::skipped(SkipReason::NotNewer);
         }
+        if self.leaps(Some(FaultySensor::Accelerometer), time_ns) {
+            return Innovation::skipped(SkipReason::Suspect);
+        }
         self.memory.last_force_ns = Some(time_ns);
         self.advance_to(time_ns);
         let checks = &mut self.memory.checks;
@@ -324,6 +340,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             .is_some_and(|last| time_ns <= last)
         {
             return Innovation::skipped(SkipReason::NotNewer);
+        }
+        if self.leaps(Some(FaultySensor::Magnetometer), time_ns) {
+            return Innovation::skipped(SkipReason::Suspect);
         }
         self.memory.last_field_ns = Some(time_ns);
         self.advance_to(time_ns);
@@ -364,6 +383,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             .is_some_and(|last| time_ns <= last)
         {
             return Innovation::skipped(SkipReason::NotNewer);
+        }
+        if self.leaps(None, time_ns) {
+            return Innovation::skipped(SkipReason::Suspect);
         }
         self.memory.last_heading_ns = Some(time_ns);
         self.advance_to(time_ns);
@@ -503,6 +525,20 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
                 true
             }
             _ => false,
+        }
+    }
+
+    /// Whether a stamp is so far ahead of all samples that it is not used before another one goes on from it.
+    fn leaps(&mut self, sensor: Option<FaultySensor>, time_ns: i64) -> bool {
+        let limit = self.config.gap_limit_s * lit(LEAP_GAPS);
+        let memory = &mut self.memory;
+        match (memory.leaping).look(sensor, memory.now_ns, time_ns, limit) {
+            Stamp::GoesOn | Stamp::Refutes(None) => false,
+            Stamp::Refutes(Some(fault)) => {
+                memory.checks.log.happened(fault);
+                false
+            }
+            Stamp::Doubted => true,
         }
     }
 

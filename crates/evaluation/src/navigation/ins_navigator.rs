@@ -113,6 +113,17 @@ impl InsNavigator {
         }
     }
 
+    /// Keeps what the filter used of the samples of an instant: not a spike, nor what a stuck sensor repeats.
+    fn moved(&mut self, time_ns: i64) {
+        let Some((rate, force)) = self.ins.last_sample() else {
+            return;
+        };
+        self.rate = rate;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.imu(time_ns, &rate, &force, &self.ins);
+        }
+    }
+
     fn fuse(&mut self, time_ns: i64, aid: &Aid) -> Innovation<f64> {
         match *aid {
             Aid::Velocity { ned, std, vertical } => {
@@ -217,12 +228,13 @@ impl Navigator for InsNavigator {
     ) {
         // What is refused is counted inside, and told at the end.
         if self.ins.imu(time_ns, rate, force).is_ok() {
-            // What it used: not a spike, nor what a stuck sensor repeats.
-            let (rate, force) = self.ins.last_sample().unwrap_or((*rate, *force));
-            self.rate = rate;
-            if let Some(recorder) = &mut self.recorder {
-                recorder.imu(time_ns, &rate, &force, &self.ins);
-            }
+            self.moved(time_ns);
+        }
+    }
+
+    fn force_without_rate(&mut self, time_ns: i64, force: &Vector3<f64>) {
+        if self.ins.imu_without_rate(time_ns, force).is_ok() {
+            self.moved(time_ns);
         }
     }
 

@@ -199,6 +199,9 @@ pub(crate) trait Navigator {
         told: &mut Vec<Told>,
     );
 
+    /// Takes a specific force (m/s^2) while the gyroscope pauses; estimators without a model of the unseen turn wait.
+    fn force_without_rate(&mut self, _time_ns: i64, _force: &Vector3<f64>) {}
+
     /// The oldest fault of the inertial samples that was not taken yet.
     fn take_fault(&mut self) -> Option<Fault<f64>> {
         None

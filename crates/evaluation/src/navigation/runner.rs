@@ -18,6 +18,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use northing_core::earth::wgs84::Geodetic;
 use northing_core::geometry::frames::{flu_from_frd, flu_from_phone};
 use northing_core::kalman::{Outcome, SkipReason};
+use northing_core::navigation::gnss_ins::GAP_LIMIT_S;
 use northing_recording::{DeviceNavigation, Event, Sample, SensorKind, WorldFrame};
 
 use self::axes_agreement::AxesAgreement;
@@ -171,6 +172,23 @@ impl Span {
 struct Inertial {
     waiting: Option<(i64, Vector3<f64>)>,
     force: Option<Vector3<f64>>,
+    /// Stamp of the last rate, and the forces since then while that may be a pause of the gyroscope.
+    last_rate_ns: Option<i64>,
+    since_rate: Vec<(i64, Vector3<f64>)>,
+}
+
+impl Inertial {
+    /// Takes a force that no rate of its instant waits for; forces of a pause of the gyroscope, once it is one.
+    fn without_rate(&mut self, time_ns: i64, force: Vector3<f64>) -> Vec<(i64, Vector3<f64>)> {
+        let Some(last_ns) = self.last_rate_ns else {
+            return Vec::new();
+        };
+        self.since_rate.push((time_ns, force));
+        if seconds_between(last_ns, time_ns) > GAP_LIMIT_S {
+            return std::mem::take(&mut self.since_rate);
+        }
+        Vec::new()
+    }
 }
 
 impl<'a> Session<'a> {
@@ -244,11 +262,16 @@ impl<'a> Session<'a> {
         match event.sample {
             Sample::AngularRate(rate) => {
                 self.inertial.waiting = Some((time_ns, self.body(&rate)));
+                self.inertial.last_rate_ns = Some(time_ns);
+                self.inertial.since_rate.clear();
             }
             Sample::SpecificForce(force) => {
-                self.inertial.force = Some(self.body(&force));
+                let force = self.body(&force);
+                self.inertial.force = Some(force);
                 if same_instant {
                     self.flush_inertial();
+                } else {
+                    self.force_without_rate(time_ns, force);
                 }
             }
             Sample::GnssPosition(fix) => self.gnss_position(time_ns, &fix, left_out),
@@ -362,13 +385,26 @@ impl<'a> Session<'a> {
         self.turn_rate = rate.norm();
         self.navigator
             .inertial(time_ns, &rate, &force, &mut self.told);
-        while let Some(fault) = self.navigator.take_fault() {
-            let first_ns = self.counts.first_ns.unwrap_or(time_ns);
-            self.counts.faults.add(first_ns, &fault);
-        }
+        self.take_faults();
         self.observer.inertial(time_ns, &rate, &force);
         self.count_told(time_ns);
         self.observe(time_ns);
+    }
+
+    /// Gives the estimator forces of a pause of the gyroscope.
+    fn force_without_rate(&mut self, time_ns: i64, force: Vector3<f64>) {
+        for (at_ns, force) in self.inertial.without_rate(time_ns, force) {
+            self.navigator.force_without_rate(at_ns, &force);
+            self.take_faults();
+            self.observe(at_ns);
+        }
+    }
+
+    fn take_faults(&mut self) {
+        while let Some(fault) = self.navigator.take_fault() {
+            let first_ns = self.counts.first_ns.unwrap_or(fault.until_ns);
+            self.counts.faults.add(first_ns, &fault);
+        }
     }
 
     fn aid(&mut self, time_ns: i64, aid: &Aid) {

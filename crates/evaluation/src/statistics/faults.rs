@@ -26,8 +26,8 @@ pub struct FaultRecord {
     pub found_s: f64,
     /// Stamp of the first good sample after it, s; `None` where it lasted to the end.
     pub until_s: Option<f64>,
-    /// How large: the jump of a spike and the full scale of a saturation in the unit of the sensor, the seconds without
-    /// a measurement of the others.
+    /// How large: the jump of a spike and the full scale of a saturation in the unit of the sensor, the seconds that a stamp
+    /// was ahead, the seconds without a measurement of the others.
     pub size: f64,
 }
 
@@ -41,6 +41,7 @@ pub fn sentence_now(fault: &Fault<f64>) -> String {
         FaultKind::Noise => "delivers nothing but noise, which is not used",
         FaultKind::Saturated => "is at the end of its range: what lies beyond is not seen",
         FaultKind::Missing => "paused: the turn between is estimated",
+        FaultKind::Stamp => "delivered a sample whose time stamp is far ahead of those around it, which was left out",
     };
     format!("The {name} {what}.")
 }
@@ -81,6 +82,9 @@ impl FaultRecord {
             FaultKind::Saturated => format!(
                 "at the end of its range ({size:.3} {unit}) from {from:.2} s {until}; what lies beyond was not seen"
             ),
+            FaultKind::Stamp => {
+                format!("a time stamp {size:.1} s ahead after {from:.2} s, sample left out")
+            }
             FaultKind::Missing => {
                 format!("no samples from {from:.2} s {until}; the turn between is estimated")
             }

@@ -4,7 +4,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::sample_faults::Usable;
 use super::stillness::{StillnessWindow, Window};
-use super::{ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, GnssInsConfig, ImuSamples, seconds};
+use super::{
+    ERRORS, ErrorListener, GAP_LIMIT_S, GnssIns, GnssInsConfig, ImuSamples, LONGEST_GAP_S, seconds,
+};
+use crate::faults::leaping_stamp::Stamp;
 use crate::faults::{Fault, FaultySensor};
 use crate::kalman::SkipReason;
 use crate::kalman::innovation::check_vector;
@@ -55,6 +58,10 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             }
             return Err(reason);
         }
+        if self.leaps(time_ns) {
+            self.memory.imu_skipped = self.memory.imu_skipped.saturating_add(1);
+            return Err(SkipReason::Suspect);
+        }
         self.memory.behind = 0;
         let last = self
             .memory
@@ -98,6 +105,69 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         Ok(())
     }
 
+    /// Takes a specific force (m/s^2, body axes) of a stamp at which the gyroscope delivers nothing: the angular rate is that of a
+    /// motion of which only the past is known (`docs/derivations/faults.md`, F4). For a pause of the gyroscope; while it
+    /// delivers, samples go to [`Self::imu`].
+    ///
+    /// # Errors
+    /// Why it was refused; it changes nothing. Before the first sample of both, and behind a gap, there is no motion to go on from.
+    pub fn imu_without_rate(
+        &mut self,
+        time_ns: i64,
+        specific_force: &Vector3<T>,
+    ) -> Result<(), SkipReason> {
+        check_vector(specific_force, T::zero(), lit(1e3))?;
+        let Some((last_ns, last_rate, last_force)) = self.memory.last_imu else {
+            return Err(SkipReason::NotInitialized);
+        };
+        if time_ns <= last_ns {
+            return Err(SkipReason::NotNewer);
+        }
+        let dt: T = seconds(last_ns, time_ns);
+        if dt > lit(GAP_LIMIT_S) {
+            return Err(SkipReason::NotUsed);
+        }
+        self.memory.now_ns = Some(time_ns);
+        self.settle();
+        let (still, rest) = self.at_rest(specific_force);
+        let faults = &mut self.memory.faults;
+        let rate = faults.missing_rate(time_ns, &last_rate, &still, dt);
+        let force = faults.force(time_ns, specific_force, &rest, dt);
+        self.memory.last_imu = Some((time_ns, rate.value, force.value));
+        let mean = match self.config.imu_samples {
+            ImuSamples::Instants => (force.value + last_force) * lit::<T>(0.5),
+            ImuSamples::Means | ImuSamples::None => force.value,
+        };
+        let felt = mean + force.owed / dt;
+        self.step_unseen(time_ns, [&rate, &force], [&rate.value, &felt], dt);
+        Ok(())
+    }
+
+    /// Angular rate and specific force of a body at rest; before the start of one that does not turn, and what is measured.
+    fn at_rest(&self, specific_force: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+        if !self.memory.started {
+            return (Vector3::zeros(), *specific_force);
+        }
+        let state = self.filter.state();
+        let up = Vector3::z() * -self.config.gravity;
+        let rest = state.ned_from_body.inverse() * up + state.accelerometer_bias;
+        (state.gyroscope_bias, rest)
+    }
+
+    /// Whether a stamp is so far ahead that the filter would start anew, and no other sample has gone on from it.
+    fn leaps(&mut self, time_ns: i64) -> bool {
+        let last_ns = self.memory.last_imu.map(|(last_ns, _, _)| last_ns);
+        let (sensor, limit) = (Some(FaultySensor::Gyroscope), lit::<T>(LONGEST_GAP_S));
+        match (self.memory.leaping).look(sensor, last_ns, time_ns, limit) {
+            Stamp::GoesOn | Stamp::Refutes(None) => false,
+            Stamp::Refutes(Some(fault)) => {
+                self.memory.faults.log.happened(fault);
+                false
+            }
+            Stamp::Doubted => true,
+        }
+    }
+
     /// What to use of the samples of an instant; it is what the next interval begins with.
     fn usable(
         &mut self,
@@ -106,14 +176,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         specific_force: &Vector3<T>,
         dt: T,
     ) -> (Usable<T>, Usable<T>) {
-        let state = self.filter.state();
-        let (still, rest) = if self.memory.started {
-            let up = Vector3::z() * -self.config.gravity;
-            let rest = state.ned_from_body.inverse() * up + state.accelerometer_bias;
-            (state.gyroscope_bias, rest)
-        } else {
-            (Vector3::zeros(), *specific_force)
-        };
+        let (still, rest) = self.at_rest(specific_force);
         let faults = &mut self.memory.faults;
         let rate = faults.rate(time_ns, angular_rate, &still, dt);
         let force = faults.force(time_ns, specific_force, &rest, dt);

@@ -8,6 +8,7 @@ use super::start_without_inertial::LevelStart;
 use super::stillness::{Quiet, StillnessWindow, Window};
 use super::vibration::Vibration;
 use super::{CovarianceStep, ERRORS, GnssIns};
+use crate::faults::leaping_stamp::LeapingStamp;
 use crate::kalman::{CountedGate, ErrorListener};
 use crate::navigation::augmented_states::{AUGMENTED_STATES, AugmentedStates};
 use crate::navigation::gauss_markov_bias::BiasAtRest;
@@ -95,6 +96,8 @@ pub(super) struct Memory<T: Scalar, const HISTORY: usize> {
     pub(super) imu_skipped: u32,
     /// Stamps in a row that are of a time long past.
     pub(super) behind: u8,
+    /// A stamp of the inertial unit that may be false.
+    pub(super) leaping: LeapingStamp,
     pub(super) gaps: u32,
     pub(super) restarts: u32,
 }
@@ -163,6 +166,7 @@ impl<T: Scalar, const HISTORY: usize> Default for Memory<T, HISTORY> {
             stamps: [None; Aid::ALL.len()],
             imu_skipped: 0,
             behind: 0,
+            leaping: LeapingStamp::default(),
             gaps: 0,
             restarts: 0,
         }

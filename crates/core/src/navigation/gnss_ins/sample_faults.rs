@@ -107,15 +107,52 @@ impl<T: Scalar> SampleFaults<T> {
         if let (false, Some(since_ns), Some((_, good))) =
             (usable.is_measured, usable.faulty_since_ns, last)
         {
-            let age: T = seconds(since_ns, time_ns);
-            let held = |age: T| self.motion.since(&(good - still), age).held_s;
-            let mean = (held(age) - held((age - dt).max(T::zero()))) / dt;
-            usable.value = still + (good - still) * mean;
+            usable.value = self.relaxed(seconds(since_ns, time_ns), &good, still, dt);
             self.sensors[0].used = usable.value;
         } else if let (true, Some((last_ns, good))) = (usable.is_measured, last) {
             self.motion.learn(&good, sample, seconds(last_ns, time_ns));
         }
         usable
+    }
+
+    /// Stands for an angular rate of an instant at which the gyroscope delivers nothing; `last` is the rate used last.
+    pub(super) fn missing_rate(
+        &mut self,
+        time_ns: i64,
+        last: &Vector3<T>,
+        still: &Vector3<T>,
+        dt: T,
+    ) -> Usable<T> {
+        let memory = &mut self.sensors[0];
+        let (since_ns, good) = memory.good.unwrap_or((time_ns, *last));
+        memory.saturated_since_ns = None;
+        memory.given = Vector3::zeros();
+        memory.check.interrupt();
+        let age: T = seconds(since_ns, time_ns);
+        let value = self.relaxed(age, &good, still, dt);
+        self.sensors[0].used = value;
+        self.log.lasts(Fault {
+            sensor: FaultySensor::Gyroscope,
+            kind: FaultKind::Missing,
+            from_ns: since_ns,
+            until_ns: time_ns,
+            is_over: false,
+            size: age,
+        });
+        Usable {
+            value,
+            owed: Vector3::zeros(),
+            is_measured: false,
+            faulty_since_ns: Some(since_ns),
+            full_scale: None,
+        }
+    }
+
+    /// Mean rate in the last `dt` (s) of an age (s), of a rate that was `good` and relaxes to `still` (F4).
+    fn relaxed(&self, age: T, good: &Vector3<T>, still: &Vector3<T>, dt: T) -> Vector3<T> {
+        let held = |age: T| self.motion.since(&(good - still), age).held_s;
+        let mean = (held(age) - held((age - dt).max(T::zero()))) / dt;
+        still + (good - still) * mean
     }
 
     /// Variance of the angle (rad^2) that a rate which was not measured, or is clipped, adds in the last `dt` (s).

@@ -42,7 +42,7 @@ fn fixes_that_jump_are_left_out_and_accepted_when_they_stay() {
     assert_eq!(ins.validity(), Validity::Aided);
 }
 
-/// Drives for two minutes; `faulty` changes rate and force at an instant (s). Horizontal errors at each second.
+/// Drives for two minutes; `faulty` changes rate and force at an instant (s), a rate that is none is one that does not come. Horizontal errors at each second.
 fn with_faults(
     mut faulty: impl FnMut(f64, &mut Vector3<f64>, &mut Vector3<f64>),
 ) -> (std::vec::Vec<f64>, GnssIns<f64, 64>) {
@@ -59,7 +59,11 @@ fn with_faults(
         let (mut rate, mut force) = (motion.rate() + noise(2e-3), motion.force() + noise(0.02));
         faulty(t, &mut rate, &mut force);
         let time_ns = k * 10_000_000;
-        ins.imu(time_ns, &rate, &force).unwrap();
+        if rate.x.is_nan() {
+            ins.imu_without_rate(time_ns, &force).unwrap();
+        } else {
+            ins.imu(time_ns, &rate, &force).unwrap();
+        }
         if k % 100 == 0 {
             let off = ins.state().map(|state| state.position - motion.position);
             errors.push(off.map_or(f64::NAN, |off| off.xy().norm()));
@@ -72,6 +76,44 @@ fn with_faults(
         }
     }
     (errors, ins)
+}
+
+/// An hour ahead, and minutes: neither starts anything anew, and the fault is told.
+#[test]
+fn a_stamp_ahead_costs_its_sample() {
+    let (mut ins, motion) = drive(config(), &Drive::default(), |_, _, _| ());
+    let now = ins.time_ns().unwrap();
+    let before = *ins.state().unwrap();
+    for (k, ahead_s) in [3600, 60].into_iter().enumerate() {
+        let next = now + 10_000_000 * (1 + k as i64);
+        let refused = ins.imu(next + ahead_s * 1_000_000_000, &motion.rate(), &motion.force());
+        assert_eq!(refused, Err(SkipReason::Suspect));
+        ins.imu(next, &motion.rate(), &motion.force()).unwrap();
+        let fault = ins.take_fault().unwrap();
+        assert_eq!((fault.kind, fault.until_ns), (FaultKind::Stamp, next));
+        assert!((fault.size - ahead_s as f64).abs() < 0.1, "{}", fault.size);
+    }
+    let moved = ins.state().unwrap().position - before.position;
+    assert!((moved - before.velocity * 0.02).norm() < 1e-3, "{moved}");
+    assert_eq!((ins.gaps(), ins.restarts()), (0, 0));
+}
+
+/// While the gyroscope pauses the accelerometer goes on: the position is as good as with one that repeats itself.
+#[test]
+fn a_pause_of_the_gyroscope_is_gone_through_on_the_accelerometer() {
+    let (clean, _) = with_faults(|_, _, _| ());
+    let (errors, mut ins) = with_faults(|t, rate, _| {
+        if (70.0..73.0).contains(&t) {
+            rate.fill(f64::NAN);
+        }
+    });
+    let worst = |errors: &[f64]| errors[83..].iter().fold(0.0_f64, |worst, e| worst.max(*e));
+    let (worst, clean) = (worst(&errors), worst(&clean));
+    assert!(worst < 2.0 * clean, "{worst} {clean}");
+    let (found, over) = (ins.take_fault().unwrap(), ins.take_fault().unwrap());
+    assert_eq!((found.kind, over.is_over), (FaultKind::Missing, true));
+    assert_eq!((over.from_ns, over.until_ns), (69_990_000_000, 73_000_000_000));
+    assert_eq!((ins.take_fault(), ins.gaps(), ins.restarts()), (None, 0, 0));
 }
 
 #[test]
@@ -216,8 +258,10 @@ fn gaps_are_bridged_and_a_long_one_starts_again() {
     assert!((moved - before.velocity * 2.0).norm() < 0.1, "{moved}");
     assert!(bridged.covariance[(3, 3)] > before.covariance[(3, 3)] + 7.0);
     assert_eq!((ins.gaps(), ins.restarts()), (1, 0));
-    ins.imu(now + 30_000_000_000, &motion.rate(), &motion.force())
-        .unwrap();
+    // One stamp may be false: the second one goes on from it.
+    let [first, second] = [0, 10_000_000]
+        .map(|later| ins.imu(now + 30_000_000_000 + later, &motion.rate(), &motion.force()));
+    assert_eq!((first, second), (Err(SkipReason::Suspect), Ok(())));
     assert_eq!(
         (ins.validity(), ins.gaps(), ins.restarts()),
         (Validity::Aligning, 2, 1)
