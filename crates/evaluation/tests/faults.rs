@@ -90,6 +90,38 @@ fn one_gyroscope_sample_at_full_scale_costs_nothing() {
     }
 }
 
+/// In the order of arrival, as a driver on a chip sees it; readers of files take such rows out before.
+#[test]
+fn one_gyroscope_stamp_an_hour_ahead_costs_nothing() {
+    let clean = phone();
+    let mut ahead = clean.clone();
+    let first_ns = clean[0].time_ns;
+    let is_meant = |event: &&mut Event| {
+        event.time_ns > first_ns + 20_000_000_000 && matches!(event.sample, Sample::AngularRate(_))
+    };
+    let event = ahead.iter_mut().find(is_meant).expect("a rate after 20 s");
+    let from_s = (event.time_ns - first_ns) as f64 * 1e-9;
+    event.time_ns += 3_600_000_000_000;
+    for kind in FILTERS {
+        let (clean, ahead) = (summary(kind, &clean, 0.0), summary(kind, &ahead, 0.0));
+        assert!(
+            rmse(&ahead) < 1.05 * rmse(&clean),
+            "{kind:?}: {} {}",
+            rmse(&ahead),
+            rmse(&clean)
+        );
+        let [fault] = ahead.faults[..] else {
+            panic!("{kind:?}: {:?}", ahead.faults)
+        };
+        assert_eq!(
+            (fault.sensor, fault.kind),
+            (FaultySensor::Gyroscope, FaultKind::Stamp)
+        );
+        assert!((fault.from_s - from_s).abs() < 0.05, "{fault:?}");
+        assert!((fault.size - 3600.0).abs() < 0.05, "{fault:?}");
+    }
+}
+
 #[test]
 fn a_frozen_or_silent_gyroscope_is_survived_by_every_filter() {
     let clean = phone();

@@ -41,7 +41,9 @@ pub fn sentence_now(fault: &Fault<f64>) -> String {
         FaultKind::Noise => "delivers nothing but noise, which is not used",
         FaultKind::Saturated => "is at the end of its range: what lies beyond is not seen",
         FaultKind::Missing => "paused: the turn between is estimated",
-        FaultKind::Stamp => "delivered a sample whose time stamp is far ahead of those around it, which was left out",
+        FaultKind::Stamp => {
+            "delivered a sample whose time stamp is far ahead of those around it, which was left out"
+        }
     };
     format!("The {name} {what}.")
 }

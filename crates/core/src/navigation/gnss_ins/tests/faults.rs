@@ -86,7 +86,11 @@ fn a_stamp_ahead_costs_its_sample() {
     let before = *ins.state().unwrap();
     for (k, ahead_s) in [3600, 60].into_iter().enumerate() {
         let next = now + 10_000_000 * (1 + k as i64);
-        let refused = ins.imu(next + ahead_s * 1_000_000_000, &motion.rate(), &motion.force());
+        let refused = ins.imu(
+            next + ahead_s * 1_000_000_000,
+            &motion.rate(),
+            &motion.force(),
+        );
         assert_eq!(refused, Err(SkipReason::Suspect));
         ins.imu(next, &motion.rate(), &motion.force()).unwrap();
         let fault = ins.take_fault().unwrap();
@@ -112,7 +116,10 @@ fn a_pause_of_the_gyroscope_is_gone_through_on_the_accelerometer() {
     assert!(worst < 2.0 * clean, "{worst} {clean}");
     let (found, over) = (ins.take_fault().unwrap(), ins.take_fault().unwrap());
     assert_eq!((found.kind, over.is_over), (FaultKind::Missing, true));
-    assert_eq!((over.from_ns, over.until_ns), (69_990_000_000, 73_000_000_000));
+    assert_eq!(
+        (over.from_ns, over.until_ns),
+        (69_990_000_000, 73_000_000_000)
+    );
     assert_eq!((ins.take_fault(), ins.gaps(), ins.restarts()), (None, 0, 0));
 }
 
@@ -259,8 +266,13 @@ fn gaps_are_bridged_and_a_long_one_starts_again() {
     assert!(bridged.covariance[(3, 3)] > before.covariance[(3, 3)] + 7.0);
     assert_eq!((ins.gaps(), ins.restarts()), (1, 0));
     // One stamp may be false: the second one goes on from it.
-    let [first, second] = [0, 10_000_000]
-        .map(|later| ins.imu(now + 30_000_000_000 + later, &motion.rate(), &motion.force()));
+    let [first, second] = [0, 10_000_000].map(|later| {
+        ins.imu(
+            now + 30_000_000_000 + later,
+            &motion.rate(),
+            &motion.force(),
+        )
+    });
     assert_eq!((first, second), (Err(SkipReason::Suspect), Ok(())));
     assert_eq!(
         (ins.validity(), ins.gaps(), ins.restarts()),
