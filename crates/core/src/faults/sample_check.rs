@@ -218,6 +218,8 @@ impl<T: Scalar> SampleCheck<T> {
         // Of a motion that has just ended the last changes tell, not those of seconds ago.
         let just_before2 = self.recent_change2.sum() * lit(2.0);
         let usual2 = self.usual_change2.min(just_before2);
+        // Before it is learnt from: the first change of a rest that reads zeros may be a spike.
+        let is_far = self.is_far(change2, usual2);
         let mut was_stuck = false;
         if change2 == T::zero() {
             if let Some(from_ns) = self.repeated(last_ns) {
@@ -239,7 +241,7 @@ impl<T: Scalar> SampleCheck<T> {
             // What it repeated says nothing about where it should be now.
             _ if was_stuck => Checked::Good,
             Some(suspicion) => self.judge(suspicion, sample, (&last, dt)),
-            None if self.is_far(change2, usual2) => {
+            None if is_far => {
                 let jump = change2.sqrt();
                 self.suspicion = Some(Suspicion {
                     good_ns: last_ns,

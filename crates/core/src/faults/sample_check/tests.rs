@@ -72,6 +72,19 @@ fn a_spike_in_a_motion_after_a_rest_is_a_spike_and_no_noise() {
     assert!(is_quiet(&said[..1000]) && is_quiet(&said[1002..]));
 }
 
+/// A phone on a desk, whose browser rounds: it has read zeros since the beginning, and nothing is known of its changes.
+#[test]
+fn a_spike_among_zeros_is_a_spike_and_the_first_motion_is_none() {
+    let said = said(1000, |k| match k {
+        500 => Vector3::new(34.9, 0.0, 0.0),
+        800.. => Vector3::new(0.1, 0.2, -0.1) * (k - 799) as f64,
+        _ => Vector3::zeros(),
+    });
+    assert_eq!(said[500], Checked::Suspect);
+    assert!(matches!(said[501], Checked::Spike { size, .. } if (size - 34.9).abs() < 1e-9));
+    assert!(is_quiet(&said[..500]) && is_quiet(&said[502..]));
+}
+
 #[test]
 fn a_spike_just_after_a_wild_motion_is_found_at_a_low_rate_too() {
     let mut motion = hand(13, 1e-4);
