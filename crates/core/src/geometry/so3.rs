@@ -18,6 +18,7 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
+use super::trigonometry::sin_cos;
 use crate::scalar::{Scalar, lit, polynomial};
 
 /// Angle squared (rad^2) below which coefficients come from their series: 0.25 rad, where six
@@ -157,7 +158,8 @@ pub fn exp<T: Scalar>(r: &Vector3<T>) -> UnitQuaternion<T> {
         )
     } else {
         let h = h2.sqrt();
-        (h.cos(), lit::<T>(0.5) * h.sin() / h)
+        let (sin, cos) = sin_cos(h);
+        (cos, lit::<T>(0.5) * sin / h)
     };
     let v = r * half_sinc;
     UnitQuaternion::new_unchecked(Quaternion::new(cos_half, v.x, v.y, v.z))

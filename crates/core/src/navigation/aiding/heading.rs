@@ -9,7 +9,7 @@
 use nalgebra::{Vector1, Vector3};
 
 use crate::geometry::rotation;
-use crate::geometry::trigonometry::wrap;
+use crate::geometry::trigonometry::{atan2, sin_cos, wrap};
 use crate::kalman::SkipReason;
 use crate::navigation::ATTITUDE;
 use crate::navigation::error_state::{Row, SparseMeasurement};
@@ -37,7 +37,7 @@ pub fn measurement<T: Scalar>(
     let row = Row::of_state(ATTITUDE + 2)
         .with(ATTITUDE, tangent * forward.x)
         .with(ATTITUDE + 1, tangent * forward.y);
-    let residual = wrap(heading - forward.y.atan2(forward.x));
+    let residual = wrap(heading - atan2(forward.y, forward.x));
     Ok(one(row, residual, variance))
 }
 
@@ -64,10 +64,11 @@ pub fn magnetic<T: Scalar>(
     // Along where north is, not where this sample says: the noise that is in the residual must not be in the row, or
     // every sample pulls the tilt the same way.
     let tangent = m.z / horizontal.sqrt();
+    let (sin, cos) = sin_cos(declination);
     let row = Row::of_state(ATTITUDE + 2)
-        .with(ATTITUDE, -tangent * declination.cos())
-        .with(ATTITUDE + 1, -tangent * declination.sin());
-    let residual = wrap(declination - m.y.atan2(m.x));
+        .with(ATTITUDE, -tangent * cos)
+        .with(ATTITUDE + 1, -tangent * sin);
+    let residual = wrap(declination - atan2(m.y, m.x));
     Ok(one(row, residual, variance))
 }
 
