@@ -158,7 +158,7 @@ impl<T: Scalar> ErrorStateFilter<T> {
     }
 
     /// Noise densities of gyroscope and accelerometer from now on, (rad/s)/sqrt(Hz) and (m/s^2)/sqrt(Hz).
-    pub(super) fn set_noise_densities(&mut self, [gyroscope, accelerometer]: [T; 2]) {
+    pub fn set_noise_densities(&mut self, [gyroscope, accelerometer]: [T; 2]) {
         self.config.gyroscope_noise_density = gyroscope;
         self.config.accelerometer_noise_density = accelerometer;
     }
