@@ -5,6 +5,8 @@
 //! down, its world north, east, down; [`Axes`] says whether they stay so, as files have them, or become
 //! those of all wire formats.
 
+use std::str::FromStr;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_core::geometry::frames::{enu_from_ned, enu_from_ned_rotation};
@@ -81,6 +83,7 @@ impl NorthingSerial {
             b'G' => self.fix(&fields, out),
             b'E' => self.estimate(&fields, out),
             b'O' => self.origin(&fields),
+            b'F' => self.fault(&fields, out),
             // Counts, which the next status repeats.
             b'S' => Some(()),
             _ => None,
@@ -186,6 +189,52 @@ impl NorthingSerial {
         Some(())
     }
 
+    /// A fault of the board's sensors, which becomes a remark.
+    fn fault(&mut self, fields: &Fields<'_>, out: &mut Decoded) -> Option<()> {
+        let (sensor, kind) = (fields.text(1)?, fields.text(2)?);
+        let (unit, scale) = match sensor {
+            "gyroscope" => ("rad/s", 1e-5),
+            "accelerometer" => ("m/s^2", 1e-4),
+            "magnetometer" => ("uT", 1e-2),
+            _ => return None,
+        };
+        let is_over = match fields.text(3)? {
+            "found" => false,
+            "over" => true,
+            _ => return None,
+        };
+        let (now_ms, from_ms): (u32, u32) = (fields.parsed(0)?, fields.parsed(4)?);
+        let size = fields.number(5)?;
+        let until_ns = self.time_ns(fields)?;
+        let lasted_ms = now_ms.wrapping_sub(from_ms);
+        let from_s = until_ns as f64 * 1e-9 - f64::from(lasted_ms) * 1e-3;
+        let until = if is_over {
+            format!(" to {:.2} s", until_ns as f64 * 1e-9)
+        } else {
+            String::new()
+        };
+        let size = size * scale;
+        let what = match kind {
+            "spike" => format!("a spike of {size:.3} {unit} after {from_s:.2} s, left out"),
+            "stuck" => {
+                format!("the same numbers from {from_s:.2} s{until}, not used as measurements")
+            }
+            "noise" => {
+                format!("nothing but noise from {from_s:.2} s{until}, not used as measurements")
+            }
+            "saturated" => format!(
+                "at the end of its range ({size:.3} {unit}) from {from_s:.2} s{until}; what lies beyond was not seen"
+            ),
+            "missing" => format!("no samples from {from_s:.2} s{until}"),
+            "stamp" => format!("a stamp far ahead after {from_s:.2} s, left out"),
+            _ => return None,
+        };
+        out.warn(format!(
+            "The board has found a fault of its {sensor}: {what}."
+        ));
+        Some(())
+    }
+
     fn origin(&mut self, fields: &Fields<'_>) -> Option<()> {
         let place = fields.place(0)?;
         let on_earth = place.latitude_rad.abs() <= std::f64::consts::FRAC_PI_2;
@@ -195,7 +244,7 @@ impl NorthingSerial {
 
     /// The stamp of a sentence. The board counts milliseconds in 32 bits, from zero at each start.
     fn time_ns(&mut self, fields: &Fields<'_>) -> Option<i64> {
-        let ms: u32 = fields.text(0)?.parse().ok()?;
+        let ms: u32 = fields.parsed(0)?;
         let time_ns = match self.last {
             None => i64::from(ms) * 1_000_000,
             Some((_, last_ns)) if self.restarted => last_ns.saturating_add(PAUSE_NS),
@@ -257,9 +306,12 @@ impl<'a> Fields<'a> {
         self.0.get(place).copied()
     }
 
+    fn parsed<T: FromStr>(&self, place: usize) -> Option<T> {
+        self.text(place)?.parse().ok()
+    }
+
     fn number(&self, place: usize) -> Option<f64> {
-        let value: i32 = self.text(place)?.parse().ok()?;
-        Some(f64::from(value))
+        self.parsed::<i32>(place).map(f64::from)
     }
 
     /// Latitude and longitude (1e-7 deg) and height (mm).

@@ -196,3 +196,50 @@ fn time_goes_on_when_the_board_starts_again_and_when_its_counter_rolls_over() {
     assert_eq!(time(&frame(0)), (Some(first + 1_020_000_000), 0));
     assert_eq!(time(&frame(20)), (Some(first + 1_040_000_000), 0));
 }
+
+#[test]
+fn faults_that_the_board_has_found_are_remarks() {
+    let mut decoder = NorthingSerial::new(Axes::Board);
+    let mut told = |body: &str| -> Vec<(Tone, String)> {
+        let notices = decoder.push(sentence(body).as_bytes()).notices;
+        notices.into_iter().map(|n| (n.tone, n.text)).collect()
+    };
+    let fault = |what: &str| {
+        let text = format!("The board has found a fault of its {what}.");
+        vec![(Tone::Warning, text)]
+    };
+    for (body, what) in [
+        (
+            "PNORF,12340,gyroscope,spike,over,12300,3490000",
+            "gyroscope: a spike of 34.900 rad/s after 12.30 s, left out",
+        ),
+        (
+            "PNORF,13080,accelerometer,stuck,found,13000,80",
+            "accelerometer: the same numbers from 13.00 s, not used as measurements",
+        ),
+        (
+            "PNORF,16000,accelerometer,stuck,over,13000,3000",
+            "accelerometer: the same numbers from 13.00 s to 16.00 s, not used as measurements",
+        ),
+        (
+            "PNORF,17000,magnetometer,noise,found,16500,500",
+            "magnetometer: nothing but noise from 16.50 s, not used as measurements",
+        ),
+        (
+            "PNORF,18000,accelerometer,saturated,over,17500,392000",
+            "accelerometer: at the end of its range (39.200 m/s^2) from 17.50 s to 18.00 s; what lies beyond was not seen",
+        ),
+    ] {
+        assert_eq!(told(body), fault(what));
+    }
+    for body in [
+        "PNORF,19000,gyroscope,stuck,found,18000",
+        "PNORF,19000,gyroscope,stuck,perhaps,18000,1000",
+        "PNORF,19000,barometer,stuck,found,18000,1000",
+        "PNORF,19000,gyroscope,tired,found,18000,1000",
+        "PNORF,19000,gyroscope,stuck,found,-1,1000",
+    ] {
+        let notices = told(body);
+        assert_eq!(notices[0].0, Tone::Bad, "{body}");
+    }
+}
