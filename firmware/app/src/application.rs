@@ -5,15 +5,17 @@
 //! frame, and the next step is as long as both. After more than a second without frames everything
 //! starts again at rest: an old state is not worth keeping, and never kept over a reset.
 
+use northing_core::faults::{Fault, FaultKind, FaultySensor};
 use northing_core::geometry::trigonometry::sin_cos;
 use northing_core::nalgebra::Vector3;
 
 use crate::frame_clock::{FrameClock, INTERVAL_US, Passed};
 use crate::lines::Lines;
 use crate::local_plane::LocalPlane;
-use crate::navigator::{Estimate, Inertial, Navigator, Position, REST_FRAMES, Validity};
+use crate::navigator::{Estimate, Inertial, Navigator, Position, REST_FRAMES, Unseen, Validity};
 use crate::nmea::{self, Fix};
 use crate::razor;
+use crate::sample_faults::{SampleFaults, milliseconds};
 use crate::sentences::{Sentence, Sink, fixed};
 
 /// Version of the sentences.
@@ -66,6 +68,7 @@ pub struct Application<N> {
     gnss_lines: Lines<{ nmea::LONGEST_LINE }>,
     frame: Frame,
     clock: FrameClock,
+    faults: SampleFaults,
     receiver: nmea::Receiver,
     phase: Phase<N>,
     plane: Option<LocalPlane>,
@@ -125,6 +128,7 @@ impl<N: Navigator> Application<N> {
             gnss_lines: Lines::new(),
             frame: Frame::default(),
             clock: FrameClock::default(),
+            faults: SampleFaults::default(),
             receiver: nmea::Receiver::default(),
             phase: Phase::Resting(Rest::default()),
             plane: None,
@@ -191,6 +195,7 @@ impl<N: Navigator> Application<N> {
             Passed::Intervals(intervals) => Some(intervals),
             Passed::NewStart => {
                 self.phase = Phase::Resting(Rest::default());
+                self.faults.interrupt();
                 self.fix = None;
                 self.counts.starts = self.counts.starts.wrapping_add(1);
                 None
@@ -200,7 +205,15 @@ impl<N: Navigator> Application<N> {
         self.time_ms = self.time_ms.wrapping_add(dt_ms.unwrap_or(0));
         self.counts.frames = self.counts.frames.wrapping_add(1);
         self.say_frame(frame, dt_ms, out);
-        let inertial = frame.inertial(dt_ms.unwrap_or(0));
+        let mut inertial = frame.inertial(dt_ms.unwrap_or(0));
+        let still = match &self.phase {
+            Phase::Resting(_) => Vector3::zeros(),
+            Phase::Running(navigator) => navigator.gyroscope_bias(),
+        };
+        let time_ms = self.time_ms;
+        self.faults.usable(&mut inertial, &still, &mut |fault| {
+            say_fault(time_ms, fault, out);
+        });
         match &mut self.phase {
             Phase::Resting(rest) => {
                 rest.add(&inertial);
@@ -328,6 +341,35 @@ fn say_fix(time_ms: u32, fix: &Fix, out: &mut impl Sink) {
     .end();
 }
 
+/// The size is in the unit of the sensor's samples, or in milliseconds.
+fn say_fault(time_ms: u32, fault: &Fault<f32>, out: &mut impl Sink) {
+    let (sensor, unit): (&[u8], f32) = match fault.sensor {
+        FaultySensor::Gyroscope => (b"gyroscope", RATE),
+        FaultySensor::Accelerometer => (b"accelerometer", FORCE),
+        FaultySensor::Magnetometer => (b"magnetometer", FIELD),
+    };
+    let lasted_ms = milliseconds(fault.from_ns, fault.until_ns);
+    let (kind, unit): (&[u8], _) = match fault.kind {
+        FaultKind::Spike => (b"spike", Some(unit)),
+        FaultKind::Saturated => (b"saturated", Some(unit)),
+        FaultKind::Stuck => (b"stuck", None),
+        FaultKind::Noise => (b"noise", None),
+        FaultKind::Missing => (b"missing", None),
+        FaultKind::Stamp => (b"stamp", None),
+    };
+    let sentence = Sentence::new(out, b'F')
+        .unsigned(time_ms)
+        .text(sensor)
+        .text(kind)
+        .text(if fault.is_over { b"over" } else { b"found" })
+        .unsigned(time_ms.wrapping_sub(lasted_ms));
+    match unit {
+        Some(unit) => sentence.integer(fixed(fault.size / unit, 1.0)),
+        None => sentence.unsigned(lasted_ms),
+    }
+    .end();
+}
+
 fn say_estimate(time_ms: u32, estimate: &Estimate, fingerprint: u32, out: &mut impl Sink) {
     let scaled = |v: Vector3<f32>, scale: f32| [v.x, v.y, v.z].map(|x| fixed(x, scale));
     let attitude = estimate.attitude;
@@ -359,6 +401,8 @@ impl Frame {
             angular_rate: si(self.rate, RATE),
             specific_force: self.force.map(|v| si(v, FORCE)),
             magnetic_field: self.field.map(|v| si(v, FIELD)),
+            push: None,
+            unseen: Unseen::default(),
         }
     }
 }
@@ -377,6 +421,8 @@ impl Rest {
             angular_rate: self.rate.mean().unwrap_or_default(),
             specific_force: self.force.mean(),
             magnetic_field: self.field.mean(),
+            push: None,
+            unseen: Unseen::default(),
         }
     }
 }

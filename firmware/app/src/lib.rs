@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `application.rs` | the way of a byte from a serial line to an estimate |
 //! | `navigator.rs`, `navigator/` | the filters of the two builds, and the start at rest |
+//! | `sample_faults.rs` | fault detection in front of them |
 //! | `razor.rs`, `nmea.rs` | the sentences of the IMU and the receiver, in integers |
 //! | `frame_clock.rs` | how many intervals a frame stands for, from a counter that rolls over |
 //! | `local_plane.rs` | latitude and longitude to north, east, down in single precision |
@@ -31,6 +32,7 @@ pub mod nmea;
 pub mod number;
 pub mod razor;
 pub mod ring;
+pub mod sample_faults;
 pub mod sentences;
 
 pub use application::{Application, ResetCause};

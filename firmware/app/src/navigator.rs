@@ -19,10 +19,23 @@ pub struct Inertial {
     pub dt_ms: u32,
     /// Angular rate, forward, right, down, rad/s.
     pub angular_rate: Vector3<f32>,
-    /// Specific force, forward, right, down, m/s^2; `None` when its line was damaged.
+    /// Specific force, forward, right, down, m/s^2; `None` when its line was damaged, or when it is no measurement.
     pub specific_force: Option<Vector3<f32>>,
     /// Magnetic field, forward, right, down, microtesla; `None` when its line was damaged.
     pub magnetic_field: Option<Vector3<f32>>,
+    /// What the forces before missed, to be made good in this step, m/s.
+    pub push: Option<Vector3<f32>>,
+    /// What was not measured, or not wholly, for longer than a few samples.
+    pub unseen: Unseen,
+}
+
+/// Faults that last. What stands for such a sample is a guess.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Unseen {
+    /// Of the angular rate.
+    pub rate: bool,
+    /// Of the specific force.
+    pub force: bool,
 }
 
 /// A position of the receiver that has not been used yet.
@@ -87,6 +100,9 @@ pub trait Navigator: Sized {
 
     /// One step: inertial sensors, and a position where there is a new one.
     fn step(&mut self, inertial: &Inertial, position: Option<&Position>);
+
+    /// What the gyroscope says at rest, rad/s.
+    fn gyroscope_bias(&self) -> Vector3<f32>;
 
     /// The estimate now.
     fn estimate(&self) -> Estimate;

@@ -9,7 +9,8 @@ use northing_core::nalgebra::{ComplexField, Matrix3, SMatrix, UnitQuaternion, Ve
 use northing_core::navigation::{
     ErrorStateConfig, ErrorStateFilter, ErrorTransition, NavigationState,
 };
-use northing_firmware::navigator::{AxisNavigator, ErrorStateNavigator, Position};
+use northing_firmware::navigator::{AxisNavigator, ErrorStateNavigator, Position, Unseen};
+use northing_firmware::sample_faults::SampleFaults;
 use northing_firmware::{Inertial, Navigator};
 
 use crate::{Counter, STEPS};
@@ -19,6 +20,7 @@ const FIX_EVERY: u32 = 50;
 
 /// Counts every filter and says so.
 pub(crate) fn all(counter: &Counter) {
+    faults(counter);
     navigator::<AxisNavigator>("axis-filters", counter);
     navigator::<ErrorStateNavigator>("error-state", counter);
     prediction(counter);
@@ -42,6 +44,30 @@ fn navigator<N: Navigator>(name: &str, counter: &Counter) {
     }
     black_box(filter.fingerprint());
     say(name, worst, sum / STEPS);
+}
+
+/// Fault detection, which stands in front of both builds' filters.
+fn faults(counter: &Counter) {
+    let mut faults = SampleFaults::default();
+    let mut found = 0;
+    let mut worst = 0;
+    let mut sum = 0;
+    for step in 1..=STEPS {
+        let mut inertial = black_box(inertial(step));
+        let still = black_box(Vector3::zeros());
+        let count =
+            counter.instructions(|| faults.usable(&mut inertial, &still, &mut |_| found += 1));
+        black_box(&inertial);
+        worst = worst.max(count);
+        sum += count;
+    }
+    if found > 0 {
+        hprintln!(
+            "fault-detection finds {} faults where there are none",
+            found
+        );
+    }
+    say("fault-detection", worst, sum / STEPS);
 }
 
 /// The error-state filter's prediction alone: a sample, and the whole covariance over it.
@@ -133,6 +159,8 @@ fn inertial(step: u32) -> Inertial {
         angular_rate: Vector3::new(0.3 * fast, 0.2 * slow, 0.5 * slow - 0.1 * fast),
         specific_force: Some(Vector3::new(1.5 * slow, 0.8 * fast, -9.8 + 0.5 * fast)),
         magnetic_field: Some(Vector3::new(20.0 + slow, 3.0 * fast, 45.0)),
+        push: None,
+        unseen: Unseen::default(),
     }
 }
 

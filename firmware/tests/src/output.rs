@@ -5,7 +5,7 @@ use std::str::FromStr;
 /// One sentence: the letter behind `$PNOR`, and its fields.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sentence {
-    /// `B`, `I`, `G`, `O`, `E` or `S`.
+    /// `B`, `I`, `G`, `O`, `F`, `E` or `S`.
     pub kind: char,
     /// What stands between the commas.
     pub fields: Vec<String>,

@@ -100,11 +100,15 @@ fn a_step_takes_no_more_instructions_than_it_may() {
     assert!(exceeded.is_empty(), "{exceeded:?}");
 }
 
-/// The most stack that an image of the emulated board has used over a walk with damage.
+/// The most stack that an image of the emulated board has used over a walk with damage, and with an IMU that freezes.
 fn stack_used(chip: Chip, name: &str) -> u32 {
     let mut walk = Walk::new(3, 6.0);
     walk.ticks[100].imu.extend([b'#'; 300]);
     walk.ticks[150].gnss.extend([b'$'; 300]);
+    let frozen = walk.ticks[200].imu.clone();
+    for tick in &mut walk.ticks[201..260] {
+        tick.imu.clone_from(&frozen);
+    }
     let mut board = Emulator::start(chip, name);
     board.ticks(&walk.ticks);
     board.stack_used()

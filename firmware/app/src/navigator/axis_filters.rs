@@ -40,6 +40,12 @@ impl Navigator for AxisNavigator {
         if let Some(force) = &inertial.specific_force {
             let _ = self.attitude.update_accelerometer(force);
             self.specific_force = *force;
+            if let Some(push) = &inertial.push {
+                // The next force is itself again.
+                self.specific_force += push / inertial.dt_s();
+            }
+        } else if inertial.unseen.force {
+            self.specific_force = self.force_at_rest();
         }
         if let Some(field) = &inertial.magnetic_field {
             let _ = self.attitude.update_magnetometer(field);
@@ -53,6 +59,11 @@ impl Navigator for AxisNavigator {
                 .position
                 .update_position(u64::from(fix.number), &fix.ned);
         }
+    }
+
+    /// That of the Euler angles' rates, which is the body's when it is level.
+    fn gyroscope_bias(&self) -> Vector3<f32> {
+        Vector3::from(self.attitude.axes().map(|axis| axis.bias))
     }
 
     fn estimate(&self) -> Estimate {
@@ -95,5 +106,14 @@ impl Navigator for AxisNavigator {
             axis.state.iter().copied().for_each(&mut take);
             axis.covariance.iter().copied().for_each(&mut take);
         }
+    }
+}
+
+impl AxisNavigator {
+    /// Up, in body axes: how far down each of them points.
+    #[cold]
+    fn force_at_rest(&mut self) -> Vector3<f32> {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        Vector3::from(axes.map(|axis| self.attitude.turned_to_ned(&axis).z * -GRAVITY))
     }
 }

@@ -8,8 +8,11 @@
 //! nothing else is.
 //! [`northing_core::navigation::gnss_ins`] does more, on chips with more memory.
 
+use northing_core::geometry::trigonometry::{atan2, sin_cos};
 use northing_core::kalman::{CountedGate, Innovation};
-use northing_core::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use northing_core::nalgebra::{
+    ComplexField, Quaternion, SMatrix, SVector, UnitQuaternion, Vector3,
+};
 use northing_core::navigation::aiding::heading;
 use northing_core::navigation::error_state::{Row, SparseMeasurement};
 use northing_core::navigation::history::Instant;
@@ -19,7 +22,9 @@ use northing_core::navigation::{
     NavigationState, POSITION, STATES, VELOCITY,
 };
 
-use super::{Attitude, Estimate, Inertial, Motion, Navigator, Position, angles_at_rest, std_of};
+use super::{
+    Attitude, Estimate, Inertial, Motion, Navigator, Position, Unseen, angles_at_rest, std_of,
+};
 
 /// Standard deviation of a position at a dilution of 1, m: 3 m of circular error probable, per axis.
 const POSITION_STD_M: f32 = 2.55;
@@ -37,6 +42,11 @@ const FIELD_EVERY: u32 = 10;
 const CATCH_UP_S: f32 = 0.3;
 /// A rest that turns faster than this (rad/s) was none, and tells no bias.
 const FASTEST_REST: f32 = 0.1;
+
+/// White noise of gyroscope and accelerometer, rad/s and m/s^2 per sqrt(Hz) ...
+const NOISE_DENSITIES: [f32; 2] = [1e-3, 0.02];
+/// ... and of what stands for them while they are not seen: a turn of 1 rad/s that lasts for 0.2 s, a stride.
+const UNSEEN_DENSITIES: [f32; 2] = [0.6, 2.0];
 
 /// What is known at the start, as standard deviations: tilt and heading (rad), velocity (m/s), position (m),
 /// biases (m/s^2, rad/s).
@@ -58,6 +68,7 @@ pub struct ErrorStateNavigator {
     frames_since_field: u32,
     specific_force: Vector3<f32>,
     since_fix_s: Option<f32>,
+    unseen: Unseen,
 }
 
 /// What is fused before the next frame moves on.
@@ -77,7 +88,7 @@ impl Navigator for ErrorStateNavigator {
         let [roll, pitch, yaw] = angles_at_rest(rest)?;
         let is_rest = rest.angular_rate.norm_squared() < FASTEST_REST * FASTEST_REST;
         let state = NavigationState {
-            ned_from_body: UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            ned_from_body: attitude_of([roll, pitch, yaw]),
             velocity: Vector3::zeros(),
             position: Vector3::zeros(),
             accelerometer_bias: Vector3::zeros(),
@@ -90,9 +101,10 @@ impl Navigator for ErrorStateNavigator {
             pending: ErrorTransition::default(),
             skipped: 0,
         };
+        let [gyroscope_noise_density, accelerometer_noise_density] = NOISE_DENSITIES;
         let config = ErrorStateConfig {
-            accelerometer_noise_density: 0.02,
-            gyroscope_noise_density: 1e-3,
+            accelerometer_noise_density,
+            gyroscope_noise_density,
             accelerometer_bias_random_walk: 1e-3,
             gyroscope_bias_random_walk: 3e-5,
             ..ErrorStateConfig::default()
@@ -106,6 +118,7 @@ impl Navigator for ErrorStateNavigator {
             frames_since_field: 0,
             specific_force: rest.specific_force?,
             since_fix_s: None,
+            unseen: Unseen::default(),
         })
     }
 
@@ -117,15 +130,14 @@ impl Navigator for ErrorStateNavigator {
             Waiting::Field(field) => self.fuse_field(&field),
             Waiting::Velocity(off_by) => self.fuse_velocity(off_by),
         }
-        if let Some(force) = inertial.specific_force {
-            self.specific_force = force;
+        if self.unseen != inertial.unseen {
+            self.expect(inertial.unseen);
         }
         let dt_s = inertial.dt_s();
+        let force = self.force(inertial);
         self.since_fix_s = self.since_fix_s.map(|since| (since + dt_s).min(1e6));
         // A frame that stands for no time is refused and counted, as one that is not finite.
-        let _ = self
-            .filter
-            .propagate(&inertial.angular_rate, &self.specific_force, dt_s);
+        let _ = self.filter.propagate(&inertial.angular_rate, &force, dt_s);
 
         self.frames_since_field = self.frames_since_field.saturating_add(1);
         let is_field_due = self.frames_since_field >= FIELD_EVERY && self.velocity.is_none();
@@ -140,16 +152,18 @@ impl Navigator for ErrorStateNavigator {
         };
         let pending_s = self.filter.state().pending.duration_s();
         if self.waiting != Waiting::Nothing || pending_s > CATCH_UP_S {
-            // Nobody here is correlated with the errors.
-            let _ = self.filter.catch_up();
+            self.catch_up();
         }
+    }
+
+    fn gyroscope_bias(&self) -> Vector3<f32> {
+        self.filter.state().gyroscope_bias
     }
 
     fn estimate(&self) -> Estimate {
         let state = self.filter.state();
         let variances = state.covariance.diagonal();
         let std = |first: usize| variances.fixed_rows::<3>(first).map(std_of);
-        let (roll, pitch, yaw) = state.ned_from_body.euler_angles();
         let [north, east] = [
             variances.fixed_rows::<1>(POSITION),
             variances.fixed_rows::<1>(POSITION + 1),
@@ -162,7 +176,7 @@ impl Navigator for ErrorStateNavigator {
         };
         Estimate {
             attitude: Some(Attitude {
-                angles: Vector3::new(roll, pitch, yaw),
+                angles: angles_of(&state.ned_from_body),
                 std: std(ATTITUDE),
             }),
             motion: self.since_fix_s.map(|_| motion),
@@ -199,6 +213,41 @@ impl Navigator for ErrorStateNavigator {
 }
 
 impl ErrorStateNavigator {
+    /// Brings the covariance up to the last sample. One copy: it is large.
+    #[inline(never)]
+    fn catch_up(&mut self) {
+        // Nobody here is correlated with the errors.
+        let _ = self.filter.catch_up();
+    }
+
+    /// Expects from now on the noise of what is seen, and of what is not.
+    fn expect(&mut self, unseen: Unseen) {
+        self.unseen = unseen;
+        // What has come so far had the noise of before.
+        self.catch_up();
+        let [rate, force] = NOISE_DENSITIES;
+        let [any_rate, any_force] = UNSEEN_DENSITIES;
+        self.filter.set_noise_densities([
+            if unseen.rate { any_rate } else { rate },
+            if unseen.force { any_force } else { force },
+        ]);
+    }
+
+    /// The force to move on with: the last sound one, or that of a body at rest.
+    fn force(&mut self, inertial: &Inertial) -> Vector3<f32> {
+        if let Some(force) = inertial.specific_force {
+            self.specific_force = force;
+        } else if inertial.unseen.force {
+            let state = self.filter.state();
+            let up = Vector3::z() * -self.filter.config().gravity;
+            self.specific_force = state.ned_from_body.inverse() * up + state.accelerometer_bias;
+        }
+        match &inertial.push {
+            Some(push) => self.specific_force + push / inertial.dt_s(),
+            None => self.specific_force,
+        }
+    }
+
     fn fuse_fix(&mut self, fix: &Position) {
         let std = POSITION_STD_M * fix.hdop;
         let [across, down] = [std * std, std * std * VERTICAL_FACTOR * VERTICAL_FACTOR];
@@ -254,5 +303,45 @@ impl ErrorStateNavigator {
         };
         self.filter
             .fuse_sparse(&mut self.side, measured, gate, threshold, &mut ())
+    }
+}
+
+/// The attitude with these angles of roll, pitch and yaw. Here and below in single precision, unlike the library's.
+fn attitude_of(angles: [f32; 3]) -> UnitQuaternion<f32> {
+    let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(|angle| sin_cos(angle * 0.5));
+    UnitQuaternion::new_unchecked(Quaternion::new(
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ))
+}
+
+/// Roll, pitch and yaw of an attitude.
+fn angles_of(attitude: &UnitQuaternion<f32>) -> Vector3<f32> {
+    let forward = attitude * Vector3::x();
+    let down = attitude.inverse() * Vector3::z();
+    let level = ComplexField::sqrt(forward.x * forward.x + forward.y * forward.y);
+    Vector3::new(
+        atan2(down.y, down.z),
+        atan2(-forward.z, level),
+        atan2(forward.y, forward.x),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_those_of_the_library() {
+        for angles in [[0.3, -1.2, 3.0], [-2.9, 0.8, -1.4], [0.0; 3]] {
+            let attitude = attitude_of(angles);
+            let [roll, pitch, yaw] = angles;
+            let expected = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            assert!(attitude.angle_to(&expected) < 1e-6, "{attitude} {expected}");
+            let off = angles_of(&attitude) - Vector3::from(angles);
+            assert!(off.amax() < 2e-6, "{off}");
+        }
     }
 }
