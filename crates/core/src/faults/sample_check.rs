@@ -325,8 +325,8 @@ impl<T: Scalar> SampleCheck<T> {
             repeats.since_ns = last_ns;
         }
         repeats.run = repeats.run.saturating_add(1);
-        let usual: T = lit(f64::from(repeats.harmless.saturating_add(1))
-            / f64::from(self.samples.saturating_add(2)));
+        let usual = lit::<T>(f64::from(repeats.harmless.saturating_add(1)))
+            / lit(f64::from(self.samples.saturating_add(2)));
         repeats.chance2 = (repeats.chance2 * chance2.max(usual * usual).max(lit(LEAST_CHANCE2)))
             .max(lit(STUCK_CHANCE2 * 1e-6));
         let is_stuck = repeats.run >= STUCK_RUN && repeats.chance2 < lit(STUCK_CHANCE2);
@@ -367,9 +367,9 @@ impl<T: Scalar> SampleCheck<T> {
                 let run = self.repeats.component_runs[i].saturating_add(1);
                 self.repeats.component_runs[i] = run;
                 let chance2 = step2 / self.recent_change2[i].max(step2);
-                let chance2 = chance2
-                    .max(lit(LEAST_CHANCE2))
-                    .powi(i32::from(run.min(100)));
+                // A product: the library's power is thousands of instructions on a chip.
+                let chance2 = chance2.max(lit(LEAST_CHANCE2));
+                let chance2 = (0..run.min(100)).fold(T::one(), |run, _| run * chance2);
                 if chance2 < lit(CLIPPED_CHANCE2) {
                     self.full_scale = size;
                 }
@@ -386,7 +386,8 @@ impl<T: Scalar> SampleCheck<T> {
 
     #[inline]
     fn weight(&self, memory: f64) -> T {
-        lit(1.0 / f64::from(self.samples.max(1)).min(memory))
+        // Not divided in double precision, which a chip does in software.
+        T::one() / lit::<T>(f64::from(self.samples.max(1))).min(lit(memory))
     }
 
     #[inline]

@@ -417,7 +417,7 @@ fn a_stamp_far_in_the_future_freezes_nothing() {
 }
 
 /// One stamp of the gyroscope an hour ahead, before the start and after it, costs its own sample and is an event. Two that
-/// agree are believed at first: samples are taken again once they have gone on for longer than a gap.
+/// agree are taken for a pause: samples are taken again once they have gone on for longer than a gap.
 #[test]
 fn a_gyroscope_stamp_far_in_the_future_costs_its_sample_and_two_half_a_second() {
     const HOUR: i64 = 3_600_000;
