@@ -362,7 +362,7 @@ mod tests {
     fn the_page_has_a_table_a_colour_and_a_picture() {
         let campaign = Campaign {
             subjects: vec![Subject::Attitude(EstimatorKind::Integration)],
-            faults: vec![InjectedFault::named("gyroscope-spike-all-axes").unwrap()],
+            faults: vec![InjectedFault::named("gyroscope-bias-0.1").unwrap()],
             ..Campaign::of_worlds(1, 1)
         };
         let outcome = campaign.run(&|| ());
@@ -376,7 +376,7 @@ mod tests {
         let page = render(&outcome, &drawn, Some("northing experiment faults"));
         for part in [
             "num toned bad",
-            "gyroscope-spike-all-axes of integration",
+            "gyroscope-bias-0.1 of integration",
             "does an estimator recover?",
             "misses the limits",
             "northing experiment faults",
