@@ -4,22 +4,20 @@
 //! stays as it is, and what is drawn (axis, sign, direction, noise) depends on the seed alone. Values that stay or go are made by
 //! [`FaultInjector`]; here are the faults that need the whole stream.
 
-use core::f64::consts::TAU;
-
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use northing_recording::{Event, Sample, SensorKind};
 use serde::Serialize;
 
 use crate::faults::{Fault, FaultInjector, FaultKind};
-use crate::rotation::exp;
 use crate::signals::Draws;
 
 mod catalogue;
+mod spin;
 
 pub use catalogue::CATALOGUE;
 
-/// How long a spin takes to reach its rate, and to end, s.
-const SPIN_RAMP_S: f64 = 0.25;
+use spin::Spin;
+
 /// Radius of the Earth that turns metres into latitude, m: good enough for a fix that is far off.
 const EARTH_RADIUS_M: f64 = 6.371e6;
 /// Part of a stream in which faults begin.
@@ -29,10 +27,10 @@ const ONSET_CANDIDATES: usize = 12;
 /// The motion of an instant is that of so long after it, s.
 const ONSET_MOTION_S: f64 = 1.0;
 
-/// Whose samples a fault changes.
+/// The sensors whose samples a fault changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum FaultySensor {
+pub enum InjectionTarget {
     /// The gyroscope.
     Gyroscope,
     /// The accelerometer.
@@ -102,7 +100,7 @@ pub struct InjectedFault {
     /// Its name on the command line and in tables.
     pub name: &'static str,
     /// Whose samples it changes.
-    pub sensor: FaultySensor,
+    pub target: InjectionTarget,
     /// What it does to them.
     pub effect: Effect,
     /// How long it acts, s; 0 for one sample, and for a step, which stays.
@@ -147,15 +145,15 @@ impl InjectedFault {
             kind,
             SensorKind::Magnetometer | SensorKind::MagnetometerUncalibrated
         );
-        match self.sensor {
-            FaultySensor::Gyroscope => gyroscope,
-            FaultySensor::Accelerometer => accelerometer,
-            FaultySensor::Magnetometer => magnetometer,
-            FaultySensor::All => {
+        match self.target {
+            InjectionTarget::Gyroscope => gyroscope,
+            InjectionTarget::Accelerometer => accelerometer,
+            InjectionTarget::Magnetometer => magnetometer,
+            InjectionTarget::All => {
                 let compass = matches!(kind, SensorKind::CompassHeading);
                 gyroscope || accelerometer || magnetometer || compass
             }
-            FaultySensor::Receiver => {
+            InjectionTarget::Receiver => {
                 matches!(kind, SensorKind::GnssPosition | SensorKind::GnssVelocity)
             }
         }
@@ -170,15 +168,7 @@ impl InjectedFault {
         let mut draws = Draws::new(seed, "injected-fault");
         let events = match self.effect {
             Effect::Spike { value, all_axes } => {
-                self.spiked(events, from_ns, &mut draws, |v, draws| {
-                    let axis = draws.one_of(&[0, 1, 2]);
-                    for k in 0..3 {
-                        let sign = draws.sign();
-                        if all_axes || k == axis {
-                            v[k] = sign * value;
-                        }
-                    }
-                })
+                self.spiked(events, from_ns, value, all_axes, &mut draws)
             }
             Effect::StampAhead { by_s } => self.one(events, from_ns, |event| {
                 event.time_ns += nanoseconds(by_s);
@@ -188,11 +178,10 @@ impl InjectedFault {
                     fix.latitude_rad += north_m / EARTH_RADIUS_M;
                 }
             }),
-            Effect::Missing => {
-                let kept = |e: &&Event| !(within(span, e) && self.touches(e.sample.kind()));
-                events.iter().filter(kept).copied().collect()
+            Effect::Missing => without(events, span, |kind| self.touches(kind)),
+            Effect::Frozen if self.target == InjectionTarget::Receiver => {
+                frozen_fixes(events, span)
             }
-            Effect::Frozen if self.sensor == FaultySensor::Receiver => frozen_fixes(events, span),
             Effect::Frozen => self.wrapped(events, span, &FaultKind::Freeze),
             Effect::Zeros => self.wrapped(events, span, &FaultKind::Scale { factor: 0.0 }),
             Effect::BiasStep { size } => {
@@ -201,13 +190,7 @@ impl InjectedFault {
                 self.wrapped(events, [from_ns, i64::MAX], &FaultKind::Offset { value })
             }
             Effect::ClippedShare { share } => {
-                let of_span = events.iter().filter(|event| within(span, event));
-                let touched = of_span.filter(|event| self.touches(event.sample.kind()));
-                let sizes = touched.filter_map(|event| event.sample.vector().map(|v| v.amax()));
-                let limit = share * sizes.fold(0.0, f64::max);
-                self.changed(events, span, |v, _| {
-                    v.apply(|x| *x = x.clamp(-limit, limit));
-                })
+                self.clipped(events, span, share * self.largest(events, span))
             }
             Effect::ClippedSpin {
                 rate_rad_s,
@@ -215,15 +198,10 @@ impl InjectedFault {
             } => {
                 let spin = Spin::new(draws.one_of(&[0, 1, 2]), rate_rad_s, span);
                 let spun: Vec<_> = events.iter().map(|event| spin.of(event)).collect();
-                self.changed(&spun, span, |v, _| {
-                    v.apply(|x| *x = x.clamp(-full_scale, full_scale));
-                })
+                self.clipped(&spun, span, full_scale)
             }
             Effect::Garbage { std } => {
-                let kept = |e: &&Event| {
-                    !(within(span, e) && matches!(e.sample, Sample::CompassHeading(_)))
-                };
-                let kept: Vec<_> = events.iter().filter(kept).copied().collect();
+                let kept = without(events, span, |kind| kind == SensorKind::CompassHeading);
                 self.changed(&kept, span, |v, kind| {
                     *v = draws.normals() * std[kind.order().min(2)];
                 })
@@ -282,7 +260,7 @@ impl InjectedFault {
         let meant = |e: &&mut Event| {
             let kind = e.sample.kind();
             let position =
-                self.sensor != FaultySensor::Receiver || kind == SensorKind::GnssPosition;
+                self.target != InjectionTarget::Receiver || kind == SensorKind::GnssPosition;
             e.time_ns >= from_ns && self.touches(kind) && position
         };
         if let Some(event) = changed.iter_mut().find(meant) {
@@ -291,18 +269,41 @@ impl InjectedFault {
         changed
     }
 
+    /// A stream with one sample of which one axis, or each, has this value with a random sign.
     fn spiked(
         &self,
         events: &[Event],
         from_ns: i64,
+        value: f64,
+        all_axes: bool,
         draws: &mut Draws,
-        change: impl FnOnce(&mut Vector3<f64>, &mut Draws),
     ) -> Vec<Event> {
         self.one(events, from_ns, |event| {
             if let Some(mut vector) = event.sample.vector() {
-                change(&mut vector, draws);
+                let axis = draws.one_of(&[0, 1, 2]);
+                for k in 0..3 {
+                    let sign = draws.sign();
+                    if all_axes || k == axis {
+                        vector[k] = sign * value;
+                    }
+                }
                 *event = with_vector(event, vector);
             }
+        })
+    }
+
+    /// The largest value of an axis of the sensor within a span.
+    fn largest(&self, events: &[Event], span: [i64; 2]) -> f64 {
+        let of_span = events.iter().filter(|event| within(span, event));
+        let touched = of_span.filter(|event| self.touches(event.sample.kind()));
+        let sizes = touched.filter_map(|event| event.sample.vector().map(|v| v.amax()));
+        sizes.fold(0.0, f64::max)
+    }
+
+    /// A stream in which no axis of the sensor shows more than a limit within a span.
+    fn clipped(&self, events: &[Event], span: [i64; 2], limit: f64) -> Vec<Event> {
+        self.changed(events, span, |v, _| {
+            v.apply(|x| *x = x.clamp(-limit, limit));
         })
     }
 }
@@ -342,6 +343,12 @@ fn within([from, until]: [i64; 2], event: &Event) -> bool {
     (from..until).contains(&event.time_ns)
 }
 
+/// A stream without what some sensors deliver within a span.
+fn without(events: &[Event], span: [i64; 2], is_gone: impl Fn(SensorKind) -> bool) -> Vec<Event> {
+    let kept = |event: &&Event| !(within(span, event) && is_gone(event.sample.kind()));
+    events.iter().filter(kept).copied().collect()
+}
+
 /// The event with another vector.
 fn with_vector(event: &Event, vector: Vector3<f64>) -> Event {
     let sample = match event.sample {
@@ -371,63 +378,6 @@ fn frozen_fixes(events: &[Event], span: [i64; 2]) -> Vec<Event> {
         *event
     };
     events.iter().map(one).collect()
-}
-
-/// A turn about one axis of the body that begins and ends softly, after whole turns: biases are again where they were.
-struct Spin {
-    axis: Vector3<f64>,
-    rate: f64,
-    span: [i64; 2],
-}
-
-impl Spin {
-    fn new(axis: usize, about_rad_s: f64, span: [i64; 2]) -> Self {
-        let steady_s = (span[1] - span[0]) as f64 * 1e-9 - SPIN_RAMP_S;
-        let turns = (about_rad_s * steady_s / TAU).round();
-        Self {
-            axis: Vector3::ith(axis, 1.0),
-            rate: turns * TAU / steady_s,
-            span,
-        }
-    }
-
-    /// Rate (rad/s) and angle (rad) at an instant.
-    fn at(&self, time_ns: i64) -> [f64; 2] {
-        let seconds = |ns: i64| ns as f64 * 1e-9;
-        let length = seconds(self.span[1] - self.span[0]);
-        let now = seconds(time_ns - self.span[0]).clamp(0.0, length);
-        let slope = self.rate / SPIN_RAMP_S;
-        let steady = self.rate * (length - SPIN_RAMP_S);
-        if now < SPIN_RAMP_S {
-            [slope * now, 0.5 * slope * now * now]
-        } else if now < length - SPIN_RAMP_S {
-            [self.rate, self.rate * (now - 0.5 * SPIN_RAMP_S)]
-        } else {
-            let left = length - now;
-            [slope * left, steady - 0.5 * slope * left * left]
-        }
-    }
-
-    /// The event of the device that spins. The sensors lie in the axis.
-    fn of(&self, event: &Event) -> Event {
-        if !within(self.span, event) {
-            return *event;
-        }
-        let [rate, angle] = self.at(event.time_ns);
-        let old_from_new: UnitQuaternion<f64> = exp(&(self.axis * angle));
-        let turned = |v: &Vector3<f64>| old_from_new.inverse() * v;
-        let sample = match event.sample {
-            Sample::Reference(mut reference) => {
-                reference.attitude *= old_from_new;
-                Sample::Reference(reference)
-            }
-            Sample::AngularRate(v) => Sample::AngularRate(turned(&v) + self.axis * rate),
-            Sample::SpecificForce(v) => Sample::SpecificForce(turned(&v)),
-            Sample::MagneticField(v) => Sample::MagneticField(turned(&v)),
-            other => other,
-        };
-        Event { sample, ..*event }
-    }
 }
 
 #[cfg(test)]

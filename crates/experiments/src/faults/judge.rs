@@ -3,7 +3,7 @@
 use northing_core::faults;
 use northing_evaluation::registry::Question;
 use northing_evaluation::statistics::faults::FaultRecord;
-use northing_simulation::fault_injection::{FaultySensor, InjectedFault};
+use northing_simulation::fault_injection::{InjectedFault, InjectionTarget};
 use serde::{Serialize, Serializer};
 
 use super::stream::{Origin, Stream};
@@ -35,7 +35,7 @@ pub struct Instant {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Detected {
     /// Whose samples.
-    pub sensor: FaultySensor,
+    pub sensor: InjectionTarget,
     /// When it was found, s.
     pub found_s: f64,
 }
@@ -53,9 +53,9 @@ pub struct Track {
 pub(super) fn found(records: &[FaultRecord]) -> Vec<Detected> {
     let one = |record: &FaultRecord| Detected {
         sensor: match record.sensor {
-            faults::FaultySensor::Gyroscope => FaultySensor::Gyroscope,
-            faults::FaultySensor::Accelerometer => FaultySensor::Accelerometer,
-            faults::FaultySensor::Magnetometer => FaultySensor::Magnetometer,
+            faults::FaultySensor::Gyroscope => InjectionTarget::Gyroscope,
+            faults::FaultySensor::Accelerometer => InjectionTarget::Accelerometer,
+            faults::FaultySensor::Magnetometer => InjectionTarget::Magnetometer,
         },
         found_s: record.found_s,
     };
@@ -175,7 +175,7 @@ impl Judgement {
             recovery_s,
             nees,
             clean_nees,
-            detected: detected(faulty, fault.sensor, from_s),
+            detected: detected(faulty, fault.target, from_s),
             clean_alarms: clean.detected.as_ref().map(Vec::len),
             clean_s: clean.instants.last().map_or(0.0, |last| last.time_s),
             meets,
@@ -184,14 +184,14 @@ impl Judgement {
 }
 
 /// Whether a run found a fault of this sensor in time.
-fn detected(track: &Track, sensor: FaultySensor, from_s: f64) -> Option<bool> {
+fn detected(track: &Track, sensor: InjectionTarget, from_s: f64) -> Option<bool> {
     let is_it = |found: &Detected| {
-        let right = sensor == FaultySensor::All || found.sensor == sensor;
+        let right = sensor == InjectionTarget::All || found.sensor == sensor;
         right && (from_s..=from_s + DETECTION_S).contains(&found.found_s)
     };
     let found = track.detected.as_ref()?;
     // A receiver's faults are nobody's here: those of the samples are looked for.
-    (sensor != FaultySensor::Receiver).then(|| found.iter().any(is_it))
+    (sensor != InjectionTarget::Receiver).then(|| found.iter().any(is_it))
 }
 
 impl Track {
@@ -252,7 +252,7 @@ fn recovery(clean: &Track, faulty: &Track, until_s: f64, limit: f64) -> Option<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use FaultySensor::{Accelerometer, All, Gyroscope};
+    use InjectionTarget::{Accelerometer, All, Gyroscope};
 
     #[test]
     fn a_fault_is_found_in_its_sensor_and_in_time_or_not_at_all() {

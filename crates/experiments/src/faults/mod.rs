@@ -37,7 +37,7 @@ pub use stream::{Origin, Stream};
 use northing_evaluation::EstimatorKind;
 use northing_evaluation::navigation::NavigationKind;
 use northing_evaluation::registry::Question;
-use northing_simulation::fault_injection::{CATALOGUE, FaultySensor, InjectedFault, onset};
+use northing_simulation::fault_injection::{CATALOGUE, InjectedFault, InjectionTarget, onset};
 use northing_simulation::random::run_seed;
 use rayon::prelude::*;
 
@@ -263,10 +263,10 @@ impl Campaign {
 fn applies(fault: &InjectedFault, stream: &Stream) -> bool {
     let navigation = stream.question == Question::Navigation;
     let simulated = stream.origin == Origin::Simulated;
-    match fault.sensor {
+    match fault.target {
         _ if fault.needs_simulation() => simulated && !navigation,
-        FaultySensor::Receiver => navigation,
-        FaultySensor::Magnetometer => !navigation && stream.has_north,
+        InjectionTarget::Receiver => navigation,
+        InjectionTarget::Magnetometer => !navigation && stream.has_north,
         _ => true,
     }
 }

@@ -1,7 +1,9 @@
+use nalgebra::UnitQuaternion;
 use northing_recording::{GnssPosition, Reference};
 
 use super::*;
 use crate::attitude_world::{AttitudeWorld, WorldMotion};
+use crate::rotation::exp;
 
 fn stream() -> Vec<Event> {
     AttitudeWorld::draw_healthy(1, 0, WorldMotion::Walking, 40.0).events
@@ -22,7 +24,7 @@ fn every_fault_touches_its_sensor_from_its_beginning_on_and_nothing_else() {
     let clean = stream();
     let from = onset(&clean, 3).unwrap();
     for fault in &CATALOGUE {
-        if fault.sensor == FaultySensor::Receiver {
+        if fault.target == InjectionTarget::Receiver {
             continue;
         }
         let (faulty, until) = fault.inject(&clean, from, 3);
