@@ -15,3 +15,4 @@ pub mod ground;
 pub mod navigation_worlds;
 pub mod observers;
 pub mod radar;
+mod scoring;

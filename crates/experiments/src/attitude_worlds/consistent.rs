@@ -7,10 +7,7 @@ use std::collections::BTreeMap;
 
 use northing_simulation::random::{standard_normal, stream};
 
-use super::run::EVERY_S;
-
-/// Coverage of a stated 95 % that is called consistent.
-pub const BAND: [f64; 2] = [0.90, 0.99];
+use crate::scoring::{EVERY_S, is_consistent};
 
 /// Worlds that are made for one share.
 const WORLDS: usize = 500;
@@ -22,7 +19,7 @@ const LONGEST_S: f64 = 1e4;
 pub struct ConsistentShares(BTreeMap<(u8, usize, i32), f64>);
 
 impl ConsistentShares {
-    /// The share of worlds of so many instants with coverage in [`BAND`], for errors of this correlation time.
+    /// The share of worlds of so many instants with coverage in the band, for errors of this correlation time.
     pub fn share(&mut self, freedom: u8, instants: usize, correlation_time_s: f64) -> f64 {
         // Half octaves and fifties of instants: finer says nothing more.
         let grade = (2.0 * correlation_time_s.clamp(0.01, LONGEST_S).log2()).round() as i32;
@@ -52,12 +49,6 @@ fn computed(freedom: u8, instants: usize, correlation_time_s: f64) -> f64 {
         is_consistent(inside as f64 / instants as f64)
     };
     (0..WORLDS).filter(in_band).count() as f64 / WORLDS as f64
-}
-
-/// Whether a coverage lies in [`BAND`].
-#[must_use]
-pub fn is_consistent(coverage: f64) -> bool {
-    (BAND[0]..=BAND[1]).contains(&coverage)
 }
 
 /// 95 % of chi-square with one or two degrees of freedom.

@@ -6,9 +6,10 @@ use northing_simulation::attitude_world::{WorldFault, WorldMotion};
 use serde::Serialize;
 
 use super::cause::Cause;
-use super::consistent::{ConsistentShares, is_consistent};
+use super::consistent::ConsistentShares;
 use super::score::{EstimatorScore, StatedScore, WorldOutcome};
 use super::{Sensing, baseline};
+use crate::scoring::{CONSISTENT, is_consistent, median};
 
 /// So many of the worst worlds are listed.
 const WORST: usize = 10;
@@ -267,16 +268,9 @@ impl StatedRow {
             pooled_coverage: inside / instants as f64,
             consistent_share: share(&|s| is_consistent(s.coverage)),
             expected_share: expected / stated.len() as f64,
-            overconfident_share: share(&|s| s.coverage < super::consistent::BAND[0]),
+            overconfident_share: share(&|s| s.coverage < CONSISTENT[0]),
             median_nees: of(|s| s.nees)?,
             median_correlation_time_s: of(|s| s.correlation_time_s)?,
         })
     }
-}
-
-/// The middle one, or the mean of the two middle ones.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let last = values.len().checked_sub(1)?;
-    Some(0.5 * (values[last / 2] + values[values.len() / 2]))
 }

@@ -12,11 +12,10 @@ use super::cause;
 use super::score::{EstimatorScore, Moment, Verdicts, WorldInstant, WorldOutcome};
 use super::truth::Truth;
 use super::{Sensing, baseline};
+use crate::scoring::Thinned;
 
-/// Between two instants that are scored, s.
-pub(super) const EVERY_S: f64 = 0.1;
-/// So long nothing is scored, s: an estimator finds its start.
-const SKIP_S: f64 = 5.0;
+/// Stamps of worlds are exact to the nanosecond.
+const TOLERANCE_S: f64 = 1e-9;
 
 /// What one estimator made of a world.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -83,21 +82,20 @@ fn sensings(world: &AttitudeWorldDescription) -> impl Iterator<Item = Sensing> +
 
 /// Takes an estimate each tenth of a second.
 struct Watch {
-    next_s: f64,
+    thinned: Thinned,
     moments: Vec<Moment>,
 }
 
 impl Watch {
     const fn new() -> Self {
         Self {
-            next_s: SKIP_S,
+            thinned: Thinned::new(TOLERANCE_S),
             moments: Vec::new(),
         }
     }
 
     fn take(&mut self, moment: Moment) {
-        if moment.time_s + 1e-9 >= self.next_s {
-            self.next_s = (self.next_s + EVERY_S).max(moment.time_s + 0.5 * EVERY_S);
+        if self.thinned.takes(moment.time_s) {
             self.moments.push(moment);
         }
     }

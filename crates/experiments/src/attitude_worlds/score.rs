@@ -7,8 +7,9 @@ use serde::Serialize;
 
 use super::cause::Cause;
 use super::consistent::quantile_95;
-use super::run::{EVERY_S, EstimatorRun, WorldRun};
+use super::run::{EstimatorRun, WorldRun};
 use super::{Sensing, baseline};
+use crate::scoring::{self, EVERY_S};
 
 /// An error beyond so many standard deviations is no chance.
 const FAR: f64 = 5.0;
@@ -167,10 +168,7 @@ impl EstimatorRun {
             StatedScore::of(freedom, judged.iter().filter_map(of))
         };
         let instants: Vec<_> = judged.iter().map(|judged| judged.instant).collect();
-        let rms = |of: fn(&WorldInstant) -> f64| {
-            let sum: f64 = instants.iter().map(|i| of(i).powi(2)).sum();
-            (!instants.is_empty()).then(|| (sum / instants.len() as f64).sqrt())
-        };
+        let rms = |of: fn(&WorldInstant) -> f64| scoring::rms(instants.iter().map(of));
         let score = EstimatorScore {
             estimator,
             sensing,

@@ -5,9 +5,10 @@ use northing_evaluation::attitude::{RunObserver, ScoredRecord};
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, run};
 use northing_recording::{Event, RecordingError};
 
-use super::judge::{Instant, Thinned, Track, found};
+use super::judge::{Instant, STAMP_TOLERANCE_S, Track};
 use super::stream::Stream;
 use crate::attitude_worlds::score::{Judged, Moment};
+use crate::scoring::Thinned;
 
 /// What an estimator makes of these events of a stream; nothing where it cannot run.
 pub(super) fn track(kind: EstimatorKind, stream: &Stream, events: &[Event]) -> Track {
@@ -18,7 +19,7 @@ pub(super) fn track(kind: EstimatorKind, stream: &Stream, events: &[Event]) -> T
     };
     let mut watch = Watch {
         stream,
-        thinned: Thinned::default(),
+        thinned: Thinned::new(STAMP_TOLERANCE_S),
         start: None,
         instants: Vec::new(),
     };
@@ -27,10 +28,8 @@ pub(super) fn track(kind: EstimatorKind, stream: &Stream, events: &[Event]) -> T
         .map(|event| Ok::<Event, RecordingError>(*event));
     // What ends with an error has said something before it.
     let summary = run(events, &options, &mut watch).ok();
-    Track {
-        instants: watch.instants,
-        detected: summary.map(|summary| found(&summary.faults)),
-    }
+    let found = summary.as_ref().map(|summary| summary.faults.as_slice());
+    Track::of(watch.instants, found)
 }
 
 struct Watch<'a> {

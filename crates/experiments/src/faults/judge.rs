@@ -1,6 +1,6 @@
 //! How one run is judged: cost, recovery and consistency of an estimator after a fault, beside the same run without it.
 
-use northing_core::faults;
+use northing_core::faults::FaultySensor;
 use northing_evaluation::registry::Question;
 use northing_evaluation::statistics::faults::FaultRecord;
 use northing_simulation::fault_injection::{InjectedFault, InjectionTarget};
@@ -8,11 +8,10 @@ use serde::{Serialize, Serializer};
 
 use super::stream::{Origin, Stream};
 use super::{MOST_COST, MOST_NEES, RECOVERED_DEG, RECOVERED_RATIO, RECOVERY_S, Subject};
+use crate::scoring::{self, EVERY_S};
 
-/// Nothing is scored before, s: an estimator finds its start.
-const SKIP_S: f64 = 5.0;
-/// Between two instants that are scored, s.
-const EVERY_S: f64 = 0.1;
+/// Stamps of recordings are rounded to microseconds.
+pub(super) const STAMP_TOLERANCE_S: f64 = 1e-6;
 /// The time after a fault that is judged, s.
 const MINUTE_S: f64 = 60.0;
 /// A fault is to be found within, s.
@@ -35,7 +34,7 @@ pub struct Instant {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Detected {
     /// Whose samples.
-    pub sensor: InjectionTarget,
+    pub sensor: FaultySensor,
     /// When it was found, s.
     pub found_s: f64,
 }
@@ -47,35 +46,6 @@ pub struct Track {
     pub instants: Vec<Instant>,
     /// Faults that were found; `None` where nobody looks for them.
     pub detected: Option<Vec<Detected>>,
-}
-
-/// The faults that a run tells: the one place that reads them.
-pub(super) fn found(records: &[FaultRecord]) -> Vec<Detected> {
-    let one = |record: &FaultRecord| Detected {
-        sensor: match record.sensor {
-            faults::FaultySensor::Gyroscope => InjectionTarget::Gyroscope,
-            faults::FaultySensor::Accelerometer => InjectionTarget::Accelerometer,
-            faults::FaultySensor::Magnetometer => InjectionTarget::Magnetometer,
-        },
-        found_s: record.found_s,
-    };
-    records.iter().map(one).collect()
-}
-
-/// Takes ten instants a second.
-#[derive(Debug, Default)]
-pub(super) struct Thinned {
-    next_s: f64,
-}
-
-impl Thinned {
-    pub(super) fn takes(&mut self, time_s: f64) -> bool {
-        let takes = time_s + 1e-6 >= self.next_s.max(SKIP_S);
-        if takes {
-            self.next_s = (self.next_s.max(SKIP_S) + EVERY_S).max(time_s + 0.5 * EVERY_S);
-        }
-        takes
-    }
 }
 
 /// A run with a fault, judged.
@@ -183,18 +153,39 @@ impl Judgement {
     }
 }
 
-/// Whether a run found a fault of this sensor in time.
-fn detected(track: &Track, sensor: InjectionTarget, from_s: f64) -> Option<bool> {
+/// Whether a run found a fault of these sensors in time.
+fn detected(track: &Track, target: InjectionTarget, from_s: f64) -> Option<bool> {
     let is_it = |found: &Detected| {
-        let right = sensor == InjectionTarget::All || found.sensor == sensor;
-        right && (from_s..=from_s + DETECTION_S).contains(&found.found_s)
+        is_of(target, found.sensor) && (from_s..=from_s + DETECTION_S).contains(&found.found_s)
     };
     let found = track.detected.as_ref()?;
     // A receiver's faults are nobody's here: those of the samples are looked for.
-    (sensor != InjectionTarget::Receiver).then(|| found.iter().any(is_it))
+    (target != InjectionTarget::Receiver).then(|| found.iter().any(is_it))
+}
+
+const fn is_of(target: InjectionTarget, sensor: FaultySensor) -> bool {
+    match target {
+        InjectionTarget::Gyroscope => matches!(sensor, FaultySensor::Gyroscope),
+        InjectionTarget::Accelerometer => matches!(sensor, FaultySensor::Accelerometer),
+        InjectionTarget::Magnetometer => matches!(sensor, FaultySensor::Magnetometer),
+        InjectionTarget::All => true,
+        InjectionTarget::Receiver => false,
+    }
 }
 
 impl Track {
+    /// What a watch noted, and the faults that the run found where it looks for them.
+    pub(super) fn of(instants: Vec<Instant>, found: Option<&[FaultRecord]>) -> Self {
+        let one = |record: &FaultRecord| Detected {
+            sensor: record.sensor,
+            found_s: record.found_s,
+        };
+        Self {
+            instants,
+            detected: found.map(|records| records.iter().map(one).collect()),
+        }
+    }
+
     fn within(&self, from_s: f64, until_s: f64) -> &[Instant] {
         let place = |time_s: f64| self.instants.partition_point(|i| i.time_s < time_s);
         self.instants
@@ -203,9 +194,7 @@ impl Track {
     }
 
     fn rms(&self) -> Option<f64> {
-        let sum: f64 = self.instants.iter().map(|i| i.error * i.error).sum();
-        let count = self.instants.len();
-        (count > 0).then(|| (sum / count as f64).sqrt())
+        scoring::rms(self.instants.iter().map(|i| i.error))
     }
 
     fn mean_nees(&self, from_s: f64, until_s: f64) -> Option<f64> {
@@ -252,7 +241,7 @@ fn recovery(clean: &Track, faulty: &Track, until_s: f64, limit: f64) -> Option<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use InjectionTarget::{Accelerometer, All, Gyroscope};
+    use InjectionTarget::{All, Gyroscope};
 
     #[test]
     fn a_fault_is_found_in_its_sensor_and_in_time_or_not_at_all() {
@@ -261,20 +250,23 @@ mod tests {
             ..Track::default()
         };
         assert_eq!(
-            detected(&found(Gyroscope, 41.0), Gyroscope, 40.0),
+            detected(&found(FaultySensor::Gyroscope, 41.0), Gyroscope, 40.0),
             Some(true)
         );
-        assert_eq!(detected(&found(Gyroscope, 41.0), All, 40.0), Some(true));
         assert_eq!(
-            detected(&found(Gyroscope, 39.0), Gyroscope, 40.0),
+            detected(&found(FaultySensor::Gyroscope, 41.0), All, 40.0),
+            Some(true)
+        );
+        assert_eq!(
+            detected(&found(FaultySensor::Gyroscope, 39.0), Gyroscope, 40.0),
             Some(false)
         );
         assert_eq!(
-            detected(&found(Gyroscope, 43.5), Gyroscope, 40.0),
+            detected(&found(FaultySensor::Gyroscope, 43.5), Gyroscope, 40.0),
             Some(false)
         );
         assert_eq!(
-            detected(&found(Accelerometer, 41.0), Gyroscope, 40.0),
+            detected(&found(FaultySensor::Accelerometer, 41.0), Gyroscope, 40.0),
             Some(false)
         );
         assert_eq!(detected(&Track::default(), Gyroscope, 40.0), None);
@@ -329,8 +321,5 @@ mod tests {
         assert!((steps.mean_nees(50.0, 110.0).unwrap() - 2.0).abs() < 1e-9);
         assert_eq!(steps.mean_nees(200.0, 260.0), None);
         assert_eq!(steps.largest(40.0, 60.0), Some(9.0));
-        let mut thinned = Thinned::default();
-        let taken = (0..10_000).filter(|k| thinned.takes(f64::from(*k) * 0.002));
-        assert_eq!(taken.count(), 150);
     }
 }

@@ -31,7 +31,7 @@ mod outcome;
 mod stream;
 
 pub use judge::{Detected, Instant, Judgement, Track};
-pub use outcome::{AlarmRow, CampaignOutcome, FaultRow};
+pub use outcome::{AlarmRow, CampaignOutcome, FaultRow, Part};
 pub use stream::{Origin, Stream};
 
 use northing_evaluation::EstimatorKind;

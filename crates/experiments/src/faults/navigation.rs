@@ -5,8 +5,9 @@ use northing_evaluation::navigation::{
 };
 use northing_recording::{Event, RecordingError};
 
-use super::judge::{Instant, Thinned, Track, found};
+use super::judge::{Instant, STAMP_TOLERANCE_S, Track};
 use super::stream::Stream;
+use crate::scoring::Thinned;
 
 /// What an estimator makes of these events of a stream; nothing where it cannot run.
 pub(super) fn track(kind: NavigationKind, stream: &Stream, events: &[Event]) -> Track {
@@ -16,7 +17,7 @@ pub(super) fn track(kind: NavigationKind, stream: &Stream, events: &[Event]) -> 
     };
     let mut watch = Watch {
         stream,
-        thinned: Thinned::default(),
+        thinned: Thinned::new(STAMP_TOLERANCE_S),
         instants: Vec::new(),
     };
     let events = events
@@ -25,13 +26,13 @@ pub(super) fn track(kind: NavigationKind, stream: &Stream, events: &[Event]) -> 
     let frame = stream.metadata.world_frame;
     // What ends with an error has said something before it.
     let summary = run_navigation(events, &stream.name, frame, &options, &mut watch).ok();
-    Track {
-        instants: watch.instants,
-        // A ship's log and compass have no inertial samples to look at.
-        detected: summary
-            .filter(|_| kind != NavigationKind::DeadReckoning)
-            .map(|summary| found(&summary.faults)),
-    }
+    // A ship's log and compass have no inertial samples to look at.
+    let looks = kind != NavigationKind::DeadReckoning;
+    let found = summary.as_ref().filter(|_| looks);
+    Track::of(
+        watch.instants,
+        found.map(|summary| summary.faults.as_slice()),
+    )
 }
 
 struct Watch<'a> {

@@ -12,6 +12,25 @@ use super::{MOST_NEES, RECOVERY_S, Subject};
 
 /// So many of the worst runs are listed.
 const WORST: usize = 8;
+/// Tables, in their order.
+const PARTS: [(Question, Origin, &str); 4] = [
+    (
+        Question::Attitude,
+        Origin::Simulated,
+        "attitude, simulated worlds",
+    ),
+    (Question::Attitude, Origin::Recorded, "attitude, recordings"),
+    (
+        Question::Navigation,
+        Origin::Simulated,
+        "navigation, simulated worlds",
+    ),
+    (
+        Question::Navigation,
+        Origin::Recorded,
+        "navigation, recordings",
+    ),
+];
 
 /// One fault and one estimator over all streams of an origin.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -65,6 +84,50 @@ pub struct AlarmRow {
     pub per_hour: f64,
 }
 
+/// Rows of one question and origin, at least one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part<'a> {
+    /// What is estimated, and on which streams: `attitude, recordings`.
+    pub title: &'static str,
+    /// A row a fault and estimator, in the order of the outcome.
+    pub rows: Vec<&'a FaultRow>,
+}
+
+impl<'a> Part<'a> {
+    /// Names of the estimators, the default first.
+    #[must_use]
+    pub fn estimators(&self) -> Vec<&'static str> {
+        let mut names = Vec::new();
+        for row in &self.rows {
+            if !names.contains(&row.estimator) {
+                names.push(row.estimator);
+            }
+        }
+        names
+    }
+
+    /// Names of the faults, in the order of the catalogue.
+    pub fn faults(&self) -> impl Iterator<Item = &'static str> + use<'_> {
+        let names = CATALOGUE.iter().map(|fault| fault.name);
+        names.filter(|name| self.rows.iter().any(|row| row.fault == *name))
+    }
+
+    /// The row of a fault and an estimator.
+    #[must_use]
+    pub fn row(&self, fault: &str, estimator: &str) -> Option<&'a FaultRow> {
+        let is_it = |row: &&&FaultRow| row.fault == fault && row.estimator == estimator;
+        self.rows.iter().find(is_it).copied()
+    }
+
+    /// The default estimator, or the first of those that were asked for, and its rows.
+    #[must_use]
+    pub fn of_default(&self) -> (&'static str, Vec<&'a FaultRow>) {
+        let name = self.rows.first().map_or("", |row| row.estimator);
+        let of = self.rows.iter().filter(|row| row.estimator == name);
+        (name, of.copied().collect())
+    }
+}
+
 /// What came out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CampaignOutcome {
@@ -85,19 +148,17 @@ impl CampaignOutcome {
     #[must_use]
     pub fn of(seed: u64, runs: Vec<Judgement>) -> Self {
         let mut rows = Vec::new();
-        for question in [Question::Attitude, Question::Navigation] {
-            for origin in [Origin::Simulated, Origin::Recorded] {
-                for fault in &CATALOGUE {
-                    for subject in Subject::every() {
-                        let of = |run: &&Judgement| {
-                            run.question == question
-                                && run.origin == origin
-                                && run.fault == fault.name
-                                && run.estimator == subject.name()
-                        };
-                        let of_row: Vec<_> = runs.iter().filter(of).collect();
-                        rows.extend(FaultRow::of(&of_row));
-                    }
+        for (question, origin, _) in PARTS {
+            for fault in &CATALOGUE {
+                for subject in Subject::every() {
+                    let of = |run: &&Judgement| {
+                        run.question == question
+                            && run.origin == origin
+                            && run.fault == fault.name
+                            && run.estimator == subject.name()
+                    };
+                    let of_row: Vec<_> = runs.iter().filter(of).collect();
+                    rows.extend(FaultRow::of(&of_row));
                 }
             }
         }
@@ -108,6 +169,17 @@ impl CampaignOutcome {
             rows,
             runs,
         }
+    }
+
+    /// The tables: rows of each question and origin that has any.
+    #[must_use]
+    pub fn parts(&self) -> Vec<Part<'_>> {
+        let part = |(question, origin, title)| Part {
+            title,
+            rows: self.table(question, origin).collect(),
+        };
+        let parts = PARTS.into_iter().map(part);
+        parts.filter(|part| !part.rows.is_empty()).collect()
     }
 
     /// Rows of one question and origin.

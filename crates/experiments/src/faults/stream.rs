@@ -40,6 +40,17 @@ pub enum Origin {
     Recorded,
 }
 
+impl Origin {
+    /// In words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated worlds",
+            Self::Recorded => "recordings",
+        }
+    }
+}
+
 /// A clean stream of samples, with what it is scored against.
 #[derive(Debug, Clone)]
 pub struct Stream {

@@ -4,9 +4,7 @@ use northing_simulation::navigation_world::{FaultKind, WorldClass};
 use serde::Serialize;
 
 use super::score::{Score, WorldOutcome};
-
-/// Coverage of a 95 % ellipse that is called consistent.
-const CONSISTENT: [f64; 2] = [0.90, 0.99];
+use crate::scoring::{CONSISTENT, is_consistent, median};
 
 /// Numbers over the worlds of a class, or over all.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -215,12 +213,8 @@ impl ClassRow {
         let coverages =
             |of: fn(&WorldOutcome) -> &Score| worlds.iter().filter_map(move |w| of(w).coverage);
         let knowable: Vec<f64> = coverages(|w| &w.can_be_known).collect();
-        let [low, high] = CONSISTENT;
-        let consistent = knowable
-            .iter()
-            .filter(|c| (low..=high).contains(*c))
-            .count();
-        let overconfident = knowable.iter().filter(|c| **c < low).count();
+        let consistent = knowable.iter().filter(|c| is_consistent(**c)).count();
+        let overconfident = knowable.iter().filter(|c| **c < CONSISTENT[0]).count();
         let inside = |w: &&WorldOutcome| {
             let score = &w.can_be_known;
             score.coverage.unwrap_or(0.0) * score.instants as f64
@@ -251,11 +245,4 @@ impl ClassRow {
             median_outage_ratio: median(worlds.iter().filter_map(|w| w.outage_ratio).collect()),
         }
     }
-}
-
-/// The middle one, or the mean of the two middle ones.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let last = values.len().checked_sub(1)?;
-    Some(0.5 * (values[last / 2] + values[values.len() / 2]))
 }

@@ -14,12 +14,10 @@ use serde::Serialize;
 use super::baseline::Baseline;
 use super::score::WorldOutcome;
 use super::undetectable;
+use crate::scoring::EVERY_S;
 
 /// Chi-square with two degrees of freedom, 95 %.
 pub(super) const CHI_SQUARE_95: f64 = 5.991;
-/// Between two instants that are scored, s.
-pub(super) const EVERY_S: f64 = 0.1;
-
 /// An outage is longer than this, s.
 const OUTAGE_S: f64 = 2.0;
 

@@ -3,7 +3,8 @@
 use northing_simulation::navigation_world::WorldDescription;
 use serde::Serialize;
 
-use super::run::{EVERY_S, WorldInstant, WorldRun};
+use super::run::{WorldInstant, WorldRun};
+use crate::scoring::{EVERY_S, rms};
 
 /// Beyond so many times the 95 % ellipse an error is no chance.
 const FAR: f64 = 5.0;
@@ -118,11 +119,6 @@ fn ratio<'a>(instants: impl Iterator<Item = &'a WorldInstant> + Clone) -> Option
     let both = instants.filter(|i| i.extrapolation_error_m.is_some());
     let own = rms(both.clone().map(|i| i.error_m))?;
     rms(both.filter_map(|i| i.extrapolation_error_m)).map(|other| own / other)
-}
-
-fn rms(errors: impl Iterator<Item = f64>) -> Option<f64> {
-    let (count, sum) = errors.fold((0_usize, 0.0), |(n, sum), e| (n + 1, sum + e * e));
-    (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
 impl WorldOutcome {
