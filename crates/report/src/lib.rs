@@ -15,6 +15,7 @@
 //! | `attitude_worlds.rs` | the page of attitude on random worlds |
 //! | `navigation_worlds.rs` | the page of GNSS/INS on random worlds |
 //! | `faults.rs` | the page of the fault campaign |
+//! | `elements.rs` | cells, columns and figures that pages of experiments share |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
 //! | `plot.rs`, `axis.rs`, `series.rs`, `svg.rs` | figures, ticks, thinning, SVG text |

@@ -2,6 +2,7 @@
 
 use crate::attitude::run_report::{FinalTest, RunReport, SensorUpdates};
 use crate::page::facts::{Fact, Tone, Verdict};
+use crate::page::html::capitalised;
 use northing_evaluation::attitude::final_test::{FinalSummary, FinalVerdict};
 use northing_evaluation::attitude::{RunSummary, Trace};
 use northing_evaluation::statistics::consistency::{NoiseVerdict, is_consistent_nees};
@@ -122,9 +123,7 @@ fn verdicts(summary: &RunSummary) -> Vec<Verdict> {
 
 /// With a capital and a full stop.
 fn sentence(text: &str) -> String {
-    let mut letters = text.chars();
-    let first = letters.next().map(|c| c.to_uppercase().to_string());
-    format!("{}{}.", first.unwrap_or_default(), letters.as_str())
+    format!("{}.", capitalised(text))
 }
 
 fn updates(summary: &RunSummary) -> Vec<SensorUpdates> {

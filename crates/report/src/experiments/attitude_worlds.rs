@@ -1,8 +1,9 @@
 //! The report of attitude on random worlds: accuracy, coverage, verdicts, and the worst worlds over time.
 
-use crate::drawing::axis::Axis;
-use crate::drawing::plot::{Figure, Layer, Panel, Sign, key, line_key};
-use crate::page::facts::{Fact, Tone, Verdict};
+use super::elements::{self, CONSISTENT, good_if, or_dash, percent};
+use crate::drawing::plot::{Figure, Panel, line_key};
+use crate::drawing::series::Point;
+use crate::page::facts::{Fact, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Cell, Column, Table};
 use northing_experiments::attitude_worlds::{
@@ -10,12 +11,8 @@ use northing_experiments::attitude_worlds::{
     WorldRun, WorldsOutcome, baseline,
 };
 
-/// Points drawn at most of one line: ten pictures stand on the page.
-const LINE_POINTS: usize = 600;
 /// The least height of an axis of errors, deg.
 const LEAST_DEG: f64 = 1.0;
-/// Pooled coverage of a stated 95 % that is called consistent.
-const CONSISTENT: core::ops::RangeInclusive<f64> = 0.90..=0.99;
 /// Share of the worlds in which a true cause is to be named.
 const RIGHT: f64 = 0.90;
 
@@ -55,7 +52,7 @@ pub fn render(outcome: &WorldsOutcome, runs: &[WorldRun], command: Option<&str>)
         outcome.seed
     );
     page.finish(&Frame {
-        kicker: "Northing \u{00b7} experiment",
+        kicker: elements::KICKER,
         title: "Attitude on random worlds: is it right, and does it state its error?",
         lead: &lead,
         summary: &first.map_or_else(Vec::new, facts),
@@ -66,47 +63,40 @@ pub fn render(outcome: &WorldsOutcome, runs: &[WorldRun], command: Option<&str>)
     })
 }
 
-fn percent(share: f64) -> String {
-    format!("{:.1} %", 100.0 * share)
-}
-
 fn facts(of: &EstimatorOutcome) -> Vec<Fact> {
     let total = &of.total;
-    let shown =
-        |value: Option<f64>, text: fn(f64) -> String| value.map_or_else(|| "-".to_owned(), text);
-    let coverage = |row: &Option<_>, of: fn(&_) -> f64| shown(row.as_ref().map(of), percent);
+    let coverage = |row: &Option<StatedRow>| row.as_ref().map(|stated| stated.pooled_coverage);
     vec![
         Fact::new("estimator", of.estimator.to_owned()),
         Fact::new(
             "tilt, median RMS",
-            shown(total.tilt_rms_deg, |d| format!("{d:.2}\u{00b0}")),
+            or_dash(total.tilt_rms_deg, |d| format!("{d:.2}\u{00b0}")),
         ),
         Fact::new(
             "heading, median RMS",
-            shown(total.heading_rms_deg, |d| format!("{d:.2}\u{00b0}")),
+            or_dash(total.heading_rms_deg, |d| format!("{d:.2}\u{00b0}")),
         ),
         Fact::new(
             "total over VQF's",
-            shown(total.total_over_vqf, |r| format!("{r:.2}")),
+            or_dash(total.total_over_vqf, |r| format!("{r:.2}")),
         ),
         Fact::new(
             "coverage of the tilt",
-            coverage(&total.tilt, |s: &StatedRow| s.pooled_coverage),
+            or_dash(coverage(&total.tilt), percent),
         ),
-        Fact::new("true cause named", shown(total.right_share, percent)),
-        Fact::new("false cause named", shown(total.false_share, percent)),
+        Fact::new("true cause named", or_dash(total.right_share, percent)),
+        Fact::new("false cause named", or_dash(total.false_share, percent)),
     ]
 }
 
 /// What the experiment answers, sentence by sentence.
 fn verdicts_of(of: &EstimatorOutcome) -> Vec<Verdict> {
-    let tone = |good: bool| if good { Tone::Good } else { Tone::Bad };
     let total = &of.total;
     let mut verdicts = Vec::new();
     for (name, stated) in [("tilt", &total.tilt), ("heading", &total.heading)] {
         if let Some(stated) = stated {
             verdicts.push(Verdict::new(
-                tone(CONSISTENT.contains(&stated.pooled_coverage)),
+                good_if(CONSISTENT.contains(&stated.pooled_coverage)),
                 format!(
                     "The stated 95 % of the {name} hold {} of the errors; {} of the worlds are in the band, of a consistent \
                      estimator {} would be.",
@@ -119,14 +109,14 @@ fn verdicts_of(of: &EstimatorOutcome) -> Vec<Verdict> {
     }
     if let Some(right) = total.right_share {
         verdicts.push(Verdict::new(
-            tone(right >= RIGHT),
+            good_if(right >= RIGHT),
             format!(
                 "The verdicts name a true cause in {} of the worlds.",
                 percent(right)
             ),
         ));
         verdicts.push(Verdict::new(
-            tone(total.green_beyond_five == 0 && total.blamed_inside_the_band == 0),
+            good_if(total.green_beyond_five == 0 && total.blamed_inside_the_band == 0),
             format!(
                 "Green beyond five standard deviations: {} worlds; blamed inside the band of the mean NIS: {}.",
                 total.green_beyond_five, total.blamed_inside_the_band
@@ -155,12 +145,11 @@ const COLUMNS: [[&str; 2]; 15] = [
 ];
 
 fn cells(name: &str, row: &GroupRow) -> Vec<Cell> {
-    let count = |n: usize| Cell::number(Some(n as f64), 0);
-    let share = |share: Option<f64>| Cell::number(share.map(|share| 100.0 * share), 1);
+    let share = |share| elements::share(share, 1);
     let mut cells = vec![
         Cell::text(name),
-        count(row.worlds),
-        count(row.without_estimate),
+        elements::count(row.worlds),
+        elements::count(row.without_estimate),
         Cell::number(row.tilt_rms_deg, 2),
         Cell::number(row.tilt_over_vqf, 2),
         Cell::number(row.heading_rms_deg, 2),
@@ -177,11 +166,7 @@ fn cells(name: &str, row: &GroupRow) -> Vec<Cell> {
 }
 
 fn columns(first: &str) -> Vec<Column> {
-    let column = |[name, unit]: &[&str; 2]| Column::new(*name, *unit, None);
-    core::iter::once(&[first, ""])
-        .chain(&COLUMNS)
-        .map(column)
-        .collect()
+    elements::columns([&[first, ""]].into_iter().chain(&COLUMNS))
 }
 
 fn estimator_table(outcome: &WorldsOutcome, sensing: Sensing) -> String {
@@ -216,7 +201,7 @@ fn confusion_table(of: &EstimatorOutcome) -> Option<String> {
         .iter()
         .map(|cause| Column::new(cause.name(), "", None));
     let row = |(cause, counts): &(Cause, Vec<usize>)| {
-        let counts = counts.iter().map(|n| Cell::number(Some(*n as f64), 0));
+        let counts = counts.iter().map(|n| elements::count(*n));
         core::iter::once(Cell::text(cause.name()))
             .chain(counts)
             .collect()
@@ -255,73 +240,53 @@ fn drawn(run: &WorldRun, subject: &str) -> String {
     }
 }
 
-type Line = Vec<[f64; 2]>;
-
-fn line(run: &EstimatorRun, of: fn(&WorldInstant) -> f64) -> Line {
-    run.instants.iter().map(|i| [i.time_s, of(i)]).collect()
-}
-
+/// The errors of the subject over its band, before those of VQF.
 fn panel(
     title: &str,
-    [own, other]: [Option<&EstimatorRun>; 2],
+    own: &EstimatorRun,
+    vqf: Option<&EstimatorRun>,
     error: fn(&WorldInstant) -> f64,
     std: fn(&WorldInstant) -> Option<f64>,
     signed: bool,
 ) -> Panel {
-    let mut layers = Vec::new();
-    let mut widest = LEAST_DEG;
-    if let Some(own) = own {
-        let band: Vec<_> = (own.instants.iter())
-            .filter_map(|i| std(i).map(|std| (i.time_s, (3.0 * std).min(180.0))))
-            .map(|(t, reach)| [t, if signed { -reach } else { 0.0 }, reach])
-            .collect();
-        widest = band.iter().map(|b| b[2]).fold(widest, f64::max);
-        layers.push(Layer::band(band, false));
-    }
-    for (run, class) in [(other, "s5 thin"), (own, "s1")] {
-        if let Some(run) = run {
-            let points = line(run, error);
-            widest = points.iter().map(|p| p[1].abs()).fold(widest, f64::max);
-            layers.push(Layer::line(points, class, signed));
-        }
-    }
-    let widest = widest.min(180.0);
-    let axis = Axis::degrees(if signed { -widest } else { 0.0 }, widest, 6);
-    Panel::new(title, "deg", axis, layers).height(130.0)
+    let line = |run: &EstimatorRun| -> Vec<Point> {
+        run.instants.iter().map(|i| [i.time_s, error(i)]).collect()
+    };
+    let stated = |i: &WorldInstant| std(i).map(|std| (i.time_s, std));
+    let lines = vqf.map(|vqf| ("s5 thin", line(vqf)));
+    let lines = lines.into_iter().chain([("s1", line(own))]).collect();
+    let stds = own.instants.iter().filter_map(stated);
+    elements::angle_panel(title, stds, lines, LEAST_DEG, signed).height(130.0)
 }
 
 fn figure(number: u64, own: &EstimatorRun, vqf: Option<&EstimatorRun>) -> Figure {
-    let both = [Some(own), vqf];
-    let ends = [own.instants.first(), own.instants.last()].map(|i| i.map_or(0.0, |i| i.time_s));
-    let figure = Figure::new(
+    elements::over_time(
         format!("Errors of world {number}"),
-        Axis::time(ends[0], ends[1], 10),
+        [own.instants.first(), own.instants.last()].map(|i| i.map_or(0.0, |i| i.time_s)),
         vec![
             line_key("s1", own.score.estimator),
             line_key("s5 thin", "VQF"),
-            key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3}"),
+            elements::band_key(),
         ],
         vec![
             panel(
                 "tilt error",
-                both,
+                own,
+                vqf,
                 |i| i.tilt_error_deg,
                 |i| i.tilt_std_deg,
                 false,
             ),
             panel(
                 "heading error",
-                both,
+                own,
+                vqf,
                 |i| i.heading_error_deg,
                 |i| i.heading_std_deg,
                 true,
             ),
         ],
-    );
-    Figure {
-        line_points: LINE_POINTS,
-        ..figure
-    }
+    )
 }
 
 #[cfg(test)]

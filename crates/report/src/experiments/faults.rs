@@ -1,19 +1,17 @@
 //! The report of the fault campaign: which faults which estimators survive, how the default ones recover, and the worst runs over time.
 
+use super::elements;
 use crate::drawing::axis::Axis;
 use crate::drawing::plot::{Figure, Layer, Panel, Sign, key, line_key};
+use crate::drawing::series::Point;
 use crate::page::facts::{Fact, Tone, Verdict};
-use crate::page::html::{self, Frame, Page};
+use crate::page::html::{self, Frame, Page, capitalised};
 use crate::page::table::{self, Cell, Column, Table};
 use northing_evaluation::registry::Question;
 use northing_experiments::faults::{
-    CampaignOutcome, DrawnRun, FaultRow, Instant, MOST_COST, Origin, RECOVERED_DEG, RECOVERY_S,
-    Track,
+    CampaignOutcome, DrawnRun, FaultRow, Instant, MOST_COST, Part, RECOVERED_DEG, RECOVERY_S, Track,
 };
-use northing_simulation::fault_injection::CATALOGUE;
 
-/// Points drawn at most of one line.
-const LINE_POINTS: usize = 600;
 /// Errors outside are drawn at the edge: deg or m.
 const DRAWN: [f64; 2] = [0.01, 1e5];
 /// Share of the runs that are to meet the limits.
@@ -32,57 +30,25 @@ const READING: &str = "One fault at a time is laid over clean samples, around a 
 #[must_use]
 pub fn render(outcome: &CampaignOutcome, drawn: &[DrawnRun], command: Option<&str>) -> String {
     let mut page = Page::default();
-    let shares: String = parts(outcome)
-        .map(|(title, rows)| shares(title, &rows))
-        .collect();
+    let parts = outcome.parts();
+    let shares: String = parts.iter().map(shares).collect();
     page.section("limits", "Who survives what", &shares);
-    let details: String = parts(outcome)
-        .map(|(title, rows)| details(title, &rows))
-        .collect();
+    let details: String = parts.iter().map(details).collect();
     page.section("defaults", "The default estimators", &details);
     page.section("alarms", "False alarms on clean data", &alarms(outcome));
     let worst: String = drawn.iter().map(figure_of).collect();
     page.section("worst", "Runs that miss the limits by most", &worst);
     let lead = format!("{} runs, seed {}", outcome.runs.len(), outcome.seed);
     page.finish(&Frame {
-        kicker: "Northing \u{00b7} experiment",
+        kicker: elements::KICKER,
         title: "Faults of sensors: what does each cost, and does an estimator recover?",
         lead: &lead,
-        summary: &facts(outcome),
-        verdicts: &verdicts(outcome),
+        summary: &facts(outcome, &parts),
+        verdicts: &parts.iter().map(verdict).collect::<Vec<_>>(),
         recording: "",
         command,
         reading: READING,
     })
-}
-
-/// Rows of each question and origin that has some, with a title.
-fn parts(
-    outcome: &CampaignOutcome,
-) -> impl Iterator<Item = (&'static str, Vec<&FaultRow>)> + use<'_> {
-    let parts = [
-        (
-            "Attitude, simulated worlds",
-            Question::Attitude,
-            Origin::Simulated,
-        ),
-        ("Attitude, recordings", Question::Attitude, Origin::Recorded),
-        (
-            "Navigation, simulated worlds",
-            Question::Navigation,
-            Origin::Simulated,
-        ),
-        (
-            "Navigation, recordings",
-            Question::Navigation,
-            Origin::Recorded,
-        ),
-    ];
-    let rows = |(title, question, origin)| (title, outcome.table(question, origin).collect());
-    parts
-        .into_iter()
-        .map(rows)
-        .filter(|(_, rows): &(_, Vec<_>)| !rows.is_empty())
 }
 
 fn tone(share: f64) -> Tone {
@@ -93,92 +59,74 @@ fn tone(share: f64) -> Tone {
     }
 }
 
-fn facts(outcome: &CampaignOutcome) -> Vec<Fact> {
-    let mut facts = vec![Fact::new("runs", outcome.runs.len().to_string())];
-    for (title, rows) in parts(outcome) {
-        let first = rows.first().map(|row| row.estimator);
-        let of: Vec<_> = rows
-            .iter()
-            .filter(|row| Some(row.estimator) == first)
-            .collect();
-        let met = of.iter().filter(|row| row.meets_share >= GOOD).count();
-        let name = first.unwrap_or_default();
-        facts.push(Fact::new(
-            format!("{name}: faults survived ({})", title.to_lowercase()),
-            format!("{met} of {}", of.len()),
-        ));
+/// A cell of the share of runs that meet the limits, percent.
+fn toned(share: f64) -> Cell {
+    Cell::Toned {
+        value: 100.0 * share,
+        tone: tone(share),
     }
-    facts
 }
 
-/// What the default estimators do, sentence by sentence.
-fn verdicts(outcome: &CampaignOutcome) -> Vec<Verdict> {
-    let sentence = |(title, rows): (&str, Vec<&FaultRow>)| {
-        let first = rows.first().map(|row| row.estimator);
-        let of: Vec<_> = rows
-            .into_iter()
-            .filter(|row| Some(row.estimator) == first)
-            .collect();
-        let missed: Vec<_> = of.iter().filter(|row| row.meets_share < GOOD).collect();
-        let name = first.unwrap_or_default();
-        let text = if missed.is_empty() {
-            format!(
-                "{title}: {name} meets the limits after every fault, in 95 % of the runs or more."
-            )
-        } else {
-            let names: Vec<_> = missed.iter().map(|row| row.fault).collect();
-            format!(
-                "{title}: {name} misses the limits in more than 5 % of the runs after {}.",
-                names.join(", ")
-            )
-        };
-        let share = 1.0 - missed.len() as f64 / of.len().max(1) as f64;
-        Verdict::new(tone(share), text)
+fn facts(outcome: &CampaignOutcome, parts: &[Part<'_>]) -> Vec<Fact> {
+    let of_part = |part: &Part<'_>| {
+        let (name, rows) = part.of_default();
+        let met = rows.iter().filter(|row| row.meets_share >= GOOD).count();
+        let label = format!("{name}: faults survived ({})", part.title);
+        Fact::new(label, format!("{met} of {}", rows.len()))
     };
-    parts(outcome).map(sentence).collect()
+    let runs = Fact::new("runs", outcome.runs.len().to_string());
+    core::iter::once(runs)
+        .chain(parts.iter().map(of_part))
+        .collect()
+}
+
+/// What the default estimator does, in a sentence.
+fn verdict(part: &Part<'_>) -> Verdict {
+    let (name, rows) = part.of_default();
+    let title = capitalised(part.title);
+    let missed = rows.iter().filter(|row| row.meets_share < GOOD);
+    let missed: Vec<_> = missed.map(|row| row.fault).collect();
+    let text = if missed.is_empty() {
+        format!("{title}: {name} meets the limits after every fault, in 95 % of the runs or more.")
+    } else {
+        format!(
+            "{title}: {name} misses the limits in more than 5 % of the runs after {}.",
+            missed.join(", ")
+        )
+    };
+    let share = 1.0 - missed.len() as f64 / rows.len().max(1) as f64;
+    Verdict::new(tone(share), text)
 }
 
 /// A row a fault, a column an estimator, coloured by the share of runs that meet the limits.
-fn shares(title: &str, rows: &[&FaultRow]) -> String {
-    let mut names: Vec<&str> = Vec::new();
-    for row in rows {
-        if !names.contains(&row.estimator) {
-            names.push(row.estimator);
-        }
-    }
-    let cell = |fault: &str, name: &str| {
-        let mut rows = rows.iter();
-        let row = rows.find(|row| row.fault == fault && row.estimator == name);
-        row.map_or(Cell::Missing, |row| Cell::Toned {
-            value: 100.0 * row.meets_share,
-            tone: tone(row.meets_share),
-        })
-    };
-    let faults = CATALOGUE.iter().map(|fault| fault.name);
-    let faults = faults.filter(|name| rows.iter().any(|row| row.fault == *name));
+fn shares(part: &Part<'_>) -> String {
+    let names = part.estimators();
     let line = |fault: &str| {
-        let cells = names.iter().map(|name| cell(fault, name));
-        core::iter::once(Cell::text(fault)).chain(cells).collect()
+        let cell = |name: &&str| {
+            let row = part.row(fault, name);
+            row.map_or(Cell::Missing, |row| toned(row.meets_share))
+        };
+        core::iter::once(Cell::text(fault))
+            .chain(names.iter().map(cell))
+            .collect()
     };
     table::table(&Table {
-        title: title.to_owned(),
+        title: capitalised(part.title),
         caption: format!(
             "Share of the runs that meet the limits, %; {} runs of each.",
-            rows.first().map_or(0, |row| row.runs)
+            part.rows.first().map_or(0, |row| row.runs)
         ),
         columns: core::iter::once("fault")
             .chain(names.iter().copied())
             .map(|name| Column::new(name, "", None))
             .collect(),
-        rows: faults.map(line).collect(),
+        rows: part.faults().map(line).collect(),
     })
 }
 
-/// A row a fault of the first estimator.
-fn details(title: &str, rows: &[&FaultRow]) -> String {
-    let Some(name) = rows.first().map(|row| row.estimator) else {
-        return String::new();
-    };
+/// A row a fault of the default estimator.
+fn details(part: &Part<'_>) -> String {
+    let (name, rows) = part.of_default();
     let unit = match rows.first().map(|row| row.question) {
         Some(Question::Attitude) => "deg",
         _ => "m",
@@ -198,11 +146,11 @@ fn details(title: &str, rows: &[&FaultRow]) -> String {
         ["detected", "%"],
         ["meets", "%"],
     ];
-    let percent = |share: Option<f64>| Cell::number(share.map(|share| 100.0 * share), 0);
-    let line = |row: &&&FaultRow| {
+    let percent = |share| elements::share(share, 0);
+    let line = |row: &&FaultRow| {
         vec![
             Cell::text(row.fault),
-            Cell::number(Some(row.runs as f64), 0),
+            elements::count(row.runs),
             Cell::number(row.clean_rms, 2),
             Cell::number(row.cost, 2),
             Cell::number(row.cost_95, 2),
@@ -213,17 +161,14 @@ fn details(title: &str, rows: &[&FaultRow]) -> String {
             percent(row.nees_share),
             percent(row.clean_nees_share),
             percent(row.detected_share),
-            Cell::Toned {
-                value: 100.0 * row.meets_share,
-                tone: tone(row.meets_share),
-            },
+            toned(row.meets_share),
         ]
     };
     table::table(&Table {
-        title: format!("{name}: {}", title.to_lowercase()),
+        title: format!("{name}: {}", part.title),
         caption: "Medians over runs; the NEES is a mean. Without a recovery: half of the runs or more are not back within the minute.".to_owned(),
-        columns: columns.iter().map(|[name, unit]| Column::new(*name, *unit, None)).collect(),
-        rows: rows.iter().filter(|row| row.estimator == name).map(|row| line(&row)).collect(),
+        columns: elements::columns(&columns),
+        rows: rows.iter().map(line).collect(),
     })
 }
 
@@ -235,20 +180,13 @@ fn alarms(outcome: &CampaignOutcome) -> String {
         ["alarms an hour", ""],
     ];
     table::table(&Table {
-        columns: columns
-            .iter()
-            .map(|[name, unit]| Column::new(*name, *unit, None))
-            .collect(),
+        columns: elements::columns(&columns),
         rows: (outcome.alarms.iter())
             .map(|row| {
-                let origin = match row.origin {
-                    Origin::Simulated => "simulated worlds",
-                    Origin::Recorded => "recordings",
-                };
                 vec![
-                    Cell::text(format!("{}, {origin}", row.estimator)),
+                    Cell::text(format!("{}, {}", row.estimator, row.origin.name())),
                     Cell::number(Some(row.hours), 2),
-                    Cell::number(Some(row.alarms as f64), 0),
+                    elements::count(row.alarms),
                     Cell::number(Some(row.per_hour), 1),
                 ]
             })
@@ -275,40 +213,23 @@ fn figure_of(run: &DrawnRun) -> String {
     html::figure(figure(run), &what, &format!("{cost}{recovery}"))
 }
 
-type Line = Vec<[f64; 2]>;
-
-fn line(track: &Track, of: impl Fn(&Instant) -> Option<f64>) -> Line {
-    let shown = |value: f64| value.clamp(DRAWN[0], DRAWN[1]);
-    let point = |i: &Instant| [i.time_s, of(i).map_or(f64::NAN, shown)];
-    track.instants.iter().map(point).collect()
+fn line(track: &Track, of: fn(&Instant) -> Option<f64>) -> Vec<Point> {
+    elements::line_within(DRAWN, track.instants.iter().map(|i| (i.time_s, of(i))))
 }
 
 fn panel(run: &DrawnRun, title: &str, unit: &str, of: fn(&Instant) -> Option<f64>) -> Panel {
-    let [clean, faulty] = [&run.clean, &run.faulty].map(|track| line(track, of));
-    let values = || {
-        clean
-            .iter()
-            .chain(&faulty)
-            .map(|p| p[1])
-            .filter(|v| v.is_finite())
-    };
-    let low = values().fold(1.0, f64::min);
-    let high = values().fold(10.0, f64::max);
+    let lines = [&run.clean, &run.faulty].map(|track| line(track, of));
+    let [low, high] = elements::logarithmic_ends(&lines, [1.0, 10.0]);
     let [from, until] = [run.judgement.from_s, run.judgement.until_s];
     // One sample has no width of its own.
-    let span = [from, until.max(from + 0.5)].map(|t| [t, 0.8 * low, 1.2 * high]);
+    let span = [from, until.max(from + 0.5)].map(|t| [t, low, high]);
+    let [clean, faulty] = lines;
     let layers = vec![
         Layer::band(span.into(), false),
         Layer::line(clean, "s5 thin", false),
         Layer::line(faulty, "s1", false),
     ];
-    Panel::new(
-        title,
-        unit,
-        Axis::logarithmic(0.8 * low, 1.2 * high),
-        layers,
-    )
-    .height(130.0)
+    Panel::new(title, unit, Axis::logarithmic(low, high), layers).height(130.0)
 }
 
 fn figure(run: &DrawnRun) -> Figure {
@@ -335,20 +256,16 @@ fn figure(run: &DrawnRun) -> Figure {
             |i| i.nees,
         ));
     }
-    let figure = Figure::new(
+    elements::over_time(
         format!("{} of {}", run.judgement.fault, run.judgement.estimator),
-        Axis::time(ends[0].min(ends[1]), ends[1], 10),
+        [ends[0].min(ends[1]), ends[1]],
         vec![
             line_key("s1", "with the fault"),
             line_key("s5 thin", "without it"),
             key(Sign::Band, "band estimate-fill", "the fault"),
         ],
         panels,
-    );
-    Figure {
-        line_points: LINE_POINTS,
-        ..figure
-    }
+    )
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 pub(crate) mod attitude_worlds;
 pub(crate) mod campaign;
 pub mod campaign_outcome;
+mod elements;
 pub(crate) mod faults;
 pub(crate) mod navigation_worlds;
 pub(crate) mod observers;

@@ -1,11 +1,13 @@
 //! The report of GNSS/INS on random worlds: a row a class, and the worst worlds over time.
 
+use super::elements::{self, CONSISTENT, count, good_if, or_dash, percent};
 use crate::drawing::axis::Axis;
 use crate::drawing::plot::{Figure, Layer, Panel, Sign, key, line_key};
 use crate::drawing::rows::{Row, Rows};
-use crate::page::facts::{Fact, Tone, Verdict};
+use crate::drawing::series::Point;
+use crate::page::facts::{Fact, Verdict};
 use crate::page::html::{self, Frame, Page};
-use crate::page::table::{self, Cell, Column, Table};
+use crate::page::table::{self, Cell, Table};
 use northing_experiments::navigation_worlds::{
     ClassRow, FeatureRow, WorldInstant, WorldRun, WorldsOutcome,
 };
@@ -14,14 +16,10 @@ use northing_experiments::navigation_worlds::{
 const MARGINS: [f64; 2] = [190.0, 150.0];
 /// Height of a row.
 const ROW: f64 = 34.0;
-/// Errors below are drawn at the lower edge, m.
-const LEAST_M: f64 = 0.01;
-/// Errors above are drawn at the upper edge, m.
-const MOST_M: f64 = 1e5;
-/// Points drawn at most of one line: ten pictures stand on the page.
-const LINE_POINTS: usize = 600;
-/// Coverage of a 95 % ellipse over all worlds that is called consistent.
-const CONSISTENT: core::ops::RangeInclusive<f64> = 0.90..=0.99;
+/// Errors outside are drawn at the edge, m.
+const DRAWN_M: [f64; 2] = [0.01, 1e5];
+/// The least height of an axis of headings, deg.
+const LEAST_DEG: f64 = 5.0;
 
 /// What the words of the page mean.
 const READING: &str = "Errors are horizontal, of the antenna at the receiver's time, ten times a second from the first estimate on. Lost: beyond five times the \
@@ -48,7 +46,7 @@ pub fn render(outcome: &WorldsOutcome, runs: &[WorldRun], command: Option<&str>)
         outcome.seed
     );
     page.finish(&Frame {
-        kicker: "Northing \u{00b7} experiment",
+        kicker: elements::KICKER,
         title: "GNSS/INS on random worlds: is it ever lost?",
         lead: &lead,
         summary: &facts(&outcome.total),
@@ -59,37 +57,30 @@ pub fn render(outcome: &WorldsOutcome, runs: &[WorldRun], command: Option<&str>)
     })
 }
 
-fn percent(share: f64) -> String {
-    format!("{:.1} %", 100.0 * share)
-}
-
 fn facts(total: &ClassRow) -> Vec<Fact> {
-    let shown =
-        |value: Option<f64>, text: fn(f64) -> String| value.map_or_else(|| "-".to_owned(), text);
     vec![
         Fact::new("lost", format!("{} of {}", total.lost, total.worlds)),
         Fact::new("lost, known", total.lost_knowably.to_string()),
         Fact::new("worse than extrapolation", total.worse.to_string()),
         Fact::new(
             "RMS over extrapolation's, median",
-            shown(total.median_ratio, |r| format!("{r:.2}")),
+            or_dash(total.median_ratio, |r| format!("{r:.2}")),
         ),
         Fact::new(
             "coverage, all instants",
-            shown(total.pooled_coverage, percent),
+            or_dash(total.pooled_coverage, percent),
         ),
         Fact::new(
             "heading inside 3 \u{03c3}",
-            shown(total.heading_inside_share, percent),
+            or_dash(total.heading_inside_share, percent),
         ),
     ]
 }
 
 /// What the experiment answers, sentence by sentence.
 fn verdicts(total: &ClassRow) -> Vec<Verdict> {
-    let good = |good: bool| if good { Tone::Good } else { Tone::Bad };
     let mut verdicts = vec![Verdict::new(
-        good(total.lost_knowably == 0),
+        good_if(total.lost_knowably == 0),
         format!(
             "Lost in {} of {} worlds where its error can be known: {} beyond the ellipse, {} beyond extrapolation, {} without \
                  an estimate.",
@@ -102,7 +93,7 @@ fn verdicts(total: &ClassRow) -> Vec<Verdict> {
     )];
     if let Some(pooled) = total.pooled_coverage {
         verdicts.push(Verdict::new(
-            good(CONSISTENT.contains(&pooled)),
+            good_if(CONSISTENT.contains(&pooled)),
             format!(
                 "The 95 % ellipse holds {} of the errors of all worlds; below 0.90 are {} of the worlds one by one.",
                 percent(pooled),
@@ -112,7 +103,7 @@ fn verdicts(total: &ClassRow) -> Vec<Verdict> {
     }
     if let Some(inside) = total.heading_inside_share {
         verdicts.push(Verdict::new(
-            good(inside >= 0.97),
+            good_if(inside >= 0.97),
             format!("A heading stated within 8 deg is within three standard deviations for {} of the time.", percent(inside)),
         ));
     }
@@ -171,12 +162,8 @@ fn classes(outcome: &WorldsOutcome) -> String {
     )
 }
 
-fn count(n: usize) -> Cell {
-    Cell::number(Some(n as f64), 0)
-}
-
 fn share(share: Option<f64>) -> Cell {
-    Cell::number(share.map(|share| 100.0 * share), 1)
+    elements::share(share, 1)
 }
 
 /// A table with a row a class, and one of all.
@@ -190,14 +177,10 @@ fn table_of(
     let row =
         |row: &ClassRow| [vec![Cell::text(&row.class), count(row.worlds)], cells(row)].concat();
     let names = [["class", ""], ["worlds", ""]];
-    let columns = names
-        .iter()
-        .chain(columns)
-        .map(|[name, unit]| Column::new(*name, *unit, None));
     Table {
         title: title.to_owned(),
         caption: caption.to_owned(),
-        columns: columns.collect(),
+        columns: elements::columns(names.iter().chain(columns)),
         rows: outcome
             .classes
             .iter()
@@ -268,18 +251,17 @@ fn feature_table(rows: &[FeatureRow]) -> Table {
             share(Some(row.consistent_share)),
         ]
     };
-    let plain = |name: &str, unit: &str| Column::new(name, unit, None);
     Table {
         title: "What worlds have in common".to_owned(),
         caption: "A world stands in every row that it answers to.".to_owned(),
-        columns: vec![
-            plain("worlds with", ""),
-            plain("worlds", ""),
-            plain("lost", ""),
-            plain("known", ""),
-            plain("worse", ""),
-            plain("consistent", "%"),
-        ],
+        columns: elements::columns(&[
+            ["worlds with", ""],
+            ["worlds", ""],
+            ["lost", ""],
+            ["known", ""],
+            ["worse", ""],
+            ["consistent", "%"],
+        ]),
         rows: rows.iter().map(row).collect(),
     }
 }
@@ -303,82 +285,48 @@ fn worst(outcome: &WorldsOutcome, runs: &[WorldRun]) -> String {
 }
 
 /// A line of something, its points within the axis of errors.
-fn errors(run: &WorldRun, of: impl Fn(&WorldInstant) -> Option<f64>) -> Vec<[f64; 2]> {
-    let point = |i: &WorldInstant| {
-        [
-            i.time_s,
-            of(i).map_or(f64::NAN, |e| e.clamp(LEAST_M, MOST_M)),
-        ]
-    };
-    run.instants.iter().map(point).collect()
+fn errors(run: &WorldRun, of: fn(&WorldInstant) -> Option<f64>) -> Vec<Point> {
+    elements::line_within(DRAWN_M, run.instants.iter().map(|i| (i.time_s, of(i))))
 }
 
 fn figure(run: &WorldRun) -> Figure {
+    let instants = &run.instants;
     let lines = [
         ("s5 thin", errors(run, |i| i.extrapolation_error_m)),
         ("s2", errors(run, |i| Some(i.stated_m))),
         ("s1", errors(run, |i| Some(i.error_m))),
     ];
-    let finite = || {
-        lines
-            .iter()
-            .flat_map(|(_, points)| points)
-            .map(|p| p[1])
-            .filter(|e| e.is_finite())
-    };
-    let (low, high) = (
-        finite().fold(MOST_M, f64::min),
-        finite().fold(LEAST_M, f64::max),
-    );
+    let [least, most] = DRAWN_M;
+    let [low, high] =
+        elements::logarithmic_ends(lines.iter().map(|(_, points)| points), [most, least]);
     let position = lines.map(|(class, points)| Layer::line(points, class, false));
-    let angle = |of: fn(&WorldInstant) -> f64| run.instants.iter().map(move |i| [i.time_s, of(i)]);
-    let heading = vec![
-        Layer::band(
-            angle(|i| i.heading_std_deg)
-                .map(|[t, std]| [t, (-3.0 * std).max(-180.0), (3.0 * std).min(180.0)])
-                .collect(),
-            false,
-        ),
-        Layer::line(angle(|i| i.heading_error_deg).collect(), "s1", true),
-    ];
-    let widest = run
-        .instants
-        .iter()
-        .map(|i| i.heading_error_deg.abs().max(3.0 * i.heading_std_deg));
-    let widest = widest
-        .filter(|a| a.is_finite())
-        .fold(5.0, f64::max)
-        .min(180.0);
-    let times = [run.instants.first(), run.instants.last()].map(|i| i.map_or(0.0, |i| i.time_s));
-    let figure = Figure::new(
+    let heading = instants.iter().map(|i| [i.time_s, i.heading_error_deg]);
+    elements::over_time(
         format!("Errors of world {}", run.description.number),
-        Axis::time(times[0], times[1], 10),
+        [instants.first(), instants.last()].map(|i| i.map_or(0.0, |i| i.time_s)),
         vec![
             line_key("s1", "error"),
             line_key("s2", "stated 95 %"),
             line_key("s5 thin", "extrapolation"),
-            key(Sign::Band, "band estimate-fill", "\u{00b1}3\u{03c3}"),
+            elements::band_key(),
         ],
         vec![
             Panel::new(
                 "horizontal error",
                 "m (logarithmic)",
-                Axis::logarithmic(0.8 * low, 1.2 * high),
+                Axis::logarithmic(low, high),
                 position.into(),
             ),
-            Panel::new(
+            elements::angle_panel(
                 "heading error",
-                "deg",
-                Axis::degrees(-widest, widest, 6),
-                heading,
+                instants.iter().map(|i| (i.time_s, i.heading_std_deg)),
+                vec![("s1", heading.collect())],
+                LEAST_DEG,
+                true,
             )
             .height(110.0),
         ],
-    );
-    Figure {
-        line_points: LINE_POINTS,
-        ..figure
-    }
+    )
 }
 
 #[cfg(test)]

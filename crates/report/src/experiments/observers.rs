@@ -1,5 +1,6 @@
 //! The report of the experiment on observers in cascade: errors, gains and costs of each condition.
 
+use super::elements;
 use crate::drawing::axis::{Axis, extent};
 use crate::drawing::plot::{Sign, key};
 use crate::drawing::rows::{Row, Rows};
@@ -61,7 +62,7 @@ pub fn render(outcome: &ExperimentOutcome, command: Option<&str>) -> String {
         outcome.seed
     );
     page.finish(&Frame {
-        kicker: "Northing \u{00b7} experiment",
+        kicker: elements::KICKER,
         title: "Observers in cascade: is the modification worth it?",
         lead: &lead,
         summary: &facts(outcome),
@@ -304,11 +305,7 @@ fn cost_table(outcome: &ExperimentOutcome) -> Table {
             "One gyroscope sample with the other sensors of {}, on this machine; only ratios travel.",
             outcome.cost_of
         ),
-        columns: vec![
-            Column::new("scheme", "", None),
-            Column::new("time", "ns", None),
-            Column::new("times the original", "", None),
-        ],
+        columns: elements::columns(&[["scheme", ""], ["time", "ns"], ["times the original", ""]]),
         rows: vec![
             row("original", Some(cost.original)),
             row("modified", Some(cost.modified)),
@@ -345,15 +342,15 @@ fn settings_table(conditions: &[Condition]) -> Table {
         caption: "Attitude gain (1/s) / bias gain (1/s^2); for the EKF the acceleration it expects (m/s^2) / the error of the \
                   field (uT). Re-weighted: the original with the weight of its accelerometer tuned too."
             .to_owned(),
-        columns: vec![
-            Column::new("condition", "", None),
-            Column::new("original", "", None),
-            Column::new("modified", "", None),
-            Column::new("its EKF", "", None),
-            Column::new("EKF alone", "", None),
-            Column::new("re-weighted original", "deg", None),
-            Column::new("with weight", "", None),
-        ],
+        columns: elements::columns(&[
+            ["condition", ""],
+            ["original", ""],
+            ["modified", ""],
+            ["its EKF", ""],
+            ["EKF alone", ""],
+            ["re-weighted original", "deg"],
+            ["with weight", ""],
+        ]),
         rows: rows.collect(),
     }
 }

@@ -6,6 +6,7 @@ use crate::drawing::plot::{Figure, WIDTH};
 use crate::drawing::style;
 use crate::drawing::svg::Svg;
 use crate::navigation::plots;
+use crate::page::html::capitalised;
 
 /// Height of the title above the plots, and of the heading above each.
 const HEAD: f64 = 92.0;
@@ -108,10 +109,4 @@ fn draw(svg: &mut Svg, part: Part, top: f64) -> f64 {
             top + map::TALL
         }
     }
-}
-
-fn capitalised(text: &str) -> String {
-    let mut letters = text.chars();
-    let first = letters.next().map(char::to_uppercase);
-    first.into_iter().flatten().chain(letters).collect()
 }

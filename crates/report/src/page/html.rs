@@ -214,3 +214,10 @@ pub(crate) fn settings(settings: &[UsedParameter]) -> String {
         &rows,
     )
 }
+
+/// With a capital letter at its beginning.
+pub(crate) fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(char::to_uppercase);
+    first.into_iter().flatten().chain(letters).collect()
+}
