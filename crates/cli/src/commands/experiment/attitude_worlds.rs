@@ -11,9 +11,8 @@ use northing_experiments::attitude_worlds::{
 };
 use northing_simulation::attitude_world::WorldMotion;
 
-use super::frame::{OutputArgs, WorldsArgs, percent, with_progress};
+use super::frame::{OutputArgs, WorldsArgs, each_second, percent, with_progress};
 use crate::files::output::number;
-use crate::invocation::command_line;
 use crate::text::table::Table;
 
 /// Most worlds of one run: their judgements are kept in memory.
@@ -101,8 +100,8 @@ fn write_report(
     outcome: &WorldsOutcome,
     runs: &[WorldRun],
 ) -> Result<()> {
-    let html = || northing_report::attitude_worlds_html(outcome, runs, Some(&command_line()));
-    args.output.report.write(html)
+    let html = |command: &str| northing_report::attitude_worlds_html(outcome, runs, Some(command));
+    args.output.write_report(html)
 }
 
 fn motion_named(name: &str) -> Result<WorldMotion> {
@@ -310,19 +309,15 @@ fn seconds(run: &EstimatorRun) -> String {
         "std deg",
         "total deg",
     ]);
-    let mut next_s = 0.0;
-    for instant in &run.instants {
-        if instant.time_s + 1e-6 >= next_s {
-            next_s = instant.time_s.floor() + 1.0;
-            table.row([
-                format!("{:.1}", instant.time_s),
-                format!("{:.2}", instant.tilt_error_deg),
-                number(instant.tilt_std_deg, 2),
-                format!("{:.2}", instant.heading_error_deg),
-                number(instant.heading_std_deg, 2),
-                format!("{:.2}", instant.total_error_deg),
-            ]);
-        }
+    for instant in each_second(&run.instants, |i| i.time_s) {
+        table.row([
+            format!("{:.1}", instant.time_s),
+            format!("{:.2}", instant.tilt_error_deg),
+            number(instant.tilt_std_deg, 2),
+            format!("{:.2}", instant.heading_error_deg),
+            number(instant.heading_std_deg, 2),
+            format!("{:.2}", instant.total_error_deg),
+        ]);
     }
     table.render("  ")
 }

@@ -5,15 +5,13 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
-use northing_evaluation::registry::Question;
-use northing_experiments::faults::{Campaign, CampaignOutcome, FaultRow, Origin, Stream, Subject};
+use northing_experiments::faults::{Campaign, CampaignOutcome, FaultRow, Part, Stream, Subject};
 use northing_recording::{OpenOptions, open};
-use northing_simulation::fault_injection::{CATALOGUE, InjectedFault};
+use northing_simulation::fault_injection::InjectedFault;
 
 use super::frame::{OutputArgs, percent, with_progress, within};
 use crate::arguments::recordings;
 use crate::files::output::number;
-use crate::invocation::command_line;
 use crate::text::table::Table;
 
 /// Most worlds of a question: every run is kept.
@@ -93,8 +91,9 @@ pub(super) fn execute(args: &FaultsArgs) -> Result<()> {
     if args.output.has_report() {
         let again = |judgement| campaign.again(judgement);
         let drawn: Vec<_> = outcome.worst.iter().filter_map(again).collect();
-        let html = || northing_report::faults_html(&outcome, &drawn, Some(&command_line()));
-        args.output.report.write(html)?;
+        args.output.write_report(|command| {
+            northing_report::faults_html(&outcome, &drawn, Some(command))
+        })?;
     }
     args.output.print(&outcome, || text(&outcome))
 }
@@ -156,31 +155,13 @@ fn text(outcome: &CampaignOutcome) -> String {
         outcome.runs.len(),
         outcome.seed,
     );
-    for question in [Question::Attitude, Question::Navigation] {
-        for origin in [Origin::Simulated, Origin::Recorded] {
-            let rows: Vec<_> = outcome.table(question, origin).collect();
-            if !rows.is_empty() {
-                let _ = write!(text, "\n{}\n{}", title(question, origin), shares(&rows));
-            }
-        }
+    let parts = outcome.parts();
+    for part in &parts {
+        let _ = write!(text, "\n{}\n{}", part.title, shares(part));
     }
-    for question in [Question::Attitude, Question::Navigation] {
-        for origin in [Origin::Simulated, Origin::Recorded] {
-            let rows: Vec<_> = outcome.table(question, origin).collect();
-            if let Some(first) = rows.first() {
-                let name = first.estimator;
-                let of: Vec<_> = rows
-                    .into_iter()
-                    .filter(|row| row.estimator == name)
-                    .collect();
-                let _ = write!(
-                    text,
-                    "\n{name}: {}\n{}",
-                    title(question, origin),
-                    details(&of)
-                );
-            }
-        }
+    for part in &parts {
+        let (name, rows) = part.of_default();
+        let _ = write!(text, "\n{name}: {}\n{}", part.title, details(&rows));
     }
     text.push_str(&alarms(outcome));
     text
@@ -193,13 +174,9 @@ fn alarms(outcome: &CampaignOutcome) -> String {
     }
     let mut table = Table::new(&["<estimator", "<data", "hours", "alarms", "an hour"]);
     for row in &outcome.alarms {
-        let data = match row.origin {
-            Origin::Simulated => "simulated worlds",
-            Origin::Recorded => "recordings",
-        };
         table.row([
             row.estimator.to_owned(),
-            data.to_owned(),
+            row.origin.name().to_owned(),
             format!("{:.2}", row.hours),
             row.alarms.to_string(),
             format!("{:.1}", row.per_hour),
@@ -208,34 +185,14 @@ fn alarms(outcome: &CampaignOutcome) -> String {
     format!("\nFalse alarms on clean data\n{}", table.render("  "))
 }
 
-const fn title(question: Question, origin: Origin) -> &'static str {
-    match (question, origin) {
-        (Question::Navigation, Origin::Simulated) => "navigation, simulated worlds",
-        (Question::Navigation, Origin::Recorded) => "navigation, recordings",
-        (_, Origin::Simulated) => "attitude, simulated worlds",
-        (_, Origin::Recorded) => "attitude, recordings",
-    }
-}
-
 /// A row a fault, a column an estimator: shares that meet the limits.
-fn shares(rows: &[&FaultRow]) -> String {
-    let mut names: Vec<&str> = Vec::new();
-    for row in rows {
-        if !names.contains(&row.estimator) {
-            names.push(row.estimator);
-        }
-    }
+fn shares(part: &Part<'_>) -> String {
+    let names = part.estimators();
     let mut table = Table::new(&[&["<fault"][..], &names].concat());
-    for fault in &CATALOGUE {
-        let of = |name: &&str| {
-            let mut rows = rows.iter();
-            let row = rows.find(|row| row.fault == fault.name && row.estimator == *name);
-            number(row.map(|row| 100.0 * row.meets_share), 0)
-        };
-        if rows.iter().any(|row| row.fault == fault.name) {
-            let cells = names.iter().map(of);
-            table.row(core::iter::once(fault.name.to_owned()).chain(cells));
-        }
+    for fault in part.faults() {
+        let share = |name: &&str| part.row(fault, name).map(|row| 100.0 * row.meets_share);
+        let cells = names.iter().map(|name| number(share(name), 0));
+        table.row(core::iter::once(fault.to_owned()).chain(cells));
     }
     table.render("  ")
 }

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::files::output::{ReportArgs, number, print, print_json};
 use crate::interrupt;
+use crate::invocation::command_line;
 use crate::progress::SharedProgress;
 
 /// Which worlds.
@@ -56,7 +57,7 @@ pub(super) struct OutputArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) report: ReportArgs,
+    report: ReportArgs,
 }
 
 impl OutputArgs {
@@ -68,6 +69,11 @@ impl OutputArgs {
     /// Whether a report is asked for.
     pub(super) const fn has_report(&self) -> bool {
         self.report.report.is_some()
+    }
+
+    /// Writes the page that is asked for; `html` is given the command line.
+    pub(super) fn write_report(&self, html: impl FnOnce(&str) -> String) -> Result<()> {
+        self.report.write(|| html(&command_line()))
     }
 
     /// Prints one document, or text for people.
@@ -94,6 +100,22 @@ pub(super) fn with_progress<T>(
     work(&|| {
         interrupt::exit_if_happened();
         progress.step();
+    })
+}
+
+/// The first instant, and the first of each second.
+pub(super) fn each_second<T>(
+    instants: &[T],
+    time_s: impl Fn(&T) -> f64,
+) -> impl Iterator<Item = &T> {
+    let mut next_s = 0.0;
+    instants.iter().filter(move |instant| {
+        let time_s = time_s(instant);
+        let takes = time_s + 1e-6 >= next_s;
+        if takes {
+            next_s = time_s.floor() + 1.0;
+        }
+        takes
     })
 }
 

@@ -9,9 +9,8 @@ use northing_experiments::navigation_worlds::{
 };
 use northing_simulation::navigation_world::WorldClass;
 
-use super::frame::{OutputArgs, WorldsArgs, percent, with_progress};
+use super::frame::{OutputArgs, WorldsArgs, each_second, percent, with_progress};
 use crate::files::output::number;
-use crate::invocation::command_line;
 use crate::text::table::Table;
 
 /// Most worlds of one run: their judgements are kept in memory.
@@ -82,8 +81,9 @@ fn write_report(
     outcome: &WorldsOutcome,
     runs: &[WorldRun],
 ) -> Result<()> {
-    let html = || northing_report::navigation_worlds_html(outcome, runs, Some(&command_line()));
-    args.output.report.write(html)
+    let html =
+        |command: &str| northing_report::navigation_worlds_html(outcome, runs, Some(command));
+    args.output.write_report(html)
 }
 
 fn class_named(name: &str) -> Result<WorldClass> {
@@ -248,12 +248,8 @@ fn one_world(run: &WorldRun) -> String {
         "std deg",
         "<status",
     ]);
-    let mut next_s = 0.0;
-    for instant in &run.instants {
-        if instant.time_s + 1e-6 >= next_s {
-            next_s = instant.time_s.floor() + 1.0;
-            table.row(line(instant));
-        }
+    for instant in each_second(&run.instants, |i| i.time_s) {
+        table.row(line(instant));
     }
     text.push('\n');
     text.push_str(&table.render("  "));
