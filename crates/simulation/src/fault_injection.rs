@@ -130,6 +130,12 @@ impl InjectedFault {
         )
     }
 
+    /// Whether it stays to the end.
+    #[must_use]
+    pub const fn stays(&self) -> bool {
+        matches!(self.effect, Effect::BiasStep { .. })
+    }
+
     /// Whether it needs a motion that can be changed, which a recording is not.
     #[must_use]
     pub const fn needs_simulation(&self) -> bool {

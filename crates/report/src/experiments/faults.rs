@@ -11,6 +11,7 @@ use northing_evaluation::registry::Question;
 use northing_experiments::faults::{
     CampaignOutcome, DrawnRun, FaultRow, Instant, MOST_COST, Part, RECOVERED_DEG, RECOVERY_S, Track,
 };
+use northing_simulation::fault_injection::InjectedFault;
 
 /// Errors outside are drawn at the edge: deg or m.
 const DRAWN: [f64; 2] = [0.01, 1e5];
@@ -203,14 +204,21 @@ fn figure_of(run: &DrawnRun) -> String {
         judgement.fault, judgement.estimator, judgement.stream
     );
     let cost = judgement.cost.filter(|cost| cost.is_finite());
-    let cost = cost.map_or_else(String::new, |cost| {
-        format!("{cost:.1} times the clean RMS (at most {MOST_COST} after one bad sample). ")
-    });
-    let recovery = match judgement.recovery_s {
-        Some(time) => format!("Within the limit after {time:.1} s (at most {RECOVERY_S:.0} s)."),
-        None => "Not within the limit in the minute after.".to_owned(),
+    let cost = cost.map(|cost| format!("{cost:.1} times the clean RMS"));
+    let fault = InjectedFault::named(judgement.fault);
+    let sentence = if fault.is_some_and(InjectedFault::is_one_sample) {
+        let cost = cost.unwrap_or_else(|| "No estimate afterwards".to_owned());
+        format!("{cost} (at most {MOST_COST}).")
+    } else {
+        let recovery = match judgement.recovery_s {
+            Some(time) => {
+                format!("Within the limit after {time:.1} s (at most {RECOVERY_S:.0} s).")
+            }
+            None => "Not within the limit in the minute after.".to_owned(),
+        };
+        cost.map_or_else(|| recovery.clone(), |cost| format!("{cost}. {recovery}"))
     };
-    html::figure(figure(run), &what, &format!("{cost}{recovery}"))
+    html::figure(figure(run), &what, &sentence)
 }
 
 fn line(track: &Track, of: fn(&Instant) -> Option<f64>) -> Vec<Point> {
@@ -220,7 +228,11 @@ fn line(track: &Track, of: fn(&Instant) -> Option<f64>) -> Vec<Point> {
 fn panel(run: &DrawnRun, title: &str, unit: &str, of: fn(&Instant) -> Option<f64>) -> Panel {
     let lines = [&run.clean, &run.faulty].map(|track| line(track, of));
     let [low, high] = elements::logarithmic_ends(&lines, [1.0, 10.0]);
-    let [from, until] = [run.judgement.from_s, run.judgement.until_s];
+    let [from, mut until] = [run.judgement.from_s, run.judgement.until_s];
+    if InjectedFault::named(run.judgement.fault).is_some_and(InjectedFault::stays) {
+        let last = run.faulty.instants.last();
+        until = last.map_or(until, |last| last.time_s);
+    }
     // One sample has no width of its own.
     let span = [from, until.max(from + 0.5)].map(|t| [t, low, high]);
     let [clean, faulty] = lines;
@@ -241,7 +253,10 @@ fn figure(run: &DrawnRun) -> Figure {
     };
     let mut error = panel(run, title, unit, |i| Some(i.error));
     if attitude {
-        error.layers.push(Layer::rule(RECOVERED_DEG, "limit"));
+        error.layers.push(Layer::rule(
+            RECOVERED_DEG,
+            format!("{RECOVERED_DEG:.0}\u{00b0}"),
+        ));
     }
     let instants = || run.clean.instants.iter().chain(&run.faulty.instants);
     let ends = instants().fold([f64::MAX, 0.0_f64], |[a, b], i| {
@@ -273,7 +288,6 @@ mod tests {
     use super::*;
     use northing_evaluation::EstimatorKind;
     use northing_experiments::faults::{Campaign, Subject};
-    use northing_simulation::fault_injection::InjectedFault;
 
     #[test]
     fn the_page_has_a_table_a_colour_and_a_picture() {
@@ -300,6 +314,8 @@ mod tests {
         ] {
             assert!(page.contains(part), "{part}");
         }
+        // The limit of one bad sample is none of a step.
+        assert!(!page.contains("(at most 1.2)") && page.contains("Not within the limit"));
         assert!(!page.contains("NaN") && !page.contains("inf\""));
     }
 }
