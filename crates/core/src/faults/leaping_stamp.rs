@@ -6,11 +6,16 @@
 use super::{Fault, FaultKind, FaultySensor};
 use crate::scalar::{Scalar, seconds};
 
+/// Where samples are rare: a stamp that is ahead by less than so many of their intervals is no leap.
+const INTERVALS: i64 = 10;
+
 /// The one stamp that is doubted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LeapingStamp {
     doubted: Option<Doubted>,
+    /// The longest of the last intervals between samples, ns.
+    interval_ns: i64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +40,8 @@ pub enum Stamp<T> {
 }
 
 impl LeapingStamp {
-    /// Looks at a stamp beside the time of the samples so far; `limit` (s) ahead is no leap.
+    /// Looks at a stamp beside the time of the samples so far; `limit` (s) ahead is no leap, nor are ten of the last
+    /// intervals.
     pub fn look<T: Scalar>(
         &mut self,
         sensor: Option<FaultySensor>,
@@ -46,9 +52,12 @@ impl LeapingStamp {
         let Some(before_ns) = now_ns else {
             return Stamp::GoesOn;
         };
-        if seconds::<T>(before_ns, time_ns) > limit {
+        let ahead_ns = time_ns.saturating_sub(before_ns);
+        let is_rare = ahead_ns <= self.interval_ns.saturating_mul(INTERVALS);
+        if !is_rare && seconds::<T>(before_ns, time_ns) > limit {
             let goes_on = |doubted: Doubted| seconds::<T>(time_ns, doubted.time_ns) <= limit;
             if self.doubted.take().is_some_and(goes_on) {
+                self.interval_ns = ahead_ns;
                 return Stamp::GoesOn;
             }
             self.doubted = Some(Doubted {
@@ -62,6 +71,8 @@ impl LeapingStamp {
         if time_ns <= before_ns {
             return Stamp::GoesOn;
         }
+        // A pause is forgotten within a hundred samples.
+        self.interval_ns = ahead_ns.max(self.interval_ns - self.interval_ns / 8);
         match self.doubted.take() {
             Some(doubted) => Stamp::Refutes(doubted.sensor.map(|sensor| Fault {
                 sensor,
@@ -109,6 +120,24 @@ mod tests {
         // Another sensor may have looked a little earlier.
         assert_eq!(look(&mut stamps, 10, 99), Stamp::GoesOn);
         assert_eq!(look(&mut stamps, 99, 101), Stamp::GoesOn);
+    }
+
+    /// A sample each ten seconds, of two sensors that are read one after the other.
+    #[test]
+    fn rare_samples_are_no_leaps() {
+        let mut stamps = LeapingStamp::default();
+        let (mut now, mut doubted) = (0, 0);
+        for k in 1..50_i64 {
+            for time_ns in [10 * k * S, 10 * k * S + 3_000_000] {
+                match stamps.look(GYROSCOPE, Some(now), time_ns, 5.0) {
+                    Stamp::Doubted => doubted += 1,
+                    Stamp::GoesOn => now = time_ns,
+                    refuted @ Stamp::Refutes(_) => panic!("{refuted:?}"),
+                }
+            }
+        }
+        assert_eq!(doubted, 1);
+        assert!(matches!(look(&mut stamps, 490, 4000), Stamp::Doubted));
     }
 
     #[test]

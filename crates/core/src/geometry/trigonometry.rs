@@ -6,7 +6,7 @@
 //!
 //! | function | for | largest error in single precision |
 //! |---|---|---|
-//! | [`sin_cos`] | angles within a turn | 1.1e-7; 2.5e-7 within a thousand turns |
+//! | [`sin_cos`] | angles within a turn | 1.1e-7; 2.5e-7 within a thousand turns; zero turn where no digit is left |
 //! | [`atan2`] | finite numbers below 1e38 | 2.5e-7 rad, and 2e-7 of the angle below 45 degrees |
 //!
 //! The polynomials are minimax in the relative error, by Remez' exchange, and then rounded: sine to 4e-9 on
@@ -77,6 +77,9 @@ fn sin_cos_single<T: Scalar>(angle: T) -> (T, T) {
     if angle.abs() > lit(1.25 * PI) {
         let turns = (angle / T::two_pi()).round();
         angle = (angle - turns * lit(TURN[0])) - turns * lit(TURN[1]);
+        // Of so many turns no digit of the angle is left.
+        let has_digits = angle.abs() <= lit(1.25 * PI);
+        angle = if has_digits { angle } else { angle * T::zero() };
     }
     // The sine is odd, the cosine even.
     let x = angle.abs();

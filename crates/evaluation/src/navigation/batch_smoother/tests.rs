@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{SVector, Vector3};
 use northing_core::geometry::so3;
+use northing_core::kalman::SkipReason;
 use northing_core::navigation::gnss_ins::{ErrorShares, GnssIns, GnssInsConfig, ImuSamples};
 use northing_core::navigation::{GnssPosition, NavigationState};
 use northing_simulation::ground::{Ground, GroundSample, GroundSensors, simulate};
@@ -84,7 +85,12 @@ impl Run {
                 continue;
             }
             let (rate, force) = (&sample.angular_rate, &sample.specific_force);
-            ins.imu(at, rate, force).unwrap();
+            let taken = ins.imu(at, rate, force);
+            if taken == Err(SkipReason::Suspect) {
+                // The first sample behind a long gap, whose stamp may be false.
+                continue;
+            }
+            taken.unwrap();
             recorder.imu(at, rate, force, &ins);
             let said = sample
                 .fix
