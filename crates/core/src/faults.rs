@@ -12,7 +12,9 @@
 //! | is this sample a spike, a stuck value, noise, clipped? | [`sample_check`] |
 //! | how far did it turn while nobody looked? | [`unseen_rotation`] |
 //! | can this stamp be? | [`leaping_stamp`] |
+//! | did the bias of the gyroscope step? | [`bias_step`] |
 
+pub mod bias_step;
 pub mod leaping_stamp;
 pub mod sample_check;
 pub mod unseen_rotation;
@@ -52,6 +54,8 @@ pub enum FaultKind {
     Missing,
     /// A stamp far ahead of those before and after it: the sample was left out.
     Stamp,
+    /// Its bias is another one than before, and stays so: the new one is removed.
+    BiasStep,
 }
 
 /// A fault that was found in the samples.
@@ -69,8 +73,8 @@ pub struct Fault<T> {
     /// Whether good samples have come since. A fault that lasts is told when it is found and when it is over, with the
     /// same `from_ns`.
     pub is_over: bool,
-    /// How large: the jump of a spike, the full scale of a saturation (unit of the sensor); how far a stamp was ahead (s); the
-    /// seconds without a measurement of the others.
+    /// How large: the jump of a spike, the full scale of a saturation (unit of the sensor); how far a stamp was ahead (s), how far a bias
+    /// stepped (unit of the sensor); the seconds without a measurement of the others.
     pub size: T,
 }
 

@@ -13,6 +13,12 @@ pub(crate) fn lit<T: Scalar>(value: f64) -> T {
     nalgebra::convert(value)
 }
 
+/// A scalar as `f64`, for stamps and places on the Earth; zero for types that have none.
+#[inline]
+pub(crate) fn to_f64<T: Scalar>(x: T) -> f64 {
+    nalgebra::try_convert(x).unwrap_or(0.0)
+}
+
 /// Seconds from one stamp (ns) to another.
 #[inline]
 pub(crate) fn seconds<T: Scalar>(from_ns: i64, to_ns: i64) -> T {

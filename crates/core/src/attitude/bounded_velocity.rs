@@ -233,6 +233,11 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         self.begin(state);
     }
 
+    fn set_gyroscope_bias(&mut self, bias: &Vector3<T>, std: T) {
+        self.propagate_covariance();
+        self.state.set_bias(bias, std);
+    }
+
     fn hard_iron(&self) -> Vector3<T> {
         self.state.hard_iron_ut
     }

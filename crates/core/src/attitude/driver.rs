@@ -13,6 +13,8 @@
 //! - Where gyroscope samples stay away for longer than usual the rate is unknown: it relaxes to rest, and the variance
 //!   grows by what the motion before lets expect (`docs/derivations/faults.md`, F4). When they come again, the turn between
 //!   is that of a rate with both ends known (F5), and an attitude that may have turned far is aligned again.
+//! - A bias of the gyroscope that steps is found by what gravity and field do in the frame that it carries along
+//!   ([`crate::faults::bias_step`]): the estimator goes on with the new bias, and is aligned again.
 //! - A stamp far ahead of all samples is not used before another one goes on from it ([`crate::faults::leaping_stamp`]): behind a pause
 //!   that costs one sample, and a false stamp costs its own sample only.
 //! - A stamp that moved the time further ahead of the gyroscope than a gap was false: the next
@@ -327,7 +329,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             return Innovation::skipped(SkipReason::NotInitialized);
         }
         match permitted {
-            Ok(()) => self.estimator.update_accelerometer(specific_force),
+            Ok(()) => {
+                self.memory.checks.bias.force(specific_force);
+                self.estimator.update_accelerometer(specific_force)
+            }
             Err(reason) => Innovation::skipped(reason),
         }
     }
@@ -369,7 +374,10 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             return Innovation::skipped(SkipReason::NotInitialized);
         }
         match permitted {
-            Ok(()) => self.estimator.update_magnetometer(magnetic_field),
+            Ok(()) => {
+                self.memory.checks.bias.field(magnetic_field);
+                self.estimator.update_magnetometer(magnetic_field)
+            }
             Err(reason) => Innovation::skipped(reason),
         }
     }
@@ -588,6 +596,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if self.memory.started {
             self.estimator.propagate(rate, dt);
         }
+        self.watch_bias(rate, dt);
     }
 }
 

@@ -158,6 +158,10 @@ pub trait AttitudeEstimator<T: Scalar> {
         self.initialize(initial);
     }
 
+    /// Goes on with another gyroscope bias (rad/s, body axes) and a standard deviation of each of its components, where a restart keeps
+    /// the bias. A [restart](Self::restart) follows.
+    fn set_gyroscope_bias(&mut self, _bias: &Vector3<T>, _std: T) {}
+
     /// What it has learnt of the magnetometer's hard iron, microtesla, body axes; zero where it estimates none.
     fn hard_iron(&self) -> Vector3<T> {
         Vector3::zeros()

@@ -27,7 +27,7 @@ pub struct FaultRecord {
     /// Stamp of the first good sample after it, s; `None` where it lasted to the end.
     pub until_s: Option<f64>,
     /// How large: the jump of a spike and the full scale of a saturation in the unit of the sensor, the seconds that a stamp
-    /// was ahead, the seconds without a measurement of the others.
+    /// was ahead, how far a bias stepped in that unit, the seconds without a measurement of the others.
     pub size: f64,
 }
 
@@ -44,6 +44,7 @@ pub fn sentence_now(fault: &Fault<f64>) -> String {
         FaultKind::Stamp => {
             "delivered a sample whose time stamp is far ahead of those around it, which was left out"
         }
+        FaultKind::BiasStep => "has another bias than before, which is removed",
     };
     format!("The {name} {what}.")
 }
@@ -86,6 +87,10 @@ impl FaultRecord {
             ),
             FaultKind::Stamp => {
                 format!("a time stamp {size:.1} s ahead after {from:.2} s, sample left out")
+            }
+            FaultKind::BiasStep => {
+                let found = self.found_s;
+                format!("its bias changed by {size:.3} {unit}, found at {found:.2} s; the new one is removed")
             }
             FaultKind::Missing => {
                 format!("no samples from {from:.2} s {until}; the turn between is estimated")

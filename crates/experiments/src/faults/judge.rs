@@ -14,8 +14,6 @@ use crate::scoring::{self, EVERY_S};
 pub(super) const STAMP_TOLERANCE_S: f64 = 1e-6;
 /// The time after a fault that is judged, s.
 const MINUTE_S: f64 = 60.0;
-/// A fault is to be found within, s.
-const DETECTION_S: f64 = 3.0;
 /// An estimator has recovered if it states something at so much of the instants of the clean run, at least.
 const LEAST_PRESENT: f64 = 0.5;
 
@@ -85,7 +83,7 @@ pub struct Judgement {
     pub nees: Option<f64>,
     /// The same without the fault.
     pub clean_nees: Option<f64>,
-    /// Whether the fault was found, of the right sensor and within three seconds; `None` where nobody looks for faults.
+    /// Whether the fault was found, of the right sensor and within ten seconds; `None` where nobody looks for faults.
     pub detected: Option<bool>,
     /// Faults that were found without the fault: false alarms.
     pub clean_alarms: Option<usize>,
@@ -156,7 +154,7 @@ impl Judgement {
 /// Whether a run found a fault of these sensors in time.
 fn detected(track: &Track, target: InjectionTarget, from_s: f64) -> Option<bool> {
     let is_it = |found: &Detected| {
-        is_of(target, found.sensor) && (from_s..=from_s + DETECTION_S).contains(&found.found_s)
+        is_of(target, found.sensor) && (from_s..=from_s + RECOVERY_S).contains(&found.found_s)
     };
     let found = track.detected.as_ref()?;
     // A receiver's faults are nobody's here: those of the samples are looked for.

@@ -18,7 +18,7 @@
 //!   stays, and counts from its beginning. The mean NEES per degree of freedom is below [3](MOST_NEES) in the minute after
 //!   those ten seconds.
 //!
-//! **Detected** is a fault that is found in the right sensor within three seconds of its beginning; what is found in a clean run
+//! **Detected** is a fault that is found in the right sensor within [ten seconds](RECOVERY_S) of its beginning; what is found in a clean run
 //! is a **false alarm**.
 //!
 //! A run is not blamed for what the clean run has as well: an error within 1.2 times the clean error at the same instant is recovered,

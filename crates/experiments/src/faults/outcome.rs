@@ -63,7 +63,7 @@ pub struct FaultRow {
     pub nees_share: Option<f64>,
     /// The same without the fault.
     pub clean_nees_share: Option<f64>,
-    /// Share of the runs in which it is found, of the right sensor and within three seconds; `None` where nobody looks for faults.
+    /// Share of the runs in which it is found, of the right sensor and within ten seconds; `None` where nobody looks for faults.
     pub detected_share: Option<f64>,
     /// Share of the runs that meet the limits.
     pub meets_share: f64,

@@ -27,7 +27,7 @@ const EXPECTED: &str = "expected 90 s or more with a gyroscope and a reference a
                   clean streams of samples and runs every estimator without and with it: simulated worlds with healthy sensors, and \
                   recordings. Limits: one bad sample costs at most 1.2 times the clean RMS error; after any other fault the error \
                   is within 5 deg, or 3 times the clean RMS of the position, 10 s after samples are normal again, and stays \
-                  there, and the NEES per degree of freedom is below 3 in the minute after. What a clean run has as well is not counted. Detected: found in the right sensor within 3 s.",
+                  there, and the NEES per degree of freedom is below 3 in the minute after. What a clean run has as well is not counted. Detected: found in the right sensor within 10 s.",
     after_help = "\
 Examples:
   northing experiment faults

@@ -8,7 +8,7 @@ use super::propagation::Sums;
 use super::rest::RestDetector;
 use super::velocity_noise::VelocityNoise;
 use crate::attitude::InitialState;
-use crate::attitude::propagation::LARGEST_BIAS_RAD_S;
+use crate::attitude::propagation::{LARGEST_BIAS_RAD_S, is_possible_bias};
 use crate::attitude::vector_sensor::{References, VectorSensor};
 use crate::geometry::rotation;
 use crate::kalman::covariance::{cap_variance, undrown};
@@ -221,6 +221,20 @@ impl<T: Scalar> BoundedVelocityState<T> {
         self.set_attitude_covariance(&initial.attitude_covariance);
         let velocity = config.initial_velocity_std;
         self.set_variance(VELOCITY, 2, velocity * velocity);
+    }
+
+    /// Another gyroscope bias (rad/s), which has nothing to do with the one before but for its `std`.
+    pub(super) fn set_bias(&mut self, bias: &Vector3<T>, std: T) {
+        if !is_possible_bias(bias) || !is_possible_bias(&Vector3::repeat(std)) {
+            return;
+        }
+        self.gyroscope_bias = *bias;
+        self.initial_bias = *bias;
+        for i in BIAS..BIAS + 3 {
+            self.covariance.row_mut(i).fill(T::zero());
+            self.covariance.column_mut(i).fill(T::zero());
+        }
+        self.set_variance(BIAS, 3, std * std);
     }
 
     /// From body axes, where the attitude is.

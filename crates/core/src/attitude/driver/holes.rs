@@ -1,15 +1,17 @@
 //! Time without a rate, and what the checks of the samples found: how the state goes on, and which events tell it.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::{Aligning, AttitudeDriver, AttitudeEstimator};
+use crate::attitude::InitialState;
 use crate::attitude::alignment::{Alignment, Prior, level_covariance};
+use crate::faults::bias_step::{BiasStep, BiasWatch};
 use crate::faults::sample_check::{Checked, SampleCheck};
 use crate::faults::unseen_rotation::UnseenRotation;
 use crate::faults::{Fault, FaultKind, FaultLog, FaultySensor};
 use crate::geometry::{rotation, so3};
 use crate::kalman::SkipReason;
-use crate::scalar::{Scalar, lit, seconds};
+use crate::scalar::{Scalar, lit, seconds, to_f64};
 
 /// The last rate is held over so many usual intervals before it relaxes.
 const HELD_INTERVALS: f64 = 3.0;
@@ -46,6 +48,7 @@ pub(super) struct Checks<T: Scalar> {
     pub(super) accelerometer: SampleCheck<T>,
     pub(super) magnetometer: SampleCheck<T>,
     pub(super) motion: UnseenRotation<T>,
+    pub(super) bias: BiasWatch<T>,
     pub(super) log: FaultLog<T>,
     /// Turn (rad) since the last rate, and the variance that was added for what was not seen (rad^2).
     pub(super) turned: Vector3<T>,
@@ -61,6 +64,7 @@ impl<T: Scalar> Checks<T> {
             accelerometer: SampleCheck::new(lit(LEAST_PUSH), lit(LEAST_PUSH_WALK)),
             magnetometer: SampleCheck::default(),
             motion: UnseenRotation::new(angle_random_walk),
+            bias: BiasWatch::default(),
             log: FaultLog::default(),
             turned: Vector3::zeros(),
             hole_variance: T::zero(),
@@ -73,7 +77,7 @@ impl<T: Scalar> Checks<T> {
         let checks = [&self.gyroscope, &self.accelerometer, &self.magnetometer];
         let checks = checks.into_iter().flat_map(SampleCheck::numbers);
         let own = self.turned.iter().chain([&self.hole_variance]);
-        let motion = self.motion.numbers();
+        let motion = self.motion.numbers().chain(self.bias.numbers());
         checks.chain(motion).chain(self.log.numbers()).chain(own)
     }
 
@@ -188,6 +192,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let mean = still + moving * ((after.held_s - before.held_s) / time);
         self.memory.checks.turned += mean * time;
         self.propagate_in_steps(&mean, time);
+        self.memory.checks.bias.interrupt();
         self.widen_to(after.variance);
     }
 
@@ -270,6 +275,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         (time_ns, rate): (i64, &Vector3<T>),
         whole: T,
     ) -> Vector3<T> {
+        self.memory.checks.bias.interrupt();
         let still = self.estimator.rate_at_rest();
         let [before, after] = [last, rate].map(|rate| rate - still);
         let unseen = self.memory.checks.motion.between(&before, &after, whole);
@@ -307,6 +313,45 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             since_ns: time_ns,
         });
         self.memory.is_realigning = true;
+    }
+
+    /// Looks for a step of the gyroscope's bias in a rotation (rad/s, as measured, over `dt` seconds).
+    pub(super) fn watch_bias(&mut self, rate: &Vector3<T>, dt: T) {
+        if let Some(step) = self.memory.checks.bias.rotate(rate, dt)
+            && self.memory.started
+            && let Some(now_ns) = self.memory.now_ns
+        {
+            self.take_bias(&step, now_ns);
+        }
+    }
+
+    /// Goes on with a bias that stepped: the attitude has turned with the difference for as long as the window lasts at most, and is
+    /// aligned again.
+    fn take_bias(&mut self, step: &BiasStep<T>, now_ns: i64) {
+        let Some(start) = self.memory.start else {
+            return;
+        };
+        let window_ns = (to_f64(step.window_s) * 1e9) as i64;
+        self.memory.checks.log.happened(Fault {
+            sensor: FaultySensor::Gyroscope,
+            kind: FaultKind::BiasStep,
+            from_ns: now_ns.saturating_sub(window_ns),
+            until_ns: now_ns,
+            is_over: true,
+            size: step.size,
+        });
+        let turned = step.size * step.window_s;
+        let covariance = self.estimator.attitude_covariance();
+        let covariance = covariance.unwrap_or(start.attitude_covariance);
+        self.estimator.set_gyroscope_bias(&step.bias, step.std);
+        self.estimator.restart(&InitialState {
+            attitude: self.estimator.attitude(),
+            attitude_covariance: covariance + Matrix3::identity() * (turned * turned),
+            gyroscope_bias: step.bias,
+            gyroscope_bias_std: step.std,
+            ..start
+        });
+        self.realign(now_ns);
     }
 
     /// Ends the alignment behind a hole once it has gathered for long enough.
@@ -422,6 +467,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// At the end of the range: what lies beyond is unknown, and as large as the range may be (F6).
     fn saturated(&mut self, time_ns: i64, full_scale: T) {
         let checks = &mut self.memory.checks;
+        checks.bias.interrupt();
         let last_ns = self
             .memory
             .last_rate

@@ -8,7 +8,7 @@ use crate::navigation::augmented_states::{AugmentedStates, TIME_OFFSET};
 use crate::navigation::{
     ATTITUDE, GnssPosition, GnssVelocity, NavigationState, POSITION, VELOCITY,
 };
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lit, to_f64};
 
 /// Degrees in a radian.
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
@@ -115,10 +115,6 @@ impl<T: Scalar> GnssVelocity<T> {
             has_vertical: true,
         }
     }
-}
-
-fn to_f64<T: Scalar>(x: T) -> f64 {
-    nalgebra::try_convert(x).unwrap_or(0.0)
 }
 
 #[cfg(test)]

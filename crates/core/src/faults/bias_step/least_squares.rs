@@ -1,0 +1,219 @@
+//! Least squares of a window: what the turning of force and field in the carried frame says of the bias.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{BLOCKS, Block};
+use crate::scalar::{Scalar, lit};
+
+/// A mean force is off by this in any case, m/s^2, and a field by this share of itself.
+const FORCE_FLOOR: f64 = 0.05;
+const FIELD_FLOOR: f64 = 0.01;
+/// Largest correlation of the field's errors from block to block that is reckoned with.
+const MOST_CORRELATED: f64 = 0.8;
+/// Keeps inverses of what is not seen finite.
+const TINY: f64 = 1e-6;
+
+/// Information about a bias: the matrix $S$, s^2, and the vector $S b$, s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Evidence<T: Scalar> {
+    matrix: Matrix3<T>,
+    vector: Vector3<T>,
+}
+
+impl<T: Scalar> Evidence<T> {
+    fn none() -> Self {
+        Self {
+            matrix: Matrix3::zeros(),
+            vector: Vector3::zeros(),
+        }
+    }
+
+    /// A bias that is known with a standard deviation, rad/s.
+    pub(super) fn prior(bias: &Vector3<T>, std: T) -> Self {
+        let information = T::one() / (std * std);
+        Self {
+            matrix: Matrix3::identity() * information,
+            vector: bias * information,
+        }
+    }
+
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &T> {
+        self.matrix.iter().chain(&self.vector)
+    }
+
+    /// The bias and its covariance; `None` where the information is singular.
+    pub(super) fn solve(&self) -> Option<(Vector3<T>, Matrix3<T>)> {
+        let covariance = self.matrix.cholesky()?.inverse();
+        Some((covariance * self.vector, covariance))
+    }
+
+    /// Variance of the least known component, of a vector that is not longer than `size`.
+    pub(super) fn variance_within(&self, size: T) -> T {
+        let bounded = self.matrix + Matrix3::identity() * (T::one() / (size * size));
+        let covariance = bounded.cholesky().map(|root| root.inverse());
+        covariance.map_or(size * size, |c| c.diagonal().max().max(T::zero()))
+    }
+
+    /// The same of information that may be singular: what is not seen is zero, with a large variance.
+    pub(super) fn solve_weakly(&self) -> (Vector3<T>, Matrix3<T>) {
+        let nudge = self.matrix.trace() * lit(TINY) + lit(1e-3);
+        let nudged = Self {
+            matrix: self.matrix + Matrix3::identity() * nudge,
+            ..*self
+        };
+        nudged
+            .solve()
+            .unwrap_or((Vector3::zeros(), Matrix3::identity() * lit::<T>(1e6)))
+    }
+
+    /// Keeps a share of what it knows, returns to the prior for the rest, and adds a share of a window's evidence, which counts from
+    /// the bias `before`.
+    pub(super) fn learn(&mut self, window: &Self, before: &Vector3<T>, kept: T, share: T, std: T) {
+        let prior = (T::one() - kept) / (std * std);
+        self.matrix = self.matrix * kept + window.matrix * share + Matrix3::identity() * prior;
+        // The prior pulls towards the bias as it is, not towards zero.
+        self.vector = self.vector * kept
+            + (window.vector + window.matrix * before) * share
+            + before * prior;
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.matrix += other.matrix;
+        self.vector += other.vector;
+    }
+}
+
+/// What a whole window says of the difference from the bias `before`.
+pub(super) fn of_window<T: Scalar>(
+    blocks: &[Block<T>; BLOCKS],
+    before: &Vector3<T>,
+) -> Evidence<T> {
+    let drifts = drifts(blocks);
+    let mut evidence = of_force(blocks, &drifts, before);
+    if blocks.iter().all(|block| block.field_count > T::zero()) {
+        evidence.add(&of_field(blocks, &drifts, before));
+    }
+    evidence
+}
+
+fn mean<T: Scalar>(of: impl Iterator<Item = Vector3<T>>) -> Vector3<T> {
+    of.fold(Vector3::zeros(), |sum, v| sum + v) / lit::<T>(BLOCKS as f64)
+}
+
+/// $G_k - \bar G$: how far each block's frame drifts with a bias, s.
+fn drifts<T: Scalar>(blocks: &[Block<T>; BLOCKS]) -> [Matrix3<T>; BLOCKS] {
+    let mut begin = Matrix3::zeros();
+    let all = blocks.map(|block| {
+        let drift = begin + block.drift;
+        begin += block.whole;
+        drift
+    });
+    let sum = all.iter().fold(Matrix3::zeros(), |sum, drift| sum + drift);
+    let mean = sum / lit::<T>(BLOCKS as f64);
+    all.map(|drift| drift - mean)
+}
+
+/// (F11): a mean force is gravity, turned, plus a change of velocity over the block.
+fn of_force<T: Scalar>(
+    blocks: &[Block<T>; BLOCKS],
+    drifts: &[Matrix3<T>; BLOCKS],
+    before: &Vector3<T>,
+) -> Evidence<T> {
+    let gravity = mean(blocks.iter().map(|block| block.force));
+    let turning = -gravity.cross_matrix();
+    let rows = |drift: &Matrix3<T>| turning * drift;
+    let residual =
+        |(block, drift): (&Block<T>, &Matrix3<T>)| block.force - gravity - rows(drift) * before;
+    let mut plain = Evidence::none();
+    for pair in blocks.iter().zip(drifts) {
+        let a = rows(pair.1);
+        plain.matrix += a.transpose() * a;
+        plain.vector += a.transpose() * residual(pair);
+    }
+    let (bias, _) = plain.solve_weakly();
+    // Velocities are what the residuals add up to.
+    let (mut velocity, mut sum, mut squares) = (Vector3::zeros(), Vector3::zeros(), T::zero());
+    // Their part in the sums: each velocity ends one block and begins the next.
+    let (mut last, mut spread) = (Matrix3::zeros(), Matrix3::zeros());
+    for (block, drift) in blocks.iter().zip(drifts) {
+        let a = rows(drift);
+        velocity += (residual((block, drift)) - a * bias) * block.length_s;
+        sum += velocity;
+        squares += velocity.norm_squared();
+        let ends = a / block.length_s;
+        let difference = ends - last;
+        spread += difference.transpose() * difference;
+        last = ends;
+    }
+    spread += last.transpose() * last;
+    let instants: T = lit(BLOCKS as f64 + 1.0);
+    let scatter = (squares - sum.norm_squared() / instants).max(T::zero());
+    let velocity_variance = scatter / lit(3.0 * (BLOCKS as f64 + 1.0) - 9.0);
+    let floor: T = lit(FORCE_FLOOR);
+    let noise = spread * velocity_variance + plain.matrix * (floor * floor);
+    let nudge = noise.trace() * lit(TINY) + lit(1e-12);
+    let Some(root) = (noise + Matrix3::identity() * nudge).cholesky() else {
+        return Evidence::none();
+    };
+    Evidence {
+        matrix: plain.matrix * root.solve(&plain.matrix),
+        vector: plain.matrix * root.solve(&plain.vector),
+    }
+}
+
+/// (F12): a mean field is that of the place, turned, plus a hard iron that turns with the device.
+fn of_field<T: Scalar>(
+    blocks: &[Block<T>; BLOCKS],
+    drifts: &[Matrix3<T>; BLOCKS],
+    before: &Vector3<T>,
+) -> Evidence<T> {
+    let count: T = lit(BLOCKS as f64);
+    let place = mean(blocks.iter().map(|block| block.field));
+    let turning = -place.cross_matrix();
+    let axes = |block: &Block<T>| block.whole / block.length_s;
+    let mean_axes = blocks.iter().fold(Matrix3::zeros(), |s, b| s + axes(b)) / count;
+    let pairs = || blocks.iter().zip(drifts);
+    let of = |(block, drift): (&Block<T>, &Matrix3<T>)| {
+        let a = turning * drift;
+        (a, axes(block) - mean_axes, block.field - place - a * before)
+    };
+    let (mut bias, mut iron) = (Evidence::none(), Evidence::none());
+    let mut crossed = Matrix3::zeros();
+    for (a, h, y) in pairs().map(of) {
+        bias.matrix += a.transpose() * a;
+        bias.vector += a.transpose() * y;
+        crossed += a.transpose() * h;
+        iron.matrix += h.transpose() * h;
+        iron.vector += h.transpose() * y;
+    }
+    // The iron may be as strong as the field.
+    let share: T = lit(FIELD_FLOOR * FIELD_FLOOR);
+    let Some(root) = (iron.matrix + Matrix3::identity() * share).cholesky() else {
+        return Evidence::none();
+    };
+    let mut seen = Evidence {
+        matrix: bias.matrix - crossed * root.solve(&crossed.transpose()),
+        vector: bias.vector - crossed * root.solve(&iron.vector),
+    };
+    let (step, _) = seen.solve_weakly();
+    let hard_iron = root.solve(&(iron.vector - crossed.transpose() * step));
+    let (mut squares, mut products, mut last) = (T::zero(), T::zero(), Vector3::zeros());
+    for (a, h, y) in pairs().map(of) {
+        let error = y - a * step - h * hard_iron;
+        squares += error.norm_squared();
+        products += error.dot(&last);
+        last = error;
+    }
+    let floor2 = place.norm_squared() * share;
+    let variance = squares / lit(3.0 * BLOCKS as f64 - 9.0) + floor2;
+    let correlated = products / squares.max(floor2 * lit(TINY)) + T::one() / count;
+    let correlated = correlated.max(T::zero()).min(lit(MOST_CORRELATED));
+    let variance = variance * (T::one() + correlated) / (T::one() - correlated);
+    if variance <= T::zero() {
+        return Evidence::none();
+    }
+    seen.matrix /= variance;
+    seen.vector /= variance;
+    seen
+}

@@ -1,0 +1,162 @@
+//! Steps of the bias in the motion of a hand, and what is none.
+
+use super::*;
+use crate::geometry::so3;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+use std::vec::Vec;
+
+const DT: f64 = 0.01;
+
+/// A hand that turns and shakes a device: rate, force and field in body axes, with noise.
+struct Hand {
+    rng: Pcg64Mcg,
+    phases: [f64; 6],
+    reference_from_body: UnitQuaternion<f64>,
+    time_s: f64,
+    bias: Vector3<f64>,
+    /// In reference axes, microtesla.
+    field: Vector3<f64>,
+}
+
+impl Hand {
+    fn new(seed: u64) -> Self {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let phases = core::array::from_fn(|_| 6.28 * rng.random::<f64>());
+        Self {
+            rng,
+            phases,
+            reference_from_body: UnitQuaternion::identity(),
+            time_s: 0.0,
+            bias: Vector3::new(0.004, -0.006, 0.003),
+            field: Vector3::new(0.0, 20.0, -43.0),
+        }
+    }
+
+    fn noise(&mut self, std: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| std * self.rng.sample::<f64, _>(StandardNormal))
+    }
+
+    fn samples(&mut self) -> [Vector3<f64>; 3] {
+        let [a, b, c, d, e, f] = self.phases;
+        let t = self.time_s;
+        let rate = Vector3::new(
+            0.8 * (1.3 * t + a).sin() + 0.5 * (0.31 * t + b).sin(),
+            0.7 * (0.9 * t + c).cos(),
+            0.6 * (1.7 * t + d).sin() + 0.4 * (0.23 * t + e).cos(),
+        );
+        // The derivative of a velocity that stays bounded.
+        let push = Vector3::new((4.0 * t + f).cos(), (5.0 * t + a).sin(), (3.0 * t + b).cos());
+        self.time_s += DT;
+        self.reference_from_body *= so3::exp(&(rate * DT));
+        let up = Vector3::new(0.0, 0.0, 9.81) + push * 1.5;
+        let body = self.reference_from_body.inverse();
+        [
+            rate + self.bias + self.noise(0.01),
+            body * up + self.noise(0.05),
+            body * self.field + self.noise(0.5),
+        ]
+    }
+}
+
+/// When steps were told, s, and the last one.
+fn told(
+    hand: &mut Hand,
+    watch: &mut BiasWatch<f64>,
+    seconds: f64,
+    has_field: bool,
+) -> Vec<(f64, BiasStep<f64>)> {
+    let mut all = Vec::new();
+    for _ in 0..(seconds / DT) as u32 {
+        let [rate, force, field] = hand.samples();
+        watch.force(&force);
+        if has_field {
+            watch.field(&field);
+        }
+        all.extend(watch.rotate(&rate, DT).map(|step| (hand.time_s, step)));
+    }
+    all
+}
+
+#[test]
+fn a_step_of_three_degrees_a_second_is_found_in_ten_seconds_and_nothing_before_or_after() {
+    for seed in 1..=8 {
+        let (mut hand, mut watch) = (Hand::new(seed), BiasWatch::default());
+        assert_eq!(told(&mut hand, &mut watch, 90.0, true), [], "seed {seed}");
+        hand.bias += Vector3::new(0.03, -0.03, 0.026);
+        let steps = told(&mut hand, &mut watch, 90.0, true);
+        let [(at_s, step)] = steps[..] else {
+            panic!("seed {seed}: {steps:?}");
+        };
+        assert!(at_s < 100.0, "seed {seed}: {at_s}");
+        let error = (step.bias - hand.bias).norm();
+        assert!(
+            error < 0.02 && error < 3.0 * step.std,
+            "seed {seed}: {error} {step:?}"
+        );
+    }
+}
+
+/// Tilting turns gravity; about the vertical nothing is seen, and the bias there stays.
+#[test]
+fn without_a_magnetometer_gravity_shows_it() {
+    let mut found = 0;
+    for seed in 1..=8 {
+        let (mut hand, mut watch) = (Hand::new(seed), BiasWatch::default());
+        assert_eq!(told(&mut hand, &mut watch, 90.0, false), []);
+        hand.bias += Vector3::new(0.08, -0.08, 0.02);
+        let steps = told(&mut hand, &mut watch, 20.0, false);
+        found += usize::from(!steps.is_empty());
+    }
+    assert!(found >= 6, "{found} of 8");
+}
+
+#[test]
+fn a_turn_of_the_field_without_one_of_gravity_and_a_drift_are_no_steps() {
+    for seed in 1..=8 {
+        let (mut hand, mut watch) = (Hand::new(seed), BiasWatch::default());
+        let calm = hand.field;
+        for second in 0..180 {
+            // Past a steel beam and back, three times a minute: 25 degrees in three seconds.
+            let turn = 0.44 * (f64::from(second % 20) / 3.0).clamp(0.0, 1.0);
+            hand.field = so3::exp(&Vector3::new(0.0, 0.0, turn)) * calm;
+            hand.bias.x += 1e-5;
+            assert_eq!(told(&mut hand, &mut watch, 1.0, true), [], "seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn an_interruption_forgets_the_window_and_keeps_the_bias() {
+    let (mut hand, mut watch) = (Hand::new(3), BiasWatch::default());
+    let _ = told(&mut hand, &mut watch, 60.0, true);
+    let (before, _) = watch.known.solve().unwrap();
+    assert!((before - hand.bias).norm() < 0.01, "{before}");
+    watch.interrupt();
+    assert_eq!(watch.known.solve().unwrap().0, before);
+    // Less than a window says nothing, however wrong the rate is.
+    hand.bias += Vector3::repeat(1.0);
+    assert_eq!(told(&mut hand, &mut watch, 5.0, true), []);
+}
+
+#[test]
+fn garbage_leaves_nothing_that_is_not_finite() {
+    fn feed<T: Scalar>() {
+        let mut rng = Pcg64Mcg::seed_from_u64(5);
+        let mut watch = BiasWatch::<T>::default();
+        for _ in 0..200_000 {
+            let mut any = || {
+                let scale = 10_f64.powf(rng.random_range(-9.0..9.0));
+                Vector3::from_fn(|_, _| lit::<T>(scale * rng.sample::<f64, _>(StandardNormal)))
+            };
+            let (rate, force, field) = (any(), any(), any());
+            watch.force(&force);
+            watch.field(&field);
+            let _ = watch.rotate(&rate, lit(0.01));
+            assert!(watch.numbers().all(|x| x.is_finite()));
+        }
+    }
+    feed::<f32>();
+    feed::<f64>();
+}
