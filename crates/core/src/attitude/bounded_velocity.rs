@@ -233,9 +233,12 @@ impl<T: Scalar, O: StepObserver<T>> AttitudeEstimator<T> for BoundedVelocity<T, 
         self.begin(state);
     }
 
-    fn set_gyroscope_bias(&mut self, bias: &Vector3<T>, std: T) {
-        self.propagate_covariance();
-        self.state.set_bias(bias, std);
+    fn restart_with_bias(&mut self, initial: &InitialState<T>) {
+        if initial.is_usable() {
+            self.propagate_covariance();
+            (self.state).set_bias(&initial.gyroscope_bias, initial.gyroscope_bias_std);
+            self.restart(initial);
+        }
     }
 
     fn hard_iron(&self) -> Vector3<T> {

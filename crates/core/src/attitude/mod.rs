@@ -158,9 +158,11 @@ pub trait AttitudeEstimator<T: Scalar> {
         self.initialize(initial);
     }
 
-    /// Goes on with another gyroscope bias (rad/s, body axes) and a standard deviation of each of its components, where a restart keeps
-    /// the bias. A [restart](Self::restart) follows.
-    fn set_gyroscope_bias(&mut self, _bias: &Vector3<T>, _std: T) {}
+    /// Starts again with another gyroscope bias, and keeps what else it has learnt of the sensors. A state that is not
+    /// [usable](InitialState::is_usable) changes nothing.
+    fn restart_with_bias(&mut self, initial: &InitialState<T>) {
+        self.initialize(initial);
+    }
 
     /// What it has learnt of the magnetometer's hard iron, microtesla, body axes; zero where it estimates none.
     fn hard_iron(&self) -> Vector3<T> {

@@ -52,8 +52,9 @@ const WINDOW_SHARE: f64 = 0.25;
 /// Errors that are no bias: a walk of the bias, rad/s, and of the turn in a window this share (scale, axes).
 const WALK_RAD_S: f64 = 0.003;
 const SCALE_ERROR: f64 = 0.015;
-/// The step may lie within the window: share of it that the estimate can lack.
-const DILUTED: f64 = 0.2;
+/// The step is known to so many of the last blocks, and to this share of itself.
+const FEWEST: usize = 5;
+const DILUTED: f64 = 0.1;
 
 /// A bias that stepped.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -279,7 +280,7 @@ impl<T: Scalar> BiasWatch<T> {
     /// Compares the window with the bias before (F13), and learns from it what is usual, and the bias.
     fn judge(&mut self) -> Option<BiasStep<T>> {
         let (before, before_covariance) = self.known.solve()?;
-        let evidence = least_squares::of_window(&self.blocks, &before);
+        let evidence = least_squares::of_window(&self.blocks, &before, 0);
         let (step, covariance) = evidence.solve_weakly();
         let window_s = self
             .blocks
@@ -301,7 +302,7 @@ impl<T: Scalar> BiasWatch<T> {
             *last = Some(Verdict { distance2, step });
         }
         if self.is_step() {
-            return Some(self.stepped(before + step, step.norm(), &evidence, window_s));
+            return Some(self.stepped(&before, window_s));
         }
         self.learn(&evidence, &before, window_s);
         None
@@ -323,13 +324,19 @@ impl<T: Scalar> BiasWatch<T> {
         squares > notable && sum.norm_squared() > squares * count * lit(ALIKE)
     }
 
-    fn stepped(
-        &mut self,
-        bias: Vector3<T>,
-        size: T,
-        evidence: &Evidence<T>,
-        window_s: T,
-    ) -> BiasStep<T> {
+    /// The step began with the block from which on it explains most.
+    fn stepped(&mut self, before: &Vector3<T>, window_s: T) -> BiasStep<T> {
+        let (mut most, mut evidence) = (-T::one(), Evidence::prior(before, T::one()));
+        let mut step = Vector3::zeros();
+        for since in 0..=BLOCKS - FEWEST {
+            let one = least_squares::of_window(&self.blocks, before, since);
+            let (difference, _) = one.solve_weakly();
+            let explained = one.explains(&difference);
+            if explained > most {
+                (most, evidence, step) = (explained, one, difference);
+            }
+        }
+        let (bias, size) = (before + step, step.norm());
         let diluted = size * lit(DILUTED);
         let std = (evidence.variance_within(size) + diluted * diluted).sqrt();
         self.known = Evidence::prior(&bias, std);

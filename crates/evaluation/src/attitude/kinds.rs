@@ -227,6 +227,10 @@ impl AttitudeEstimator<f64> for AnyEstimator {
         each!(self, e => e.restart(initial));
     }
 
+    fn restart_with_bias(&mut self, initial: &InitialState<f64>) {
+        each!(self, e => e.restart_with_bias(initial));
+    }
+
     fn hard_iron(&self) -> Vector3<f64> {
         each!(self, e => e.hard_iron())
     }

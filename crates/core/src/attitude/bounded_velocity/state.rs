@@ -8,7 +8,7 @@ use super::propagation::Sums;
 use super::rest::RestDetector;
 use super::velocity_noise::VelocityNoise;
 use crate::attitude::InitialState;
-use crate::attitude::propagation::{LARGEST_BIAS_RAD_S, is_possible_bias};
+use crate::attitude::propagation::LARGEST_BIAS_RAD_S;
 use crate::attitude::vector_sensor::{References, VectorSensor};
 use crate::geometry::rotation;
 use crate::kalman::covariance::{cap_variance, undrown};
@@ -225,9 +225,6 @@ impl<T: Scalar> BoundedVelocityState<T> {
 
     /// Another gyroscope bias (rad/s), which has nothing to do with the one before but for its `std`.
     pub(super) fn set_bias(&mut self, bias: &Vector3<T>, std: T) {
-        if !is_possible_bias(bias) || !is_possible_bias(&Vector3::repeat(std)) {
-            return;
-        }
         self.gyroscope_bias = *bias;
         self.initial_bias = *bias;
         for i in BIAS..BIAS + 3 {

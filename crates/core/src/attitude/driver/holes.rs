@@ -343,8 +343,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let turned = step.size * step.window_s;
         let covariance = self.estimator.attitude_covariance();
         let covariance = covariance.unwrap_or(start.attitude_covariance);
-        self.estimator.set_gyroscope_bias(&step.bias, step.std);
-        self.estimator.restart(&InitialState {
+        self.estimator.restart_with_bias(&InitialState {
             attitude: self.estimator.attitude(),
             attitude_covariance: covariance + Matrix3::identity() * (turned * turned),
             gyroscope_bias: step.bias,

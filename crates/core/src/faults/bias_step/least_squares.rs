@@ -8,6 +8,8 @@ use crate::scalar::{Scalar, lit};
 /// A mean force is off by this in any case, m/s^2, and a field by this share of itself.
 const FORCE_FLOOR: f64 = 0.05;
 const FIELD_FLOOR: f64 = 0.01;
+/// A hard iron is seldom stronger than this share of the field.
+const IRON_SHARE: f64 = 0.3;
 /// Largest correlation of the field's errors from block to block that is reckoned with.
 const MOST_CORRELATED: f64 = 0.8;
 /// Keeps inverses of what is not seen finite.
@@ -78,21 +80,29 @@ impl<T: Scalar> Evidence<T> {
             + before * prior;
     }
 
+    /// The sum of squares that a difference explains, in variances.
+    pub(super) fn explains(&self, difference: &Vector3<T>) -> T {
+        difference.dot(&self.vector)
+    }
+
     fn add(&mut self, other: &Self) {
         self.matrix += other.matrix;
         self.vector += other.vector;
     }
 }
 
-/// What a whole window says of the difference from the bias `before`.
+/// What a whole window says of the difference from the bias `before`, from the block with number `since` on.
 pub(super) fn of_window<T: Scalar>(
     blocks: &[Block<T>; BLOCKS],
     before: &Vector3<T>,
+    since: usize,
 ) -> Evidence<T> {
-    let drifts = drifts(blocks);
-    let mut evidence = of_force(blocks, &drifts, before);
+    let carried = carried(blocks);
+    let whole = drifts(&carried, 0);
+    let drifts = drifts(&carried, since);
+    let mut evidence = of_force(blocks, &whole, &drifts, before);
     if blocks.iter().all(|block| block.field_count > T::zero()) {
-        evidence.add(&of_field(blocks, &drifts, before));
+        evidence.add(&of_field(blocks, &whole, &drifts, before));
     }
     evidence
 }
@@ -101,14 +111,26 @@ fn mean<T: Scalar>(of: impl Iterator<Item = Vector3<T>>) -> Vector3<T> {
     of.fold(Vector3::zeros(), |sum, v| sum + v) / lit::<T>(BLOCKS as f64)
 }
 
-/// $G_k - \bar G$: how far each block's frame drifts with a bias, s.
-fn drifts<T: Scalar>(blocks: &[Block<T>; BLOCKS]) -> [Matrix3<T>; BLOCKS] {
+/// $G_k$: the integral of the frame's rotation to the middle of each block, s, and before it where the block begins.
+fn carried<T: Scalar>(blocks: &[Block<T>; BLOCKS]) -> [[Matrix3<T>; 2]; BLOCKS] {
     let mut begin = Matrix3::zeros();
-    let all = blocks.map(|block| {
-        let drift = begin + block.drift;
+    blocks.map(|block| {
+        let before = begin;
         begin += block.whole;
-        drift
-    });
+        [before, before + block.drift]
+    })
+}
+
+/// $G_k - \bar G$: how far each block's frame drifts with a bias that acts from the beginning of block `since` on, s.
+fn drifts<T: Scalar>(
+    carried: &[[Matrix3<T>; 2]; BLOCKS],
+    since: usize,
+) -> [Matrix3<T>; BLOCKS] {
+    let start = carried.get(since).map_or(Matrix3::zeros(), |[begin, _]| *begin);
+    let mut all = carried.map(|[_, drift]| drift - start);
+    for early in all.iter_mut().take(since) {
+        *early = Matrix3::zeros();
+    }
     let sum = all.iter().fold(Matrix3::zeros(), |sum, drift| sum + drift);
     let mean = sum / lit::<T>(BLOCKS as f64);
     all.map(|drift| drift - mean)
@@ -117,28 +139,29 @@ fn drifts<T: Scalar>(blocks: &[Block<T>; BLOCKS]) -> [Matrix3<T>; BLOCKS] {
 /// (F11): a mean force is gravity, turned, plus a change of velocity over the block.
 fn of_force<T: Scalar>(
     blocks: &[Block<T>; BLOCKS],
+    whole: &[Matrix3<T>; BLOCKS],
     drifts: &[Matrix3<T>; BLOCKS],
     before: &Vector3<T>,
 ) -> Evidence<T> {
     let gravity = mean(blocks.iter().map(|block| block.force));
     let turning = -gravity.cross_matrix();
     let rows = |drift: &Matrix3<T>| turning * drift;
-    let residual =
-        |(block, drift): (&Block<T>, &Matrix3<T>)| block.force - gravity - rows(drift) * before;
+    let pairs = || blocks.iter().zip(whole).zip(drifts);
+    let of = |((block, whole), drift): ((&Block<T>, &Matrix3<T>), &Matrix3<T>)| {
+        (rows(drift), block.force - gravity - rows(whole) * before)
+    };
     let mut plain = Evidence::none();
-    for pair in blocks.iter().zip(drifts) {
-        let a = rows(pair.1);
+    for (a, y) in pairs().map(of) {
         plain.matrix += a.transpose() * a;
-        plain.vector += a.transpose() * residual(pair);
+        plain.vector += a.transpose() * y;
     }
     let (bias, _) = plain.solve_weakly();
     // Velocities are what the residuals add up to.
     let (mut velocity, mut sum, mut squares) = (Vector3::zeros(), Vector3::zeros(), T::zero());
     // Their part in the sums: each velocity ends one block and begins the next.
     let (mut last, mut spread) = (Matrix3::zeros(), Matrix3::zeros());
-    for (block, drift) in blocks.iter().zip(drifts) {
-        let a = rows(drift);
-        velocity += (residual((block, drift)) - a * bias) * block.length_s;
+    for ((a, y), block) in pairs().map(of).zip(blocks) {
+        velocity += (y - a * bias) * block.length_s;
         sum += velocity;
         squares += velocity.norm_squared();
         let ends = a / block.length_s;
@@ -165,6 +188,7 @@ fn of_force<T: Scalar>(
 /// (F12): a mean field is that of the place, turned, plus a hard iron that turns with the device.
 fn of_field<T: Scalar>(
     blocks: &[Block<T>; BLOCKS],
+    whole: &[Matrix3<T>; BLOCKS],
     drifts: &[Matrix3<T>; BLOCKS],
     before: &Vector3<T>,
 ) -> Evidence<T> {
@@ -173,10 +197,10 @@ fn of_field<T: Scalar>(
     let turning = -place.cross_matrix();
     let axes = |block: &Block<T>| block.whole / block.length_s;
     let mean_axes = blocks.iter().fold(Matrix3::zeros(), |s, b| s + axes(b)) / count;
-    let pairs = || blocks.iter().zip(drifts);
-    let of = |(block, drift): (&Block<T>, &Matrix3<T>)| {
-        let a = turning * drift;
-        (a, axes(block) - mean_axes, block.field - place - a * before)
+    let pairs = || blocks.iter().zip(whole).zip(drifts);
+    let of = |((block, whole), drift): ((&Block<T>, &Matrix3<T>), &Matrix3<T>)| {
+        let y = block.field - place - turning * whole * before;
+        (turning * drift, axes(block) - mean_axes, y)
     };
     let (mut bias, mut iron) = (Evidence::none(), Evidence::none());
     let mut crossed = Matrix3::zeros();
@@ -187,9 +211,9 @@ fn of_field<T: Scalar>(
         iron.matrix += h.transpose() * h;
         iron.vector += h.transpose() * y;
     }
-    // The iron may be as strong as the field.
     let share: T = lit(FIELD_FLOOR * FIELD_FLOOR);
-    let Some(root) = (iron.matrix + Matrix3::identity() * share).cholesky() else {
+    let bounded = Matrix3::identity() * (share * lit(1.0 / (IRON_SHARE * IRON_SHARE)));
+    let Some(root) = (iron.matrix + bounded).cholesky() else {
         return Evidence::none();
     };
     let mut seen = Evidence {
