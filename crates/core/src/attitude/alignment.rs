@@ -97,6 +97,22 @@ impl<T: Scalar> Alignment<T> {
         }
     }
 
+    /// One that has gathered these means (m/s^2, microtesla), in axes of which it is known how they lie to the body now.
+    pub(super) fn gathered(
+        prior: Prior<T>,
+        frame_from_body: UnitQuaternion<T>,
+        force: Vector3<T>,
+        field: Option<Vector3<T>>,
+    ) -> Self {
+        let mut one = Self::new(prior);
+        one.first_from_now = frame_from_body;
+        one.specific_force.add(force);
+        if let Some(field) = field {
+            one.magnetic_field.add(field);
+        }
+        one
+    }
+
     /// Whether a saved one can be continued from.
     pub(super) fn check(&self) -> Result<(), InvalidState> {
         unit("alignment", &self.first_from_now)?;

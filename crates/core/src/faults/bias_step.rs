@@ -37,7 +37,7 @@ const BLOCKS: usize = 12;
 const AGREEING: usize = 5;
 const ALIKE: f64 = 0.8;
 /// Square of the distance from the bias before, as a multiple of its usual mean.
-const UNUSUAL: f64 = 18.0;
+const UNUSUAL: f64 = 16.0;
 /// The usual mean is no less than this share of three, a perfect model's, is at first one, is learnt over so many blocks, and from
 /// no more than so many times itself.
 const LEAST_USUAL: f64 = 0.3;
@@ -67,6 +67,21 @@ pub struct BiasStep<T: Scalar> {
     pub size: T,
     /// How long ago the window began that shows it, s.
     pub window_s: T,
+    /// What the window says of the attitude.
+    pub mean: WindowMean<T>,
+}
+
+/// Means of a window, in a frame that does not turn: the carried one, freed of its drift.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WindowMean<T: Scalar> {
+    /// From body axes now.
+    pub frame_from_body: UnitQuaternion<T>,
+    /// Specific force, m/s^2.
+    pub force: Vector3<T>,
+    /// Magnetic field, microtesla, where there was one all the time.
+    pub field: Option<Vector3<T>>,
+    /// Body axes: a hard iron shows in the field with them.
+    pub axes: Matrix3<T>,
 }
 
 /// Means over half a second, in the frame that the measured rate carries along.
@@ -327,21 +342,23 @@ impl<T: Scalar> BiasWatch<T> {
     /// The step began with the block from which on it explains most.
     fn stepped(&mut self, before: &Vector3<T>, window_s: T) -> BiasStep<T> {
         let (mut most, mut evidence) = (-T::one(), Evidence::prior(before, T::one()));
-        let mut step = Vector3::zeros();
+        let (mut step, mut began) = (Vector3::zeros(), 0);
         for since in 0..=BLOCKS - FEWEST {
             let one = least_squares::of_window(&self.blocks, before, since);
             let (difference, _) = one.solve_weakly();
             let explained = one.explains(&difference);
             if explained > most {
-                (most, evidence, step) = (explained, one, difference);
+                (most, evidence, step, began) = (explained, one, difference, since);
             }
         }
         let (bias, size) = (before + step, step.norm());
         let diluted = size * lit(DILUTED);
         let std = (evidence.variance_within(size) + diluted * diluted).sqrt();
         self.known = Evidence::prior(&bias, std);
+        let mean = least_squares::mean_of(&self.blocks, &self.frame_from_body, [before, &step], began);
         self.interrupt();
         BiasStep {
+            mean,
             bias,
             std,
             size,

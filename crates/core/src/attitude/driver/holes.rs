@@ -304,15 +304,18 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         if !self.memory.started || !self.memory.has_force {
             return;
         }
-        let prior = Prior {
-            gyroscope_bias: self.estimator.rate_at_rest(),
-            ..self.config.prior
-        };
         self.memory.aligning = Some(Aligning {
-            alignment: Alignment::new(prior),
+            alignment: Alignment::new(self.realignment_prior()),
             since_ns: time_ns,
         });
         self.memory.is_realigning = true;
+    }
+
+    fn realignment_prior(&self) -> Prior<T> {
+        Prior {
+            gyroscope_bias: self.estimator.rate_at_rest(),
+            ..self.config.prior
+        }
     }
 
     /// Looks for a step of the gyroscope's bias in a rotation (rad/s, as measured, over `dt` seconds).
@@ -350,19 +353,30 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             gyroscope_bias_std: step.std,
             ..start
         });
-        self.realign(now_ns);
+        if self.memory.aligning.is_none() {
+            let iron = step.mean.axes * self.estimator.hard_iron();
+            let mean = &step.mean;
+            let field = mean.field.filter(|_| self.memory.has_field);
+            let field = field.map(|field| field - iron);
+            let prior = self.realignment_prior();
+            let alignment = Alignment::gathered(prior, mean.frame_from_body, mean.force, field);
+            let drifted = step.std * step.window_s * lit(0.5);
+            self.finish_realignment(&alignment, step.window_s, drifted);
+        }
     }
 
     /// Ends the alignment behind a hole once it has gathered for long enough.
     pub(super) fn go_on_realigning(&mut self, alignment: &Alignment<T>, seconds: T) {
         if seconds >= lit(REALIGNMENT_S) {
-            self.finish_realignment(alignment);
+            self.finish_realignment(alignment, lit(REALIGNMENT_S), T::zero());
         }
     }
 
     /// Compares what the samples behind a hole say by themselves with the estimator, which has seen them too, and takes
     /// it over where they contradict each other, or where it is better known.
-    fn finish_realignment(&mut self, alignment: &Alignment<T>) {
+    ///
+    /// It has gathered for some `seconds`, and its frame may have `drifted` (rad).
+    fn finish_realignment(&mut self, alignment: &Alignment<T>, seconds: T, drifted: T) {
         if !alignment.has_force() {
             return;
         }
@@ -372,7 +386,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             return;
         };
         let mut start_uncertainty = self.estimator.start_uncertainty();
-        let tilt: T = lit(HAND_SPEED / (REALIGNMENT_S * 9.81));
+        let tilt = lit::<T>(HAND_SPEED / 9.81) / seconds + drifted;
         start_uncertainty.tilt_std = start_uncertainty.tilt_std.max(tilt);
         start_uncertainty.heading_std = start_uncertainty.heading_std.max(tilt);
         let mut initial = alignment.finish(&start_uncertainty);

@@ -1,8 +1,9 @@
 //! Least squares of a window: what the turning of force and field in the carried frame says of the bias.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::{BLOCKS, Block};
+use super::{BLOCKS, Block, WindowMean};
+use crate::geometry::{rotation, so3};
 use crate::scalar::{Scalar, lit};
 
 /// A mean force is off by this in any case, m/s^2, and a field by this share of itself.
@@ -105,6 +106,39 @@ pub(super) fn of_window<T: Scalar>(
         evidence.add(&of_field(blocks, &whole, &drifts, before));
     }
     evidence
+}
+
+/// Force and field of a window without the drift of the bias `before` and of the step since a block (F16).
+pub(super) fn mean_of<T: Scalar>(
+    blocks: &[Block<T>; BLOCKS],
+    carried_from_body: &UnitQuaternion<T>,
+    [before, step]: [&Vector3<T>; 2],
+    since: usize,
+) -> WindowMean<T> {
+    let carried = carried(blocks);
+    let (whole, late) = (drifts(&carried, 0), drifts(&carried, since));
+    // What is left at the end of the window, where the last block ends.
+    let half = |block: &Block<T>| block.whole - block.drift;
+    let rest = blocks.last().map_or(Matrix3::zeros(), half);
+    let turn = |whole: &Matrix3<T>, late: &Matrix3<T>| -(whole * before + late * step);
+    let mut at_end = Vector3::zeros();
+    let (mut force, mut field, mut axes) = (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros());
+    for (block, (whole, late)) in blocks.iter().zip(whole.iter().zip(&late)) {
+        at_end = turn(whole, late);
+        let steady = so3::exp(&at_end);
+        force += steady * block.force;
+        field += steady * block.field;
+        axes += steady.to_rotation_matrix().matrix() * (block.whole / block.length_s);
+    }
+    let count: T = lit(BLOCKS as f64);
+    let last = at_end + turn(&rest, &rest);
+    let has_field = blocks.iter().all(|block| block.field_count > T::zero());
+    WindowMean {
+        frame_from_body: rotation::renormalize(&(so3::exp(&last) * carried_from_body)),
+        force: force / count,
+        field: has_field.then(|| field / count),
+        axes: axes / count,
+    }
 }
 
 fn mean<T: Scalar>(of: impl Iterator<Item = Vector3<T>>) -> Vector3<T> {
