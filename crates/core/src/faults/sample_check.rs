@@ -29,6 +29,10 @@ const MEMORY: f64 = 64.0;
 const SHORT_MEMORY: f64 = 8.0;
 /// The chance of a repetition on one axis, times its change in steps: the density of a normal at its middle.
 const REPEAT: f64 = 0.4;
+/// No repetition is strange of a sample that reads zero, to so many steps of the rounding, after changes of at most so many of them, in
+/// units of the line above.
+const ZERO: f64 = 2.0;
+const ARRIVES: f64 = 20.0;
 /// Square of the chance below which a run of repetitions is a stuck sensor, and fewest repetitions.
 const STUCK_CHANCE2: f64 = 1e-18;
 const STUCK_RUN: u16 = 3;
@@ -222,7 +226,7 @@ impl<T: Scalar> SampleCheck<T> {
         let is_far = self.is_far(change2, usual2);
         let mut was_stuck = false;
         if change2 == T::zero() {
-            if let Some(from_ns) = self.repeated(last_ns) {
+            if let Some(from_ns) = self.repeated(last_ns, sample) {
                 self.suspicion = None;
                 return Checked::Stuck { from_ns };
             }
@@ -312,13 +316,18 @@ impl<T: Scalar> SampleCheck<T> {
     }
 
     /// Another repetition: since when the sensor is stuck, if it is (F2).
-    fn repeated(&mut self, last_ns: i64) -> Option<i64> {
+    fn repeated(&mut self, last_ns: i64, sample: &Vector3<T>) -> Option<i64> {
         let step2 = self.resolution * self.resolution * lit(REPEAT * REPEAT);
         let mut chance2 = T::one();
         for recent2 in &self.recent_change2 {
             if *recent2 > step2 {
                 chance2 *= step2 / *recent2;
             }
+        }
+        // A motion that ends step by step ends at rest.
+        let arrives = self.recent_change2.sum() <= step2 * lit(ARRIVES * ARRIVES);
+        if arrives && sample.amax() <= self.resolution * lit(ZERO) {
+            chance2 = T::one();
         }
         let repeats = &mut self.repeats;
         if repeats.run == 0 {

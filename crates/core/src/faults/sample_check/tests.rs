@@ -236,3 +236,20 @@ fn motions_from_the_desk_to_running_raise_no_alarm() {
         );
     }
 }
+
+/// A table that stops smoothly, under a sensor whose noise is below its rounding, reads zero from then on.
+#[test]
+fn a_motion_that_ends_smoothly_at_zero_is_not_stuck_and_one_that_breaks_off_is() {
+    let step = 0.001;
+    let rounded = |x: f64| (x / step).round() * step;
+    let sample = |k: i64, ends: f64| {
+        let left = (ends - k as f64 / 286.0).max(0.0);
+        let rate = if left > 0.0 { left * left } else { 0.0 };
+        Vector3::new(-0.8, -0.7, 0.5) * rate
+    };
+    assert!(is_quiet(&said(2000, |k| sample(k, 5.0).map(rounded))));
+    let broken = said(2000, |k| {
+        if k < 1000 { sample(k, 5.0) } else { Vector3::zeros() }.map(rounded)
+    });
+    assert!(broken.iter().any(|c| matches!(c, Checked::Stuck { .. })));
+}
