@@ -48,6 +48,8 @@ const NOTABLE_RAD_S: f64 = 0.0175;
 /// Prior of the bias before, rad/s; it is forgotten over so long, s, and windows count for this share: their errors overlap.
 const PRIOR_RAD_S: f64 = 0.3;
 const FORGET_S: f64 = 60.0;
+/// A step needs a before: so many windows that have no block in common.
+const LEAST_WINDOWS: u32 = 4;
 const WINDOW_SHARE: f64 = 0.25;
 /// Errors that are no bias: a walk of the bias, rad/s, and of the turn in a window this share (scale, axes).
 const WALK_RAD_S: f64 = 0.003;
@@ -171,8 +173,9 @@ pub struct BiasWatch<T: Scalar> {
     /// The oldest first; `count` of them at the end are filled.
     blocks: [Block<T>; BLOCKS],
     count: u32,
-    /// Blocks since a window was last learnt from.
+    /// Blocks since a window was last learnt from, and windows that were.
     since_learnt: u32,
+    windows: u32,
     /// The bias before, as information: matrix, s^2, and vector, s.
     known: Evidence<T>,
     verdicts: [Option<Verdict<T>>; AGREEING],
@@ -188,6 +191,7 @@ impl<T: Scalar> Default for BiasWatch<T> {
             blocks: [Block::empty(); BLOCKS],
             count: 0,
             since_learnt: 0,
+            windows: 0,
             known: Evidence::prior(&Vector3::zeros(), lit(PRIOR_RAD_S)),
             verdicts: [None; AGREEING],
             usual: T::one(),
@@ -307,9 +311,8 @@ impl<T: Scalar> BiasWatch<T> {
             .fold(Vector3::zeros(), |sum, b| sum + b.turn);
         let scale = turn.norm() / window_s * lit(SCALE_ERROR);
         let walk: T = lit(WALK_RAD_S);
-        let both = covariance
-            + before_covariance
-            + Matrix3::identity() * (walk * walk + scale * scale);
+        let both =
+            covariance + before_covariance + Matrix3::identity() * (walk * walk + scale * scale);
         let distance2 = both.cholesky().map(|root| step.dot(&root.solve(&step)));
         let distance2 = distance2.filter(|d2| d2.is_finite())?;
         self.verdicts.rotate_left(1);
@@ -325,6 +328,9 @@ impl<T: Scalar> BiasWatch<T> {
 
     /// Whether the last windows agree that the bias is another one (F14).
     fn is_step(&self) -> bool {
+        if self.windows < LEAST_WINDOWS {
+            return false;
+        }
         let limit = self.usual * lit(UNUSUAL);
         let (mut sum, mut squares) = (Vector3::zeros(), T::zero());
         for verdict in &self.verdicts {
@@ -355,7 +361,8 @@ impl<T: Scalar> BiasWatch<T> {
         let diluted = size * lit(DILUTED);
         let std = (evidence.variance_within(size) + diluted * diluted).sqrt();
         self.known = Evidence::prior(&bias, std);
-        let mean = least_squares::mean_of(&self.blocks, &self.frame_from_body, [before, &step], began);
+        let mean =
+            least_squares::mean_of(&self.blocks, &self.frame_from_body, [before, &step], began);
         self.interrupt();
         BiasStep {
             mean,
@@ -379,6 +386,7 @@ impl<T: Scalar> BiasWatch<T> {
             return;
         }
         self.since_learnt = 0;
+        self.windows = self.windows.saturating_add(1);
         let kept = (-window_s / lit(FORGET_S)).exp();
         self.known
             .learn(evidence, before, kept, lit(WINDOW_SHARE), lit(PRIOR_RAD_S));

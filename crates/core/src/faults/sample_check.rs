@@ -29,10 +29,8 @@ const MEMORY: f64 = 64.0;
 const SHORT_MEMORY: f64 = 8.0;
 /// The chance of a repetition on one axis, times its change in steps: the density of a normal at its middle.
 const REPEAT: f64 = 0.4;
-/// No repetition is strange of a sample that reads zero, to so many steps of the rounding, after changes of at most so many of them, in
-/// units of the line above.
-const ZERO: f64 = 2.0;
-const ARRIVES: f64 = 20.0;
+/// A change of at most so many steps of the rounding is small.
+const SMALL_STEPS: f64 = 2.1;
 /// Square of the chance below which a run of repetitions is a stuck sensor, and fewest repetitions.
 const STUCK_CHANCE2: f64 = 1e-18;
 const STUCK_RUN: u16 = 3;
@@ -138,6 +136,9 @@ struct Repeats<T: Scalar> {
     is_stuck: bool,
     /// Square of the chance of the run.
     chance2: T,
+    /// The last two changes, and whether they were those of a motion that comes to rest when the run began.
+    changes: [Vector3<T>; 2],
+    arrives: bool,
     /// Repetitions that were not to be expected and ended soon, of all samples.
     harmless: u32,
     /// Runs of single components while others change.
@@ -170,6 +171,8 @@ impl<T: Scalar> SampleCheck<T> {
                 run: 0,
                 is_stuck: false,
                 chance2: T::one(),
+                changes: [Vector3::zeros(); 2],
+                arrives: false,
                 harmless: 0,
                 component_runs: [0; 3],
             },
@@ -226,7 +229,7 @@ impl<T: Scalar> SampleCheck<T> {
         let is_far = self.is_far(change2, usual2);
         let mut was_stuck = false;
         if change2 == T::zero() {
-            if let Some(from_ns) = self.repeated(last_ns, sample) {
+            if let Some(from_ns) = self.repeated(last_ns) {
                 self.suspicion = None;
                 return Checked::Stuck { from_ns };
             }
@@ -316,7 +319,7 @@ impl<T: Scalar> SampleCheck<T> {
     }
 
     /// Another repetition: since when the sensor is stuck, if it is (F2).
-    fn repeated(&mut self, last_ns: i64, sample: &Vector3<T>) -> Option<i64> {
+    fn repeated(&mut self, last_ns: i64) -> Option<i64> {
         let step2 = self.resolution * self.resolution * lit(REPEAT * REPEAT);
         let mut chance2 = T::one();
         for recent2 in &self.recent_change2 {
@@ -324,14 +327,13 @@ impl<T: Scalar> SampleCheck<T> {
                 chance2 *= step2 / *recent2;
             }
         }
-        // A motion that ends step by step ends at rest.
-        let arrives = self.recent_change2.sum() <= step2 * lit(ARRIVES * ARRIVES);
-        if arrives && sample.amax() <= self.resolution * lit(ZERO) {
-            chance2 = T::one();
+        if self.repeats.run == 0 {
+            self.repeats.since_ns = last_ns;
+            self.repeats.arrives = self.arrives();
         }
         let repeats = &mut self.repeats;
-        if repeats.run == 0 {
-            repeats.since_ns = last_ns;
+        if repeats.arrives {
+            chance2 = T::one();
         }
         repeats.run = repeats.run.saturating_add(1);
         let usual = lit::<T>(f64::from(repeats.harmless.saturating_add(1)))
@@ -346,8 +348,32 @@ impl<T: Scalar> SampleCheck<T> {
         is_stuck.then_some(repeats.since_ns)
     }
 
+    /// Whether the last two changes were those of a motion that comes to rest: a step of the rounding, or few that neither grow nor turn
+    /// back.
+    fn arrives(&self) -> bool {
+        let [before, last] = &self.repeats.changes;
+        let step = self.resolution * lit(1.1);
+        let small = self.resolution * lit(SMALL_STEPS);
+        let fades = |(before, last): (&T, &T)| {
+            let size = last.abs();
+            let goes_on = size <= before.abs() + step && *before * *last >= T::zero();
+            before.abs() <= small + step && size <= small && (size <= step || goes_on)
+        };
+        before.iter().zip(last).all(fades)
+    }
+
     /// A sample that is not the one before.
     fn changed(&mut self, change: &Vector3<T>) {
+        let small = self.resolution * lit(SMALL_STEPS);
+        if self.repeats.run >= STUCK_RUN && change.amax() <= small {
+            // It goes on where it was: it rested, and its noise is below its rounding.
+            let step2 = self.resolution * self.resolution;
+            for recent2 in &mut self.recent_change2 {
+                *recent2 = recent2.min(step2);
+            }
+        }
+        let [_, last] = self.repeats.changes;
+        self.repeats.changes = [last, *change];
         self.repeats.run = 0;
         self.repeats.is_stuck = false;
         self.repeats.chance2 = T::one();
@@ -366,13 +392,14 @@ impl<T: Scalar> SampleCheck<T> {
     /// while it should have changed, and others did.
     #[inline]
     fn clipped_at(&mut self, sample: &Vector3<T>, change: &Vector3<T>) -> Option<T> {
-        let is_repeat = change.norm_squared() == T::zero();
+        // What changes by the rounding alone rests, wherever it rests.
+        let is_strong = change.amax() > self.resolution * lit(SMALL_STEPS);
         let step2 = self.resolution * self.resolution * lit(REPEAT * REPEAT);
         for i in 0..3 {
             let size = sample[i].abs();
             if change[i] != T::zero() {
                 self.repeats.component_runs[i] = 0;
-            } else if !is_repeat && size >= self.largest && size > T::zero() {
+            } else if is_strong && size >= self.largest && size > T::zero() {
                 let run = self.repeats.component_runs[i].saturating_add(1);
                 self.repeats.component_runs[i] = run;
                 let chance2 = step2 / self.recent_change2[i].max(step2);
@@ -419,6 +446,7 @@ impl<T: Scalar> SampleCheck<T> {
             vectors.chain([&held.jump, &held.largest_jump])
         })
         .chain(last)
+        .chain(self.repeats.changes.iter().flatten())
         .chain(&self.recent_change2)
         .chain([
             &self.least,

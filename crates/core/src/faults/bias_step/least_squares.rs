@@ -76,9 +76,8 @@ impl<T: Scalar> Evidence<T> {
         let prior = (T::one() - kept) / (std * std);
         self.matrix = self.matrix * kept + window.matrix * share + Matrix3::identity() * prior;
         // The prior pulls towards the bias as it is, not towards zero.
-        self.vector = self.vector * kept
-            + (window.vector + window.matrix * before) * share
-            + before * prior;
+        self.vector =
+            self.vector * kept + (window.vector + window.matrix * before) * share + before * prior;
     }
 
     /// The sum of squares that a difference explains, in variances.
@@ -156,11 +155,10 @@ fn carried<T: Scalar>(blocks: &[Block<T>; BLOCKS]) -> [[Matrix3<T>; 2]; BLOCKS] 
 }
 
 /// $G_k - \bar G$: how far each block's frame drifts with a bias that acts from the beginning of block `since` on, s.
-fn drifts<T: Scalar>(
-    carried: &[[Matrix3<T>; 2]; BLOCKS],
-    since: usize,
-) -> [Matrix3<T>; BLOCKS] {
-    let start = carried.get(since).map_or(Matrix3::zeros(), |[begin, _]| *begin);
+fn drifts<T: Scalar>(carried: &[[Matrix3<T>; 2]; BLOCKS], since: usize) -> [Matrix3<T>; BLOCKS] {
+    let start = carried
+        .get(since)
+        .map_or(Matrix3::zeros(), |[begin, _]| *begin);
     let mut all = carried.map(|[_, drift]| drift - start);
     for early in all.iter_mut().take(since) {
         *early = Matrix3::zeros();

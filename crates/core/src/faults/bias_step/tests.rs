@@ -47,7 +47,11 @@ impl Hand {
             0.6 * (1.7 * t + d).sin() + 0.4 * (0.23 * t + e).cos(),
         );
         // The derivative of a velocity that stays bounded.
-        let push = Vector3::new((4.0 * t + f).cos(), (5.0 * t + a).sin(), (3.0 * t + b).cos());
+        let push = Vector3::new(
+            (4.0 * t + f).cos(),
+            (5.0 * t + a).sin(),
+            (3.0 * t + b).cos(),
+        );
         self.time_s += DT;
         self.reference_from_body *= so3::exp(&(rate * DT));
         let up = Vector3::new(0.0, 0.0, 9.81) + push * 1.5;
