@@ -153,6 +153,48 @@ fn a_frozen_or_silent_gyroscope_is_survived_by_every_filter() {
 }
 
 #[test]
+fn a_step_of_the_gyroscopes_bias_is_found_and_removed() {
+    let config = VirtualPhoneConfig {
+        seed: 4,
+        rest_before_s: 5.0,
+        motion_s: 85.0,
+        rest_after_s: 3.0,
+        ..VirtualPhoneConfig::default()
+    };
+    let clean: Vec<Event> = VirtualPhone::new(config)
+        .expect("a valid phone")
+        .events()
+        .collect();
+    let mut stepped = clean.clone();
+    for event in &mut stepped {
+        let since_s = (event.time_ns - clean[0].time_ns) as f64 * 1e-9;
+        if let Sample::AngularRate(rate) = &mut event.sample
+            && since_s > 50.0
+        {
+            *rate += Vector3::new(0.03, -0.03, 0.026);
+        }
+    }
+    for kind in FILTERS {
+        // Ten seconds after the step.
+        let (clean, stepped) = (summary(kind, &clean, 60.0), summary(kind, &stepped, 60.0));
+        assert!(clean.faults.is_empty(), "{kind:?}: {:?}", clean.faults);
+        let more = rmse(&stepped) - rmse(&clean);
+        assert!(more < 5.0, "{kind:?}: {more}");
+        let [fault] = stepped.faults[..] else {
+            panic!("{kind:?}: {:?}", stepped.faults)
+        };
+        assert_eq!(
+            (fault.sensor, fault.kind),
+            (FaultySensor::Gyroscope, FaultKind::BiasStep)
+        );
+        assert!((50.0..60.0).contains(&fault.found_s), "{fault:?}");
+        assert!((0.03..0.08).contains(&fault.size), "{fault:?}");
+        let told = |issue: &String| issue.contains("gyroscope: its bias changed by 0.0");
+        assert!(stepped.issues.iter().any(told), "{:?}", stepped.issues);
+    }
+}
+
+#[test]
 fn samples_of_a_faulty_gyroscope_do_not_make_the_reference_another_recordings() {
     use rand::{RngExt, SeedableRng};
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(2);
