@@ -49,6 +49,7 @@
 //! bytes an interval, 12 KB for four and eight.
 
 mod bank;
+mod bias_step;
 mod config;
 mod estimate;
 mod hypothesis;
@@ -63,6 +64,7 @@ mod tests;
 
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
+pub use bias_step::AlignmentStep;
 pub use config::InMotionAlignmentConfig;
 pub use memory::InMotionAlignmentState;
 
@@ -197,6 +199,11 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
     /// How often it began again: after a gap, and where fixes disagreed with all that was before.
     pub fn restarts(&self) -> u32 {
         self.memory.restarts
+    }
+
+    /// The last step of a bias that was found, once.
+    pub fn take_step(&mut self) -> Option<AlignmentStep<T>> {
+        self.memory.step.take()
     }
 
     /// Integrates an angular rate (rad/s) and a specific force (m/s^2), body axes, that held on average over the `dt`

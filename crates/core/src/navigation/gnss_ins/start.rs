@@ -11,6 +11,7 @@ use nalgebra::{SMatrix, Vector3};
 use super::{
     Aid, ERRORS, ErrorListener, ErrorShares, GnssIns, GnssInsConfig, GnssPositionUpdate, seconds,
 };
+use crate::faults::{Fault, FaultKind};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::navigation::aiding::gnss_position::GnssPosition;
 use crate::navigation::aiding::gnss_velocity::GnssVelocity;
@@ -23,7 +24,7 @@ use crate::navigation::in_motion_alignment::{
 };
 use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, NavigationState};
 use crate::parameters::ConfigError;
-use crate::scalar::{Scalar, lit};
+use crate::scalar::{Scalar, lit, to_f64};
 
 /// Standard deviation of the heading (rad) from which one linearisation is enough, and ...
 const HANDED_OVER_HEADING_STD: f64 = 0.035;
@@ -149,6 +150,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         let before = (self.alignment.status(), self.alignment.restarts());
         let update = self.alignment.gnss_position(fix);
+        self.tell_bias_step(time_ns);
         let status = self.alignment.status();
         let begun = status != AlignmentStatus::Aligning
             && (before.0 == AlignmentStatus::Aligning || before.1 != self.alignment.restarts());
@@ -171,6 +173,21 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
             }
         }
         split(&update, fix.has_height)
+    }
+
+    /// A bias that has stepped is a fault of its sensor.
+    fn tell_bias_step(&mut self, time_ns: i64) {
+        if let Some(step) = self.alignment.take_step() {
+            let age_ns = (to_f64(step.age_s) * 1e9) as i64;
+            self.memory.faults.log.happened(Fault {
+                sensor: step.sensor,
+                kind: FaultKind::BiasStep,
+                from_ns: time_ns.saturating_sub(age_ns),
+                until_ns: time_ns,
+                is_over: true,
+                size: step.size,
+            });
+        }
     }
 
     fn tell_initial_heading(&mut self) {

@@ -43,8 +43,8 @@ const SCALE_GAIN: f64 = 0.15;
 )]
 pub(super) struct Bank<T: Scalar, const K: usize> {
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::array"))]
-    hypotheses: [Hypothesis<T>; K],
-    count: usize,
+    pub(super) hypotheses: [Hypothesis<T>; K],
+    pub(super) count: usize,
     /// Where positions inside count from, m, NED.
     pub(super) origin: Vector3<T>,
     /// The first position, relative to it, with its standard deviations as the receiver's scale has made them.
@@ -186,7 +186,7 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
     }
 
     /// Best first.
-    fn order(&mut self) {
+    pub(super) fn order(&mut self) {
         let all = self.in_use_mut();
         for i in 1..all.len() {
             let mut j = i;
@@ -355,6 +355,9 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
 /// Whether two hypotheses have become the same.
 fn is_same<T: Scalar>(one: &Hypothesis<T>, other: &Hypothesis<T>) -> bool {
     let [least, most] = SAME_HEADING.map(lit::<T>);
+    if one.steps != other.steps && !one.has_biases_of(other) {
+        return false;
+    }
     let (one, other) = (&one.end, &other.end);
     let off = so3::log(&(one.mean.ned_from_body * other.mean.ned_from_body.inverse()));
     let std = other.covariance.variance(ATTITUDE + 2).sqrt();

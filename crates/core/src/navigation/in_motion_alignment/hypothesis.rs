@@ -10,7 +10,7 @@ use super::{ALIGNMENT_ERRORS, CORRELATED, Covariance, InMotionAlignmentConfig, L
 use crate::geometry::{rotation, so3};
 use crate::navigation::{
     ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, GnssPosition, GnssVelocity, NavigationState,
-    POSITION, VELOCITY,
+    POSITION, STATES, VELOCITY,
 };
 use crate::restorable::{InvalidState, covariance, finite, unit};
 use crate::scalar::{Scalar, lit};
@@ -47,6 +47,8 @@ pub(super) struct Hypothesis<T: Scalar> {
     pub(super) end: Estimate<T>,
     /// Mean NIS of the window for a component.
     pub(super) nis: T,
+    /// Which biases have stepped: two bits a step, the newest last.
+    pub(super) steps: u8,
 }
 
 /// Attitude and biases that a hypothesis begins with.
@@ -162,6 +164,7 @@ impl<T: Scalar> Hypothesis<T> {
             log_evidence: favour,
             end: estimate,
             nis: T::zero(),
+            steps: 0,
         };
         let speed = Vector3::repeat(config.speed_std_m_s);
         made.begin(fix, &Vector3::zeros(), &speed, &prior.covariance, config);
@@ -277,11 +280,7 @@ impl<T: Scalar> Hypothesis<T> {
         scale: T,
         config: &InMotionAlignmentConfig<T>,
     ) -> Option<Fit<T>> {
-        let learnt = Learnt {
-            scale,
-            velocity_variance: self.velocity_variance(),
-            feigned_acceleration: self.end.feigned_acceleration(config.gravity),
-        };
+        let learnt = self.learnt(scale, config);
         let pass = pass(&self.anchor, &self.about, intervals, learnt, config)?;
         self.end = pass.end;
         self.log_evidence = self.departed + pass.fit.log_evidence;
@@ -295,6 +294,15 @@ impl<T: Scalar> Hypothesis<T> {
         }
         self.about = Linearization::carried_back(&self.end.mean, ahead);
         Some(pass.fit)
+    }
+
+    /// What a pass has from the one before.
+    pub(super) fn learnt(&self, scale: T, config: &InMotionAlignmentConfig<T>) -> Learnt<T> {
+        Learnt {
+            scale,
+            velocity_variance: self.velocity_variance(),
+            feigned_acceleration: self.end.feigned_acceleration(config.gravity),
+        }
     }
 
     /// Sum of the variances of the velocity at the newest fix, (m/s)^2.
@@ -327,7 +335,15 @@ impl<T: Scalar> Hypothesis<T> {
             log_evidence: self.log_evidence + more,
             end,
             nis: self.nis,
+            steps: self.steps,
         }
+    }
+
+    /// Whether the biases are the same within their standard deviations.
+    pub(super) fn has_biases_of(&self, other: &Self) -> bool {
+        let (a, b) = (&self.end, &other.end);
+        let off = a.mean.less(&b.mean);
+        (ACCELEROMETER_BIAS..STATES).all(|i| off[i] * off[i] < b.covariance.variance(i))
     }
 
     /// Whether a saved one can be continued from.

@@ -128,8 +128,18 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         });
         let full = memory.window.is_full();
         let fit = bank.run(memory.window.intervals(), full, &self.config);
-        let (Some(fit), Some(best)) = (fit, bank.best()) else {
+        let Some(fit) = fit else {
             self.begin_again(fix);
+            return AlignmentUpdate::skipped(SkipReason::Numerical);
+        };
+        if full {
+            memory.window.drop_first(1);
+        }
+        memory.look_for_step(&fit, &self.config);
+        let Some(bank) = &mut memory.bank else {
+            return AlignmentUpdate::skipped(SkipReason::NotInitialized);
+        };
+        let Some(best) = bank.best() else {
             return AlignmentUpdate::skipped(SkipReason::Numerical);
         };
         let end = &best.end.mean;
@@ -138,9 +148,6 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
             return AlignmentUpdate::skipped(SkipReason::NotInitialized);
         }
         memory.since = Preintegration::new(end.accelerometer_bias, end.gyroscope_bias);
-        if full {
-            memory.window.drop_first();
-        }
         let loose = if memory.is_aligned {
             lit(HYSTERESIS)
         } else {

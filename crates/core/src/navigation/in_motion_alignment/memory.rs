@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::InMotionAlignment;
 use super::bank::Bank;
+use super::bias_step::AlignmentStep;
 use super::hypothesis::AttitudePrior;
 use super::window::{Interval, SeenHeading};
 use crate::navigation::GnssPosition;
@@ -60,6 +61,8 @@ pub(super) struct Memory<T: Scalar, const K: usize, const N: usize> {
     /// Positions that disagree, less those that agree.
     pub(super) disagreeing: u32,
     pub(super) restarts: u32,
+    /// A step of a bias that nobody has asked for yet.
+    pub(super) step: Option<AlignmentStep<T>>,
 }
 
 /// Everything that an [`InMotionAlignment`] remembers: save it, restore it, and it continues exactly.
@@ -124,9 +127,10 @@ impl<T: Scalar, const N: usize> Window<T, N> {
         }
     }
 
-    pub(super) fn drop_first(&mut self) {
-        self.intervals.rotate_left(1);
-        self.len = self.len.saturating_sub(1);
+    pub(super) fn drop_first(&mut self, count: usize) {
+        let count = count.min(self.len);
+        self.intervals.rotate_left(count);
+        self.len = self.len.saturating_sub(count);
     }
 }
 
@@ -147,6 +151,7 @@ impl<T: Scalar, const K: usize, const N: usize> Default for Memory<T, K, N> {
             impossible: 0,
             disagreeing: 0,
             restarts: 0,
+            step: None,
         }
     }
 }
@@ -175,6 +180,8 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
             prior.check()?;
         }
         finite("scale", [&self.scale])?;
+        let step = self.step.iter();
+        finite("step", step.flat_map(|step| [&step.size, &step.age_s]))?;
         let rest = self.rate_at_rest.iter();
         let rest = rest.flat_map(|(rate, variance)| rate.iter().chain([variance]));
         finite("rate at rest", rest)?;

@@ -1,0 +1,283 @@
+//! Biases that step: where the fixes of a window say that a sensor has another bias from an interval on.
+//!
+//! *Read first:* `docs/derivations/in_motion_alignment.md`, section 7 (W25, W26).
+
+use super::bank::Bank;
+use super::estimate::{Estimate, Triangle};
+use super::hypothesis::Hypothesis;
+use super::window::{Fit, Interval, Learnt, Linearization, Pass, pass};
+use super::InMotionAlignmentConfig;
+use super::memory::Memory;
+use crate::faults::FaultySensor;
+use crate::kalman::Innovation;
+use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS};
+use crate::scalar::{Scalar, lit};
+
+/// Standard deviation of a step, in those of the bias at the start: less is learnt without being looked for.
+const STEP: f64 = 3.0;
+/// Log evidence by which a step must explain the window better than none.
+const LEAST_GAIN: f64 = 5.0;
+/// NIS of three components of the newest fix from which one is looked for: one in ten has it by chance.
+const SUSPECT_NIS: f64 = 6.25;
+/// A step is looked for in so many of the newest intervals, which costs no more than a fix at the start.
+const LOOKED_AT: usize = 6;
+/// Fixes before one is looked for.
+const FEWEST_FIXES: u32 = 6;
+/// Variance of a time within an interval at which it may have been, as a share of the squared interval.
+const WHEN: f64 = 1.0 / 3.0;
+/// Log evidence of a hypothesis whose numbers have failed.
+const FAILED: f64 = -1e30;
+/// The sensors that may have stepped.
+const SENSORS: [FaultySensor; 2] = [FaultySensor::Gyroscope, FaultySensor::Accelerometer];
+
+/// A bias that has stepped.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct AlignmentStep<T> {
+    /// Whose, as the best hypothesis has it.
+    pub sensor: FaultySensor,
+    /// By how much, in the sensor's unit.
+    pub size: T,
+    /// How long before the newest position, s.
+    pub age_s: T,
+}
+
+/// The step that explains a window best.
+#[derive(Debug, Clone, Copy)]
+struct Candidate<T> {
+    sensor: FaultySensor,
+    /// The first interval with the new bias.
+    interval: usize,
+    /// Log evidence for it.
+    gain: T,
+}
+
+impl<T: Scalar> Fit<T> {
+    /// Whether the newest fix is off as one in ten is by chance.
+    fn is_suspect(&self) -> bool {
+        let [(position, _), (velocity, _), _] = &self.newest;
+        let off = |record: &Innovation<T>| {
+            let share = f64::from(record.degrees_of_freedom) / 3.0;
+            record.nis > lit(SUSPECT_NIS * share)
+        };
+        off(position) || off(velocity)
+    }
+}
+
+impl<T: Scalar> Estimate<T> {
+    /// With a bias that steps in the interval that begins here (W25).
+    fn with_step(
+        &self,
+        sensor: FaultySensor,
+        interval: &Interval<T>,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Self {
+        let mut p = self.covariance.full();
+        let (first, std) = match sensor {
+            FaultySensor::Gyroscope => (GYROSCOPE_BIAS, config.gyroscope_bias_std),
+            _ => (ACCELEROMETER_BIAS, config.accelerometer_bias_std),
+        };
+        let variance = std * std * lit(STEP * STEP);
+        let time = interval.inertial.duration_s();
+        for i in 0..3 {
+            p[(first + i, first + i)] += variance;
+            if first == GYROSCOPE_BIAS {
+                p[(ATTITUDE + i, ATTITUDE + i)] += variance * time * time * lit(WHEN);
+            }
+        }
+        Self {
+            covariance: Triangle::of(&p),
+            ..*self
+        }
+    }
+
+    /// What it is an interval later, with the log evidence of that.
+    fn after(
+        &self,
+        interval: &Interval<T>,
+        learnt: Learnt<T>,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<(Self, T)> {
+        let about = Linearization::at(&self.mean);
+        let one = core::slice::from_ref(interval);
+        let passed = pass(self, &about, one, learnt, config)?;
+        Some((passed.end, passed.fit.log_evidence))
+    }
+}
+
+impl<T: Scalar> Hypothesis<T> {
+    /// The step that explains the window best (W26).
+    fn likeliest_step(
+        &self,
+        intervals: &[Interval<T>],
+        scale: T,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<Candidate<T>> {
+        let learnt = self.learnt(scale, config);
+        let about = Linearization::carried_back(&self.end.mean, intervals);
+        let without = pass(&self.anchor, &about, intervals, learnt, config)?;
+        let without = without.fit.log_evidence;
+        let mut best: Option<Candidate<T>> = None;
+        let (mut before, mut evidence) = (self.anchor, T::zero());
+        for (i, interval) in intervals.iter().enumerate() {
+            let rest = intervals.get(i..).unwrap_or_default();
+            let looked_at = rest.len() <= LOOKED_AT;
+            for sensor in SENSORS.into_iter().filter(|_| looked_at) {
+                let stepped = before.with_step(sensor, interval, config);
+                let Some(solved) = solve(&stepped, rest, learnt, config) else {
+                    continue;
+                };
+                let gain = evidence + solved.fit.log_evidence - without;
+                if best.is_none_or(|best| gain > best.gain) {
+                    best = Some(Candidate {
+                        sensor,
+                        interval: i,
+                        gain,
+                    });
+                }
+            }
+            let (after, more) = before.after(interval, learnt, config)?;
+            before = after;
+            evidence += more;
+        }
+        best
+    }
+
+    /// The same with a step: the window begins with it, and what was before is part of the anchor.
+    fn with_step(
+        &self,
+        step: &Candidate<T>,
+        intervals: &[Interval<T>],
+        scale: T,
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<Self> {
+        let learnt = self.learnt(scale, config);
+        let (mut before, mut departed) = (self.anchor, self.departed);
+        for interval in intervals.get(..step.interval)? {
+            let (after, more) = before.after(interval, learnt, config)?;
+            before = after;
+            departed += more;
+        }
+        let rest = intervals.get(step.interval..)?;
+        let anchor = before.with_step(step.sensor, rest.first()?, config);
+        let solved = solve(&anchor, rest, learnt, config)?;
+        let branch = u8::from(step.sensor == FaultySensor::Gyroscope) + 1;
+        Some(Self {
+            anchor,
+            about: Linearization::carried_back(&solved.end.mean, rest),
+            departed,
+            log_evidence: departed + solved.fit.log_evidence,
+            end: solved.end,
+            nis: solved.fit.nis,
+            steps: self.steps.wrapping_mul(4).wrapping_add(branch),
+        })
+    }
+
+    /// Whose bias the last step was of.
+    fn stepped_sensor(&self) -> Option<FaultySensor> {
+        match self.steps % 4 {
+            0 => None,
+            1 => Some(FaultySensor::Accelerometer),
+            _ => Some(FaultySensor::Gyroscope),
+        }
+    }
+}
+
+/// A window solved anew: twice, since the first time is linear about the bias of before.
+fn solve<T: Scalar>(
+    anchor: &Estimate<T>,
+    intervals: &[Interval<T>],
+    learnt: Learnt<T>,
+    config: &InMotionAlignmentConfig<T>,
+) -> Option<Pass<T>> {
+    let about = Linearization::at(&anchor.mean);
+    let first = pass(anchor, &about, intervals, learnt, config)?;
+    let about = Linearization::carried_back(&first.end.mean, intervals);
+    pass(anchor, &about, intervals, learnt, config)
+}
+
+impl<T: Scalar, const K: usize> Bank<T, K> {
+    /// Goes on with a step where one explains the window: every hypothesis has one of either sensor then, as far as there is
+    /// room, and later fixes choose. The first interval with it.
+    // Not inlined: on a chip its memory is then free again for what follows.
+    #[inline(never)]
+    fn take_step(
+        &mut self,
+        intervals: &[Interval<T>],
+        config: &InMotionAlignmentConfig<T>,
+    ) -> Option<usize> {
+        let scale = self.scale;
+        let likeliest = self.best()?.likeliest_step(intervals, scale, config)?;
+        if likeliest.gain < lit(LEAST_GAIN) {
+            return None;
+        }
+        let with = |hypothesis: Option<&Hypothesis<T>>, sensor| {
+            let step = Candidate {
+                sensor,
+                ..likeliest
+            };
+            hypothesis?.with_step(&step, intervals, scale, config)
+        };
+        let other = match likeliest.sensor {
+            FaultySensor::Gyroscope => FaultySensor::Accelerometer,
+            _ => FaultySensor::Gyroscope,
+        };
+        let count = self.count;
+        let (mut end, mut failed) = (count, 0);
+        for i in 0..count {
+            if 2 * count <= K
+                && let Some(second) = with(self.hypotheses.get(i), other)
+                && let Some(place) = self.hypotheses.get_mut(end)
+            {
+                *place = second;
+                end += 1;
+            }
+            let first = with(self.hypotheses.get(i), likeliest.sensor);
+            if let Some(place) = self.hypotheses.get_mut(i) {
+                if let Some(first) = first {
+                    *place = first;
+                } else {
+                    // Ordered, it is the last.
+                    place.log_evidence = lit(FAILED);
+                    failed += 1;
+                }
+            }
+        }
+        self.count = end;
+        self.order();
+        self.count = end - failed;
+        Some(likeliest.interval)
+    }
+}
+
+impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
+    /// Looks for a step where the newest fix is far off the best hypothesis, and goes on with it. The window has room then.
+    pub(super) fn look_for_step(&mut self, fit: &Fit<T>, config: &InMotionAlignmentConfig<T>) {
+        let Some(bank) = &mut self.bank else {
+            return;
+        };
+        if bank.fixes < FEWEST_FIXES || !fit.is_suspect() {
+            return;
+        }
+        let biases = |bank: &Bank<T, K>| {
+            let mean = bank.best().map(|best| best.end.mean);
+            mean.map(|mean| [mean.gyroscope_bias, mean.accelerometer_bias])
+        };
+        let before = biases(bank);
+        let Some(first) = bank.take_step(self.window.intervals(), config) else {
+            return;
+        };
+        self.window.drop_first(first);
+        self.disagreeing = 0;
+        let sensor = bank.best().and_then(Hypothesis::stepped_sensor);
+        if let (Some(sensor), Some(before), Some(after)) = (sensor, before, biases(bank)) {
+            let place = usize::from(sensor != FaultySensor::Gyroscope);
+            let ages = self.window.intervals().iter();
+            self.step = Some(AlignmentStep {
+                sensor,
+                size: (after[place] - before[place]).norm(),
+                age_s: ages.fold(T::zero(), |age, one| age + one.inertial.duration_s()),
+            });
+        }
+    }
+}
