@@ -2,12 +2,12 @@
 //!
 //! *Read first:* `docs/derivations/in_motion_alignment.md`, section 7 (W25, W26).
 
+use super::InMotionAlignmentConfig;
 use super::bank::Bank;
 use super::estimate::{Estimate, Triangle};
 use super::hypothesis::Hypothesis;
-use super::window::{Fit, Interval, Learnt, Linearization, Pass, pass};
-use super::InMotionAlignmentConfig;
 use super::memory::Memory;
+use super::window::{Fit, Interval, Learnt, Linearization, Pass, pass};
 use crate::faults::FaultySensor;
 use crate::kalman::Innovation;
 use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS};
@@ -174,7 +174,7 @@ impl<T: Scalar> Hypothesis<T> {
     }
 
     /// Whose bias the last step was of.
-    fn stepped_sensor(&self) -> Option<FaultySensor> {
+    pub(super) fn stepped_sensor(&self) -> Option<FaultySensor> {
         match self.steps % 4 {
             0 => None,
             1 => Some(FaultySensor::Accelerometer),

@@ -1,3 +1,4 @@
+mod bias_step;
 mod kernels;
 
 use super::estimate::Estimate;
