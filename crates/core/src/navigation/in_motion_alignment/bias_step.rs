@@ -10,13 +10,13 @@ use super::memory::Memory;
 use super::window::{Fit, Interval, Learnt, Linearization, Pass, pass};
 use crate::faults::FaultySensor;
 use crate::kalman::Innovation;
-use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS};
+use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION};
 use crate::scalar::{Scalar, lit};
 
 /// Standard deviation of a step, in those of the bias at the start: less is learnt without being looked for.
 const STEP: f64 = 3.0;
 /// Log evidence by which a step must explain the window better than none.
-const LEAST_GAIN: f64 = 5.0;
+const LEAST_GAIN: f64 = 8.0;
 /// NIS of three components of the newest fix from which one is looked for: one in ten has it by chance.
 const SUSPECT_NIS: f64 = 6.25;
 /// A step is looked for in so many of the newest intervals, which costs no more than a fix at the start.
@@ -65,6 +65,18 @@ impl<T: Scalar> Fit<T> {
 }
 
 impl<T: Scalar> Estimate<T> {
+    /// With fixes that jump in the interval that begins here, by a standard deviation (m).
+    fn with_jump(&self, std: T) -> Self {
+        let mut p = self.covariance.full();
+        for i in 0..3 {
+            p[(POSITION + i, POSITION + i)] += std * std;
+        }
+        Self {
+            covariance: Triangle::of(&p),
+            ..*self
+        }
+    }
+
     /// With a bias that steps in the interval that begins here (W25).
     fn with_step(
         &self,
@@ -73,16 +85,17 @@ impl<T: Scalar> Estimate<T> {
         config: &InMotionAlignmentConfig<T>,
     ) -> Self {
         let mut p = self.covariance.full();
-        let (first, std) = match sensor {
-            FaultySensor::Gyroscope => (GYROSCOPE_BIAS, config.gyroscope_bias_std),
-            _ => (ACCELEROMETER_BIAS, config.accelerometer_bias_std),
-        };
-        let variance = std * std * lit(STEP * STEP);
+        let variance = |std: T| std * std * lit(STEP * STEP);
         let time = interval.inertial.duration_s();
         for i in 0..3 {
-            p[(first + i, first + i)] += variance;
-            if first == GYROSCOPE_BIAS {
-                p[(ATTITUDE + i, ATTITUDE + i)] += variance * time * time * lit(WHEN);
+            // Indices that are constant: on a chip they are checked when it is built.
+            if sensor == FaultySensor::Gyroscope {
+                let rate = variance(config.gyroscope_bias_std);
+                p[(GYROSCOPE_BIAS + i, GYROSCOPE_BIAS + i)] += rate;
+                p[(ATTITUDE + i, ATTITUDE + i)] += rate * time * time * lit(WHEN);
+            } else {
+                let force = variance(config.accelerometer_bias_std);
+                p[(ACCELEROMETER_BIAS + i, ACCELEROMETER_BIAS + i)] += force;
             }
         }
         Self {
@@ -106,7 +119,7 @@ impl<T: Scalar> Estimate<T> {
 }
 
 impl<T: Scalar> Hypothesis<T> {
-    /// The step that explains the window best (W26).
+    /// The step that explains the window best, better than fixes that jump (W26).
     fn likeliest_step(
         &self,
         intervals: &[Interval<T>],
@@ -116,8 +129,9 @@ impl<T: Scalar> Hypothesis<T> {
         let learnt = self.learnt(scale, config);
         let about = Linearization::carried_back(&self.end.mean, intervals);
         let without = pass(&self.anchor, &about, intervals, learnt, config)?;
+        let newest = without.fit.newest[0].0.residual.norm();
         let without = without.fit.log_evidence;
-        let mut best: Option<Candidate<T>> = None;
+        let (mut best, mut jump): (Option<Candidate<T>>, _) = (None, T::zero());
         let (mut before, mut evidence) = (self.anchor, T::zero());
         for (i, interval) in intervals.iter().enumerate() {
             let rest = intervals.get(i..).unwrap_or_default();
@@ -136,11 +150,17 @@ impl<T: Scalar> Hypothesis<T> {
                     });
                 }
             }
+            if looked_at {
+                let about = Linearization::at(&before.mean);
+                let jumped = pass(&before.with_jump(newest), &about, rest, learnt, config);
+                let evident = jumped.map_or(without, |p| evidence + p.fit.log_evidence);
+                jump = jump.max(evident - without);
+            }
             let (after, more) = before.after(interval, learnt, config)?;
             before = after;
             evidence += more;
         }
-        best
+        best.filter(|best| best.gain > jump)
     }
 
     /// The same with a step: the window begins with it, and what was before is part of the anchor.
@@ -261,7 +281,7 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         }
         let biases = |bank: &Bank<T, K>| {
             let mean = bank.best().map(|best| best.end.mean);
-            mean.map(|mean| [mean.gyroscope_bias, mean.accelerometer_bias])
+            mean.map(|mean| (mean.gyroscope_bias, mean.accelerometer_bias))
         };
         let before = biases(bank);
         let Some(first) = bank.take_step(self.window.intervals(), config) else {
@@ -271,11 +291,14 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         self.disagreeing = 0;
         let sensor = bank.best().and_then(Hypothesis::stepped_sensor);
         if let (Some(sensor), Some(before), Some(after)) = (sensor, before, biases(bank)) {
-            let place = usize::from(sensor != FaultySensor::Gyroscope);
+            let moved = match sensor {
+                FaultySensor::Gyroscope => after.0 - before.0,
+                _ => after.1 - before.1,
+            };
             let ages = self.window.intervals().iter();
             self.step = Some(AlignmentStep {
                 sensor,
-                size: (after[place] - before[place]).norm(),
+                size: moved.norm(),
                 age_s: ages.fold(T::zero(), |age, one| age + one.inertial.duration_s()),
             });
         }
