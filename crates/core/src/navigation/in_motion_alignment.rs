@@ -68,6 +68,7 @@ pub use bias_step::AlignmentStep;
 pub use config::InMotionAlignmentConfig;
 pub use memory::InMotionAlignmentState;
 
+use self::bias_step::UNSEEN_FIXES;
 use self::memory::Memory;
 use super::augmented_states::{AUGMENTED_STATES, AugmentedStates, GNSS_OFFSET, TIME_OFFSET};
 use super::preintegration::{SampleNoise, check_sample};
@@ -227,6 +228,9 @@ impl<T: Scalar, const HYPOTHESES: usize, const WINDOW: usize>
         let noise = self.sample_noise(dt);
         let memory = &mut self.memory;
         memory.angular_rate = *angular_rate;
+        if dt > lit(GAP_S) {
+            memory.untold = UNSEEN_FIXES;
+        }
         if memory.bank.is_some() {
             memory.since.add(angular_rate, specific_force, dt, &noise)?;
             if memory.since.duration_s() > lit(LONGEST_INTERVAL_S) {

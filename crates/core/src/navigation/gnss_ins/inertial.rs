@@ -205,6 +205,7 @@ impl<T: Scalar, const HISTORY: usize, L: ErrorListener<T, ERRORS>> GnssIns<T, HI
         }
         self.filter.set_noise_densities(widened);
         self.alignment.set_noise_densities(widened);
+        self.alignment.samples_are_unseen();
         self.step(rate, force, dt);
         self.catch_up();
         self.filter.set_noise_densities(before);

@@ -2,12 +2,12 @@
 //!
 //! *Read first:* `docs/derivations/in_motion_alignment.md`, section 7 (W25, W26).
 
-use super::InMotionAlignmentConfig;
 use super::bank::Bank;
 use super::estimate::{Estimate, Triangle};
 use super::hypothesis::Hypothesis;
 use super::memory::Memory;
 use super::window::{Fit, Interval, Learnt, Linearization, Pass, pass};
+use super::{InMotionAlignment, InMotionAlignmentConfig};
 use crate::faults::FaultySensor;
 use crate::kalman::Innovation;
 use crate::navigation::{ACCELEROMETER_BIAS, ATTITUDE, GYROSCOPE_BIAS, POSITION};
@@ -21,6 +21,8 @@ const LEAST_GAIN: f64 = 8.0;
 const SUSPECT_NIS: f64 = 6.25;
 /// A step is looked for in so many of the newest intervals, which costs no more than a fix at the start.
 const LOOKED_AT: usize = 6;
+/// Fixes after samples that were no measurements before one is looked for.
+pub(super) const UNSEEN_FIXES: u32 = LOOKED_AT as u32;
 /// Fixes before one is looked for.
 const FEWEST_FIXES: u32 = 6;
 /// Variance of a time within an interval at which it may have been, as a share of the squared interval.
@@ -270,13 +272,24 @@ impl<T: Scalar, const K: usize> Bank<T, K> {
     }
 }
 
+impl<T: Scalar, const K: usize, const N: usize> InMotionAlignment<T, K, N> {
+    /// Tells that samples of now stand for measurements: what their noise does not explain is no step of a bias.
+    pub(in crate::navigation) fn samples_are_unseen(&mut self) {
+        self.memory.unseen = UNSEEN_FIXES;
+    }
+}
+
 impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
     /// Looks for a step where the newest fix is far off the best hypothesis, and goes on with it. The window has room then.
     pub(super) fn look_for_step(&mut self, fit: &Fit<T>, config: &InMotionAlignmentConfig<T>) {
         let Some(bank) = &mut self.bank else {
             return;
         };
-        if bank.fixes < FEWEST_FIXES || !fit.is_suspect() {
+        let unseen = self.unseen;
+        self.unseen = unseen.saturating_sub(1);
+        let is_told = self.untold == 0;
+        self.untold = self.untold.saturating_sub(1);
+        if bank.fixes < FEWEST_FIXES || unseen > 0 || !fit.is_suspect() {
             return;
         }
         let biases = |bank: &Bank<T, K>| {
@@ -290,6 +303,7 @@ impl<T: Scalar, const K: usize, const N: usize> Memory<T, K, N> {
         self.window.drop_first(first);
         self.disagreeing = 0;
         let sensor = bank.best().and_then(Hypothesis::stepped_sensor);
+        let sensor = sensor.filter(|_| is_told);
         if let (Some(sensor), Some(before), Some(after)) = (sensor, before, biases(bank)) {
             let moved = match sensor {
                 FaultySensor::Gyroscope => after.0 - before.0,

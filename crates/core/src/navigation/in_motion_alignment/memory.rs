@@ -56,6 +56,10 @@ pub(super) struct Memory<T: Scalar, const K: usize, const N: usize> {
     pub(super) prior: Option<AttitudePrior<T>>,
     /// What the receiver's standard deviations are multiplied by in it.
     pub(super) scale: T,
+    /// Positions to come before a step is looked for: samples of the window were no measurements.
+    pub(super) unseen: u32,
+    /// Positions to come before a step is told: there was a gap, and what it hid looks like one.
+    pub(super) untold: u32,
     /// Impossible positions in a row.
     pub(super) impossible: u32,
     /// Positions that disagree, less those that agree.
@@ -148,6 +152,8 @@ impl<T: Scalar, const K: usize, const N: usize> Default for Memory<T, K, N> {
             is_aligned: false,
             prior: None,
             scale: T::one(),
+            unseen: 0,
+            untold: 0,
             impossible: 0,
             disagreeing: 0,
             restarts: 0,
