@@ -58,6 +58,13 @@ const SCALE_ERROR: f64 = 0.015;
 const FEWEST: usize = 5;
 const DILUTED: f64 = 0.1;
 
+/// Longer samples are no measurements (m/s^2, microtesla).
+const LONGEST_SAMPLE: f64 = 1e6;
+
+fn is_measured<T: Scalar>(sample: &Vector3<T>) -> bool {
+    sample.norm_squared() <= lit(LONGEST_SAMPLE * LONGEST_SAMPLE)
+}
+
 /// A bias that stepped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BiasStep<T: Scalar> {
@@ -216,15 +223,19 @@ impl<T: Scalar> BiasWatch<T> {
     /// Takes a specific force, m/s^2, body axes now.
     #[inline]
     pub fn force(&mut self, force: &Vector3<T>) {
-        self.stride.force += force;
-        self.stride.force_count += T::one();
+        if is_measured(force) {
+            self.stride.force += force;
+            self.stride.force_count += T::one();
+        }
     }
 
     /// Takes a magnetic field, microtesla, body axes now.
     #[inline]
     pub fn field(&mut self, field: &Vector3<T>) {
-        self.stride.field += field;
-        self.stride.field_count += T::one();
+        if is_measured(field) {
+            self.stride.field += field;
+            self.stride.field_count += T::one();
+        }
     }
 
     /// Takes a rotation: the rate (rad/s, as measured) over `dt` seconds. A step that it finds is told once; the bias that it has

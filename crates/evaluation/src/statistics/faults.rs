@@ -90,7 +90,9 @@ impl FaultRecord {
             }
             FaultKind::BiasStep => {
                 let found = self.found_s;
-                format!("its bias changed by {size:.3} {unit}, found at {found:.2} s; the new one is removed")
+                format!(
+                    "its bias changed by {size:.3} {unit}, found at {found:.2} s; the new one is removed"
+                )
             }
             FaultKind::Missing => {
                 format!("no samples from {from:.2} s {until}; the turn between is estimated")
