@@ -45,6 +45,7 @@ mod named;
 pub mod navigation;
 pub(crate) mod observers;
 pub mod registry;
+mod run_estimator;
 pub mod statistics;
 pub mod tracking;
 pub mod used_parameters;
@@ -55,4 +56,5 @@ pub use attitude::{
     SensorSelection, TraceObserver,
 };
 pub use error::EvaluationError;
+pub use run_estimator::RunEstimator;
 pub use used_parameters::{Origin, PROGRAM, UsedParameter};

@@ -15,6 +15,7 @@
 //! | `attitude_worlds.rs` | the page of attitude on random worlds |
 //! | `navigation_worlds.rs` | the page of GNSS/INS on random worlds |
 //! | `faults.rs` | the page of the fault campaign |
+//! | `files/` | estimates as files: CSV, Parquet, trajectories, tracks |
 //! | `elements.rs` | cells, columns and figures that pages of experiments share |
 //! | `hero.rs` | [`hero_svg`], the picture for a README |
 //! | `attitude_plots.rs`, `innovation_plots.rs`, `position_plots.rs` | which curves stand in which panel |
@@ -33,6 +34,7 @@ mod attitude;
 mod calibration;
 mod drawing;
 mod experiments;
+mod files;
 mod navigation;
 mod page;
 #[cfg(test)]
@@ -54,6 +56,9 @@ pub use experiments::campaign_outcome;
 pub use experiments::faults::render as faults_html;
 pub use experiments::navigation_worlds::render as navigation_worlds_html;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
+#[cfg(feature = "parquet")]
+pub use files::write_group;
+pub use files::{EstimateFile, NavigationFile};
 pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};
 pub use page::facts::{Fact, Source, Tone, Verdict};
 pub use page::setup::setup_of;

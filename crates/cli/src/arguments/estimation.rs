@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use northing_evaluation::EvaluationError;
 use northing_evaluation::attitude::reference::{self, ReferenceUse};
 use northing_evaluation::attitude::runner::run;
 use northing_evaluation::attitude::{
@@ -14,9 +13,9 @@ use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
 use northing_evaluation::calibration::set::CalibrationSet;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
+use northing_evaluation::{EvaluationError, RunEstimator};
 use northing_recording::{Metadata, Recording};
 
-use crate::arguments::estimator::RunEstimator;
 use crate::arguments::input::{
     InputArgs, MagnetometerChoice, magnetometer_choice, positive_seconds,
 };

@@ -1,7 +1,6 @@
 //! Arguments that commands share, and what they mean.
 
 pub(crate) mod estimation;
-pub(crate) mod estimator;
 pub(crate) mod input;
 pub(crate) mod navigation;
 pub(crate) mod quantity;

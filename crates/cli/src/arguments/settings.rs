@@ -9,12 +9,10 @@ use clap::Args;
 use northing_evaluation::attitude::parameters::parameters_of;
 use northing_evaluation::attitude::{EstimatorKind, Profile, RunOptions};
 use northing_evaluation::navigation::NavigationOptions;
-use northing_evaluation::{EvaluationError, Origin, by_name};
+use northing_evaluation::{EvaluationError, Origin, RunEstimator, by_name};
 use northing_recording::limits::read_description;
 use serde_json::{Map, Value as Json};
 use toml::de::{DeArray, DeTable, DeValue};
-
-use crate::arguments::estimator::RunEstimator;
 
 /// Options that set parameters of estimators with profiles.
 #[derive(Debug, Clone, Default, Args)]

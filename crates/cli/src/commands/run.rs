@@ -6,14 +6,13 @@ mod navigation;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
+use northing_evaluation::RunEstimator;
 use northing_evaluation::attitude::reference::ReferenceUse;
 use northing_evaluation::attitude::setup::RunSetup;
 use northing_evaluation::attitude::{Calibrations, TraceObserver};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::estimation::{Asked, aligned_reference, run_over};
-use crate::arguments::estimator::RunEstimator;
-use crate::files::estimate_file::EstimateFile;
 use crate::files::output::{
     check_free, check_not_input, print, print_json, report_written, same_file,
 };
@@ -21,7 +20,7 @@ use crate::files::shown;
 use crate::invocation::command_line;
 use crate::text::attitude as text;
 pub(crate) use arguments::RunArgs;
-use northing_report::{TRACE_CAPACITY, run_page, setup_of};
+use northing_report::{EstimateFile, TRACE_CAPACITY, run_page, setup_of};
 
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {

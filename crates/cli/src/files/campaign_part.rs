@@ -25,7 +25,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use serde::{Deserialize, Serialize};
 
-use crate::files::parquet_table::write_group;
+use northing_report::write_group;
 
 /// Key of the metadata.
 const KEY: &str = "northing_campaign";

@@ -3,12 +3,8 @@
 pub(crate) mod baseline_errors;
 #[cfg(feature = "parquet")]
 pub(crate) mod campaign_part;
-pub(crate) mod estimate_file;
 pub(crate) mod magnetometer_calibration;
-pub(crate) mod navigation_file;
 pub(crate) mod output;
-#[cfg(feature = "parquet")]
-pub(crate) mod parquet_table;
 pub(crate) mod rest_calibration;
 pub(crate) mod toml_file;
 

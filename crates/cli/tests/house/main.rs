@@ -67,7 +67,7 @@ fn floor(name: &str) -> Option<u8> {
         "northing-experiments" => Some(3),
         "northing-report" => Some(4),
         "northing-live" => Some(5),
-        "northing" => Some(6),
+        "northing" | "northing-python" => Some(6),
         _ => None,
     }
 }

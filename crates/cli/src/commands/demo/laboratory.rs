@@ -22,7 +22,6 @@ use northing_simulation::virtual_phone::Motion;
 
 use crate::arguments::estimation::run_over;
 use crate::arguments::virtual_recording;
-use crate::files::estimate_file::EstimateFile;
 use crate::files::output::{check_free, number, print};
 use crate::files::rest_calibration;
 use crate::invocation::{called, command_line};
@@ -30,7 +29,7 @@ use crate::text::rest_calibration::values;
 use crate::text::sheet::paragraph;
 use crate::text::table::Table;
 use northing_evaluation::calibration::rest::{self, Calibrated, Span};
-use northing_report::{TRACE_CAPACITY, run_page};
+use northing_report::{EstimateFile, TRACE_CAPACITY, run_page};
 
 /// What the demonstration compares: the filter, integration alone, and the phone itself.
 const COMPARED: [EstimatorKind; 3] = [

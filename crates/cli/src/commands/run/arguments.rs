@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use northing_evaluation::RunEstimator;
 use northing_recording::Recording;
 
 use crate::arguments::estimation::EstimationArgs;
-use crate::arguments::estimator::RunEstimator;
 use crate::arguments::input::{DataArgs, InputArgs};
 use crate::arguments::navigation::NavigationArgs;
 

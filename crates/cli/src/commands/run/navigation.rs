@@ -9,11 +9,10 @@ use northing_evaluation::navigation::{
 };
 use northing_recording::Recording;
 use northing_recording::atomic_file::write_whole;
-use northing_report::{NavigationReport, TRACE_CAPACITY};
+use northing_report::{NavigationFile, NavigationReport, TRACE_CAPACITY};
 
 use super::arguments::RunArgs;
 use crate::arguments::estimation::of_recording;
-use crate::files::navigation_file::NavigationFile;
 use crate::files::output::{
     check_free, check_not_input, print, print_json, report_written, same_file,
 };

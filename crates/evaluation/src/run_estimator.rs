@@ -3,14 +3,15 @@
 use std::fmt;
 use std::str::FromStr;
 
-use northing_evaluation::attitude::EstimatorKind;
-use northing_evaluation::navigation::NavigationKind;
 use northing_recording::SensorKind;
+
+use crate::attitude::EstimatorKind;
+use crate::navigation::NavigationKind;
 
 /// An estimator by name, whatever it estimates. `device` is read as one of the attitude; of a recording whose
 /// device tells its position, too, [`Self::of_recording`] makes the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum RunEstimator {
+pub enum RunEstimator {
     /// Which way does it point?
     Attitude(EstimatorKind),
     /// Where is it?
@@ -39,13 +40,15 @@ impl FromStr for RunEstimator {
 
 impl RunEstimator {
     /// Whether what was asked for, if anything, means another estimator where the device tells its position.
-    pub(crate) const fn depends_on_recording(asked: Option<Self>) -> bool {
+    #[must_use]
+    pub const fn depends_on_recording(asked: Option<Self>) -> bool {
         matches!(asked, None | Some(Self::Attitude(EstimatorKind::Device)))
     }
 
     /// What runs over a recording with these sensors: asked for the device's own estimates, or for nothing, all
     /// of what the device itself estimated is taken; asked for nothing, the position where there are fixes alone.
-    pub(crate) fn of_recording(asked: Option<Self>, sensors: &[SensorKind]) -> Option<Self> {
+    #[must_use]
+    pub fn of_recording(asked: Option<Self>, sensors: &[SensorKind]) -> Option<Self> {
         if Self::depends_on_recording(asked) && sensors.contains(&SensorKind::DeviceNavigation) {
             return Some(Self::Navigation(NavigationKind::Device));
         }

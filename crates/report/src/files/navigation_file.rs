@@ -9,10 +9,9 @@ use northing_evaluation::navigation::{NavigationEstimate, NavigationObserver};
 use northing_recording::AtomicFile;
 use northing_recording::fixed::{push_fixed, push_seconds};
 use northing_recording::track::{TrackPoint, check_track_path, write_track};
-use northing_report::validity_word;
 
-use crate::files::has_extension;
-use crate::files::output::check_free;
+use super::has_extension;
+use crate::validity_word;
 
 /// The columns of the CSV.
 const COLUMNS: &str = "t_s,latitude_deg,longitude_deg,height_m,north_m,east_m,down_m,north_std_m,east_std_m,down_std_m,\
@@ -25,7 +24,7 @@ const ROWS_BYTES: usize = 1 << 16;
 const TRACK_INTERVAL_NS: i64 = 100_000_000;
 
 /// A file of estimates being written. It watches a run; what goes wrong is told at the end.
-pub(crate) struct NavigationFile {
+pub struct NavigationFile {
     output: Output,
     frame: Option<LocalFrame>,
     failure: Option<anyhow::Error>,
@@ -43,7 +42,7 @@ impl NavigationFile {
     ///
     /// # Errors
     /// It exists, cannot be written, or has another extension.
-    pub(crate) fn create(path: &Path, force: bool) -> Result<Self> {
+    pub fn create(path: &Path, force: bool) -> Result<Self> {
         let output = if has_extension(path, "csv") {
             let mut file = AtomicFile::create(path, force)?;
             file.print(format_args!("{COLUMNS}\n"))?;
@@ -51,7 +50,8 @@ impl NavigationFile {
         } else {
             check_track_path(path)
                 .context("estimates of a navigation run are a .csv or a track")?;
-            check_free(path, force)?;
+            // Starting the file is the test whether it can be written; dropped, it leaves nothing behind.
+            AtomicFile::create(path, force)?;
             Output::Track(path.to_owned(), force, Vec::new())
         };
         Ok(Self {
@@ -85,7 +85,7 @@ impl NavigationFile {
     ///
     /// # Errors
     /// Something went wrong on the way, or goes wrong now.
-    pub(crate) fn finish(self, name: &str) -> Result<()> {
+    pub fn finish(self, name: &str) -> Result<()> {
         if let Some(failure) = self.failure {
             return Err(failure);
         }

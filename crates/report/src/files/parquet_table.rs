@@ -15,7 +15,7 @@ use parquet::schema::parser::parse_message_type;
 const GROUP_ROWS: usize = 32_768;
 
 /// A file being written.
-pub(crate) struct ParquetTable {
+pub(super) struct ParquetTable {
     file: String,
     output: SerializedFileWriter<AtomicFile>,
     columns: Vec<Vec<f64>>,
@@ -23,7 +23,7 @@ pub(crate) struct ParquetTable {
 
 impl ParquetTable {
     /// Starts the file with columns of these names.
-    pub(crate) fn create<'a>(
+    pub(super) fn create<'a>(
         path: &Path,
         names: impl Iterator<Item = &'a str>,
         force: bool,
@@ -48,7 +48,7 @@ impl ParquetTable {
     }
 
     /// Adds a row, one number for each column.
-    pub(crate) fn row(&mut self, numbers: &[f64]) -> Result<()> {
+    pub(super) fn row(&mut self, numbers: &[f64]) -> Result<()> {
         for (column, number) in self.columns.iter_mut().zip(numbers) {
             column.push(*number);
         }
@@ -70,7 +70,7 @@ impl ParquetTable {
     }
 
     /// Completes the file.
-    pub(crate) fn finish(mut self) -> Result<()> {
+    pub(super) fn finish(mut self) -> Result<()> {
         let file = std::mem::take(&mut self.file);
         let place = || format!("{file}: cannot write it");
         if self
@@ -86,7 +86,10 @@ impl ParquetTable {
 }
 
 /// Writes columns as one group of rows.
-pub(crate) fn write_group<D: DataType>(
+///
+/// # Errors
+/// What Parquet's writer says, such as a full disk.
+pub fn write_group<D: DataType>(
     output: &mut SerializedFileWriter<AtomicFile>,
     columns: &[Vec<D::T>],
 ) -> parquet::errors::Result<()> {

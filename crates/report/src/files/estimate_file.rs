@@ -12,9 +12,9 @@ use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, RunObserver};
 use northing_evaluation::statistics::attitude_std::AttitudeStd;
 use northing_recording::{AtomicFile, TumWriter};
 
-use crate::files::has_extension;
+use super::has_extension;
 #[cfg(feature = "parquet")]
-use crate::files::parquet_table::ParquetTable;
+use super::parquet_table::ParquetTable;
 
 /// The numbers of a row after the time: attitude (body to world), its standard deviation in body
 /// axes, the same attitude as angles, gyroscope bias and its standard deviation in body axes.
@@ -64,7 +64,7 @@ const UNCERTAINTY_COLUMNS: [&str; 8] = [
 const MOST: usize = COLUMNS.len() + PLACE_COLUMNS.len() + UNCERTAINTY_COLUMNS.len();
 
 /// A file of estimates being written. It watches a run; what goes wrong is told at the end.
-pub(crate) struct EstimateFile {
+pub struct EstimateFile {
     output: Output,
     /// Whether it has the columns of the place.
     has_place: bool,
@@ -83,7 +83,7 @@ impl EstimateFile {
     ///
     /// # Errors
     /// It exists, cannot be written, or has another extension.
-    pub(crate) fn create(path: &Path, estimator: EstimatorKind, force: bool) -> Result<Self> {
+    pub fn create(path: &Path, estimator: EstimatorKind, force: bool) -> Result<Self> {
         let has_place = estimator.uses_positions();
         let place = if has_place { &PLACE_COLUMNS[..] } else { &[] };
         let names = [&COLUMNS[..], place, &UNCERTAINTY_COLUMNS].concat();
@@ -128,7 +128,7 @@ impl EstimateFile {
     ///
     /// # Errors
     /// The first thing that went wrong while it was written.
-    pub(crate) fn finish(self) -> Result<()> {
+    pub fn finish(self) -> Result<()> {
         if let Some(failure) = self.failure {
             return Err(failure);
         }

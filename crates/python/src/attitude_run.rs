@@ -1,0 +1,328 @@
+//! What an attitude run gives: arrays of estimates and innovations, the summary, a report and files.
+
+use std::path::PathBuf;
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use northing_core::geometry::rotation;
+use northing_core::kalman::Outcome;
+use northing_evaluation::attitude::{
+    EstimateRecord, InnovationRecord, RunObserver, RunSummary, Trace,
+};
+use northing_recording::atomic_file::write_whole;
+use northing_recording::{Metadata, SensorKind};
+use northing_report::{EstimateFile, run_page};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::{of_file, of_recording, refused};
+
+/// Estimates as columns, a row each, NaN where there is nothing to say.
+#[derive(Default)]
+struct Estimates {
+    time_ns: Vec<i64>,
+    quat: Vec<f64>,
+    covariance: Vec<f64>,
+    bias: Vec<f64>,
+    bias_covariance: Vec<f64>,
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+}
+
+impl Estimates {
+    fn push(&mut self, record: &EstimateRecord) {
+        self.time_ns.push(record.time_ns);
+        self.quat.extend(rotation::to_wxyz(&record.attitude));
+        push_matrix(&mut self.covariance, record.attitude_covariance.as_ref());
+        let (bias, bias_covariance) = record.gyroscope_bias.unzip();
+        push_vector(&mut self.bias, bias.as_ref());
+        push_matrix(&mut self.bias_covariance, bias_covariance.as_ref());
+        push_vector(&mut self.position, record.position.as_ref());
+        push_vector(&mut self.velocity, record.velocity.as_ref());
+    }
+
+    fn push_nothing(&mut self, time_ns: i64) {
+        self.time_ns.push(time_ns);
+        self.quat.extend([f64::NAN; 4]);
+        push_matrix(&mut self.covariance, None);
+        push_vector(&mut self.bias, None);
+        push_matrix(&mut self.bias_covariance, None);
+        push_vector(&mut self.position, None);
+        push_vector(&mut self.velocity, None);
+    }
+}
+
+pub(crate) fn push_vector(column: &mut Vec<f64>, vector: Option<&Vector3<f64>>) {
+    match vector {
+        Some(v) => column.extend([v.x, v.y, v.z]),
+        None => column.extend([f64::NAN; 3]),
+    }
+}
+
+/// Row by row.
+pub(crate) fn push_matrix(column: &mut Vec<f64>, matrix: Option<&Matrix3<f64>>) {
+    match matrix {
+        Some(m) => column.extend(m.transpose().iter()),
+        None => column.extend([f64::NAN; 9]),
+    }
+}
+
+/// Innovations of one sensor as columns, a row each, NaN where the estimator states nothing.
+#[derive(Default)]
+pub(crate) struct Innovations {
+    time_ns: Vec<i64>,
+    residual: Vec<f64>,
+    covariance: Vec<f64>,
+    nis: Vec<f64>,
+    degrees_of_freedom: Vec<u8>,
+    outcome: Vec<u8>,
+}
+
+/// The outcomes in the order of their numbers; reasons of what was skipped are counted in the summary.
+pub(crate) const OUTCOMES: [&str; 4] = ["fused", "inflated", "gated", "skipped"];
+
+pub(crate) fn outcome_number(outcome: Outcome) -> u8 {
+    match outcome {
+        Outcome::Fused => 0,
+        Outcome::Inflated => 1,
+        Outcome::Gated => 2,
+        Outcome::Skipped(_) => 3,
+    }
+}
+
+impl Innovations {
+    /// Adds one.
+    pub(crate) fn push(
+        &mut self,
+        time_ns: i64,
+        innovation: &northing_core::kalman::Innovation<f64>,
+    ) {
+        self.time_ns.push(time_ns);
+        let looked_at = !matches!(innovation.outcome, Outcome::Skipped(_));
+        let stated = innovation.degrees_of_freedom > 0;
+        push_vector(
+            &mut self.residual,
+            Some(&innovation.residual).filter(|_| looked_at),
+        );
+        push_matrix(
+            &mut self.covariance,
+            Some(&innovation.covariance).filter(|_| stated),
+        );
+        self.nis
+            .push(if stated { innovation.nis } else { f64::NAN });
+        self.degrees_of_freedom.push(innovation.degrees_of_freedom);
+        self.outcome.push(outcome_number(innovation.outcome));
+    }
+
+    /// As a dictionary of arrays.
+    pub(crate) fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("time_ns", PyArray1::from_vec(py, self.time_ns))?;
+        dict.set_item("residual", rows(py, self.residual, 3)?)?;
+        dict.set_item("covariance", matrices(py, self.covariance)?)?;
+        dict.set_item("nis", PyArray1::from_vec(py, self.nis))?;
+        dict.set_item(
+            "degrees_of_freedom",
+            PyArray1::from_vec(py, self.degrees_of_freedom),
+        )?;
+        dict.set_item("outcome", PyArray1::from_vec(py, self.outcome))?;
+        Ok(dict)
+    }
+}
+
+/// Watches a run and keeps everything.
+pub(crate) struct Collector {
+    estimates: Estimates,
+    innovations: Vec<(SensorKind, Innovations)>,
+    /// Stamps of the rows that are wanted.
+    wanted: Option<Vec<i64>>,
+}
+
+impl Collector {
+    /// With a row for each estimate, or for each of these stamps.
+    pub(crate) fn new(wanted: Option<Vec<i64>>) -> Self {
+        Self {
+            estimates: Estimates::default(),
+            innovations: Vec::new(),
+            wanted,
+        }
+    }
+
+    /// Fills rows before this stamp, for which there is no estimate.
+    fn fill_before(&mut self, time_ns: i64) {
+        let Some(wanted) = &self.wanted else { return };
+        let filled = self.estimates.time_ns.len();
+        let missing = wanted[filled.min(wanted.len())..].iter();
+        for row_ns in missing.take_while(|row_ns| **row_ns < time_ns) {
+            self.estimates.push_nothing(*row_ns);
+        }
+    }
+}
+
+impl RunObserver for Collector {
+    fn estimate(&mut self, record: &EstimateRecord) {
+        self.fill_before(record.time_ns);
+        self.estimates.push(record);
+    }
+
+    fn innovation(&mut self, record: &InnovationRecord) {
+        let known = self
+            .innovations
+            .iter()
+            .position(|(sensor, _)| *sensor == record.sensor);
+        let at = known.unwrap_or_else(|| {
+            self.innovations
+                .push((record.sensor, Innovations::default()));
+            self.innovations.len() - 1
+        });
+        self.innovations[at]
+            .1
+            .push(record.time_ns, &record.innovation);
+    }
+}
+
+/// An array of rows.
+pub(crate) fn rows(
+    py: Python<'_>,
+    column: Vec<f64>,
+    width: usize,
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    let count = column.len() / width;
+    PyArray1::from_vec(py, column).reshape([count, width])
+}
+
+/// An array of 3 by 3 matrices.
+pub(crate) fn matrices(py: Python<'_>, column: Vec<f64>) -> PyResult<Bound<'_, PyArray3<f64>>> {
+    let count = column.len() / 9;
+    PyArray1::from_vec(py, column).reshape([count, 3, 3])
+}
+
+/// An attitude run: its arrays, and what report and files are made of.
+#[pyclass(frozen, module = "northing._northing")]
+pub(crate) struct AttitudeRun {
+    /// Stamps, ns.
+    #[pyo3(get)]
+    time_ns: Py<PyArray1<i64>>,
+    /// `world_from_body`, w, x, y, z.
+    #[pyo3(get)]
+    quat: Py<PyArray2<f64>>,
+    /// Of the local attitude error in body axes, rad^2.
+    #[pyo3(get)]
+    covariance: Py<PyArray3<f64>>,
+    /// Gyroscope bias, rad/s.
+    #[pyo3(get)]
+    gyro_bias: Py<PyArray2<f64>>,
+    /// Its covariance, (rad/s)^2.
+    #[pyo3(get)]
+    gyro_bias_covariance: Py<PyArray3<f64>>,
+    /// World frame, m.
+    #[pyo3(get)]
+    position: Py<PyArray2<f64>>,
+    /// World frame, m/s.
+    #[pyo3(get)]
+    velocity: Py<PyArray2<f64>>,
+    /// By sensor.
+    #[pyo3(get)]
+    innovations: Py<PyDict>,
+    summary: RunSummary,
+    metadata: Metadata,
+    trace: Trace,
+}
+
+impl AttitudeRun {
+    /// Of what a run told.
+    pub(crate) fn new(
+        py: Python<'_>,
+        mut collected: Collector,
+        summary: RunSummary,
+        metadata: Metadata,
+        trace: Trace,
+    ) -> PyResult<Self> {
+        collected.fill_before(i64::MAX);
+        let innovations = PyDict::new(py);
+        for (sensor, columns) in collected.innovations {
+            innovations.set_item(sensor.name(), columns.into_dict(py)?)?;
+        }
+        let estimates = collected.estimates;
+        Ok(Self {
+            time_ns: PyArray1::from_vec(py, estimates.time_ns).unbind(),
+            quat: rows(py, estimates.quat, 4)?.unbind(),
+            covariance: matrices(py, estimates.covariance)?.unbind(),
+            gyro_bias: rows(py, estimates.bias, 3)?.unbind(),
+            gyro_bias_covariance: matrices(py, estimates.bias_covariance)?.unbind(),
+            position: rows(py, estimates.position, 3)?.unbind(),
+            velocity: rows(py, estimates.velocity, 3)?.unbind(),
+            innovations: innovations.unbind(),
+            summary,
+            metadata,
+            trace,
+        })
+    }
+}
+
+#[pymethods]
+impl AttitudeRun {
+    /// What the program prints with `run --json`.
+    fn summary_json(&self) -> PyResult<String> {
+        serde_json::to_string(&self.summary).map_err(|error| refused(error.to_string()))
+    }
+
+    /// The page of the run, as the program writes it; `command` says how it was made.
+    fn report_html(&self, py: Python<'_>, command: String) -> String {
+        py.detach(|| run_page::render(&self.summary, &self.metadata, &self.trace, command))
+    }
+
+    /// Writes that page.
+    fn report(&self, py: Python<'_>, path: PathBuf, command: String, force: bool) -> PyResult<()> {
+        let html = self.report_html(py, command);
+        write_whole(&path, html.as_bytes(), force).map_err(|error| of_recording(&error))
+    }
+
+    /// Writes the estimates as the program does, by extension: .csv, .parquet or .tum.
+    fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
+        let file = EstimateFile::create(&path, self.summary.estimator, force);
+        let mut file = file.map_err(of_file)?;
+        let time_ns = self.time_ns.bind(py).readonly();
+        let [quat, bias, position, velocity] =
+            [&self.quat, &self.gyro_bias, &self.position, &self.velocity]
+                .map(|array| array.bind(py).readonly());
+        let [covariance, bias_covariance] =
+            [&self.covariance, &self.gyro_bias_covariance].map(|array| array.bind(py).readonly());
+        for (row, time_ns) in time_ns.as_slice()?.iter().enumerate() {
+            let [w, x, y, z] = cells(quat.as_slice()?, row);
+            if w.is_nan() {
+                continue;
+            }
+            file.estimate(&EstimateRecord {
+                time_ns: *time_ns,
+                time_s: 0.0,
+                attitude: UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)),
+                attitude_covariance: matrix(cells(covariance.as_slice()?, row)),
+                gyroscope_bias: vector(cells(bias.as_slice()?, row))
+                    .zip(matrix(cells(bias_covariance.as_slice()?, row))),
+                position: vector(cells(position.as_slice()?, row)),
+                velocity: vector(cells(velocity.as_slice()?, row)),
+                reference: None,
+                device: None,
+            });
+        }
+        file.finish().map_err(of_file)
+    }
+
+    fn __len__(&self, py: Python<'_>) -> usize {
+        self.time_ns.bind(py).len()
+    }
+}
+
+/// The numbers of a row.
+fn cells<const N: usize>(column: &[f64], row: usize) -> [f64; N] {
+    std::array::from_fn(|i| column.get(row * N + i).copied().unwrap_or(f64::NAN))
+}
+
+fn vector(row: [f64; 3]) -> Option<Vector3<f64>> {
+    (!row[0].is_nan()).then(|| row.into())
+}
+
+fn matrix(row: [f64; 9]) -> Option<Matrix3<f64>> {
+    (!row[0].is_nan()).then(|| Matrix3::from_row_slice(&row))
+}

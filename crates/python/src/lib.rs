@@ -1,0 +1,44 @@
+//! The Python module `northing`: the estimators, readers and writers of the program over arrays and recordings.
+//!
+//! | file | what is in it |
+//! |---|---|
+//! | `samples.rs` | arrays of sensors as the events of a recording |
+//! | `attitude.rs` | options of attitude runs, the run over arrays |
+//! | `attitude_run.rs` | what an attitude run gives: arrays, summary, report, file |
+//! | `recordings.rs` | recordings in files: sensors, samples, runs |
+//! | `navigation_run.rs` | what a navigation run gives |
+//! | `streams.rs`, `configs.rs` | estimators sample by sample, and their parameters |
+//! | `comparison.rs` | several estimators over several recordings |
+//! | `errors.rs` | what is refused, in the words of the module |
+//!
+//! What people call is Python (`python/northing`), typed there; this crate gives it plain functions and classes. Every run
+//! goes through `northing_evaluation` as the program's does, so that both give the same digits.
+
+mod attitude;
+mod attitude_run;
+mod comparison;
+mod configs;
+mod errors;
+mod navigation_run;
+mod recordings;
+mod samples;
+mod streams;
+
+use pyo3::prelude::*;
+
+/// What `import northing._northing` runs.
+#[pymodule]
+fn _northing(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(attitude::attitude, module)?)?;
+    module.add_function(wrap_pyfunction!(attitude::estimators, module)?)?;
+    module.add_function(wrap_pyfunction!(comparison::compare, module)?)?;
+    module.add_class::<attitude_run::AttitudeRun>()?;
+    module.add_class::<navigation_run::NavigationRun>()?;
+    module.add_class::<recordings::RecordingFile>()?;
+    module.add_class::<configs::BoundedVelocityConfig>()?;
+    module.add_class::<configs::AttitudeConfig>()?;
+    module.add_class::<streams::BoundedVelocity>()?;
+    module.add_class::<streams::Mekf>()?;
+    Ok(())
+}
