@@ -81,15 +81,31 @@ pub(crate) struct Asked {
     magnetometer: Option<String>,
     calibrate_first_s: Option<f64>,
     ignore_reference: bool,
+    align_reference: bool,
     /// `NAME=VALUE`.
     settings: Vec<String>,
 }
 
 impl Asked {
-    /// As options of the run.
+    /// As options of a run of one estimator, which must have a use for every setting.
     ///
     /// # Errors
-    /// A setting or a combination that is invalid, or has no effect on the estimator.
+    /// As [`Self::options`], and a setting without effect.
+    pub(crate) fn options_of_one(
+        self,
+        estimator: Option<EstimatorKind>,
+        open: &OpenOptions,
+    ) -> PyResult<RunOptions> {
+        let settings = self.settings.clone();
+        let options = self.options(estimator, open)?;
+        check_effect(&settings, options.estimator)?;
+        Ok(options)
+    }
+
+    /// As options of a run.
+    ///
+    /// # Errors
+    /// A setting or a combination that is invalid.
     pub(crate) fn options(
         self,
         estimator: Option<EstimatorKind>,
@@ -102,7 +118,6 @@ impl Asked {
         for setting in &self.settings {
             options.set(setting).map_err(|e| refused(e.to_string()))?;
         }
-        check_effect(&self.settings, estimator)?;
         options.driver.gap_limit_s = open.gap_limit_s;
         options.choose_magnetometer = self.magnetometer.is_none() && self.sensors.is_none();
         if let Some(sensors) = word::<SensorSelection>(self.sensors, "sensors")? {
@@ -114,10 +129,20 @@ impl Asked {
         options.calibrate_first_s = self.calibrate_first_s;
         options.smooth = self.smooth;
         if self.ignore_reference {
+            if self.align_reference {
+                return Err(refused(
+                    "ignore_reference and align_reference contradict each other; give one",
+                ));
+            }
             options.reference = ReferenceUse::Ignored;
         }
         options.check().map_err(|e| refused(e.to_string()))?;
         Ok(options)
+    }
+
+    /// Whether the reference is put on the sensors' clock and into their axes first.
+    pub(crate) fn aligns_reference(&self) -> bool {
+        self.align_reference
     }
 
     /// The estimator that is named, whatever it estimates.
@@ -200,7 +225,7 @@ pub(crate) fn attitude(
     reading: Reading,
 ) -> PyResult<AttitudeRun> {
     let open = reading.options()?;
-    let options = asked.options(None, &open)?;
+    let options = asked.options_of_one(None, &open)?;
     let frame = match frame {
         "enu" => WorldFrame::Enu,
         "ned" => WorldFrame::Ned,

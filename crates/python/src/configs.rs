@@ -95,7 +95,7 @@ macro_rules! config {
         #[pymethods]
         impl $name {
             #[new]
-            #[pyo3(signature = (profile="hand-held", **changes))]
+            #[pyo3(signature = (profile="hand_held", **changes))]
             fn new(profile: &str, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
                 self::profile(profile, changes).map(Self)
             }
@@ -103,7 +103,7 @@ macro_rules! config {
             #[staticmethod]
             #[pyo3(signature = (**changes))]
             fn hand_held(changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-                Self::new("hand-held", changes)
+                Self::new("hand_held", changes)
             }
 
             #[staticmethod]

@@ -5,14 +5,15 @@ use std::io::ErrorKind;
 
 use northing_evaluation::EvaluationError;
 use northing_recording::RecordingError;
-use pyo3::PyErr;
 use pyo3::exceptions::{PyFileExistsError, PyFileNotFoundError, PyOSError, PyValueError};
+use pyo3::{PyErr, pyfunction};
 
 /// Options of the program that stand alone.
 const SWITCHES: [&str; 4] = ["force", "smooth", "align-reference", "ignore-reference"];
 
 /// A sentence of the program with its options as arguments of the module: `--gyroscope-unit deg-per-s` becomes
 /// `gyroscope_unit="deg-per-s"`.
+#[pyfunction]
 pub(crate) fn in_words_of_the_module(sentence: &str) -> String {
     let mut said = String::new();
     let mut rest = sentence;

@@ -32,12 +32,14 @@ fn _northing(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(attitude::attitude, module)?)?;
     module.add_function(wrap_pyfunction!(attitude::estimators, module)?)?;
+    module.add_function(wrap_pyfunction!(errors::in_words_of_the_module, module)?)?;
     module.add_function(wrap_pyfunction!(comparison::compare, module)?)?;
     module.add_class::<attitude_run::AttitudeRun>()?;
     module.add_class::<navigation_run::NavigationRun>()?;
     module.add_class::<recordings::RecordingFile>()?;
     module.add_class::<configs::BoundedVelocityConfig>()?;
     module.add_class::<configs::AttitudeConfig>()?;
+    module.add_class::<streams::Innovation>()?;
     module.add_class::<streams::BoundedVelocity>()?;
     module.add_class::<streams::Mekf>()?;
     Ok(())

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use northing_core::geometry::rotation;
 use northing_evaluation::RunEstimator;
+use northing_evaluation::attitude::reference::{self, ReferenceUse};
 use northing_evaluation::navigation::NavigationOptions;
 use northing_evaluation::{Origin, navigation};
 use northing_recording::{Metadata, OpenOptions, RecordingError, Sample, SensorKind};
@@ -12,7 +13,7 @@ use pyo3::prelude::*;
 
 use crate::attitude::{self, Asked, Reading, word};
 use crate::attitude_run::{AttitudeRun, rows};
-use crate::errors::{of_recording, refused};
+use crate::errors::{of_recording, of_run, refused};
 use crate::navigation_run::NavigationRun;
 
 /// A recording: a file or folder, and how it is read. It is read anew for everything that is asked of it.
@@ -131,15 +132,17 @@ impl RecordingFile {
             Some(RunEstimator::Attitude(kind)) => Some(kind),
             _ => None,
         };
-        let options = asked.options(kind, &self.options)?;
+        let aligns_reference = asked.aligns_reference();
+        let mut options = asked.options_of_one(kind, &self.options)?;
+        let name = self.path.display().to_string();
+        if aligns_reference {
+            let recording = attitude::open(&self.path, &self.options)?;
+            let found = py.detach(|| reference::fit(recording));
+            options.reference =
+                ReferenceUse::Aligned(found.map_err(|error| of_run(&error, &name))?);
+        }
         let recording = attitude::open(&self.path, &self.options)?;
-        attitude::run(
-            py,
-            recording,
-            &self.path.display().to_string(),
-            &options,
-            None,
-        )
+        attitude::run(py, recording, &name, &options, None)
     }
 
     /// Runs a navigation estimator.

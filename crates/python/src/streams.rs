@@ -5,7 +5,7 @@ use northing_core::Restorable;
 use northing_core::attitude::driver::{AttitudeDriver, DriverConfig, DriverState};
 use northing_core::attitude::{Propagation, bounded_velocity, mekf};
 use northing_core::geometry::rotation;
-use northing_core::kalman::{Innovation, Outcome};
+use northing_core::kalman::{self as core_innovation, Outcome};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -13,30 +13,63 @@ use crate::attitude_run::{OUTCOMES, outcome_number};
 use crate::configs::{AttitudeConfig, BoundedVelocityConfig};
 use crate::errors::refused;
 
-/// What an update told: residual, covariance row by row, NIS, degrees of freedom, outcome, and why it was skipped.
-type Told = (
-    [f64; 3],
-    [[f64; 3]; 3],
-    f64,
-    u8,
-    &'static str,
-    Option<&'static str>,
-);
+/// What one measurement told a filter.
+#[pyclass(frozen, module = "northing._northing")]
+pub(crate) struct Innovation(core_innovation::Innovation<f64>);
 
-fn told(innovation: &Innovation<f64>) -> Told {
-    let s = &innovation.covariance;
-    let reason = match innovation.outcome {
-        Outcome::Skipped(reason) => Some(reason.description()),
-        _ => None,
-    };
-    (
-        innovation.residual.into(),
-        [0, 1, 2].map(|i| [0, 1, 2].map(|j| s[(i, j)])),
-        innovation.nis,
-        innovation.degrees_of_freedom,
-        OUTCOMES[usize::from(outcome_number(innovation.outcome))],
-        reason,
-    )
+#[pymethods]
+impl Innovation {
+    /// Measured less predicted, in the unit of the sensor.
+    #[getter]
+    fn residual<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.residual.as_slice())
+    }
+
+    /// What the filter expected of it, S.
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        PyArray1::from_slice(py, self.0.covariance.transpose().as_slice()).reshape([3, 3])
+    }
+
+    /// Normalised innovation squared.
+    #[getter]
+    fn nis(&self) -> f64 {
+        self.0.nis
+    }
+
+    /// Components measured; 0 where nothing was, and of filters without covariance.
+    #[getter]
+    fn degrees_of_freedom(&self) -> u8 {
+        self.0.degrees_of_freedom
+    }
+
+    /// `fused`, `inflated`, `gated` or `skipped`.
+    #[getter]
+    fn outcome(&self) -> &'static str {
+        OUTCOMES[usize::from(outcome_number(self.0.outcome))]
+    }
+
+    /// Why it was skipped.
+    #[getter]
+    fn reason(&self) -> Option<&'static str> {
+        match self.0.outcome {
+            Outcome::Skipped(reason) => Some(reason.description()),
+            _ => None,
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        let own = &self.0;
+        match self.reason() {
+            Some(reason) => format!("Innovation(skipped: {reason})"),
+            None => format!(
+                "Innovation({}, nis={:.3}, degrees_of_freedom={})",
+                self.outcome(),
+                own.nis,
+                own.degrees_of_freedom
+            ),
+        }
+    }
 }
 
 fn settings(alignment_s: f64, gap_limit_s: f64) -> PyResult<DriverConfig<f64>> {
@@ -86,18 +119,18 @@ macro_rules! stream {
             }
 
             /// Takes a specific force, m/s^2.
-            fn accelerometer(&mut self, time_ns: i64, specific_force: [f64; 3]) -> Told {
-                told(&self.driver.accelerometer(time_ns, &Vector3::from(specific_force)))
+            fn accelerometer(&mut self, time_ns: i64, specific_force: [f64; 3]) -> Innovation {
+                Innovation(self.driver.accelerometer(time_ns, &Vector3::from(specific_force)))
             }
 
             /// Takes a magnetic field, microtesla.
-            fn magnetometer(&mut self, time_ns: i64, magnetic_field: [f64; 3]) -> Told {
-                told(&self.driver.magnetometer(time_ns, &Vector3::from(magnetic_field)))
+            fn magnetometer(&mut self, time_ns: i64, magnetic_field: [f64; 3]) -> Innovation {
+                Innovation(self.driver.magnetometer(time_ns, &Vector3::from(magnetic_field)))
             }
 
             /// Takes a heading clockwise from north and its standard deviation, rad.
-            fn compass(&mut self, time_ns: i64, heading: f64, std: f64) -> Told {
-                told(&self.driver.compass(time_ns, heading, std))
+            fn compass(&mut self, time_ns: i64, heading: f64, std: f64) -> Innovation {
+                Innovation(self.driver.compass(time_ns, heading, std))
             }
 
             /// Whether there is an estimate.

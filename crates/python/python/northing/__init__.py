@@ -1,0 +1,45 @@
+"""Northing: attitude and navigation from noisy sensors, each estimate with a covariance that is tested.
+
+>>> import northing as no
+>>> r = no.attitude(gyr, acc, mag, rate=100.0)      # (N, 3) each: rad/s, m/s^2, microtesla
+>>> r.quat, r.covariance, r.verdicts
+>>> no.open("walk.zip").run("mekf").report("walk.html")
+
+The estimators, readers and writers are those of the program ``northing``, and give the same digits.
+"""
+
+from __future__ import annotations
+
+import json as _json
+from typing import Any
+
+from . import _northing, vqf
+from ._attitude import attitude
+from ._northing import AttitudeConfig, BoundedVelocity, BoundedVelocityConfig, Innovation, Mekf, __version__
+from ._recordings import Recording, Samples, compare, open
+from ._results import Attitude, Track, Verdict
+
+__all__ = [
+    "Attitude",
+    "AttitudeConfig",
+    "BoundedVelocity",
+    "BoundedVelocityConfig",
+    "Innovation",
+    "Mekf",
+    "Recording",
+    "Samples",
+    "Track",
+    "Verdict",
+    "__version__",
+    "attitude",
+    "compare",
+    "estimators",
+    "open",
+    "vqf",
+]
+
+
+def estimators() -> list[dict[str, Any]]:
+    """Every estimator of attitude and navigation with its parameters: name, unit, range, defaults, meaning."""
+    listed: list[dict[str, Any]] = _json.loads(_northing.estimators())
+    return listed

@@ -1,0 +1,80 @@
+"""Arrays that people have, as the arrays that a run takes: checked, with the first bad row named."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ._types import ArrayLike, Floats, Integers
+
+_EXPECTED = {
+    "gyr": "angular rates in rad/s",
+    "acc": "specific forces in m/s^2",
+    "mag": "magnetic fields in microtesla",
+}
+
+
+def vectors(name: str, values: ArrayLike) -> Floats:
+    """Rows of three finite numbers. No copy is made of an array of float64, whatever its strides."""
+    expected = f"expected {_EXPECTED[name]}, shape (N, 3)"
+    try:
+        rows = np.asarray(values)
+        if rows.dtype.kind not in "fiu":
+            rows = rows.astype(np.float64) if rows.dtype.kind == "O" else rows
+        if rows.dtype.kind not in "fiu":
+            raise TypeError
+        rows = rows.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: not an array of numbers; {expected}") from None
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        hint = "; transpose it" if rows.ndim == 2 and rows.shape[0] == 3 else ""
+        raise ValueError(f"{name}: shape {rows.shape}; {expected}{hint}")
+    bad = ~np.isfinite(rows).all(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        more = int(bad.sum()) - 1
+        others = f", and {more} more" if more else ""
+        raise ValueError(
+            f"{name}: row {row} is {_shown(rows[row])}, not finite{others}; leave such samples out: "
+            f"a sensor may have stamps of its own (t=, acc_t=, mag_t=)"
+        )
+    return rows
+
+
+def _shown(row: Floats) -> str:
+    return "(" + ", ".join(f"{x:g}" for x in row) + ")"
+
+
+def stamps(name: str, t: ArrayLike, rows: int) -> Integers:
+    """Stamps in ns of seconds, whole nanoseconds (int64), or datetime64; they must increase."""
+    times = np.asarray(t)
+    if times.ndim != 1 or times.shape[0] != rows:
+        raise ValueError(f"{name}: shape {times.shape}; expected one stamp for each of {rows} rows")
+    if times.dtype.kind == "M":
+        time_ns = times.astype("datetime64[ns]").astype(np.int64)
+    elif times.dtype.kind in "iu":
+        time_ns = times.astype(np.int64)
+    elif times.dtype.kind == "f":
+        seconds = times.astype(np.float64, copy=False)
+        bad = ~(np.abs(seconds) < 9e9)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise ValueError(f"{name}: row {row} is {seconds[row]:g}; expected seconds (or int64 nanoseconds)")
+        time_ns = np.rint(seconds * 1e9).astype(np.int64)
+    else:
+        raise ValueError(f"{name}: expected seconds, int64 nanoseconds or datetime64, not {times.dtype}")
+    back = np.diff(time_ns) <= 0
+    if back.any():
+        row = int(np.argmax(back)) + 1
+        raise ValueError(
+            f"{name}: row {row} is not later than the row before it ({time_ns[row]} after {time_ns[row - 1]} ns); "
+            "sort the rows by time and leave repeated stamps out"
+        )
+    return np.ascontiguousarray(time_ns)
+
+
+def stamps_at(rate: float, rows: int) -> Integers:
+    """Stamps in ns of samples at a constant rate (Hz), from 0 on."""
+    if not (np.isfinite(rate) and 0.0 < rate <= 1e6):
+        raise ValueError(f"rate={rate!r}: expected samples a second, above 0 and up to 1e6, e.g. rate=100")
+    time_ns: Integers = np.rint(np.arange(rows) * (1e9 / rate)).astype(np.int64)
+    return time_ns

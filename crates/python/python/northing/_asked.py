@@ -1,0 +1,67 @@
+"""What is asked of readers and runs, as plain data; the names are those of the program's options."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Union
+
+Path = Union[str, "os.PathLike[str]"]
+Parameter = Union[float, int, bool, str, None, Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a recording is read."""
+
+    format: str | None = None
+    device: str | None = None
+    manifest: Path | None = None
+    data: Path | None = None
+    gyroscope_unit: str | None = None
+    accelerometer_unit: str | None = None
+    magnetometer_unit: str | None = None
+    gap_limit_s: float = 0.5
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How attitude is estimated."""
+
+    estimator: str | None = None
+    profile: str | None = None
+    smooth: bool = False
+    sensors: str | None = None
+    magnetometer: str | None = None
+    calibrate_first_s: float | None = None
+    ignore_reference: bool = False
+    align_reference: bool = False
+    settings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class AskedNavigation:
+    """What a navigation run is given and scored at."""
+
+    gnss_every: int | None = None
+    outages: list[str] = field(default_factory=list)
+    without: list[str] = field(default_factory=list)
+    score_from_s: float | None = None
+
+
+def settings(parameters: Mapping[str, Parameter]) -> list[str]:
+    """Parameters as `NAME=VALUE`, to the last digit."""
+    return [f"{name}={_text(value)}" for name, value in parameters.items()]
+
+
+def _text(value: Parameter) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return value
+    if isinstance(value, (int, float)):
+        return repr(value) if type(value) in (int, float) else _text(float(value))
+    return ",".join(_text(item) for item in value)

@@ -1,0 +1,80 @@
+"""Attitude from arrays."""
+
+from __future__ import annotations
+
+from . import _northing
+from ._arrays import stamps, stamps_at, vectors
+from ._asked import Asked, Parameter, Reading, settings
+from ._results import Attitude
+from ._types import ArrayLike, Floats, Integers
+
+
+def attitude(
+    gyr: ArrayLike,
+    acc: ArrayLike | None = None,
+    mag: ArrayLike | None = None,
+    *,
+    rate: float | None = None,
+    t: ArrayLike | None = None,
+    acc_t: ArrayLike | None = None,
+    mag_t: ArrayLike | None = None,
+    estimator: str | None = None,
+    profile: str | None = None,
+    smooth: bool = False,
+    frame: str = "enu",
+    calibrate_first: float | None = None,
+    gyroscope_unit: str | None = None,
+    accelerometer_unit: str | None = None,
+    magnetometer_unit: str | None = None,
+    gap_limit: float = 0.5,
+    **parameters: Parameter,
+) -> Attitude:
+    """Which way a device points, from its gyroscope, accelerometer and magnetometer.
+
+    ``gyr`` in rad/s, ``acc`` the specific force in m/s^2 (at rest +9.81 on the axis that points up), ``mag`` in
+    microtesla: (N, 3) each, as lists, arrays or DataFrames. Time is ``rate`` in Hz, or ``t``: seconds, int64
+    nanoseconds or datetime64; a sensor of another rate has ``acc_t`` or ``mag_t`` of its own. ``estimator`` and
+    ``profile`` are those of the program (default ``bounded-velocity``, ``hand-held``), every further argument is a
+    parameter of the estimator by its name: :func:`northing.estimators` lists both. The result has a row for each row
+    of ``gyr``; before the filter is aligned they are NaN. ValueError says what is wrong and in which row first.
+    """
+    rates = vectors("gyr", gyr)
+    if len(rates) == 0:
+        raise ValueError("gyr: no rows; expected angular rates in rad/s, shape (N, 3)")
+    if (rate is None) == (t is None):
+        raise ValueError("time is missing: give rate= in Hz, or t= in seconds" if t is None else "give rate= or t=, not both")
+    if rate is not None:
+        time_ns = stamps_at(float(rate), len(rates))
+    else:
+        time_ns = stamps("t", t, len(rates))
+    sensors: dict[str, tuple[Integers, Floats] | None] = {}
+    for name, values, own_t in (("acc", acc, acc_t), ("mag", mag, mag_t)):
+        if values is None:
+            if own_t is not None:
+                raise ValueError(f"{name}_t: given without {name}")
+            sensors[name] = None
+            continue
+        rows = vectors(name, values)
+        if own_t is not None:
+            sensors[name] = (stamps(f"{name}_t", own_t, len(rows)), rows)
+        elif len(rows) != len(rates):
+            raise ValueError(
+                f"{name}: {len(rows)} rows, but gyr has {len(rates)}; expected as many, or stamps of its own ({name}_t=)"
+            )
+        else:
+            sensors[name] = (time_ns, rows)
+    asked = Asked(
+        estimator=estimator,
+        profile=profile,
+        smooth=smooth,
+        calibrate_first_s=calibrate_first,
+        settings=settings(parameters),
+    )
+    reading = Reading(
+        gyroscope_unit=gyroscope_unit,
+        accelerometer_unit=accelerometer_unit,
+        magnetometer_unit=magnetometer_unit,
+        gap_limit_s=gap_limit,
+    )
+    run = _northing.attitude((time_ns, rates), sensors["acc"], sensors["mag"], frame, asked, reading)
+    return Attitude(run, "northing.attitude(gyr, acc, mag)")
