@@ -190,7 +190,7 @@ fn check_effect(settings: &[String], estimator: EstimatorKind) -> PyResult<()> {
 }
 
 /// Runs an attitude estimator over a recording, without the interpreter; `rows` are the stamps to which the estimates are
-/// aligned, where they are wanted so; `name` stands for it in messages.
+/// aligned, where they are wanted so; `name` stands for it in summary and messages.
 pub(crate) fn run(
     py: Python<'_>,
     mut recording: Recording,
@@ -205,7 +205,8 @@ pub(crate) fn run(
         let summary = run_recording(&mut recording, options, &mut watchers);
         summary.map(|summary| (summary, watchers))
     });
-    let (summary, (collected, trace)) = ran.map_err(|error| of_run(&error, name))?;
+    let (mut summary, (collected, trace)) = ran.map_err(|error| of_run(&error, name))?;
+    name.clone_into(&mut summary.recording);
     AttitudeRun::new(py, collected, summary, metadata, trace.into_trace())
 }
 

@@ -40,7 +40,8 @@ pub(crate) fn compare(
     let compared = py.detach(|| over_recordings::compare(&paths, &options, &|| ()));
     let summary = |one: over_recordings::Compared| {
         let path = one.path.display().to_string();
-        let summary = one.outcome.map_err(|error| of_run(&error, &path))?;
+        let mut summary = one.outcome.map_err(|error| of_run(&error, &path))?;
+        summary.recording = path;
         serde_json::to_string(&summary).map_err(|error| refused(error.to_string()))
     };
     compared.into_iter().map(summary).collect()

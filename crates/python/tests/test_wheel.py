@@ -1,0 +1,48 @@
+"""The installed wheel: the program runs, the guide's snippets run."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import northing as no
+from conftest import REPOSITORY, run_program
+
+Arrays = dict[str, np.ndarray]
+
+
+def test_program_and_module_are_of_one_version() -> None:
+    assert run_program("--version").split() == ["northing", no.__version__]
+
+
+def test_the_demonstration_of_the_wheel(tmp_path: Path) -> None:
+    said = run_program("demo", "--out", tmp_path / "demo")
+    assert "deg" in said and list((tmp_path / "demo").glob("*.html"))
+
+
+def test_the_module_that_is_tested_is_the_installed_one() -> None:
+    if os.environ.get("NORTHING_PROGRAM"):
+        pytest.skip("a module beside a program that is named")
+    assert Path(no.__file__).is_relative_to(sys.prefix), no.__file__
+
+
+def snippets(page: Path) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", page.read_text(), flags=re.DOTALL)
+
+
+def test_every_snippet_of_the_guide_runs(phone: Arrays, tmp_path: Path) -> None:
+    """One after the other in one interpreter, in a folder with the recordings that the guide names."""
+    run_program("demo", "--record-only", tmp_path / "walk.csv")
+    np.savez(tmp_path / "imu.npz", gyr=phone["gyr"], acc=phone["acc"], mag=phone["mag"])
+    found = snippets(REPOSITORY / "docs/python.md")
+    assert len(found) >= 5
+    code = "\n".join(["import matplotlib", "matplotlib.use('Agg')", *found])
+    (tmp_path / "guide.py").write_text(code)
+    ran = subprocess.run([sys.executable, "guide.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
