@@ -7,7 +7,9 @@ use northing_evaluation::attitude::reference::ReferenceUse;
 use northing_evaluation::attitude::{
     EstimatorKind, Profile, RunOptions, SensorSelection, TraceObserver,
 };
-use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::calibration::magnetometer::{
+    MagnetometerSource, MagnetometerStreamCalibration,
+};
 use northing_evaluation::navigation::NavigationKind;
 use northing_evaluation::registry::listed;
 use northing_evaluation::run_recording;
@@ -80,6 +82,9 @@ pub(crate) struct Asked {
     sensors: Option<String>,
     magnetometer: Option<String>,
     calibrate_first_s: Option<f64>,
+    /// Of [`RecordingFile`](crate::recordings::RecordingFile), as JSON.
+    calibration: Option<String>,
+    magnetometer_calibration: Option<String>,
     ignore_reference: bool,
     align_reference: bool,
     /// `NAME=VALUE`.
@@ -127,6 +132,13 @@ impl Asked {
             options.sensors.magnetometer_source = magnetometer(&which)?;
         }
         options.calibrate_first_s = self.calibrate_first_s;
+        options.calibration = self.calibration.as_deref().map(calibration).transpose()?;
+        if let Some(text) = &self.magnetometer_calibration {
+            let made: MagnetometerStreamCalibration = calibration(text)?;
+            options.choose_magnetometer = false;
+            options.sensors.magnetometer_source = made.magnetometer;
+            options.magnetometer_calibration = Some(made);
+        }
         options.smooth = self.smooth;
         if self.ignore_reference {
             if self.align_reference {
@@ -151,7 +163,7 @@ impl Asked {
     }
 }
 
-fn magnetometer(which: &str) -> PyResult<MagnetometerSource> {
+pub(crate) fn magnetometer(which: &str) -> PyResult<MagnetometerSource> {
     match which {
         "device" => Ok(MagnetometerSource::Device),
         "uncalibrated" => Ok(MagnetometerSource::Uncalibrated),
@@ -159,6 +171,12 @@ fn magnetometer(which: &str) -> PyResult<MagnetometerSource> {
             "magnetometer=\"{which}\": expected device or uncalibrated"
         ))),
     }
+}
+
+/// A calibration that the module has made.
+fn calibration<C: serde::de::DeserializeOwned>(text: &str) -> PyResult<C> {
+    serde_json::from_str(text)
+        .map_err(|error| refused(format!("the calibration: {error}; calibrate again")))
 }
 
 /// Refuses a parameter that the estimator has no use for.

@@ -6,6 +6,7 @@
 //! | `attitude.rs` | options of attitude runs, the run over arrays |
 //! | `attitude_run.rs` | what an attitude run gives: arrays, summary, report, file |
 //! | `recordings.rs` | recordings in files: sensors, samples, runs |
+//! | `calibrations.rs` | calibrations and fits of recordings |
 //! | `navigation_run.rs` | what a navigation run gives |
 //! | `streams.rs`, `configs.rs` | estimators sample by sample, and their parameters |
 //! | `comparison.rs` | several estimators over several recordings |
@@ -16,6 +17,7 @@
 
 mod attitude;
 mod attitude_run;
+mod calibrations;
 mod comparison;
 mod configs;
 mod errors;
@@ -34,6 +36,13 @@ fn _northing(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(attitude::estimators, module)?)?;
     module.add_function(wrap_pyfunction!(errors::in_words_of_the_module, module)?)?;
     module.add_function(wrap_pyfunction!(comparison::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(calibrations::calibrate_rest, module)?)?;
+    module.add_function(wrap_pyfunction!(
+        calibrations::calibrate_magnetometer,
+        module
+    )?)?;
+    module.add_function(wrap_pyfunction!(calibrations::calibrate_allan, module)?)?;
+    module.add_function(wrap_pyfunction!(calibrations::tune, module)?)?;
     module.add_class::<attitude_run::AttitudeRun>()?;
     module.add_class::<navigation_run::NavigationRun>()?;
     module.add_class::<recordings::RecordingFile>()?;

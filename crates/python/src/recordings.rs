@@ -7,7 +7,7 @@ use northing_evaluation::RunEstimator;
 use northing_evaluation::attitude::reference::{self, ReferenceUse};
 use northing_evaluation::navigation::NavigationOptions;
 use northing_evaluation::{Origin, navigation};
-use northing_recording::{Metadata, OpenOptions, RecordingError, Sample, SensorKind};
+use northing_recording::{Metadata, OpenOptions, Recording, RecordingError, Sample, SensorKind};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -23,6 +23,14 @@ pub(crate) struct RecordingFile {
     options: OpenOptions,
     metadata: Metadata,
     sensors: Vec<SensorKind>,
+}
+
+impl RecordingFile {
+    /// Open, and the name that stands for it in messages.
+    pub(crate) fn opened(&self) -> PyResult<(Recording, String)> {
+        let recording = attitude::open(&self.path, &self.options)?;
+        Ok((recording, self.path.display().to_string()))
+    }
 }
 
 /// What is asked of a navigation run; as the program's options about navigation.

@@ -13,10 +13,10 @@ from __future__ import annotations
 import json as _json
 from typing import Any
 
-from . import _northing, vqf
+from . import _northing, calibrate, vqf
 from ._attitude import attitude
 from ._northing import AttitudeConfig, BoundedVelocity, BoundedVelocityConfig, Innovation, Mekf, __version__
-from ._recordings import Recording, Samples, compare, open
+from ._recordings import Recording, Samples, compare, open, tune
 from ._results import Attitude, Track, Verdict
 
 __all__ = [
@@ -32,9 +32,11 @@ __all__ = [
     "Verdict",
     "__version__",
     "attitude",
+    "calibrate",
     "compare",
     "estimators",
     "open",
+    "tune",
     "vqf",
 ]
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Union
+from typing import Any, Union
 
 Path = Union[str, "os.PathLike[str]"]
 Parameter = Union[float, int, bool, str, None, Sequence[float]]
@@ -35,6 +36,8 @@ class Asked:
     sensors: str | None = None
     magnetometer: str | None = None
     calibrate_first_s: float | None = None
+    calibration: str | None = None
+    magnetometer_calibration: str | None = None
     ignore_reference: bool = False
     align_reference: bool = False
     settings: list[str] = field(default_factory=list)
@@ -65,3 +68,8 @@ def _text(value: Parameter) -> str:
     if isinstance(value, (int, float)):
         return repr(value) if type(value) in (int, float) else _text(float(value))
     return ",".join(_text(item) for item in value)
+
+
+def calibrated(made: Mapping[str, Any] | None) -> str | None:
+    """The values of what a function of :mod:`northing.calibrate` gave."""
+    return None if made is None else json.dumps(made["calibration"])

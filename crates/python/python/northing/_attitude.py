@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from . import _northing
 from ._arrays import stamps, stamps_at, vectors
-from ._asked import Asked, Parameter, Reading, settings
+from ._asked import Asked, Parameter, Reading, calibrated, settings
 from ._results import Attitude
 from ._types import ArrayLike, Floats, Integers
 
@@ -22,6 +24,8 @@ def attitude(
     profile: str | None = None,
     smooth: bool = False,
     frame: str = "enu",
+    calibration: dict[str, Any] | None = None,
+    magnetometer_calibration: dict[str, Any] | None = None,
     calibrate_first: float | None = None,
     gyroscope_unit: str | None = None,
     accelerometer_unit: str | None = None,
@@ -68,6 +72,8 @@ def attitude(
         profile=profile,
         smooth=smooth,
         calibrate_first_s=calibrate_first,
+        calibration=calibrated(calibration),
+        magnetometer_calibration=calibrated(magnetometer_calibration),
         settings=settings(parameters),
     )
     reading = Reading(

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import _northing
-from ._asked import Asked, AskedNavigation, Parameter, Path, Reading, settings
+from ._asked import Asked, AskedNavigation, Parameter, Path, Reading, calibrated, settings
 from ._results import Attitude, Track
 from ._types import Floats, Integers
 
@@ -72,6 +72,8 @@ class Recording:
         sensors: str | None = None,
         magnetometer: str | None = None,
         calibrate_first: float | None = None,
+        calibration: dict[str, Any] | None = None,
+        magnetometer_calibration: dict[str, Any] | None = None,
         ignore_reference: bool = False,
         align_reference: bool = False,
         gnss_every: int | None = None,
@@ -94,6 +96,8 @@ class Recording:
             "sensors": sensors,
             "magnetometer": magnetometer,
             "calibrate_first": calibrate_first,
+            "calibration": calibration,
+            "magnetometer_calibration": magnetometer_calibration,
             "ignore_reference": ignore_reference or None,
             "align_reference": align_reference or None,
         }
@@ -117,6 +121,8 @@ class Recording:
                     sensors=sensors,
                     magnetometer=magnetometer,
                     calibrate_first_s=calibrate_first,
+                    calibration=calibrated(calibration),
+                    magnetometer_calibration=calibrated(magnetometer_calibration),
                     ignore_reference=ignore_reference,
                     align_reference=align_reference,
                     settings=settings(parameters),
@@ -178,3 +184,15 @@ def compare(
         settings=settings(parameters or {}),
     )
     return [json.loads(text) for text in _northing.compare(paths, list(estimators), asked, Reading())]
+
+
+def tune(
+    recording: Recording, estimator: str = "error-state", *, parameters: Sequence[str] = (), fit: float = 0.6
+) -> dict[str, Any]:
+    """Noise parameters of a navigation estimator by the likelihood of its innovations, as ``northing tune``.
+
+    ``parameters`` are the names to fit (default: every noise above zero), ``fit`` the share of the recording that the
+    fit sees; the rest is held out.
+    """
+    outcome: dict[str, Any] = json.loads(_northing.tune(recording._file, estimator, list(parameters), fit))
+    return outcome
