@@ -5,7 +5,7 @@ use northing_evaluation::calibration::allan::{AllanConfig, RestSamples, analyze}
 use northing_evaluation::calibration::magnetometer::FieldSamples;
 use northing_evaluation::calibration::rest::{self, Span};
 use northing_evaluation::navigation::NavigationOptions;
-use northing_evaluation::navigation::tune::{self, TuneOptions};
+use northing_evaluation::navigation::tune::{TuneOptions, tune as fit};
 use northing_recording::{Event, Recording, RecordingError, SensorKind};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -137,7 +137,7 @@ pub(crate) fn calibrate_allan(
     let mut samples = RestSamples::new(kind);
     let read = py.detach(|| {
         of_span(&mut recording, (start, stop), |event| {
-            samples.add_event(event)
+            samples.add_event(event);
         })
     });
     read.map_err(|error| of_recording(&error))?;
@@ -179,6 +179,6 @@ pub(crate) fn tune(
     let events: Result<Vec<Event>, _> = py.detach(|| recording.by_ref().collect());
     let events = events.map_err(|error| of_recording(&error))?;
     let world = recording.metadata().world_frame;
-    let outcome = py.detach(|| tune::tune(&events, world, &options, &asked, &|| ()));
+    let outcome = py.detach(|| fit(&events, world, &options, &asked, &|| ()));
     text(outcome.map_err(|error| of_run(&error, &name))?)
 }
