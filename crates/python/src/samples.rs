@@ -37,25 +37,44 @@ impl Stream {
     }
 }
 
-/// Up to three sensors, merged by their stamps.
-struct Merged {
-    streams: Vec<(fn(Vector3<f64>) -> Sample, Stream, usize)>,
+/// A sensor on its way into a recording.
+struct Source {
+    sample: fn(Vector3<f64>) -> Sample,
+    stream: Stream,
+    /// The row that comes next.
+    next: usize,
 }
+
+impl Source {
+    fn new(sample: fn(Vector3<f64>) -> Sample, stream: Stream) -> Self {
+        Self {
+            sample,
+            stream,
+            next: 0,
+        }
+    }
+
+    fn next_ns(&self) -> Option<i64> {
+        self.stream.time_ns.get(self.next).copied()
+    }
+}
+
+/// Up to three sensors, merged by their stamps.
+struct Merged(Vec<Source>);
 
 impl Iterator for Merged {
     type Item = Result<Event, RecordingError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let next_ns = |(_, stream, at): &(_, Stream, usize)| stream.time_ns.get(*at).copied();
-        let waiting = self.streams.iter_mut();
-        let waiting = waiting.filter_map(|stream| Some((next_ns(stream)?, stream)));
+        let waiting = self.0.iter_mut();
+        let waiting = waiting.filter_map(|source| Some((source.next_ns()?, source)));
         // Of equal stamps the first: the gyroscope, then the accelerometer.
-        let (time_ns, (sample, stream, at)) = waiting.min_by_key(|(time_ns, _)| *time_ns)?;
-        let vector = stream.vectors[*at];
-        *at += 1;
+        let (time_ns, source) = waiting.min_by_key(|(time_ns, _)| *time_ns)?;
+        let vector = source.stream.vectors[source.next];
+        source.next += 1;
         Some(Ok(Event {
             time_ns,
-            sample: sample(vector.into()),
+            sample: (source.sample)(vector.into()),
         }))
     }
 }
@@ -69,15 +88,14 @@ pub(crate) fn recording(
     options: &OpenOptions,
 ) -> Recording {
     let mut sensors = vec![SensorKind::Gyroscope];
-    let mut streams: Vec<(fn(Vector3<f64>) -> Sample, Stream, usize)> =
-        vec![(Sample::AngularRate, gyroscope, 0)];
+    let mut sources = vec![Source::new(Sample::AngularRate, gyroscope)];
     if let Some(stream) = accelerometer {
         sensors.push(SensorKind::Accelerometer);
-        streams.push((Sample::SpecificForce, stream, 0));
+        sources.push(Source::new(Sample::SpecificForce, stream));
     }
     if let Some(stream) = magnetometer {
         sensors.push(SensorKind::Magnetometer);
-        streams.push((Sample::MagneticField, stream, 0));
+        sources.push(Source::new(Sample::MagneticField, stream));
     }
     let metadata = Metadata {
         name: NAME.to_owned(),
@@ -85,5 +103,5 @@ pub(crate) fn recording(
         world_frame,
         ..Metadata::default()
     };
-    Recording::from_events(metadata, &sensors, Merged { streams }, options)
+    Recording::from_events(metadata, &sensors, Merged(sources), options)
 }
