@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -189,23 +190,26 @@ def test_estimators_are_the_programs() -> None:
     assert all(parameter["meaning"] for one in no.estimators() for parameter in one["parameters"])
 
 
-def test_types() -> None:
-    """The package and a user's script pass `mypy --strict`."""
-    folder = Path(no.__file__).parent
-    user = folder.parent / "user_of_northing.py"
-    code = (
-        "import numpy as np\nimport northing as no\n\nr = no.attitude(np.zeros((9, 3)), [[0.0, 0.0, 9.81]] * 9, rate=100.0)\n"
-        "q: np.ndarray[tuple[int, ...], np.dtype[np.float64]] = r.quat\nno.Mekf(no.AttitudeConfig.lab()).accelerometer(0, [0.0, 0.0, 9.81]).nis\n"
-        "r.no_such_name\n"
-    )
-    try:
-        user.write_text(code)
-        words = [sys.executable, "-m", "mypy", "--strict", "-p", "northing"]
-        checked = subprocess.run(words, cwd=folder.parent, capture_output=True, text=True, check=False)
-        assert checked.returncode == 0, checked.stdout + checked.stderr
-        words = [sys.executable, "-m", "mypy", "--strict", user.name]
-        checked = subprocess.run(words, cwd=folder.parent, capture_output=True, text=True, check=False)
-        errors = [line for line in checked.stdout.splitlines() if "error:" in line]
-        assert len(errors) == 1 and '"Attitude" has no attribute "no_such_name"' in errors[0], checked.stdout
-    finally:
-        user.unlink(missing_ok=True)
+def mypy(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    package = Path(no.__file__).parents[1]
+    # An installed package is found by itself, one beside the interpreter is not.
+    beside = {} if package.name == "site-packages" else {"MYPYPATH": str(package)}
+    words = [sys.executable, "-m", "mypy", "--strict", *arguments]
+    return subprocess.run(words, cwd=folder, env={**os.environ, **beside}, capture_output=True, text=True, check=False)
+
+
+def test_types(tmp_path: Path) -> None:
+    """The package and a user's script pass `mypy --strict`; what is not there is an error."""
+    checked = mypy(tmp_path, "-p", "northing")
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    (tmp_path / "user.py").write_text("""\
+import numpy as np
+import northing as no
+
+r = no.attitude(np.zeros((9, 3)), [[0.0, 0.0, 9.81]] * 9, rate=100.0)
+q: np.ndarray[tuple[int, ...], np.dtype[np.float64]] = r.quat
+nis: float = no.Mekf(no.AttitudeConfig.lab()).accelerometer(0, [0.0, 0.0, 9.81]).nis
+r.no_such_name
+""")
+    errors = [line for line in mypy(tmp_path, "user.py").stdout.splitlines() if "error:" in line]
+    assert len(errors) == 1 and '"Attitude" has no attribute "no_such_name"' in errors[0], errors
