@@ -356,6 +356,7 @@ fn say_fault(time_ms: u32, fault: &Fault<f32>, out: &mut impl Sink) {
         FaultKind::Noise => (b"noise", None),
         FaultKind::Missing => (b"missing", None),
         FaultKind::Stamp => (b"stamp", None),
+        FaultKind::BiasStep => (b"bias-step", Some(unit)),
     };
     let sentence = Sentence::new(out, b'F')
         .unsigned(time_ms)

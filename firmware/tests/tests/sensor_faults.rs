@@ -114,6 +114,7 @@ fn told(fault: &Fault<f32>) -> Event {
         FaultKind::Saturated => "saturated",
         FaultKind::Missing => "missing",
         FaultKind::Stamp => "stamp",
+        FaultKind::BiasStep => "bias-step",
     };
     let ms = |ns: i64| u32::try_from(ns / 1_000_000).unwrap();
     (

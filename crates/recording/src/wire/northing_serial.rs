@@ -227,6 +227,10 @@ impl NorthingSerial {
             ),
             "missing" => format!("no samples from {from_s:.2} s{until}"),
             "stamp" => format!("a stamp far ahead after {from_s:.2} s, left out"),
+            "bias-step" => {
+                let at_s = until_ns as f64 * 1e-9;
+                format!("its bias changed by {size:.3} {unit}, found at {at_s:.2} s")
+            }
             _ => return None,
         };
         out.warn(format!(
