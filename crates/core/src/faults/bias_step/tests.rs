@@ -23,7 +23,7 @@ struct Hand {
 impl Hand {
     fn new(seed: u64) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        let phases = core::array::from_fn(|_| 6.28 * rng.random::<f64>());
+        let phases = core::array::from_fn(|_| core::f64::consts::TAU * rng.random::<f64>());
         Self {
             rng,
             phases,
