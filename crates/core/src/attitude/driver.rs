@@ -280,6 +280,9 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         self.memory.behind = None;
         self.forget_the_future(time_ns);
         let checked = self.memory.checks.gyroscope.check(time_ns, angular_rate);
+        if self.memory.checks.gyroscope.may_be_clipped() {
+            self.memory.checks.bias.interrupt();
+        }
         if self.heed(time_ns, angular_rate, &checked) {
             match self.memory.last_rate {
                 Some((last_ns, last)) => {

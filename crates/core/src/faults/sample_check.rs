@@ -34,6 +34,8 @@ const SMALL_STEPS: f64 = 2.1;
 /// Square of the chance below which a run of repetitions is a stuck sensor, and fewest repetitions.
 const STUCK_CHANCE2: f64 = 1e-18;
 const STUCK_RUN: u16 = 3;
+/// So many repetitions of the largest component beside others that move are seldom chance.
+const HELD_RUN: u16 = 10;
 /// No single repetition says more than this (square of a chance): the model is not that good.
 const LEAST_CHANCE2: f64 = 1e-4;
 /// Square of the chance below which a component that repeats at the largest value ever seen is clipped.
@@ -188,6 +190,17 @@ impl<T: Scalar> SampleCheck<T> {
     #[inline]
     pub fn interval_s(&self) -> Option<T> {
         (self.samples >= FEWEST).then_some(self.interval)
+    }
+
+    /// Whether the largest component has stood still for some samples while others moved: it may be clipped, at whatever level.
+    #[inline]
+    pub fn may_be_clipped(&self) -> bool {
+        let Some((_, last)) = &self.last else {
+            return false;
+        };
+        let largest = last.amax();
+        let mut held = last.iter().zip(&self.repeats.component_runs);
+        held.any(|(component, run)| *run >= HELD_RUN && component.abs() >= largest)
     }
 
     /// Stamp of the last sample.
@@ -399,9 +412,12 @@ impl<T: Scalar> SampleCheck<T> {
             let size = sample[i].abs();
             if change[i] != T::zero() {
                 self.repeats.component_runs[i] = 0;
-            } else if is_strong && size >= self.largest && size > T::zero() {
+            } else if is_strong {
                 let run = self.repeats.component_runs[i].saturating_add(1);
                 self.repeats.component_runs[i] = run;
+                if size < self.largest || size == T::zero() {
+                    continue;
+                }
                 let chance2 = step2 / self.recent_change2[i].max(step2);
                 // A product: the library's power is thousands of instructions on a chip.
                 let chance2 = chance2.max(lit(LEAST_CHANCE2));
