@@ -37,7 +37,9 @@ const BLOCKS: usize = 12;
 const AGREEING: usize = 5;
 const ALIKE: f64 = 0.8;
 /// Square of the distance from the bias before, as a multiple of its usual mean.
-const UNUSUAL: f64 = 16.0;
+const UNUSUAL: f64 = 24.0;
+/// And as one of the largest in the minute before.
+const LARGER: f64 = 2.0;
 /// The usual mean is no less than this share of three, a perfect model's, is at first one, is learnt over so many blocks, and from
 /// no more than so many times itself.
 const LEAST_USUAL: f64 = 0.3;
@@ -187,6 +189,10 @@ pub struct BiasWatch<T: Scalar> {
     known: Evidence<T>,
     verdicts: [Option<Verdict<T>>; AGREEING],
     usual: T,
+    /// The largest distance, squared, in which windows agreed and that was no step: fading; of the window before; of this one.
+    largest: T,
+    largest_before: T,
+    largest_now: T,
 }
 
 impl<T: Scalar> Default for BiasWatch<T> {
@@ -202,6 +208,9 @@ impl<T: Scalar> Default for BiasWatch<T> {
             known: Evidence::prior(&Vector3::zeros(), lit(PRIOR_RAD_S)),
             verdicts: [None; AGREEING],
             usual: T::one(),
+            largest: T::zero(),
+            largest_before: T::zero(),
+            largest_now: T::zero(),
         }
     }
 }
@@ -217,7 +226,12 @@ impl<T: Scalar> BiasWatch<T> {
             .chain(self.stride.numbers())
             .chain(self.known.numbers())
             .chain(verdicts)
-            .chain([&self.usual])
+            .chain([
+                &self.usual,
+                &self.largest,
+                &self.largest_before,
+                &self.largest_now,
+            ])
     }
 
     /// Takes a specific force, m/s^2, body axes now.
@@ -338,22 +352,33 @@ impl<T: Scalar> BiasWatch<T> {
     }
 
     /// Whether the last windows agree that the bias is another one (F14).
-    fn is_step(&self) -> bool {
-        if self.windows < LEAST_WINDOWS {
-            return false;
-        }
-        let limit = self.usual * lit(UNUSUAL);
+    fn is_step(&mut self) -> bool {
+        let agreed = self.agreed();
+        let is_step = self.windows >= LEAST_WINDOWS
+            && agreed > self.usual * lit(UNUSUAL)
+            && agreed > self.largest * lit(LARGER);
+        self.largest_now = self.largest_now.max(agreed);
+        is_step
+    }
+
+    /// The least distance in which the last windows agree, squared; zero where they are not of one direction, or too small to tell.
+    fn agreed(&self) -> T {
         let (mut sum, mut squares) = (Vector3::zeros(), T::zero());
+        let mut least: Option<T> = None;
         for verdict in &self.verdicts {
-            let Some(verdict) = verdict.filter(|verdict| verdict.distance2 > limit) else {
-                return false;
+            let Some(verdict) = verdict else {
+                return T::zero();
             };
+            least = Some(least.map_or(verdict.distance2, |least| least.min(verdict.distance2)));
             sum += verdict.step;
             squares += verdict.step.norm_squared();
         }
         let count: T = lit(AGREEING as f64);
         let notable = lit::<T>(NOTABLE_RAD_S * NOTABLE_RAD_S) * count;
-        squares > notable && sum.norm_squared() > squares * count * lit(ALIKE)
+        let alike = sum.norm_squared() > squares * count * lit(ALIKE);
+        least
+            .filter(|_| alike && squares > notable)
+            .unwrap_or(T::zero())
     }
 
     /// The step began with the block from which on it explains most.
@@ -372,6 +397,7 @@ impl<T: Scalar> BiasWatch<T> {
         let diluted = size * lit(DILUTED);
         let std = (evidence.variance_within(size) + diluted * diluted).sqrt();
         self.known = Evidence::prior(&bias, std);
+        self.largest_now = T::zero();
         let mean =
             least_squares::mean_of(&self.blocks, &self.frame_from_body, [before, &step], began);
         self.interrupt();
@@ -399,6 +425,10 @@ impl<T: Scalar> BiasWatch<T> {
         self.since_learnt = 0;
         self.windows = self.windows.saturating_add(1);
         let kept = (-window_s / lit(FORGET_S)).exp();
+        // Not that of the window just ended: a step that is being found is in it.
+        self.largest = (self.largest * kept).max(self.largest_before);
+        self.largest_before = self.largest_now;
+        self.largest_now = T::zero();
         self.known
             .learn(evidence, before, kept, lit(WINDOW_SHARE), lit(PRIOR_RAD_S));
     }

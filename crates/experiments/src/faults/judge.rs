@@ -260,7 +260,7 @@ mod tests {
             Some(false)
         );
         assert_eq!(
-            detected(&found(FaultySensor::Gyroscope, 43.5), Gyroscope, 40.0),
+            detected(&found(FaultySensor::Gyroscope, 50.5), Gyroscope, 40.0),
             Some(false)
         );
         assert_eq!(

@@ -293,7 +293,7 @@ mod tests {
     fn the_page_has_a_table_a_colour_and_a_picture() {
         let campaign = Campaign {
             subjects: vec![Subject::Attitude(EstimatorKind::Integration)],
-            faults: vec![InjectedFault::named("gyroscope-bias-0.1").unwrap()],
+            faults: vec![InjectedFault::named("gyroscope-clipped-spin-3s").unwrap()],
             ..Campaign::of_worlds(1, 1)
         };
         let outcome = campaign.run(&|| ());
@@ -307,14 +307,14 @@ mod tests {
         let page = render(&outcome, &drawn, Some("northing experiment faults"));
         for part in [
             "num toned bad",
-            "gyroscope-bias-0.1 of integration",
+            "gyroscope-clipped-spin-3s of integration",
             "does an estimator recover?",
             "misses the limits",
             "northing experiment faults",
         ] {
             assert!(page.contains(part), "{part}");
         }
-        // The limit of one bad sample is none of a step.
+        // The limit of one bad sample is none of a fault that lasts.
         assert!(!page.contains("(at most 1.2)") && page.contains("Not within the limit"));
         assert!(!page.contains("NaN") && !page.contains("inf\""));
     }
