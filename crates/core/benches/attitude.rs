@@ -17,6 +17,7 @@ use northing_core::attitude::bounded_velocity::{
     BoundedVelocity, BoundedVelocityConfig, ScaleStates,
 };
 use northing_core::attitude::complementary::{Complementary, ComplementaryForm};
+use northing_core::attitude::driver::{AttitudeDriver, DriverConfig};
 use northing_core::attitude::ekf_reconstruction::EkfReconstruction;
 use northing_core::attitude::mekf::Mekf;
 use northing_core::attitude::mekf3::Mekf3;
@@ -93,6 +94,21 @@ fn pass<E: AttitudeEstimator<f64>>(estimator: E, s: &Samples) -> f64 {
         black_box(estimator.update_magnetometer(&s.magnetometer[k]));
     }
     black_box(estimator.attitude());
+    begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
+}
+
+/// As [`pass`], with stamped samples through the driver, which checks them for faults.
+#[inline(never)]
+fn pass_driver<E: AttitudeEstimator<f64>>(estimator: E, s: &Samples) -> f64 {
+    let mut driver = AttitudeDriver::new(estimator, DriverConfig::default());
+    let begin = Instant::now();
+    for k in 0..s.gyroscope.len() {
+        let time_ns = (k as f64 * (1e9 / RATE_HZ)) as i64;
+        black_box(driver.gyroscope(time_ns, black_box(&s.gyroscope[k])));
+        black_box(driver.accelerometer(time_ns, &s.accelerometer[k]));
+        black_box(driver.magnetometer(time_ns, &s.magnetometer[k]));
+    }
+    black_box(driver.attitude());
     begin.elapsed().as_nanos() as f64 / s.gyroscope.len() as f64
 }
 
@@ -176,10 +192,10 @@ fn main() {
     }
     let mekf = Mekf::new(settings).expect("valid settings");
     kernels.push(("mekf, field vector", Box::new(move || pass(mekf, samples))));
-    let mekf = Mekf::new(hand_held).expect("valid settings");
+    let by_heading = Mekf::new(hand_held).expect("valid settings");
     kernels.push((
         "mekf, hand-held (heading)",
-        Box::new(move || pass(mekf, samples)),
+        Box::new(move || pass(by_heading, samples)),
     ));
     let mekf3 = Mekf3::new(settings).expect("valid settings");
     kernels.push(("mekf3", Box::new(move || pass(mekf3, samples))));
@@ -217,6 +233,16 @@ fn main() {
         let filter = BoundedVelocity::new(config).expect("valid settings");
         kernels.push((name, Box::new(move || pass(filter, samples))));
     }
+
+    let behind_driver = BoundedVelocity::new(BoundedVelocityConfig::lab()).expect("valid settings");
+    kernels.push((
+        "driver, bounded-velocity, 19",
+        Box::new(move || pass_driver(behind_driver, samples)),
+    ));
+    kernels.push((
+        "driver, mekf, field vector",
+        Box::new(move || pass_driver(mekf, samples)),
+    ));
 
     let only = std::env::args().skip(1).find(|a| !a.starts_with('-'));
     kernels.retain(|(name, _)| only.as_ref().is_none_or(|o| name.contains(o.as_str())));

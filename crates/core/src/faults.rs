@@ -190,9 +190,13 @@ impl<T: Scalar> FaultLog<T> {
     }
 
     /// A good sample of a sensor: a fault under way is over.
+    #[inline]
     pub(crate) fn ends(&mut self, sensor: FaultySensor, time_ns: i64) {
-        let open = self.open.get_mut(sensor as usize).and_then(Option::take);
-        if let Some(fault) = open {
+        // Nearly always there is none: nothing is moved then.
+        if let Some(open) = self.open.get_mut(sensor as usize)
+            && open.is_some()
+            && let Some(fault) = open.take()
+        {
             self.found.push(fault.over(time_ns));
         }
     }

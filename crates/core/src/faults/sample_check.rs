@@ -195,11 +195,15 @@ impl<T: Scalar> SampleCheck<T> {
     /// Whether the largest component has stood still for some samples while others moved: it may be clipped, at whatever level.
     #[inline]
     pub fn may_be_clipped(&self) -> bool {
+        let runs = &self.repeats.component_runs;
         let Some((_, last)) = &self.last else {
             return false;
         };
+        if runs.iter().all(|run| *run < HELD_RUN) {
+            return false;
+        }
         let largest = last.amax();
-        let mut held = last.iter().zip(&self.repeats.component_runs);
+        let mut held = last.iter().zip(runs);
         held.any(|(component, run)| *run >= HELD_RUN && component.abs() >= largest)
     }
 
@@ -250,9 +254,10 @@ impl<T: Scalar> SampleCheck<T> {
             was_stuck = self.repeats.is_stuck;
             self.changed(&change);
         }
+        let limit2 = self.least_walk * self.least_walk;
         if let Some(from_ns) =
             self.noise
-                .since(last_ns, sample, (&change, change2), self.walk_limit2())
+                .since(last_ns, sample, (&change, change2), (limit2, self.interval))
         {
             self.suspicion = None;
             return Checked::Noise { from_ns };
@@ -285,20 +290,15 @@ impl<T: Scalar> SampleCheck<T> {
         }
     }
 
-    /// The mean square of samples that walk as much as is tolerated.
-    #[inline]
-    fn walk_limit2(&self) -> T {
-        self.least_walk * self.least_walk / self.interval.max(T::default_epsilon())
-    }
-
     #[inline]
     fn is_far(&self, change2: T, usual2: T) -> bool {
+        // What is seldom so is asked first: this runs for every sample.
+        if self.samples < FEWEST || change2 <= usual2 * lit(FAR * FAR) {
+            return false;
+        }
         let steps = self.resolution * lit(FAR_STEPS);
         let least = self.least / self.interval.max(T::default_epsilon());
-        self.samples >= FEWEST
-            && change2 > least * least
-            && change2 > usual2 * lit(FAR * FAR)
-            && change2 > steps * steps
+        change2 > least * least && change2 > steps * steps
     }
 
     /// A sample after some that wait: where it lies says what they were.
@@ -391,14 +391,17 @@ impl<T: Scalar> SampleCheck<T> {
         self.repeats.is_stuck = false;
         self.repeats.chance2 = T::one();
         let weight = self.weight(SHORT_MEMORY);
+        let mut smallest = self.resolution;
         for (component, recent2) in change.iter().zip(&mut self.recent_change2) {
             let size = component.abs();
             if size > T::zero() {
                 *recent2 += (size * size - *recent2) * weight;
-                let is_smaller = size < self.resolution || self.resolution == T::zero();
-                self.resolution = if is_smaller { size } else { self.resolution };
+                if size < smallest || smallest == T::zero() {
+                    smallest = size;
+                }
             }
         }
+        self.resolution = smallest;
     }
 
     /// The end of the range where a component is there: the largest value ever seen, once a component has repeated it
@@ -407,7 +410,6 @@ impl<T: Scalar> SampleCheck<T> {
     fn clipped_at(&mut self, sample: &Vector3<T>, change: &Vector3<T>) -> Option<T> {
         // What changes by the rounding alone rests, wherever it rests.
         let is_strong = change.amax() > self.resolution * lit(SMALL_STEPS);
-        let step2 = self.resolution * self.resolution * lit(REPEAT * REPEAT);
         for i in 0..3 {
             let size = sample[i].abs();
             if change[i] != T::zero() {
@@ -418,6 +420,7 @@ impl<T: Scalar> SampleCheck<T> {
                 if size < self.largest || size == T::zero() {
                     continue;
                 }
+                let step2 = self.resolution * self.resolution * lit(REPEAT * REPEAT);
                 let chance2 = step2 / self.recent_change2[i].max(step2);
                 // A product: the library's power is thousands of instructions on a chip.
                 let chance2 = chance2.max(lit(LEAST_CHANCE2));
@@ -438,6 +441,9 @@ impl<T: Scalar> SampleCheck<T> {
 
     #[inline]
     fn weight(&self, memory: f64) -> T {
+        if self.samples >= memory as u32 {
+            return lit(1.0 / memory);
+        }
         // Not divided in double precision, which a chip does in software.
         T::one() / lit::<T>(f64::from(self.samples.max(1))).min(lit(memory))
     }

@@ -54,7 +54,7 @@ impl<T: Scalar> UnseenRotation<T> {
         if dt <= T::zero() {
             return;
         }
-        let derivative = (rate - last) / dt;
+        let derivative = (rate - last) * (T::one() / dt);
         let squares = [
             rate.component_mul(rate),
             derivative.component_mul(&derivative),

@@ -93,12 +93,9 @@ impl<T: Scalar> Checks<T> {
         if !is_measured {
             return Ok(());
         }
-        let (check, notable) = match sensor {
-            FaultySensor::Magnetometer => (
-                &mut self.magnetometer,
-                sample.norm() * lit(NOTABLE_FIELD_SHARE),
-            ),
-            _ => (&mut self.accelerometer, lit(NOTABLE_FORCE)),
+        let check = match sensor {
+            FaultySensor::Magnetometer => &mut self.magnetometer,
+            _ => &mut self.accelerometer,
         };
         let fault = |kind, from_ns, size| Fault {
             sensor,
@@ -113,6 +110,10 @@ impl<T: Scalar> Checks<T> {
             Checked::Suspect => return Err(SkipReason::Suspect),
             Checked::Spike { from_ns, size } => {
                 self.log.ends(sensor, time_ns);
+                let notable = match sensor {
+                    FaultySensor::Magnetometer => sample.norm() * lit(NOTABLE_FIELD_SHARE),
+                    _ => lit(NOTABLE_FORCE),
+                };
                 if size > notable {
                     self.log.happened(fault(FaultKind::Spike, from_ns, size));
                 }

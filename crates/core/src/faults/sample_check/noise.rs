@@ -60,19 +60,18 @@ impl<T: Scalar> Default for WhiteNoise<T> {
 }
 
 impl<T: Scalar> WhiteNoise<T> {
-    /// Takes a sample and its change; since when it is noise of more than a mean square, if it is.
+    /// Takes a sample and its change; since when it is noise whose integral walks more than a limit (its square a second, and the
+    /// usual interval, s), if it is.
     #[inline]
     pub(super) fn since(
         &mut self,
         last_ns: i64,
         sample: &Vector3<T>,
         (change, change2): (&Vector3<T>, T),
-        least_spread2: T,
+        (limit2, interval): (T, T),
     ) -> Option<i64> {
         self.samples = self.samples.saturating_add(1);
-        let known: T = lit(f64::from(self.samples));
-        let (short, long) = (lit::<T>(MEMORY), lit::<T>(LONG_MEMORY));
-        let weight = T::one() / known.min(short);
+        let [weight, long_weight] = self.weights();
         let off = sample - self.mean;
         self.mean += off * weight;
         self.spread2 += (off.norm_squared() - self.spread2) * weight;
@@ -82,7 +81,7 @@ impl<T: Scalar> WhiteNoise<T> {
         } else {
             self.before2 * lit(MOST_GROWTH)
         };
-        self.before2 += (change2.min(most) - self.before2) / known.min(long);
+        self.before2 += (change2.min(most) - self.before2) * long_weight;
         // A motion, however strong, goes on the way it went; noise comes back.
         let comes_back = change.dot(&self.last_change) < T::zero();
         self.last_change = *change;
@@ -101,7 +100,7 @@ impl<T: Scalar> WhiteNoise<T> {
                     && self.change2 > self.before2 * lit(STRONGER)
                     && self.change2 > self.spread2 * lit(WHITE)
                     && self.spread2 > self.mean.norm_squared()
-                    && self.spread2 > least_spread2
+                    && self.spread2 * interval > limit2
             }
         };
         if is_noise {
@@ -114,6 +113,16 @@ impl<T: Scalar> WhiteNoise<T> {
             }
         }
         self.since_ns
+    }
+
+    /// Weights of a sample in the means of now, and of what was before.
+    #[inline]
+    fn weights(&self) -> [T; 2] {
+        if self.samples >= LONG_MEMORY as u16 {
+            return [lit(1.0 / MEMORY), lit(1.0 / LONG_MEMORY)];
+        }
+        let known: T = lit(f64::from(self.samples));
+        [MEMORY, LONG_MEMORY].map(|memory| T::one() / known.min(lit(memory)))
     }
 
     /// Nothing is known of the samples between.
