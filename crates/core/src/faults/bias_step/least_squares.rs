@@ -91,15 +91,27 @@ impl<T: Scalar> Evidence<T> {
     }
 }
 
-/// What a whole window says of the difference from the bias `before`, from the block with number `since` on.
+/// What may have happened in a window at the beginning of a block.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Change {
+    /// The bias is another one from there on, rad/s, body axes.
+    Bias(usize),
+    /// A turn was not measured, rad, carried frame.
+    Turn(usize),
+}
+
+/// What a whole window says of such a change, beside the bias `before`.
 pub(super) fn of_window<T: Scalar>(
     blocks: &[Block<T>; BLOCKS],
     before: &Vector3<T>,
-    since: usize,
+    change: Change,
 ) -> Evidence<T> {
     let carried = carried(blocks);
     let whole = drifts(&carried, 0);
-    let drifts = drifts(&carried, since);
+    let drifts = match change {
+        Change::Bias(since) => drifts(&carried, since),
+        Change::Turn(at) => turns(at),
+    };
     let mut evidence = of_force(blocks, &whole, &drifts, before);
     if blocks.iter().all(|block| block.field_count > T::zero()) {
         evidence.add(&of_field(blocks, &whole, &drifts, before));
@@ -166,6 +178,15 @@ fn drifts<T: Scalar>(carried: &[[Matrix3<T>; 2]; BLOCKS], since: usize) -> [Matr
     let sum = all.iter().fold(Matrix3::zeros(), |sum, drift| sum + drift);
     let mean = sum / lit::<T>(BLOCKS as f64);
     all.map(|drift| drift - mean)
+}
+
+/// The same of a turn of one radian about each axis at the beginning of block `at`.
+fn turns<T: Scalar>(at: usize) -> [Matrix3<T>; BLOCKS] {
+    let mean = lit::<T>((BLOCKS - at.min(BLOCKS)) as f64 / BLOCKS as f64);
+    core::array::from_fn(|k| {
+        let turned = if k < at { T::zero() } else { T::one() };
+        Matrix3::identity() * (turned - mean)
+    })
 }
 
 /// (F11): a mean force is gravity, turned, plus a change of velocity over the block.

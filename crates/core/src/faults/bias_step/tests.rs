@@ -119,6 +119,18 @@ fn a_step_is_found_in_ten_seconds_and_nothing_before_or_after() {
     assert_eq!(found_in_ten_seconds(0.078, 8, true), 8);
 }
 
+/// A spin beyond the range, or samples that were lost: gravity and field lie elsewhere, and stay there.
+#[test]
+fn a_turn_that_the_gyroscope_missed_is_no_step() {
+    for seed in 1..=16 {
+        let (mut hand, mut watch) = (Hand::new(seed), BiasWatch::default());
+        assert_eq!(told(&mut hand, &mut watch, 90.0, true), [], "seed {seed}");
+        hand.reference_from_body *= so3::exp(&a_step_of(0.7));
+        let after = told(&mut hand, &mut watch, 30.0, true);
+        assert_eq!(after, [], "seed {seed}");
+    }
+}
+
 /// Tilting turns gravity; about the vertical nothing is seen, and the bias there stays.
 #[test]
 fn without_a_magnetometer_gravity_shows_larger_ones() {
