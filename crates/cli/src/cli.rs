@@ -7,8 +7,8 @@ use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
 use crate::commands::{
-    benchmark, calibrate, compare, convert, demo, estimators, experiment, run, simulate, track,
-    tune,
+    benchmark, calibrate, compare, completions, convert, demo, estimators, experiment, man, run,
+    simulate, track, tune,
 };
 
 /// Attitude, navigation and tracking from noisy sensors.
@@ -61,6 +61,10 @@ pub(crate) enum Command {
     Tune(tune::TuneArgs),
     /// List the estimators and their parameters
     Estimators(estimators::EstimatorsArgs),
+    /// Print a completion script for a shell
+    Completions(completions::CompletionsArgs),
+    /// Write the manual pages, one file a command
+    Man(man::ManArgs),
 }
 
 /// Where to begin.
@@ -94,6 +98,8 @@ northing: which way is it pointing, where is it, and where are the others?
   northing experiment faults             faults of sensors, injected: cost, recovery, detection
   northing tune drive.toml               noise parameters fitted to a recording
   northing estimators                    the estimators and their parameters
+  northing completions bash              commands and options completed by the shell
+  northing man share/man/man1            the manual pages
 
 `northing COMMAND --help` says more, with examples.
 ";

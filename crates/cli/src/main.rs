@@ -51,5 +51,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Experiment(args)) => commands::experiment::execute(&args),
         Some(Command::Tune(args)) => commands::tune::execute(&args),
         Some(Command::Estimators(args)) => commands::estimators::execute(&args),
+        Some(Command::Completions(args)) => commands::completions::execute(&args),
+        Some(Command::Man(args)) => commands::man::execute(&args),
     }
 }

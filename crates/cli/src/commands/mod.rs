@@ -4,12 +4,14 @@ pub(crate) mod benchmark;
 pub(crate) mod calibrate;
 pub(crate) mod compare;
 mod comparison;
+pub(crate) mod completions;
 pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod estimators;
 pub(crate) mod experiment;
 #[cfg(feature = "live")]
 pub(crate) mod live;
+pub(crate) mod man;
 #[cfg(feature = "parquet")]
 pub(crate) mod montecarlo;
 pub(crate) mod run;

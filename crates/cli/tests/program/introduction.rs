@@ -11,6 +11,8 @@ fn without_arguments_it_introduces_itself() {
       northing demo                          a virtual phone, the lab's steps, a report: start here
       northing run walk.zip --report w.html  one recording: attitude or position, consistency, report
       northing compare a.csv b.csv           several recordings and estimators in one table
+      northing benchmark attitude --data d   all estimators beside third-party baselines
+      northing benchmark navigation --data d GNSS/INS over a folder, beside extrapolated fixes
       northing track harbour.toml            targets in recordings of radar, cameras and AIS
       northing calibrate rest desk.csv       bias, noise and references of a device at rest
       northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
@@ -18,7 +20,14 @@ fn without_arguments_it_introduces_itself() {
       northing convert walk.zip walk.csv     a recording in another format
       northing simulate scenario.toml        one run of a tracking scenario
       northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker
+      northing experiment observers          observers in cascade: errors, gains, cost
+      northing experiment attitude-worlds    attitude on random worlds: accuracy, coverage, causes
+      northing experiment navigation-worlds  GNSS/INS on random worlds: lost, coverage, heading
+      northing experiment faults             faults of sensors, injected: cost, recovery, detection
+      northing tune drive.toml               noise parameters fitted to a recording
       northing estimators                    the estimators and their parameters
+      northing completions bash              commands and options completed by the shell
+      northing man share/man/man1            the manual pages
 
     `northing COMMAND --help` says more, with examples.
     ");
@@ -168,4 +177,35 @@ fn a_reader_that_has_seen_enough_ends_it_quietly() {
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "{output:?}");
+}
+
+#[test]
+fn shells_complete_commands_and_options() {
+    let lab = Lab::new();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        contains(
+            &lab.succeeds(&["completions", shell]),
+            &["northing", "calibrate", "navigation-worlds", "gnss-every"],
+        );
+    }
+    contains(&lab.refuses(&["completions", "csh"]), &["csh", "bash"]);
+}
+
+#[test]
+fn manual_pages_are_written_one_a_command_and_none_is_overwritten() {
+    let lab = Lab::new();
+    contains(&lab.succeeds(&["man", "."]), &["manual pages in"]);
+    let page = |name: &str| std::fs::read_to_string(lab.path(name)).unwrap();
+    contains(
+        &page("northing-run.1"),
+        &[".TH NORTHING-RUN 1", "gnss\\-every", ".SH EXAMPLES\n.nf\n"],
+    );
+    contains(&page("northing-calibrate-allan.1"), &["Allan"]);
+    contains(&page("northing.1"), &["northing\\-tune(1)"]);
+    contains(&lab.refuses(&["man", "."]), &["--force", "northing.1"]);
+    lab.succeeds(&["man", ".", "--force"]);
+    contains(
+        &lab.refuses(&["man", "nowhere"]),
+        &["nowhere", "not a folder"],
+    );
 }
