@@ -19,7 +19,7 @@ mod text;
 
 use std::process::ExitCode;
 
-use clap::Parser as _;
+use clap::{CommandFactory as _, Parser as _};
 use cli::{Cli, Command};
 
 fn main() -> ExitCode {
@@ -51,7 +51,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Experiment(args)) => commands::experiment::execute(&args),
         Some(Command::Tune(args)) => commands::tune::execute(&args),
         Some(Command::Estimators(args)) => commands::estimators::execute(&args),
-        Some(Command::Completions(args)) => commands::completions::execute(&args),
-        Some(Command::Man(args)) => commands::man::execute(&args),
+        Some(Command::Completions(args)) => commands::completions::execute(&args, Cli::command()),
+        Some(Command::Man(args)) => commands::man::execute(&args, Cli::command()),
     }
 }

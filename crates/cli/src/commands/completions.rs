@@ -1,10 +1,9 @@
 //! `northing completions`: scripts with which a shell completes commands and options.
 
 use anyhow::Result;
-use clap::{Args, CommandFactory as _};
+use clap::{Args, Command};
 use clap_complete::{Shell, generate};
 
-use crate::cli::Cli;
 use crate::files::output::print;
 
 /// Arguments of `completions`.
@@ -20,9 +19,9 @@ pub(crate) struct CompletionsArgs {
     shell: Shell,
 }
 
-/// Prints the script.
-pub(crate) fn execute(args: &CompletionsArgs) -> Result<()> {
+/// Prints the script for `program`.
+pub(crate) fn execute(args: &CompletionsArgs, mut program: Command) -> Result<()> {
     let mut script = Vec::new();
-    generate(args.shell, &mut Cli::command(), "northing", &mut script);
+    generate(args.shell, &mut program, "northing", &mut script);
     print(&String::from_utf8_lossy(&script))
 }

@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
-use clap::{Args, Command, CommandFactory as _};
+use clap::{Args, Command};
 use clap_mangen::Man;
 use northing_recording::atomic_file::write_whole;
 
-use crate::cli::Cli;
 use crate::files::output::{check_free, print};
 
 /// Arguments of `man`.
@@ -26,13 +25,13 @@ pub(crate) struct ManArgs {
     force: bool,
 }
 
-/// Writes them, or none of them where one is in the way.
-pub(crate) fn execute(args: &ManArgs) -> Result<()> {
+/// Writes those of `program`, or none of them where one is in the way.
+pub(crate) fn execute(args: &ManArgs, program: Command) -> Result<()> {
     if !args.folder.is_dir() {
         bail!("{}: not a folder; make it first", args.folder.display());
     }
     let mut pages = Vec::new();
-    let mut root = Cli::command().disable_help_flag(true);
+    let mut root = program.disable_help_flag(true);
     root.build();
     collect(&root, "northing", &mut pages)?;
     let pages: Vec<_> = pages
