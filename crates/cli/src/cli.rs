@@ -57,7 +57,7 @@ pub(crate) enum Command {
     MonteCarlo(Box<montecarlo::MonteCarloArgs>),
     /// Experiments of the literature, reproduced: errors, gains, cost
     Experiment(experiment::ExperimentArgs),
-    /// Fit noise parameters of a navigation estimator by maximum likelihood, checked on held-out data
+    /// Fit noise parameters of an estimator by maximum likelihood, checked on held-out data
     Tune(tune::TuneArgs),
     /// List the estimators and their parameters
     Estimators(estimators::EstimatorsArgs),

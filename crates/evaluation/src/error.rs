@@ -220,12 +220,26 @@ pub enum EvaluationError {
     NoDeviceNavigation,
     /// Noise parameters were to be fitted for an estimator that has none.
     #[error(
-        "`{estimator}` has no parameters to fit; choose --estimator error-state, axis-filters or dead-reckoning"
+        "`{estimator}` has no parameters to fit; choose another --estimator: mekf, bounded-velocity or usque for the \
+         attitude, error-state, axis-filters or dead-reckoning where there are fixes"
     )]
     NothingToFit {
         /// The estimator.
         estimator: &'static str,
     },
+    /// Noise parameters were to be fitted, and no innovation has a likelihood.
+    #[error(
+        "`{estimator}` stated no covariance of an innovation over the part of the recording that is fitted, so that \
+         there is no likelihood (bounded-velocity states one of a magnetometer alone, a complementary filter none); \
+         choose another --estimator, e.g. mekf"
+    )]
+    NoLikelihood {
+        /// The estimator.
+        estimator: &'static str,
+    },
+    /// Somebody asked for an end before it was reached.
+    #[error("interrupted")]
+    Interrupted,
     /// The reference cannot be that of the recording's sensors.
     #[error("the reference is refused: {0}; --ignore-reference runs without it")]
     Reference(Box<dyn std::error::Error + Send + Sync>),

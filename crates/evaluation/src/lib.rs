@@ -7,6 +7,7 @@
 //! | [`tracking`] | where are the others |
 //! | [`calibration`] | at rest, of the magnetometer, Allan deviation |
 //! | [`statistics`] | errors, NEES, NIS, verdicts |
+//! | [`tune`] | noise parameters by the likelihood of innovations |
 //!
 //! The three questions have the same files: `kinds` (the estimators by name), `options`, `runner`, `outcome`.
 //!
@@ -48,6 +49,7 @@ pub mod registry;
 mod run_estimator;
 pub mod statistics;
 pub mod tracking;
+pub mod tune;
 pub mod used_parameters;
 
 pub use attitude::runner::{run, run_recording};

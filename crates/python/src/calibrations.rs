@@ -4,8 +4,9 @@ use northing_core::calibration::MagnetometerLimits;
 use northing_evaluation::calibration::allan::{AllanConfig, RestSamples, analyze};
 use northing_evaluation::calibration::magnetometer::FieldSamples;
 use northing_evaluation::calibration::rest::{self, Span};
-use northing_evaluation::navigation::NavigationOptions;
-use northing_evaluation::navigation::tune::{TuneOptions, tune as fit};
+use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
+use northing_evaluation::tune::{self, TuneOptions};
+use northing_evaluation::{EvaluationError, Profile, RunEstimator, RunOptions};
 use northing_recording::{Event, Recording, RecordingError, SensorKind};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -152,12 +153,13 @@ pub(crate) fn calibrate_allan(
     text(report)
 }
 
-/// Noise parameters of a navigation estimator by the likelihood of its innovations, a part held out.
+/// Noise parameters of an estimator by the likelihood of its innovations, a part held out.
 #[pyfunction]
 pub(crate) fn tune(
     py: Python<'_>,
     file: &RecordingFile,
-    estimator: &str,
+    estimator: Option<&str>,
+    profile: Option<&str>,
     parameters: Vec<String>,
     fitted_share: f64,
 ) -> PyResult<String> {
@@ -166,11 +168,12 @@ pub(crate) fn tune(
             "fit={fitted_share}: expected a share from 0.1 to 0.9, e.g. 0.6"
         )));
     }
-    let kind = estimator.parse();
-    let kind =
-        kind.map_err(|error: northing_evaluation::EvaluationError| refused(error.to_string()))?;
+    let unusable = |error: EvaluationError| refused(error.to_string());
+    let named = estimator.map(str::parse::<RunEstimator>).transpose();
+    let named = named.map_err(refused)?;
+    let profile = profile.map(str::parse::<Profile>).transpose();
+    let profile = profile.map_err(unusable)?;
     let (mut recording, name) = file.opened()?;
-    let options = NavigationOptions::of_recording(kind, recording.metadata());
     let asked = TuneOptions {
         parameters,
         fitted_share,
@@ -178,7 +181,31 @@ pub(crate) fn tune(
     };
     let events: Result<Vec<Event>, _> = py.detach(|| recording.by_ref().collect());
     let events = events.map_err(|error| of_recording(&error))?;
-    let world = recording.metadata().world_frame;
-    let outcome = py.detach(|| fit(&events, world, &options, &asked, &|| ()));
+    let metadata = recording.metadata();
+    let has_fixes = recording.sensors().contains(&SensorKind::GnssPosition);
+    let by_default = has_fixes.then_some(RunEstimator::Navigation(NavigationKind::ErrorState));
+    let outcome = match named.or(by_default) {
+        Some(RunEstimator::Navigation(kind)) => {
+            if profile.is_some() {
+                return Err(refused(format!(
+                    "profile=: `{kind}` has no profiles; leave it out"
+                )));
+            }
+            let options = NavigationOptions::of_recording(kind, metadata);
+            let world = metadata.world_frame;
+            py.detach(|| tune::navigation::tune(&events, world, &options, &asked, &|| true))
+        }
+        attitude => {
+            let kind = match attitude {
+                Some(RunEstimator::Attitude(kind)) => Some(kind),
+                _ => None,
+            };
+            let profile = profile.unwrap_or_default();
+            let mut options = RunOptions::new(kind.unwrap_or(profile.estimator()), profile);
+            options.choose_magnetometer = true;
+            options.world_frame = metadata.world_frame;
+            py.detach(|| tune::attitude::tune(&events, &options, &asked, &|| true))
+        }
+    };
     text(outcome.map_err(|error| of_run(&error, &name))?)
 }

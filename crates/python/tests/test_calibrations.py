@@ -66,3 +66,12 @@ def test_tune() -> None:
     assert outcome["parameters"][0]["name"] == "accelerometer_noise_density"
     with pytest.raises(ValueError, match="fit=2"):
         no.tune(no.open(manifest, data=data()), fit=2.0)
+
+
+def test_tune_of_an_attitude_estimator(walk: Path) -> None:
+    options = ["--estimator", "mekf", "--profile", "lab", "--parameters", "accelerometer_std"]
+    printed = json.loads(run_program("tune", walk, *options, "--json"))
+    file = no.open(walk)
+    outcome = no.tune(file, "mekf", profile="lab", parameters=["accelerometer_std"])
+    assert outcome == {key: printed[key] for key in outcome}
+    assert 0.5 < outcome["parameters"][0]["after"] / 0.05 < 2.0  # m/s^2, the virtual phone's

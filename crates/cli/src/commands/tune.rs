@@ -1,17 +1,18 @@
-//! `northing tune`: noise parameters of a navigation estimator, fitted to a recording.
+//! `northing tune`: noise parameters of an estimator, fitted to a recording.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::Args;
-use northing_evaluation::navigation::tune::{TuneOptions, TuneOutcome, TunedParameter, tune};
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
-use northing_recording::Event;
+use northing_evaluation::tune::{TuneOptions, TuneOutcome, TunedParameter, attitude, navigation};
+use northing_evaluation::{Profile, RunEstimator, RunOptions};
 use northing_recording::atomic_file::write_whole;
+use northing_recording::{Event, Metadata, Recording, SensorKind};
 use serde::Serialize;
 
 use crate::arguments::input::{DataArgs, InputArgs};
+use crate::arguments::settings::SettingArgs;
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::files::shown;
 use crate::files::toml_file::in_comment;
@@ -24,23 +25,27 @@ use crate::text::table::Table;
 /// Arguments of `tune`.
 #[derive(Debug, Args)]
 #[command(
-    long_about = "Fits noise parameters of a navigation estimator to a recording, that minimise the negative \
-                  log-likelihood of its innovations, and says whether the fit holds on a held-out part of the \
-                  recording.",
+    long_about = "Fits noise parameters of an estimator to a recording, that minimise the negative log-likelihood \
+                  of its innovations, and says whether the fit holds on a held-out part of the recording. No \
+                  reference is used. How large errors are is found, how long they last is not: that an innovation \
+                  has become more likely does not say that the attitude has become more accurate.",
     after_help = "\
 Examples:
   northing tune drive.toml --out drive-noise.toml
-  northing run drive.toml --estimator error-state --config drive-noise.toml
+  northing run drive.toml --config drive-noise.toml
+  northing tune walk.zip --estimator mekf --out walk-noise.toml
+  northing tune lab.csv --profile lab --parameters accelerometer_std,magnetometer_std_ut
   northing tune drive.toml --parameters accelerometer_noise_density,gyroscope_noise_density"
 )]
 pub(crate) struct TuneArgs {
     /// The recording: file, manifest, Sensor Logger folder, or - for standard input
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
-    /// The estimator: error-state, axis-filters, dead-reckoning
-    #[arg(long, value_name = "NAME", default_value = "error-state")]
-    estimator: NavigationKind,
-    /// Parameters to fit, separated by commas [default: every noise of the estimator]
+    /// The estimator, of attitude or navigation; without it error-state where there are fixes, otherwise that of the
+    /// profile
+    #[arg(long, value_name = "NAME")]
+    estimator: Option<RunEstimator>,
+    /// Parameters to fit, separated by commas [default: every noise of the estimator that makes a difference]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     parameters: Vec<String>,
     /// Share of the recording that the fit sees; the rest is held out
@@ -55,6 +60,8 @@ pub(crate) struct TuneArgs {
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    settings: SettingArgs,
     #[command(flatten)]
     data: DataArgs,
     #[command(flatten)]
@@ -81,19 +88,16 @@ pub(crate) fn execute(args: &TuneArgs) -> Result<()> {
         check_not_input(out, &args.recording)?;
         check_free(out, args.force)?;
     }
-    let name = shown(&args.recording);
-    let mut recording = args.input.open_in(&args.recording, &args.data)?;
-    let metadata = recording.metadata().clone();
-    let events: Vec<Event> = interruptible(recording.by_ref()).collect::<Result<_, _>>()?;
-    let options = NavigationOptions::of_recording(args.estimator, &metadata);
-    let asked = TuneOptions {
-        parameters: args.parameters.clone(),
-        fitted_share: args.fit,
-        ..TuneOptions::default()
+    let named = match args.estimator {
+        None => args.settings.estimator()?,
+        named => named,
     };
-    let outcome = fit(&events, &metadata, &options, &asked).with_context(|| name.clone())?;
+    let name = shown(&args.recording);
+    let recording = args.input.open_in(&args.recording, &args.data)?;
+    let (outcome, profile) = fit(args, named, recording, &name)?;
     if let Some(out) = &args.out {
-        write_whole(out, to_toml(&outcome, &name).as_bytes(), args.force)?;
+        let text = to_toml(&outcome, profile, &name);
+        write_whole(out, text.as_bytes(), args.force)?;
     }
     if args.json {
         return print_json(&Json {
@@ -105,24 +109,68 @@ pub(crate) fn execute(args: &TuneArgs) -> Result<()> {
 }
 
 fn fit(
-    events: &[Event],
-    metadata: &northing_recording::Metadata,
-    options: &NavigationOptions,
-    asked: &TuneOptions,
-) -> Result<TuneOutcome> {
+    args: &TuneArgs,
+    named: Option<RunEstimator>,
+    mut recording: Recording,
+    name: &str,
+) -> Result<(TuneOutcome, Option<Profile>)> {
+    let has_fixes = recording.sensors().contains(&SensorKind::GnssPosition);
+    let metadata = recording.metadata().clone();
+    let estimator =
+        named.or(has_fixes.then_some(RunEstimator::Navigation(NavigationKind::ErrorState)));
+    // What is wrong with the options is told before a long recording is read.
+    let ready = Ready::new(args, estimator, &metadata)?;
+    let events: Vec<Event> = interruptible(recording.by_ref()).collect::<Result<_, _>>()?;
+    let asked = TuneOptions {
+        parameters: args.parameters.clone(),
+        fitted_share: args.fit,
+        ..TuneOptions::default()
+    };
     let progress = std::sync::Mutex::new(Progress::of_stream("fitting"));
-    let stopped = AtomicBool::new(false);
-    let on_run = || {
+    let go_on = || {
         if let Ok(mut progress) = progress.lock() {
             progress.event();
         }
-        stopped.fetch_or(happened(), Ordering::Relaxed);
+        !happened()
     };
-    let outcome = tune(events, metadata.world_frame, options, asked, &on_run)?;
-    if stopped.load(Ordering::Relaxed) {
-        bail!("interrupted");
+    let outcome = match &ready {
+        Ready::Attitude(options) => attitude::tune(&events, options, &asked, &go_on),
+        Ready::Navigation(options) => {
+            navigation::tune(&events, metadata.world_frame, options, &asked, &go_on)
+        }
+    };
+    let profile = match &ready {
+        Ready::Attitude(options) => Some(options.profile),
+        Ready::Navigation(_) => None,
+    };
+    Ok((outcome.with_context(|| name.to_owned())?, profile))
+}
+
+/// The options of the runs.
+enum Ready {
+    Attitude(Box<RunOptions>),
+    Navigation(Box<NavigationOptions>),
+}
+
+impl Ready {
+    fn new(args: &TuneArgs, estimator: Option<RunEstimator>, metadata: &Metadata) -> Result<Self> {
+        let kind = match estimator {
+            Some(RunEstimator::Navigation(kind)) => {
+                let mut options = NavigationOptions::of_recording(kind, metadata);
+                args.settings.navigation_parameters(&mut options)?;
+                return Ok(Self::Navigation(Box::new(options)));
+            }
+            Some(RunEstimator::Attitude(kind)) => Some(kind),
+            None => None,
+        };
+        let mut options = args.settings.options(kind)?;
+        args.settings.check_effect(options.estimator)?;
+        options.driver.gap_limit_s = args.input.gap_limit_s();
+        options.choose_magnetometer = true;
+        options.world_frame = metadata.world_frame;
+        options.check()?;
+        Ok(Self::Attitude(Box::new(options)))
     }
-    Ok(outcome)
 }
 
 fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
@@ -135,7 +183,7 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
         ]);
     }
     let mut text = format!(
-        "{name}: {} parameters of {} fitted in {} runs\n\n{}\n",
+        "{name}: {} parameters of {} fitted in {} runs over it\n\n{}\n",
         outcome.parameters.len(),
         outcome.estimator,
         outcome.runs,
@@ -154,18 +202,32 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
     };
     text.push_str(&paragraph(
         &format!(
-            "Log-likelihood gained an innovation: {:.3} where it was fitted, {:.3} on the held-out part. {verdict}{}",
+            "Log-likelihood gained an innovation: {:.3} where it was fitted, {:.3} on the held-out part. {verdict}{}{}",
             gained[0],
             gained[1],
-            ran_off(outcome)
+            ran_off(outcome),
+            without_effect(outcome)
         ),
         "  ",
     ));
+    if let Some([before, after]) = outcome.reference_error_deg {
+        let against = if after > before {
+            " The more likely parameters are the worse ones here: errors that last look like noise to the likelihood."
+        } else {
+            ""
+        };
+        text.push_str(&paragraph(
+            &format!(
+                "Against the recording's reference, which the fit does not see: RMSE {before:.2} deg before, \
+                 {after:.2} deg after.{against}"
+            ),
+            "  ",
+        ));
+    }
     if let Some(out) = &args.out {
         text.push_str(&format!(
-            "\nUse it with\n  {} run {name} --estimator {} --config {}\n",
+            "\nUse it with\n  {} run {name} --config {}\n",
             called(),
-            outcome.estimator,
             out.display()
         ));
     }
@@ -173,13 +235,17 @@ fn describe(outcome: &TuneOutcome, name: &str, args: &TuneArgs) -> String {
 }
 
 /// The parameters as a file for `--config`.
-fn to_toml(outcome: &TuneOutcome, name: &str) -> String {
+fn to_toml(outcome: &TuneOutcome, profile: Option<Profile>, name: &str) -> String {
     let mut text = format!(
         "# Noise of {} fitted to {} by northing tune; gained an innovation on the held-out part: {:.3}.\n",
         outcome.estimator,
         in_comment(name),
         outcome.before.held_out - outcome.after.held_out
     );
+    text.push_str(&format!("estimator = \"{}\"\n", outcome.estimator));
+    if let Some(profile) = profile {
+        text.push_str(&format!("profile = \"{}\"\n", profile.name()));
+    }
     for p in &outcome.parameters {
         text.push_str(&format!("{} = {:e}\n", p.name, p.after));
     }
@@ -205,4 +271,15 @@ fn ran_off(outcome: &TuneOutcome) -> String {
         " Moved by more than a thousandfold: {}. The recording says nothing about that.{remedy}",
         names(off)
     )
+}
+
+/// The parameters that were left as they are.
+fn without_effect(outcome: &TuneOutcome) -> String {
+    match &outcome.without_effect[..] {
+        [] => String::new(),
+        names => format!(
+            " Left as they are, for they change no innovation here: {}.",
+            names.join(", ")
+        ),
+    }
 }

@@ -303,3 +303,45 @@ fn noise_is_fitted_written_and_used() {
     );
     lab.refuses(&["tune", "car.toml", "--fit", "2"]);
 }
+
+#[test]
+fn noise_of_an_attitude_estimator_is_fitted_written_and_used() {
+    let lab = Lab::with_phone();
+    let text = lab.succeeds(&[
+        "tune",
+        "phone.csv",
+        "--estimator",
+        "mekf",
+        "--profile",
+        "lab",
+        "--out",
+        "noise.toml",
+    ]);
+    contains(
+        &text,
+        &[
+            "parameters of mekf fitted",
+            "accelerometer_std",
+            "reference, which the fit does not see",
+            "change no innovation here: compass_std",
+        ],
+    );
+    contains(
+        &lab.read("noise.toml"),
+        &["estimator = \"mekf\"", "profile = \"lab\""],
+    );
+    let used = lab.json(&["run", "phone.csv", "--config", "noise.toml", "--json"]);
+    assert_eq!(used["estimator"], "mekf");
+    assert_eq!(used["profile"], "lab");
+    let message = lab.refuses(&["tune", "phone.csv", "--estimator", "complementary"]);
+    contains(&message, &["complementary", "another --estimator: mekf"]);
+    let message = lab.refuses(&[
+        "tune",
+        "phone.csv",
+        "--estimator",
+        "error-state",
+        "--profile",
+        "lab",
+    ]);
+    contains(&message, &["has no profiles"]);
+}

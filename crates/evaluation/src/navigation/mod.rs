@@ -13,7 +13,6 @@
 //! | `batch_smoother.rs`, `smoothed.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
 //! | `benchmark.rs` | one rule over many recordings, beside answers that need no filter |
 //! | `trace.rs` | what plots need |
-//! | `tune.rs` | noise parameters by innovation likelihood, with a part held out |
 
 mod axis_navigator;
 pub mod batch_smoother;
@@ -32,7 +31,6 @@ pub mod score;
 mod ship_navigator;
 mod smoothed;
 pub mod trace;
-pub mod tune;
 
 pub use kinds::NavigationKind;
 pub use navigator::{Aid, AidKind, NavigationEstimate};

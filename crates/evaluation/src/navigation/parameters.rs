@@ -38,7 +38,7 @@ impl NavigationParameters {
     }
 
     /// Every parameter of an estimator with its value.
-    pub(super) fn rows(mut self, kind: NavigationKind) -> Vec<Row> {
+    pub(crate) fn rows(mut self, kind: NavigationKind) -> Vec<Row> {
         by_name::rows(&self.tables(kind))
     }
 

@@ -187,12 +187,20 @@ def compare(
 
 
 def tune(
-    recording: Recording, estimator: str = "error-state", *, parameters: Sequence[str] = (), fit: float = 0.6
+    recording: Recording,
+    estimator: str | None = None,
+    *,
+    profile: str | None = None,
+    parameters: Sequence[str] = (),
+    fit: float = 0.6,
 ) -> dict[str, Any]:
-    """Noise parameters of a navigation estimator by the likelihood of its innovations, as ``northing tune``.
+    """Noise parameters of an estimator by the likelihood of its innovations, as ``northing tune``.
 
-    ``parameters`` are the names to fit (default: every noise above zero), ``fit`` the share of the recording that the
-    fit sees; the rest is held out.
+    ``estimator`` is one of attitude or navigation (default: error-state where there are fixes, otherwise that of the
+    profile), ``parameters`` are the names to fit (default: every noise that makes a difference), ``fit`` the share of the
+    recording that the fit sees; the rest is held out.
     """
-    outcome: dict[str, Any] = json.loads(_northing.tune(recording._file, estimator, list(parameters), fit))
+    outcome: dict[str, Any] = json.loads(
+        _northing.tune(recording._file, estimator, profile, list(parameters), fit)
+    )
     return outcome

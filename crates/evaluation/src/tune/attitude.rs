@@ -1,0 +1,183 @@
+//! The fit of an attitude estimator.
+
+use std::convert::Infallible;
+
+use northing_core::parameters::Value;
+use northing_recording::{Event, SensorKind};
+
+use super::likelihood::{Likelihood, split_ns};
+use super::{Fit, TuneOptions, TuneOutcome};
+use crate::attitude::parameters::{self, Row};
+use crate::attitude::runner::run;
+use crate::attitude::{EstimatorKind, InnovationRecord, RunObserver, RunOptions};
+use crate::error::EvaluationError;
+
+/// Fits parameters of `options` to a recording's events, without its reference.
+///
+/// `go_on` is asked after each run.
+///
+/// # Errors
+/// A parameter that the estimator does not have, a run that cannot be made, or [`EvaluationError::Interrupted`].
+pub fn tune(
+    events: &[Event],
+    options: &RunOptions,
+    asked: &TuneOptions,
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Result<TuneOutcome, EvaluationError> {
+    let split_ns = split_ns(events, asked.fitted_share);
+    let judge = |values: &[(&str, f64)]| {
+        let options = with(options, values)?;
+        let mut observer = Measured {
+            likelihood: Likelihood::new(split_ns),
+            force_is_measured: options.estimator != EstimatorKind::BoundedVelocity,
+        };
+        let events = events
+            .iter()
+            .filter(|event| !is_reference(event))
+            .map(|event| Ok::<_, Infallible>(*event));
+        run(events, &options, &mut observer)?;
+        match go_on() {
+            true => Ok(observer.likelihood.judgement()),
+            false => Err(EvaluationError::Interrupted),
+        }
+    };
+    let valued = |row: Row| Row {
+        value: options.config.value(&row.name()).unwrap_or(Value::Absent),
+        ..row
+    };
+    let rows: Vec<Row> = parameters::rows()
+        .filter(|row| row.is_read_by(options.estimator))
+        .map(valued)
+        .collect();
+    let fit = Fit {
+        estimator: options.estimator.name(),
+        rows: &rows,
+        judge: &judge,
+    };
+    let mut outcome = fit.make(asked)?;
+    let fitted = outcome.parameters.iter();
+    let fitted: Vec<_> = fitted.map(|p| (p.name.as_str(), p.after)).collect();
+    let errors = [
+        error_deg(events, options),
+        error_deg(events, &with(options, &fitted)?),
+    ];
+    if let [Some(before), Some(after)] = errors {
+        outcome.reference_error_deg = Some([before, after]);
+    }
+    Ok(outcome)
+}
+
+/// The options with other values.
+fn with(options: &RunOptions, values: &[(&str, f64)]) -> Result<RunOptions, EvaluationError> {
+    let mut options = options.clone();
+    for (name, value) in values {
+        options.set(&format!("{name}={value:e}"))?;
+    }
+    Ok(options)
+}
+
+/// RMSE of the attitude, where there is a reference that can be scored.
+fn error_deg(events: &[Event], options: &RunOptions) -> Option<f64> {
+    if !events.iter().any(is_reference) {
+        return None;
+    }
+    let events = events.iter().map(|event| Ok::<_, Infallible>(*event));
+    let summary = run(events, options, &mut ()).ok()?;
+    summary.error_deg.map(|error| error.total_rmse)
+}
+
+fn is_reference(event: &Event) -> bool {
+    event.sample.kind() == SensorKind::Reference
+}
+
+/// The innovations of measurements.
+struct Measured {
+    likelihood: Likelihood,
+    /// Whether the accelerometer is compared with what is expected of it. The bounded-velocity filter integrates it,
+    /// and what it compares is an assumption: that the velocity is near zero.
+    force_is_measured: bool,
+}
+
+impl RunObserver for Measured {
+    fn innovation(&mut self, record: &InnovationRecord) {
+        if record.sensor != SensorKind::Accelerometer || self.force_is_measured {
+            self.likelihood.add(record.time_ns, &record.innovation);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
+
+    use super::*;
+    use crate::attitude::Profile;
+
+    fn phone() -> Vec<Event> {
+        let config = VirtualPhoneConfig {
+            seed: 5,
+            ..VirtualPhoneConfig::default()
+        };
+        VirtualPhone::new(config).unwrap().events().collect()
+    }
+
+    fn asked(names: &[&str]) -> TuneOptions {
+        TuneOptions {
+            parameters: names.iter().map(|name| (*name).to_owned()).collect(),
+            ..TuneOptions::default()
+        }
+    }
+
+    #[test]
+    fn noise_that_is_set_wrong_by_factors_is_found_and_the_attitude_gains() {
+        let truth = VirtualPhoneConfig::default();
+        let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+        options.set("accelerometer_std=1.0").unwrap();
+        options.set("magnetometer_std_ut=0.1").unwrap();
+        options.set("magnetometer_gate_nis=0").unwrap();
+        options.set("accelerometer_gate_nis=0").unwrap();
+        let asked = asked(&["accelerometer_std", "magnetometer_std_ut"]);
+        let outcome = tune(&phone(), &options, &asked, &|| true).unwrap();
+        let [force, field] = &outcome.parameters[..] else {
+            panic!("two parameters: {outcome:?}");
+        };
+        let expected = truth.accelerometer.noise_std_m_s2;
+        assert!((0.8..1.25).contains(&(force.after / expected)), "{force:?}");
+        let expected = truth.magnetometer.noise_std_ut;
+        assert!((0.8..1.25).contains(&(field.after / expected)), "{field:?}");
+        assert!(!outcome.over_fits && outcome.after.held_out < outcome.before.held_out - 1.0);
+        let [before, after] = outcome.reference_error_deg.unwrap();
+        assert!(after < 0.7 * before, "{before} {after}");
+    }
+
+    #[test]
+    fn what_changes_no_innovation_is_left_and_named() {
+        let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
+        let asked = asked(&["compass_std", "accelerometer_std"]);
+        let outcome = tune(&phone(), &options, &asked, &|| true).unwrap();
+        assert_eq!(outcome.without_effect, ["compass_std"]);
+        assert_eq!(outcome.parameters.len(), 1);
+        assert_eq!(outcome.parameters[0].name, "accelerometer_std");
+    }
+
+    #[test]
+    fn what_has_no_likelihood_and_what_is_stopped_is_refused() {
+        let refused = |kind: EstimatorKind, without_field: bool, go_on: bool| {
+            let mut options = RunOptions::new(kind, Profile::HandHeld);
+            options.sensors.magnetometer = !without_field;
+            tune(&phone(), &options, &asked(&[]), &|| go_on).unwrap_err()
+        };
+        assert!(matches!(
+            refused(EstimatorKind::BoundedVelocity, true, true),
+            EvaluationError::NoLikelihood { .. }
+        ));
+        assert!(matches!(
+            refused(EstimatorKind::Complementary, false, true),
+            EvaluationError::NothingToFit { .. } | EvaluationError::NoLikelihood { .. }
+        ));
+        assert!(matches!(
+            refused(EstimatorKind::Mekf, false, false),
+            EvaluationError::Interrupted
+        ));
+    }
+}
