@@ -11,7 +11,7 @@ use northing_recording::atomic_file::write_whole;
 use northing_recording::{Event, Metadata, Recording, SensorKind};
 use serde::Serialize;
 
-use crate::arguments::input::{DataArgs, InputArgs};
+use crate::arguments::input::{DataArgs, InputArgs, positive_seconds};
 use crate::arguments::settings::SettingArgs;
 use crate::files::output::{check_free, check_not_input, print, print_json};
 use crate::files::shown;
@@ -28,7 +28,8 @@ use crate::text::table::Table;
     long_about = "Fits noise parameters of an estimator to a recording, that minimise the negative log-likelihood \
                   of its innovations, and says whether the fit holds on a held-out part of the recording. No \
                   reference is used. How large errors are is found, how long they last is not: that an innovation \
-                  has become more likely does not say that the attitude has become more accurate.",
+                  has become more likely does not say that the attitude has become more accurate: on recordings of \
+                  wearables bounded-velocity lost by it (docs/results/attitude.md).",
     after_help = "\
 Examples:
   northing tune drive.toml --out drive-noise.toml
@@ -51,6 +52,10 @@ pub(crate) struct TuneArgs {
     /// Share of the recording that the fit sees; the rest is held out
     #[arg(long, value_name = "SHARE", default_value = "0.6", value_parser = share)]
     fit: f64,
+    /// Of an attitude estimator: judge innovations after so many seconds of gyroscope alone; errors of a sensor that last
+    /// shorter than that are not taken for motion
+    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = positive_seconds)]
+    prediction: f64,
     /// Write the parameters as a file for --config
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -124,6 +129,7 @@ fn fit(
     let asked = TuneOptions {
         parameters: args.parameters.clone(),
         fitted_share: args.fit,
+        prediction_s: args.prediction,
         ..TuneOptions::default()
     };
     let progress = std::sync::Mutex::new(Progress::of_stream("fitting"));

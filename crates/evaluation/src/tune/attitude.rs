@@ -4,6 +4,7 @@ use std::convert::Infallible;
 
 use northing_core::parameters::Value;
 use northing_recording::{Event, SensorKind};
+use rayon::prelude::*;
 
 use super::likelihood::{Likelihood, split_ns};
 use super::{Fit, TuneOptions, TuneOutcome};
@@ -11,6 +12,9 @@ use crate::attitude::parameters::{self, Row};
 use crate::attitude::runner::run;
 use crate::attitude::{EstimatorKind, InnovationRecord, RunObserver, RunOptions};
 use crate::error::EvaluationError;
+
+/// Runs over a recording with different spans hidden, judged together.
+const PHASES: usize = 4;
 
 /// Fits parameters of `options` to a recording's events, without its reference.
 ///
@@ -25,21 +29,27 @@ pub fn tune(
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<TuneOutcome, EvaluationError> {
     let split_ns = split_ns(events, asked.fitted_share);
+    let blind = Blind::all(events, asked.prediction_s);
     let judge = |values: &[(&str, f64)]| {
         let options = with(options, values)?;
-        let mut observer = Measured {
-            likelihood: Likelihood::new(split_ns),
-            force_is_measured: options.estimator != EstimatorKind::BoundedVelocity,
+        let judged = |blind: &Blind| {
+            let mut observer = Predicted {
+                blind: *blind,
+                last_ns: Vec::new(),
+                likelihood: Likelihood::new(split_ns),
+                force_is_measured: options.estimator != EstimatorKind::BoundedVelocity,
+            };
+            let events = events.iter().filter(|event| !blind.hides(event));
+            let events = events.map(|event| Ok::<_, Infallible>(*event));
+            run(events, &options, &mut observer)?;
+            match go_on() {
+                true => Ok(observer.likelihood),
+                false => Err(EvaluationError::Interrupted),
+            }
         };
-        let events = events
-            .iter()
-            .filter(|event| !is_reference(event))
-            .map(|event| Ok::<_, Infallible>(*event));
-        run(events, &options, &mut observer)?;
-        match go_on() {
-            true => Ok(observer.likelihood.judgement()),
-            false => Err(EvaluationError::Interrupted),
-        }
+        let parts: Vec<Likelihood> = blind.par_iter().map(judged).collect::<Result<_, _>>()?;
+        let whole = parts.into_iter().reduce(Likelihood::with);
+        Ok(whole.unwrap_or(Likelihood::new(split_ns)).judgement())
     };
     let valued = |row: Row| Row {
         value: options.config.value(&row.name()).unwrap_or(Value::Absent),
@@ -90,17 +100,66 @@ fn is_reference(event: &Event) -> bool {
     event.sample.kind() == SensorKind::Reference
 }
 
-/// The innovations of measurements.
-struct Measured {
+/// Spans in which the filter is given rates alone, so that what it predicts meanwhile can be judged by the first
+/// samples behind them. Errors of a sensor that last shorter than a span cannot be learnt by following them.
+#[derive(Debug, Clone, Copy)]
+struct Blind {
+    first_ns: i64,
+    length_ns: i64,
+}
+
+impl Blind {
+    /// Spans that cover the recording together: half of it each, a quarter of a period apart.
+    fn all(events: &[Event], length_s: f64) -> [Self; PHASES] {
+        let first_ns = events.first().map_or(0, |event| event.time_ns);
+        let length_ns = (length_s * 1e9) as i64;
+        let phase = |k: usize| Self {
+            first_ns: first_ns.saturating_add(k as i64 * length_ns * 2 / PHASES as i64),
+            length_ns,
+        };
+        std::array::from_fn(phase)
+    }
+
+    fn hides(&self, event: &Event) -> bool {
+        match event.sample.kind() {
+            SensorKind::Reference => true,
+            SensorKind::Gyroscope => false,
+            _ => self.covers(event.time_ns),
+        }
+    }
+
+    fn covers(&self, time_ns: i64) -> bool {
+        let since = time_ns.saturating_sub(self.first_ns);
+        // Nothing is hidden in the first period: the filter aligns itself.
+        self.length_ns > 0 && since >= 2 * self.length_ns && (since / self.length_ns) % 2 == 1
+    }
+}
+
+/// The first innovation of each sensor behind a span of rates alone.
+struct Predicted {
+    blind: Blind,
+    last_ns: Vec<(SensorKind, i64)>,
     likelihood: Likelihood,
     /// Whether the accelerometer is compared with what is expected of it. The bounded-velocity filter integrates it,
     /// and what it compares is an assumption: that the velocity is near zero.
     force_is_measured: bool,
 }
 
-impl RunObserver for Measured {
+impl RunObserver for Predicted {
     fn innovation(&mut self, record: &InnovationRecord) {
-        if record.sensor != SensorKind::Accelerometer || self.force_is_measured {
+        if record.sensor == SensorKind::Accelerometer && !self.force_is_measured {
+            return;
+        }
+        let known = self.last_ns.iter_mut();
+        let mut known = known.filter(|(sensor, _)| *sensor == record.sensor);
+        let last_ns = match known.next() {
+            Some((_, time_ns)) => std::mem::replace(time_ns, record.time_ns),
+            None => {
+                self.last_ns.push((record.sensor, record.time_ns));
+                return;
+            }
+        };
+        if record.time_ns.saturating_sub(last_ns) >= self.blind.length_ns {
             self.likelihood.add(record.time_ns, &record.innovation);
         }
     }
@@ -113,9 +172,10 @@ mod tests {
     use super::*;
     use crate::attitude::Profile;
 
-    fn phone() -> Vec<Event> {
+    fn phone(duration_s: f64) -> Vec<Event> {
         let config = VirtualPhoneConfig {
             seed: 5,
+            duration_s: Some(duration_s),
             ..VirtualPhoneConfig::default()
         };
         VirtualPhone::new(config).unwrap().events().collect()
@@ -137,7 +197,7 @@ mod tests {
         options.set("magnetometer_gate_nis=0").unwrap();
         options.set("accelerometer_gate_nis=0").unwrap();
         let asked = asked(&["accelerometer_std", "magnetometer_std_ut"]);
-        let outcome = tune(&phone(), &options, &asked, &|| true).unwrap();
+        let outcome = tune(&phone(300.0), &options, &asked, &|| true).unwrap();
         let [force, field] = &outcome.parameters[..] else {
             panic!("two parameters: {outcome:?}");
         };
@@ -154,7 +214,7 @@ mod tests {
     fn what_changes_no_innovation_is_left_and_named() {
         let options = RunOptions::new(EstimatorKind::Mekf, Profile::Lab);
         let asked = asked(&["compass_std", "accelerometer_std"]);
-        let outcome = tune(&phone(), &options, &asked, &|| true).unwrap();
+        let outcome = tune(&phone(75.0), &options, &asked, &|| true).unwrap();
         assert_eq!(outcome.without_effect, ["compass_std"]);
         assert_eq!(outcome.parameters.len(), 1);
         assert_eq!(outcome.parameters[0].name, "accelerometer_std");
@@ -165,7 +225,7 @@ mod tests {
         let refused = |kind: EstimatorKind, without_field: bool, go_on: bool| {
             let mut options = RunOptions::new(kind, Profile::HandHeld);
             options.sensors.magnetometer = !without_field;
-            tune(&phone(), &options, &asked(&[]), &|| go_on).unwrap_err()
+            tune(&phone(75.0), &options, &asked(&[]), &|| go_on).unwrap_err()
         };
         assert!(matches!(
             refused(EstimatorKind::BoundedVelocity, true, true),

@@ -5,8 +5,9 @@ use northing_core::kalman::{Innovation, Outcome};
 use northing_recording::Event;
 use serde::Serialize;
 
-/// What an outlier costs at most: its normalised square counts up to here.
-const OUTLIER_NIS: f64 = 30.0;
+/// Degrees of freedom of Student's t: tails that an outlier may come from, and a bulk as good as normal. (A normal
+/// likelihood that is cut off at some NIS is none: it gains by a covariance so small that everything is an outlier.)
+const FREEDOM: f64 = 10.0;
 
 /// Mean negative logarithm of the likelihood of an innovation: lower is better.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -51,6 +52,15 @@ impl Likelihood {
         }
     }
 
+    /// Both together.
+    pub(super) fn with(mut self, other: Self) -> Self {
+        for part in 0..2 {
+            self.sums[part] += other.sums[part];
+            self.counts[part] += other.counts[part];
+        }
+        self
+    }
+
     pub(super) fn judgement(&self) -> Judgement {
         let mean = |part: usize| self.sums[part] / self.counts[part].max(1) as f64;
         Judgement {
@@ -70,14 +80,16 @@ pub(super) fn split_ns(events: &[Event], share: f64) -> i64 {
     first.saturating_add((last.saturating_sub(first) as f64 * share) as i64)
 }
 
-/// Negative logarithm of the likelihood of an innovation, an outlier cut short.
+/// Negative logarithm of the likelihood of an innovation (multivariate t; Lange, Little & Taylor 1989), without the terms
+/// that no parameter changes.
 fn negative_log_likelihood(innovation: &Innovation<f64>) -> Option<f64> {
     if matches!(innovation.outcome, Outcome::Skipped(_)) {
         return None;
     }
     let n = usize::from(innovation.degrees_of_freedom);
     let determinant = leading_determinant(&innovation.covariance, n)?;
-    let value = 0.5 * (innovation.nis.min(OUTLIER_NIS) + determinant.ln());
+    let tails = (FREEDOM + n as f64) * (innovation.nis / FREEDOM).ln_1p();
+    let value = 0.5 * (tails + determinant.ln());
     value.is_finite().then_some(value)
 }
 
@@ -96,18 +108,40 @@ fn leading_determinant(s: &Matrix3<f64>, n: usize) -> Option<f64> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_likelihood_is_that_of_a_gaussian() {
-        let mut covariance = Matrix3::zeros();
-        (covariance.m11, covariance.m22) = (4.0, 9.0);
-        let innovation = Innovation {
+    fn innovation(nis: f64, covariance: Matrix3<f64>) -> Innovation<f64> {
+        Innovation {
             residual: Vector3::new(2.0, 3.0, 0.0),
             covariance,
-            nis: 2.0,
+            nis,
             degrees_of_freedom: 2,
             outcome: Outcome::Fused,
+        }
+    }
+
+    #[test]
+    fn the_likelihood_is_that_of_students_t() {
+        let mut covariance = Matrix3::zeros();
+        (covariance.m11, covariance.m22) = (4.0, 9.0);
+        let value = negative_log_likelihood(&innovation(2.0, covariance)).unwrap();
+        approx::assert_relative_eq!(value, 0.5 * (12.0 * 1.2_f64.ln() + 36.0_f64.ln()));
+    }
+
+    /// Residuals of one size in all directions: the covariance that fits best is theirs, an outlier or not.
+    #[test]
+    fn the_covariance_that_fits_best_is_that_of_the_bulk() {
+        let cost = |variance: f64| {
+            let of = |square: f64| {
+                let covariance = Matrix3::identity() * variance;
+                negative_log_likelihood(&innovation(square / variance, covariance)).unwrap()
+            };
+            // Chi-square of two degrees of freedom, by its quantiles, and one outlier of 100 sigma.
+            let quantile = |k: i32| -2.0 * (1.0 - (f64::from(k) + 0.5) / 500.0).ln();
+            (0..500).map(|k| of(quantile(k))).sum::<f64>() + of(1e4)
         };
-        let expected = 0.5 * (2.0 + 36.0_f64.ln());
-        approx::assert_relative_eq!(negative_log_likelihood(&innovation).unwrap(), expected);
+        let variances = (1..400).map(|k| f64::from(k) * 0.01);
+        let best = variances
+            .min_by(|a, b| cost(*a).total_cmp(&cost(*b)))
+            .unwrap();
+        assert!((0.85..1.05).contains(&best), "{best}");
     }
 }

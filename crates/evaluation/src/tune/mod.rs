@@ -50,6 +50,9 @@ pub struct TuneOptions {
     pub parameters: Vec<String>,
     /// Share of the recording that the fit sees, default 0.6; the rest is held out.
     pub fitted_share: f64,
+    /// Of an attitude estimator: seconds of gyroscope alone before an innovation that is judged, default 3; 0 judges
+    /// every sample.
+    pub prediction_s: f64,
     /// Steps of the search for each parameter at most, default 25; a step takes one run over the recording or two.
     pub steps_per_parameter: u64,
 }
@@ -59,6 +62,7 @@ impl Default for TuneOptions {
         Self {
             parameters: Vec::new(),
             fitted_share: 0.6,
+            prediction_s: 3.0,
             steps_per_parameter: 25,
         }
     }
