@@ -5,7 +5,9 @@ use northing_evaluation::calibration::allan::{AllanConfig, RestSamples, analyze}
 use northing_evaluation::calibration::magnetometer::FieldSamples;
 use northing_evaluation::calibration::rest::{self, Span};
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions};
-use northing_evaluation::tune::{self, TuneOptions};
+use northing_evaluation::tune::{
+    TuneOptions, attitude as fit_attitude, navigation as fit_navigation,
+};
 use northing_evaluation::{EvaluationError, Profile, RunEstimator, RunOptions};
 use northing_recording::{Event, Recording, RecordingError, SensorKind};
 use pyo3::prelude::*;
@@ -193,7 +195,7 @@ pub(crate) fn tune(
             }
             let options = NavigationOptions::of_recording(kind, metadata);
             let world = metadata.world_frame;
-            py.detach(|| tune::navigation::tune(&events, world, &options, &asked, &|| true))
+            py.detach(|| fit_navigation::tune(&events, world, &options, &asked, &|| true))
         }
         attitude => {
             let kind = match attitude {
@@ -204,7 +206,7 @@ pub(crate) fn tune(
             let mut options = RunOptions::new(kind.unwrap_or(profile.estimator()), profile);
             options.choose_magnetometer = true;
             options.world_frame = metadata.world_frame;
-            py.detach(|| tune::attitude::tune(&events, &options, &asked, &|| true))
+            py.detach(|| fit_attitude::tune(&events, &options, &asked, &|| true))
         }
     };
     text(outcome.map_err(|error| of_run(&error, &name))?)

@@ -48,7 +48,7 @@ pub fn tune(
             }
         };
         let parts: Vec<Likelihood> = blind.par_iter().map(judged).collect::<Result<_, _>>()?;
-        let whole = parts.into_iter().reduce(Likelihood::with);
+        let whole = parts.into_iter().reduce(|all, part| all.with(&part));
         Ok(whole.unwrap_or(Likelihood::new(split_ns)).judgement())
     };
     let valued = |row: Row| Row {

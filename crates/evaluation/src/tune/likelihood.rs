@@ -53,7 +53,7 @@ impl Likelihood {
     }
 
     /// Both together.
-    pub(super) fn with(mut self, other: Self) -> Self {
+    pub(super) fn with(mut self, other: &Self) -> Self {
         for part in 0..2 {
             self.sums[part] += other.sums[part];
             self.counts[part] += other.counts[part];

@@ -88,7 +88,7 @@ impl<'a> Search<'a> {
         let better = |i: usize| {
             let [up, down] = [stepped(i, FIRST_STEP)?, stepped(i, -FIRST_STEP)?];
             let before = self.before.likelihood.fitted;
-            let alike = |cost: f64| cost == before || cost.is_infinite();
+            let alike = |cost: f64| cost.total_cmp(&before).is_eq() || cost.is_infinite();
             Ok((!(alike(up) && alike(down))).then_some(match up <= down {
                 true => FIRST_STEP,
                 false => -FIRST_STEP,
