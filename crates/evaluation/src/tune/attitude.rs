@@ -197,7 +197,7 @@ mod tests {
         options.set("magnetometer_gate_nis=0").unwrap();
         options.set("accelerometer_gate_nis=0").unwrap();
         let asked = asked(&["accelerometer_std", "magnetometer_std_ut"]);
-        let outcome = tune(&phone(300.0), &options, &asked, &|| true).unwrap();
+        let outcome = tune(&phone(160.0), &options, &asked, &|| true).unwrap();
         let [force, field] = &outcome.parameters[..] else {
             panic!("two parameters: {outcome:?}");
         };
