@@ -148,6 +148,12 @@ fn channel(id: u16, pairs: &[u8]) -> Vec<u8> {
     whole(4, &[numbers, text("/imu"), text("cdr"), pairs].concat())
 }
 
+fn lz4(bytes: usize) -> Vec<u8> {
+    let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+    encoder.write_all(&vec![0; bytes]).unwrap();
+    encoder.finish().unwrap()
+}
+
 fn mcaps() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let packed = |bytes: usize| zstd::bulk::compress(&vec![0; bytes], 1).unwrap();
     // Empty records, as many as a chunk may have.
@@ -179,6 +185,11 @@ fn mcaps() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         (
             "more.mcap",
             mcap(&chunk(1000, "zstd", &packed(100 << 20))),
+            "damaged or cut off",
+        ),
+        (
+            "lz4.mcap",
+            mcap(&chunk(1000, "lz4", &lz4(100 << 20))),
             "damaged or cut off",
         ),
         (

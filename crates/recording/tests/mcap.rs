@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
 use std::collections::BTreeMap;
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_recording::mcap::{
@@ -379,5 +379,90 @@ fn damaged_bytes_are_an_error_or_a_remark_and_never_a_panic() {
                 let _ = event;
             }
         }
+    }
+}
+
+/// The same file with its chunks packed by `pack` under that name.
+fn repacked(bytes: &[u8], name: &str, pack: impl Fn(&[u8]) -> Vec<u8>) -> Vec<u8> {
+    const CHUNK: u8 = 6;
+    let mut out = bytes[..8].to_vec();
+    let mut rest = &bytes[8..bytes.len() - 8];
+    while let Some((head, behind)) = rest.split_first_chunk::<9>() {
+        let length = u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;
+        let (content, behind) = behind.split_at(length);
+        rest = behind;
+        let content = if head[0] == CHUNK {
+            // Times, size and checksum; then the name of no compression, the length and the records.
+            let records = pack(&content[28 + 4 + 8..]);
+            let text = [&(name.len() as u32).to_le_bytes(), name.as_bytes()].concat();
+            let length = (records.len() as u64).to_le_bytes();
+            [&content[..28], &text, &length, &records].concat()
+        } else {
+            content.to_vec()
+        };
+        out.push(head[0]);
+        out.extend((content.len() as u64).to_le_bytes());
+        out.extend(content);
+    }
+    out.extend(&bytes[bytes.len() - 8..]);
+    out
+}
+
+fn lz4(records: &[u8]) -> Vec<u8> {
+    let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+    encoder.write_all(records).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn written_for_ros() -> Vec<u8> {
+    let mut writer =
+        RosWriter::new(Cursor::new(Vec::new()), &Metadata::default(), "memory").unwrap();
+    for event in measured(3) {
+        writer.add(&event).unwrap();
+    }
+    writer.complete().unwrap().into_inner()
+}
+
+#[test]
+fn chunks_of_lz4_are_read_and_others_are_refused_by_name() {
+    let plain = written_for_ros();
+    let expected = read(in_memory(plain.clone(), None)).0;
+    assert!(expected.len() > 600);
+    let (events, notes) = read(in_memory(repacked(&plain, "lz4", lz4), None));
+    assert_eq!(events, expected);
+    assert!(
+        !notes.iter().any(|note| note.contains("not finished")),
+        "{notes:?}"
+    );
+
+    let other = repacked(&plain, "br", <[u8]>::to_vec);
+    let error = read_bytes(other, "memory.mcap", &OpenOptions::default()).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "memory.mcap: its chunks are compressed with `br`; zstd, lz4 and none are read; write it again, e.g. with \
+         `mcap compress --compression zstd`"
+    );
+}
+
+#[test]
+fn cut_and_flipped_chunks_of_lz4_are_no_panic_and_no_false_sample() {
+    let plain = written_for_ros();
+    let expected = read(in_memory(plain.clone(), None)).0;
+    let whole = repacked(&plain, "lz4", lz4);
+    let read = |bytes: Vec<u8>| {
+        read_bytes(bytes, "memory.mcap", &OpenOptions::default())
+            .map(|recording| recording.filter_map(Result::ok).collect::<Vec<_>>())
+            .unwrap_or_default()
+    };
+    for length in (0..whole.len()).step_by(whole.len() / 97) {
+        assert!(
+            expected.starts_with(&read(whole[..length].to_vec())),
+            "{length}"
+        );
+    }
+    for at in (0..whole.len()).step_by(whole.len() / 97) {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x10;
+        assert!(read(bytes).len() <= expected.len(), "{at}");
     }
 }

@@ -9,7 +9,9 @@ use std::sync::Arc;
 use northing_recording::{
     Event, OpenOptions, Recording, RecordingError, Sample, SensorKind, read_bytes,
 };
+use parquet::basic::{Compression, GzipLevel};
 use parquet::data_type::{ByteArrayType, DoubleType, FloatType, Int64Type};
+use parquet::file::properties::{WriterProperties, WriterVersion};
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::parser::parse_message_type;
 use support::error_of;
@@ -166,4 +168,83 @@ fn columns_without_rows_are_empty() {
     assert!(
         error_of(read(&columns)).starts_with("other.parquet: empty: no sample with a time stamp")
     );
+}
+
+/// The gyroscope for some seconds, packed in this way.
+fn packed(compression: Compression, version: WriterVersion) -> Vec<u8> {
+    let properties = WriterProperties::builder()
+        .set_compression(compression)
+        .set_writer_version(version)
+        .build();
+    let schema = "message rows { required double t; required double gx; required double gy; required double gz; }";
+    let schema = Arc::new(parse_message_type(schema).unwrap());
+    let mut bytes = Vec::new();
+    let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties)).unwrap();
+    let mut group = file.next_row_group().unwrap();
+    let values: Vec<f64> = (0..500).map(|k| 0.01 * f64::from(k)).collect();
+    while let Some(mut column) = group.next_column().unwrap() {
+        column
+            .typed::<DoubleType>()
+            .write_batch(&values, None, None)
+            .unwrap();
+        column.close().unwrap();
+    }
+    group.close().unwrap();
+    file.close().unwrap();
+    bytes
+}
+
+fn read_packed(bytes: Vec<u8>) -> Result<Vec<Event>, RecordingError> {
+    read_bytes(bytes, "other.parquet", &OpenOptions::default())?.collect()
+}
+
+#[test]
+fn gzip_and_lz4_are_read_and_others_are_refused_by_name() {
+    let plain = packed(Compression::UNCOMPRESSED, WriterVersion::PARQUET_1_0);
+    let expected = read_packed(plain).unwrap();
+    assert_eq!(expected.len(), 500);
+    let gzip = Compression::GZIP(GzipLevel::default());
+    for (compression, version) in [
+        (gzip, WriterVersion::PARQUET_1_0),
+        (Compression::LZ4_RAW, WriterVersion::PARQUET_1_0),
+        (Compression::LZ4_RAW, WriterVersion::PARQUET_2_0),
+        (Compression::SNAPPY, WriterVersion::PARQUET_1_0),
+    ] {
+        let read = read_packed(packed(compression, version)).unwrap();
+        assert_eq!(read, expected, "{compression}");
+    }
+    for (bytes, named) in [
+        (
+            packed(gzip, WriterVersion::PARQUET_2_0),
+            "gzip in data pages of version 2 is not read; write it again",
+        ),
+        (
+            packed(Compression::LZ4, WriterVersion::PARQUET_1_0),
+            "its column `t` is compressed with LZ4, which is not read; write it again",
+        ),
+    ] {
+        let error = read_packed(bytes).unwrap_err().to_string();
+        assert!(
+            error.starts_with(&format!("other.parquet: {named}")),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn cut_and_flipped_pages_are_refused_or_read() {
+    let gzip = Compression::GZIP(GzipLevel::default());
+    for compression in [gzip, Compression::LZ4_RAW] {
+        let whole = packed(compression, WriterVersion::PARQUET_1_0);
+        for at in (0..whole.len()).step_by(13) {
+            assert!(read_packed(whole[..at].to_vec()).is_err(), "{at}");
+            let mut flipped = whole.clone();
+            flipped[at] ^= 0x11;
+            // Any answer but a panic or more than there is.
+            assert!(
+                read_packed(flipped).map_or(0, |events| events.len()) <= 500,
+                "{at}"
+            );
+        }
+    }
 }

@@ -37,13 +37,23 @@ impl End {
                 "{} has {found} {}, more than {}",
                 limit.what, limit.unit, limit.most
             )),
+            Self::Stopped(Stop::Compression(name)) => Some(format!(
+                "its chunks are compressed with `{name}`, which is not read"
+            )),
         }
     }
 
-    /// Refuses a file that is larger than is read.
+    /// Refuses a file that is larger than is read, or compressed in a way that is not.
     fn check(&self, file: &str) -> Result<()> {
         match self {
             Self::Stopped(Stop::TooLarge(limit, found)) => limit.check(*found, file, ""),
+            Self::Stopped(Stop::Compression(name)) => Err(RecordingError::unsupported(
+                file,
+                format!(
+                    "its chunks are compressed with `{name}`; zstd, lz4 and none are read; write it again, e.g. with \
+                     `mcap compress --compression zstd`"
+                ),
+            )),
             _ => Ok(()),
         }
     }

@@ -8,15 +8,17 @@ mod column;
 mod layout;
 mod pages;
 
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use parquet::basic::Compression;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 
 use column::{Column, read_rows};
 use layout::Layout;
-use pages::{Budget, Pages, Watched};
+use pages::{Budget, GZIP_VERSION_2, Pages, Watched};
 
 use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, Sample, SensorKind};
@@ -78,11 +80,12 @@ pub(crate) fn open<R: ChunkReader + Send + 'static>(
     let budget = pages.budget();
     let watched = Watched(Arc::clone(&pages));
     let reader = contained(file, None, || SerializedFileReader::new(watched))?;
-    pages.watch();
+    pages.watch(gzip_columns(&reader));
     let rows = reader.metadata().file_metadata().num_rows();
     most_rows.check(u64::try_from(rows).unwrap_or(u64::MAX), file, "")?;
     let start_ns = read_metadata(&reader, file, &mut metadata)?;
     let layout = Layout::find(&reader, file)?;
+    check_compression(&reader, &layout.columns, file)?;
     let sensors = layout.sensors.iter().map(|(kind, _)| *kind).collect();
     let source = ParquetSource {
         file: file.to_owned(),
@@ -107,6 +110,61 @@ pub(crate) fn open<R: ChunkReader + Send + 'static>(
     Ok(Opened::new(metadata, sensors, Box::new(source)))
 }
 
+/// What to do about a compression that is not read.
+const WRITE_AGAIN: &str = "write it again with zstd, snappy, gzip, LZ4_RAW or none (pandas and polars: compression=\"zstd\")";
+
+/// Where in the file the columns that are packed with gzip stand.
+fn gzip_columns<R: ChunkReader + 'static>(reader: &SerializedFileReader<R>) -> Vec<Range<u64>> {
+    let groups = reader.metadata().row_groups().iter();
+    let columns = groups.flat_map(|group| group.columns());
+    let of_gzip = columns.filter(|column| matches!(column.compression(), Compression::GZIP(_)));
+    of_gzip
+        .map(|column| {
+            let data = column.data_page_offset();
+            let start = column.dictionary_page_offset().unwrap_or(data).min(data);
+            let end = start.checked_add(column.compressed_size());
+            // Of a footer that makes no sense every page is looked at.
+            let place = u64::try_from(start)
+                .ok()
+                .zip(end.and_then(|end| u64::try_from(end).ok()));
+            place.map_or(0..u64::MAX, |(start, end)| start..end)
+        })
+        .collect()
+}
+
+/// Refuses columns that are packed in a way that is not read.
+fn check_compression<R: ChunkReader + 'static>(
+    reader: &SerializedFileReader<R>,
+    columns: &[usize],
+    file: &str,
+) -> Result<()> {
+    let groups = reader.metadata().row_groups().iter();
+    let used = groups.flat_map(|group| {
+        columns
+            .iter()
+            .filter_map(|place| group.columns().get(*place))
+    });
+    for column in used {
+        let is_read = matches!(
+            column.compression(),
+            Compression::UNCOMPRESSED
+                | Compression::SNAPPY
+                | Compression::GZIP(_)
+                | Compression::ZSTD(_)
+                | Compression::LZ4_RAW
+        );
+        if !is_read {
+            let problem = format!(
+                "its column `{}` is compressed with {}, which is not read; {WRITE_AGAIN}",
+                shown(&column.column_path().string()),
+                column.compression(),
+            );
+            return Err(RecordingError::unsupported(file, problem));
+        }
+    }
+    Ok(())
+}
+
 /// Runs a piece of the Parquet decoder. Panics on garbage have been seen in decoders of this size;
 /// one must not take the program down, so it becomes the same error as any other damage. The state
 /// touched by a panic is never used again. A page that is too large is told as that.
@@ -122,6 +180,10 @@ fn contained<T>(
     }
     match done {
         Ok(Ok(value)) => Ok(value),
+        Ok(Err(error)) if error.to_string().contains(GZIP_VERSION_2) => {
+            let problem = format!("{GZIP_VERSION_2}; {WRITE_AGAIN}");
+            Err(RecordingError::unsupported(file, problem))
+        }
         Ok(Err(error)) => Err(damaged(shown(&error.to_string()))),
         Err(_) => Err(damaged("the Parquet decoder gave up".to_owned())),
     }

@@ -4,22 +4,35 @@
 //! the first three fields of `PageHeader` are kind, unpacked and packed size, each a 32-bit integer in Thrift's compact
 //! protocol (<https://parquet.apache.org/docs/file-format/data-pages/>).
 
+//!
+//! Of all decoders that are built in, gzip's alone does not stop at that size: its pages are unpacked here before, into
+//! nothing.
+
 use std::io::{self, Read};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use bytes::Bytes;
+use flate2::read::MultiGzDecoder;
 use parquet::errors::{ParquetError, Result};
 use parquet::file::reader::{ChunkReader, Length};
 
 use crate::limits::{self, BLOCK, Limit};
+
+/// What is said of gzip in pages of version 2.
+pub(super) const GZIP_VERSION_2: &str = "gzip in data pages of version 2 is not read";
 
 /// What has been unpacked, and what was refused.
 pub(super) struct Budget {
     whole: Limit,
     unpacked: AtomicU64,
     refused: Mutex<Option<(Limit, u64)>>,
+    /// What the next page unpacks to by its own word if it is of gzip, else [`NOT_GZIP`].
+    gzip_size: AtomicU64,
 }
+
+const NOT_GZIP: u64 = u64::MAX;
 
 impl Budget {
     /// The limit that was exceeded, and what was found.
@@ -46,7 +59,8 @@ impl Budget {
 pub(super) struct Pages<R> {
     file: R,
     budget: Arc<Budget>,
-    is_watched: AtomicBool,
+    /// Where in the file the columns of gzip stand; set once it is watched.
+    gzip: OnceLock<Vec<Range<u64>>>,
 }
 
 impl<R: Length> Pages<R> {
@@ -55,11 +69,12 @@ impl<R: Length> Pages<R> {
             whole: limits::unpacked(file.len()),
             unpacked: AtomicU64::new(0),
             refused: Mutex::new(None),
+            gzip_size: AtomicU64::new(NOT_GZIP),
         };
         Arc::new(Self {
             file,
             budget: Arc::new(budget),
-            is_watched: AtomicBool::new(false),
+            gzip: OnceLock::new(),
         })
     }
 
@@ -67,9 +82,9 @@ impl<R: Length> Pages<R> {
         Arc::clone(&self.budget)
     }
 
-    /// From now on what is read begins with the header of a page.
-    pub(super) fn watch(&self) {
-        self.is_watched.store(true, Ordering::Relaxed);
+    /// From now on what is read begins with the header of a page; `gzip` are the places of columns of gzip.
+    pub(super) fn watch(&self, gzip: Vec<Range<u64>>) {
+        self.gzip.get_or_init(|| gzip);
     }
 }
 
@@ -87,11 +102,12 @@ impl<R: ChunkReader> ChunkReader for Watched<R> {
 
     fn get_read(&self, start: u64) -> Result<Self::T> {
         let pages = &self.0;
-        let is_watched = pages.is_watched.load(Ordering::Relaxed);
+        let gzip = pages.gzip.get();
         Ok(PageInput {
             input: pages.file.get_read(start)?,
             head: Vec::new(),
-            budget: is_watched.then(|| pages.budget()),
+            budget: gzip.map(|_| pages.budget()),
+            is_gzip: gzip.is_some_and(|places| places.iter().any(|place| place.contains(&start))),
         })
     }
 
@@ -101,8 +117,23 @@ impl<R: ChunkReader> ChunkReader for Watched<R> {
             let problem = "a part of it reaches beyond the end of the file";
             return Err(ParquetError::EOF(problem.to_owned()));
         }
-        self.0.file.get_bytes(start, length)
+        let page = self.0.file.get_bytes(start, length)?;
+        match self.0.budget.gzip_size.swap(NOT_GZIP, Ordering::Relaxed) {
+            NOT_GZIP => {}
+            size => check_gzip(&page, size)?,
+        }
+        Ok(page)
     }
+}
+
+/// Refuses a page of gzip that unpacks to more than `size` bytes.
+fn check_gzip(page: &[u8], size: u64) -> Result<()> {
+    let mut unpacked = MultiGzDecoder::new(page).take(size + 1);
+    if io::copy(&mut unpacked, &mut io::sink())? > size {
+        let problem = "a page unpacks to more than it says";
+        return Err(ParquetError::General(problem.to_owned()));
+    }
+    Ok(())
 }
 
 /// A page: its header is looked at while it is read.
@@ -112,10 +143,13 @@ pub(super) struct PageInput<T> {
     head: Vec<u8>,
     /// Until they are known.
     budget: Option<Arc<Budget>>,
+    is_gzip: bool,
 }
 
 impl<T: Read> Read for PageInput<T> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        /// The kind of a page of version 2, in which bytes that are not packed stand before those that are.
+        const VERSION_2: u8 = 6;
         let read = self.input.read(out)?;
         if let Some(budget) = &self.budget {
             self.head.extend_from_slice(&out[..read]);
@@ -123,6 +157,12 @@ impl<T: Read> Read for PageInput<T> {
                 Size::Unknown => {}
                 Size::Known(size) => {
                     budget.take(size)?;
+                    if self.is_gzip && self.head.get(1) == Some(&VERSION_2) {
+                        return Err(io::Error::other(GZIP_VERSION_2));
+                    }
+                    if self.is_gzip {
+                        budget.gzip_size.store(size, Ordering::Relaxed);
+                    }
                     self.budget = None;
                 }
                 Size::NoPage => return Err(io::Error::other("the header of a page is damaged")),
@@ -179,7 +219,9 @@ fn varint(mut bytes: Bytewise<'_>) -> std::result::Result<(u64, Bytewise<'_>), S
 
 #[cfg(test)]
 mod tests {
-    use super::{Size, unpacked_size};
+    use super::{Size, check_gzip, unpacked_size};
+    use flate2::{Compression, read::GzEncoder};
+    use std::io::Read;
 
     #[test]
     fn the_size_is_found_as_soon_as_it_is_there() {
@@ -201,5 +243,17 @@ mod tests {
         ] {
             assert_eq!(unpacked_size(head), Size::NoPage, "{head:?}");
         }
+    }
+
+    #[test]
+    fn a_page_of_gzip_is_refused_where_it_is_larger_than_it_says() {
+        let mut page = Vec::new();
+        let mut encoder = GzEncoder::new(&[0; 1_000_000][..], Compression::default());
+        encoder.read_to_end(&mut page).unwrap();
+        assert!(check_gzip(&page, 1_000_000).is_ok());
+        assert!(check_gzip(&page, 999_999).is_err());
+        assert!(check_gzip(&page[..page.len() / 2], 1_000_000).is_err());
+        // A second stream behind the first counts too.
+        assert!(check_gzip(&[&page[..], &page].concat(), 1_000_000).is_err());
     }
 }
