@@ -75,6 +75,14 @@ pub const MEMBERS: Limit = Limit {
     advice: "zip the folder of one recording alone",
 };
 
+/// The files of a bag of ROS 2: recorders begin a new one after minutes or gigabytes.
+pub const BAG_FILES: Limit = Limit {
+    what: "the bag",
+    most: 1000,
+    unit: "files",
+    advice: "open its files one by one",
+};
+
 /// How often a compressed file may be as large when it is unpacked: numbers of sensors reach 3 to 20.
 pub const UNPACKED_RATIO: u64 = 100;
 /// What may be unpacked from a file however small it is, bytes.

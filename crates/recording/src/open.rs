@@ -14,6 +14,14 @@ use crate::{csv, kf_gins, manifest, nmea, northing_serial, sensor_logger, ubx, v
 /// Bytes that are looked at to tell the format.
 const SAMPLE_BYTES: usize = 4096;
 
+/// What is said of a database, such as a bag of ROS 2 in SQLite.
+pub(crate) const SQLITE: &str = "it is a database of SQLite, as bags of ROS 2 (.db3) may be, which is not read; convert the \
+    bag to MCAP with `ros2 bag convert`, or without ROS with `pip install rosbags` and \
+    `rosbags-convert --src BAG --dst NEW --dst-storage mcap`";
+/// What is said of a bag of ROS 1.
+const ROS_1: &str = "it is a bag of ROS 1, which is not read; convert it to a bag of ROS 2 in MCAP with `pip install rosbags` \
+    and `rosbags-convert --src BAG --dst NEW --dst-storage mcap`";
+
 /// Opens a recording: a file, or a folder of Sensor Logger or with KF-GINS's tables. The format is told by content, or by
 /// `options.format`. Nothing but the head of the file is read yet.
 ///
@@ -129,6 +137,14 @@ pub(crate) fn open_data_file(
     let file = &path.display().to_string();
     let metadata = named(stem(path));
     if path.is_dir() {
+        #[cfg(feature = "mcap")]
+        {
+            let device = options.device.as_deref();
+            let bag = crate::mcap::bag::open_folder(path, file, metadata.clone(), device)?;
+            if let Some(opened) = bag {
+                return Ok(opened);
+            }
+        }
         return match kf_gins::open_folder(path, file, &metadata)? {
             Some(opened) => Ok(opened),
             None => sensor_logger::open_folder(path, file, metadata),
@@ -223,6 +239,12 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     }
     if head.starts_with(b"ULog\x01\x12\x35") {
         return Ok(Format::Ulog);
+    }
+    if head.starts_with(b"SQLite format 3\0") {
+        return Err(RecordingError::unsupported(file, SQLITE));
+    }
+    if head.starts_with(b"#ROSBAG V") {
+        return Err(RecordingError::unsupported(file, ROS_1));
     }
     if head.starts_with(b"PK\x03\x04") {
         return Ok(Format::SensorLogger);

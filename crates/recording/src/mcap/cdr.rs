@@ -108,13 +108,23 @@ impl<'a> CdrReader<'a> {
     }
 
     pub(crate) fn skip_string(&mut self) -> Option<()> {
+        self.string_bytes().map(|_| ())
+    }
+
+    /// A text without its closing zero.
+    pub(crate) fn string(&mut self) -> Option<&'a str> {
+        let bytes = self.string_bytes()?;
+        std::str::from_utf8(bytes.strip_suffix(b"\0").unwrap_or(bytes)).ok()
+    }
+
+    fn string_bytes(&mut self) -> Option<&'a [u8]> {
         let length = usize::try_from(self.u32()?).ok()?;
         if length > LONGEST_STRING {
             return None;
         }
-        self.bytes.get(self.at..self.at + length)?;
+        let bytes = self.bytes.get(self.at..self.at + length)?;
         self.at += length;
-        Some(())
+        Some(bytes)
     }
 
     pub(crate) fn f64s<const N: usize>(&mut self) -> Option<[f64; N]> {

@@ -1,5 +1,6 @@
 //! The messages of an MCAP file, one after the other, up to its end or up to where it is cut or damaged.
 
+use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::sync::Arc;
 
@@ -8,6 +9,8 @@ use ::mcap::{Channel, Message};
 
 use super::definitions::{Definitions, Fields};
 use super::records::{Records, Stop};
+use super::ros::{self, IMU, MAGNETIC_FIELD};
+use super::topics::is;
 use crate::error::{RecordingError, Result};
 use crate::issues::Issues;
 
@@ -155,6 +158,8 @@ pub(crate) fn has_end(input: &mut (impl Read + Seek)) -> std::io::Result<bool> {
 /// The channels of a file, each once, and how the file ended.
 pub(crate) struct Contents {
     pub(crate) channels: Vec<Arc<Channel<'static>>>,
+    /// The frame in the first message of each topic of sensors of ROS 2.
+    pub(crate) frames: BTreeMap<String, String>,
     pub(crate) end: End,
 }
 
@@ -164,16 +169,27 @@ pub(crate) struct Contents {
 /// Something in it is larger than is read.
 pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> {
     let mut channels: Vec<Arc<Channel<'static>>> = Vec::new();
+    let mut frames = BTreeMap::new();
     let mut known = vec![false; usize::from(u16::MAX) + 1];
     for message in &mut *messages {
         let seen = &mut known[usize::from(message.channel.id)];
         if !std::mem::replace(seen, true) {
             channels.push(message.channel.clone());
+            let is_sensor = [IMU, MAGNETIC_FIELD]
+                .iter()
+                .any(|kind| is(&message.channel, kind));
+            if let (true, Some(frame)) = (is_sensor, ros::frame(&message.data)) {
+                frames.insert(message.channel.topic.clone(), frame.to_owned());
+            }
         }
     }
     let end = messages.end().cloned().unwrap_or(End::Complete);
     end.check(file)?;
-    Ok(Contents { channels, end })
+    Ok(Contents {
+        channels,
+        frames,
+        end,
+    })
 }
 
 /// The list of contents at the end of a complete file.

@@ -7,10 +7,14 @@
 //! | the events of one device of such a recording | `lab_source.rs` |
 //! | making an unfinished recording whole | `recover.rs` |
 //! | `sensor_msgs/Imu`, `MagneticField` as bytes | `ros.rs`, `cdr.rs` |
+//! | other messages | `nav_sat_fix.rs`, `pose_twist.rs` |
+//! | which topics are read | `topics.rs` |
+//! | a folder of such files | `bag.rs` |
 //! | reading and writing them | `ros_source.rs`, `ros_writer.rs` |
 //!
 //! Read first: `docs/formats.md`, section "MCAP", and the specification at <https://mcap.dev/spec>.
 
+pub(crate) mod bag;
 mod cdr;
 mod definitions;
 mod file;
@@ -18,11 +22,13 @@ mod lab;
 mod lab_source;
 pub(crate) mod nav_sat_fix;
 pub(crate) mod output;
+mod pose_twist;
 mod records;
 mod recover;
 mod ros;
 mod ros_source;
 mod ros_writer;
+mod topics;
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -63,10 +69,12 @@ pub(crate) fn open(
     metadata.format = "mcap".to_owned();
     let devices = devices(&contents.channels);
     let messages = messages.again(file)?;
+    let mut notes = Vec::new();
     let (sensors, source) = if devices.is_empty() {
-        let Some(topics) = ros_source::choose(&contents.channels, device, file)? else {
+        let Some((topics, told)) = topics::choose(&contents, device, file)? else {
             return Err(nothing(file, &contents));
         };
+        notes = told;
         known(messages, file, |messages| {
             RosSource::new(messages, topics.clone())
         })?
@@ -75,7 +83,10 @@ pub(crate) fn open(
         metadata.device = Some(device.clone());
         known(messages, file, |messages| LabSource::new(messages, device))?
     };
-    Ok(Opened::new(metadata, sensors, source))
+    Ok(Opened {
+        notes,
+        ..Opened::new(metadata, sensors, source)
+    })
 }
 
 /// A source that is made of the messages of a file.

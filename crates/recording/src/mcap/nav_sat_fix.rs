@@ -60,7 +60,8 @@ pub(crate) fn decode(bytes: &[u8], log_time_ns: i64) -> Option<(i64, GnssPositio
     let [kind] = input.take()?;
     let (east, north, down) = (covariance[0], covariance[4], covariance[8]);
     let std = [north, east, down].map(f64::sqrt);
-    let is_known = kind != COVARIANCE_UNKNOWN && std.iter().all(|std| std.is_finite());
+    let is_stated = |std: &f64| std.is_finite() && *std > 0.0;
+    let is_known = kind != COVARIANCE_UNKNOWN && std.iter().all(is_stated);
     let fix = GnssPosition {
         latitude_rad: latitude_deg.to_radians(),
         longitude_rad: longitude_deg.to_radians(),

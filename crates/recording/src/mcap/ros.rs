@@ -137,6 +137,13 @@ pub(crate) fn stamp(input: &mut CdrReader<'_>, log_time_ns: i64) -> Option<i64> 
     Some(if time_ns == 0 { log_time_ns } else { time_ns })
 }
 
+/// The frame in the header of a message.
+pub(crate) fn frame(bytes: &[u8]) -> Option<&str> {
+    let mut input = CdrReader::new(bytes)?;
+    let _stamp = (input.i32()?, input.u32()?);
+    input.string()
+}
+
 fn is_there(covariance: &[f64; 9]) -> bool {
     covariance[0] >= 0.0
 }

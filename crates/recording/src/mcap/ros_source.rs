@@ -1,94 +1,20 @@
-//! The events of `sensor_msgs/Imu`, `MagneticField` and `NavSatFix` in an MCAP file of ROS 2.
+//! The events of the chosen topics in an MCAP file of ROS 2.
 
-use std::collections::{BTreeSet, VecDeque};
-use std::sync::Arc;
+use std::collections::VecDeque;
 
-use ::mcap::{Channel, Message};
+use ::mcap::Message;
 
+use super::OfMessages;
 use super::file::Messages;
 use super::nav_sat_fix;
+use super::pose_twist::{self, ODOMETRY, POSE, TWIST, TWIST_WITH_COVARIANCE};
 use super::ros::{IMU, Imu, MAGNETIC_FIELD, MagneticField};
 use super::ros_writer::{DEVICE_ORIENTATION, REFERENCE};
-use super::{OfMessages, one_of};
+use super::topics::{Topics, is};
 use crate::error::Result;
 use crate::event::{Event, Reference, Sample};
 use crate::issues::Issues;
 use crate::recording::Pieces;
-
-/// The topics that are read.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Topics {
-    imu: Option<String>,
-    field: Option<String>,
-    fix: Option<String>,
-}
-
-/// Chooses the topics: of several `Imu` the raw one, with the field of the same namespace; the only one with fixes, or
-/// of several the one of that namespace. `None` when there is neither `Imu` nor `NavSatFix`.
-///
-/// # Errors
-/// There are several to choose from, or the one asked for is not there.
-pub(crate) fn choose(
-    channels: &[Arc<Channel<'static>>],
-    wanted: Option<&str>,
-    file: &str,
-) -> Result<Option<Topics>> {
-    let of = |kind: &str| -> Vec<String> {
-        let topics = channels.iter().filter(|channel| is(channel, kind));
-        let topics: BTreeSet<_> = topics
-            .map(|channel| channel.topic.clone())
-            .filter(|topic| topic != DEVICE_ORIENTATION && topic != REFERENCE)
-            .collect();
-        topics.into_iter().collect()
-    };
-    let (imus, fixes) = (of(IMU), of(nav_sat_fix::NAME));
-    if imus.is_empty() {
-        if fixes.is_empty() {
-            return Ok(None);
-        }
-        let words = ["topic", " of sensor_msgs/NavSatFix; it has"];
-        return Ok(Some(Topics {
-            imu: None,
-            field: None,
-            fix: Some(one_of(&fixes, wanted, words, file)?.clone()),
-        }));
-    }
-    let raw: Vec<&String> = imus.iter().filter(|t| t.ends_with("data_raw")).collect();
-    let imu = match (wanted, raw.as_slice()) {
-        (None, [raw]) => raw,
-        _ => one_of(
-            &imus,
-            wanted,
-            ["topic", " of sensor_msgs/Imu; it has"],
-            file,
-        )?,
-    };
-    let namespace = |topic: &str| {
-        topic
-            .rsplit_once('/')
-            .map_or("", |(name, _)| name)
-            .to_owned()
-    };
-    let beside = |topics: &[String]| match topics {
-        [only] => Some(only.clone()),
-        _ => {
-            let mut topics = topics.iter();
-            let near = topics.find(|topic| namespace(topic) == namespace(imu));
-            near.cloned()
-        }
-    };
-    Ok(Some(Topics {
-        imu: Some(imu.clone()),
-        field: beside(&of(MAGNETIC_FIELD)),
-        fix: beside(&fixes),
-    }))
-}
-
-fn is(channel: &Channel<'_>, kind: &str) -> bool {
-    let schema = channel.schema.as_ref().map(|schema| schema.name.as_str());
-    // ROS 1 names have no `msg` and other bytes.
-    channel.message_encoding == "cdr" && schema == Some(kind)
-}
 
 /// The stream of these topics.
 pub(crate) struct RosSource {
@@ -123,6 +49,28 @@ impl RosSource {
             if is(&message.channel, nav_sat_fix::NAME) {
                 let (time_ns, fix) = nav_sat_fix::decode(&message.data, log_time_ns)?;
                 self.add(time_ns, Sample::GnssPosition(fix));
+            }
+            return Some(());
+        }
+        if self.topics.velocity.as_deref() == Some(topic) {
+            let has_covariance = is(&message.channel, TWIST_WITH_COVARIANCE);
+            if has_covariance || is(&message.channel, TWIST) {
+                let velocity = pose_twist::velocity(&message.data, log_time_ns, has_covariance);
+                let (time_ns, velocity) = velocity?;
+                self.add(time_ns, Sample::GnssVelocity(velocity));
+            }
+            return Some(());
+        }
+        if self.topics.pose.as_deref() == Some(topic) {
+            let is_odometry = is(&message.channel, ODOMETRY);
+            if is_odometry || is(&message.channel, POSE) {
+                let pose = pose_twist::attitude(&message.data, log_time_ns, is_odometry);
+                let (time_ns, attitude) = pose?;
+                let reference = Reference {
+                    attitude,
+                    scored: true,
+                };
+                self.add(time_ns, Sample::Reference(reference));
             }
             return Some(());
         }

@@ -1,0 +1,183 @@
+//! The folder that `ros2 bag record` makes: `metadata.yaml` and files of MCAP, one after the other.
+//!
+//! Of `metadata.yaml` only the names of the files, their order and the kind of storage are read. A recorder that was
+//! stopped leaves none; then the files are taken in the order of their numbers.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::{Path, PathBuf};
+
+use super::file::{Contents, End, Messages, contents};
+use super::ros_source::RosSource;
+use super::topics::{self, Topics};
+use super::{devices, nothing};
+use crate::error::{RecordingError, Result, shown};
+use crate::event::{Event, SensorKind};
+use crate::issues::Issues;
+use crate::limits::{BAG_FILES, read_description};
+use crate::metadata::Metadata;
+use crate::open::{SQLITE, has_extension};
+use crate::recording::{EventSource, Opened};
+use crate::text::open_file;
+
+const METADATA: &str = "metadata.yaml";
+
+/// Opens a folder; `None` when it is no bag.
+pub(crate) fn open_folder(
+    path: &Path,
+    file: &str,
+    mut metadata: Metadata,
+    device: Option<&str>,
+) -> Result<Option<Opened>> {
+    let Some(paths) = files(path, file)? else {
+        return Ok(None);
+    };
+    BAG_FILES.check(paths.len() as u64, file, "")?;
+    let contents = contents_of_all(&paths, file)?;
+    if !devices(&contents.channels).is_empty() {
+        let problem = "a folder with recordings of the lab; open one of its files";
+        return Err(RecordingError::unsupported(file, problem));
+    }
+    let Some((topics, notes)) = topics::choose(&contents, device, file)? else {
+        return Err(nothing(file, &contents));
+    };
+    "mcap".clone_into(&mut metadata.format);
+    let mut seen = [false; SensorKind::ALL.len()];
+    let (mut source, mut issues) = (Bag::new(&paths, &topics), Issues::default());
+    while let Some(event) = source.next_event(&mut issues)? {
+        seen[event.sample.kind().order()] = true;
+    }
+    let sensors = SensorKind::ALL.into_iter();
+    let sensors = sensors.filter(|kind| seen[kind.order()]).collect();
+    let source = Box::new(Bag::new(&paths, &topics));
+    Ok(Some(Opened {
+        notes,
+        ..Opened::new(metadata, sensors, source)
+    }))
+}
+
+/// The files of a bag in their order; `None` when the folder is none.
+fn files(folder: &Path, file: &str) -> Result<Option<Vec<PathBuf>>> {
+    let list = folder.join(METADATA);
+    if list.is_file() {
+        let text = read_description(&list)?;
+        if text.contains("rosbag2_bagfile_information") {
+            return listed(folder, &text, file).map(Some);
+        }
+    }
+    let failed = |error| RecordingError::io(file, "list the folder", error);
+    let (mut found, mut has_sqlite) = (Vec::new(), false);
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        has_sqlite |= has_extension(&path, "db3");
+        if has_extension(&path, "mcap") {
+            found.push(path);
+        }
+    }
+    if found.is_empty() && has_sqlite {
+        return Err(RecordingError::unsupported(file, SQLITE));
+    }
+    // `bag_2` comes before `bag_10`.
+    found.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
+    Ok((!found.is_empty()).then_some(found))
+}
+
+/// The files that `metadata.yaml` lists.
+fn listed(folder: &Path, text: &str, file: &str) -> Result<Vec<PathBuf>> {
+    let refused = |problem: String| Err(RecordingError::unsupported(file, problem));
+    let unquoted = |text: &str| text.trim().trim_matches(['"', '\'']).to_owned();
+    let (mut names, mut is_list) = (Vec::new(), false);
+    for line in text.lines().map(str::trim) {
+        match line.strip_prefix('-') {
+            Some(name) if is_list => names.push(unquoted(name)),
+            _ => is_list = line == "relative_file_paths:",
+        }
+        if let Some(("compression_mode", mode)) = line.split_once(':')
+            && unquoted(mode).eq_ignore_ascii_case("file")
+        {
+            return refused(
+                "its files are compressed as a whole; unpack them, e.g. with `zstd -d`, and open the .mcap files"
+                    .to_owned(),
+            );
+        }
+    }
+    if names.iter().any(|name| name.ends_with(".db3")) {
+        return refused(SQLITE.to_owned());
+    }
+    if names.is_empty() {
+        return refused(format!("its {METADATA} lists no file"));
+    }
+    for name in &names {
+        if name.contains(['/', '\\']) || !name.ends_with(".mcap") {
+            return refused(format!(
+                "its {METADATA} lists `{}`, which is no .mcap file of the folder",
+                shown(name)
+            ));
+        }
+    }
+    Ok(names.into_iter().map(|name| folder.join(name)).collect())
+}
+
+fn messages(path: &Path) -> Result<Messages> {
+    let file = path.display().to_string();
+    Messages::new(Box::new(open_file(path, &file)?), &file)
+}
+
+/// The channels of all files together.
+fn contents_of_all(paths: &[PathBuf], file: &str) -> Result<Contents> {
+    let mut all = Contents {
+        channels: Vec::new(),
+        frames: BTreeMap::new(),
+        end: End::Complete,
+    };
+    for path in paths {
+        let found = contents(&mut messages(path)?, &path.display().to_string())?;
+        for channel in found.channels {
+            if all.channels.iter().all(|c| c.topic != channel.topic) {
+                all.channels.push(channel);
+            }
+        }
+        for (topic, frame) in found.frames {
+            all.frames.entry(topic).or_insert(frame);
+        }
+    }
+    if all.channels.is_empty() {
+        return Err(RecordingError::damaged(
+            file,
+            "none of its files has a message that can be read",
+        ));
+    }
+    Ok(all)
+}
+
+/// The events of the files, of which one is open at a time.
+struct Bag {
+    paths: VecDeque<PathBuf>,
+    topics: Topics,
+    current: Option<RosSource>,
+}
+
+impl Bag {
+    fn new(paths: &[PathBuf], topics: &Topics) -> Self {
+        Self {
+            paths: paths.iter().cloned().collect(),
+            topics: topics.clone(),
+            current: None,
+        }
+    }
+}
+
+impl EventSource for Bag {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        loop {
+            if let Some(source) = &mut self.current
+                && let Some(event) = source.next_event(issues)?
+            {
+                return Ok(Some(event));
+            }
+            let Some(path) = self.paths.pop_front() else {
+                return Ok(None);
+            };
+            self.current = Some(RosSource::new(messages(&path)?, self.topics.clone()));
+        }
+    }
+}
