@@ -38,6 +38,7 @@ pub mod options;
 mod parquet;
 #[cfg(feature = "parquet")]
 mod parquet_writer;
+mod phyphox;
 pub mod plausibility;
 mod recording;
 mod sensor_logger;

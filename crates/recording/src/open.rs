@@ -9,7 +9,9 @@ use crate::metadata::Metadata;
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
 use crate::text::{open_file, read_piece};
-use crate::{csv, kf_gins, manifest, nmea, northing_serial, sensor_logger, ubx, vectornav};
+use crate::{
+    csv, kf_gins, manifest, nmea, northing_serial, phyphox, sensor_logger, ubx, vectornav,
+};
 
 /// Bytes that are looked at to tell the format.
 const SAMPLE_BYTES: usize = 4096;
@@ -18,11 +20,13 @@ const SAMPLE_BYTES: usize = 4096;
 pub(crate) const SQLITE: &str = "it is a database of SQLite, as bags of ROS 2 (.db3) may be, which is not read; convert the \
     bag to MCAP with `ros2 bag convert`, or without ROS with `pip install rosbags` and \
     `rosbags-convert --src BAG --dst NEW --dst-storage mcap`";
+/// What is said of a workbook of Excel.
+const EXCEL: &str = "it is a workbook of Excel, which is not read; export the recording as CSV (in phyphox: Export Data, CSV)";
 /// What is said of a bag of ROS 1.
 const ROS_1: &str = "it is a bag of ROS 1, which is not read; convert it to a bag of ROS 2 in MCAP with `pip install rosbags` \
     and `rosbags-convert --src BAG --dst NEW --dst-storage mcap`";
 
-/// Opens a recording: a file, or a folder of Sensor Logger or with KF-GINS's tables. The format is told by content, or by
+/// Opens a recording: a file, or a folder of Sensor Logger, of phyphox, of a bag of ROS 2 or with KF-GINS's tables. The format is told by content, or by
 /// `options.format`. Nothing but the head of the file is read yet.
 ///
 /// # Errors
@@ -187,6 +191,7 @@ fn open_stream(
     }
     match format {
         Format::Csv => csv::open(input, name, metadata),
+        Format::Phyphox => phyphox::open(input, name, metadata),
         Format::Nmea => Ok(nmea::open(input, name, metadata)),
         Format::Ubx => Ok(ubx::open(input, name, metadata)),
         Format::VectorNav => Ok(vectornav::open(input, name, metadata)),
@@ -252,6 +257,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     if ubx::recognises(head) {
         return Ok(Format::Ubx);
     }
+    if head.starts_with(b"\xd0\xcf\x11\xe0") {
+        return Err(RecordingError::unsupported(file, EXCEL));
+    }
     if head.contains(&0) {
         return Err(not("binary data of an unknown kind"));
     }
@@ -259,6 +267,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     let text = text.trim_start_matches('\u{feff}');
     if text.trim_start().starts_with(['[', '{']) {
         return Ok(Format::SensorLogger);
+    }
+    if phyphox::recognises(text) {
+        return Ok(Format::Phyphox);
     }
     let has_time_column = text
         .lines()

@@ -108,6 +108,8 @@ named_values! {
         Csv = "csv",
         /// Sensor Logger: folder of CSV files, zip of it, or JSON.
         SensorLogger = "sensor-logger",
+        /// A table of phyphox; its zips and folders are told by content.
+        Phyphox = "phyphox",
         /// MCAP: recordings of the lab, ROS 2 messages (feature `mcap`).
         Mcap = "mcap",
         /// NMEA 0183: a log of sentences.

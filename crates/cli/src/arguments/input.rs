@@ -15,8 +15,8 @@ use crate::files::STDIN;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "About the recording")]
 pub(crate) struct InputArgs {
-    /// Format, where it shall not be told by content: parquet, csv, mcap, sensor-logger, nmea, ubx, ulog, kf-gins, vectornav,
-    /// northing-serial, manifest
+    /// Format, where it shall not be told by content: parquet, csv, mcap, sensor-logger, phyphox, nmea, ubx, ulog, kf-gins,
+    /// vectornav, northing-serial, manifest
     #[arg(long, value_name = "FORMAT")]
     format: Option<Format>,
     /// The device, where a file holds several (in ROS 2 files: the topic)

@@ -146,7 +146,7 @@ fn write_fixes(recording: &mut Recording, output: &Path, args: &ConvertArgs) -> 
                 time_ns: event.time_ns,
                 latitude_rad: fix.latitude_rad,
                 longitude_rad: fix.longitude_rad,
-                height_m: fix.height_m.unwrap_or(0.0),
+                height_m: fix.height_m.unwrap_or(f64::NAN),
                 std_m: fix.std_m,
                 attitude: None,
             });

@@ -1,7 +1,7 @@
 //! Sensor Logger's tables as CSV, wherever they are: in a folder or in a zip.
 
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{Cursor, Read};
 
 use csv::ByteRecord;
 
@@ -10,6 +10,7 @@ use crate::delimited::{Channel, DelimitedSource, Layout, Rows, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::false_stamps::FalseStamps;
+use crate::phyphox;
 use crate::recording::EventSource;
 use crate::stamp;
 
@@ -33,6 +34,23 @@ pub(super) trait CsvTables {
         let builder = &mut csv::ReaderBuilder::new();
         Ok(Rows::new(file, builder, input, 0))
     }
+}
+
+/// The tables if they are of phyphox: every one that begins with its header.
+pub(super) fn of_phyphox(tables: &impl CsvTables) -> Result<Option<Vec<phyphox::Table>>> {
+    /// Longest header that is looked for.
+    const HEADER: u64 = 256;
+    let mut found = Vec::new();
+    for table in phyphox::TABLES.iter().filter(|table| tables.has(table)) {
+        let (file, mut input) = tables.input(table)?;
+        let mut head = Vec::new();
+        let read = input.by_ref().take(HEADER).read_to_end(&mut head);
+        // What cannot be read is told by whoever reads it.
+        if read.is_ok() && phyphox::recognises(&String::from_utf8_lossy(&head)) {
+            found.push((file, Box::new(Cursor::new(head).chain(input)) as Input));
+        }
+    }
+    Ok((!found.is_empty()).then_some(found))
 }
 
 impl<T: CsvTables> Export for T {

@@ -22,8 +22,10 @@ pub(crate) use channels::TABLES;
 
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
+use crate::phyphox;
 use crate::recording::Opened;
 
+use csv_tables::CsvTables;
 use folder::Folder;
 use json::{Json, Store};
 use zip::Zip;
@@ -31,7 +33,7 @@ use zip::Zip;
 /// Opens a folder of CSV files.
 pub(crate) fn open_folder(path: &Path, file: &str, metadata: Metadata) -> Result<Opened> {
     let folder = Folder::list(path, file)?;
-    channels::open(&folder, file, metadata)
+    open_tables(&folder, file, metadata)
 }
 
 /// Opens a zip or a JSON file.
@@ -42,7 +44,7 @@ pub(crate) fn open_file(path: &Path, file: &str, metadata: Metadata) -> Result<O
     let head_length = input.read(&mut head).map_err(failed)?;
     if head[..head_length] == *b"PK" {
         let tables = Zip::list(Store::File(path.to_owned()), input, file)?;
-        return channels::open(&tables, file, metadata);
+        return open_tables(&tables, file, metadata);
     }
     let json = Json::index(Store::File(path.to_owned()), file)?;
     channels::open(&json, file, metadata)
@@ -54,10 +56,18 @@ pub(crate) fn open_bytes(bytes: Vec<u8>, file: &str, metadata: Metadata) -> Resu
     let store = Store::Bytes(Arc::clone(&bytes));
     if bytes.starts_with(b"PK") {
         let tables = Zip::list(store, std::io::Cursor::new(bytes), file)?;
-        return channels::open(&tables, file, metadata);
+        return open_tables(&tables, file, metadata);
     }
     let json = Json::index(store, file)?;
     channels::open(&json, file, metadata)
+}
+
+/// Tables of CSV: phyphox's where their headers say so, or Sensor Logger's.
+fn open_tables(tables: &impl CsvTables, file: &str, metadata: Metadata) -> Result<Opened> {
+    match csv_tables::of_phyphox(tables)? {
+        Some(found) => phyphox::open_tables(found, file, metadata),
+        None => channels::open(tables, file, metadata),
+    }
 }
 
 /// A table's name as it is compared: letters and digits, small (`Total Acceleration` is

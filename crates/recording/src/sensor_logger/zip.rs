@@ -13,6 +13,7 @@ use super::json::Store;
 use super::{TABLES, plain};
 use crate::error::{RecordingError, Result, join, shown};
 use crate::limits::{self, MEMBERS};
+use crate::phyphox;
 
 /// The tables of a zip.
 pub(super) struct Zip {
@@ -51,7 +52,9 @@ impl Zip {
             let name = entry.name().map_err(damaged)?.into_owned();
             let table = name.rsplit(['/', '\\']).next().unwrap_or_default();
             let stem = table.to_ascii_lowercase().strip_suffix(".csv").map(plain);
-            let wanted = |stem: &String| TABLES.contains(&stem.as_str());
+            let wanted = |stem: &String| {
+                TABLES.contains(&stem.as_str()) || phyphox::TABLES.contains(&stem.as_str())
+            };
             if let Some(stem) = stem.filter(wanted)
                 && !name.contains("__MACOSX")
             {

@@ -12,15 +12,13 @@ use crate::atomic_file::write_whole;
 use crate::error::Result;
 
 pub(super) fn write(path: &Path, name: &str, points: &[TrackPoint], force: bool) -> Result<()> {
-    let coordinates: Vec<[f64; 3]> = points
+    let coordinates: Vec<Vec<f64>> = points
         .iter()
         .map(|point| {
             let [latitude, longitude] = point.degrees();
-            [
-                rounded(longitude, 1e9),
-                rounded(latitude, 1e9),
-                rounded(point.height_m, 1e4),
-            ]
+            let mut place = vec![rounded(longitude, 1e9), rounded(latitude, 1e9)];
+            place.extend(point.height().map(|height| rounded(height, 1e4)));
+            place
         })
         .collect();
     let geometry = match &coordinates[..] {

@@ -19,10 +19,11 @@ pub(super) fn write(path: &Path, name: &str, points: &[TrackPoint], force: bool)
     ))?;
     for point in points {
         let [latitude, longitude] = point.degrees();
-        let height = point.height_m;
+        let height = point.height();
+        let height = height.map_or(String::new(), |height| format!("<ele>{height:.3}</ele>"));
         let time = date(point.time_ns).map_or(String::new(), |date| format!("<time>{date}</time>"));
         out.print(format_args!(
-            "<trkpt lat=\"{latitude:.9}\" lon=\"{longitude:.9}\"><ele>{height:.3}</ele>{time}</trkpt>\n"
+            "<trkpt lat=\"{latitude:.9}\" lon=\"{longitude:.9}\">{height}{time}</trkpt>\n"
         ))?;
     }
     out.print(format_args!("</trkseg>\n</trk>\n</gpx>\n"))?;

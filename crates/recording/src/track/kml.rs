@@ -38,9 +38,9 @@ fn timed(out: &mut AtomicFile, points: &[TrackPoint], dates: &[String]) -> Resul
     }
     for point in points {
         let [latitude, longitude] = point.degrees();
-        let height = point.height_m;
+        let height = height(point, ' ');
         out.print(format_args!(
-            "<gx:coord>{longitude:.9} {latitude:.9} {height:.3}</gx:coord>\n"
+            "<gx:coord>{longitude:.9} {latitude:.9}{height}</gx:coord>\n"
         ))?;
     }
     out.print(format_args!("</gx:Track>\n"))
@@ -52,8 +52,14 @@ fn line(out: &mut AtomicFile, points: &[TrackPoint]) -> Result<()> {
     ))?;
     for point in points {
         let [latitude, longitude] = point.degrees();
-        let height = point.height_m;
-        out.print(format_args!("{longitude:.9},{latitude:.9},{height:.3}\n"))?;
+        let height = height(point, ',');
+        out.print(format_args!("{longitude:.9},{latitude:.9}{height}\n"))?;
     }
     out.print(format_args!("</coordinates>\n</LineString>\n"))
+}
+
+/// The height behind its separator; nothing where it is not known.
+fn height(point: &TrackPoint, separator: char) -> String {
+    let height = point.height();
+    height.map_or(String::new(), |height| format!("{separator}{height:.3}"))
 }

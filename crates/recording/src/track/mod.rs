@@ -26,7 +26,7 @@ pub struct TrackPoint {
     pub latitude_rad: f64,
     /// Longitude, rad.
     pub longitude_rad: f64,
-    /// Height above the ellipsoid, m.
+    /// Height above the ellipsoid, m; NaN where it is not known, which is then left out of what is written.
     pub height_m: f64,
     /// Standard deviations north, east and down, m.
     pub std_m: Option<[f64; 3]>,
@@ -59,7 +59,7 @@ pub fn check_track_path(path: &Path) -> Result<()> {
 }
 
 /// Writes a track: `.kml`, `.gpx`, `.geojson`, `.tum` or `.mcap` by its extension. `name` is what a map
-/// shows. Points that are not finite are left out.
+/// shows. Points whose place is not finite are left out.
 ///
 /// # Errors
 /// As [`check_track_path`]; [`RecordingError::Empty`] without a point; [`RecordingError::Exists`] and
@@ -86,9 +86,13 @@ pub fn write_track(path: &Path, name: &str, points: &[TrackPoint], force: bool) 
 
 impl TrackPoint {
     fn is_finite(&self) -> bool {
-        [self.latitude_rad, self.longitude_rad, self.height_m]
-            .iter()
-            .all(|x| x.is_finite())
+        let place = [self.latitude_rad, self.longitude_rad];
+        place.iter().all(|x| x.is_finite()) && !self.height_m.is_infinite()
+    }
+
+    /// Height, m, where it is known.
+    fn height(&self) -> Option<f64> {
+        self.height_m.is_finite().then_some(self.height_m)
     }
 
     /// Latitude and longitude in degrees, the longitude within 180.

@@ -90,6 +90,30 @@ fn geojson_is_a_line_with_its_uncertainty() {
 }
 
 #[test]
+fn a_height_that_is_not_known_is_left_out() {
+    for start_ns in [0, DATE_NS] {
+        let mut points = points(start_ns);
+        points.last_mut().unwrap().height_m = f64::NAN;
+        let gpx = text("t.gpx", &points);
+        assert_eq!(gpx.matches("<trkpt").count(), 2);
+        assert_eq!(gpx.matches("<ele>").count(), 1);
+        let kml = text("t.kml", &points);
+        let last = match start_ns {
+            0 => "\n-0.000500000,51.501000000\n",
+            _ => "<gx:coord>-0.000500000 51.501000000</gx:coord>",
+        };
+        assert!(kml.contains(last), "{kml}");
+        let json: serde_json::Value = serde_json::from_str(&text("t.geojson", &points)).unwrap();
+        let line = &json["features"][0]["geometry"]["coordinates"];
+        assert_eq!(
+            *line,
+            serde_json::json!([[-0.0005, 51.5, 45.25], [-0.0005, 51.501]])
+        );
+        assert!(!text("t.tum", &points).contains("NaN"));
+    }
+}
+
+#[test]
 fn tum_counts_metres_from_the_first_point() {
     let read = text("t.tum", &points(0));
     let last: Vec<f64> = read

@@ -16,7 +16,8 @@ pub(super) fn write(path: &Path, points: &[TrackPoint], force: bool) -> Result<(
         let place = Geodetic {
             latitude_rad: point.latitude_rad,
             longitude_rad: point.longitude_rad,
-            height_m: point.height_m,
+            // A trajectory has three coordinates: of an unknown height the last one is 0.
+            height_m: point.height().unwrap_or_default(),
         };
         let frame = frame.get_or_insert_with(|| LocalFrame::new(place));
         let attitude = point.attitude.unwrap_or(UnitQuaternion::identity());
