@@ -126,6 +126,9 @@ const NMEA: &str = "$GPZDA,120000.00,01,06,2020,00,00\n\
     $GPRMC,120001.00,A,4807.038,N,01131.324,E,5.0,90.0,010620,,\n$VDVHW,,,,,4.1,N,,\n\
     $GPGGA,120002.00,4807.042,N,01131.328,E,2,07,1.1,545.6,M,46.9,M,,\n";
 
+const PHYPHOX: &str = "\"Time (s)\";\"Gyroscope x (rad/s)\";\"Gyroscope y (rad/s)\";\"Gyroscope z (rad/s)\"\n\
+    0,00E0;1,5E-3;2,0E-3;-1,0E-3\n1,00E-2;1,6E-3;2,1E-3;-1,1E-3\n2,00E-2;1,7E-3;2,2E-3;-1,2E-3\n";
+
 fn ulog() -> Vec<u8> {
     let message = |kind: u8, content: &[u8]| {
         let length = (content.len() as u16).to_le_bytes();
@@ -204,6 +207,12 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
             "increments.txt",
             table.into(),
             Some(Format::KfGins),
+        ),
+        (
+            "phyphox",
+            "gyroscope.csv",
+            PHYPHOX.into(),
+            Some(Format::Phyphox),
         ),
         ("manifest", "table.txt", manifest.into(), None),
         ("wire_phone_page", "batch.json", batch.into(), None),

@@ -344,4 +344,52 @@ fn noise_of_an_attitude_estimator_is_fitted_written_and_used() {
         "lab",
     ]);
     contains(&message, &["has no profiles"]);
+fn a_bag_of_ros_gives_the_digits_of_the_csv_of_its_samples() {
+    let lab = with_car();
+    lab.succeeds(&["convert", "car.toml", "car.mcap"]);
+    lab.succeeds(&["convert", "car.mcap", "again.csv"]);
+    let run = |file: &str| {
+        let text = [
+            "run",
+            file,
+            "--estimator",
+            "error-state",
+            "--gnss-every",
+            "2",
+        ];
+        (
+            lab.json(&[&text[..], &["--json"]].concat()),
+            lab.succeeds(&text),
+        )
+    };
+    let ((bag, said), (csv, _)) = (run("car.mcap"), run("again.csv"));
+    assert_eq!(bag["fixes"].as_u64(), Some(120));
+    for key in [
+        "position",
+        "fixes",
+        "fixes_used",
+        "aids",
+        "validity",
+        "heading",
+    ] {
+        assert!(!bag[key].is_null() || key == "heading", "{key}");
+        assert_eq!(bag[key], csv[key], "{key}");
+    }
+    contains(&said, &["Topics that are read: /fix, /imu/data_raw."]);
+}
+
+#[test]
+fn fixes_are_not_to_be_kept_back_by_who_does_it_already() {
+    let lab = with_car();
+    let arguments = [
+        "run",
+        "car.toml",
+        "--estimator",
+        "error-state",
+        "--gnss-every",
+        "200",
+    ];
+    let said = lab.succeeds(&arguments);
+    contains(&said, &["of 119 fixes that were kept back none was scored"]);
+    assert!(!said.contains("Keep some back"), "{said}");
 }

@@ -236,6 +236,15 @@ pub(crate) fn metres(value: f64) -> String {
     }
 }
 
+/// Usable fixes that the estimator did not get.
+fn kept_back(summary: &NavigationSummary) -> Option<u64> {
+    let unusable: u64 = summary.fixes_unusable.values().sum();
+    summary
+        .fixes
+        .checked_sub(unusable)?
+        .checked_sub(summary.fixes_given)
+}
+
 /// What the numbers mean, in words.
 #[must_use]
 pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
@@ -268,12 +277,21 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
         let mut issues = summary.issues.iter();
         let text = if issues.any(|issue| issue.contains("--score-from")) {
             "Nothing to judge by yet: the recording ends before scores count; see --score-from."
+                .to_owned()
         } else if summary.estimator == NavigationKind::Device {
             "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
              beside the recording (docs/formats.md)."
+                .to_owned()
+        } else if let Some(kept @ 1..) = kept_back(summary) {
+            format!(
+                "Nothing to judge by: of {kept} fixes that were kept back none was scored, and there is no reference: the \
+                 estimator used {} of the {} fixes that it got.",
+                summary.fixes_used, summary.fixes_given
+            )
         } else {
-            "Nothing to judge by: every fix was used and there is no reference. Keep some back with --gnss-every 2 or \
+            "Nothing to judge by: no fix was kept back and there is no reference. Keep some back with --gnss-every 2 or \
              --outage 120:30."
+                .to_owned()
         };
         verdicts.push(Verdict::new(Tone::Warn, text));
     }
