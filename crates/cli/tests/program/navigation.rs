@@ -377,19 +377,3 @@ fn a_bag_of_ros_gives_the_digits_of_the_csv_of_its_samples() {
     }
     contains(&said, &["Topics that are read: /fix, /imu/data_raw."]);
 }
-
-#[test]
-fn fixes_are_not_to_be_kept_back_by_who_does_it_already() {
-    let lab = with_car();
-    let arguments = [
-        "run",
-        "car.toml",
-        "--estimator",
-        "error-state",
-        "--gnss-every",
-        "200",
-    ];
-    let said = lab.succeeds(&arguments);
-    contains(&said, &["of 119 fixes that were kept back none was scored"]);
-    assert!(!said.contains("Keep some back"), "{said}");
-}
