@@ -320,7 +320,7 @@ fn unknown_estimators_parameters_and_sensors_list_the_valid_ones() {
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--format", "xls"]),
-        &["xls", "parquet, csv, sensor-logger, mcap"],
+        &["xls", "parquet, csv, sensor-logger, phyphox, mcap"],
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--smooth", "--estimator", "usque"]),
