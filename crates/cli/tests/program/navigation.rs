@@ -344,6 +344,9 @@ fn noise_of_an_attitude_estimator_is_fitted_written_and_used() {
         "lab",
     ]);
     contains(&message, &["has no profiles"]);
+}
+
+#[test]
 fn a_bag_of_ros_gives_the_digits_of_the_csv_of_its_samples() {
     let lab = with_car();
     lab.succeeds(&["convert", "car.toml", "car.mcap"]);
