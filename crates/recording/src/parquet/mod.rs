@@ -123,7 +123,7 @@ fn gzip_columns<R: ChunkReader + 'static>(reader: &SerializedFileReader<R>) -> V
             let data = column.data_page_offset();
             let start = column.dictionary_page_offset().unwrap_or(data).min(data);
             let end = start.checked_add(column.compressed_size());
-            // Of a footer that makes no sense every page is looked at.
+            // Of a footer that is invalid every page is looked at.
             let place = u64::try_from(start)
                 .ok()
                 .zip(end.and_then(|end| u64::try_from(end).ok()));

@@ -237,7 +237,7 @@ pub(crate) fn metres(value: f64) -> String {
 }
 
 /// Usable fixes that the estimator did not get.
-fn kept_back(summary: &NavigationSummary) -> Option<u64> {
+fn held_out(summary: &NavigationSummary) -> Option<u64> {
     let unusable: u64 = summary.fixes_unusable.values().sum();
     summary
         .fixes
@@ -282,14 +282,14 @@ pub fn navigation_verdicts(summary: &NavigationSummary) -> Vec<Verdict> {
             "Nothing to judge by: the device has used every fix, and there is no reference. A manifest puts one \
              beside the recording (docs/formats.md)."
                 .to_owned()
-        } else if let Some(kept @ 1..) = kept_back(summary) {
+        } else if let Some(kept @ 1..) = held_out(summary) {
             format!(
-                "Nothing to judge by: of {kept} fixes that were kept back none was scored, and there is no reference: the \
+                "Nothing to judge by: of {kept} held-out fixes none was scored, and there is no reference: the \
                  estimator used {} of the {} fixes that it got.",
                 summary.fixes_used, summary.fixes_given
             )
         } else {
-            "Nothing to judge by: no fix was kept back and there is no reference. Keep some back with --gnss-every 2 or \
+            "Nothing to judge by: no fix was held out and there is no reference. Hold some out with --gnss-every 2 or \
              --outage 120:30."
                 .to_owned()
         };
