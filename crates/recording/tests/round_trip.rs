@@ -257,7 +257,12 @@ fn what_was_written_is_read_again_whatever_sensors_there_are() {
                 let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(worst < 1e-12, "{format}: {read:?} for {expected:?}");
             }
-            assert!(recording.issues().is_empty(), "{:?}", recording.issues());
+            let mut issues = recording.issues().clone();
+            // Of a bag it is said which topics were read.
+            issues
+                .notes
+                .retain(|note| !note.starts_with("Topics that are read: "));
+            assert!(issues.is_empty(), "{issues:?}");
         }
     }
 }
