@@ -7,8 +7,8 @@ use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
 use crate::commands::{
-    benchmark, calibrate, compare, completions, convert, demo, estimators, experiment, man, run,
-    simulate, track, tune,
+    benchmark, calibrate, compare, completions, convert, demo, estimators, experiment, info, man,
+    run, simulate, track, tune,
 };
 
 /// Attitude, navigation and tracking from noisy sensors.
@@ -47,6 +47,8 @@ pub(crate) enum Command {
     Track(track::TrackArgs),
     /// Sensor calibration: rest, magnetometer, Allan variance
     Calibrate(calibrate::CalibrateArgs),
+    /// What a recording holds: sensors, rates, pauses, frames, what was left out
+    Info(info::InfoArgs),
     /// Write a recording in another format
     Convert(convert::ConvertArgs),
     /// Simulate one run of a tracking scenario: truth, navigation and every tracker
@@ -89,6 +91,7 @@ northing: which way is it pointing, where is it, and where are the others?
   northing calibrate rest desk.csv       bias, noise and references of a device at rest
   northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
   northing calibrate allan night.csv     noise over averaging time, and the Q that follows
+  northing info walk.zip                 sensors, rates, pauses and frames of a recording
   northing convert walk.zip walk.csv     a recording in another format
   northing simulate scenario.toml        one run of a tracking scenario
   northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker

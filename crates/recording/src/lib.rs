@@ -10,6 +10,7 @@
 //! on the way ([`timeline`], [`plausibility`]), with [`Metadata`] and counted [`Issues`].
 
 pub mod atomic_file;
+pub mod contents;
 mod csv;
 mod csv_writer;
 mod delimited;
@@ -56,6 +57,7 @@ pub mod wire;
 mod writer;
 
 pub use atomic_file::AtomicFile;
+pub use contents::{Contents, SensorContents};
 pub use csv_writer::CsvWriter;
 pub use device_navigation::DeviceNavigation;
 pub use error::RecordingError;

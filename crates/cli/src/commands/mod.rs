@@ -9,6 +9,7 @@ pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod estimators;
 pub(crate) mod experiment;
+pub(crate) mod info;
 #[cfg(feature = "live")]
 pub(crate) mod live;
 pub(crate) mod man;

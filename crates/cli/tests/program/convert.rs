@@ -107,3 +107,45 @@ fn the_fixes_of_a_receiver_become_a_map() {
     let message = lab.refuses(&["convert", "imu.csv", "imu.gpx"]);
     contains(&message, &["imu.csv", "no fix of a satellite receiver"]);
 }
+
+#[test]
+fn info_says_what_a_recording_holds() {
+    let lab = Lab::with_phone();
+    let text = lab.succeeds(&["info", "phone.csv"]);
+    contains(
+        &text,
+        &[
+            "of samples",
+            "gyroscope",
+            "100.00",
+            "reference",
+            "world frame  east, north, up",
+            "run phone.csv",
+        ],
+    );
+    assert!(!text.contains("error-state"), "{text}");
+    let found = lab.json(&["info", "phone.csv", "--json"]);
+    let force = &found["sensors"][1];
+    assert_eq!(force["sensor"], "accelerometer");
+    let length = force["mean_length"].as_f64().unwrap();
+    assert!((length - 9.8).abs() < 0.1, "{length}");
+    assert!((force["rate_hz"].as_f64().unwrap() - 100.0).abs() < 0.5);
+
+    let row = |k: usize| {
+        let t = k as f64 * 0.01 + if k < 150 { 0.0 } else { 3.0 };
+        format!("{t:.2},0.0,0.0,0.0,0.0,0.0,9.81\n")
+    };
+    let rows: String = (0..400).map(row).collect();
+    lab.write("pause.csv", format!("{IMU}\n{rows}"));
+    let found = lab.json(&["info", "pause.csv", "--json"]);
+    let rates = &found["sensors"][0];
+    assert!(
+        (rates["longest_pause_s"].as_f64().unwrap() - 3.01).abs() < 1e-6,
+        "{rates}"
+    );
+    assert!(
+        (rates["longest_pause_at_s"].as_f64().unwrap() - 1.49).abs() < 1e-6,
+        "{rates}"
+    );
+    lab.refuses(&["info", "nothing.csv"]);
+}

@@ -17,6 +17,7 @@ fn without_arguments_it_introduces_itself() {
       northing calibrate rest desk.csv       bias, noise and references of a device at rest
       northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
       northing calibrate allan night.csv     noise over averaging time, and the Q that follows
+      northing info walk.zip                 sensors, rates, pauses and frames of a recording
       northing convert walk.zip walk.csv     a recording in another format
       northing simulate scenario.toml        one run of a tracking scenario
       northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker
@@ -41,6 +42,7 @@ fn every_command_has_help_with_examples() {
         "run",
         "compare",
         "convert",
+        "info",
         "simulate",
         "montecarlo",
         "estimators",
