@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import signal
+import socket
 import subprocess
 import sys
+import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import northing as no
-from conftest import REPOSITORY, run_program
+from conftest import REPOSITORY, program, run_program
 
 Arrays = dict[str, np.ndarray]
 
@@ -24,6 +29,28 @@ def test_program_and_module_are_of_one_version() -> None:
 def test_the_demonstration_of_the_wheel(tmp_path: Path) -> None:
     said = run_program("demo", "--out", tmp_path / "demo")
     assert "deg" in said and list((tmp_path / "demo").glob("*.html"))
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_the_lab_of_the_wheel_answers(tmp_path: Path) -> None:
+    port = free_port()
+    command = [program(), "live", "--local", "--port", str(port)]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as lab:
+        try:
+            page, patience = "", time.monotonic() + 30.0
+            while not page:
+                said = lab.stdout.read() if lab.stdout and lab.poll() is not None else ""
+                assert lab.poll() is None and time.monotonic() < patience, said
+                with contextlib.suppress(OSError), urllib.request.urlopen(f"http://127.0.0.1:{port}/") as answer:
+                    page = answer.read().decode()
+        finally:
+            lab.send_signal(signal.SIGINT)
+        assert "<title>" in page and lab.wait(timeout=30) == 0
 
 
 def test_the_module_that_is_tested_is_the_installed_one() -> None:

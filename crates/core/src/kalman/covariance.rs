@@ -122,6 +122,10 @@ pub fn normalized_square3<T: Scalar>(x: &Vector3<T>, s: &Matrix3<T>) -> Option<T
 
 /// Standard deviations below have squares of few digits in single precision.
 const LEAST_STD: f64 = 1e-18;
+/// Determinants of a correlation matrix from here on are far from singular, and products of variances between this and its
+/// inverse lose no digits.
+const LEAST_DETERMINANT: f64 = 1e-2;
+const LEAST_PRODUCT: f64 = 1e-24;
 /// Rounding units of the state's own share that the noise of a measurement is at least taken for.
 const LEAST_NOISE_ROUNDINGS: f64 = 64.0;
 /// Rounding units of what an update takes off a variance that it leaves there.
@@ -162,6 +166,9 @@ pub fn is_resolved<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> bool {
 /// variance has drowned its smallest in rounding, the diagonal grows by that rounding. A matrix that is a covariance stays
 /// as it is, to the bit.
 pub fn undrown<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
+    if is_well_conditioned3(p) {
+        return;
+    }
     let mut added = p.diagonal().amax() * T::default_epsilon() * lit(4.0 * N as f64);
     // At most until it is the largest variance itself.
     for _ in 0..64 {
@@ -173,6 +180,30 @@ pub fn undrown<T: Scalar, const N: usize>(p: &mut SMatrix<T, N, N>) {
         }
         added *= lit(2.0);
     }
+}
+
+/// Whether a matrix is a symmetric one of three states whose correlations are far from dependent: [`is_resolved`] then holds,
+/// and neither a root nor a division is needed to know it. Most covariances of an attitude are so.
+#[inline]
+fn is_well_conditioned3<T: Scalar, const N: usize>(p: &SMatrix<T, N, N>) -> bool {
+    if N != 3 {
+        return false;
+    }
+    let (a, b, c) = (p[(0, 0)], p[(0, 1)], p[(0, 2)]);
+    let (d, e, f) = (p[(1, 1)], p[(1, 2)], p[(2, 2)]);
+    let is_symmetric = b == p[(1, 0)] && c == p[(2, 0)] && e == p[(2, 1)];
+    let (pair, all) = (a * d, a * d * f);
+    let minor = pair - b * b;
+    let determinant = f * minor - (a * e * e - lit::<T>(2.0) * b * c * e + d * c * c);
+    let share: T = lit(LEAST_DETERMINANT);
+    // What is not a number is none of these.
+    is_symmetric
+        && a > T::zero()
+        && d > T::zero()
+        && minor > pair * share
+        && determinant > all * share
+        && all > lit(LEAST_PRODUCT)
+        && all < lit(1.0 / LEAST_PRODUCT)
 }
 
 /// [`cap_variance`] of the first three states, an attitude error. Where that was needed, much has grown at once: the
@@ -296,6 +327,8 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
     use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
 
     proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(23), ..ProptestConfig::default() })]
@@ -315,6 +348,37 @@ mod tests {
         let p = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
         assert!(cholesky(&p).is_none() && normalized_square3(&Vector3::x(), &p).is_none());
         assert!(cholesky(&(Matrix3::identity() * f64::NAN)).is_none());
+    }
+
+    /// The short way is taken only where the long one would change nothing.
+    #[test]
+    fn what_is_well_conditioned_is_resolved() {
+        let mut rng = Pcg64Mcg::seed_from_u64(31);
+        let mut number = || rng.random_range(-1.0..1.0_f64);
+        let mut short = 0;
+        for k in 0..20_000 {
+            let scale = Vector3::from_fn(|_, _| 10_f64.powf(6.0 * number()));
+            let a = Matrix3::from_fn(|_, _| number()) * if k % 2 == 0 { 1.0 } else { 1e-3 };
+            let mut p = a * a.transpose();
+            if k % 3 == 0 {
+                p -= Matrix3::identity() * (0.2 * number().abs());
+            }
+            let scale = Matrix3::from_diagonal(&scale);
+            let mut p = scale * p * scale;
+            symmetrize(&mut p);
+            let single = p.map(|x| x as f32);
+            short += u32::from(is_well_conditioned3(&p)) + u32::from(is_well_conditioned3(&single));
+            assert!(!is_well_conditioned3(&p) || is_resolved(&p), "{p}");
+            assert!(
+                !is_well_conditioned3(&single) || is_resolved(&single),
+                "{single}"
+            );
+        }
+        assert!(short > 5000, "{short}");
+        assert!(!is_well_conditioned3(&(Matrix3::identity() * f64::NAN)));
+        assert!(!is_well_conditioned3(
+            &(Matrix3::identity() * f64::INFINITY)
+        ));
     }
 
     #[test]

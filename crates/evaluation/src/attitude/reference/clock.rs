@@ -191,16 +191,23 @@ impl Grid {
         Self(points.map(norm).collect())
     }
 
+    /// The windows' places on the grid, with the norms of their rates: once for all offsets that are tried.
+    fn places(windows: &[Window]) -> Vec<(i64, f64)> {
+        let place = |window: &Window| (window.from_s / COARSE_S).round() as i64;
+        windows
+            .iter()
+            .map(|window| (place(window), window.rate.norm()))
+            .collect()
+    }
+
     /// As [`correlation`] at an offset of so many steps.
-    fn correlation(&self, windows: &[Window], steps: i64) -> Option<f64> {
-        let norm = |window: &Window| {
-            let place = (window.from_s / COARSE_S).round() as i64 + steps;
-            let found = usize::try_from(place)
-                .ok()
-                .and_then(|place| self.0.get(place));
-            found.copied().filter(|norm| norm.is_finite())
-        };
-        of_norms(windows, norm)
+    fn correlation(&self, places: &[(i64, f64)], steps: i64) -> Option<f64> {
+        let pairs = places.iter().filter_map(|(place, norm)| {
+            let place = usize::try_from(place + steps).ok()?;
+            let found = self.0.get(place).filter(|found| found.is_finite())?;
+            Some([*found, *norm])
+        });
+        of_pairs(pairs, places.len())
     }
 }
 
@@ -222,8 +229,9 @@ fn best(
         });
         tried.max_by(highest)
     };
+    let places = Grid::places(windows);
     let coarse = (-reach..=reach)
-        .filter_map(|k| Some((k as f64 * COARSE_S, grid.correlation(windows, k)?)))
+        .filter_map(|k| Some((k as f64 * COARSE_S, grid.correlation(&places, k)?)))
         .max_by(highest)?;
     let mut best = around(coarse.0, FINE_S, 6)?;
     let near = prefer_s.and_then(|common_s| around(common_s, FINE_S, 10));
@@ -246,18 +254,17 @@ fn best(
 
 /// Correlation of the norms of the rates at an offset.
 fn correlation(series: &Series<'_>, windows: &[Window], offset_s: f64) -> Option<f64> {
-    of_norms(windows, |window| {
+    let pairs = windows.iter().filter_map(|window| {
         let rate = series.gyroscope(window.from_s + offset_s, window.to_s + offset_s)?;
-        Some(rate.norm())
-    })
+        Some([rate.norm(), window.rate.norm()])
+    });
+    of_pairs(pairs, windows.len())
 }
 
-/// Correlation of the windows' norms with others; `None` where fewer than half of the windows have both.
-fn of_norms(windows: &[Window], other: impl Fn(&Window) -> Option<f64>) -> Option<f64> {
+/// Correlation of pairs of norms; `None` where fewer than half of the windows have both.
+fn of_pairs(pairs: impl Iterator<Item = [f64; 2]>, windows: usize) -> Option<f64> {
     let (mut count, mut sums, mut squares, mut product) = (0_usize, [0.0; 2], [0.0; 2], 0.0);
-    for window in windows {
-        let Some(norm) = other(window) else { continue };
-        let norms = [norm, window.rate.norm()];
+    for norms in pairs {
         count += 1;
         product += norms[0] * norms[1];
         for i in 0..2 {
@@ -265,7 +272,7 @@ fn of_norms(windows: &[Window], other: impl Fn(&Window) -> Option<f64>) -> Optio
             squares[i] += norms[i] * norms[i];
         }
     }
-    if 2 * count < windows.len() || count < FEWEST_WINDOWS {
+    if 2 * count < windows || count < FEWEST_WINDOWS {
         return None;
     }
     let n = count as f64;
