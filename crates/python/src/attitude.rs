@@ -4,23 +4,21 @@ use std::path::PathBuf;
 
 use northing_evaluation::attitude::parameters::parameters_of;
 use northing_evaluation::attitude::reference::ReferenceUse;
-use northing_evaluation::attitude::{
-    EstimatorKind, Profile, RunOptions, SensorSelection, TraceObserver,
-};
+use northing_evaluation::attitude::{EstimatorKind, Profile, RunOptions, SensorSelection};
 use northing_evaluation::calibration::magnetometer::{
     MagnetometerSource, MagnetometerStreamCalibration,
 };
+use northing_evaluation::estimate;
 use northing_evaluation::navigation::NavigationKind;
 use northing_evaluation::registry::listed;
-use northing_evaluation::run_recording;
 use northing_recording::{OpenOptions, Recording, WorldFrame};
-use northing_report::TRACE_CAPACITY;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::attitude_run::{AttitudeRun, Collector};
+use crate::attitude_told::{Telling, Told};
 use crate::errors::{of_recording, of_run, refused};
-use crate::samples::{self, Stream};
+use crate::samples::{self, Arrays, Stream};
 
 /// What is asked of the reader; as the program's options about the recording.
 #[derive(FromPyObject)]
@@ -207,25 +205,21 @@ fn check_effect(settings: &[String], estimator: EstimatorKind) -> PyResult<()> {
     )))
 }
 
-/// Runs an attitude estimator over a recording, without the interpreter; `rows` are the stamps to which the estimates are
-/// aligned, where they are wanted so; `name` stands for it in summary and messages.
+/// Runs an attitude estimator over a recording, without the interpreter; `name` stands for it in summary and messages.
 pub(crate) fn run(
     py: Python<'_>,
     mut recording: Recording,
     name: &str,
     options: &RunOptions,
-    rows: Option<Vec<i64>>,
 ) -> PyResult<AttitudeRun> {
-    let metadata = recording.metadata().clone();
-    let ran = py.detach(|| {
-        let trace = TraceObserver::new(TRACE_CAPACITY, metadata.world_frame);
-        let mut watchers = (Collector::new(rows), trace);
-        let summary = run_recording(&mut recording, options, &mut watchers);
-        summary.map(|summary| (summary, watchers))
-    });
-    let (mut summary, (collected, trace)) = ran.map_err(|error| of_run(&error, name))?;
-    name.clone_into(&mut summary.recording);
-    AttitudeRun::new(py, collected, summary, metadata, trace.into_trace())
+    let told = py.detach(|| Told::of(&mut recording, name, options, Collector::new(None)));
+    let (told, collected) = told.map_err(|error| of_run(&error, name))?;
+    AttitudeRun::new(
+        py,
+        collected,
+        options.estimator,
+        Telling::Told(Box::new(told)),
+    )
 }
 
 /// Runs an attitude estimator over arrays: stamps in ns, vectors of the sensors, rows of the result as those of the gyroscope.
@@ -251,11 +245,25 @@ pub(crate) fn attitude(
         other => return Err(refused(format!("frame=\"{other}\": expected enu or ned"))),
     };
     let stream = |(time_ns, vectors): Samples<'_>| Stream::of(&time_ns, &vectors);
-    let gyroscope = stream(gyroscope);
-    let rows = gyroscope.stamps().to_vec();
-    let (accelerometer, magnetometer) = (accelerometer.map(stream), magnetometer.map(stream));
-    let recording = samples::recording(gyroscope, accelerometer, magnetometer, frame, &open);
-    run(py, recording, samples::NAME, &options, Some(rows))
+    let sensors = [accelerometer, magnetometer].map(|samples| samples.map(stream));
+    let [accelerometer, magnetometer] = sensors;
+    let arrays = Arrays::new(stream(gyroscope), accelerometer, magnetometer, frame, open);
+    let mut collected = Collector::new(Some(arrays.stamps().to_vec()));
+    let mut recording = arrays.recording();
+    let of_arrays = RunOptions {
+        recording: samples::NAME.to_owned(),
+        world_frame: recording.metadata().world_frame,
+        ..options
+    };
+    let estimates = py.detach(|| estimate(&mut recording, &of_arrays, &mut collected));
+    let estimates = estimates.map_err(|error| of_run(&error, samples::NAME))?;
+    let estimator = of_arrays.estimator;
+    let telling = Telling::of_arrays(arrays, of_arrays);
+    if estimates == 0 {
+        // The whole run says why.
+        telling.told(py)?;
+    }
+    AttitudeRun::new(py, collected, estimator, telling)
 }
 
 /// Stamps in ns, and a row of three numbers for each.

@@ -5,16 +5,15 @@ use std::path::PathBuf;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use northing_core::geometry::rotation;
 use northing_core::kalman::Outcome;
-use northing_evaluation::attitude::{
-    EstimateRecord, InnovationRecord, RunObserver, RunSummary, Trace,
-};
+use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, InnovationRecord, RunObserver};
+use northing_recording::SensorKind;
 use northing_recording::atomic_file::write_whole;
-use northing_recording::{Metadata, SensorKind};
 use northing_report::{EstimateFile, run_page};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::attitude_told::Telling;
 use crate::errors::{of_file, of_recording, refused};
 
 /// Estimates as columns, a row each, NaN where there is nothing to say.
@@ -224,19 +223,17 @@ pub(crate) struct AttitudeRun {
     /// By sensor.
     #[pyo3(get)]
     innovations: Py<PyDict>,
-    summary: RunSummary,
-    metadata: Metadata,
-    trace: Trace,
+    estimator: EstimatorKind,
+    telling: Telling,
 }
 
 impl AttitudeRun {
-    /// Of what a run told.
+    /// Of what a run of an estimator gave, and what tells the rest.
     pub(crate) fn new(
         py: Python<'_>,
         mut collected: Collector,
-        summary: RunSummary,
-        metadata: Metadata,
-        trace: Trace,
+        estimator: EstimatorKind,
+        telling: Telling,
     ) -> PyResult<Self> {
         collected.fill_before(i64::MAX);
         let innovations = PyDict::new(py);
@@ -253,9 +250,8 @@ impl AttitudeRun {
             position: rows(py, estimates.position, 3)?.unbind(),
             velocity: rows(py, estimates.velocity, 3)?.unbind(),
             innovations: innovations.unbind(),
-            summary,
-            metadata,
-            trace,
+            estimator,
+            telling,
         })
     }
 }
@@ -263,24 +259,26 @@ impl AttitudeRun {
 #[pymethods]
 impl AttitudeRun {
     /// What the program prints with `run --json`.
-    fn summary_json(&self) -> PyResult<String> {
-        serde_json::to_string(&self.summary).map_err(|error| refused(error.to_string()))
+    fn summary_json(&self, py: Python<'_>) -> PyResult<String> {
+        serde_json::to_string(&self.telling.told(py)?.summary)
+            .map_err(|error| refused(error.to_string()))
     }
 
     /// The page of the run, as the program writes it; `command` says how it was made.
-    fn report_html(&self, py: Python<'_>, command: String) -> String {
-        py.detach(|| run_page::render(&self.summary, &self.metadata, &self.trace, command))
+    fn report_html(&self, py: Python<'_>, command: String) -> PyResult<String> {
+        let told = self.telling.told(py)?;
+        Ok(py.detach(|| run_page::render(&told.summary, &told.metadata, &told.trace, command)))
     }
 
     /// Writes that page.
     fn report(&self, py: Python<'_>, path: PathBuf, command: String, force: bool) -> PyResult<()> {
-        let html = self.report_html(py, command);
+        let html = self.report_html(py, command)?;
         write_whole(&path, html.as_bytes(), force).map_err(|error| of_recording(&error))
     }
 
     /// Writes the estimates as the program does, by extension: .csv, .parquet or .tum.
     fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
-        let file = EstimateFile::create(&path, self.summary.estimator, force);
+        let file = EstimateFile::create(&path, self.estimator, force);
         let mut file = file.map_err(of_file)?;
         let time_ns = self.time_ns.bind(py).readonly();
         let [quat, bias, position, velocity] =

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `samples.rs` | arrays of sensors as the events of a recording |
 //! | `attitude.rs` | options of attitude runs, the run over arrays |
+//! | `attitude_told.rs` | summary, verdicts and trace of a run, made when asked for |
 //! | `attitude_run.rs` | what an attitude run gives: arrays, summary, report, file |
 //! | `recordings.rs` | recordings in files: sensors, samples, runs |
 //! | `calibrations.rs` | calibrations and fits of recordings |
@@ -17,6 +18,7 @@
 
 mod attitude;
 mod attitude_run;
+mod attitude_told;
 mod calibrations;
 mod comparison;
 mod configs;

@@ -150,7 +150,7 @@ impl RecordingFile {
                 ReferenceUse::Aligned(found.map_err(|error| of_run(&error, &name))?);
         }
         let recording = attitude::open(&self.path, &self.options)?;
-        attitude::run(py, recording, &name, &options, None)
+        attitude::run(py, recording, &name, &options)
     }
 
     /// Runs a navigation estimator.

@@ -1,5 +1,7 @@
 //! Arrays of sensors as the events of a recording, so that they pass the checks that every file passes.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 use northing_recording::{
     Event, Metadata, OpenOptions, Recording, RecordingError, Sample, SensorKind, WorldFrame,
@@ -30,26 +32,21 @@ impl Stream {
                 .collect(),
         }
     }
-
-    /// The stamps.
-    pub(crate) fn stamps(&self) -> &[i64] {
-        &self.time_ns
-    }
 }
 
 /// A sensor on its way into a recording.
 struct Source {
     sample: fn(Vector3<f64>) -> Sample,
-    stream: Stream,
+    stream: Arc<Stream>,
     /// The row that comes next.
     next: usize,
 }
 
 impl Source {
-    fn new(sample: fn(Vector3<f64>) -> Sample, stream: Stream) -> Self {
+    fn new(sample: fn(Vector3<f64>) -> Sample, stream: &Arc<Stream>) -> Self {
         Self {
             sample,
-            stream,
+            stream: Arc::clone(stream),
             next: 0,
         }
     }
@@ -79,29 +76,56 @@ impl Iterator for Merged {
     }
 }
 
-/// The recording of gyroscope, accelerometer and magnetometer.
-pub(crate) fn recording(
-    gyroscope: Stream,
-    accelerometer: Option<Stream>,
-    magnetometer: Option<Stream>,
+/// The samples of gyroscope, accelerometer and magnetometer, to be read as often as they are wanted.
+pub(crate) struct Arrays {
+    gyroscope: Arc<Stream>,
+    accelerometer: Option<Arc<Stream>>,
+    magnetometer: Option<Arc<Stream>>,
     world_frame: WorldFrame,
-    options: &OpenOptions,
-) -> Recording {
-    let mut sensors = vec![SensorKind::Gyroscope];
-    let mut sources = vec![Source::new(Sample::AngularRate, gyroscope)];
-    if let Some(stream) = accelerometer {
-        sensors.push(SensorKind::Accelerometer);
-        sources.push(Source::new(Sample::SpecificForce, stream));
+    options: OpenOptions,
+}
+
+impl Arrays {
+    /// Of these streams, read with these options.
+    pub(crate) fn new(
+        gyroscope: Stream,
+        accelerometer: Option<Stream>,
+        magnetometer: Option<Stream>,
+        world_frame: WorldFrame,
+        options: OpenOptions,
+    ) -> Self {
+        Self {
+            gyroscope: Arc::new(gyroscope),
+            accelerometer: accelerometer.map(Arc::new),
+            magnetometer: magnetometer.map(Arc::new),
+            world_frame,
+            options,
+        }
     }
-    if let Some(stream) = magnetometer {
-        sensors.push(SensorKind::Magnetometer);
-        sources.push(Source::new(Sample::MagneticField, stream));
+
+    /// The stamps of the gyroscope.
+    pub(crate) fn stamps(&self) -> &[i64] {
+        &self.gyroscope.time_ns
     }
-    let metadata = Metadata {
-        name: NAME.to_owned(),
-        format: NAME.to_owned(),
-        world_frame,
-        ..Metadata::default()
-    };
-    Recording::from_events(metadata, &sensors, Merged(sources), options)
+
+    /// As a recording.
+    pub(crate) fn recording(&self) -> Recording {
+        let mut sensors = vec![SensorKind::Gyroscope];
+        let mut sources = vec![Source::new(Sample::AngularRate, &self.gyroscope)];
+        if let Some(stream) = &self.accelerometer {
+            sensors.push(SensorKind::Accelerometer);
+            sources.push(Source::new(Sample::SpecificForce, stream));
+        }
+        if let Some(stream) = &self.magnetometer {
+            sensors.push(SensorKind::Magnetometer);
+            sources.push(Source::new(Sample::MagneticField, stream));
+        }
+        let metadata = Metadata {
+            name: NAME.to_owned(),
+            format: NAME.to_owned(),
+            world_frame: self.world_frame,
+            ..Metadata::default()
+        };
+        Recording::from_events(metadata, &sensors, Merged(sources), &self.options)
+    }
 }

@@ -62,6 +62,23 @@ pub fn run_recording(
     Ok(summary)
 }
 
+/// Runs the estimator of `options` as [`run`] does and tells the observer the same estimates and innovations, but counts, scores and
+/// judges nothing: how many estimates there were, in less than half of the time.
+///
+/// # Errors
+/// The options are invalid, the events end in an error, or a calibration is refused.
+pub fn estimate<I, X>(
+    events: I,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<u64, EvaluationError>
+where
+    I: IntoIterator<Item = Result<Event, X>>,
+    X: std::error::Error + Send + Sync + 'static,
+{
+    Ok(run_with(events, options, observer, Tally::idle)?.estimates)
+}
+
 /// The options with what the recording says about itself.
 pub(crate) fn options_for(recording: &Recording, options: &RunOptions) -> RunOptions {
     RunOptions {
@@ -76,6 +93,22 @@ pub(crate) fn run_leniently<I, X>(
     events: I,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError>
+where
+    I: IntoIterator<Item = Result<Event, X>>,
+    X: std::error::Error + Send + Sync + 'static,
+{
+    run_with(events, options, observer, Tally::new)
+}
+
+/// What counts, scores and judges a run.
+type MakeTally = fn(&RunOptions) -> Tally;
+
+fn run_with<I, X>(
+    events: I,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+    tally: MakeTally,
 ) -> Result<RunSummary, EvaluationError>
 where
     I: IntoIterator<Item = Result<Event, X>>,
@@ -97,16 +130,16 @@ where
         EstimatorKind::Device => device::run(&mut instants, options, observer),
         EstimatorKind::Mekf if options.smooth => {
             let make = |config: &Parameters| Ok(Recorder::new(config.attitude)?);
-            run_smoothed(&mut instants, options, observer, &make)
+            run_smoothed(&mut instants, options, observer, (&make, tally))
         }
         EstimatorKind::BoundedVelocity if options.smooth => {
             let make = |config: &Parameters| {
                 let steps = Steps::default();
                 Ok(BoundedVelocity::observed(config.bounded_velocity, steps)?)
             };
-            run_smoothed(&mut instants, options, observer, &make)
+            run_smoothed(&mut instants, options, observer, (&make, tally))
         }
-        kind => run_filter(&mut instants, options, observer, kind),
+        kind => run_filter(&mut instants, options, observer, (kind, tally)),
     }?;
     if let Some(problem) = summary.reference.as_ref().and_then(|r| r.problem) {
         return Err(EvaluationError::Reference(Box::new(problem)));
@@ -148,12 +181,12 @@ fn run_filter(
     instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
-    kind: EstimatorKind,
+    (kind, tally): (EstimatorKind, MakeTally),
 ) -> Result<RunSummary, EvaluationError> {
     let make = |config: &Parameters| {
         AnyEstimator::new(kind, config)?.ok_or(EvaluationError::NoDeviceOrientation)
     };
-    let mut session = Session::new(options, &make)?;
+    let mut session = Session::new(options, &make, tally)?;
     if kind.uses_positions() {
         let rotation = match options.config.rotation {
             CascadeRotation::Estimated => AnyEstimator::attitude,
@@ -178,9 +211,9 @@ fn run_smoothed<S: Smoother>(
     instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
     options: &RunOptions,
     observer: &mut dyn RunObserver,
-    make: Make<'_, S>,
+    (make, tally): (Make<'_, S>, MakeTally),
 ) -> Result<RunSummary, EvaluationError> {
-    let mut session = Session::new(options, make)?;
+    let mut session = Session::new(options, make, tally)?;
     let mut records: Vec<(EstimateRecord, usize)> = Vec::new();
     for instant in instants {
         let record = session.step(&instant?, observer)?;
@@ -225,9 +258,13 @@ enum Phase<E> {
 }
 
 impl<'a, E: AttitudeEstimator<f64>> Session<'a, E> {
-    fn new(options: &'a RunOptions, make: Make<'a, E>) -> Result<Self, EvaluationError> {
+    fn new(
+        options: &'a RunOptions,
+        make: Make<'a, E>,
+        tally: MakeTally,
+    ) -> Result<Self, EvaluationError> {
         let in_force = options.in_force();
-        let mut tally = Tally::new(options);
+        let mut tally = tally(options);
         tally.configured(&in_force, options.calibration.as_ref());
         let phase = match options.calibrate_first_s {
             Some(seconds) => {

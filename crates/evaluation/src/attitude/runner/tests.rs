@@ -457,3 +457,41 @@ fn a_disturbed_magnetometer_is_gated_and_said() {
         "{verdict:?}"
     );
 }
+
+/// Keeps what it is told, as text: every digit of it.
+#[derive(Default)]
+struct Told(Vec<String>);
+
+impl RunObserver for Told {
+    fn estimate(&mut self, record: &EstimateRecord) {
+        self.0.push(format!("{record:?}"));
+    }
+
+    fn innovation(&mut self, record: &InnovationRecord) {
+        self.0.push(format!("{record:?}"));
+    }
+}
+
+#[test]
+fn estimates_alone_are_those_of_the_whole_run() {
+    let smoothed = RunOptions {
+        smooth: true,
+        ..lab(EstimatorKind::Mekf)
+    };
+    for options in [
+        lab(EstimatorKind::Mekf),
+        lab(EstimatorKind::CascadeEkf),
+        RunOptions::new(EstimatorKind::BoundedVelocity, Profile::default()),
+        smoothed,
+    ] {
+        let (mut alone, mut whole) = (Told::default(), Told::default());
+        let estimates = estimate(phone(2), &options, &mut alone).unwrap();
+        let summary = run(phone(2), &options, &mut whole).unwrap();
+        assert_eq!(estimates, summary.estimates);
+        assert!(alone.0 == whole.0 && alone.0.len() > 5000, "{options:?}");
+    }
+    // Nothing to estimate is a count here; the whole run says why.
+    let options = RunOptions::new(EstimatorKind::Mekf, Profile::default());
+    let short: Events = phone(2).into_iter().take(20).collect();
+    assert_eq!(estimate(short, &options, &mut ()).unwrap(), 0);
+}

@@ -56,6 +56,10 @@ impl Turn {
     /// This one, and another after it.
     #[must_use]
     pub fn then(&self, next: &Self) -> Self {
+        if self.by_bias == Matrix3::zeros() {
+            // No time has passed yet.
+            return *next;
+        }
         let c = next.matrix();
         Self {
             now_from_then: next.now_from_then * self.now_from_then,

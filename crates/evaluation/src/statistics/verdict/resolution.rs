@@ -17,6 +17,7 @@ pub struct Resolution {
     smallest: f64,
     steps: u32,
     on_grid: u32,
+    /// By the search before this one.
     found: Option<f64>,
 }
 
@@ -43,18 +44,25 @@ impl Resolution {
             return;
         }
         if self.steps == 0 || step < self.smallest * 0.6 {
+            self.found = self.found();
             (self.smallest, self.steps, self.on_grid) = (step, 0, 0);
         }
         let multiple = step / self.smallest;
         self.steps += 1;
         self.on_grid += u32::from((multiple - multiple.round()).abs() < 0.05);
-        if self.steps >= ENOUGH {
-            let share = f64::from(self.on_grid) / f64::from(self.steps);
-            self.found = (share >= SHARE).then_some(self.smallest);
-        }
         if self.steps >= RENEW {
+            self.found = self.found();
             self.steps = 0;
         }
+    }
+
+    /// The smallest step, where the others are multiples of it; what the search before found, while there are too few.
+    fn found(&self) -> Option<f64> {
+        if self.steps < ENOUGH {
+            return self.found;
+        }
+        let share = f64::from(self.on_grid) / f64::from(self.steps);
+        (share >= SHARE).then_some(self.smallest)
     }
 
     /// The step of the grid, where it is coarse enough to matter for this sensor.
@@ -66,7 +74,7 @@ impl Resolution {
             SensorKind::Magnetometer | SensorKind::MagnetometerUncalibrated => 0.05,
             _ => return None,
         };
-        self.found.filter(|step| *step >= matters)
+        self.found().filter(|step| *step >= matters)
     }
 }
 

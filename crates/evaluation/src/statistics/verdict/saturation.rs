@@ -70,10 +70,12 @@ impl Run {
     }
 
     fn is_saturated(&self, largest: f64) -> bool {
+        if self.length < RUN {
+            return false;
+        }
         let changed = (self.most - self.least).amax() > CHANGE * largest;
         let entered = self.entered > ENTERED * largest;
-        (self.length >= RUN && (changed || entered))
-            || (self.length >= LONG_RUN && !self.others_repeat)
+        changed || entered || (self.length >= LONG_RUN && !self.others_repeat)
     }
 }
 
@@ -95,6 +97,7 @@ impl Saturation {
             let at_end = size > least && size >= self.largest[axis].max(LEVEL * largest);
             match self.last.filter(|last| is_same(last[axis], sample[axis])) {
                 Some(last) => run.go_on(axis, [&last, sample], self.step[axis]),
+                None if run.length == 0 => continue,
                 None => *run = Run::default(),
             }
             if !run.is_saturated(largest) {
