@@ -1,0 +1,198 @@
+"""Bags of third-party tools run as the CSV of the same samples does, to the bit; ours are read by third-party tools."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from conftest import run_program
+
+START_NS = 1_700_000_000_000_000_000
+Samples = dict[str, list[tuple[int, list[float]]]]
+
+
+@pytest.fixture(scope="session")
+def drive() -> Samples:
+    """A minute of a car: 5 s of standstill, then a circle at 10 m/s; IMU 100 Hz, field 20 Hz, fixes 5 Hz; axes
+    forward, left, up and the world east, north, up."""
+    random = np.random.default_rng(8)
+    samples: Samples = {"imu": [], "mag": [], "fix": []}
+    heading, east, north, speed = 0.3, 0.0, 0.0, 0.0
+    for step in range(6000):
+        moves = step >= 500
+        acc, turn = (2.0 if moves and speed < 10.0 else 0.0), (0.1 if moves else 0.0)
+        speed, heading = speed + acc * 0.01, heading + turn * 0.01
+        east, north = east + speed * math.cos(heading) * 0.01, north + speed * math.sin(heading) * 0.01
+        time_ns = START_NS + step * 10_000_000
+        noise = random.normal(size=12)
+        rate = [0.002 * noise[0], 0.002 * noise[1], turn + 0.002 * noise[2]]
+        force = [acc + 0.05 * noise[3], speed * turn + 0.05 * noise[4], 9.81 + 0.05 * noise[5]]
+        samples["imu"].append((time_ns, [*rate, *force]))
+        if step % 5 == 0:
+            field = [21e-6 * math.sin(heading), 21e-6 * math.cos(heading), -43e-6]
+            samples["mag"].append((time_ns, [f + 0.3e-6 * n for f, n in zip(field, noise[6:9])]))
+        if step % 20 == 0:
+            latitude = 48.0 + math.degrees((north + 1.5 * noise[9]) / 6_371_000.0)
+            longitude = 9.0 + math.degrees((east + 1.5 * noise[10]) / 6_371_000.0 / math.cos(math.radians(48.0)))
+            samples["fix"].append((time_ns + 3_000_000, [latitude, longitude, 300.0 + 3.0 * noise[11]]))
+    return samples
+
+
+@pytest.fixture(scope="session")
+def table(drive: Samples, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The samples as our CSV."""
+    groups = [("gyro_{}_rad_s", "xyz"), ("acc_{}_m_s2", "xyz"), ("mag_{}_ut", "xyz")]
+    names = [name.format(axis) for name, axes in groups for axis in axes]
+    names += ["gnss_latitude_rad", "gnss_longitude_rad", "gnss_height_m", "gnss_std_n_m", "gnss_std_e_m",
+              "gnss_std_d_m", "gnss_quality"]
+    rows: dict[int, dict[str, float]] = {}
+    for time_ns, values in drive["imu"]:
+        rows.setdefault(time_ns, {}).update(zip(names[:6], values))
+    for time_ns, values in drive["mag"]:
+        rows.setdefault(time_ns, {}).update(zip(names[6:9], [value * 1e6 for value in values]))
+    for time_ns, (latitude, longitude, height) in drive["fix"]:
+        fix = [math.radians(latitude), math.radians(longitude), height, 1.5, 1.5, 3.0, 1]
+        rows.setdefault(time_ns, {}).update(zip(names[9:], fix))
+    path = tmp_path_factory.mktemp("table") / "drive.csv"
+    with path.open("w", newline="") as file:
+        out = csv.writer(file)
+        out.writerow(["t_ns", *names])
+        for time_ns, row in sorted(rows.items()):
+            out.writerow([time_ns, *(repr(float(row[name])) if name in row else "" for name in names)])
+    return path
+
+
+def messages(drive: Samples, store: Any) -> Iterator[tuple[str, str, int, Any]]:
+    """Topic, type, time of the log (later than the stamp) and message, in the order of time."""
+    kinds = store.types
+    zeros, time = np.zeros(9), kinds["builtin_interfaces/msg/Time"]
+    is_ros_1 = "seq" in kinds["std_msgs/msg/Header"].__dataclass_fields__
+
+    def header(time_ns: int, frame: str) -> Any:
+        words = {"stamp": time(sec=time_ns // 10**9, nanosec=time_ns % 10**9), "frame_id": frame}
+        return kinds["std_msgs/msg/Header"](**words, **({"seq": 7} if is_ros_1 else {}))
+
+    def vector(values: list[float]) -> Any:
+        return kinds["geometry_msgs/msg/Vector3"](*values)
+
+    def imu(time_ns: int, v: list[float]) -> Any:
+        nowhere = np.array([-1.0, 0, 0, 0, 0, 0, 0, 0, 0])
+        turned = kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        made = kinds["sensor_msgs/msg/Imu"]
+        return made(header(time_ns, "imu"), turned, nowhere, vector(v[:3]), zeros, vector(v[3:]), zeros)
+
+    def mag(time_ns: int, v: list[float]) -> Any:
+        return kinds["sensor_msgs/msg/MagneticField"](header(time_ns, "imu"), vector(v), zeros)
+
+    def fix(time_ns: int, v: list[float]) -> Any:
+        status = kinds["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
+        covariance = np.diag([2.25, 2.25, 9.0]).reshape(9)
+        return kinds["sensor_msgs/msg/NavSatFix"](header(time_ns, "gps"), status, *v, covariance, 2)
+
+    topics: list[tuple[str, str, Callable[[int, list[float]], Any], str]] = [
+        ("/imu/data_raw", "sensor_msgs/msg/Imu", imu, "imu"),
+        ("/imu/mag", "sensor_msgs/msg/MagneticField", mag, "mag"),
+        ("/fix", "sensor_msgs/msg/NavSatFix", fix, "fix"),
+    ]
+    every = [(t, topic, kind, make, v) for topic, kind, make, name in topics for t, v in drive[name]]
+    for time_ns, topic, kind, make, values in sorted(every, key=lambda one: one[0]):
+        yield topic, kind, time_ns + 1_000_000, make(time_ns, values)
+
+
+def write_bag_2(drive: Samples, path: Path, storage: StoragePlugin, mode: CompressionMode) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    writer = Writer2(path, version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connections: dict[str, Any] = {}
+        for topic, kind, log_ns, message in messages(drive, store):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_ns, store.serialize_cdr(message, kind))
+
+
+def assert_runs_as(table: Path, recording: Path, folder: Path) -> None:
+    """The estimates of the default estimator and of the GNSS/INS are the same bytes."""
+    for name, options in {"attitude": [], "navigation": ["--estimator", "error-state"]}.items():
+        outs = [folder / f"{name}-{which}.csv" for which in ("table", "bag")]
+        for source, out in zip((table, recording), outs):
+            run_program("run", source, "--out", out, "--force", *options)
+        expected, found = (out.read_text() for out in outs)
+        assert expected == found and len(expected.splitlines()) > 5000, (name, recording)
+
+
+BAGS = {
+    "mcap": (StoragePlugin.MCAP, CompressionMode.NONE),
+}
+
+
+@pytest.mark.parametrize("kind", BAGS)
+def test_a_bag_of_ros_2_runs_as_its_csv(kind: str, drive: Samples, table: Path, tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    write_bag_2(drive, bag, *BAGS[kind])
+    assert_runs_as(table, bag, tmp_path)
+    if kind == "mcap":
+        [file] = bag.glob("*.mcap")
+        assert_runs_as(table, file, tmp_path)
+
+
+def test_ours_is_read_by_rosbags_and_mcap(drive: Samples, table: Path, tmp_path: Path) -> None:
+    ours = tmp_path / "ours.mcap"
+    run_program("convert", table, ours)
+    expected = {"/imu/data_raw": drive["imu"], "/imu/mag": drive["mag"], "/fix": drive["fix"]}
+
+    def values(topic: str, message: Any) -> list[float]:
+        if topic == "/fix":
+            return [message.latitude, message.longitude, message.altitude]
+        vectors = [message.magnetic_field] if topic == "/imu/mag" else [
+            message.angular_velocity, message.linear_acceleration]
+        return [x for v in vectors for x in (v.x, v.y, v.z)]
+
+    def assert_equal(found: Samples) -> None:
+        assert found.keys() == expected.keys()
+        for topic, samples in expected.items():
+            assert [t for t, _ in found[topic]] == [t for t, _ in samples]
+            numbers = [np.array([v for _, v in s]) for s in (found[topic], samples)]
+            np.testing.assert_allclose(*numbers, rtol=1e-15)
+
+    found: Samples = {}
+    with ours.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            stamp = message.header.stamp
+            row = (stamp.sec * 10**9 + stamp.nanosec, values(channel.topic, message))
+            found.setdefault(channel.topic, []).append(row)
+    assert_equal(found)
+    found = {}
+    with AnyReader([ours]) as reader:
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            row = (stamp.sec * 10**9 + stamp.nanosec, values(connection.topic, message))
+            found.setdefault(connection.topic, []).append(row)
+    assert_equal(found)
+
+
+def test_a_track_is_read_by_rosbags_and_mcap(table: Path, tmp_path: Path) -> None:
+    out, track = tmp_path / "track.csv", tmp_path / "track.mcap"
+    for path in (out, track):
+        run_program("run", table, "--estimator", "error-state", "--out", path)
+    with track.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        decoded = [message for *_, message in reader.iter_decoded_messages()]
+    with AnyReader([track]) as any_reader:
+        kinds = [connection.msgtype for connection, _, _ in any_reader.messages()]
+    assert len(kinds) == len(decoded) > 100 and set(kinds) == {"sensor_msgs/msg/NavSatFix"}
+    assert all(abs(message.latitude - 48.0) < 0.01 and message.position_covariance[0] > 0 for message in decoded)
