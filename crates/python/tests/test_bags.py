@@ -13,6 +13,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
@@ -135,6 +136,11 @@ def assert_runs_as(table: Path, recording: Path, folder: Path) -> None:
 
 BAGS = {
     "mcap": (StoragePlugin.MCAP, CompressionMode.NONE),
+    "mcap-file": (StoragePlugin.MCAP, CompressionMode.FILE),
+    "mcap-message": (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    "sqlite": (StoragePlugin.SQLITE3, CompressionMode.NONE),
+    "sqlite-file": (StoragePlugin.SQLITE3, CompressionMode.FILE),
+    "sqlite-message": (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
 }
 
 
@@ -143,9 +149,25 @@ def test_a_bag_of_ros_2_runs_as_its_csv(kind: str, drive: Samples, table: Path, 
     bag = tmp_path / "bag"
     write_bag_2(drive, bag, *BAGS[kind])
     assert_runs_as(table, bag, tmp_path)
-    if kind == "mcap":
-        [file] = bag.glob("*.mcap")
+    if kind in {"mcap", "sqlite", "sqlite-message"}:
+        [file] = [*bag.glob("*.mcap"), *bag.glob("*.db3")]
         assert_runs_as(table, file, tmp_path)
+
+
+@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat])
+def test_a_bag_of_ros_1_runs_as_its_csv(compression: Any, drive: Samples, table: Path, tmp_path: Path) -> None:
+    bag = tmp_path / "drive.bag"
+    store = get_typestore(Stores.ROS1_NOETIC)
+    writer = Writer1(bag)
+    if compression:
+        writer.set_compression(compression)
+    with writer:
+        connections: dict[str, Any] = {}
+        for topic, kind, log_ns, message in messages(drive, store):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_ns, store.serialize_ros1(message, kind))
+    assert_runs_as(table, bag, tmp_path)
 
 
 def test_ours_is_read_by_rosbags_and_mcap(drive: Samples, table: Path, tmp_path: Path) -> None:

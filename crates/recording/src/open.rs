@@ -16,16 +16,10 @@ use crate::{
 /// Bytes that are looked at to tell the format.
 const SAMPLE_BYTES: usize = 4096;
 
-/// What is said of a database, such as a bag of ROS 2 in SQLite.
-pub(crate) const SQLITE: &str = "it is a database of SQLite, as bags of ROS 2 (.db3) may be, which is not read; convert the \
-    bag to MCAP with `ros2 bag convert`, or without ROS with `pip install rosbags` and \
-    `rosbags-convert --src BAG --dst NEW --dst-storage mcap`";
+/// What a database of SQLite begins with, such as a bag of ROS 2.
+pub(crate) const SQLITE: &[u8] = b"SQLite format 3\0";
 /// What is said of a workbook of Excel.
 const EXCEL: &str = "it is a workbook of Excel, which is not read; export the recording as CSV (in phyphox: Export Data, CSV)";
-/// What is said of a bag of ROS 1.
-const ROS_1: &str = "it is a bag of ROS 1, which is not read; convert it to a bag of ROS 2 in MCAP with `pip install rosbags` \
-    and `rosbags-convert --src BAG --dst NEW --dst-storage mcap`";
-
 /// Opens a recording: a file, or a folder of Sensor Logger, of phyphox, of a bag of ROS 2 or with KF-GINS's tables. The format is told by content, or by
 /// `options.format`. Nothing but the head of the file is read yet.
 ///
@@ -155,12 +149,10 @@ pub(crate) fn open_data_file(
         };
     }
     let mut input = open_file(path, file)?;
+    let head = head(&mut input).map_err(|error| RecordingError::io(file, "open it", error))?;
     let format = match format {
         Some(format) => format,
-        None => {
-            let head = head(&mut input).map_err(|error| RecordingError::io(file, "open it", error));
-            detect(&head?, file)?
-        }
+        None => detect(&head, file)?,
     };
     let input = open_file(path, file)?;
     match format {
@@ -171,6 +163,10 @@ pub(crate) fn open_data_file(
         Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
         #[cfg(feature = "parquet")]
         Format::Parquet => crate::parquet::open(input, file, metadata),
+        #[cfg(feature = "mcap")]
+        Format::Mcap if head.starts_with(SQLITE) => {
+            crate::mcap::open_database(path, file, metadata, options.device.as_deref())
+        }
         #[cfg(feature = "mcap")]
         Format::Mcap => {
             crate::mcap::open(Box::new(input), file, metadata, options.device.as_deref())
@@ -239,17 +235,14 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     if head.starts_with(b"PAR1") {
         return Ok(Format::Parquet);
     }
-    if head.starts_with(b"\x89MCAP") {
+    if [&b"\x89MCAP"[..], SQLITE, b"#ROSBAG V"]
+        .iter()
+        .any(|magic| head.starts_with(magic))
+    {
         return Ok(Format::Mcap);
     }
     if head.starts_with(b"ULog\x01\x12\x35") {
         return Ok(Format::Ulog);
-    }
-    if head.starts_with(b"SQLite format 3\0") {
-        return Err(RecordingError::unsupported(file, SQLITE));
-    }
-    if head.starts_with(b"#ROSBAG V") {
-        return Err(RecordingError::unsupported(file, ROS_1));
     }
     if head.starts_with(b"PK\x03\x04") {
         return Ok(Format::SensorLogger);

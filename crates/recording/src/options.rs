@@ -110,7 +110,7 @@ named_values! {
         SensorLogger = "sensor-logger",
         /// A table of phyphox; its zips and folders are told by content.
         Phyphox = "phyphox",
-        /// MCAP: recordings of the lab, ROS 2 messages (feature `mcap`).
+        /// MCAP: recordings of the lab, ROS 2 messages; and bags of ROS 1 and in SQLite (feature `mcap`).
         Mcap = "mcap",
         /// NMEA 0183: a log of sentences.
         Nmea = "nmea",

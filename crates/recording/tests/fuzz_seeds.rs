@@ -1,8 +1,16 @@
 //! The seeds of the fuzz targets: small files of every format, made by our own writers.
 //!
 //! `NORTHING_BLESS=1 cargo test -p northing-recording --all-features --test fuzz_seeds` makes them anew.
-#![cfg(all(feature = "mcap", feature = "parquet", feature = "ulog"))]
+#![cfg(all(
+    feature = "mcap",
+    feature = "parquet",
+    feature = "sqlite",
+    feature = "ulog"
+))]
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
+
+#[path = "support/ros.rs"]
+mod ros;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -64,6 +72,13 @@ fn written(name: &str) -> Vec<u8> {
         .iter()
         .for_each(|event| writer.write(event).unwrap());
     writer.finish().unwrap();
+    fs::read(path).unwrap()
+}
+
+fn sqlite_bag() -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.db3");
+    ros::database(&path, &ros::drive(0..4), <[u8]>::to_vec);
     fs::read(path).unwrap()
 }
 
@@ -185,6 +200,13 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
         ),
         ("mcap", "ros.mcap", written("ros.mcap"), Some(Format::Mcap)),
         ("mcap", "lab.mcap", lab(), Some(Format::Mcap)),
+        (
+            "ros_1",
+            "imu.bag",
+            ros::bag_of_ros_1(&ros::drive(0..4), "none"),
+            Some(Format::Mcap),
+        ),
+        ("sqlite_bag", "imu.db3", sqlite_bag(), None),
         (
             "sensor_logger",
             "walk.zip",

@@ -2,156 +2,19 @@
 #![cfg(feature = "mcap")]
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::io::Cursor;
 use std::path::Path;
 
 use northing_recording::{
     Event, OpenOptions, Recording, Sample, SensorKind, create, open, read_bytes,
 };
 
-const START_NS: i64 = 1_763_697_600_000_000_000;
+#[path = "support/ros.rs"]
+mod ros;
 
-/// A message in CDR: bytes behind its header.
-struct Cdr(Vec<u8>);
-
-impl Cdr {
-    /// A message with a header of this time and frame.
-    fn new(time_ns: i64, frame: &str) -> Self {
-        let mut cdr = Self(vec![0, 1, 0, 0]);
-        cdr.0
-            .extend(((time_ns / 1_000_000_000) as i32).to_le_bytes());
-        cdr.0
-            .extend(((time_ns % 1_000_000_000) as u32).to_le_bytes());
-        cdr.text(frame);
-        cdr
-    }
-
-    fn text(&mut self, text: &str) {
-        self.align(4);
-        self.0.extend((text.len() as u32 + 1).to_le_bytes());
-        self.0.extend(text.as_bytes());
-        self.0.push(0);
-    }
-
-    fn align(&mut self, size: usize) {
-        while !(self.0.len() - 4).is_multiple_of(size) {
-            self.0.push(0);
-        }
-    }
-
-    fn numbers(mut self, values: &[f64]) -> Self {
-        self.align(8);
-        self.0.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-        self
-    }
-}
-
-fn imu(time_ns: i64, frame: &str, k: f64) -> Vec<u8> {
-    let orientation = [
-        0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    ];
-    let rate = [0.1 + 0.01 * k.sin(), 0.2, -0.1];
-    let force = [0.3, 0.01 * k.cos(), 9.8];
-    let cdr = Cdr::new(time_ns, frame).numbers(&orientation);
-    cdr.numbers(&rate)
-        .numbers(&[0.0; 9])
-        .numbers(&force)
-        .numbers(&[0.0; 9])
-        .0
-}
-
-fn field(time_ns: i64, frame: &str, x_t: f64) -> Vec<u8> {
-    let cdr = Cdr::new(time_ns, frame);
-    cdr.numbers(&[x_t, 2e-6, -41e-6]).numbers(&[0.0; 9]).0
-}
-
-/// A fix; `covariance` with its kind.
-fn fix(time_ns: i64, status: i8, latitude_deg: f64, covariance: ([f64; 9], u8)) -> Vec<u8> {
-    let mut cdr = Cdr::new(time_ns, "gps");
-    cdr.0.push(status.to_le_bytes()[0]);
-    cdr.align(2);
-    cdr.0.extend([1, 0]);
-    let mut cdr = cdr
-        .numbers(&[latitude_deg, 10.123, 321.5])
-        .numbers(&covariance.0);
-    cdr.0.push(covariance.1);
-    cdr.0
-}
-
-fn twist(time_ns: i64, enu: [f64; 3]) -> Vec<u8> {
-    Cdr::new(time_ns, "gps").numbers(&enu).numbers(&[0.0; 3]).0
-}
-
-fn twist_with_covariance(time_ns: i64, enu: [f64; 3], variances: [f64; 3]) -> Vec<u8> {
-    let mut covariance = [0.0; 36];
-    for axis in 0..3 {
-        covariance[7 * axis] = variances[axis];
-    }
-    let cdr = Cdr::new(time_ns, "gps").numbers(&enu).numbers(&[0.0; 3]);
-    cdr.numbers(&covariance).0
-}
-
-/// A message: topic, type, time, bytes.
-type Sent = (&'static str, &'static str, i64, Vec<u8>);
-
-fn bag(messages: &[Sent]) -> Vec<u8> {
-    let mut file = mcap::WriteOptions::new()
-        .compression(None)
-        .create(Cursor::new(Vec::new()))
-        .unwrap();
-    let mut channels = BTreeMap::new();
-    for (topic, kind, time_ns, bytes) in messages {
-        let id = *channels.entry(*topic).or_insert_with(|| {
-            let schema = file.add_schema(kind, "ros2msg", b"-").unwrap();
-            file.add_channel(schema, topic, "cdr", &BTreeMap::new())
-                .unwrap()
-        });
-        let header = mcap::records::MessageHeader {
-            channel_id: id,
-            sequence: 0,
-            log_time: *time_ns as u64,
-            publish_time: *time_ns as u64,
-        };
-        file.write_to_known_channel(&header, bytes).unwrap();
-    }
-    file.finish().unwrap();
-    file.into_inner().into_inner()
-}
-
-const IMU: &str = "sensor_msgs/msg/Imu";
-const FIELD: &str = "sensor_msgs/msg/MagneticField";
-const FIX: &str = "sensor_msgs/msg/NavSatFix";
-const TWIST: &str = "geometry_msgs/msg/TwistStamped";
-const KNOWN: ([f64; 9], u8) = ([4.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 16.0], 2);
-
-fn at(index: i64) -> i64 {
-    START_NS + index * 10_000_000
-}
-
-/// Some seconds of an Imu and its field, with fixes and velocities every second from `first` on.
-fn drive(samples: std::ops::Range<i64>) -> Vec<Sent> {
-    let mut sent = Vec::new();
-    for k in samples {
-        sent.push(("/imu/data_raw", IMU, at(k), imu(at(k), "imu", k as f64)));
-        if k % 4 == 0 {
-            sent.push(("/imu/mag", FIELD, at(k), field(at(k), "imu", 20.3e-6)));
-        }
-        if k % 100 == 0 {
-            let latitude = 48.0 + 1e-7 * k as f64 / 3.0;
-            sent.push(("/gps/fix", FIX, at(k), fix(at(k), 0, latitude, KNOWN)));
-            sent.push((
-                "/gps/vel",
-                TWIST,
-                at(k),
-                twist(at(k), [0.3, 1.0 / 3.0, 0.0]),
-            ));
-            sent.push(("/cmd_vel", TWIST, at(k), twist(at(k), [9.0, 9.0, 9.0])));
-        }
-    }
-    sent
-}
+use ros::{
+    Cdr, FIELD, FIX, IMU, KNOWN, Sent, at, bag, drive, field, fix, imu, twist_with_covariance,
+};
 
 fn opened(bytes: Vec<u8>, device: Option<&str>) -> Recording {
     let options = OpenOptions {
@@ -376,11 +239,9 @@ fn a_folder_of_several_files_is_one_recording() {
         metadata_yaml(&["../bag_0.mcap"]),
     )
     .unwrap();
-    assert!(
-        refusal(path).contains(
-            "its metadata.yaml lists `../bag_0.mcap`, which is no .mcap file of the folder"
-        )
-    );
+    assert!(refusal(path).contains(
+        "its metadata.yaml lists `../bag_0.mcap`, which is no .mcap or .db3 file of the folder"
+    ));
     let many = vec!["bag_0.mcap"; 1001];
     fs::write(path.join("metadata.yaml"), metadata_yaml(&many)).unwrap();
     assert!(refusal(path).contains("the bag: 1001 files; at most 1000 are read"));
@@ -396,22 +257,6 @@ fn a_folder_of_several_files_is_one_recording() {
             }
         }
     }
-}
-
-#[test]
-fn bags_in_sqlite_and_of_ros_1_are_refused_with_what_to_do() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path();
-    let database = path.join("bag_0.db3");
-    fs::write(&database, b"SQLite format 3\0 and more").unwrap();
-    for path in [path, &database] {
-        assert!(refusal(path).contains("rosbags-convert --src BAG --dst NEW --dst-storage mcap"));
-    }
-    fs::write(path.join("metadata.yaml"), metadata_yaml(&["bag_0.db3"])).unwrap();
-    assert!(refusal(path).contains("ros2 bag convert"));
-    let old = path.join("old.bag");
-    fs::write(&old, b"#ROSBAG V2.0\n").unwrap();
-    assert!(refusal(&old).contains("it is a bag of ROS 1"));
 }
 
 #[test]

@@ -39,7 +39,10 @@ fn no_such_file() {
 fn not_a_recording() {
     contains(
         &refused("dear diary\nnothing happened\n"),
-        &["not a recording", "expected Parquet, MCAP, CSV"],
+        &[
+            "not a recording",
+            "expected Parquet, MCAP, a bag of ROS, CSV",
+        ],
     );
     contains(
         &refused([0_u8, 159, 146, 150, 0, 7]),

@@ -1,4 +1,4 @@
-//! The folder that `ros2 bag record` makes: `metadata.yaml` and files of MCAP, one after the other.
+//! The folder that `ros2 bag record` makes: `metadata.yaml` and files of MCAP or SQLite, one after the other.
 //!
 //! Of `metadata.yaml` only the names of the files, their order and the kind of storage are read. A recorder that was
 //! stopped leaves none; then the files are taken in the order of their numbers.
@@ -6,7 +6,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
-use super::file::{Contents, End, Messages, contents};
+use super::bag_file::messages;
+use super::file::{Contents, End, MCAP, contents};
 use super::ros_source::RosSource;
 use super::topics::{self, Topics};
 use super::{devices, nothing};
@@ -15,9 +16,7 @@ use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
 use crate::limits::{BAG_FILES, read_description};
 use crate::metadata::Metadata;
-use crate::open::{SQLITE, has_extension};
 use crate::recording::{EventSource, Opened};
-use crate::text::open_file;
 
 const METADATA: &str = "metadata.yaml";
 
@@ -40,7 +39,7 @@ pub(crate) fn open_folder(
     let Some((topics, notes)) = topics::choose(&contents, device, file)? else {
         return Err(nothing(file, &contents));
     };
-    "mcap".clone_into(&mut metadata.format);
+    contents.format.clone_into(&mut metadata.format);
     let mut seen = [false; SensorKind::ALL.len()];
     let (mut source, mut issues) = (Bag::new(&paths, &topics), Issues::default());
     while let Some(event) = source.next_event(&mut issues)? {
@@ -65,16 +64,13 @@ fn files(folder: &Path, file: &str) -> Result<Option<Vec<PathBuf>>> {
         }
     }
     let failed = |error| RecordingError::io(file, "list the folder", error);
-    let (mut found, mut has_sqlite) = (Vec::new(), false);
+    let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        has_sqlite |= has_extension(&path, "db3");
-        if has_extension(&path, "mcap") {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if is_bag_file(&name) {
             found.push(path);
         }
-    }
-    if found.is_empty() && has_sqlite {
-        return Err(RecordingError::unsupported(file, SQLITE));
     }
     // `bag_2` comes before `bag_10`.
     found.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
@@ -91,25 +87,14 @@ fn listed(folder: &Path, text: &str, file: &str) -> Result<Vec<PathBuf>> {
             Some(name) if is_list => names.push(unquoted(name)),
             _ => is_list = line == "relative_file_paths:",
         }
-        if let Some(("compression_mode", mode)) = line.split_once(':')
-            && unquoted(mode).eq_ignore_ascii_case("file")
-        {
-            return refused(
-                "its files are compressed as a whole; unpack them, e.g. with `zstd -d`, and open the .mcap files"
-                    .to_owned(),
-            );
-        }
-    }
-    if names.iter().any(|name| name.ends_with(".db3")) {
-        return refused(SQLITE.to_owned());
     }
     if names.is_empty() {
         return refused(format!("its {METADATA} lists no file"));
     }
     for name in &names {
-        if name.contains(['/', '\\']) || !name.ends_with(".mcap") {
+        if name.contains(['/', '\\']) || !is_bag_file(name) {
             return refused(format!(
-                "its {METADATA} lists `{}`, which is no .mcap file of the folder",
+                "its {METADATA} lists `{}`, which is no .mcap or .db3 file of the folder",
                 shown(name)
             ));
         }
@@ -117,20 +102,24 @@ fn listed(folder: &Path, text: &str, file: &str) -> Result<Vec<PathBuf>> {
     Ok(names.into_iter().map(|name| folder.join(name)).collect())
 }
 
-fn messages(path: &Path) -> Result<Messages> {
-    let file = path.display().to_string();
-    Messages::new(Box::new(open_file(path, &file)?), &file)
+/// Whether a name is one of the files of a bag, perhaps compressed as a whole.
+fn is_bag_file(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    let name = name.strip_suffix(".zstd").unwrap_or(&name);
+    name.ends_with(".mcap") || name.ends_with(".db3")
 }
 
 /// The channels of all files together.
 fn contents_of_all(paths: &[PathBuf], file: &str) -> Result<Contents> {
     let mut all = Contents {
+        format: MCAP,
         channels: Vec::new(),
         frames: BTreeMap::new(),
         end: End::Complete,
     };
     for path in paths {
         let found = contents(&mut messages(path)?, &path.display().to_string())?;
+        all.format = found.format;
         for channel in found.channels {
             if all.channels.iter().all(|c| c.topic != channel.topic) {
                 all.channels.push(channel);

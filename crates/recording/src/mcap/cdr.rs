@@ -1,4 +1,4 @@
-//! CDR, the bytes of ROS 2 messages: what `Imu`, `MagneticField` and their header need, no more.
+//! CDR, the bytes of ROS 2 messages, and those of ROS 1: what `Imu`, `MagneticField` and their header need, no more.
 //!
 //! Read first: OMG DDSI-RTPS, section 10 (encapsulation header), and CORBA's CDR: numbers stand on
 //! multiples of their size, counted from behind the 4 bytes of the encapsulation header; a string is
@@ -6,6 +6,9 @@
 
 /// Plain CDR, little-endian.
 const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
+/// Stands in front of messages of ROS 1, which have no header of their own: as CDR without gaps between the numbers,
+/// texts without a closing zero, and a number in front of the stamp.
+pub(crate) const ROS_1: [u8; 4] = [b'R', b'1', 0, 0];
 const HEADER: usize = 4;
 /// Longest string that is read: names of frames are short.
 const LONGEST_STRING: usize = 4096;
@@ -70,27 +73,39 @@ pub(crate) struct CdrReader<'a> {
     bytes: &'a [u8],
     at: usize,
     big_endian: bool,
+    is_ros_1: bool,
 }
 
 impl<'a> CdrReader<'a> {
     /// A reader behind the encapsulation header, plain CDR of either byte order.
     pub(crate) fn new(bytes: &'a [u8]) -> Option<Self> {
         let (header, rest) = bytes.split_first_chunk::<HEADER>()?;
+        let is_ros_1 = *header == ROS_1;
         let big_endian = match header[..2] {
             [0, 0] => true,
             [0, 1] => false,
+            _ if is_ros_1 => false,
             _ => return None,
         };
         Some(Self {
             bytes: rest,
             at: 0,
             big_endian,
+            is_ros_1,
         })
+    }
+
+    /// Whether the message is one of ROS 1.
+    pub(crate) fn is_ros_1(&self) -> bool {
+        self.is_ros_1
     }
 
     /// A number of `N` bytes, little-endian.
     pub(crate) fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let at = self.at.next_multiple_of(N);
+        let at = match self.is_ros_1 {
+            true => self.at,
+            false => self.at.next_multiple_of(N),
+        };
         let mut bytes: [u8; N] = self.bytes.get(at..at + N)?.try_into().ok()?;
         self.at = at + N;
         if self.big_endian {

@@ -36,7 +36,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Bytes behind their length.
-    fn block(&mut self) -> Option<&'a [u8]> {
+    pub(super) fn block(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()?;
         self.bytes(usize::try_from(length).ok()?)
     }

@@ -1,5 +1,6 @@
-//! The messages of an MCAP file, one after the other, up to its end or up to where it is cut or damaged.
+//! The messages of an MCAP file or a bag, one after the other, up to its end or up to where it is cut or damaged.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::sync::Arc;
@@ -7,15 +8,21 @@ use std::sync::Arc;
 use ::mcap::records::op;
 use ::mcap::{Channel, Message};
 
+use super::bag_file::ZSTD;
 use super::definitions::{Definitions, Fields};
 use super::records::{Records, Stop};
 use super::ros::{self, IMU, MAGNETIC_FIELD};
+use super::ros_1;
 use super::topics::is;
-use crate::error::{RecordingError, Result};
+use crate::error::{RecordingError, Result, shown};
 use crate::issues::Issues;
+use crate::limits::{self, BLOCK};
 
 /// What every MCAP file starts and every complete one ends with.
 pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+
+/// The name of the format.
+pub(super) const MCAP: &str = "mcap";
 
 /// A file or bytes in memory.
 pub(crate) trait Input: Read + Seek + Send {}
@@ -62,27 +69,44 @@ impl End {
     }
 }
 
+/// A container of messages: what is particular to MCAP, to a database of ROS 2, to a bag of ROS 1.
+pub(super) trait Container: Send {
+    /// Its name, as [`crate::Metadata`] has it.
+    fn format(&self) -> &'static str;
+
+    /// The next message; `None` at the end of a complete file.
+    fn next(&mut self) -> std::result::Result<Option<Message<'static>>, Stop>;
+
+    /// From the beginning again.
+    fn again(self: Box<Self>, file: &str) -> Result<Box<dyn Container>>;
+}
+
 /// The messages of a file in the order in which they were written. Memory does not grow with the file.
 pub(crate) struct Messages {
-    records: Records,
-    definitions: Definitions,
-    complete: bool,
-    begun: bool,
+    container: Box<dyn Container>,
+    /// Bytes of messages that were compressed by themselves, packed and unpacked.
+    unpacked: (u64, u64),
     end: Option<End>,
 }
 
 impl Messages {
-    /// Starts at the beginning of `input`.
+    /// Starts at the beginning of `input`: MCAP, or a bag of ROS 1.
     pub(crate) fn new(mut input: Box<dyn Input>, file: &str) -> Result<Self> {
-        let complete = has_end(&mut input);
-        let complete = complete.map_err(|error| RecordingError::io(file, "read it", error))?;
-        Ok(Self {
-            records: Records::new(input, file)?,
-            definitions: Definitions::default(),
-            complete,
-            begun: false,
+        let is_ros_1 = ros_1::recognises(&mut input);
+        let is_ros_1 = is_ros_1.map_err(|error| RecordingError::io(file, "read it", error))?;
+        Ok(Self::of(if is_ros_1 {
+            ros_1::container(input, file)?
+        } else {
+            Box::new(Mcap::new(input, file)?)
+        }))
+    }
+
+    pub(super) fn of(container: Box<dyn Container>) -> Self {
+        Self {
+            container,
+            unpacked: (0, 0),
             end: None,
-        })
+        }
     }
 
     /// How it ended, once it has.
@@ -105,10 +129,58 @@ impl Messages {
 
     /// From the beginning again.
     pub(crate) fn again(self, file: &str) -> Result<Self> {
-        Self::new(self.records.into_input(), file)
+        Ok(Self::of(self.container.again(file)?))
+    }
+}
+
+/// A message as it was before its recorder compressed it by itself (`compression_mode: message`); `bytes` counts all of
+/// them, packed and unpacked. No message of ROS begins as zstd does.
+fn unpacked(
+    mut message: Message<'static>,
+    bytes: &mut (u64, u64),
+) -> std::result::Result<Message<'static>, Stop> {
+    if message.channel.message_encoding != "cdr" || !message.data.starts_with(ZSTD) {
+        return Ok(message);
+    }
+    let mut data = Vec::new();
+    let decoder = zstd::Decoder::new(&message.data[..]);
+    let read = decoder.and_then(|decoder| decoder.take(BLOCK.most + 1).read_to_end(&mut data));
+    read.map_err(|error| Stop::Cut(shown(&error.to_string())))?;
+    Stop::check(BLOCK, data.len() as u64)?;
+    bytes.0 += message.data.len() as u64;
+    bytes.1 += data.len() as u64;
+    Stop::check(limits::unpacked(bytes.0), bytes.1)?;
+    message.data = Cow::Owned(data);
+    Ok(message)
+}
+
+/// The messages of an MCAP file.
+struct Mcap {
+    records: Records,
+    definitions: Definitions,
+    complete: bool,
+    begun: bool,
+}
+
+impl Mcap {
+    fn new(mut input: Box<dyn Input>, file: &str) -> Result<Self> {
+        let complete = has_end(&mut input);
+        let complete = complete.map_err(|error| RecordingError::io(file, "read it", error))?;
+        Ok(Self {
+            records: Records::new(input, file)?,
+            definitions: Definitions::default(),
+            complete,
+            begun: false,
+        })
+    }
+}
+
+impl Container for Mcap {
+    fn format(&self) -> &'static str {
+        MCAP
     }
 
-    fn read(&mut self) -> std::result::Result<Option<Message<'static>>, Stop> {
+    fn next(&mut self) -> std::result::Result<Option<Message<'static>>, Stop> {
         if !std::mem::replace(&mut self.begun, true) {
             self.records.begin()?;
         }
@@ -120,7 +192,14 @@ impl Messages {
                 _ => {}
             }
         }
-        Ok(None)
+        if self.complete {
+            return Ok(None);
+        }
+        Err(Stop::in_the_middle())
+    }
+
+    fn again(self: Box<Self>, file: &str) -> Result<Box<dyn Container>> {
+        Ok(Box::new(Self::new(self.records.into_input(), file)?))
     }
 }
 
@@ -131,11 +210,14 @@ impl Iterator for Messages {
         if self.end.is_some() {
             return None;
         }
-        let next = self.read();
+        let next = self.container.next();
+        let next = next.and_then(|message| {
+            let unpacked = message.map(|message| unpacked(message, &mut self.unpacked));
+            unpacked.transpose()
+        });
         self.end = match &next {
             Ok(Some(_)) => None,
-            Ok(None) if self.complete => Some(End::Complete),
-            Ok(None) => Some(End::Stopped(Stop::in_the_middle())),
+            Ok(None) => Some(End::Complete),
             Err(stop) => Some(End::Stopped(stop.clone())),
         };
         next.ok().flatten()
@@ -157,6 +239,7 @@ pub(crate) fn has_end(input: &mut (impl Read + Seek)) -> std::io::Result<bool> {
 
 /// The channels of a file, each once, and how the file ended.
 pub(crate) struct Contents {
+    pub(crate) format: &'static str,
     pub(crate) channels: Vec<Arc<Channel<'static>>>,
     /// The frame in the first message of each topic of sensors of ROS 2.
     pub(crate) frames: BTreeMap<String, String>,
@@ -186,6 +269,7 @@ pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> 
     let end = messages.end().cloned().unwrap_or(End::Complete);
     end.check(file)?;
     Ok(Contents {
+        format: messages.container.format(),
         channels,
         frames,
         end,

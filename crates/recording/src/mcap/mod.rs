@@ -9,12 +9,14 @@
 //! | `sensor_msgs/Imu`, `MagneticField` as bytes | `ros.rs`, `cdr.rs` |
 //! | other messages | `nav_sat_fix.rs`, `pose_twist.rs` |
 //! | which topics are read | `topics.rs` |
-//! | a folder of such files | `bag.rs` |
+//! | a folder of such files | `bag.rs`, `bag_file.rs` |
+//! | bags in SQLite (`.db3`), bags of ROS 1 | `sqlite.rs`, `ros_1.rs` |
 //! | reading and writing them | `ros_source.rs`, `ros_writer.rs` |
 //!
 //! Read first: `docs/formats.md`, section "MCAP", and the specification at <https://mcap.dev/spec>.
 
 pub(crate) mod bag;
+mod bag_file;
 mod cdr;
 mod definitions;
 mod file;
@@ -26,8 +28,11 @@ mod pose_twist;
 mod records;
 mod recover;
 mod ros;
+mod ros_1;
 mod ros_source;
 mod ros_writer;
+#[cfg(feature = "sqlite")]
+mod sqlite;
 mod topics;
 
 use std::collections::BTreeSet;
@@ -42,6 +47,7 @@ use crate::issues::Issues;
 use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
 use crate::text::open_file;
+pub(crate) use bag_file::open_database;
 pub(crate) use file::Input;
 use file::{End, Messages, contents};
 use lab_source::LabSource;
@@ -51,22 +57,31 @@ pub use lab::{LabRecord, LabWriter, RecordKind};
 pub use recover::{Recovered, is_complete, recover};
 pub use ros_writer::{RosWriter, has_topic};
 
-/// Opens a recording of the lab or of ROS 2; `device` is the device or topic where there are several.
+/// Opens a recording of the lab, of ROS 2 in MCAP, or a bag of ROS 1; `device` is the device or topic where there are several.
 pub(crate) fn open(
     input: Box<dyn Input>,
+    file: &str,
+    metadata: Metadata,
+    device: Option<&str>,
+) -> Result<Opened> {
+    open_messages(Messages::new(input, file)?, file, metadata, device)
+}
+
+/// Opens the messages of one file.
+fn open_messages(
+    mut messages: Messages,
     file: &str,
     mut metadata: Metadata,
     device: Option<&str>,
 ) -> Result<Opened> {
-    let mut messages = Messages::new(input, file)?;
     let contents = contents(&mut messages, file)?;
+    contents.format.clone_into(&mut metadata.format);
     if let (true, Some(why)) = (contents.channels.is_empty(), contents.end.why()) {
         return Err(RecordingError::damaged(
             file,
             format!("{why}; nothing in it can be read"),
         ));
     }
-    metadata.format = "mcap".to_owned();
     let devices = devices(&contents.channels);
     let messages = messages.again(file)?;
     let mut notes = Vec::new();
@@ -149,7 +164,12 @@ fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
     RecordingError::not_a_recording(
         file,
         format!(
-            "MCAP with the topics {}, of which none is a device of the lab, sensor_msgs/msg/Imu or NavSatFix",
+            "{} with the topics {}, of which none is a device of the lab, sensor_msgs/msg/Imu or NavSatFix",
+            if contents.format == file::MCAP {
+                "MCAP"
+            } else {
+                "a bag"
+            },
             join(topics)
         ),
     )

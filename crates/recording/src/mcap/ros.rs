@@ -131,16 +131,24 @@ pub(crate) fn header(out: &mut CdrWriter, time_ns: i64, frame: &str) -> Option<(
 }
 
 pub(crate) fn stamp(input: &mut CdrReader<'_>, log_time_ns: i64) -> Option<i64> {
-    let (seconds, ns) = (input.i32()?, input.u32()?);
+    let time_ns = time(input)?;
     input.skip_string()?;
-    let time_ns = i64::from(seconds) * NS_PER_S + i64::from(ns);
     Some(if time_ns == 0 { log_time_ns } else { time_ns })
+}
+
+/// The stamp alone.
+fn time(input: &mut CdrReader<'_>) -> Option<i64> {
+    if input.is_ros_1() {
+        let _sequence = input.u32()?;
+    }
+    let (seconds, ns) = (input.i32()?, input.u32()?);
+    Some(i64::from(seconds) * NS_PER_S + i64::from(ns))
 }
 
 /// The frame in the header of a message.
 pub(crate) fn frame(bytes: &[u8]) -> Option<&str> {
     let mut input = CdrReader::new(bytes)?;
-    let _stamp = (input.i32()?, input.u32()?);
+    let _stamp = time(&mut input)?;
     input.string()
 }
 

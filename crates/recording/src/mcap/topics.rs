@@ -137,7 +137,7 @@ fn is_velocity_of(topic: &str, fix: &str) -> bool {
     is_velocity && (of_name || of_namespace)
 }
 
-/// Whether a channel has messages of ROS 2 of this kind. ROS 1 names have no `msg` and other bytes.
+/// Whether a channel has messages of ROS 2 of this kind, or of ROS 1 from a bag (`ros_1.rs` names them so).
 pub(super) fn is(channel: &Channel<'_>, kind: &str) -> bool {
     schema(channel) == Some(kind)
 }
