@@ -6,9 +6,13 @@
     target_os = "linux",
     feature = "mcap",
     feature = "parquet",
+    feature = "sqlite",
     feature = "ulog"
 ))]
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
+
+#[path = "support/ros.rs"]
+mod ros;
 
 use std::fs;
 use std::io::{Cursor, Write};
@@ -323,6 +327,44 @@ fn parquets() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     ]
 }
 
+/// Bags of ROS 1 and in SQLite: a chunk that says that it is large, chunks, messages and rows that are many.
+fn bags(folder: &Path) -> Vec<(&'static str, Vec<u8>, &'static str)> {
+    let zeros = vec![0; 30 << 20];
+    let mut packer = lz4_flex::frame::FrameEncoder::new(Vec::new());
+    packer.write_all(&zeros).unwrap();
+    let packed = packer.finish().unwrap();
+    let chunk = |size: u32| {
+        let size = size.to_le_bytes();
+        let fields = [("op", &[5][..]), ("compression", b"lz4"), ("size", &size)];
+        ros::record(&fields, &packed)
+    };
+    let bag = |chunk: &[u8]| {
+        let count = (LARGEST_FILE - 13) / chunk.len();
+        [b"#ROSBAG V2.0\n", &chunk.repeat(count)[..]].concat()
+    };
+    let database = |name: &str, count: i64, message: &[u8]| {
+        let path = folder.join(name);
+        ros::database(&path, &ros::drive(0..count), |_| message.to_vec());
+        fs::read(path).unwrap()
+    };
+    let message = zstd::encode_all(&zeros[..], 1).unwrap();
+    vec![
+        (
+            "chunk.bag",
+            bag(&chunk(u32::MAX)),
+            "a block of data: 4294967295 bytes; at most 33554432",
+        ),
+        ("chunks.bag", bag(&chunk(30 << 20)), "the unpacked file: "),
+        (
+            "messages.db3",
+            database("made_1.db3", 500, &message),
+            "the unpacked file: ",
+        ),
+        ("rows.db3", database("made_2.db3", 150_000, b""), ""),
+        ("blobs.db3", database("made_3.db3", 2, &[1; 1 << 20]), ""),
+    ]
+}
+
 /// A log of an autopilot whose clock stands still.
 fn ulog() -> Vec<u8> {
     let message = |kind: u8, content: &[u8]| {
@@ -369,6 +411,18 @@ fn scans(folder: &Path) -> String {
     })
 }
 
+/// Reads each of the files; all of them are in memory, so that they are made in groups.
+fn check(folder: &Path, cases: impl IntoIterator<Item = (&'static str, Vec<u8>, &'static str)>) {
+    for (name, bytes, expected) in cases {
+        assert!(bytes.len() <= LARGEST_FILE, "{name}: {} bytes", bytes.len());
+        let path = folder.join(name);
+        fs::write(&path, &bytes).unwrap();
+        drop(bytes);
+        let said = measured(name, || read(&path));
+        assert!(said.contains(expected), "{name}: {said}");
+    }
+}
+
 #[test]
 fn no_file_of_ten_megabytes_costs_more_than_300_mb_or_half_a_minute() {
     let folder = tempfile::tempdir().unwrap();
@@ -380,14 +434,8 @@ fn no_file_of_ten_megabytes_costs_more_than_300_mb_or_half_a_minute() {
         .chain(texts())
         .chain(parquets())
         .chain([long_manifest, clock]);
-    for (name, bytes, expected) in cases {
-        assert!(bytes.len() <= LARGEST_FILE, "{name}: {} bytes", bytes.len());
-        let path = folder.path().join(name);
-        fs::write(&path, &bytes).unwrap();
-        drop(bytes);
-        let said = measured(name, || read(&path));
-        assert!(said.contains(expected), "{name}: {said}");
-    }
+    check(folder.path(), cases);
+    check(folder.path(), bags(folder.path()));
     let said = scans(folder.path());
     assert!(
         said.contains("the recording: 500001 scans, detections and reports; at most 500000"),

@@ -182,7 +182,7 @@ pub(crate) fn database(path: &std::path::Path, sent: &[Sent], pack: impl Fn(&[u8
 }
 
 /// A record of ROS 1: the fields of its header, and its data.
-fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+pub(crate) fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
     let mut header = Vec::new();
     for (name, value) in fields {
         header.extend((name.len() as u32 + 1 + value.len() as u32).to_le_bytes());
