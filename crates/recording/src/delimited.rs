@@ -26,6 +26,7 @@ pub(crate) use rows::Rows;
 pub(crate) struct Layout {
     /// Every column's name, for messages.
     pub(crate) names: Vec<String>,
+    /// The column of the time stamps; not read where rows are counted.
     pub(crate) time: usize,
     pub(crate) time_form: TimeForm,
     pub(crate) channels: Vec<Channel>,
@@ -42,6 +43,10 @@ pub(crate) enum TimeForm {
     Decimal(i32),
     /// A date and a time of day.
     DateTime,
+    /// A date in the column of the time stamps, and the time of day in this one.
+    DateAndTime(usize),
+    /// None: the rows follow each other at this rate, Hz.
+    Rate(f64),
 }
 
 /// The rows that have a text in a column.
@@ -128,6 +133,15 @@ impl Channel {
 }
 
 impl Layout {
+    /// The columns of the time stamps.
+    pub(crate) fn time_columns(&self) -> Vec<usize> {
+        match self.time_form {
+            TimeForm::Decimal(_) | TimeForm::DateTime => vec![self.time],
+            TimeForm::DateAndTime(time_of_day) => vec![self.time, time_of_day],
+            TimeForm::Rate(_) => Vec::new(),
+        }
+    }
+
     /// The sensors in [`SensorKind::ALL`] order.
     pub(crate) fn sensors(&self) -> Vec<SensorKind> {
         let mut sensors: Vec<_> = self.channels.iter().map(|channel| channel.kind).collect();
@@ -145,6 +159,8 @@ pub(crate) struct DelimitedSource<R> {
     row: Vec<Event>,
     /// Stamp of the row before.
     previous_ns: Option<i64>,
+    /// Rows taken so far.
+    taken: u64,
 }
 
 impl<R: Read + Send> DelimitedSource<R> {
@@ -155,6 +171,7 @@ impl<R: Read + Send> DelimitedSource<R> {
             record: ByteRecord::new(),
             row: Vec::new(),
             previous_ns: None,
+            taken: 0,
         }
     }
 }
@@ -178,6 +195,7 @@ impl<R: Read + Send> Pieces for DelimitedSource<R> {
             record: &self.record,
             layout: &self.layout,
             line: self.rows.line(self.record.position()),
+            row: self.taken,
             interval_s: None,
         };
         if let Some(rows) = &self.layout.rows
@@ -185,6 +203,7 @@ impl<R: Read + Send> Pieces for DelimitedSource<R> {
         {
             return Ok(true);
         }
+        self.taken += 1;
         let Some(time_ns) = cells.stamp()? else {
             issues.rows_without_stamp += 1;
             return Ok(true);
@@ -210,10 +229,13 @@ pub(crate) struct Cells<'a> {
     pub(crate) layout: &'a Layout,
     /// The row's line in the file, for messages.
     pub(crate) line: u64,
+    /// Rows taken before it.
+    pub(crate) row: u64,
     /// Time since the row before, s, if it went forward.
     pub(crate) interval_s: Option<f64>,
 }
 
+const DATE: &str = "a date and a time of day, e.g. 2014-08-01T00:00:00.186Z";
 const DECIMAL: &str = "a time stamp (a decimal number, at most 146 years of nanoseconds)";
 
 impl<'a> Cells<'a> {
@@ -223,6 +245,10 @@ impl<'a> Cells<'a> {
 
     /// The row's time stamp; `None` when the cell is empty or NaN.
     pub(crate) fn stamp(&self) -> Result<Option<i64>> {
+        if let TimeForm::Rate(rate_hz) = self.layout.time_form {
+            // Exact to a nanosecond for a hundred days; `as` saturates.
+            return Ok(Some((self.row as f64 * 1e9 / rate_hz).round() as i64));
+        }
         let column = self.layout.time;
         let cell = self.cell(column);
         if cell.is_empty() || cell.eq_ignore_ascii_case(b"nan") {
@@ -233,10 +259,11 @@ impl<'a> Cells<'a> {
                 (stamp::parse_ns(&with_point(cell), exponent), DECIMAL)
             }
             TimeForm::Decimal(exponent) => (stamp::parse_ns(cell, exponent), DECIMAL),
-            TimeForm::DateTime => (
-                stamp::parse_date_time(cell),
-                "a date and a time of day, e.g. 2014-08-01T00:00:00.186Z",
-            ),
+            TimeForm::DateAndTime(time_of_day) => {
+                let both = [cell, b" ", self.cell(time_of_day)].concat();
+                (stamp::parse_date_time(&both), DATE)
+            }
+            TimeForm::DateTime | TimeForm::Rate(_) => (stamp::parse_date_time(cell), DATE),
         };
         parsed
             .map(Some)

@@ -29,8 +29,16 @@ pub(crate) fn parse_ns(text: &[u8], exponent: i32) -> Option<i64> {
     Some(if negative { -value } else { value })
 }
 
+/// How dates and times of day are written without a zone. Years stand first or months are named, so that no day can be
+/// taken for a month.
+const DATES: [&str; 3] = [
+    "%Y-%m-%dT%H:%M:%S%.f",
+    "%Y/%m/%dT%H:%M:%S%.f",
+    "%d-%b-%YT%H:%M:%S%.f",
+];
+
 /// Nanoseconds since 1970 of a date and a time of day: `2014-08-01T00:00:00.186Z`, with a blank for the
-/// `T`, with another zone or without one (UTC).
+/// `T`, with another zone or without one (UTC), `2014/08/01 00:00:00.186` or `01-Aug-2014 00:00:00.186`.
 pub(crate) fn parse_date_time(text: &[u8]) -> Option<i64> {
     /// More characters have no part in a time.
     const LONGEST: usize = 48;
@@ -41,7 +49,8 @@ pub(crate) fn parse_date_time(text: &[u8]) -> Option<i64> {
     let text = text.replacen(' ', "T", 1);
     let ns = DateTime::parse_from_rfc3339(&text).map_or_else(
         |_| {
-            let plain = NaiveDateTime::parse_from_str(&text, "%Y-%m-%dT%H:%M:%S%.f").ok()?;
+            let read = |form| NaiveDateTime::parse_from_str(&text, form).ok();
+            let plain = DATES.into_iter().find_map(read)?;
             plain.and_utc().timestamp_nanos_opt()
         },
         |date| date.timestamp_nanos_opt(),
@@ -178,6 +187,8 @@ mod tests {
             "2014-08-01 00:00:00.186",
             "2014-08-01T02:00:00.186+02:00",
             "2014-08-01 00:00:00.186000+00:00",
+            "2014/08/01 00:00:00.186",
+            "01-Aug-2014 00:00:00.186",
         ] {
             let ns = parse_date_time(text.as_bytes());
             assert_eq!(ns, Some(1_406_851_200_186_000_000), "{text}");
@@ -188,6 +199,7 @@ mod tests {
             "00:00:00",
             "2014-13-01T00:00:00Z",
             "9999-01-01T00:00:00Z",
+            "01/08/2014 00:00:00",
         ] {
             assert_eq!(parse_date_time(text.as_bytes()), None, "{text}");
         }

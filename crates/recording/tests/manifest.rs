@@ -136,6 +136,80 @@ fn runs_of_blanks_separate_numbered_columns() {
     }
 }
 
+/// The stamps of the rows that are read.
+fn stamps(time: &str, data: &str) -> Result<Vec<i64>, String> {
+    let manifest = format!("{time}\ngyroscope = {{ columns = [\"x\", \"y\", \"z\"] }}\n");
+    let recording = read(&manifest, data).map_err(|error| error.to_string())?;
+    let mut times: Vec<i64> = Vec::new();
+    for event in recording {
+        times.push(event.map_err(|error| error.to_string())?.time_ns);
+    }
+    Ok(times)
+}
+
+#[test]
+fn rows_at_a_rate_need_no_stamps() {
+    let rows = "x,y,z,what\n1,2,3,a\n,,,a\n1,2,3,b\n1,2,3,a\n";
+    let third = "time = { rate_hz = 3 }\n";
+    // An empty row takes its time.
+    assert_eq!(
+        stamps(third, rows).unwrap(),
+        [0, 666_666_667, 1_000_000_000]
+    );
+    // Of rows of several kinds those that are taken are counted.
+    let some = format!("{third}rows = {{ column = \"what\", equals = \"a\" }}\n");
+    assert_eq!(stamps(&some, rows).unwrap(), [0, 666_666_667]);
+    for bad in ["0", "-100", "nan", "inf"] {
+        let error = stamps(&format!("time = {{ rate_hz = {bad} }}"), rows).unwrap_err();
+        assert!(error.contains("rows in a second"), "{bad}: {error}");
+    }
+}
+
+#[test]
+fn a_date_and_a_time_of_day_may_stand_in_two_columns() {
+    let time = "time = { columns = [\"date\", \"utc\"] }\n";
+    let rows = "date,utc,x,y,z\n2014/08/01,00:00:00.186,1,2,3\n01-Aug-2014,00:00:01,1,2,3\n";
+    let times = stamps(time, rows).unwrap();
+    assert_eq!(
+        times,
+        [1_406_851_200_186_000_000, 1_406_851_201_000_000_000]
+    );
+    let error = stamps(time, &rows.replace("2014/08/01", "01/08/2014")).unwrap_err();
+    assert!(
+        error.contains("line 2, column `date`: `01/08/2014` is not a date and a time of day"),
+        "{error}"
+    );
+    for bad in [
+        "time = { columns = [\"date\", \"utc\"], unit = \"s\" }",
+        "time = { column = \"date\", columns = [\"date\", \"utc\"] }",
+        "time = { column = \"x\", unit = \"s\", rate_hz = 3 }",
+        "time = { column = \"x\" }",
+        "time = {}",
+    ] {
+        let error = stamps(bad, rows).unwrap_err();
+        assert!(error.starts_with("log: [time] "), "{bad}: {error}");
+    }
+}
+
+#[test]
+fn a_scale_multiplies_what_the_unit_cannot_say() {
+    let with = |scale: &str| {
+        let manifest = NUMBERED.replace(
+            "[2, 3, 4]",
+            &format!("[2, 3, 4], unit = \"deg-per-s\", scale = {scale}"),
+        );
+        read(&manifest, "0 180000 0 -90000\n")
+    };
+    let pi = std::f64::consts::PI;
+    let Sample::AngularRate(rate) = all(with("0.001").unwrap())[0].sample else {
+        panic!()
+    };
+    approx::assert_relative_eq!(rate, Vector3::new(pi, 0.0, -pi / 2.0), epsilon = 1e-12);
+    for bad in ["0.0", "nan", "inf"] {
+        assert!(error_of(with(bad)).contains("[gyroscope] scale"), "{bad}");
+    }
+}
+
 #[test]
 fn the_manifest_the_data_beside_it_and_a_stream_all_open() {
     let folder = tempfile::tempdir().unwrap();

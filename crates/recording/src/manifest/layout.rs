@@ -93,10 +93,12 @@ impl LayoutBuilder<'_> {
 
     fn finish(self, channels: Vec<Channel>) -> Result<Layout> {
         let Some(time) = &self.source.time else {
-            return Err(
-                self.problem("missing key `time`: the column of the time stamps and its unit")
-            );
+            return Err(self.problem(
+                "missing key `time`: the column of the time stamps and its unit, or the rate of the rows, e.g. \
+                 time = { rate_hz = 100.0 }",
+            ));
         };
+        let (time, time_form) = self.time(time)?;
         let rows = match &self.source.rows {
             Some(filter) => Some(RowsOf {
                 column: self.column(&filter.column)?,
@@ -105,8 +107,8 @@ impl LayoutBuilder<'_> {
             None => None,
         };
         let layout = Layout {
-            time: self.column(&time.column)?,
-            time_form: time_form(time),
+            time,
+            time_form,
             channels,
             decimal_comma: self.source.decimal_comma,
             rows,
@@ -123,6 +125,31 @@ impl LayoutBuilder<'_> {
             ));
         }
         Ok(layout)
+    }
+
+    /// The column of the time stamps, and how they are written there.
+    fn time(&self, time: &TimeColumn) -> Result<(usize, TimeForm)> {
+        let wrong = |what: &str| Err(self.problem(format!("[time] {what}")));
+        match (&time.column, &time.columns, time.unit, time.rate_hz) {
+            (Some(column), None, Some(unit), None) => Ok((self.column(column)?, time_form(unit))),
+            (Some(_), None, None, None) => {
+                wrong("missing key `unit`: one of s, ms, us, ns, date-time")
+            }
+            (None, Some([date, time_of_day]), None | Some(TimeUnit::DateTime), None) => {
+                let form = TimeForm::DateAndTime(self.column(time_of_day)?);
+                Ok((self.column(date)?, form))
+            }
+            (None, Some(_), Some(_), None) => {
+                wrong("has two `columns`, a date and a time of day, whose `unit` is date-time")
+            }
+            (None, None, None, Some(rate_hz)) => match rate_hz {
+                1e-3..=1e6 => Ok((0, TimeForm::Rate(rate_hz))),
+                _ => wrong("rate_hz: expected rows in a second, 0.001 to 1000000"),
+            },
+            _ => wrong(
+                "needs either `column` and `unit`, or `columns` with a date and a time of day, or `rate_hz` alone",
+            ),
+        }
     }
 
     fn problem(&self, problem: impl Into<String>) -> RecordingError {
@@ -169,6 +196,13 @@ impl LayoutBuilder<'_> {
             return Ok(None);
         };
         let (factor, is_increment) = factor(vector.unit);
+        let scale = vector.scale.unwrap_or(1.0);
+        if !scale.is_normal() {
+            return Err(self.problem(format!(
+                "[{}] scale = {scale}: expected what a number is multiplied by, e.g. 0.001",
+                kind.name().replace('-', "_")
+            )));
+        }
         let axes = match &vector.axes {
             Some(text) => parse_axes(text).ok_or_else(|| {
                 self.problem(format!(
@@ -182,7 +216,7 @@ impl LayoutBuilder<'_> {
         let mut channel = Channel::new(kind, &[]);
         for (body_axis, (file_axis, sign)) in axes.into_iter().enumerate() {
             let column = self.column(&vector.columns[file_axis])?;
-            channel.put(body_axis, Some(column), sign * factor);
+            channel.put(body_axis, Some(column), sign * factor * scale);
         }
         if is_increment {
             channel.form = Form::Increment;
@@ -208,8 +242,8 @@ impl LayoutBuilder<'_> {
     }
 }
 
-fn time_form(time: &TimeColumn) -> TimeForm {
-    match time.unit {
+fn time_form(unit: TimeUnit) -> TimeForm {
+    match unit {
         TimeUnit::S => TimeForm::Decimal(9),
         TimeUnit::Ms => TimeForm::Decimal(6),
         TimeUnit::Us => TimeForm::Decimal(3),
@@ -241,7 +275,7 @@ fn parse_axes(text: &str) -> Option<[(usize, f64); 3]> {
 /// orientation may be the reference as well, where a file holds nothing better, and the parts of a
 /// reference track share its position.
 fn check_columns(layout: &Layout, manifest_file: &str) -> Result<()> {
-    let mut used = vec![layout.time];
+    let mut used = layout.time_columns();
     let mut channels = layout.channels.iter();
     let orientation = channels.find(|channel| channel.kind == SensorKind::DeviceOrientation);
     for channel in &layout.channels {

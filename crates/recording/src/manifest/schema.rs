@@ -106,7 +106,7 @@ pub struct Source {
     /// Whether numbers are written `0,5`.
     #[serde(default)]
     pub decimal_comma: bool,
-    /// The time column, which every table has.
+    /// The time stamps, which every table has.
     pub time: Option<TimeColumn>,
     /// Angular rate; default unit `rad-per-s`.
     pub gyroscope: Option<VectorColumns<RateColumnUnit>>,
@@ -173,14 +173,18 @@ pub enum Column {
     Name(String),
 }
 
-/// The time column.
+/// Where the time stamps are: in one column, in two, or in none.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
-    /// Which column.
-    pub column: Column,
-    /// Its unit.
-    pub unit: TimeUnit,
+    /// The column of the stamps.
+    pub column: Option<Column>,
+    /// In place of `column`: those of the date and of the time of day.
+    pub columns: Option<[Column; 2]>,
+    /// Unit of `column`.
+    pub unit: Option<TimeUnit>,
+    /// In place of columns: how many rows there are in a second, Hz. The first one is at 0 s.
+    pub rate_hz: Option<f64>,
 }
 
 /// Unit of a time column.
@@ -195,8 +199,8 @@ pub enum TimeUnit {
     Us,
     /// Nanoseconds.
     Ns,
-    /// A date and a time of day, `2014-08-01T00:00:00.186Z` or with a blank for the `T`; without a zone
-    /// it is UTC.
+    /// A date and a time of day, `2014-08-01T00:00:00.186Z`, with a blank for the `T`, `2014/08/01 00:00:00.186` or
+    /// `01-Aug-2014 00:00:00.186`; without a zone it is UTC.
     #[serde(rename = "date-time")]
     DateTime,
 }
@@ -237,6 +241,8 @@ pub struct VectorColumns<U> {
     pub columns: [Column; 3],
     /// Unit of the numbers.
     pub unit: Option<U>,
+    /// What a number is multiplied by to be in `unit`, e.g. 0.001 for mg. Default 1.
+    pub scale: Option<f64>,
     /// Which axis of the file each body axis is, e.g. `x,-y,z`; default `x,y,z`.
     pub axes: Option<String>,
 }

@@ -210,6 +210,7 @@ impl EventSource for Table {
                 record: &record,
                 layout: &self.layout,
                 line: entry.line,
+                row: 0,
                 interval_s: None,
             };
             let Some(time_ns) = cells.stamp()? else {
