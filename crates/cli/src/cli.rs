@@ -7,8 +7,8 @@ use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
 use crate::commands::{
-    benchmark, calibrate, compare, completions, convert, demo, estimators, experiment, info, man,
-    run, simulate, track, tune,
+    benchmark, calibrate, compare, completions, convert, demo, describe, estimators, experiment,
+    info, man, run, simulate, track, tune,
 };
 
 /// Attitude, navigation and tracking from noisy sensors.
@@ -47,6 +47,8 @@ pub(crate) enum Command {
     Track(track::TrackArgs),
     /// Sensor calibration: rest, magnetometer, Allan variance
     Calibrate(calibrate::CalibrateArgs),
+    /// Draft the manifest of tables that do not open by themselves: columns, units, axes, with reasons
+    Describe(describe::DescribeArgs),
     /// What a recording holds: sensors, rates, pauses, frames, what was left out
     Info(info::InfoArgs),
     /// Write a recording in another format
@@ -91,6 +93,7 @@ northing: which way is it pointing, where is it, and where are the others?
   northing calibrate rest desk.csv       bias, noise and references of a device at rest
   northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
   northing calibrate allan night.csv     noise over averaging time, and the Q that follows
+  northing describe imu.txt              what the columns of a table are, guessed with reasons
   northing info walk.zip                 sensors, rates, pauses and frames of a recording
   northing convert walk.zip walk.csv     a recording in another format
   northing simulate scenario.toml        one run of a tracking scenario

@@ -44,6 +44,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Benchmark(args)) => commands::benchmark::execute(&args),
         Some(Command::Track(args)) => commands::track::execute(&args),
         Some(Command::Calibrate(args)) => commands::calibrate::execute(&args),
+        Some(Command::Describe(args)) => commands::describe::execute(&args),
         Some(Command::Info(args)) => commands::info::execute(&args),
         Some(Command::Convert(args)) => commands::convert::execute(&args),
         Some(Command::Simulate(args)) => commands::simulate::execute(&args),

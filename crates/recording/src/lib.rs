@@ -14,6 +14,7 @@ pub mod contents;
 mod csv;
 mod csv_writer;
 mod delimited;
+pub mod describe;
 pub mod device_navigation;
 pub mod error;
 pub mod event;

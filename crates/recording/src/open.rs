@@ -10,7 +10,7 @@ use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
 use crate::text::{open_file, read_piece};
 use crate::{
-    csv, kf_gins, manifest, nmea, northing_serial, phyphox, sensor_logger, ubx, vectornav,
+    csv, describe, kf_gins, manifest, nmea, northing_serial, phyphox, sensor_logger, ubx, vectornav,
 };
 
 /// Bytes that are looked at to tell the format.
@@ -122,7 +122,23 @@ fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
             ),
         ));
     }
-    open_data_file(path, options.format, options)
+    match open_data_file(path, options.format, options) {
+        Err(error) if options.describe => described(path, options, error),
+        opened => opened,
+    }
+}
+
+/// Opens a table that nothing describes as its draft guesses, and says what was guessed. `error` is why it does not open
+/// by itself.
+fn described(path: &Path, options: &OpenOptions, error: RecordingError) -> Result<Opened> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let Ok(draft) = describe::draft(&[path.to_owned()], folder, None) else {
+        return Err(error);
+    };
+    let mut opened = manifest::opened_text(&draft.manifest, path, options)?;
+    let told = draft.guesses.iter().map(|guess| guess.sentence());
+    opened.notes.splice(0..0, told);
+    Ok(opened)
 }
 
 /// Opens a file or folder that describes itself; its format is told by content unless it is given.

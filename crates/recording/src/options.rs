@@ -14,6 +14,8 @@ pub struct OpenOptions {
     pub manifest: Option<PathBuf>,
     /// The folder in which the files that a manifest names are; default: the manifest's own.
     pub data: Option<PathBuf>,
+    /// Whether a table that has no manifest is read as [`crate::describe`] guesses. Default false.
+    pub describe: bool,
     /// The unit in which the file's angular rates are, where it is not what the format promises.
     /// Giving it also turns the plausibility check of the gyroscope off.
     pub gyroscope_unit: Option<RateUnit>,
@@ -34,6 +36,7 @@ impl Default for OpenOptions {
             device: None,
             manifest: None,
             data: None,
+            describe: false,
             gyroscope_unit: None,
             accelerometer_unit: None,
             magnetometer_unit: None,

@@ -25,6 +25,9 @@ pub(crate) struct InputArgs {
     /// TOML file that describes the columns of any other table (see docs/formats.md)
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
+    /// Read a table that nothing describes by a guess at its columns, and say what was guessed (see northing describe)
+    #[arg(long)]
+    describe: bool,
     /// Unit of the gyroscope in the file: rad-per-s, deg-per-s
     #[arg(long, value_name = "UNIT")]
     gyroscope_unit: Option<RateUnit>,
@@ -60,6 +63,7 @@ impl InputArgs {
             format: self.format,
             device: self.device.clone(),
             manifest: self.manifest.clone(),
+            describe: self.describe,
             gyroscope_unit: self.gyroscope_unit,
             accelerometer_unit: self.accelerometer_unit,
             magnetometer_unit: self.magnetometer_unit,

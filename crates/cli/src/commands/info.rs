@@ -112,7 +112,8 @@ fn describe(info: &Info) -> String {
     )
 }
 
-fn table(sensors: &[SensorContents]) -> String {
+/// The sensors of a recording, one a line.
+pub(crate) fn table(sensors: &[SensorContents]) -> String {
     let mut table = Table::new(&[
         "<sensor", "samples", "rate Hz", "from s", "to s", "pause s", "at s", "mean", "<unit",
     ]);

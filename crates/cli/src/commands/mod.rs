@@ -7,6 +7,7 @@ mod comparison;
 pub(crate) mod completions;
 pub(crate) mod convert;
 pub(crate) mod demo;
+pub(crate) mod describe;
 pub(crate) mod estimators;
 pub(crate) mod experiment;
 pub(crate) mod info;

@@ -48,29 +48,23 @@ pub fn read_bytes(
 
 /// Opens the data files that the manifest names.
 pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Opened> {
-    let loaded = Loaded::read(path)?;
-    let folder = match &options.data {
-        Some(folder) => folder,
-        None => path.parent().unwrap_or(Path::new("")),
-    };
-    let mut parts = Vec::new();
-    let mut name = stem(path);
-    let sources = &loaded.manifest.sources;
-    for source in sources {
-        let Some(data) = &source.file else {
-            return Err(loaded.problem("missing key `file`: the data file, relative to the folder of data or to the manifest",
-            ));
-        };
-        let data = folder.join(data);
-        if sources.len() == 1 {
-            name = stem(&data);
-        }
-        parts.push((source, loaded.source(source, path, &data, options)?));
-    }
-    if parts.is_empty() {
-        return Err(loaded.problem("no [[source]]: each names a `file`"));
-    }
-    loaded.finish(combined::combine(parts, Scale::new(options)), name)
+    Loaded::read(path)?.open(path, options)
+}
+
+/// Opens the data files that the text of a manifest names, which stands for one at `path`.
+///
+/// # Errors
+/// As [`crate::open()`].
+pub fn open_text(text: &str, path: &Path, options: &OpenOptions) -> Result<Recording> {
+    let file = path.display().to_string();
+    let opened = opened_text(text, path, options)?;
+    Ok(Recording::new(file, opened, options))
+}
+
+pub(crate) fn opened_text(text: &str, path: &Path, options: &OpenOptions) -> Result<Opened> {
+    let file = path.display().to_string();
+    let manifest = parse(text, &file)?;
+    Loaded { manifest, file }.open(path, options)
 }
 
 /// Opens `data` as the manifest at `path` describes, whatever file that names.
@@ -119,6 +113,33 @@ impl Loaded {
 
     fn problem(&self, problem: impl Into<String>) -> RecordingError {
         RecordingError::manifest(&self.file, problem)
+    }
+
+    /// Opens the data files that it names; it is, or stands for one, at `path`.
+    fn open(&self, path: &Path, options: &OpenOptions) -> Result<Opened> {
+        let folder = match &options.data {
+            Some(folder) => folder,
+            None => path.parent().unwrap_or(Path::new("")),
+        };
+        let mut parts = Vec::new();
+        let mut name = stem(path);
+        let sources = &self.manifest.sources;
+        for source in sources {
+            let Some(data) = &source.file else {
+                return Err(self.problem(
+                    "missing key `file`: the data file, relative to the folder of data or to the manifest",
+                ));
+            };
+            let data = folder.join(data);
+            if sources.len() == 1 {
+                name = stem(&data);
+            }
+            parts.push((source, self.source(source, path, &data, options)?));
+        }
+        if parts.is_empty() {
+            return Err(self.problem("no [[source]]: each names a `file`"));
+        }
+        self.finish(combined::combine(parts, Scale::new(options)), name)
     }
 
     /// The source of a manifest that has one.

@@ -1,0 +1,545 @@
+//! From tables to the text of a manifest.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::names::{self, Group, Quantity};
+use super::orientation::Writing;
+use super::table::Table;
+use super::time::Time;
+use super::turns::{AS_THEY_ARE, Axes, Series, Turns, median};
+use super::vectors::{self, Vector};
+use super::{Confidence, Found, Guess, Section, navigation};
+use crate::error::{RecordingError, Result, join, shown};
+use crate::open::{open_data_file, stem};
+use crate::options::OpenOptions;
+
+/// A draft of a manifest.
+#[derive(Debug, Clone, Serialize)]
+pub struct Draft {
+    /// Its text.
+    pub manifest: String,
+    /// What was guessed.
+    pub guesses: Vec<Guess>,
+    /// Of each file the columns of which nothing is taken.
+    pub left_out: Vec<(String, String)>,
+}
+
+/// Drafts one manifest for the files, whose names in it are relative to `folder` where they are in it. `rate_hz` is that
+/// of rows without time stamps.
+///
+/// # Errors
+/// A file cannot be read, is neither a table nor a recording, or nothing in the files is known.
+pub fn draft(paths: &[PathBuf], folder: &Path, rate_hz: Option<f64>) -> Result<Draft> {
+    let mut files = Vec::new();
+    for path in paths {
+        files.push(Described::read(path)?);
+    }
+    find_vectors(&mut files, rate_hz)?;
+    for file in &mut files {
+        file.find_rest();
+    }
+    let known = |file: &Described| file.table.is_none() || !file.sections.is_empty();
+    if !files.iter().any(known) {
+        let names = files
+            .iter()
+            .flat_map(|file| &file.table)
+            .flat_map(Table::names);
+        let names: Vec<String> = names.collect();
+        return Err(RecordingError::unsupported(
+            paths
+                .first()
+                .map_or(String::new(), |path| path.display().to_string()),
+            format!(
+                "a table, but neither the names of its columns nor their numbers tell a sensor: {}; write a manifest as \
+                 docs/formats.md says",
+                join(names.iter().map(String::as_str))
+            ),
+        ));
+    }
+    Ok(Draft {
+        manifest: text(&files, folder),
+        guesses: files.iter().flat_map(Described::guesses).collect(),
+        left_out: files.iter().filter_map(Described::left_out).collect(),
+    })
+}
+
+/// A file, and what was found in it.
+struct Described {
+    path: PathBuf,
+    /// None of a file that describes itself.
+    table: Option<Table>,
+    time: Option<Time>,
+    groups: Vec<Group>,
+    sections: Vec<Section>,
+    is_down: bool,
+}
+
+impl Described {
+    fn read(path: &Path) -> Result<Self> {
+        let opened = open_data_file(path, None, &OpenOptions::default());
+        let mut file = Self {
+            path: path.to_owned(),
+            table: None,
+            time: None,
+            groups: Vec::new(),
+            sections: Vec::new(),
+            is_down: false,
+        };
+        let Err(error) = opened else {
+            return Ok(file);
+        };
+        // What the readers say of binary data is better.
+        let table = Table::read(path).map_err(|_| error)?;
+        file.groups = names::groups(&table.columns, &stem(path));
+        let is_named = file
+            .groups
+            .iter()
+            .any(|group| group.quantity != Quantity::Other);
+        let singles = table.columns.iter().filter_map(|c| names::single(&c.name));
+        let is_receiver = singles.clone().any(|one| one == names::Single::Latitude);
+        if !is_named && !is_receiver {
+            file.groups = by_place(&table);
+        }
+        let is_inertial = !file.groups.is_empty();
+        file.time = Some(Time::of(&table, is_inertial));
+        file.table = Some(table);
+        Ok(file)
+    }
+
+    /// The numbers of a group over time.
+    fn series(&self, columns: &[usize]) -> Series {
+        match (&self.table, &self.time) {
+            (Some(table), Some(time)) => vectors::series(table, columns, &time.seconds),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Takes a vector as the sensor of a key, unless a file before has it.
+    fn take(&mut self, key: &'static str, vector: Vector) {
+        let table = self.table.as_ref();
+        let names = |place: &usize| table.map_or(String::new(), |table| table.called(*place));
+        let columns: Vec<String> = vector.columns.iter().map(names).collect();
+        let mut lines = vec![
+            format!("columns = [{}]", columns.join(", ")),
+            format!("unit = \"{}\"", vector.unit),
+        ];
+        if let Some(scale) = vector.scale {
+            lines.push(format!("scale = {scale:?}"));
+        }
+        if vector.axes != AS_THEY_ARE {
+            lines.push(format!("axes = \"{}\"", written(&vector.axes)));
+        }
+        self.sections.push(Section {
+            key,
+            lines,
+            columns: vector.columns,
+            found: vector.found,
+        });
+    }
+
+    /// The orientations, and what a receiver or a barometer told.
+    fn find_rest(&mut self) {
+        let Some(table) = &self.table else { return };
+        let forces = self.sections.iter().find(|one| one.key == "accelerometer");
+        let mut sections: Vec<Section> = Vec::new();
+        for group in self.groups.iter().filter(|group| group.columns.len() == 4) {
+            let key = match group.quantity {
+                Quantity::Reference => "reference",
+                _ => "device_orientation",
+            };
+            let rows = quaternions(table, &group.columns, forces.map(|one| &one.columns[..]));
+            let Some(rows) = rows.filter(|_| sections.iter().all(|one| one.key != key)) else {
+                continue;
+            };
+            let writing = Writing::of(&rows, group.is_ordered);
+            self.is_down |= writing.is_down;
+            let names: Vec<String> = group.columns.iter().map(|c| table.called(*c)).collect();
+            sections.push(Section {
+                key,
+                lines: vec![
+                    format!("columns = [{}]", names.join(", ")),
+                    format!("order = \"{}\"", writing.order),
+                    format!("direction = \"{}\"", writing.direction),
+                ],
+                columns: group.columns.clone(),
+                found: writing.found,
+            });
+        }
+        let seconds = self.time.as_ref().map_or(&[][..], |time| &time.seconds);
+        sections.extend(navigation::sections(table, seconds));
+        self.sections.extend(sections);
+    }
+
+    fn name(&self) -> String {
+        shown(&self.path.file_name().unwrap_or_default().to_string_lossy())
+    }
+
+    /// The section of time, of a table.
+    fn time_section(&self) -> Option<Section> {
+        let (table, time) = (self.table.as_ref()?, self.time.as_ref()?);
+        let names: Vec<String> = time.columns.iter().map(|c| table.called(*c)).collect();
+        let lines = match (&names[..], time.rate_hz) {
+            ([one], _) => vec![
+                format!("column = {one}"),
+                format!("unit = \"{}\"", time.unit),
+            ],
+            ([date, clock], _) => vec![format!("columns = [{date}, {clock}]")],
+            (_, rate_hz) => vec![format!("rate_hz = {:?}", rate_hz.unwrap_or(1.0))],
+        };
+        Some(Section {
+            key: "time",
+            lines,
+            columns: time.columns.clone(),
+            found: time.found.clone(),
+        })
+    }
+
+    /// All sections in the order in which they are written.
+    fn all(&self) -> impl Iterator<Item = Section> {
+        self.time_section().into_iter().chain(self.sections.clone())
+    }
+
+    fn guesses(&self) -> Vec<Guess> {
+        let Some(table) = &self.table else {
+            return Vec::new();
+        };
+        let guess = |section: Section| Guess {
+            file: self.name(),
+            key: section.key,
+            columns: join(
+                section
+                    .columns
+                    .iter()
+                    .map(|c| table.shown(*c))
+                    .collect::<Vec<_>>()
+                    .iter()
+                    .map(String::as_str),
+            ),
+            taken: section
+                .lines
+                .iter()
+                .filter(|line| is_choice(line))
+                .cloned()
+                .collect::<Vec<_>>()
+                .join(", "),
+            why: section.found.why,
+            confidence: section.found.confidence,
+        };
+        self.all().map(guess).collect()
+    }
+
+    fn left_out(&self) -> Option<(String, String)> {
+        let table = self.table.as_ref()?;
+        let used: Vec<usize> = self.all().flat_map(|section| section.columns).collect();
+        let unused = (0..table.columns.len()).filter(|column| !used.contains(column));
+        let names: Vec<String> = unused.map(|column| table.shown(column)).collect();
+        (!names.is_empty()).then(|| (self.name(), join(names.iter().map(String::as_str))))
+    }
+}
+
+/// Whether a line chooses something beside columns.
+fn is_choice(line: &str) -> bool {
+    [
+        "unit",
+        "scale",
+        "axes",
+        "order",
+        "direction",
+        "rate_hz",
+        "speed_unit",
+        "height_unit",
+    ]
+    .iter()
+    .any(|key| line.split(' ').next() == Some(key))
+}
+
+/// Three or four columns side by side whose numbers could be a vector or a quaternion, of a table without known names.
+fn by_place(table: &Table) -> Vec<Group> {
+    let group = |columns: Vec<usize>| Group {
+        name: String::new(),
+        quantity: Quantity::Other,
+        columns,
+        is_ordered: false,
+        unit: None,
+    };
+    let is_number = |column: &usize| table.columns[*column].words == 0;
+    let numbers: Vec<usize> = (0..table.columns.len()).filter(is_number).collect();
+    let mut groups = Vec::new();
+    let mut at = 0;
+    while at < numbers.len() {
+        let four = numbers.get(at..at + 4);
+        if let Some(four) = four.filter(|four| quaternions(table, four, None).is_some()) {
+            groups.push(group(four.to_vec()));
+            at += 4;
+        } else {
+            groups.extend(numbers.get(at..at + 3).map(|three| group(three.to_vec())));
+            at += 1;
+        }
+    }
+    groups
+}
+
+/// The rows of four columns with a quaternion of length 1, beside the accelerometer's numbers where those are known.
+fn quaternions(
+    table: &Table,
+    columns: &[usize],
+    forces: Option<&[usize]>,
+) -> Option<Vec<([f64; 4], nalgebra::Vector3<f64>)>> {
+    let number = |column: usize, row: usize| table.columns[column].numbers[row];
+    let four = |row: usize| [0, 1, 2, 3].map(|i| number(columns[i], row));
+    let mut off: Vec<f64> = (0..table.rows)
+        .map(|row| (four(row).iter().map(|q| q * q).sum::<f64>().sqrt() - 1.0).abs())
+        .collect();
+    let is_unit = median(&mut off) < 0.02;
+    let rows = (0..table.rows).filter_map(|row| {
+        let columns = forces?;
+        let force = nalgebra::Vector3::from_fn(|axis, _| number(columns[axis], row));
+        let q = four(row);
+        let is_whole = force.iter().chain(&q).all(|x| x.is_finite());
+        (is_whole && q.iter().any(|x| x.abs() > 0.1)).then_some((q, force))
+    });
+    is_unit.then(|| rows.collect())
+}
+
+/// Finds the accelerometer, the magnetometers and the gyroscope among the groups of all files.
+fn find_vectors(files: &mut [Described], rate_hz: Option<f64>) -> Result<()> {
+    use Quantity as Is;
+    let forces = pick(
+        files,
+        &[Is::Accelerometer, Is::LinearAcceleration, Is::Other],
+        |file, group| vectors::accelerometer(group, &file.series(&group.columns)),
+    );
+    if let Some((place, vector)) = &forces {
+        files[*place].take("accelerometer", vector.clone());
+    }
+    for file in files.iter_mut() {
+        file.settle_rate(rate_hz)?;
+    }
+    let series = forces
+        .as_ref()
+        .map(|(place, vector)| files[*place].series(&vector.columns));
+    let gyroscope = pick(files, &[Is::Gyroscope, Is::Other], |file, group| {
+        let rates = file.series(&group.columns);
+        let vector = vectors::gyroscope(group, &rates, series.as_ref());
+        // Without a name only the turns of gravity tell a gyroscope.
+        let is_known =
+            group.quantity == Is::Gyroscope || vector.found.confidence != Confidence::Assumed;
+        (is_known && rates.len() > 2).then_some(vector)
+    });
+    if let Some((place, vector)) = gyroscope {
+        files[place].take("gyroscope", vector);
+    }
+    for (key, is) in [
+        ("magnetometer", &[Is::Magnetometer, Is::Other][..]),
+        ("magnetometer_uncalibrated", &[Is::MagnetometerUncalibrated]),
+    ] {
+        let found = pick(files, is, |file, group| {
+            vectors::magnetometer(group, &file.series(&group.columns))
+        });
+        if let Some((place, vector)) = found {
+            files[place].take(key, vector);
+        }
+    }
+    Ok(())
+}
+
+/// The first group of these quantities, in their order, that `look` takes for one.
+fn pick(
+    files: &[Described],
+    quantities: &[Quantity],
+    look: impl Fn(&Described, &Group) -> Option<Vector>,
+) -> Option<(usize, Vector)> {
+    for quantity in quantities {
+        for (place, file) in files.iter().enumerate() {
+            let is_free = |group: &&Group| {
+                let taken = file.sections.iter().flat_map(|section| &section.columns);
+                let time = file.time.iter().flat_map(|time| &time.columns);
+                let mut taken = taken.chain(time);
+                group.columns.len() == 3 && !taken.any(|column| group.columns.contains(column))
+            };
+            let groups = file
+                .groups
+                .iter()
+                .filter(|group| group.quantity == *quantity);
+            let found = groups.filter(is_free).find_map(|group| look(file, group));
+            if let Some(vector) = found {
+                return Some((place, vector));
+            }
+        }
+    }
+    None
+}
+
+impl Described {
+    /// The rate of rows without time stamps: the user's, or that at which gravity turns as the gyroscope says.
+    fn settle_rate(&mut self, told_hz: Option<f64>) -> Result<()> {
+        let is_without = |time: &Time| time.columns.is_empty();
+        if !self.time.as_ref().is_some_and(is_without) {
+            return Ok(());
+        }
+        let found = match told_hz {
+            Some(rate) => Some((
+                rate,
+                Found::new("the rate that was told", Confidence::Certain),
+            )),
+            None => self.rate_of_turns(),
+        };
+        let Some((rate_hz, found)) = found else {
+            return Err(RecordingError::unsupported(
+                self.path.display().to_string(),
+                "no column of time stamps, and no turns of gravity that tell the rate of its rows; say it with --rate HZ",
+            ));
+        };
+        if let Some(time) = &mut self.time {
+            time.seconds.iter_mut().for_each(|t| *t /= rate_hz);
+            (time.rate_hz, time.found) = (Some(rate_hz), found);
+        }
+        Ok(())
+    }
+
+    fn rate_of_turns(&self) -> Option<(f64, Found)> {
+        const RATES_HZ: std::ops::Range<f64> = 20.0..2000.0;
+        let forces = self
+            .sections
+            .iter()
+            .find(|one| one.key == "accelerometer")?;
+        let forces = self.series(&forces.columns);
+        let group = self
+            .groups
+            .iter()
+            .find(|group| group.quantity == Quantity::Gyroscope)?;
+        let fit = Turns::of(&self.series(&group.columns), &forces).fit(&AS_THEY_ARE);
+        let fit = fit.filter(super::turns::Fit::tells)?;
+        let of_unit = |unit: &str| match unit {
+            "deg-per-s" => 1_f64.to_radians() / fit.factor,
+            _ => 1.0 / fit.factor,
+        };
+        let rates = match group.unit {
+            Some(unit) => vec![of_unit(unit)],
+            None => vec![of_unit("rad-per-s"), of_unit("deg-per-s")],
+        };
+        let rate_hz = rates.into_iter().find(|rate| RATES_HZ.contains(rate))?;
+        // Three digits are more than it is good for.
+        let digits = 10_f64.powi(2 - rate_hz.log10().floor() as i32);
+        let rate_hz = (rate_hz * digits).round() / digits;
+        let why = format!(
+            "no column of time stamps; gravity turns as the gyroscope says at this rate of the rows, which is good to some \
+             per cent ({:.1} % by the noise alone): put the true rate in its place, or say it with --rate",
+            300.0 * fit.std / fit.factor
+        );
+        Some((rate_hz, Found::new(why, Confidence::Assumed)))
+    }
+}
+
+impl Table {
+    /// A column as a manifest names it.
+    pub(super) fn called(&self, place: usize) -> String {
+        let name = &self.columns[place].name;
+        let same = self.columns.iter().filter(|other| other.name == *name);
+        if self.form.header && !name.is_empty() && same.count() == 1 {
+            toml::Value::String(name.clone()).to_string()
+        } else {
+            (place + 1).to_string()
+        }
+    }
+
+    /// A column as people call it.
+    fn shown(&self, place: usize) -> String {
+        match self.columns[place].name.as_str() {
+            "" => format!("{}", place + 1),
+            name => shown(name),
+        }
+    }
+
+    fn names(&self) -> Vec<String> {
+        (0..self.columns.len())
+            .map(|place| self.shown(place))
+            .collect()
+    }
+}
+
+fn written(axes: &Axes) -> String {
+    let axis = |(axis, sign): &(usize, f64)| {
+        let minus = if *sign < 0.0 { "-" } else { "" };
+        format!("{minus}{}", ["x", "y", "z"][*axis])
+    };
+    axes.iter().map(axis).collect::<Vec<_>>().join(",")
+}
+
+/// The manifest.
+fn text(files: &[Described], folder: &Path) -> String {
+    let mut text = String::from(
+        "# A draft: what the columns are was guessed from their names and numbers. Check what is only likely or assumed.\n\n",
+    );
+    let is_down = files.iter().any(|file| file.is_down);
+    if is_down {
+        text.push_str("world_frame = \"ned\"   # by the quaternions: z is down\n\n");
+    }
+    let prefix = if files.len() > 1 { "source." } else { "" };
+    for file in files {
+        if files.len() > 1 {
+            text.push_str("[[source]]\n");
+        }
+        let named = named_in(&file.path, folder);
+        text.push_str(&format!("file = {}\n", toml::Value::String(named)));
+        let Some(table) = &file.table else {
+            text.push_str("# It describes itself.\n\n");
+            continue;
+        };
+        form(table, &mut text);
+        for section in file.all() {
+            let found = &section.found;
+            text.push_str(&format!(
+                "\n[{prefix}{}]\n# {}: {}\n{}\n",
+                section.key,
+                found.confidence.name(),
+                found.why,
+                section.lines.join("\n")
+            ));
+        }
+        if let Some((_, names)) = file.left_out() {
+            text.push_str(&format!("\n# Columns not used: {names}\n"));
+        }
+        text.push('\n');
+    }
+    text.truncate(text.trim_end().len());
+    text.push('\n');
+    text
+}
+
+/// How the table is written, where that is not the rule.
+fn form(table: &Table, text: &mut String) {
+    let form = &table.form;
+    if form.delimiter != ',' {
+        let delimiter = toml::Value::String(form.delimiter.to_string());
+        text.push_str(&format!("delimiter = {delimiter}\n"));
+    }
+    if form.decimal_comma {
+        text.push_str("decimal_comma = true\n");
+    }
+    if form.skip_rows > 0 {
+        text.push_str(&format!("skip_rows = {}\n", form.skip_rows));
+    }
+    if !form.header {
+        text.push_str("header = false\n");
+    }
+    if let Some(comment) = form.comment {
+        text.push_str(&format!("comment = \"{comment}\"\n"));
+    }
+}
+
+/// The name of a file in a manifest in `folder`.
+fn named_in(path: &Path, folder: &Path) -> String {
+    let whole = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let folder = match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    };
+    let (path, folder) = (whole(path), whole(folder));
+    path.strip_prefix(&folder)
+        .unwrap_or(&path)
+        .display()
+        .to_string()
+}

@@ -1,0 +1,174 @@
+//! Which column has the time stamps, and in what unit.
+
+use super::names::{Single, single, unit};
+use super::table::{Column, Table, is_date, is_time_of_day};
+use super::turns::median;
+use super::{Confidence, Found};
+use crate::stamp;
+
+/// The time of a table.
+#[derive(Debug, Clone)]
+pub(super) struct Time {
+    /// The columns of the stamps; none where the rows are counted.
+    pub(super) columns: Vec<usize>,
+    /// The unit's name, of one column.
+    pub(super) unit: &'static str,
+    /// Of every row, s; without stamps the number of the row until the rate is known.
+    pub(super) seconds: Vec<f64>,
+    /// Of rows that are counted, once it is known.
+    pub(super) rate_hz: Option<f64>,
+    /// How it was found.
+    pub(super) found: Found,
+}
+
+/// Units of time with their seconds.
+const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+
+/// Rows a second of inertial sensors, and of receivers alone.
+const INERTIAL_HZ: std::ops::RangeInclusive<f64> = 4.0..=4000.0;
+const RECEIVER_HZ: std::ops::RangeInclusive<f64> = 0.05..=20.0;
+
+impl Time {
+    /// Looks for the stamps of a table.
+    pub(super) fn of(table: &Table, is_inertial: bool) -> Self {
+        Self::date(table)
+            .or_else(|| Self::number(table, is_inertial))
+            .unwrap_or_else(|| Self {
+                columns: Vec::new(),
+                unit: "",
+                seconds: (0..table.rows).map(|row| row as f64).collect(),
+                rate_hz: None,
+                found: Found::new(
+                    "no column whose numbers grow as time does",
+                    Confidence::Assumed,
+                ),
+            })
+    }
+
+    /// Dates with a time of day, in one column or two.
+    fn date(table: &Table) -> Option<Self> {
+        let is_text = |column: &&Column| column.words * 2 > table.rows;
+        let text: Vec<usize> = (table.columns.iter().enumerate())
+            .filter(|(_, column)| is_text(column))
+            .map(|(place, _)| place)
+            .collect();
+        let first = |place: usize| table.columns[place].first.as_str();
+        let whole = |place: &usize| stamp::parse_date_time(first(*place).as_bytes()).is_some();
+        let columns = if let Some(place) = text.iter().copied().find(|place| whole(place)) {
+            vec![place]
+        } else {
+            let date = text.iter().copied().find(|place| is_date(first(*place)))?;
+            let clock = text
+                .iter()
+                .copied()
+                .find(|place| is_time_of_day(first(*place)))?;
+            vec![date, clock]
+        };
+        let what = match columns.len() {
+            1 => "it holds dates with a time of day; UTC, as no zone is said, or the zone that is",
+            _ => "one column holds dates, the other times of day; taken as UTC",
+        };
+        Some(Self {
+            columns,
+            unit: "date-time",
+            // Of dates only the order matters here, and rows come in order.
+            seconds: (0..table.rows).map(|row| row as f64).collect(),
+            rate_hz: None,
+            found: Found::new(what, Confidence::Certain),
+        })
+    }
+
+    /// A column of numbers.
+    fn number(table: &Table, is_inertial: bool) -> Option<Self> {
+        let mut best: Option<(bool, usize, usize)> = None;
+        for (place, column) in table.columns.iter().enumerate() {
+            let is_named = single(&column.name) == Some(Single::Time);
+            let Some(different) = growing(&column.numbers) else {
+                continue;
+            };
+            // Rows that are counted are no clock.
+            if !is_named && is_count(&column.numbers) {
+                continue;
+            }
+            if best.is_none_or(|(named, most, _)| (is_named, different) > (named, most)) {
+                best = Some((is_named, different, place));
+            }
+        }
+        let (is_named, _, place) = best?;
+        let column = &table.columns[place];
+        let (unit, seconds, found) = time_unit(column, is_named, is_inertial)?;
+        let times = column.numbers.iter().map(|x| x * seconds);
+        Some(Self {
+            columns: vec![place],
+            unit,
+            seconds: times.collect(),
+            rate_hz: None,
+            found,
+        })
+    }
+}
+
+/// How many different numbers there are, where they grow.
+fn growing(numbers: &[f64]) -> Option<usize> {
+    let finite: Vec<f64> = numbers.iter().copied().filter(|x| x.is_finite()).collect();
+    if finite.len() * 2 < numbers.len() || finite.len() < 3 {
+        return None;
+    }
+    let back = finite.windows(2).filter(|pair| pair[1] < pair[0]).count();
+    let ahead = finite.windows(2).filter(|pair| pair[1] > pair[0]).count();
+    (back * 1000 <= finite.len() && ahead * 20 > finite.len()).then_some(ahead + 1)
+}
+
+/// Whether every number is one more than that before it.
+fn is_count(numbers: &[f64]) -> bool {
+    numbers
+        .windows(2)
+        .all(|pair| (pair[1] - pair[0] - 1.0).abs() < 1e-9)
+}
+
+/// The unit of a column of time, its seconds, and why.
+fn time_unit(
+    column: &Column,
+    is_named: bool,
+    is_inertial: bool,
+) -> Option<(&'static str, f64, Found)> {
+    let steps = column.numbers.windows(2).map(|pair| pair[1] - pair[0]);
+    let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+    let step = median(&mut steps);
+    let rates = if is_inertial {
+        INERTIAL_HZ
+    } else {
+        RECEIVER_HZ
+    };
+    let fits = |seconds: f64| rates.contains(&(1.0 / (step * seconds)));
+    let told = unit(&column.name).1;
+    let told = UNITS.iter().find(|(name, _)| Some(*name) == told);
+    if let Some((name, seconds)) = told
+        && fits(*seconds)
+    {
+        let rate = 1.0 / (step * seconds);
+        let why = format!("the header names the unit; rows come at {rate:.4} Hz");
+        return Some((name, *seconds, Found::new(why, Confidence::Certain)));
+    }
+    // Numbers since 1970.
+    let first = column.numbers.iter().copied().find(|x| x.is_finite())?;
+    let is_epoch = |(_, seconds): &&(&str, f64)| (1e9..4e9).contains(&(first * seconds));
+    let epoch = UNITS.iter().find(is_epoch).filter(|(_, s)| fits(*s));
+    let by_rate = || UNITS.iter().find(|(_, seconds)| fits(*seconds));
+    let (name, seconds) = epoch.or_else(by_rate)?;
+    let rate = 1.0 / (step * seconds);
+    let since = if epoch.is_some() {
+        ", and numbers count from 1970"
+    } else {
+        ""
+    };
+    let mut why = format!("rows come at {rate:.4} Hz in this unit{since}");
+    if let Some((other, _)) = told {
+        why = format!("{why}; the header says {other}, at which they could not be");
+    }
+    let confidence = match is_named {
+        true => Confidence::Likely,
+        false => Confidence::Assumed,
+    };
+    Some((name, *seconds, Found::new(why, confidence)))
+}

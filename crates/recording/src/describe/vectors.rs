@@ -1,0 +1,223 @@
+//! Which three columns are the accelerometer, the magnetometer and the gyroscope, and their units by their lengths.
+
+use nalgebra::Vector3;
+
+use super::names::{Group, Quantity};
+use super::table::Table;
+use super::turns::{AS_THEY_ARE, Axes, Fit, Series, Turns, median};
+use super::{Confidence, Found};
+
+/// A vector sensor that was found.
+#[derive(Debug, Clone)]
+pub(super) struct Vector {
+    pub(super) columns: Vec<usize>,
+    pub(super) unit: &'static str,
+    pub(super) scale: Option<f64>,
+    pub(super) axes: Axes,
+    pub(super) found: Found,
+}
+
+/// The numbers of three columns over the time of their rows.
+pub(super) fn series(table: &Table, columns: &[usize], seconds: &[f64]) -> Series {
+    let number = |column: usize, row: usize| table.columns[columns[column]].numbers[row];
+    let rows = (0..table.rows).map(|row| {
+        let value = Vector3::from_fn(|axis, _| number(axis, row));
+        (seconds[row], value)
+    });
+    rows.filter(|(t, value)| t.is_finite() && value.iter().all(|x| x.is_finite()))
+        .collect()
+}
+
+/// The median length, and how much lengths differ from it by the median.
+fn length(series: &Series) -> (f64, f64) {
+    let mut norms: Vec<f64> = series.iter().map(|(_, value)| value.norm()).collect();
+    let middle = median(&mut norms);
+    let mut apart: Vec<f64> = norms.iter().map(|norm| (norm - middle).abs()).collect();
+    (middle, median(&mut apart) / middle)
+}
+
+/// Units by lengths: name, scale, from, to.
+type Lengths = [(&'static str, Option<f64>, f64, f64)];
+
+const GRAVITY: [(&str, Option<f64>, f64, f64); 3] = [
+    ("m-per-s2", None, 8.0, 12.0),
+    ("g", None, 0.8, 1.25),
+    ("g", Some(1e-3), 970.0, 1018.0),
+];
+const FIELD: [(&str, Option<f64>, f64, f64); 5] = [
+    ("microtesla", None, 15.0, 100.0),
+    ("milligauss", None, 150.0, 1000.0),
+    ("nanotesla", None, 1.5e4, 1e5),
+    ("gauss", None, 0.15, 0.9),
+    ("tesla", None, 1.5e-5, 1e-4),
+];
+
+/// The unit in which a length is plausible.
+fn by_length(lengths: &Lengths, length: f64) -> Option<(&'static str, Option<f64>)> {
+    let mut lengths = lengths.iter();
+    lengths.find_map(|(unit, scale, from, to)| {
+        (*from..*to).contains(&length).then_some((*unit, *scale))
+    })
+}
+
+/// The unit as a manifest and as people write it.
+fn spelled(unit: &str, scale: Option<f64>) -> String {
+    match scale {
+        Some(scale) if (scale - 1e-3).abs() < 1e-12 => format!("m{unit}"),
+        Some(scale) => format!("{scale:.4e} {unit}"),
+        None => unit.to_owned(),
+    }
+}
+
+/// A sensor whose unit is told by the lengths of its numbers, beside what the header says.
+fn of_length(group: &Group, lengths: &Lengths, series: &Series, what: &str) -> Option<Vector> {
+    let (middle, spread) = length(series);
+    let found = by_length(lengths, middle).filter(|_| spread < 0.3);
+    let (unit, scale) = found?;
+    let told = group.unit.map(|unit| unit.trim_start_matches('!'));
+    let agrees = told == Some(spelled(unit, scale).as_str());
+    let name = spelled(unit, scale);
+    let (why, confidence) = match told {
+        _ if agrees => (
+            format!("the header names the unit, and the median length of {middle:.4} is {what}'s"),
+            Confidence::Certain,
+        ),
+        Some(told) => (
+            format!(
+                "the median length of {middle:.4} is {what}'s in {name}, not in {told} as the header says"
+            ),
+            Confidence::Likely,
+        ),
+        None => (
+            format!("the median length of {middle:.4} is {what}'s in {name}"),
+            if group.quantity == Quantity::Other {
+                Confidence::Assumed
+            } else {
+                Confidence::Likely
+            },
+        ),
+    };
+    Some(Vector {
+        columns: group.columns.clone(),
+        unit,
+        scale,
+        axes: AS_THEY_ARE,
+        found: Found::new(why, confidence),
+    })
+}
+
+/// The accelerometer: numbers with the length of gravity.
+pub(super) fn accelerometer(group: &Group, series: &Series) -> Option<Vector> {
+    let fits = of_length(group, &GRAVITY, series, "gravity");
+    if fits.is_some() || group.quantity != Quantity::Accelerometer {
+        return fits;
+    }
+    // Counts of a converter: gravity is what they have in common.
+    let (middle, spread) = length(series);
+    let is_counts = spread < 0.1 && middle > 200.0;
+    is_counts.then(|| Vector {
+        columns: group.columns.clone(),
+        unit: "g",
+        scale: Some(1.0 / middle),
+        axes: AS_THEY_ARE,
+        found: Found::new(
+            format!(
+                "a median length of {middle:.1} fits no unit and is taken as 1 g, so a scale error remains; better \
+                 divide by what the data sheet says"
+            ),
+            Confidence::Assumed,
+        ),
+    })
+}
+
+/// The magnetometer: numbers with the length of the Earth's field.
+pub(super) fn magnetometer(group: &Group, series: &Series) -> Option<Vector> {
+    of_length(group, &FIELD, series, "the Earth's field")
+}
+
+/// The gyroscope: what the header says, and how it fits the turns of gravity.
+pub(super) fn gyroscope(group: &Group, rates: &Series, forces: Option<&Series>) -> Vector {
+    let turns = forces.map(|forces| Turns::of(rates, forces));
+    let plain = turns.as_ref().and_then(|turns| turns.fit(&AS_THEY_ARE));
+    let best = turns.as_ref().and_then(Turns::best_axes);
+    // Axes are doubted only where others fit far better.
+    let (axes, fit) = match (plain, best) {
+        (Some(plain), Some((axes, fit)))
+            if axes != AS_THEY_ARE
+                && fit.correlation > 0.5
+                && plain.correlation < 0.5 * fit.correlation =>
+        {
+            (axes, Some(fit))
+        }
+        (plain, _) => (AS_THEY_ARE, plain),
+    };
+    let fit = fit.filter(Fit::tells);
+    let (unit, mut found) = rate_unit(group, rates, fit);
+    if axes != AS_THEY_ARE {
+        found.confidence = Confidence::Likely;
+        found.why = format!(
+            "{}; as the axes stand they do not fit the accelerometer's",
+            found.why
+        );
+    }
+    Vector {
+        columns: group.columns.clone(),
+        unit,
+        scale: None,
+        axes,
+        found,
+    }
+}
+
+/// Faster than any gyroscope turns, rad/s.
+const FASTEST: f64 = 70.0;
+
+fn rate_unit(group: &Group, rates: &Series, fit: Option<Fit>) -> (&'static str, Found) {
+    const UNITS: [(&str, f64); 2] = [
+        ("rad-per-s", 1.0),
+        ("deg-per-s", std::f64::consts::PI / 180.0),
+    ];
+    let is_near = |factor: f64, expected: f64| (factor / expected).ln().abs() < 1.5_f64.ln();
+    let told = UNITS.iter().find(|(name, _)| Some(*name) == group.unit);
+    if let Some(fit) = fit {
+        let seen = UNITS
+            .iter()
+            .find(|(_, factor)| is_near(fit.factor, *factor));
+        if let Some((unit, factor)) = seen {
+            let ratio = fit.factor / factor;
+            let why = format!("gravity turns {ratio:.2} times as these numbers say in {unit}");
+            let (why, confidence) = match told {
+                Some((name, _)) if name == unit => (
+                    format!("the header names the unit, and {why}"),
+                    Confidence::Certain,
+                ),
+                Some((name, _)) => (
+                    format!("{why}, not in {name} as the header says"),
+                    Confidence::Likely,
+                ),
+                None => (why, Confidence::Likely),
+            };
+            return (unit, Found::new(why, confidence));
+        }
+    }
+    let odd = fit.map_or(String::new(), |fit| {
+        let ratio = fit.factor;
+        format!(" (gravity turns {ratio:.3} times as the numbers say in rad-per-s, which fits no unit: check the time)")
+    });
+    if let Some((unit, _)) = told {
+        let why = format!("the header names the unit; no turns of gravity confirm it{odd}");
+        return (unit, Found::new(why, Confidence::Likely));
+    }
+    let most = rates
+        .iter()
+        .map(|(_, rate)| rate.norm())
+        .fold(0.0, f64::max);
+    if most > FASTEST {
+        let why =
+            format!("the fastest is {most:.0}, more than any gyroscope measures in rad-per-s{odd}");
+        return ("deg-per-s", Found::new(why, Confidence::Likely));
+    }
+    let why =
+        format!("neither a header nor a turn of gravity tells the unit; rad-per-s is taken{odd}");
+    ("rad-per-s", Found::new(why, Confidence::Assumed))
+}
