@@ -89,7 +89,7 @@ pub(crate) const COLUMNS: ColumnsOfKinds = [
 ];
 
 const ADVICE: &str = "name the columns as docs/formats.md says, e.g. t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,\
-     acc_x_m_s2,..., or describe the file with a manifest (.toml)";
+     acc_x_m_s2,..., or describe the file with a manifest (.toml), which `northing describe` drafts";
 
 /// Opens the CSV behind `input`, reading its comments and its header.
 pub(crate) fn open(

@@ -313,8 +313,8 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
         return Err(RecordingError::unsupported(
             file,
             format!(
-                "{columns} columns of numbers without names, and not as KF-GINS has them; write a manifest beside it \
-                 (`FILE.EXT.toml`) with `header = false`, the `delimiter`, and the columns of time and sensors by their \
+                "{columns} columns of numbers without names, and not as KF-GINS has them; `northing describe` drafts a manifest; or write one beside \
+                 it (`FILE.EXT.toml`) with `header = false`, the `delimiter`, and the columns of time and sensors by their \
                  number from 1, as docs/formats.md says"
             ),
         ));

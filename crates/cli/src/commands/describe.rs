@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use northing_recording::atomic_file::write_whole;
 use northing_recording::describe::{Draft, draft};
@@ -80,9 +80,15 @@ pub(crate) fn execute(args: &DescribeArgs) -> Result<()> {
     let place = args
         .out
         .clone()
-        .unwrap_or_else(|| PathBuf::from("draft.toml"));
+        .unwrap_or_else(|| PathBuf::from("the draft"));
     let folder = place.parent().unwrap_or(Path::new(""));
     let draft = draft(&args.files, folder, args.rate)?;
+    if let ([one], true) = (&args.files[..], draft.guesses.is_empty()) {
+        let (called, one) = (called(), shown(one));
+        bail!(
+            "{one}: it opens by itself and needs no manifest; what it holds: {called} info {one}"
+        );
+    }
     if let Some(out) = &args.out {
         write_whole(out, draft.manifest.as_bytes(), args.force)?;
     } else if !args.json {
@@ -115,14 +121,14 @@ pub(crate) fn execute(args: &DescribeArgs) -> Result<()> {
 /// What was guessed, what was read by it, and what comes next.
 fn told(args: &DescribeArgs, draft: &Draft, contents: &Contents, issues: &[String]) -> String {
     let mut text = String::from("Guessed:\n");
-    let mut guesses = Table::new(&["<file", "<what", "<columns", "<taken", "<sure"]);
+    let mut guesses = Table::new(&["<what", "<sure", "<taken", "<columns", "<file"]);
     for guess in &draft.guesses {
         guesses.row([
-            guess.file.clone(),
             guess.key.to_owned(),
-            guess.columns.clone(),
-            guess.taken.clone(),
             guess.confidence.name().to_owned(),
+            guess.taken.clone(),
+            guess.columns.clone(),
+            guess.file.clone(),
         ]);
     }
     text.push_str(&guesses.render("  "));

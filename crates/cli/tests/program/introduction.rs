@@ -17,6 +17,7 @@ fn without_arguments_it_introduces_itself() {
       northing calibrate rest desk.csv       bias, noise and references of a device at rest
       northing calibrate magnetometer t.csv  hard and soft iron of a device turned in all directions
       northing calibrate allan night.csv     noise over averaging time, and the Q that follows
+      northing describe imu.txt              what the columns of a table are, guessed with reasons
       northing info walk.zip                 sensors, rates, pauses and frames of a recording
       northing convert walk.zip walk.csv     a recording in another format
       northing simulate scenario.toml        one run of a tracking scenario
@@ -42,6 +43,7 @@ fn every_command_has_help_with_examples() {
         "run",
         "compare",
         "convert",
+        "describe",
         "info",
         "simulate",
         "montecarlo",

@@ -13,6 +13,7 @@ mod compare;
 mod convert;
 mod data;
 mod demo;
+mod describe;
 mod experiment;
 mod introduction;
 mod magnetometer;

@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::names::{self, Group, Quantity};
 use super::orientation::Writing;
 use super::table::Table;
-use super::time::Time;
-use super::turns::{AS_THEY_ARE, Axes, Series, Turns, median};
+use super::time::{Time, rate_of_rows};
+use super::turns::{AS_THEY_ARE, Series, Turns, median};
 use super::vectors::{self, Vector};
-use super::{Confidence, Found, Guess, Section, navigation};
+use super::{Confidence, Found, Guess, Section, navigation, text};
 use crate::error::{RecordingError, Result, join, shown};
 use crate::open::{open_data_file, stem};
 use crate::options::OpenOptions;
@@ -59,21 +59,21 @@ pub fn draft(paths: &[PathBuf], folder: &Path, rate_hz: Option<f64>) -> Result<D
         ));
     }
     Ok(Draft {
-        manifest: text(&files, folder),
+        manifest: text::of(&files, folder),
         guesses: files.iter().flat_map(Described::guesses).collect(),
         left_out: files.iter().filter_map(Described::left_out).collect(),
     })
 }
 
 /// A file, and what was found in it.
-struct Described {
-    path: PathBuf,
+pub(super) struct Described {
+    pub(super) path: PathBuf,
     /// None of a file that describes itself.
-    table: Option<Table>,
+    pub(super) table: Option<Table>,
     time: Option<Time>,
     groups: Vec<Group>,
     sections: Vec<Section>,
-    is_down: bool,
+    pub(super) is_down: bool,
 }
 
 impl Described {
@@ -90,8 +90,11 @@ impl Described {
         let Err(error) = opened else {
             return Ok(file);
         };
-        // What the readers say of binary data is better.
-        let table = Table::read(path).map_err(|_| error)?;
+        // What the readers say of what is no table is better.
+        let table = match Table::read(path) {
+            Err(RecordingError::NotARecording { .. }) => return Err(error),
+            table => table?,
+        };
         file.groups = names::groups(&table.columns, &stem(path));
         let is_named = file
             .groups
@@ -129,7 +132,7 @@ impl Described {
             lines.push(format!("scale = {scale:?}"));
         }
         if vector.axes != AS_THEY_ARE {
-            lines.push(format!("axes = \"{}\"", written(&vector.axes)));
+            lines.push(format!("axes = \"{}\"", text::axes(&vector.axes)));
         }
         self.sections.push(Section {
             key,
@@ -197,7 +200,7 @@ impl Described {
     }
 
     /// All sections in the order in which they are written.
-    fn all(&self) -> impl Iterator<Item = Section> {
+    pub(super) fn all(&self) -> impl Iterator<Item = Section> {
         self.time_section().into_iter().chain(self.sections.clone())
     }
 
@@ -230,7 +233,7 @@ impl Described {
         self.all().map(guess).collect()
     }
 
-    fn left_out(&self) -> Option<(String, String)> {
+    pub(super) fn left_out(&self) -> Option<(String, String)> {
         let table = self.table.as_ref()?;
         let used: Vec<usize> = self.all().flat_map(|section| section.columns).collect();
         let unused = (0..table.columns.len()).filter(|column| !used.contains(column));
@@ -255,17 +258,20 @@ fn is_choice(line: &str) -> bool {
     .any(|key| line.split(' ').next() == Some(key))
 }
 
+/// Columns without known names among which sensors are looked for.
+const MOST_COLUMNS: usize = 64;
+
 /// Three or four columns side by side whose numbers could be a vector or a quaternion, of a table without known names.
 fn by_place(table: &Table) -> Vec<Group> {
     let group = |columns: Vec<usize>| Group {
-        name: String::new(),
         quantity: Quantity::Other,
         columns,
         is_ordered: false,
         unit: None,
     };
     let is_number = |column: &usize| table.columns[*column].words == 0;
-    let numbers: Vec<usize> = (0..table.columns.len()).filter(is_number).collect();
+    let numbers = (0..table.columns.len()).filter(is_number);
+    let numbers: Vec<usize> = numbers.take(MOST_COLUMNS).collect();
     let mut groups = Vec::new();
     let mut at = 0;
     while at < numbers.len() {
@@ -359,11 +365,13 @@ fn pick(
                 let mut taken = taken.chain(time);
                 group.columns.len() == 3 && !taken.any(|column| group.columns.contains(column))
             };
-            let groups = file
-                .groups
-                .iter()
-                .filter(|group| group.quantity == *quantity);
-            let found = groups.filter(is_free).find_map(|group| look(file, group));
+            let of_kind = |group: &&Group| group.quantity == *quantity;
+            let groups = file.groups.iter().filter(of_kind).filter(is_free);
+            let mut found = groups.filter_map(|group| look(file, group));
+            let found = match quantity {
+                Quantity::Other => found.min_by(|a, b| a.misfit.total_cmp(&b.misfit)),
+                _ => found.next(),
+            };
             if let Some(vector) = found {
                 return Some((place, vector));
             }
@@ -373,10 +381,37 @@ fn pick(
 }
 
 impl Described {
+    /// The rate at which gravity turns as one of the groups says, the gyroscope.
+    fn rate_by_turns(&self) -> Option<(f64, Found)> {
+        let is_force = |one: &&Section| one.key == "accelerometer";
+        let columns = &self.sections.iter().find(is_force)?.columns;
+        let forces = self.series(columns);
+        let is_free = |group: &&Group| !group.columns.iter().any(|column| columns.contains(column));
+        let is_gyroscope = |group: &&Group| group.quantity == Quantity::Gyroscope;
+        let named = self.groups.iter().find(is_gyroscope);
+        let candidates = match named {
+            Some(group) => vec![group],
+            None => self
+                .groups
+                .iter()
+                .filter(|group| group.columns.len() == 3)
+                .filter(is_free)
+                .collect(),
+        };
+        let fits = candidates.into_iter().filter_map(|group| {
+            let fit = Turns::of(&self.series(&group.columns), &forces).fit(&AS_THEY_ARE)?;
+            fit.tells().then_some((group, fit))
+        });
+        let (group, fit) = fits.max_by(|(_, a), (_, b)| a.correlation.total_cmp(&b.correlation))?;
+        rate_of_rows(group.unit, fit)
+    }
+
     /// The rate of rows without time stamps: the user's, or that at which gravity turns as the gyroscope says.
     fn settle_rate(&mut self, told_hz: Option<f64>) -> Result<()> {
         let is_without = |time: &Time| time.columns.is_empty();
-        if !self.time.as_ref().is_some_and(is_without) {
+        let is_named = |group: &Group| group.quantity != Quantity::Other;
+        let is_sensor = self.groups.iter().any(is_named) || !self.sections.is_empty();
+        if !self.time.as_ref().is_some_and(is_without) || !is_sensor {
             return Ok(());
         }
         let found = match told_hz {
@@ -384,7 +419,7 @@ impl Described {
                 rate,
                 Found::new("the rate that was told", Confidence::Certain),
             )),
-            None => self.rate_of_turns(),
+            None => self.rate_by_turns(),
         };
         let Some((rate_hz, found)) = found else {
             return Err(RecordingError::unsupported(
@@ -398,148 +433,4 @@ impl Described {
         }
         Ok(())
     }
-
-    fn rate_of_turns(&self) -> Option<(f64, Found)> {
-        const RATES_HZ: std::ops::Range<f64> = 20.0..2000.0;
-        let forces = self
-            .sections
-            .iter()
-            .find(|one| one.key == "accelerometer")?;
-        let forces = self.series(&forces.columns);
-        let group = self
-            .groups
-            .iter()
-            .find(|group| group.quantity == Quantity::Gyroscope)?;
-        let fit = Turns::of(&self.series(&group.columns), &forces).fit(&AS_THEY_ARE);
-        let fit = fit.filter(super::turns::Fit::tells)?;
-        let of_unit = |unit: &str| match unit {
-            "deg-per-s" => 1_f64.to_radians() / fit.factor,
-            _ => 1.0 / fit.factor,
-        };
-        let rates = match group.unit {
-            Some(unit) => vec![of_unit(unit)],
-            None => vec![of_unit("rad-per-s"), of_unit("deg-per-s")],
-        };
-        let rate_hz = rates.into_iter().find(|rate| RATES_HZ.contains(rate))?;
-        // Three digits are more than it is good for.
-        let digits = 10_f64.powi(2 - rate_hz.log10().floor() as i32);
-        let rate_hz = (rate_hz * digits).round() / digits;
-        let why = format!(
-            "no column of time stamps; gravity turns as the gyroscope says at this rate of the rows, which is good to some \
-             per cent ({:.1} % by the noise alone): put the true rate in its place, or say it with --rate",
-            300.0 * fit.std / fit.factor
-        );
-        Some((rate_hz, Found::new(why, Confidence::Assumed)))
-    }
-}
-
-impl Table {
-    /// A column as a manifest names it.
-    pub(super) fn called(&self, place: usize) -> String {
-        let name = &self.columns[place].name;
-        let same = self.columns.iter().filter(|other| other.name == *name);
-        if self.form.header && !name.is_empty() && same.count() == 1 {
-            toml::Value::String(name.clone()).to_string()
-        } else {
-            (place + 1).to_string()
-        }
-    }
-
-    /// A column as people call it.
-    fn shown(&self, place: usize) -> String {
-        match self.columns[place].name.as_str() {
-            "" => format!("{}", place + 1),
-            name => shown(name),
-        }
-    }
-
-    fn names(&self) -> Vec<String> {
-        (0..self.columns.len())
-            .map(|place| self.shown(place))
-            .collect()
-    }
-}
-
-fn written(axes: &Axes) -> String {
-    let axis = |(axis, sign): &(usize, f64)| {
-        let minus = if *sign < 0.0 { "-" } else { "" };
-        format!("{minus}{}", ["x", "y", "z"][*axis])
-    };
-    axes.iter().map(axis).collect::<Vec<_>>().join(",")
-}
-
-/// The manifest.
-fn text(files: &[Described], folder: &Path) -> String {
-    let mut text = String::from(
-        "# A draft: what the columns are was guessed from their names and numbers. Check what is only likely or assumed.\n\n",
-    );
-    let is_down = files.iter().any(|file| file.is_down);
-    if is_down {
-        text.push_str("world_frame = \"ned\"   # by the quaternions: z is down\n\n");
-    }
-    let prefix = if files.len() > 1 { "source." } else { "" };
-    for file in files {
-        if files.len() > 1 {
-            text.push_str("[[source]]\n");
-        }
-        let named = named_in(&file.path, folder);
-        text.push_str(&format!("file = {}\n", toml::Value::String(named)));
-        let Some(table) = &file.table else {
-            text.push_str("# It describes itself.\n\n");
-            continue;
-        };
-        form(table, &mut text);
-        for section in file.all() {
-            let found = &section.found;
-            text.push_str(&format!(
-                "\n[{prefix}{}]\n# {}: {}\n{}\n",
-                section.key,
-                found.confidence.name(),
-                found.why,
-                section.lines.join("\n")
-            ));
-        }
-        if let Some((_, names)) = file.left_out() {
-            text.push_str(&format!("\n# Columns not used: {names}\n"));
-        }
-        text.push('\n');
-    }
-    text.truncate(text.trim_end().len());
-    text.push('\n');
-    text
-}
-
-/// How the table is written, where that is not the rule.
-fn form(table: &Table, text: &mut String) {
-    let form = &table.form;
-    if form.delimiter != ',' {
-        let delimiter = toml::Value::String(form.delimiter.to_string());
-        text.push_str(&format!("delimiter = {delimiter}\n"));
-    }
-    if form.decimal_comma {
-        text.push_str("decimal_comma = true\n");
-    }
-    if form.skip_rows > 0 {
-        text.push_str(&format!("skip_rows = {}\n", form.skip_rows));
-    }
-    if !form.header {
-        text.push_str("header = false\n");
-    }
-    if let Some(comment) = form.comment {
-        text.push_str(&format!("comment = \"{comment}\"\n"));
-    }
-}
-
-/// The name of a file in a manifest in `folder`.
-fn named_in(path: &Path, folder: &Path) -> String {
-    let whole = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let folder = match folder.as_os_str().is_empty() {
-        true => Path::new("."),
-        false => folder,
-    };
-    let (path, folder) = (whole(path), whole(folder));
-    path.strip_prefix(&folder)
-        .unwrap_or(&path)
-        .display()
-        .to_string()
 }

@@ -9,6 +9,7 @@ mod names;
 mod navigation;
 mod orientation;
 mod table;
+mod text;
 mod time;
 mod turns;
 mod vectors;

@@ -28,6 +28,12 @@ pub(super) enum Single {
     Height,
     HorizontalAccuracy,
     VerticalAccuracy,
+    StdNorth,
+    StdEast,
+    StdVertical,
+    StdVelocityNorth,
+    StdVelocityEast,
+    StdVelocityVertical,
     Hdop,
     Satellites,
     Speed,
@@ -42,8 +48,6 @@ pub(super) enum Single {
 /// Columns that belong together.
 #[derive(Debug, Clone)]
 pub(super) struct Group {
-    /// What they have in common in their names.
-    pub(super) name: String,
     pub(super) quantity: Quantity,
     /// Three, or four of a quaternion in the order w, x, y, z, as far as the names tell it.
     pub(super) columns: Vec<usize>,
@@ -211,7 +215,7 @@ fn part(name: &str) -> Option<(Vec<String>, char)> {
 
 /// The vectors and quaternions of a header. Columns that are called x, y, z alone are what the file is called.
 pub(super) fn groups(columns: &[Column], file: &str) -> Vec<Group> {
-    let mut found: BTreeMap<(String, Option<&str>), Vec<(char, usize)>> = BTreeMap::new();
+    let mut found: BTreeMap<_, Vec<(char, usize)>> = BTreeMap::new();
     for (place, column) in columns.iter().enumerate() {
         let (name, unit) = unit(&column.name);
         if let Some((words, part)) = part(&name) {
@@ -228,14 +232,14 @@ pub(super) fn groups(columns: &[Column], file: &str) -> Vec<Group> {
     }
     let mut groups: Vec<Group> = found
         .into_iter()
-        .filter_map(|((name, unit), parts)| group(name, unit, &parts))
+        .filter_map(|((name, unit), parts)| group(&name, unit, &parts))
         .collect();
     groups.sort_by_key(|group| group.columns[0]);
     groups
 }
 
 /// Three or four columns with the same name but for their part.
-fn group(name: String, unit: Option<&'static str>, parts: &[(char, usize)]) -> Option<Group> {
+fn group(name: &str, unit: Option<&'static str>, parts: &[(char, usize)]) -> Option<Group> {
     let of = |wanted: &str| -> Option<Vec<usize>> {
         let column = |part| Some(parts.iter().find(|(p, _)| *p == part)?.1);
         wanted.chars().map(column).collect()
@@ -249,12 +253,11 @@ fn group(name: String, unit: Option<&'static str>, parts: &[(char, usize)]) -> O
         },
     };
     let quantity = match columns.len() {
-        4 if is_reference(&name) => Quantity::Reference,
+        4 if is_reference(name) => Quantity::Reference,
         4 => Quantity::Orientation,
-        _ => vector(&name, unit),
+        _ => vector(name, unit),
     };
     Some(Group {
-        name,
         quantity,
         columns,
         is_ordered,
@@ -328,8 +331,8 @@ pub(super) fn single(name: &str) -> Option<Single> {
         Single::HorizontalAccuracy
     } else if accuracy && (is(&["vacc", "v"]) || has("ver") || has("alt")) {
         Single::VerticalAccuracy
-    } else if accuracy {
-        return None;
+    } else if accuracy || is(&["sdn", "sde", "sdu"]) {
+        return deviation(&words);
     } else if is(&["lat", "latitude"]) {
         Single::Latitude
     } else if is(&["lon", "lng", "long", "longitude"]) {
@@ -350,6 +353,22 @@ pub(super) fn single(name: &str) -> Option<Single> {
         return velocity(&words);
     };
     Some(found)
+}
+
+/// A standard deviation of a position or velocity.
+fn deviation(words: &[String]) -> Option<Single> {
+    let name = words.concat();
+    let begin = ["sigma", "std", "sd"].iter();
+    let axis = begin.filter_map(|begin| name.strip_prefix(begin)).next()?;
+    match axis {
+        "n" | "north" | "lat" => Some(Single::StdNorth),
+        "e" | "east" | "lon" => Some(Single::StdEast),
+        "u" | "up" | "d" | "down" | "h" | "alt" => Some(Single::StdVertical),
+        "vn" => Some(Single::StdVelocityNorth),
+        "ve" => Some(Single::StdVelocityEast),
+        "vu" | "vd" => Some(Single::StdVelocityVertical),
+        _ => None,
+    }
 }
 
 /// A component of a velocity over ground.

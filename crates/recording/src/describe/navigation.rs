@@ -29,6 +29,17 @@ impl Columns<'_> {
         Some(place)
     }
 
+    /// Writes `key = [columns]` where all three are there.
+    fn put_three(&mut self, key: &str, wanted: [Single; 3]) -> bool {
+        let [Some(a), Some(b), Some(c)] = wanted.map(|wanted| self.find(wanted)) else {
+            return false;
+        };
+        let names = [a, b, c].map(|place| self.table.called(place)).join(", ");
+        self.lines.push(format!("{key} = [{names}]"));
+        self.used.extend([a, b, c]);
+        true
+    }
+
     fn largest(&self, place: usize) -> f64 {
         let numbers = self.table.columns[place].numbers.iter();
         numbers
@@ -101,8 +112,11 @@ fn position(mut columns: Columns<'_>) -> Option<Section> {
     {
         columns.lines.push("height_unit = \"mm\"".to_owned());
     }
+    let std = [Single::StdNorth, Single::StdEast, Single::StdVertical];
     let accuracy = [Single::HorizontalAccuracy, Single::VerticalAccuracy];
-    if let [Some(horizontal), Some(vertical)] = accuracy.map(|wanted| columns.find(wanted)) {
+    if !columns.put_three("std", std)
+        && let [Some(horizontal), Some(vertical)] = accuracy.map(|wanted| columns.find(wanted))
+    {
         let [h, v] = [horizontal, vertical].map(|place| columns.table.called(place));
         columns.lines.push(format!("accuracy = [{h}, {v}]"));
         columns.used.extend([horizontal, vertical]);
@@ -113,17 +127,21 @@ fn position(mut columns: Columns<'_>) -> Option<Section> {
 }
 
 fn velocity(mut columns: Columns<'_>, seconds: &[f64]) -> Option<Section> {
-    use Single::{
-        VelocityDown as Down, VelocityEast as East, VelocityNorth as North, VelocityUp as Up,
-    };
-    for (order, axes) in [([North, East, Down], "ned"), ([East, North, Up], "enu")] {
-        if let [Some(a), Some(b), Some(c)] = order.map(|wanted| columns.find(wanted)) {
-            let names = [a, b, c]
-                .map(|place| columns.table.called(place))
-                .join(", ");
-            columns.lines.push(format!("columns = [{names}]"));
+    use Single as Is;
+    let [north, east, up] = [Is::VelocityNorth, Is::VelocityEast, Is::VelocityUp];
+    let std = [
+        Is::StdVelocityNorth,
+        Is::StdVelocityEast,
+        Is::StdVelocityVertical,
+    ];
+    let (n, e, v) = (std[0], std[1], std[2]);
+    for (order, std, axes) in [
+        ([north, east, Is::VelocityDown], std, "ned"),
+        ([east, north, up], [e, n, v], "enu"),
+    ] {
+        if columns.put_three("columns", order) {
             columns.lines.push(format!("axes = \"{axes}\""));
-            columns.used.extend([a, b, c]);
+            columns.put_three("std", std);
             let found = Found::new("named so; taken in m/s", Confidence::Likely);
             return Some(columns.section("gnss_velocity", found));
         }

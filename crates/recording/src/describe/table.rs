@@ -12,6 +12,8 @@ use crate::text::{open_file, read_line};
 
 /// Lines in which the form is looked for.
 const LINES: usize = 400;
+/// Bytes in which it is looked for.
+const HEAD_BYTES: usize = 1 << 20;
 /// Bytes that are looked at. Turns, by which units are told, come within minutes.
 const MOST_BYTES: u64 = 64 << 20;
 /// Cells that are kept.
@@ -43,6 +45,8 @@ pub(super) struct Column {
     pub(super) name: String,
     /// One number a row; NaN where there is none.
     pub(super) numbers: Vec<f64>,
+    /// Of cells with a date, a time of day or both: the seconds since 1970, since midnight; NaN of others.
+    pub(super) dates: Vec<f64>,
     /// What stands in its first cell that is not empty.
     pub(super) first: String,
     /// Cells that are neither empty nor a number.
@@ -56,6 +60,8 @@ pub(super) struct Table {
     pub(super) columns: Vec<Column>,
     /// Rows that were looked at.
     pub(super) rows: usize,
+    /// Lines that have another number of cells.
+    others: usize,
 }
 
 impl Table {
@@ -73,9 +79,12 @@ impl Table {
         };
         let mut head: Vec<String> = Vec::new();
         let mut lines = Lines::open(path, &file)?;
+        let mut bytes = 0;
         while head.len() < LINES
+            && bytes < HEAD_BYTES
             && let Some(line) = lines.next()?
         {
+            bytes += line.len();
             head.push(line);
         }
         let form = Form::of(&head).ok_or_else(no_table)?;
@@ -89,10 +98,21 @@ impl Table {
             table.add(&line);
         }
         if table.rows < 3 {
-            Err(no_table())
-        } else {
-            Ok(table)
+            return Err(no_table());
         }
+        // The last line may be cut off.
+        if table.others > 1 {
+            let (others, cells) = (table.others, table.columns.len());
+            return Err(RecordingError::unsupported(
+                file,
+                format!(
+                    "{others} of {} rows do not have the {cells} cells of the others; rows of several kinds need a \
+                     manifest with `rows`, as docs/formats.md says",
+                    table.rows + others
+                ),
+            ));
+        }
+        Ok(table)
     }
 
     /// Without rows yet.
@@ -105,6 +125,7 @@ impl Table {
         let column = |name: String| Column {
             name: name.trim_start_matches('\u{feff}').to_owned(),
             numbers: Vec::new(),
+            dates: Vec::new(),
             first: String::new(),
             words: 0,
         };
@@ -113,6 +134,7 @@ impl Table {
             form,
             columns,
             rows: 0,
+            others: 0,
         }
     }
 
@@ -124,15 +146,18 @@ impl Table {
         }
         let cells = self.form.cells(line);
         if cells.len() != self.columns.len() {
+            self.others += 1;
             return;
         }
         self.rows += 1;
         for (column, cell) in self.columns.iter_mut().zip(cells) {
             let number = self.form.number(&cell);
             column.numbers.push(number.unwrap_or(f64::NAN));
-            if number.is_none() && !is_blank(&cell) {
-                column.words += 1;
-            }
+            let is_word = number.is_none() && !is_blank(&cell);
+            column.words += usize::from(is_word);
+            column
+                .dates
+                .push(if is_word { date(&cell) } else { f64::NAN });
             if column.first.is_empty() && !is_blank(&cell) {
                 column.first = cell;
             }
@@ -266,6 +291,18 @@ impl Form {
             || is_date(cell)
             || is_time_of_day(cell)
     }
+}
+
+/// The seconds of a date, of a time of day or of both.
+fn date(cell: &str) -> f64 {
+    let parse = |text: &str| stamp::parse_date_time(text.as_bytes());
+    let whole = parse(cell).or_else(|| parse(&format!("{cell} 00:00:00")));
+    let clock = || {
+        is_time_of_day(cell)
+            .then(|| parse(&format!("1970-01-01 {cell}")))
+            .flatten()
+    };
+    whole.or_else(clock).map_or(f64::NAN, |ns| ns as f64 * 1e-9)
 }
 
 /// Whether a cell is a date alone.

@@ -2,7 +2,7 @@
 
 use super::names::{Single, single, unit};
 use super::table::{Column, Table, is_date, is_time_of_day};
-use super::turns::median;
+use super::turns::{Fit, median};
 use super::{Confidence, Found};
 use crate::stamp;
 
@@ -68,11 +68,16 @@ impl Time {
             1 => "it holds dates with a time of day; UTC, as no zone is said, or the zone that is",
             _ => "one column holds dates, the other times of day; taken as UTC",
         };
+        let dates = |row: usize| {
+            columns
+                .iter()
+                .map(|place| table.columns[*place].dates[row])
+                .sum()
+        };
         Some(Self {
+            seconds: (0..table.rows).map(dates).collect(),
             columns,
             unit: "date-time",
-            // Of dates only the order matters here, and rows come in order.
-            seconds: (0..table.rows).map(|row| row as f64).collect(),
             rate_hz: None,
             found: Found::new(what, Confidence::Certain),
         })
@@ -171,4 +176,29 @@ fn time_unit(
         false => Confidence::Assumed,
     };
     Some((name, *seconds, Found::new(why, confidence)))
+}
+
+/// The rate of rows without time stamps by the turns of gravity, where the time of a row is taken as 1: the gyroscope's
+/// unit is that of the header, or the one with which the rate is a sensor's.
+pub(super) fn rate_of_rows(unit: Option<&str>, fit: Fit) -> Option<(f64, Found)> {
+    const RATES_HZ: std::ops::Range<f64> = 20.0..2000.0;
+    let of_unit = |unit: &str| match unit {
+        "deg-per-s" => 1_f64.to_radians() / fit.factor,
+        _ => 1.0 / fit.factor,
+    };
+    let mut rates = match unit {
+        Some(unit) => vec![of_unit(unit)],
+        None => vec![of_unit("rad-per-s"), of_unit("deg-per-s")],
+    }
+    .into_iter();
+    let rate_hz = rates.find(|rate| RATES_HZ.contains(rate))?;
+    // Three digits are more than it is good for.
+    let digits = 10_f64.powi(2 - rate_hz.log10().floor() as i32);
+    let rate_hz = (rate_hz * digits).round() / digits;
+    let why = format!(
+        "no column of time stamps; at this rate of the rows gravity turns as the gyroscope says, which is good to some per \
+         cent ({:.1} % by noise alone): put the true rate in its place, or say it with --rate",
+        300.0 * fit.std / fit.factor
+    );
+    Some((rate_hz, Found::new(why, Confidence::Assumed)))
 }

@@ -15,8 +15,9 @@ pub(super) type Series = Vec<(f64, Vector3<f64>)>;
 const MOST_STEPS: usize = 100_000;
 /// Fewer tell nothing.
 const LEAST_STEPS: usize = 30;
-/// Numbers that are averaged in a step. Sensors' noise is beaten down while a turn is still short.
-const AVERAGED: usize = 4;
+/// Numbers that are averaged in a step: that many are taken with which most is explained. More of them beat the noise
+/// down, until a turn within a step is no longer short.
+const AVERAGED: [usize; 5] = [2, 4, 8, 16, 32];
 
 /// The gyroscope's rate, the force in the middle, and how the force changed in a time.
 struct Step {
@@ -58,7 +59,22 @@ pub(super) struct Turns {
 impl Turns {
     /// From the two sensors on one clock, in any units.
     pub(super) fn of(gyroscope: &Series, accelerometer: &Series) -> Self {
-        let forces = averaged(accelerometer);
+        let made = AVERAGED.map(|rows| Self::averaged(gyroscope, accelerometer, rows));
+        let explained = |turns: &Self| {
+            turns
+                .fits()
+                .iter()
+                .map(|(_, fit)| fit.correlation)
+                .fold(-1.0, f64::max)
+        };
+        let best = made
+            .into_iter()
+            .max_by(|a, b| explained(a).total_cmp(&explained(b)));
+        best.unwrap_or(Self { steps: Vec::new() })
+    }
+
+    fn averaged(gyroscope: &Series, accelerometer: &Series, rows: usize) -> Self {
+        let forces = averaged(accelerometer, rows);
         let rates = averaged_between(gyroscope, &forces);
         let mut norms: Vec<f64> = forces.iter().map(|(_, force)| force.norm()).collect();
         let gravity = median(&mut norms);
@@ -103,6 +119,14 @@ impl Turns {
 
     /// The axes that fit best of all 48, if none other fits nearly as well.
     pub(super) fn best_axes(&self) -> Option<(Axes, Fit)> {
+        let mut fits = self.fits();
+        fits.sort_by(|(_, a), (_, b)| b.correlation.total_cmp(&a.correlation));
+        let (best, next) = (*fits.first()?, fits.get(1)?.1);
+        (best.1.tells() && next.correlation < 0.9 * best.1.correlation).then_some(best)
+    }
+
+    /// The fits with all axes.
+    fn fits(&self) -> Vec<(Axes, Fit)> {
         const ORDERS: [[usize; 3]; 6] = [
             [0, 1, 2],
             [0, 2, 1],
@@ -116,23 +140,21 @@ impl Turns {
             for signs in 0..8 {
                 let sign = |bit: usize| if signs >> bit & 1 == 0 { 1.0 } else { -1.0 };
                 let axes = [0, 1, 2].map(|axis| (order[axis], sign(axis)));
-                fits.push((axes, self.fit(&axes)?));
+                fits.extend(self.fit(&axes).map(|fit| (axes, fit)));
             }
         }
-        fits.sort_by(|(_, a), (_, b)| b.correlation.total_cmp(&a.correlation));
-        let (best, next) = (fits[0], fits[1].1);
-        (best.1.tells() && next.correlation < 0.9 * best.1.correlation).then_some(best)
+        fits
     }
 }
 
-/// Means of as many numbers as a step has.
-fn averaged(series: &Series) -> Series {
+/// Means of so many numbers each.
+fn averaged(series: &Series, rows: usize) -> Series {
     let mean = |piece: &[(f64, Vector3<f64>)]| {
         let n = piece.len() as f64;
         let time = piece.iter().map(|(t, _)| t).sum::<f64>() / n;
         (time, piece.iter().map(|(_, v)| v).sum::<Vector3<f64>>() / n)
     };
-    series.chunks_exact(AVERAGED).map(mean).collect()
+    series.chunks_exact(rows).map(mean).collect()
 }
 
 /// Means of a series between each two of the times of another; none where it has no numbers.

@@ -14,6 +14,8 @@ pub(super) struct Vector {
     pub(super) unit: &'static str,
     pub(super) scale: Option<f64>,
     pub(super) axes: Axes,
+    /// How badly the numbers fit: of sensors without names the best one is taken.
+    pub(super) misfit: f64,
     pub(super) found: Found,
 }
 
@@ -42,7 +44,7 @@ type Lengths = [(&'static str, Option<f64>, f64, f64)];
 const GRAVITY: [(&str, Option<f64>, f64, f64); 3] = [
     ("m-per-s2", None, 8.0, 12.0),
     ("g", None, 0.8, 1.25),
-    ("g", Some(1e-3), 970.0, 1018.0),
+    ("g", Some(1e-3), 850.0, 1200.0),
 ];
 const FIELD: [(&str, Option<f64>, f64, f64); 5] = [
     ("microtesla", None, 15.0, 100.0),
@@ -102,8 +104,20 @@ fn of_length(group: &Group, lengths: &Lengths, series: &Series, what: &str) -> O
         unit,
         scale,
         axes: AS_THEY_ARE,
+        misfit: spread,
         found: Found::new(why, confidence),
     })
+}
+
+/// Counts of converters for 1 g, of ranges of 2, 4, 8 and 16 g at 16 bits and of 10 bits, and for a degree a second, of
+/// ranges of 250 to 2000 at 16 bits by makers that divide the range, and of those that give 8.75, 17.5 and 70 mdeg/s.
+const COUNTS_OF_G: [f64; 5] = [16384.0, 8192.0, 4096.0, 2048.0, 256.0];
+const COUNTS_OF_DEG_PER_S: [f64; 7] = [131.0, 65.5, 32.8, 16.4, 114.29, 57.14, 14.286];
+
+/// Those that differ from what was measured by less than a sensor's scale does.
+fn usual_counts(usual: &[f64], measured: f64) -> Option<f64> {
+    let mut usual = usual.iter().copied();
+    usual.find(|counts| (counts / measured - 1.0).abs() < 0.04)
 }
 
 /// The accelerometer: numbers with the length of gravity.
@@ -115,18 +129,23 @@ pub(super) fn accelerometer(group: &Group, series: &Series) -> Option<Vector> {
     // Counts of a converter: gravity is what they have in common.
     let (middle, spread) = length(series);
     let is_counts = spread < 0.1 && middle > 200.0;
+    let usual = usual_counts(&COUNTS_OF_G, middle);
+    let why = match usual {
+        Some(counts) => format!(
+            "a median length of {middle:.0} fits no unit, but gravity in counts of a converter with {counts} for 1 g"
+        ),
+        None => format!(
+            "a median length of {middle:.1} fits no unit and is taken as 1 g, so a scale error remains; better divide \
+             by what the data sheet says"
+        ),
+    };
     is_counts.then(|| Vector {
         columns: group.columns.clone(),
         unit: "g",
-        scale: Some(1.0 / middle),
+        scale: Some(1.0 / usual.unwrap_or(middle)),
         axes: AS_THEY_ARE,
-        found: Found::new(
-            format!(
-                "a median length of {middle:.1} fits no unit and is taken as 1 g, so a scale error remains; better \
-                 divide by what the data sheet says"
-            ),
-            Confidence::Assumed,
-        ),
+        misfit: spread,
+        found: Found::new(why, Confidence::Assumed),
     })
 }
 
@@ -152,7 +171,13 @@ pub(super) fn gyroscope(group: &Group, rates: &Series, forces: Option<&Series>) 
         (plain, _) => (AS_THEY_ARE, plain),
     };
     let fit = fit.filter(Fit::tells);
-    let (unit, mut found) = rate_unit(group, rates, fit);
+    let (unit, scale, mut found) = match fit.and_then(|fit| counts(group, rates, fit)) {
+        Some((scale, found)) => ("deg-per-s", Some(scale), found),
+        None => {
+            let (unit, found) = rate_unit(group, rates, fit);
+            (unit, None, found)
+        }
+    };
     if axes != AS_THEY_ARE {
         found.confidence = Confidence::Likely;
         found.why = format!(
@@ -163,10 +188,40 @@ pub(super) fn gyroscope(group: &Group, rates: &Series, forces: Option<&Series>) 
     Vector {
         columns: group.columns.clone(),
         unit,
-        scale: None,
+        scale,
         axes,
+        misfit: -fit.map_or(0.0, |fit| fit.correlation),
         found,
     }
+}
+
+/// Counts of a converter, which are too large for any unit: their scale by the turns of gravity.
+fn counts(group: &Group, rates: &Series, fit: Fit) -> Option<(f64, Found)> {
+    let measured = 1_f64.to_radians() / fit.factor;
+    let is_counts = group.unit.is_none() && fit.correlation > 0.5 && fastest(rates) > 1000.0;
+    if !is_counts || measured < 5.0 {
+        return None;
+    }
+    let usual = usual_counts(&COUNTS_OF_DEG_PER_S, measured);
+    let why = match usual {
+        Some(counts) => format!(
+            "too large for any unit; gravity turns as if {measured:.1} counts of a converter were 1 deg/s, and \
+             {counts} are usual"
+        ),
+        None => format!(
+            "too large for any unit; gravity turns as if {measured:.1} counts of a converter were 1 deg/s, good to some \
+             per cent; better divide by what the data sheet says"
+        ),
+    };
+    let scale = 1.0 / usual.unwrap_or(measured);
+    Some((scale, Found::new(why, Confidence::Assumed)))
+}
+
+fn fastest(rates: &Series) -> f64 {
+    rates
+        .iter()
+        .map(|(_, rate)| rate.norm())
+        .fold(0.0, f64::max)
 }
 
 /// Faster than any gyroscope turns, rad/s.
@@ -200,7 +255,9 @@ fn rate_unit(group: &Group, rates: &Series, fit: Option<Fit>) -> (&'static str, 
             return (unit, Found::new(why, confidence));
         }
     }
-    let odd = fit.map_or(String::new(), |fit| {
+    // Vehicles accelerate as they turn, which is some part of what is seen.
+    let odd = fit.filter(|fit| fit.correlation > 0.7);
+    let odd = odd.map_or(String::new(), |fit| {
         let ratio = fit.factor;
         format!(" (gravity turns {ratio:.3} times as the numbers say in rad-per-s, which fits no unit: check the time)")
     });
@@ -208,10 +265,7 @@ fn rate_unit(group: &Group, rates: &Series, fit: Option<Fit>) -> (&'static str, 
         let why = format!("the header names the unit; no turns of gravity confirm it{odd}");
         return (unit, Found::new(why, Confidence::Likely));
     }
-    let most = rates
-        .iter()
-        .map(|(_, rate)| rate.norm())
-        .fold(0.0, f64::max);
+    let most = fastest(rates);
     if most > FASTEST {
         let why =
             format!("the fastest is {most:.0}, more than any gyroscope measures in rad-per-s{odd}");
