@@ -15,6 +15,7 @@ use crate::numbers::{self, MOST};
 use crate::recording::Pieces;
 use crate::stamp;
 use csv::ByteRecord;
+use northing_core::earth::LocalFrame;
 
 pub(crate) use blanks::Blanks;
 #[cfg(feature = "ulog")]
@@ -83,6 +84,11 @@ pub(crate) enum Form {
     RtklibPosition,
     /// Speed over ground, course and the speed's standard deviation.
     SpeedAndCourse,
+    /// Metres north, east and down of a place; the standard deviations in place of those of the row.
+    Local {
+        frame: LocalFrame,
+        std_m: Option<[f64; 3]>,
+    },
     /// In Earth-centred, Earth-fixed axes, at the position in these columns.
     Ecef { place: [usize; 3], inverse: bool },
 }

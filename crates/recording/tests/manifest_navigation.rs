@@ -370,3 +370,97 @@ fn a_wrong_manifest_is_told_with_line_and_advice() {
         "{blind}"
     );
 }
+
+const ROOM: &str = r#"
+[[source]]
+file = "imu.csv"
+time = { column = "t", unit = "s" }
+gyroscope = { columns = ["wx", "wy", "wz"] }
+
+[[source]]
+file = "mocap.csv"
+time = { column = "t", unit = "s" }
+[source.local_position]
+columns = ["x", "y", "z"]
+origin = { latitude_deg = 47.0, longitude_deg = 8.0, height_m = 400.0 }
+std_m = [0.01, 0.02, 0.03]
+"#;
+
+#[test]
+fn positions_in_metres_from_a_place_are_fixes() {
+    use nalgebra::Vector3;
+    use northing_core::earth::{Geodetic, LocalFrame};
+    let files = [
+        ("imu.csv", "t,wx,wy,wz\n0,0,0,0\n"),
+        ("mocap.csv", "t,x,y,z,sx,sy,sz\n0,3,-40,5,1,2,3\n1,,,,,,\n"),
+    ];
+    let frame = LocalFrame::new(Geodetic::from_degrees(47.0, 8.0, 400.0).unwrap());
+    let fix_of = |manifest: &str| {
+        let events = all(opened(manifest, &files).unwrap());
+        assert_eq!(events.len(), 2, "an empty row is no fix");
+        let fix = events.into_iter().find_map(|event| match event.sample {
+            Sample::GnssPosition(fix) => Some(fix),
+            _ => None,
+        });
+        fix.unwrap()
+    };
+    let enu = Vector3::new(-40.0, 3.0, -5.0);
+    for (axes, ned, std) in [
+        ("enu", enu, [0.02, 0.01, 0.03]),
+        ("ned", Vector3::new(3.0, -40.0, 5.0), [0.01, 0.02, 0.03]),
+        ("neu", Vector3::new(3.0, -40.0, -5.0), [0.01, 0.02, 0.03]),
+    ] {
+        let fix = fix_of(&format!("{ROOM}axes = \"{axes}\"\n"));
+        let place = Geodetic {
+            latitude_rad: fix.latitude_rad,
+            longitude_rad: fix.longitude_rad,
+            height_m: fix.height_m.unwrap(),
+        };
+        assert!((frame.ned(&place) - ned).norm() < 1e-6, "{axes}");
+        assert_eq!(fix.std_m, Some(std), "{axes}");
+    }
+    let columns = ROOM.replace(
+        "std_m = [0.01, 0.02, 0.03]",
+        "std = [\"sx\", \"sy\", \"sz\"]",
+    );
+    assert_eq!(fix_of(&columns).std_m, Some([2.0, 1.0, 3.0]));
+    let reference = all(opened(
+        &format!(
+            "{}role = \"reference\"\n{}",
+            &ROOM[..ROOM.find("[source.local").unwrap()],
+            &ROOM[ROOM.find("[source.local").unwrap()..]
+        ),
+        &files,
+    )
+    .unwrap());
+    assert!(
+        reference
+            .iter()
+            .any(|event| matches!(event.sample, Sample::ReferencePosition(_)))
+    );
+    for (from, to, expected) in [
+        (
+            "47.0",
+            "97.0",
+            "[local_position] origin: expected latitude_deg from -90 to 90",
+        ),
+        (
+            "[0.01,",
+            "[0.0,",
+            "[local_position] std_m: expected metres above 0",
+        ),
+        (
+            "std_m",
+            "std = [\"sx\", \"sy\", \"sz\"]\nstd_m",
+            "has both `std` and `std_m`",
+        ),
+        (
+            "[source.local_position]",
+            "gnss_position = { latitude = \"sx\", longitude = \"sy\" }\n[source.local_position]",
+            "has both [gnss_position] and [local_position]",
+        ),
+    ] {
+        let error = error_of(opened(&ROOM.replacen(from, to, 1), &files));
+        assert!(error.contains(expected), "{to}: {error}");
+    }
+}

@@ -42,6 +42,17 @@ impl Cells<'_> {
                     ..GnssVelocity::from_course(speed, course)
                 }))
             }
+            (Form::Local { frame, std_m }, Sample::GnssPosition(fix)) => {
+                let [north, east, down, ..] = *row;
+                let place = frame.geodetic(&Vector3::new(north, east, down));
+                Some(Sample::GnssPosition(GnssPosition {
+                    latitude_rad: place.latitude_rad,
+                    longitude_rad: place.longitude_rad,
+                    height_m: (!down.is_nan()).then_some(place.height_m),
+                    std_m: std_m.or(fix.std_m),
+                    ..fix
+                }))
+            }
             (Form::Ecef { place, inverse }, sample) => self.of_ecef(place, inverse, sample)?,
             (_, plain) => Some(plain),
         })

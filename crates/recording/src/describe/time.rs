@@ -197,7 +197,7 @@ pub(super) fn rate_of_rows(unit: Option<&str>, fit: Fit) -> Option<(f64, Found)>
     let rate_hz = (rate_hz * digits).round() / digits;
     let why = format!(
         "no column of time stamps; at this rate of the rows gravity turns as the gyroscope says, which is good to some per \
-         cent ({:.1} % by noise alone): put the true rate in its place, or say it with --rate",
+         cent ({:.1} % by noise alone): put in the true rate, or say it with --rate",
         300.0 * fit.std / fit.factor
     );
     Some((rate_hz, Found::new(why, Confidence::Assumed)))

@@ -39,7 +39,7 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Whether there are turns enough to believe it: the factor differs from none by ten of its deviations.
+    /// Whether there are turns enough to use it: the factor differs from none by ten of its deviations.
     pub(super) fn tells(&self) -> bool {
         self.factor.is_finite() && self.factor.abs() > 10.0 * self.std && self.correlation > 0.2
     }

@@ -19,8 +19,8 @@ use crate::recording::{Opened, Recording, Scale};
 use crate::text::{open_file, read_manifest};
 
 pub use navigation::{
-    AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, PositionColumns,
-    QualityCode, SpeedUnit, VelocityAxes, VelocityColumns, WaterColumns,
+    AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, LocalColumns, Origin,
+    PositionColumns, QualityCode, SpeedUnit, VelocityAxes, VelocityColumns, WaterColumns,
 };
 pub use schema::{
     Column, ForceColumnUnit, General, Latency, LeverArm, Manifest, Metre, MetrePerSecond,

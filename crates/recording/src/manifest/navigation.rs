@@ -138,6 +138,39 @@ units! {
     }
 }
 
+/// The columns of positions in metres from a place: of motion capture, a total station or a local grid.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LocalColumns {
+    /// Three components in the order of `axes`, m, along the level axes at the origin.
+    pub columns: [Column; 3],
+    /// What they are. Default `enu`.
+    #[serde(default = "enu")]
+    pub axes: VelocityAxes,
+    /// Where they count from.
+    pub origin: Origin,
+    /// Their standard deviations in the same order, m: columns.
+    pub std: Option<[Column; 3]>,
+    /// In place of `std`: numbers that hold for all rows.
+    pub std_m: Option<[f64; 3]>,
+}
+
+const fn enu() -> VelocityAxes {
+    VelocityAxes::Enu
+}
+
+/// A place on the Earth.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// Geodetic latitude, north positive.
+    pub latitude_deg: f64,
+    /// Longitude, east positive.
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid.
+    pub height_m: f64,
+}
+
 /// The columns of a ship's log.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -8,7 +8,8 @@ use toml::Spanned;
 use toml::de::{DeTable, Deserializer};
 
 use super::navigation::{
-    EcefColumns, HeadingColumn, PositionColumns, SpeedUnit, VelocityColumns, WaterColumns,
+    EcefColumns, HeadingColumn, LocalColumns, PositionColumns, SpeedUnit, VelocityColumns,
+    WaterColumns,
 };
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
@@ -130,6 +131,8 @@ pub struct Source {
     pub pressure: Option<NumberColumn<PressureUnit>>,
     /// Fixes of a satellite receiver.
     pub gnss_position: Option<PositionColumns>,
+    /// Positions in metres from a place, as fixes.
+    pub local_position: Option<LocalColumns>,
     /// Velocity over ground of a satellite receiver.
     pub gnss_velocity: Option<VelocityColumns>,
     /// Speed over ground along the body's x axis (wheels).

@@ -1,9 +1,11 @@
 //! From a manifest's columns of satellite receivers, speeds and headings to those of the file.
 
 use super::super::navigation::{
-    EcefColumns, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
+    EcefColumns, LocalColumns, Origin, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
 };
 use super::super::schema::{Column, QuaternionDirection};
+use northing_core::earth::{Geodetic, LocalFrame};
+
 use super::LayoutBuilder;
 use crate::delimited::{Channel, Form};
 use crate::error::Result;
@@ -15,6 +17,14 @@ impl LayoutBuilder<'_> {
         let source = self.source;
         if let Some(position) = &source.gnss_position {
             channels.push(self.gnss_position(position)?);
+        }
+        if let Some(local) = &source.local_position {
+            if source.gnss_position.is_some() {
+                return Err(self.problem(
+                    "has both [gnss_position] and [local_position]; a table has one position",
+                ));
+            }
+            channels.push(self.local_position(local)?);
         }
         if let Some(velocity) = &source.gnss_velocity {
             channels.push(self.gnss_velocity(velocity)?);
@@ -79,6 +89,39 @@ impl LayoutBuilder<'_> {
         })
     }
 
+    fn local_position(&self, local: &LocalColumns) -> Result<Channel> {
+        let wrong = |what: &str| Err(self.problem(format!("[local_position] {what}")));
+        let Origin {
+            latitude_deg,
+            longitude_deg,
+            height_m,
+        } = local.origin;
+        let Some(origin) = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m) else {
+            return wrong(
+                "origin: expected latitude_deg from -90 to 90, longitude_deg from -180 to 180 and height_m",
+            );
+        };
+        let mut row = Channel::new(SensorKind::GnssPosition, &[]);
+        self.put_components(&mut row, &local.columns, local.std.as_ref(), local.axes)?;
+        let std_m = match (&local.std, local.std_m) {
+            (Some(_), Some(_)) => return wrong("has both `std` and `std_m`; keep one of them"),
+            (None, Some(std)) if !std.iter().all(|std| *std > 0.0 && std.is_finite()) => {
+                return wrong("std_m: expected metres above 0");
+            }
+            (_, Some(std)) => {
+                let (order, _) = order(local.axes);
+                let mut ned = std;
+                for (std, number) in std.into_iter().zip(order) {
+                    ned[number] = std;
+                }
+                Some(ned)
+            }
+            (_, None) => None,
+        };
+        let frame = LocalFrame::new(origin);
+        Ok(row.of_form(Form::Local { frame, std_m }))
+    }
+
     fn gnss_velocity(&self, velocity: &VelocityColumns) -> Result<Channel> {
         let wrong = |what: &str| Err(self.problem(format!("[gnss_velocity] {what}")));
         match (&velocity.columns, &velocity.speed, &velocity.course) {
@@ -104,21 +147,28 @@ impl LayoutBuilder<'_> {
     }
 
     fn components(&self, columns: &[Column; 3], velocity: &VelocityColumns) -> Result<Channel> {
-        // Where the file's components stand among north, east, down, and the sense of the vertical.
-        let (order, vertical) = match velocity.axes {
-            VelocityAxes::Ned => ([0, 1, 2], 1.0),
-            VelocityAxes::Neu => ([0, 1, 2], -1.0),
-            VelocityAxes::Enu => ([1, 0, 2], -1.0),
-        };
         let mut row = Channel::new(SensorKind::GnssVelocity, &[]);
+        self.put_components(&mut row, columns, velocity.std.as_ref(), velocity.axes)?;
+        Ok(row)
+    }
+
+    /// Puts three components and their standard deviations as north, east, down.
+    fn put_components(
+        &self,
+        row: &mut Channel,
+        columns: &[Column; 3],
+        std: Option<&[Column; 3]>,
+        axes: VelocityAxes,
+    ) -> Result<()> {
+        let (order, vertical) = order(axes);
         for (column, number) in columns.iter().zip(order) {
             let factor = if number == 2 { vertical } else { 1.0 };
             row.put(number, Some(self.column(column)?), factor);
         }
-        for (column, number) in velocity.std.iter().flatten().zip(order) {
+        for (column, number) in std.into_iter().flatten().zip(order) {
             row.put(3 + number, Some(self.column(column)?), 1.0);
         }
-        Ok(row)
+        Ok(())
     }
 
     fn ecef(&self, ecef: &EcefColumns, channels: &mut Vec<Channel>) -> Result<()> {
@@ -147,5 +197,14 @@ impl LayoutBuilder<'_> {
 
     pub(super) fn optional(&self, column: Option<&Column>) -> Result<Option<usize>> {
         column.map(|column| self.column(column)).transpose()
+    }
+}
+
+/// Where a file's components stand among north, east, down, and the sense of the vertical.
+const fn order(axes: VelocityAxes) -> ([usize; 3], f64) {
+    match axes {
+        VelocityAxes::Ned => ([0, 1, 2], 1.0),
+        VelocityAxes::Neu => ([0, 1, 2], -1.0),
+        VelocityAxes::Enu => ([1, 0, 2], -1.0),
     }
 }
