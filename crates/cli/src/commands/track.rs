@@ -6,10 +6,12 @@ use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::tracking::{
     InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
-    TrackerKind, inject_heading, run,
+    TrackedTarget, TrackerKind, inject_heading, run,
 };
 use northing_recording::atomic_file::write_whole;
-use northing_recording::tracking::{self, TrackingRecording};
+use northing_recording::tracking::{
+    self, TargetPoint, TrackingRecording, check_targets_path, write_targets,
+};
 use serde::Serialize;
 
 use crate::arguments::quantity;
@@ -42,6 +44,7 @@ const MOST_RUNS: u32 = 100_000;
     after_help = "\
 Examples:
   northing track harbour.toml --data recordings --report harbour.html
+  northing track harbour.toml --out tracks.geojson # every track, on a map
   northing track harbour.toml --own-ship-std heading=3deg,position=3m --json
   northing track a.toml b.toml --sensors radar,lidar --tracker uncompensated
   northing track harbour.toml --inject-heading-std 3deg --runs 100 --seed 1"
@@ -72,10 +75,13 @@ pub(crate) struct TrackArgs {
     /// Seed of the injected errors
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
+    /// Write the confirmed tracks: .csv, a row for each track and instant, or .geojson, a line for each track
+    #[arg(long, value_name = "FILE", conflicts_with = "inject_heading_std")]
+    out: Option<PathBuf>,
     /// Write a report with map and plots: one HTML file for a browser
     #[arg(long, value_name = "FILE", conflicts_with = "inject_heading_std")]
     report: Option<PathBuf>,
-    /// Overwrite the report if it exists
+    /// Overwrite outputs that exist
     #[arg(long)]
     force: bool,
     /// Print one JSON document
@@ -104,16 +110,20 @@ fn own_ship_std(text: &str) -> Result<OwnShipStd, String> {
 
 /// Runs.
 pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
-    if let Some(report) = &args.report {
+    for (option, output) in [("--report", &args.report), ("--out", &args.out)] {
+        let Some(output) = output else { continue };
         if args.recordings.len() > 1 {
-            bail!("--report is about one recording; name one, or leave --report out");
+            bail!("{option} is about one recording; name one, or leave {option} out");
         }
         for recording in &args.recordings {
-            check_not_input(report, recording)?;
+            check_not_input(output, recording)?;
         }
-        check_free(report, args.force)?;
+        check_free(output, args.force)?;
     }
     let recordings = open(args)?;
+    if let (Some(out), [recording]) = (&args.out, &recordings[..]) {
+        check_targets_path(out, recording.plane.as_ref())?;
+    }
     let in_file = args.parameters.estimator()?;
     let tracker: TrackerKind = args.tracker.or(in_file).unwrap_or_default();
     let mut options = TrackOptions {
@@ -135,14 +145,22 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         return print_injection(&inject_heading(&recordings, &options)?, args.json);
     }
     let mut epochs: Vec<TrackEpoch> = Vec::new();
+    let mut points: Vec<TargetPoint> = Vec::new();
     let mut summaries = Vec::new();
     for recording in &recordings {
         epochs.clear();
         summaries.push(run(recording, &options, |epoch| {
+            if args.out.is_some() {
+                points.extend(epoch.tracks.iter().map(|track| point(epoch.time_ns, track)));
+            }
             if args.report.is_some() {
                 epochs.push(epoch);
             }
         })?);
+    }
+    if let (Some(path), [recording]) = (&args.out, &recordings[..]) {
+        let plane = recording.plane.as_ref();
+        write_targets(path, &recording.name, plane, &points, args.force)?;
     }
     if let (Some(path), [summary]) = (&args.report, &summaries[..]) {
         let html = followed_targets::render(summary, &epochs, &command_line());
@@ -152,6 +170,17 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         [one] if args.json => print_json(one),
         many if args.json => print_json(&Several { recordings: many }),
         _ => print(&describe(&summaries, args)),
+    }
+}
+
+fn point(time_ns: i64, track: &TrackedTarget) -> TargetPoint {
+    TargetPoint {
+        time_ns,
+        track: track.id,
+        place_m: track.place,
+        velocity_m_s: track.velocity,
+        place_covariance_m2: track.covariance,
+        velocity_covariance_m2_s2: track.velocity_covariance,
     }
 }
 
@@ -229,6 +258,9 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
         for issue in followed_targets::left_out(summary) {
             text.push_str(&format!("  {issue}\n"));
         }
+    }
+    if let Some(out) = &args.out {
+        text.push_str(&format!("\nTracks: {}\n", out.display()));
     }
     if let Some(report) = &args.report {
         text.push_str(&format!("\n{}\n", report_written(report)));

@@ -97,6 +97,81 @@ fn a_report_has_the_map_and_is_not_overwritten() {
 }
 
 #[test]
+fn tracks_are_written_as_rows_and_as_lines_of_a_map() {
+    let lab = pond(|_, row| row);
+    let text = lab.succeeds(&["track", "pond.toml", "--out", "tracks.csv"]);
+    contains(&text, &["Tracks: tracks.csv"]);
+    let table = lab.read("tracks.csv");
+    let mut rows = table.lines();
+    assert!(
+        rows.next()
+            .unwrap()
+            .starts_with("t_s,track,north_m,east_m,vel_n_m_s,")
+    );
+    let last: Vec<f64> = rows
+        .last()
+        .unwrap()
+        .split(',')
+        .map(|x| x.parse().unwrap())
+        .collect();
+    // The boat at 59 s, to some standard deviations, and its speed.
+    let [t, track, north, east, vn, ve, nn, ne, ee, ..] = last[..] else {
+        panic!("{last:?}")
+    };
+    assert_eq!((t, last.len()), (59.0, 12));
+    assert!(
+        track >= 0.0 && nn > 0.0 && ee > 0.0 && nn * ee > ne * ne,
+        "{last:?}"
+    );
+    assert!(
+        (north - 318.0).abs() < 4.0 * nn.sqrt() && (east + 77.0).abs() < 4.0 * ee.sqrt(),
+        "{last:?}"
+    );
+    assert!((vn - 2.0).hypot(ve + 3.0) < 0.5, "{last:?}");
+    contains(
+        &lab.refuses(&["track", "pond.toml", "--out", "tracks.csv"]),
+        &["exists already", "--force"],
+    );
+    contains(
+        &lab.refuses(&["track", "pond.toml", "--out", "tracks.geojson"]),
+        &["tracks.geojson", "where its plane is", "[plane]"],
+    );
+    contains(
+        &lab.refuses(&["track", "pond.toml", "--out", "tracks.kml"]),
+        &["tracks.kml", ".csv or .geojson"],
+    );
+    contains(
+        &lab.refuses(&["track", "pond.toml", "pond.toml", "--out", "both.csv"]),
+        &["--out is about one recording"],
+    );
+    // With a place on Earth a map shows it: 111 m are a thousandth of a degree of latitude.
+    let placed = format!("{MANIFEST}[plane]\nlatitude_deg = 60.0\nlongitude_deg = 5.0\n");
+    lab.write("placed.toml", placed);
+    lab.succeeds(&["track", "placed.toml", "--out", "tracks.geojson"]);
+    let map: serde_json::Value = serde_json::from_str(&lab.read("tracks.geojson")).unwrap();
+    let line = &map["features"][0]["geometry"];
+    assert_eq!(line["type"], "LineString");
+    let place = line["coordinates"].as_array().unwrap().last().unwrap();
+    let (longitude, latitude) = (place[0].as_f64().unwrap(), place[1].as_f64().unwrap());
+    assert!(
+        ((latitude - 60.0) * 111_412.0 - north).abs() < 0.1,
+        "{latitude}"
+    );
+    assert!(
+        ((longitude - 5.0) * 55_800.0 - east).abs() < 0.1,
+        "{longitude}"
+    );
+    lab.succeeds(&["track", "placed.toml", "--out", "tracks.csv", "--force"]);
+    assert!(
+        lab.read("tracks.csv")
+            .lines()
+            .next()
+            .unwrap()
+            .ends_with(",latitude_deg,longitude_deg")
+    );
+}
+
+#[test]
 fn an_injected_heading_error_compares_the_trackers() {
     let lab = pond(|_, row| row);
     let arguments = [

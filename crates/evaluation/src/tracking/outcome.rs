@@ -227,6 +227,7 @@ mod tests {
             place: [north, 0.0],
             velocity: [0.0, 0.0],
             covariance: [4.0, 0.0, 4.0],
+            velocity_covariance: [1.0, 0.0, 1.0],
         }
     }
 

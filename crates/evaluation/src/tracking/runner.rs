@@ -37,6 +37,8 @@ pub struct TrackedTarget {
     pub velocity: [f64; 2],
     /// Variance of north, covariance, variance of east, m^2.
     pub covariance: [f64; 3],
+    /// The same of the velocity, (m/s)^2.
+    pub velocity_covariance: [f64; 3],
 }
 
 impl TrackedTarget {
@@ -53,6 +55,8 @@ impl TrackedTarget {
 /// One instant of a run, for plots.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackEpoch {
+    /// Stamp of the recording, ns.
+    pub time_ns: i64,
     /// Seconds since the first event.
     pub time_s: f64,
     /// The own ship.
@@ -233,6 +237,7 @@ impl<'a> Runner<'a> {
         let gathered = self.epoch.get_or_insert_with(|| Gathered {
             time_ns,
             epoch: TrackEpoch {
+                time_ns,
                 time_s,
                 own_ship: [self.own.north_m, self.own.east_m],
                 detections: Vec::new(),
@@ -310,6 +315,7 @@ fn confirmed(tracker: &Tracker) -> Vec<TrackedTarget> {
             place: [x[0], x[2]],
             velocity: [x[1], x[3]],
             covariance: [p[(0, 0)], p[(0, 2)], p[(2, 2)]],
+            velocity_covariance: [p[(1, 1)], p[(1, 3)], p[(3, 3)]],
         }
     });
     tracks.collect()

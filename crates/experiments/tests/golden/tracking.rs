@@ -126,6 +126,7 @@ fn harbour() -> TrackingRecording {
         used: true,
     };
     TrackingRecording {
+        plane: None,
         name: "harbour".to_owned(),
         sensors: vec![("radar".to_owned(), radar)],
         events,

@@ -7,7 +7,7 @@ mod gpx;
 mod kml;
 #[cfg(feature = "mcap")]
 mod nav_sat_fix;
-mod text;
+pub(crate) mod text;
 mod tum;
 
 use std::path::Path;

@@ -6,7 +6,7 @@ use chrono::{DateTime, SecondsFormat};
 const FIRST_DATE_NS: i64 = 946_684_800_000_000_000;
 
 /// The stamp as a date and time of day in UTC; `None` when it is no date.
-pub(super) fn date(time_ns: i64) -> Option<String> {
+pub(crate) fn date(time_ns: i64) -> Option<String> {
     (time_ns >= FIRST_DATE_NS).then(|| {
         DateTime::from_timestamp_nanos(time_ns).to_rfc3339_opts(SecondsFormat::AutoSi, true)
     })

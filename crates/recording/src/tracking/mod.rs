@@ -15,6 +15,7 @@
 
 mod ais;
 pub mod manifest;
+mod output;
 mod plane;
 pub mod sample;
 mod tables;
@@ -23,6 +24,7 @@ use std::path::Path;
 
 pub use ais::Sentences;
 pub use manifest::{SensorSettings, TrackingManifest};
+pub use output::{TargetPoint, check_targets_path, write_targets};
 pub use plane::LocalPlane;
 pub use sample::{AisReport, Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent};
 pub use sample::{TrackingIssues, TrackingSample};
@@ -36,6 +38,8 @@ use crate::text::read_manifest;
 pub struct TrackingRecording {
     /// Its name.
     pub name: String,
+    /// Where its local plane touches the Earth, if that is told.
+    pub plane: Option<LocalPlane>,
     /// The sensors; scans name them by their place here.
     pub sensors: Vec<(String, SensorSettings)>,
     /// Everything that happened, in time order; of one instant first the own ship's pose, then
@@ -82,6 +86,7 @@ fn going_back(events: &[TrackingEvent]) -> u64 {
 pub fn read(manifest: &TrackingManifest, file: &str, folder: &Path) -> Result<TrackingRecording> {
     let mut recording = TrackingRecording {
         name: manifest.name.clone(),
+        plane: manifest.plane,
         sensors: manifest
             .sensors
             .iter()

@@ -14,17 +14,31 @@ impl LocalPlane {
     /// North and east of a position, m.
     #[must_use]
     pub fn place(&self, latitude_deg: f64, longitude_deg: f64) -> (f64, f64) {
+        let [meridian, parallel] = self.radii();
+        let dlon = (longitude_deg - self.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
+        let dlat = (latitude_deg - self.latitude_deg).to_radians();
+        (meridian * dlat, parallel * dlon.to_radians())
+    }
+
+    /// Latitude and longitude (deg, within 180) of north and east, m.
+    #[must_use]
+    pub fn degrees(&self, north_m: f64, east_m: f64) -> [f64; 2] {
+        let [meridian, parallel] = self.radii();
+        let longitude = self.longitude_deg + (east_m / parallel).to_degrees();
+        [
+            self.latitude_deg + (north_m / meridian).to_degrees(),
+            (longitude + 180.0).rem_euclid(360.0) - 180.0,
+        ]
+    }
+
+    /// Metres of a radian of latitude and of longitude.
+    fn radii(&self) -> [f64; 2] {
         /// WGS-84 semi-major axis, m, and first eccentricity squared.
         const A: f64 = 6_378_137.0;
         const E2: f64 = 6.694_379_990_14e-3;
-        let sin = self.latitude_deg.to_radians().sin();
-        let cos = self.latitude_deg.to_radians().cos();
+        let (sin, cos) = self.latitude_deg.to_radians().sin_cos();
         let w2 = 1.0 - E2 * sin * sin;
-        let meridian = A * (1.0 - E2) / (w2 * w2.sqrt());
-        let normal = A / w2.sqrt();
-        let dlon = (longitude_deg - self.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
-        let dlat = (latitude_deg - self.latitude_deg).to_radians();
-        (meridian * dlat, normal * cos * dlon.to_radians())
+        [A * (1.0 - E2) / (w2 * w2.sqrt()), A / w2.sqrt() * cos]
     }
 
     /// Whether the origin is a place on Earth where east exists.
@@ -47,5 +61,8 @@ mod tests {
         assert!((north - 1852.0).abs() < 1.0, "{north}");
         // one degree of longitude at 45 degrees is 78 846.8 m
         assert!((east - 0.02 * 78_846.8).abs() < 0.1, "{east}");
+        let [latitude, longitude] = plane.degrees(north, east);
+        assert!((latitude - 45.0 - 1.0 / 60.0).abs() < 1e-12, "{latitude}");
+        assert!((longitude + 179.99).abs() < 1e-12, "{longitude}");
     }
 }

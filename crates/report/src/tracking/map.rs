@@ -109,6 +109,7 @@ mod tests {
 
     fn epoch(time_s: f64) -> TrackEpoch {
         TrackEpoch {
+            time_ns: 0,
             time_s,
             own_ship: [0.0, 0.0],
             detections: vec![[100.0 + time_s, 50.0], [1e9, 0.0]],
@@ -117,6 +118,7 @@ mod tests {
                 place: [101.0 + time_s, 50.0],
                 velocity: [1.0, 0.0],
                 covariance: [4.0, 1.0, 9.0],
+                velocity_covariance: [1.0, 0.0, 1.0],
             }],
             truth: vec![(1, [100.0 + time_s, 50.0])],
         }
