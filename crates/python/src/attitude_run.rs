@@ -276,10 +276,11 @@ impl AttitudeRun {
         write_whole(&path, html.as_bytes(), force).map_err(|error| of_recording(&error))
     }
 
-    /// Writes the estimates as the program does, by extension: .csv, .parquet or .tum.
+    /// Writes the estimates as the program does, by extension: .csv, .parquet, .tum or .mcap.
     fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
         let file = EstimateFile::create(&path, self.estimator, force);
         let mut file = file.map_err(of_file)?;
+        file.set_world(self.telling.world());
         let time_ns = self.time_ns.bind(py).readonly();
         let [quat, bias, position, velocity] =
             [&self.quat, &self.gyro_bias, &self.position, &self.velocity]

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use northing_evaluation::attitude::{RunObserver, RunOptions, RunSummary, Trace, TraceObserver};
 use northing_evaluation::{EvaluationError, run_recording};
-use northing_recording::{Metadata, Recording};
+use northing_recording::{Metadata, Recording, WorldFrame};
 use northing_report::TRACE_CAPACITY;
 use pyo3::prelude::*;
 
@@ -70,6 +70,14 @@ impl Telling {
             options,
             told: OnceLock::new(),
         }))
+    }
+
+    /// The world of what was run over.
+    pub(crate) fn world(&self) -> WorldFrame {
+        match self {
+            Self::Told(told) => told.metadata.world_frame,
+            Self::Asked(asked) => asked.arrays.world_frame(),
+        }
     }
 
     /// What the run tells.

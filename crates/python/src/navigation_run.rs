@@ -189,7 +189,7 @@ impl NavigationRun {
         })
     }
 
-    /// Writes the estimates as the program does, by extension: .csv, .kml, .gpx, .geojson, .tum or .mcap.
+    /// Writes the estimates as the program does, by extension: .csv, .parquet, .kml, .gpx, .geojson, .tum or .mcap.
     fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
         py.detach(|| {
             let mut file = NavigationFile::create(&path, force).map_err(of_file)?;

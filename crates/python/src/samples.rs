@@ -86,6 +86,11 @@ pub(crate) struct Arrays {
 }
 
 impl Arrays {
+    /// The world of the reference and of the estimates.
+    pub(crate) fn world_frame(&self) -> WorldFrame {
+        self.world_frame
+    }
+
     /// Of these streams, read with these options.
     pub(crate) fn new(
         gyroscope: Stream,

@@ -207,14 +207,66 @@ def test_ours_is_read_by_rosbags_and_mcap(drive: Samples, table: Path, tmp_path:
     assert_equal(found)
 
 
-def test_a_track_is_read_by_rosbags_and_mcap(table: Path, tmp_path: Path) -> None:
-    out, track = tmp_path / "track.csv", tmp_path / "track.mcap"
-    for path in (out, track):
-        run_program("run", table, "--estimator", "error-state", "--out", path)
-    with track.open("rb") as file:
+def columns(path: Path) -> dict[str, Any]:
+    """The columns of a CSV of estimates."""
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0] if name != "validity"}
+
+
+def by_topic(path: Path) -> dict[str, list[Any]]:
+    """The messages of a file by topic, as two third-party tools decode them; both see the same kinds and numbers."""
+    decoded: dict[str, list[Any]] = {}
+    with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        decoded = [message for *_, message in reader.iter_decoded_messages()]
-    with AnyReader([track]) as any_reader:
-        kinds = [connection.msgtype for connection, _, _ in any_reader.messages()]
-    assert len(kinds) == len(decoded) > 100 and set(kinds) == {"sensor_msgs/msg/NavSatFix"}
-    assert all(abs(message.latitude - 48.0) < 0.01 and message.position_covariance[0] > 0 for message in decoded)
+        for _, channel, _, message in reader.iter_decoded_messages():
+            decoded.setdefault(channel.topic, []).append(message)
+    with AnyReader([path]) as any_reader:
+        counts = {connection.topic: connection.msgcount for connection in any_reader.connections}
+        for connection, _, raw in any_reader.messages():
+            any_reader.deserialize(raw, connection.msgtype)
+    assert counts == {topic: len(messages) for topic, messages in decoded.items()}
+    return decoded
+
+
+def test_a_navigation_run_is_odometry_transforms_and_fixes(table: Path, tmp_path: Path) -> None:
+    out, bag = tmp_path / "track.csv", tmp_path / "track.mcap"
+    for path in (out, bag):
+        run_program("run", table, "--estimator", "error-state", "--out", path)
+    rows, topics = columns(out), by_topic(bag)
+    assert set(topics) == {"/odometry", "/tf", "/imu/data", "/gps/filtered"}
+    assert {len(messages) for messages in topics.values()} == {len(rows["t_s"])} and len(rows["t_s"]) > 1000
+    poses = [message.pose for message in topics["/odometry"]]
+    for axis, name, sign in (("x", "east_m", 1.0), ("y", "north_m", 1.0), ("z", "down_m", -1.0)):
+        found = [sign * getattr(pose.pose.position, axis) for pose in poses]
+        np.testing.assert_allclose(found, rows[name], atol=1e-4)
+    for place, name in ((0, "east_std_m"), (7, "north_std_m"), (14, "down_std_m")):
+        np.testing.assert_allclose([pose.covariance[place] ** 0.5 for pose in poses], rows[name], atol=1e-4)
+    heading_std = [math.degrees(pose.covariance[35] ** 0.5) for pose in poses]
+    np.testing.assert_allclose(heading_std, rows["heading_std_deg"], atol=1e-3)
+    # Forward in the axes of the map is the heading, clockwise from north.
+    turns = [message.transforms[0].transform.rotation for message in topics["/tf"]]
+    forward = [(1 - 2 * (q.y * q.y + q.z * q.z), 2 * (q.x * q.y + q.w * q.z)) for q in turns]
+    heading = [math.degrees(math.atan2(east, north)) for east, north in forward]
+    off = (np.array(heading) - rows["heading_deg"] + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(off, 0.0, atol=1e-3)
+    # The velocity is in the axes of the body: this car drives forward.
+    speed = np.hypot(rows["velocity_north_m_s"], rows["velocity_east_m_s"])
+    ahead = np.array([message.twist.twist.linear.x for message in topics["/odometry"]])
+    assert np.median(np.abs(ahead - speed)) < 0.1 and speed[-1] > 5.0
+    np.testing.assert_allclose([m.latitude for m in topics["/gps/filtered"]], rows["latitude_deg"], atol=1e-8)
+    assert all(m.header.frame_id == "map" and m.child_frame_id == "base_link" for m in topics["/odometry"])
+
+
+def test_an_attitude_run_is_imu_and_transforms(table: Path, tmp_path: Path) -> None:
+    out, bag = tmp_path / "attitude.csv", tmp_path / "attitude.mcap"
+    for path in (out, bag):
+        run_program("run", table, "--estimator", "mekf", "--out", path)
+    rows, topics = columns(out), by_topic(bag)
+    assert set(topics) == {"/imu/data", "/tf"}
+    for axis in "wxyz":
+        found = [getattr(message.orientation, axis) for message in topics["/imu/data"]]
+        np.testing.assert_allclose(found, rows["q" + axis], rtol=1e-15)
+    heading = [message.orientation_covariance[8] ** 0.5 for message in topics["/imu/data"]]
+    np.testing.assert_allclose(heading, rows["heading_std_rad"], rtol=1e-12)
+    assert all(m.angular_velocity_covariance[0] == -1.0 for m in topics["/imu/data"])

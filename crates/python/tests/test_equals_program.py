@@ -91,7 +91,7 @@ def test_summary_is_the_programs_document() -> None:
     assert compared == json.loads(run_program("compare", path, "--estimators", "mekf,integration", "--json"))
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet", "tum"])
+@pytest.mark.parametrize("ending", ["csv", "parquet", "tum", "mcap"])
 def test_files_are_the_programs(tmp_path: Path, ending: str) -> None:
     path = data(*RECORDINGS[0])
     by_program, by_module = tmp_path / f"program.{ending}", tmp_path / f"module.{ending}"

@@ -168,7 +168,7 @@ def test_tables_plots_reports_and_files(phone: Arrays, tmp_path: Path) -> None:
     r.report(tmp_path / "r.html", force=True)
     r.save(tmp_path / "r.csv")
     assert len(pandas.read_csv(tmp_path / "r.csv")) == 3000 - r.undefined
-    with pytest.raises(ValueError, match=r"\.csv, \.parquet or \.tum"):
+    with pytest.raises(ValueError, match=r"\.csv, \.parquet, \.tum or \.mcap"):
         r.save(tmp_path / "r.txt")
 
 

@@ -30,12 +30,14 @@ impl DeviceNavigation {
     /// reckoning, 3 invalid, 4 aided with the heading unknown).
     pub(crate) fn row(&self) -> [f64; Self::NUMBERS] {
         let place = [self.latitude_rad, self.longitude_rad, self.height_m];
-        let validity = VALIDITIES.iter().position(|v| *v == self.validity);
         let mut row = [0.0; Self::NUMBERS];
         row[..3].copy_from_slice(&place);
         row[3..6].copy_from_slice(&self.std_m);
         row[6..9].copy_from_slice(&self.velocity_m_s);
-        row[9..].copy_from_slice(&[self.heading_std_rad, validity.unwrap_or(3) as f64]);
+        row[9..].copy_from_slice(&[
+            self.heading_std_rad,
+            f64::from(validity_number(self.validity)),
+        ]);
         row
     }
 
@@ -74,6 +76,15 @@ const VALIDITIES: [Validity; 5] = [
     Validity::Invalid,
     Validity::HeadingUnknown,
 ];
+
+/// The number of a state: 0 aligning, 1 aided, 2 dead reckoning, 3 invalid, 4 aided with the heading unknown.
+#[must_use]
+pub fn validity_number(validity: Validity) -> u8 {
+    let place = VALIDITIES.iter().position(|known| *known == validity);
+    place
+        .and_then(|place| u8::try_from(place).ok())
+        .unwrap_or(3)
+}
 
 /// What a number stands for; any other is invalid.
 pub(crate) fn validity_of(number: u8) -> Validity {

@@ -62,7 +62,7 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     for output in args.report.iter().chain(&args.out) {
         check_not_input(output, &args.recording)?;
     }
-    let file = args
+    let mut file = args
         .out
         .as_ref()
         .map(|out| EstimateFile::create(out, options.estimator, args.force))
@@ -75,6 +75,9 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     calibrations
         .apply(&metadata, &mut options)
         .with_context(|| shown(&args.recording))?;
+    if let Some(file) = &mut file {
+        file.set_world(metadata.world_frame);
+    }
     let traced = args.report.as_ref();
     let trace = traced.map(|_| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame));
     // Plots and a file, each where it is asked for.

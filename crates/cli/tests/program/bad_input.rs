@@ -388,7 +388,7 @@ fn outputs_that_cannot_be_written_are_named() {
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--out", "e.txt"]),
-        &["e.txt", ".csv, .parquet or .tum"],
+        &["e.txt", ".csv, .parquet, .tum or .mcap"],
     );
     contains(
         &lab.refuses(&["run", "phone.csv", "--report", "a.csv", "--out", "a.csv"]),

@@ -241,6 +241,8 @@ impl Navigator for AxisNavigator {
             time_ns: self.time_ns?,
             frame: self.frame,
             ned_from_body: Some(filters.attitude()),
+            attitude_covariance: None,
+            velocity_covariance: None,
             heading_std: Some(yaw.covariance[0].max(0.0).sqrt()),
             position: self.position.position(),
             position_covariance: Matrix3::from_diagonal(&Vector3::from(variances)),

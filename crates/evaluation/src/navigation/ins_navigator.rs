@@ -10,7 +10,9 @@ use northing_core::navigation::aiding::gnss_position::GnssPosition;
 use northing_core::navigation::aiding::gnss_velocity::GnssVelocity;
 use northing_core::navigation::augmented_states::MAGNETIC_OFFSET;
 use northing_core::navigation::gnss_ins::{Aid as Aided, ErrorShares};
-use northing_core::navigation::{ATTITUDE, GnssIns, GnssInsConfig, Validity, ValidityLimits};
+use northing_core::navigation::{
+    ATTITUDE, GnssIns, GnssInsConfig, VELOCITY, Validity, ValidityLimits,
+};
 
 use super::magnetic_model;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told, no_frame};
@@ -211,9 +213,11 @@ fn estimate_of(node: &SmoothedNavigation, limits: &ValidityLimits<f64>) -> Navig
         frame: node.frame,
         ned_from_body: Some(attitude),
         heading_std: Some(heading_std),
+        attitude_covariance: Some(p.fixed_view::<3, 3>(ATTITUDE, ATTITUDE).into()),
         position: node.antenna,
         position_covariance,
         velocity: node.velocity + attitude * node.angular_rate.cross(&node.lever_arm),
+        velocity_covariance: Some(p.fixed_view::<3, 3>(VELOCITY, VELOCITY).into()),
         validity,
     }
 }
@@ -301,9 +305,11 @@ impl Navigator for InsNavigator {
             frame: self.frames.last()?.1,
             ned_from_body: Some(attitude),
             heading_std: Some(heading_variance.max(0.0).sqrt()),
+            attitude_covariance: Some(p.fixed_view::<3, 3>(ATTITUDE, ATTITUDE).into()),
             position,
             position_covariance,
             velocity: state.velocity + attitude * spin.cross(&self.arm),
+            velocity_covariance: Some(p.fixed_view::<3, 3>(VELOCITY, VELOCITY).into()),
             validity: self.ins.validity(),
         })
     }

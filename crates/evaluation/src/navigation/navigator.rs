@@ -129,12 +129,16 @@ pub struct NavigationEstimate {
     pub ned_from_body: Option<UnitQuaternion<f64>>,
     /// Standard deviation of the heading, rad, if stated.
     pub heading_std: Option<f64>,
+    /// Covariance of the attitude's error about north, east, down, rad^2, if stated.
+    pub attitude_covariance: Option<Matrix3<f64>>,
     /// Position of the antenna, m, north, east, down.
     pub position: Vector3<f64>,
     /// Covariance of the position, m^2.
     pub position_covariance: Matrix3<f64>,
     /// Velocity of the antenna, m/s, north, east, down.
     pub velocity: Vector3<f64>,
+    /// Its covariance, (m/s)^2, if stated: that of the inertial sensor's velocity, to which a lever arm adds little.
+    pub velocity_covariance: Option<Matrix3<f64>>,
     /// What the position is worth.
     pub validity: Validity,
 }
@@ -160,7 +164,9 @@ impl NavigationEstimate {
                 .map(|attitude| change.attitude(&attitude)),
             position: change.position(&self.position),
             position_covariance: change.covariance(&self.position_covariance),
+            attitude_covariance: self.attitude_covariance.map(|p| change.covariance(&p)),
             velocity: change.vector(&self.velocity),
+            velocity_covariance: self.velocity_covariance.map(|p| change.covariance(&p)),
             ..*self
         }
     }

@@ -354,6 +354,8 @@ impl<'a> Session<'a> {
             time_ns,
             frame,
             ned_from_body: attitude.map(|(_, attitude)| attitude),
+            attitude_covariance: None,
+            velocity_covariance: None,
             heading_std: Some(said.heading_std_rad),
             position: frame.ned(&Geodetic {
                 latitude_rad: said.latitude_rad,

@@ -133,6 +133,8 @@ impl Navigator for ShipNavigator {
             time_ns,
             frame: self.frame,
             ned_from_body: self.heading.map(level),
+            attitude_covariance: None,
+            velocity_covariance: None,
             heading_std: self.heading.map(|_| self.heading_std),
             position: Vector3::new(place.x, place.y, self.height),
             position_covariance,

@@ -108,6 +108,8 @@ mod tests {
             time_ns: (time_s * 1e9) as i64,
             frame: crate::navigation::navigator::no_frame(),
             ned_from_body: Some(UnitQuaternion::from_euler_angles(0.0, 0.0, 0.5 * time_s)),
+            attitude_covariance: None,
+            velocity_covariance: None,
             heading_std: None,
             position: Vector3::new(time_s * time_s, 1.0, 0.0),
             position_covariance: Matrix3::identity(),

@@ -11,6 +11,7 @@
 //! | which topics are read | `topics.rs` |
 //! | a folder of such files | `bag.rs`, `bag_file.rs` |
 //! | bags in SQLite (`.db3`), bags of ROS 1 | `sqlite.rs`, `ros_1.rs` |
+//! | estimates of a run: odometry, transforms | `estimate_writer.rs` |
 //! | reading and writing them | `ros_source.rs`, `ros_writer.rs` |
 //!
 //! Read first: `docs/formats.md`, section "MCAP", and the specification at <https://mcap.dev/spec>.
@@ -19,6 +20,7 @@ pub(crate) mod bag;
 mod bag_file;
 mod cdr;
 mod definitions;
+mod estimate_writer;
 mod file;
 mod lab;
 mod lab_source;
@@ -53,6 +55,7 @@ use file::{End, Messages, contents};
 use lab_source::LabSource;
 use ros_source::RosSource;
 
+pub use estimate_writer::{EstimateWriter, PoseEstimate, UNKNOWN_ANGLE_VARIANCE, UNKNOWN_VARIANCE};
 pub use lab::{LabRecord, LabWriter, RecordKind};
 pub use recover::{Recovered, is_complete, recover};
 pub use ros_writer::{RosWriter, has_topic};

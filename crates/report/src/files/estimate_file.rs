@@ -1,4 +1,4 @@
-//! Estimates as a file: CSV, Parquet, or a TUM trajectory, by extension.
+//! Estimates as a file: CSV, Parquet, a TUM trajectory, or messages of ROS 2 in MCAP, by extension.
 //!
 //! CSV and Parquet have the same columns, with a unit in every name. Where there is nothing to say
 //! (an estimator without covariance or bias) CSV has empty cells and Parquet NaN.
@@ -7,10 +7,14 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use northing_core::geometry::rotation;
+#[cfg(feature = "mcap")]
+use northing_core::nalgebra::UnitQuaternion;
 use northing_core::nalgebra::{Matrix3, Vector3};
 use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, RunObserver};
 use northing_evaluation::statistics::attitude_std::AttitudeStd;
-use northing_recording::{AtomicFile, TumWriter};
+#[cfg(feature = "mcap")]
+use northing_recording::mcap::{EstimateWriter, PoseEstimate};
+use northing_recording::{AtomicFile, TumWriter, WorldFrame};
 
 use super::has_extension;
 #[cfg(feature = "parquet")]
@@ -68,6 +72,8 @@ pub struct EstimateFile {
     output: Output,
     /// Whether it has the columns of the place.
     has_place: bool,
+    /// The world of the recording.
+    world: WorldFrame,
     failure: Option<anyhow::Error>,
 }
 
@@ -76,6 +82,8 @@ enum Output {
     Tum(TumWriter),
     #[cfg(feature = "parquet")]
     Parquet(Box<ParquetTable>),
+    #[cfg(feature = "mcap")]
+    Mcap(Box<EstimateWriter>),
 }
 
 impl EstimateFile {
@@ -95,17 +103,25 @@ impl EstimateFile {
             Output::Tum(TumWriter::create(path, force)?)
         } else if has_extension(path, "parquet") {
             create_parquet(path, &names, force)?
+        } else if has_extension(path, "mcap") {
+            create_mcap(path, force)?
         } else {
             bail!(
-                "{}: estimates are written as .csv, .parquet or .tum; name the output so",
+                "{}: estimates are written as .csv, .parquet, .tum or .mcap; name the output so",
                 path.display()
             )
         };
         Ok(Self {
             output,
             has_place,
+            world: WorldFrame::Enu,
             failure: None,
         })
+    }
+
+    /// Says what the world of the recording is; before, it is east, north, up.
+    pub fn set_world(&mut self, world: WorldFrame) {
+        self.world = world;
     }
 
     fn write(&mut self, record: &EstimateRecord) -> Result<()> {
@@ -121,6 +137,8 @@ impl EstimateFile {
                 row.extend(numbers(record, self.has_place));
                 table.row(&row)
             }
+            #[cfg(feature = "mcap")]
+            Output::Mcap(writer) => Ok(writer.write(&pose(record, self.world))?),
         }
     }
 
@@ -137,7 +155,46 @@ impl EstimateFile {
             Output::Tum(writer) => Ok(writer.finish()?),
             #[cfg(feature = "parquet")]
             Output::Parquet(table) => table.finish(),
+            #[cfg(feature = "mcap")]
+            Output::Mcap(writer) => Ok(writer.finish()?),
         }
+    }
+}
+
+#[cfg(feature = "mcap")]
+fn create_mcap(path: &Path, force: bool) -> Result<Output> {
+    Ok(Output::Mcap(Box::new(EstimateWriter::create(path, force)?)))
+}
+
+#[cfg(not(feature = "mcap"))]
+fn create_mcap(path: &Path, _: bool) -> Result<Output> {
+    bail!(
+        "{}: this build cannot write MCAP; write .csv, or build with its default features",
+        path.display()
+    )
+}
+
+/// A record in the axes of ROS: the world east, north, up; the body as the recording has it.
+#[cfg(feature = "mcap")]
+fn pose(record: &EstimateRecord, world: WorldFrame) -> PoseEstimate {
+    use northing_core::geometry::frames::{
+        covariance_in_reference, enu_from_ned, enu_from_ned_rotation,
+    };
+    let is_down = world == WorldFrame::Ned;
+    let turn = match is_down {
+        true => enu_from_ned_rotation(),
+        false => UnitQuaternion::identity(),
+    };
+    let vector = |v: Vector3<f64>| if is_down { enu_from_ned(&v) } else { v };
+    let attitude = turn * record.attitude;
+    let covariance = record.attitude_covariance.as_ref();
+    let about_world = covariance.map(|p| covariance_in_reference(&attitude, p));
+    PoseEstimate {
+        time_ns: record.time_ns,
+        attitude: Some((attitude, about_world)),
+        position: record.position.map(|p| (vector(p), None)),
+        velocity: record.velocity.map(|v| (vector(v), None)),
+        place: None,
     }
 }
 
@@ -334,7 +391,7 @@ mod tests {
             .err()
             .unwrap()
             .to_string();
-        assert!(error.contains(".csv, .parquet or .tum"), "{error}");
+        assert!(error.contains(".csv, .parquet, .tum or .mcap"), "{error}");
     }
 
     #[test]

@@ -1,16 +1,25 @@
-//! Estimates of a navigation run as a file: CSV with every number, or a track for maps, by extension.
+//! Estimates of a navigation run as a file: CSV or Parquet with every number, messages of ROS 2 in MCAP, or a track for maps,
+//! by extension.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::geometry::rotation;
+#[cfg(feature = "mcap")]
+use northing_core::nalgebra::{Matrix3, Vector3};
 use northing_evaluation::navigation::{NavigationEstimate, NavigationObserver};
 use northing_recording::AtomicFile;
+#[cfg(feature = "parquet")]
+use northing_recording::device_navigation::validity_number;
 use northing_recording::fixed::{push_fixed, push_seconds};
+#[cfg(feature = "mcap")]
+use northing_recording::mcap::{EstimateWriter, PoseEstimate, UNKNOWN_ANGLE_VARIANCE};
 use northing_recording::track::{TrackPoint, check_track_path, write_track};
 
 use super::has_extension;
+#[cfg(feature = "parquet")]
+use super::parquet_table::ParquetTable;
 use crate::validity_word;
 
 /// The columns of the CSV.
@@ -33,6 +42,12 @@ pub struct NavigationFile {
 enum Output {
     /// Every number of every sample; rows that wait to be written.
     Csv(AtomicFile, Vec<u8>),
+    /// The same as numbers alone.
+    #[cfg(feature = "parquet")]
+    Parquet(Box<ParquetTable>),
+    /// Messages of every sample.
+    #[cfg(feature = "mcap")]
+    Mcap(Box<EstimateWriter>),
     /// A track for maps: written at the end.
     Track(PathBuf, bool, Vec<TrackPoint>),
 }
@@ -47,9 +62,13 @@ impl NavigationFile {
             let mut file = AtomicFile::create(path, force)?;
             file.print(format_args!("{COLUMNS}\n"))?;
             Output::Csv(file, Vec::new())
+        } else if has_extension(path, "parquet") {
+            create_parquet(path, force)?
+        } else if cfg!(feature = "mcap") && has_extension(path, "mcap") {
+            create_mcap(path, force)?
         } else {
             check_track_path(path)
-                .context("estimates of a navigation run are a .csv or a track")?;
+                .context("estimates of a navigation run are a .csv, a .parquet or a track")?;
             // Starting the file is the test whether it can be written; dropped, it leaves nothing behind.
             AtomicFile::create(path, force)?;
             Output::Track(path.to_owned(), force, Vec::new())
@@ -74,6 +93,10 @@ impl NavigationFile {
                 }
                 Ok(())
             }
+            #[cfg(feature = "parquet")]
+            Output::Parquet(table) => table.row(&numbers(frame, estimate)),
+            #[cfg(feature = "mcap")]
+            Output::Mcap(writer) => Ok(writer.write(&pose(frame, estimate))?),
             Output::Track(_, _, points) => {
                 points.push(track_point(estimate));
                 Ok(())
@@ -94,9 +117,96 @@ impl NavigationFile {
                 file.bytes(&rows)?;
                 file.commit()?;
             }
+            #[cfg(feature = "parquet")]
+            Output::Parquet(table) => table.finish()?,
+            #[cfg(feature = "mcap")]
+            Output::Mcap(writer) => writer.finish()?,
             Output::Track(path, force, points) => write_track(&path, name, &points, force)?,
         }
         Ok(())
+    }
+}
+
+#[cfg(feature = "parquet")]
+fn create_parquet(path: &Path, force: bool) -> Result<Output> {
+    let table = ParquetTable::create(path, COLUMNS.split(','), force)?;
+    Ok(Output::Parquet(Box::new(table)))
+}
+
+#[cfg(not(feature = "parquet"))]
+fn create_parquet(path: &Path, _: bool) -> Result<Output> {
+    anyhow::bail!(
+        "{}: this build cannot write Parquet; write .csv, or build with its default features",
+        path.display()
+    )
+}
+
+#[cfg(feature = "mcap")]
+fn create_mcap(path: &Path, force: bool) -> Result<Output> {
+    Ok(Output::Mcap(Box::new(EstimateWriter::create(path, force)?)))
+}
+
+#[cfg(not(feature = "mcap"))]
+fn create_mcap(path: &Path, _: bool) -> Result<Output> {
+    check_track_path(path)?;
+    anyhow::bail!("{}: this build cannot write MCAP", path.display())
+}
+
+/// The row of an estimate as numbers in the order of the columns; NaN where there is none.
+#[cfg(feature = "parquet")]
+fn numbers(first: &LocalFrame, estimate: &NavigationEstimate) -> Vec<f64> {
+    let place = estimate.frame.geodetic(&estimate.position);
+    let mut row = vec![estimate.time_ns as f64 * 1e-9];
+    row.extend(place.degrees());
+    row.push(place.height_m);
+    row.extend(&estimate.in_frame(first).position);
+    let variances = estimate.position_covariance.diagonal();
+    row.extend(variances.iter().map(|variance| variance.max(0.0).sqrt()));
+    row.extend(&estimate.velocity);
+    let attitude = estimate.ned_from_body.as_ref().map(rotation::to_wxyz);
+    row.extend(attitude.unwrap_or([f64::NAN; 4]));
+    for angle in [estimate.heading(), estimate.heading_std] {
+        row.push(angle.map_or(f64::NAN, f64::to_degrees));
+    }
+    row.push(f64::from(validity_number(estimate.validity)));
+    row
+}
+
+/// An estimate in the axes of ROS: metres east, north, up of the first origin; the body forward, left, up.
+#[cfg(feature = "mcap")]
+fn pose(first: &LocalFrame, estimate: &NavigationEstimate) -> PoseEstimate {
+    use northing_core::geometry::frames::{
+        enu_from_ned, enu_from_ned_rotation, flu_from_frd_rotation,
+    };
+    let here = estimate.in_frame(first);
+    let turn = enu_from_ned_rotation::<f64>();
+    let axes = turn.to_rotation_matrix().into_inner();
+    let covariance = |p: Matrix3<f64>| axes * p * axes.transpose();
+    let attitude = here.ned_from_body.map(|ned_from_frd| {
+        let about = here.attitude_covariance.or_else(|| {
+            let heading = estimate.heading_std?;
+            let angles = [
+                UNKNOWN_ANGLE_VARIANCE,
+                UNKNOWN_ANGLE_VARIANCE,
+                heading * heading,
+            ];
+            Some(Matrix3::from_diagonal(&Vector3::from(angles)))
+        });
+        let enu_from_flu = turn * ned_from_frd * flu_from_frd_rotation();
+        (enu_from_flu, about.map(covariance))
+    });
+    PoseEstimate {
+        time_ns: estimate.time_ns,
+        attitude,
+        position: Some((
+            enu_from_ned(&here.position),
+            Some(covariance(here.position_covariance)),
+        )),
+        velocity: Some((
+            enu_from_ned(&here.velocity),
+            here.velocity_covariance.map(covariance),
+        )),
+        place: Some(track_point(estimate)),
     }
 }
 
@@ -160,8 +270,8 @@ impl NavigationObserver for NavigationFile {
     /// Each sample, or what a map can show.
     fn interval_ns(&self) -> i64 {
         match self.output {
-            Output::Csv(..) => 0,
             Output::Track(..) => TRACK_INTERVAL_NS,
+            _ => 0,
         }
     }
 
@@ -172,6 +282,102 @@ impl NavigationObserver for NavigationFile {
     fn estimate(&mut self, estimate: &NavigationEstimate) {
         if self.failure.is_none() {
             self.failure = self.write(estimate).err();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use northing_core::earth::Geodetic;
+    use northing_core::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+    use northing_core::navigation::Validity;
+
+    fn estimate(frame: LocalFrame) -> NavigationEstimate {
+        NavigationEstimate {
+            time_ns: 1_500_000_000,
+            frame,
+            // Bow to the east, and 10 degrees up.
+            ned_from_body: Some(rotation::from_yaw_pitch_roll([
+                std::f64::consts::FRAC_PI_2,
+                10_f64.to_radians(),
+                0.0,
+            ])),
+            heading_std: Some(0.3),
+            attitude_covariance: Some(Matrix3::new(
+                0.01, 0.001, 0.0, 0.001, 0.02, 0.002, 0.0, 0.002, 0.09,
+            )),
+            position: Vector3::new(10.0, 20.0, -5.0),
+            position_covariance: Matrix3::new(1.0, 0.5, 0.1, 0.5, 4.0, 0.2, 0.1, 0.2, 9.0),
+            velocity: Vector3::new(0.0, 3.0, 0.0),
+            velocity_covariance: None,
+            validity: Validity::HeadingUnknown,
+        }
+    }
+
+    fn frame() -> LocalFrame {
+        LocalFrame::new(Geodetic::from_degrees(47.0, 8.0, 400.0).unwrap())
+    }
+
+    #[cfg(feature = "mcap")]
+    #[test]
+    fn a_pose_of_ros_is_east_north_up_and_forward_left_up() {
+        let said = pose(&frame(), &estimate(frame()));
+        let (attitude, about) = said.attitude.unwrap();
+        let (position, covariance) = said.position.unwrap();
+        let near = |a: Vector3<f64>, b: [f64; 3]| (a - Vector3::from(b)).norm() < 1e-9;
+        assert!(near(position, [20.0, 10.0, 5.0]));
+        let (sin, cos) = 10_f64.to_radians().sin_cos();
+        assert!(near(attitude * Vector3::x(), [cos, 0.0, sin]), "forward");
+        assert!(
+            near(attitude * Vector3::y(), [0.0, 1.0, 0.0]),
+            "left is north"
+        );
+        assert!(near(attitude * Vector3::z(), [-sin, 0.0, cos]), "up");
+        let expected = Matrix3::new(4.0, 0.5, -0.2, 0.5, 1.0, -0.1, -0.2, -0.1, 9.0);
+        assert!((covariance.unwrap() - expected).norm() < 1e-12);
+        let expected = Matrix3::new(0.02, 0.001, -0.002, 0.001, 0.01, 0.0, -0.002, 0.0, 0.09);
+        assert!((about.unwrap() - expected).norm() < 1e-12);
+        assert!(near(said.velocity.unwrap().0, [3.0, 0.0, 0.0]));
+        // Where only the heading's deviation is stated, nothing is known of roll and pitch.
+        let heading_alone = NavigationEstimate {
+            attitude_covariance: None,
+            ..estimate(frame())
+        };
+        let about = pose(&frame(), &heading_alone).attitude.unwrap().1.unwrap();
+        assert!((about.m33 - 0.09).abs() < 1e-12 && about.m11 > 3.0 && about.m22 > 3.0);
+        let without = NavigationEstimate {
+            ned_from_body: None,
+            ..heading_alone
+        };
+        assert!(pose(&frame(), &without).attitude.is_none());
+        let _: UnitQuaternion<f64> = attitude;
+    }
+
+    #[cfg(feature = "parquet")]
+    #[test]
+    fn the_numbers_are_those_of_the_rows_of_text() {
+        let mut row = Vec::new();
+        push_row(&mut row, &frame(), &estimate(frame()));
+        let text = String::from_utf8(row).unwrap();
+        let cells: Vec<&str> = text.trim().split(',').collect();
+        let numbers = numbers(&frame(), &estimate(frame()));
+        assert_eq!(
+            (cells.len(), numbers.len()),
+            (20, COLUMNS.split(',').count())
+        );
+        for (cell, number) in cells.iter().zip(&numbers).take(19) {
+            let cell: f64 = cell.parse().unwrap();
+            assert!((cell - number).abs() < 1e-4, "{cell} {number}");
+        }
+        assert!((numbers[19] - 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn every_column_is_documented() {
+        let formats = include_str!("../../../../docs/formats.md");
+        for column in COLUMNS.split(',') {
+            assert!(formats.contains(&format!("`{column}`")), "{column}");
         }
     }
 }

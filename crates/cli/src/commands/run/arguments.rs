@@ -61,7 +61,7 @@ pub(crate) struct RunArgs {
     /// Write a report with plots: one HTML file for a browser
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
-    /// Write the estimates: .csv, .parquet or .tum; of a navigation estimator .csv, .kml, .gpx, .geojson, .tum or .mcap
+    /// Write the estimates: .csv, .parquet, .tum or .mcap; of a navigation estimator also .kml, .gpx or .geojson
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
     /// Overwrite outputs that exist
