@@ -194,7 +194,7 @@ pub(crate) fn tune(
                 )));
             }
             let options = NavigationOptions::of_recording(kind, metadata);
-            let world = metadata.world_frame;
+            let world = metadata.frames();
             py.detach(|| fit_navigation::tune(&events, world, &options, &asked, &|| true))
         }
         attitude => {

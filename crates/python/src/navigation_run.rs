@@ -117,7 +117,7 @@ fn run_over(
     options: &NavigationOptions,
     observer: &mut dyn NavigationObserver,
 ) -> PyResult<NavigationSummary> {
-    let world = recording.metadata().world_frame;
+    let world = recording.metadata().frames();
     let summary = run_navigation(recording.by_ref(), name, world, options, observer);
     let mut summary = summary.map_err(|error| of_run(&error, name))?;
     summary.issues.splice(0..0, recording.issues().sentences());

@@ -68,6 +68,7 @@ def table(drive: Samples, tmp_path_factory: pytest.TempPathFactory) -> Path:
         rows.setdefault(time_ns, {}).update(zip(names[9:], fix))
     path = tmp_path_factory.mktemp("table") / "drive.csv"
     with path.open("w", newline="") as file:
+        file.write("# body_axes: flu\n")
         out = csv.writer(file)
         out.writerow(["t_ns", *names])
         for time_ns, row in sorted(rows.items()):

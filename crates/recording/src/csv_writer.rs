@@ -213,7 +213,7 @@ fn metadata_lines(metadata: &Metadata) -> String {
         line("device", device);
     }
     line("world_frame", metadata.world_frame.name());
-    for (key, value) in metadata.receiver() {
+    for (key, value) in metadata.body_and_receiver() {
         line(key, &value);
     }
     for (key, value) in &metadata.extra {

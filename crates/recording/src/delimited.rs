@@ -46,6 +46,8 @@ pub(crate) enum TimeForm {
     DateTime,
     /// A date in the column of the time stamps, and the time of day in this one.
     DateAndTime(usize),
+    /// The GPS week in the column of the time stamps, and the seconds of it in this one; told as GPS time.
+    GpsWeek(usize),
     /// None: the rows follow each other at this rate, Hz.
     Rate(f64),
 }
@@ -143,7 +145,7 @@ impl Layout {
     pub(crate) fn time_columns(&self) -> Vec<usize> {
         match self.time_form {
             TimeForm::Decimal(_) | TimeForm::DateTime => vec![self.time],
-            TimeForm::DateAndTime(time_of_day) => vec![self.time, time_of_day],
+            TimeForm::DateAndTime(second) | TimeForm::GpsWeek(second) => vec![self.time, second],
             TimeForm::Rate(_) => Vec::new(),
         }
     }
@@ -241,6 +243,10 @@ pub(crate) struct Cells<'a> {
     pub(crate) interval_s: Option<f64>,
 }
 
+/// The beginning of GPS time, 1980-01-06, in the seconds of a calendar without leap seconds.
+const GPS_EPOCH_S: i64 = 315_964_800;
+const WEEK_S: i64 = 604_800;
+const WEEK: &str = "a GPS week, with seconds of the week beside it";
 const DATE: &str = "a date and a time of day, e.g. 2014-08-01T00:00:00.186Z";
 const DECIMAL: &str = "a time stamp (a decimal number, at most 146 years of nanoseconds)";
 
@@ -268,6 +274,15 @@ impl<'a> Cells<'a> {
             TimeForm::DateAndTime(time_of_day) => {
                 let both = [cell, b" ", self.cell(time_of_day)].concat();
                 (stamp::parse_date_time(&both), DATE)
+            }
+            TimeForm::GpsWeek(seconds) => {
+                let seconds = stamp::parse_ns(self.cell(seconds), stamp::SECONDS);
+                let week = parse_f64(cell).filter(|week| (0.0..10_000.0).contains(week));
+                let start = week.map(|week| (GPS_EPOCH_S + week as i64 * WEEK_S) * 1_000_000_000);
+                (
+                    seconds.zip(start).map(|(s, start)| s.saturating_add(start)),
+                    WEEK,
+                )
             }
             TimeForm::DateTime | TimeForm::Rate(_) => (stamp::parse_date_time(cell), DATE),
         };

@@ -43,6 +43,7 @@ mod parquet_writer;
 mod phyphox;
 pub mod plausibility;
 mod recording;
+mod rtklib;
 mod sensor_logger;
 mod stamp;
 pub mod text;
@@ -65,7 +66,7 @@ pub use error::RecordingError;
 pub use event::{CompassHeading, Event, Reference, Sample, SensorKind, TrueHeading, WaterVelocity};
 pub use gnss::{GnssPosition, GnssQuality, GnssVelocity};
 pub use issues::Issues;
-pub use metadata::{Metadata, WorldFrame};
+pub use metadata::{BodyAxes, Frames, Metadata, WorldFrame};
 pub use open::{open, read_bytes, read_from};
 pub use options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
 #[cfg(feature = "parquet")]

@@ -15,6 +15,70 @@ pub enum WorldFrame {
     Ned,
 }
 
+/// What the axes of the sensors are, with the body level and looking ahead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BodyAxes {
+    /// Right, forward, up: a phone that is held level.
+    Phone,
+    /// Forward, left, up (REP 103).
+    Flu,
+    /// Forward, right, down.
+    Frd,
+}
+
+/// World and body of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frames {
+    /// The world frame.
+    pub world: WorldFrame,
+    /// The axes of the sensors.
+    pub body: BodyAxes,
+}
+
+impl From<WorldFrame> for Frames {
+    /// With the body that belongs to a world: forward, right, down to north, east, down; a phone's to east, north, up.
+    fn from(world: WorldFrame) -> Self {
+        let body = match world {
+            WorldFrame::Enu => BodyAxes::Phone,
+            WorldFrame::Ned => BodyAxes::Frd,
+        };
+        Self { world, body }
+    }
+}
+
+impl BodyAxes {
+    /// The name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Phone => "phone",
+            Self::Flu => "flu",
+            Self::Frd => "frd",
+        }
+    }
+
+    /// In words.
+    #[must_use]
+    pub const fn in_words(self) -> &'static str {
+        match self {
+            Self::Phone => "right, forward, up (a phone's)",
+            Self::Flu => "forward, left, up",
+            Self::Frd => "forward, right, down",
+        }
+    }
+}
+
+impl std::str::FromStr for BodyAxes {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let all = [Self::Phone, Self::Flu, Self::Frd];
+        let found = all.into_iter().find(|axes| axes.name() == text);
+        found.ok_or_else(|| format!("unknown body_axes `{text}`; expected phone, flu or frd"))
+    }
+}
+
 /// Facts about a recording that hold for all of it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Metadata {
@@ -24,6 +88,9 @@ pub struct Metadata {
     pub format: String,
     /// World frame of reference, device orientation and position.
     pub world_frame: WorldFrame,
+    /// The axes of the sensors, where the recording says them; otherwise those that belong to its world ([`Frames`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_axes: Option<BodyAxes>,
     /// Device name if known.
     pub device: Option<String>,
     /// From the inertial sensor to the antenna of the satellite receiver: forward, right, down in body
@@ -74,6 +141,7 @@ impl Metadata {
             "name" => value.clone_into(&mut self.name),
             "device" => self.device = Some(value.to_owned()),
             "world_frame" => self.world_frame = value.parse()?,
+            BODY_AXES => self.body_axes = Some(value.parse()?),
             LEVER_ARM => self.gnss_lever_arm_m = Some(lever_arm(value)?),
             POSITION_LATENCY => self.gnss_position_latency_s = seconds(key, value)?,
             VELOCITY_LATENCY => self.gnss_velocity_latency_s = seconds(key, value)?,
@@ -84,9 +152,21 @@ impl Metadata {
         Ok(())
     }
 
-    /// What is told of the satellite receiver, as keys and values that [`Self::set`] takes.
-    pub(crate) fn receiver(&self) -> Vec<(&'static str, String)> {
+    /// World and body.
+    #[must_use]
+    pub fn frames(&self) -> Frames {
+        let usual = Frames::from(self.world_frame);
+        let body = self.body_axes.unwrap_or(usual.body);
+        Frames { body, ..usual }
+    }
+
+    /// What is told of the body and of the satellite receiver, as keys and values that [`Self::set`] takes.
+    pub(crate) fn body_and_receiver(&self) -> Vec<(&'static str, String)> {
         let mut pairs = Vec::new();
+        pairs.extend(
+            self.body_axes
+                .map(|axes| (BODY_AXES, axes.name().to_owned())),
+        );
         if let Some([forward, right, down]) = self.gnss_lever_arm_m {
             pairs.push((LEVER_ARM, format!("{forward} {right} {down}")));
         }
@@ -103,6 +183,8 @@ impl Metadata {
     }
 }
 
+/// The key of the axes of the sensors.
+pub(crate) const BODY_AXES: &str = "body_axes";
 const LEVER_ARM: &str = "gnss_lever_arm_m";
 const POSITION_LATENCY: &str = "gnss_position_latency_s";
 const VELOCITY_LATENCY: &str = "gnss_velocity_latency_s";

@@ -10,7 +10,8 @@ use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
 use crate::text::{open_file, read_piece};
 use crate::{
-    csv, describe, kf_gins, manifest, nmea, northing_serial, phyphox, sensor_logger, ubx, vectornav,
+    csv, describe, kf_gins, manifest, nmea, northing_serial, phyphox, rtklib, sensor_logger, ubx,
+    vectornav,
 };
 
 /// Bytes that are looked at to tell the format.
@@ -206,6 +207,7 @@ fn open_stream(
         Format::Phyphox => phyphox::open(input, name, metadata),
         Format::Nmea => Ok(nmea::open(input, name, metadata)),
         Format::Ubx => Ok(ubx::open(input, name, metadata)),
+        Format::Rtklib => rtklib::open(input, name, metadata),
         Format::VectorNav => Ok(vectornav::open(input, name, metadata)),
         Format::KfGins => kf_gins::open(input, name, metadata),
         #[cfg(feature = "ulog")]
@@ -276,6 +278,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     let text = text.trim_start_matches('\u{feff}');
     if text.trim_start().starts_with(['[', '{']) {
         return Ok(Format::SensorLogger);
+    }
+    if rtklib::recognises(text) {
+        return Ok(Format::Rtklib);
     }
     if phyphox::recognises(text) {
         return Ok(Format::Phyphox);

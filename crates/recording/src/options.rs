@@ -125,6 +125,8 @@ named_values! {
         NorthingSerial = "northing-serial",
         /// Text files of the program KF-GINS: inertial increments, positions, or a folder with both.
         KfGins = "kf-gins",
+        /// Solutions of RTKLIB (`.pos`).
+        Rtklib = "rtklib",
         /// Lines `$VNYMR` of VectorNav's sensors.
         VectorNav = "vectornav",
         /// Any other delimited text file, described by a TOML manifest.

@@ -149,8 +149,8 @@ impl ParquetWriter {
         if let Some(device) = &self.metadata.device {
             pairs.push(("device".to_owned(), device.clone()));
         }
-        let receiver = self.metadata.receiver().into_iter();
-        pairs.extend(receiver.map(|(key, value)| (key.to_owned(), value)));
+        let told = self.metadata.body_and_receiver().into_iter();
+        pairs.extend(told.map(|(key, value)| (key.to_owned(), value)));
         pairs.extend(self.metadata.extra.clone());
         for (key, value) in pairs {
             self.output

@@ -113,6 +113,7 @@ fn metadata() -> Metadata {
         name: "every sensor".to_owned(),
         format: String::new(),
         world_frame: WorldFrame::Ned,
+        body_axes: Some(northing_recording::BodyAxes::Flu),
         device: Some("test bench".to_owned()),
         gnss_lever_arm_m: Some([0.5, -0.05, -1.25]),
         gnss_position_latency_s: 0.045,

@@ -86,6 +86,7 @@ fn describe(info: &Info) -> String {
             WorldFrame::Ned => "north, east, down",
         },
     );
+    sheet.row("sensor axes", meta.frames().body.in_words());
     if let Some([x, y, z]) = meta.gnss_lever_arm_m {
         let arm = format!("{x} m forward, {y} m right, {z} m down of the inertial sensor");
         sheet.row("antenna", arm);

@@ -142,7 +142,7 @@ fn fit(
     let outcome = match &ready {
         Ready::Attitude(options) => attitude::tune(&events, options, &asked, &go_on),
         Ready::Navigation(options) => {
-            navigation::tune(&events, metadata.world_frame, options, &asked, &go_on)
+            navigation::tune(&events, metadata.frames(), options, &asked, &go_on)
         }
     };
     let profile = match &ready {

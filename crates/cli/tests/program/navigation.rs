@@ -379,4 +379,30 @@ fn a_bag_of_ros_gives_the_digits_of_the_csv_of_its_samples() {
         assert_eq!(bag[key], csv[key], "{key}");
     }
     contains(&said, &["Topics that are read: /fix, /imu/data_raw."]);
+    // The axes of the sensors come with it: the car heads where it headed.
+    let heading = |from: &str, to: &str| -> f64 {
+        lab.succeeds(&["run", from, "--estimator", "error-state", "--out", to]);
+        let text = lab.read(to);
+        let mut lines = text.lines();
+        let column = lines
+            .next()
+            .unwrap()
+            .split(',')
+            .position(|name| name == "heading_deg");
+        let last = lines.last().unwrap();
+        last.split(',')
+            .nth(column.unwrap())
+            .unwrap()
+            .parse()
+            .unwrap()
+    };
+    let (bag, car) = (
+        heading("car.mcap", "bag.csv"),
+        heading("car.toml", "car.csv"),
+    );
+    assert!((bag - car).abs() < 0.1, "{bag} {car}");
+    contains(
+        &lab.succeeds(&["info", "car.mcap"]),
+        &["sensor axes  forward, right, down"],
+    );
 }

@@ -215,7 +215,7 @@ fn run_once(
     let opened = open(path, &options.open);
     let mut recording = opened.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
     let metadata = recording.metadata();
-    let world = metadata.world_frame;
+    let world = metadata.frames();
     let run = NavigationOptions {
         gnss_every,
         outages,

@@ -19,7 +19,7 @@ use northing_core::earth::wgs84::Geodetic;
 use northing_core::geometry::frames::{flu_from_frd, flu_from_phone};
 use northing_core::kalman::{Outcome, SkipReason};
 use northing_core::navigation::gnss_ins::GAP_LIMIT_S;
-use northing_recording::{DeviceNavigation, Event, Sample, SensorKind, WorldFrame};
+use northing_recording::{BodyAxes, DeviceNavigation, Event, Frames, Sample, SensorKind};
 
 use self::axes_agreement::AxesAgreement;
 use self::consensus::{FixConsensus, Step};
@@ -47,15 +47,15 @@ use crate::used_parameters::{Origin, UsedParameter};
 const HEADING_STD: f64 = 0.01;
 
 /// Runs the estimator of `options` over `events`, which must be in time order; `name` stands for the
-/// recording, `world` is its frame: north, east, down with a body of forward, right, down, or east, north, up
-/// with the axes of a phone.
+/// recording, `frames` are its world and the axes of its sensors ([`northing_recording::Metadata::frames`]), or its world
+/// alone with the axes that belong to it.
 ///
 /// # Errors
 /// The options are invalid, the events end in an error, there was not one usable fix, or no two agree.
 pub fn run_navigation<I, X>(
     events: I,
     name: &str,
-    world: WorldFrame,
+    frames: impl Into<Frames>,
     options: &NavigationOptions,
     observer: &mut dyn NavigationObserver,
 ) -> Result<NavigationSummary, EvaluationError>
@@ -64,7 +64,7 @@ where
     X: std::error::Error + Send + Sync + 'static,
 {
     options.check()?;
-    let mut session = Session::new(options, world, observer)?;
+    let mut session = Session::new(options, frames.into(), observer)?;
     for event in events {
         let event = event.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
         session.take(&event);
@@ -100,7 +100,7 @@ struct Session<'a> {
     options: &'a NavigationOptions,
     /// What the estimator was configured with.
     parameters: Vec<UsedParameter>,
-    world: WorldFrame,
+    frames: Frames,
     observer: &'a mut dyn NavigationObserver,
     navigator: Box<dyn Navigator>,
     consensus: FixConsensus,
@@ -194,13 +194,13 @@ impl Inertial {
 impl<'a> Session<'a> {
     fn new(
         options: &'a NavigationOptions,
-        world: WorldFrame,
+        frames: Frames,
         observer: &'a mut dyn NavigationObserver,
     ) -> Result<Self, EvaluationError> {
         Ok(Self {
             options,
             parameters: options.used_parameters(),
-            world,
+            frames,
             observer,
             navigator: navigator(options)?,
             consensus: FixConsensus::default(),
@@ -305,9 +305,10 @@ impl<'a> Session<'a> {
 
     /// Body axes of the recording as forward, right, down.
     fn body(&self, v: &Vector3<f64>) -> Vector3<f64> {
-        match self.world {
-            WorldFrame::Ned => *v,
-            WorldFrame::Enu => flu_from_frd(&flu_from_phone(v)),
+        match self.frames.body {
+            BodyAxes::Frd => *v,
+            BodyAxes::Flu => flu_from_frd(v),
+            BodyAxes::Phone => flu_from_frd(&flu_from_phone(v)),
         }
     }
 

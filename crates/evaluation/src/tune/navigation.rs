@@ -1,7 +1,7 @@
 //! The fit of a navigation estimator.
 
 use northing_core::kalman::Innovation;
-use northing_recording::{Event, WorldFrame};
+use northing_recording::{Event, Frames};
 
 use super::likelihood::{Likelihood, split_ns};
 use super::{Fit, TuneOptions, TuneOutcome};
@@ -19,11 +19,12 @@ use crate::navigation::runner::run_navigation;
 /// A parameter that the estimator does not have, a run that cannot be made, or [`EvaluationError::Interrupted`].
 pub fn tune(
     events: &[Event],
-    world: WorldFrame,
+    frames: impl Into<Frames>,
     options: &NavigationOptions,
     asked: &TuneOptions,
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<TuneOutcome, EvaluationError> {
+    let frames = frames.into();
     let split_ns = split_ns(events, asked.fitted_share);
     let judge = |values: &[(&str, f64)]| {
         let mut options = options.clone();
@@ -35,7 +36,7 @@ pub fn tune(
         let events = events
             .iter()
             .map(|event| Ok::<_, std::convert::Infallible>(*event));
-        run_navigation(events, "", world, &options, &mut observer)?;
+        run_navigation(events, "", frames, &options, &mut observer)?;
         match go_on() {
             true => Ok(observer.0.judgement()),
             false => Err(EvaluationError::Interrupted),
@@ -67,7 +68,7 @@ impl NavigationObserver for Measured {
 
 #[cfg(test)]
 mod tests {
-    use northing_recording::{GnssPosition, GnssQuality, Sample};
+    use northing_recording::{GnssPosition, GnssQuality, Sample, WorldFrame};
     use northing_simulation::random::{standard_normal, stream};
 
     use super::*;

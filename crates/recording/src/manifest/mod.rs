@@ -191,6 +191,7 @@ impl Loaded {
             name: general.name.clone().unwrap_or(name),
             format: "manifest".to_owned(),
             world_frame: general.world_frame,
+            body_axes: general.body_axes,
             device: general.device.clone(),
             gnss_lever_arm_m: general.lever_arm.map(|arm| arm.frd_m),
             gnss_position_latency_s: latency.gnss_position_s,

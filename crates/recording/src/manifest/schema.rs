@@ -13,7 +13,7 @@ use super::navigation::{
 };
 use crate::error::{RecordingError, Result};
 use crate::event::SensorKind;
-use crate::metadata::WorldFrame;
+use crate::metadata::{BodyAxes, WorldFrame};
 use crate::options::{FieldUnit, Format, RateUnit};
 use crate::text::toml_problem;
 
@@ -37,6 +37,8 @@ pub struct General {
     pub device: Option<String>,
     /// World frame of orientations, reference and positions.
     pub world_frame: WorldFrame,
+    /// What the axes of the sensors are; default those that belong to the world.
+    pub body_axes: Option<BodyAxes>,
     /// Where the antenna is.
     pub lever_arm: Option<LeverArm>,
     /// How late the receiver's numbers are.
@@ -46,10 +48,11 @@ pub struct General {
 }
 
 /// The names of [`General`]'s keys.
-const GENERAL: [&str; 6] = [
+const GENERAL: [&str; 7] = [
     "name",
     "device",
     "world_frame",
+    "body_axes",
     "lever_arm",
     "latency",
     "extra",

@@ -46,7 +46,7 @@ use ::mcap::Channel;
 use crate::error::{RecordingError, Result, join, shown};
 use crate::event::SensorKind;
 use crate::issues::Issues;
-use crate::metadata::Metadata;
+use crate::metadata::{BODY_AXES, BodyAxes, Metadata};
 use crate::recording::{EventSource, Opened};
 use crate::text::open_file;
 pub(crate) use bag_file::open_database;
@@ -93,6 +93,7 @@ fn open_messages(
             return Err(nothing(file, &contents));
         };
         notes = told;
+        metadata.body_axes = Some(body_axes(&contents.channels));
         known(messages, file, |messages| {
             RosSource::new(messages, topics.clone())
         })?
@@ -128,6 +129,14 @@ fn known<S: OfMessages + 'static>(
         .filter(|kind| seen[kind.order()]);
     let source = make(source.into_messages().again(file)?);
     Ok((sensors.collect(), Box::new(source)))
+}
+
+/// The axes of the sensors of a bag: REP 103 has them forward, left, up, unless its writer says another thing of a channel.
+fn body_axes<'a>(channels: impl IntoIterator<Item = &'a Arc<Channel<'static>>>) -> BodyAxes {
+    let mut told = channels
+        .into_iter()
+        .filter_map(|channel| channel.metadata.get(BODY_AXES)?.parse().ok());
+    told.next().unwrap_or(BodyAxes::Flu)
 }
 
 /// The devices of a recording of the lab.

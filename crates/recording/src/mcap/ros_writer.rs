@@ -22,7 +22,7 @@ use super::ros::{
 use crate::atomic_file::AtomicFile;
 use crate::error::{RecordingError, Result};
 use crate::event::{Event, Sample, SensorKind};
-use crate::metadata::{Metadata, WorldFrame};
+use crate::metadata::{BODY_AXES, Frames, Metadata, WorldFrame};
 use crate::writer::{EventWriter, Row};
 
 /// The frame of the sensors in every header.
@@ -82,7 +82,7 @@ pub const fn has_topic(kind: SensorKind) -> bool {
 pub struct RosWriter<W: Write + Seek> {
     output: Output<W, Topic>,
     file: String,
-    world_frame: WorldFrame,
+    frames: Frames,
     row: Row,
 }
 
@@ -117,7 +117,7 @@ impl<W: Write + Seek> RosWriter<W> {
         Ok(Self {
             output,
             file: file.to_owned(),
-            world_frame: metadata.world_frame,
+            frames: metadata.frames(),
             row: Row::new(),
         })
     }
@@ -152,7 +152,7 @@ impl<W: Write + Seek> RosWriter<W> {
     }
 
     fn to_enu(&self, world_from_body: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        match self.world_frame {
+        match self.frames.world {
             WorldFrame::Enu => *world_from_body,
             WorldFrame::Ned => enu_from_ned_rotation() * world_from_body,
         }
@@ -209,10 +209,12 @@ impl<W: Write + Seek> RosWriter<W> {
                 "a stamp is beyond the 68 years that ROS can hold; write .csv or .parquet",
             )
         })?;
+        // Our sensors keep their axes, which need not be those of REP 103.
+        let axes = BTreeMap::from([(BODY_AXES.to_owned(), self.frames.body.name().to_owned())]);
         let written = self.output.message(topic, time_ns, &bytes, |file| {
             let (name, definition) = topic.schema();
             let schema = file.add_schema(name, "ros2msg", definition.as_bytes())?;
-            file.add_channel(schema, topic.name(), "cdr", &BTreeMap::new())
+            file.add_channel(schema, topic.name(), "cdr", &axes)
         });
         written.map_err(|error| failed(&self.file, error))
     }

@@ -84,7 +84,7 @@ fn run_over(
     options: &NavigationOptions,
     observer: &mut dyn NavigationObserver,
 ) -> Result<NavigationSummary> {
-    let world = recording.metadata().world_frame;
+    let world = recording.metadata().frames();
     let events = watched(recording.by_ref(), "navigating");
     let summary = run_navigation(events, name, world, options, observer);
     let mut summary = summary.map_err(|error| {

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::earth::wgs84::Geodetic;
 use northing_core::geometry::frames::ned_from_enu;
 use northing_core::geometry::rotation::from_matrix;
-use northing_recording::{GnssPosition, Reference, WorldFrame};
+use northing_recording::{BodyAxes, GnssPosition, Reference, WorldFrame};
 
 use super::Session;
 use crate::navigation::navigator::NavigationEstimate;
@@ -106,14 +106,18 @@ impl Session<'_> {
         &self,
         world_from_body: &UnitQuaternion<f64>,
     ) -> UnitQuaternion<f64> {
-        match self.world {
-            WorldFrame::Ned => *world_from_body,
-            WorldFrame::Enu => {
-                // The axes of the body one by one: forward, right, down of a phone are its y, x, -z.
-                let axis = |v: Vector3<f64>| ned_from_enu(&(world_from_body * v));
-                let columns = [Vector3::y(), Vector3::x(), -Vector3::z()].map(axis);
-                from_matrix(&Matrix3::from_columns(&columns))
-            }
-        }
+        // Forward, right and down in the axes of the body.
+        let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let frd = match self.frames.body {
+            BodyAxes::Frd if self.frames.world == WorldFrame::Ned => return *world_from_body,
+            BodyAxes::Frd => [x, y, z],
+            BodyAxes::Flu => [x, -y, -z],
+            BodyAxes::Phone => [y, x, -z],
+        };
+        let columns = frd.map(|axis| match self.frames.world {
+            WorldFrame::Ned => world_from_body * axis,
+            WorldFrame::Enu => ned_from_enu(&(world_from_body * axis)),
+        });
+        from_matrix(&Matrix3::from_columns(&columns))
     }
 }
