@@ -91,6 +91,8 @@ pub(crate) enum Form {
         frame: LocalFrame,
         std_m: Option<[f64; 3]>,
     },
+    /// An orientation as roll, pitch and yaw, rad.
+    RollPitchYaw,
     /// In Earth-centred, Earth-fixed axes, at the position in these columns.
     Ecef { place: [usize; 3], inverse: bool },
 }

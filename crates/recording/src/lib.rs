@@ -17,6 +17,7 @@ mod delimited;
 pub mod describe;
 pub mod device_navigation;
 pub mod error;
+mod euroc;
 pub mod event;
 mod false_stamps;
 pub mod fixed;
@@ -25,6 +26,7 @@ mod hold;
 mod instant;
 pub mod issues;
 mod kf_gins;
+mod kitti;
 pub mod limits;
 pub mod manifest;
 #[cfg(feature = "mcap")]

@@ -10,8 +10,8 @@ use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording};
 use crate::text::{open_file, read_piece};
 use crate::{
-    csv, describe, kf_gins, manifest, nmea, northing_serial, phyphox, rtklib, sensor_logger, ubx,
-    vectornav,
+    csv, describe, euroc, kf_gins, kitti, manifest, nmea, northing_serial, phyphox, rtklib,
+    sensor_logger, ubx, vectornav,
 };
 
 /// Bytes that are looked at to tell the format.
@@ -160,6 +160,12 @@ pub(crate) fn open_data_file(
                 return Ok(opened);
             }
         }
+        if let Some(opened) = euroc::open_folder(path, &metadata)? {
+            return Ok(opened);
+        }
+        if let Some(opened) = kitti::open_folder(path, file, &metadata)? {
+            return Ok(opened);
+        }
         return match kf_gins::open_folder(path, file, &metadata)? {
             Some(opened) => Ok(opened),
             None => sensor_logger::open_folder(path, file, metadata),
@@ -207,6 +213,7 @@ fn open_stream(
         Format::Phyphox => phyphox::open(input, name, metadata),
         Format::Nmea => Ok(nmea::open(input, name, metadata)),
         Format::Ubx => Ok(ubx::open(input, name, metadata)),
+        Format::Euroc => euroc::open(input, name, metadata),
         Format::Rtklib => rtklib::open(input, name, metadata),
         Format::VectorNav => Ok(vectornav::open(input, name, metadata)),
         Format::KfGins => kf_gins::open(input, name, metadata),
@@ -278,6 +285,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     let text = text.trim_start_matches('\u{feff}');
     if text.trim_start().starts_with(['[', '{']) {
         return Ok(Format::SensorLogger);
+    }
+    if euroc::recognises(text) {
+        return Ok(Format::Euroc);
     }
     if rtklib::recognises(text) {
         return Ok(Format::Rtklib);

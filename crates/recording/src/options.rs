@@ -127,6 +127,8 @@ named_values! {
         KfGins = "kf-gins",
         /// Solutions of RTKLIB (`.pos`).
         Rtklib = "rtklib",
+        /// A table of EuRoC; its folders are told by content.
+        Euroc = "euroc",
         /// Lines `$VNYMR` of VectorNav's sensors.
         VectorNav = "vectornav",
         /// Any other delimited text file, described by a TOML manifest.

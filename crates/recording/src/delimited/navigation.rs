@@ -42,6 +42,12 @@ impl Cells<'_> {
                     ..GnssVelocity::from_course(speed, course)
                 }))
             }
+            (Form::RollPitchYaw, _) => {
+                let [roll, pitch, yaw, ..] = *row;
+                Some(Sample::DeviceOrientation(
+                    UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+                ))
+            }
             (Form::Local { frame, std_m }, Sample::GnssPosition(fix)) => {
                 let [north, east, down, ..] = *row;
                 let place = frame.geodetic(&Vector3::new(north, east, down));
