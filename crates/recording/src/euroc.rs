@@ -11,11 +11,10 @@ use crate::delimited::{Channel, DelimitedSource, Layout, Rows, TimeForm};
 use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::false_stamps::FalseStamps;
-use crate::limits::LINE;
 use crate::merge::Merged;
 use crate::metadata::{BodyAxes, Metadata};
 use crate::recording::{EventSource, Opened};
-use crate::text::{open_file, read_line};
+use crate::text::open_file;
 
 /// What the columns of the two tables are called, without units.
 const TIME: &str = "timestamp";
@@ -124,16 +123,14 @@ fn table(
     input: Box<dyn Read + Send>,
     file: &str,
 ) -> Result<(Vec<SensorKind>, Box<dyn EventSource>)> {
-    let mut input = BufReader::with_capacity(1 << 16, input);
-    let mut header = Vec::new();
-    read_line(&mut input, LINE.most + 1, &mut header, file)?;
-    LINE.check(header.len() as u64, file, ", line 1")?;
-    let header = String::from_utf8_lossy(&header).into_owned();
+    let mut rows = Rows::new(file.to_owned(), &mut csv::ReaderBuilder::new(), input, 0);
+    let header = rows.first()?;
     let names: Vec<String> = header
-        .trim()
-        .trim_start_matches('#')
-        .split(',')
-        .map(|name| name.trim().to_owned())
+        .iter()
+        .map(|name| {
+            let name = String::from_utf8_lossy(name);
+            name.trim().trim_start_matches('#').trim().to_owned()
+        })
         .collect();
     let place = |wanted: &str| {
         names
@@ -171,10 +168,7 @@ fn table(
         rows: None,
     };
     let sensors = layout.sensors();
-    let mut builder = csv::ReaderBuilder::new();
-    builder.has_headers(false);
-    let rows = Rows::new(file.to_owned(), &mut builder, input, 1);
-    let source = FalseStamps::new(Box::new(DelimitedSource::new(rows, layout)));
+    let source = FalseStamps::new(DelimitedSource::new(rows, layout));
     Ok((sensors, Box::new(source)))
 }
 

@@ -4,7 +4,7 @@
 //! and what it has made of it. Body axes are forward, left, up; yaw counts from east to north.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use crate::delimited::{Channel, DelimitedSource, Form, Layout, Rows, TimeForm};
