@@ -31,6 +31,7 @@ pub(crate) struct Reading {
     accelerometer_unit: Option<String>,
     magnetometer_unit: Option<String>,
     gap_limit_s: f64,
+    describe: bool,
 }
 
 impl Reading {
@@ -54,6 +55,7 @@ impl Reading {
             accelerometer_unit: word(self.accelerometer_unit, "accelerometer_unit")?,
             magnetometer_unit: word(self.magnetometer_unit, "magnetometer_unit")?,
             gap_limit_s: self.gap_limit_s,
+            describe: self.describe,
             ..OpenOptions::default()
         })
     }

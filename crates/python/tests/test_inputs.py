@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import subprocess
@@ -148,6 +149,18 @@ def test_recordings(tmp_path: Path) -> None:
         recording.run("error-state", profile="lab")
     with pytest.raises(ValueError, match="no usable fix"):
         recording.run("error-state")
+    # A table of somebody's own: columns and units are guessed, and said.
+    own = tmp_path / "own.txt"
+    turning = [2.0 * math.cos(k / 50) for k in range(1000)]
+    angles = [math.sin(k / 50) for k in range(1000)]
+    own.write_text("ms;gx;gy;gz;ax;ay;az\n" + "".join(
+        f"{10 * k};{math.degrees(w):.5f};0;0;0;{math.sin(a):.6f};{math.cos(a):.6f}\n"
+        for k, (w, a) in enumerate(zip(turning, angles))))
+    with pytest.raises(ValueError, match="northing describe"):
+        no.open(own)
+    guessed = no.open(own, describe=True)
+    np.testing.assert_allclose(guessed.arrays("gyroscope").values[:, 0], turning, atol=1e-6)
+    assert any("gyroscope from gx, gy, gz" in issue for issue in guessed.run("mekf").summary["issues"])
 
 
 def test_tables_plots_reports_and_files(phone: Arrays, tmp_path: Path) -> None:

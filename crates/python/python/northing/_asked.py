@@ -24,6 +24,7 @@ class Reading:
     accelerometer_unit: str | None = None
     magnetometer_unit: str | None = None
     gap_limit_s: float = 0.5
+    describe: bool = False
 
 
 @dataclass(frozen=True)

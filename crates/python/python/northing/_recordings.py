@@ -152,10 +152,13 @@ def open(
     accelerometer_unit: str | None = None,
     magnetometer_unit: str | None = None,
     gap_limit: float = 0.5,
+    describe: bool = False,
 ) -> Recording:
-    """Opens a recording: any file or folder that ``northing run`` reads, with options of the same names."""
+    """Opens a recording: any file or folder that ``northing run`` reads, with options of the same names. With ``describe``
+    a table that nothing describes is read by a guess at its columns, as ``northing describe`` makes it; what was guessed
+    is among the issues of a run."""
     reading = Reading(
-        format, device, manifest, data, gyroscope_unit, accelerometer_unit, magnetometer_unit, gap_limit
+        format, device, manifest, data, gyroscope_unit, accelerometer_unit, magnetometer_unit, gap_limit, describe
     )
     return Recording(path, reading)
 
