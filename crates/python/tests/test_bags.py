@@ -132,7 +132,9 @@ def assert_runs_as(table: Path, recording: Path, folder: Path) -> None:
         for source, out in zip((table, recording), outs):
             run_program("run", source, "--out", out, "--force", *options)
         expected, found = (out.read_text() for out in outs)
-        assert expected == found and len(expected.splitlines()) > 5000, (name, recording)
+        # Two such texts are not for a difference to be shown.
+        is_same = expected == found
+        assert is_same and len(expected.splitlines()) > 5000, (name, recording)
 
 
 BAGS = {
@@ -254,7 +256,8 @@ def test_a_navigation_run_is_odometry_transforms_and_fixes(table: Path, tmp_path
     # The velocity is in the axes of the body: this car drives forward.
     speed = np.hypot(rows["velocity_north_m_s"], rows["velocity_east_m_s"])
     ahead = np.array([message.twist.twist.linear.x for message in topics["/odometry"]])
-    assert np.median(np.abs(ahead - speed)) < 0.1 and speed[-1] > 5.0
+    moves = speed > 5.0
+    assert np.count_nonzero(moves) > 3000 and np.median(ahead[moves] / speed[moves]) > 0.9
     np.testing.assert_allclose([m.latitude for m in topics["/gps/filtered"]], rows["latitude_deg"], atol=1e-8)
     assert all(m.header.frame_id == "map" and m.child_frame_id == "base_link" for m in topics["/odometry"])
 

@@ -15,6 +15,12 @@ use rusqlite::Connection;
 
 fn events(path: &Path) -> Vec<Event> {
     let recording = open(path, &OpenOptions::default()).unwrap();
+    // However it is packed, its axes are told: those of REP 103, or those that our writer put beside a channel.
+    assert!(
+        recording.metadata().body_axes.is_some(),
+        "{}",
+        path.display()
+    );
     recording.map(Result::unwrap).collect()
 }
 

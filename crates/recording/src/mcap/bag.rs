@@ -10,7 +10,7 @@ use super::bag_file::messages;
 use super::file::{Contents, End, MCAP, contents};
 use super::ros_source::RosSource;
 use super::topics::{self, Topics};
-use super::{devices, nothing};
+use super::{body_axes, devices, nothing};
 use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
@@ -40,6 +40,7 @@ pub(crate) fn open_folder(
         return Err(nothing(file, &contents));
     };
     contents.format.clone_into(&mut metadata.format);
+    metadata.body_axes = Some(body_axes(&contents.channels));
     let mut seen = [false; SensorKind::ALL.len()];
     let (mut source, mut issues) = (Bag::new(&paths, &topics), Issues::default());
     while let Some(event) = source.next_event(&mut issues)? {
