@@ -1,7 +1,8 @@
 //! EuRoC's layout of a recording (ASL): a folder `mav0` with `imu0/data.csv` and perhaps
 //! `state_groundtruth_estimate0/data.csv`, or one such table.
 //!
-//! Read first: `docs/formats.md`, section "EuRoC". Stamps are nanoseconds; the body axes are those of the inertial sensor,
+//! Read first: `docs/formats.md`, section "EuRoC". Stamps are nanoseconds; the body axes are those of the inertial sensor, whose mounting the
+//! tables do not tell;
 //! the world of the reference has z up and an arbitrary heading.
 
 use std::io::{BufRead, BufReader, Read};
@@ -12,7 +13,7 @@ use crate::error::{RecordingError, Result, join};
 use crate::event::SensorKind;
 use crate::false_stamps::FalseStamps;
 use crate::merge::Merged;
-use crate::metadata::{BodyAxes, Metadata};
+use crate::metadata::Metadata;
 use crate::recording::{EventSource, Opened};
 use crate::text::open_file;
 
@@ -96,8 +97,6 @@ pub(crate) fn open_folder(path: &Path, metadata: &Metadata) -> Result<Option<Ope
 fn opened(metadata: Metadata, sensors: Vec<SensorKind>, source: Box<dyn EventSource>) -> Opened {
     let metadata = Metadata {
         format: "euroc".to_owned(),
-        // The sensor of EuRoC's vehicle was mounted with x up; which way the body looks the files do not say.
-        body_axes: Some(BodyAxes::Flu),
         ..metadata
     };
     Opened::new(metadata, sensors, source)

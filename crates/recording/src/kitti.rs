@@ -61,7 +61,12 @@ const FILES: Limit = Limit {
 
 /// Opens a folder of that layout: the drive's, `oxts` or `oxts/data`; `None` when it is none.
 pub(crate) fn open_folder(path: &Path, file: &str, metadata: &Metadata) -> Result<Option<Opened>> {
-    let candidates = [path.join("oxts"), path.to_owned(), path.join("..")];
+    let is_data = path.file_name().is_some_and(|name| name == "data");
+    let above = path.parent().filter(|_| is_data).map(Path::to_owned);
+    let candidates: Vec<PathBuf> = [path.join("oxts"), path.to_owned()]
+        .into_iter()
+        .chain(above)
+        .collect();
     let is_root =
         |root: &&PathBuf| root.join("timestamps.txt").is_file() && root.join("data").is_dir();
     let Some(root) = candidates.iter().find(is_root) else {
@@ -76,11 +81,17 @@ pub(crate) fn open_folder(path: &Path, file: &str, metadata: &Metadata) -> Resul
             FILES.check(files.len() as u64, file, "")?;
         }
     }
+    files.sort_unstable();
     // A folder of a laser scanner has the same layout with other files.
-    if files.is_empty() {
+    let Some(first) = files.first() else {
+        return Ok(None);
+    };
+    let mut text = String::new();
+    let input = open_file(first, &first.display().to_string())?;
+    let is_text = input.take(LOG_LINE).read_to_string(&mut text).is_ok();
+    if !is_text || text.split_whitespace().count() != NAMES.len() - 2 {
         return Ok(None);
     }
-    files.sort_unstable();
     let stamps = root.join("timestamps.txt");
     let stamps = BufReader::new(open_file(&stamps, &stamps.display().to_string())?);
     let lines = Lines {
@@ -125,7 +136,8 @@ fn layout() -> Layout {
     let degree = 1_f64.to_radians();
     position.put(0, Some(place("lat")), degree);
     position.put(1, Some(place("lon")), degree);
-    // The accuracy is that of the plane; one axis has the root of its half.
+    // One number for the position: taken as that of the plane, of which one axis has the root of its half, and as that of
+    // the height, of which the files say nothing.
     let accuracy = Some(place("pos_accuracy"));
     position.put(3, accuracy, std::f64::consts::FRAC_1_SQRT_2);
     position.put(4, accuracy, std::f64::consts::FRAC_1_SQRT_2);
@@ -287,6 +299,10 @@ mod tests {
             error.contains("line 3") && error.contains("5 cells"),
             "{error}"
         );
+        // Another sensor's folder of the same layout is none of this kind.
+        let first = folder.path().join("oxts/data/0000000000.txt");
+        std::fs::write(first, "1.0 2.0 3.0 0.4\n").unwrap();
+        assert!(open(folder.path(), &OpenOptions::default()).is_err());
         std::fs::remove_dir_all(folder.path().join("oxts/data")).unwrap();
         assert!(open(folder.path(), &OpenOptions::default()).is_err());
     }

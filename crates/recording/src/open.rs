@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
-use crate::options::{Format, OpenOptions};
+use crate::options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
 use crate::recording::{Opened, Recording};
 use crate::text::{open_file, read_piece};
 use crate::{
-    csv, describe, euroc, kf_gins, kitti, manifest, nmea, northing_serial, phyphox, rtklib,
-    sensor_logger, ubx, vectornav,
+    csv, describe, euroc, foreign, gpx, kf_gins, kitti, manifest, nmea, northing_serial, phyphox,
+    rtklib, sensor_logger, tum, ubx, vectornav,
 };
 
 /// Bytes that are looked at to tell the format.
@@ -19,8 +19,6 @@ const SAMPLE_BYTES: usize = 4096;
 
 /// What a database of SQLite begins with, such as a bag of ROS 2.
 pub(crate) const SQLITE: &[u8] = b"SQLite format 3\0";
-/// What is said of a workbook of Excel.
-const EXCEL: &str = "it is a workbook of Excel, which is not read; export the recording as CSV (in phyphox: Export Data, CSV)";
 /// Opens a recording: a file, or a folder of Sensor Logger, of phyphox, of a bag of ROS 2 or with KF-GINS's tables. The format is told by content, or by
 /// `options.format`. Nothing but the head of the file is read yet.
 ///
@@ -30,7 +28,11 @@ const EXCEL: &str = "it is a workbook of Excel, which is not read; export the re
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Recording> {
     let file = path.display().to_string();
     let opened = open_path(path, &file, options)?;
-    Ok(Recording::new(file, opened, options))
+    Ok(Recording::new(
+        file,
+        with_reference(opened, options)?,
+        options,
+    ))
 }
 
 /// Reads a recording from a stream, e.g. standard input: our CSV, or with `options.manifest` any
@@ -43,6 +45,12 @@ pub fn read_from(
     name: &str,
     options: &OpenOptions,
 ) -> Result<Recording> {
+    if options.describe {
+        return Err(RecordingError::unsupported(
+            name,
+            "a stream cannot be described, which reads it twice; save it to a file, or say what it is with --manifest",
+        ));
+    }
     let mut input = input;
     let head =
         stream_head(&mut input).map_err(|error| RecordingError::io(name, "read it", error))?;
@@ -63,6 +71,7 @@ pub fn read_from(
         }
         (format, _) => open_stream(format, input, name, metadata)?,
     };
+    let opened = with_reference(opened, options)?;
     Ok(Recording::new(name.to_owned(), opened, options))
 }
 
@@ -95,7 +104,18 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
         }
         format => open_stream(format, Cursor::new(bytes), name, metadata)?,
     };
+    let opened = with_reference(opened, options)?;
     Ok(Recording::new(name.to_owned(), opened, options))
+}
+
+/// The recording with the reference of another file, where the options name one.
+fn with_reference(opened: Opened, options: &OpenOptions) -> Result<Opened> {
+    let Some(path) = &options.reference else {
+        return Ok(opened);
+    };
+    let file = path.display().to_string();
+    let truth = open_path(path, &file, &OpenOptions::default())?;
+    manifest::combined::with_reference(opened, truth, &file)
 }
 
 fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
@@ -137,7 +157,20 @@ fn described(path: &Path, options: &OpenOptions, error: RecordingError) -> Resul
         return Err(error);
     };
     let mut opened = manifest::opened_text(&draft.manifest, path, options)?;
-    let told = draft.guesses.iter().map(|guess| guess.sentence());
+    let told = draft.guesses.iter().map(|guess| {
+        let unit = match guess.key {
+            "gyroscope" => options.gyroscope_unit.map(RateUnit::name),
+            "accelerometer" => options.accelerometer_unit.map(ForceUnit::name),
+            "magnetometer" | "magnetometer_uncalibrated" => {
+                options.magnetometer_unit.map(FieldUnit::name)
+            }
+            _ => None,
+        };
+        match unit {
+            Some(unit) => format!("{} Taken in {unit}, as told.", guess.sentence()),
+            None => guess.sentence(),
+        }
+    });
     opened.notes.splice(0..0, told);
     Ok(opened)
 }
@@ -215,6 +248,8 @@ fn open_stream(
         Format::Ubx => Ok(ubx::open(input, name, metadata)),
         Format::Euroc => euroc::open(input, name, metadata),
         Format::Rtklib => rtklib::open(input, name, metadata),
+        Format::Gpx => gpx::open(input, name, metadata),
+        Format::Tum => tum::open(input, name, metadata),
         Format::VectorNav => Ok(vectornav::open(input, name, metadata)),
         Format::KfGins => kf_gins::open(input, name, metadata),
         #[cfg(feature = "ulog")]
@@ -275,8 +310,8 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     if ubx::recognises(head) {
         return Ok(Format::Ubx);
     }
-    if head.starts_with(b"\xd0\xcf\x11\xe0") {
-        return Err(RecordingError::unsupported(file, EXCEL));
+    if let Some(problem) = foreign::recognised(head) {
+        return Err(RecordingError::unsupported(file, problem));
     }
     if head.contains(&0) {
         return Err(not("binary data of an unknown kind"));
@@ -291,6 +326,12 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     }
     if rtklib::recognises(text) {
         return Ok(Format::Rtklib);
+    }
+    if gpx::recognises(text) {
+        return Ok(Format::Gpx);
+    }
+    if tum::recognises(text) {
+        return Ok(Format::Tum);
     }
     if phyphox::recognises(text) {
         return Ok(Format::Phyphox);

@@ -16,6 +16,8 @@ pub struct OpenOptions {
     pub data: Option<PathBuf>,
     /// Whether a table that has no manifest is read as [`crate::describe`] guesses. Default false.
     pub describe: bool,
+    /// Another file with the truth: its attitudes, or those that a device told, and its positions become the reference.
+    pub reference: Option<PathBuf>,
     /// The unit in which the file's angular rates are, where it is not what the format promises.
     /// Giving it also turns the plausibility check of the gyroscope off.
     pub gyroscope_unit: Option<RateUnit>,
@@ -37,6 +39,7 @@ impl Default for OpenOptions {
             manifest: None,
             data: None,
             describe: false,
+            reference: None,
             gyroscope_unit: None,
             accelerometer_unit: None,
             magnetometer_unit: None,
@@ -127,6 +130,10 @@ named_values! {
         KfGins = "kf-gins",
         /// Solutions of RTKLIB (`.pos`).
         Rtklib = "rtklib",
+        /// A trajectory in TUM form: attitudes to score against.
+        Tum = "tum",
+        /// Tracks in GPX.
+        Gpx = "gpx",
         /// A table of EuRoC; its folders are told by content.
         Euroc = "euroc",
         /// Lines `$VNYMR` of VectorNav's sensors.

@@ -358,7 +358,7 @@ impl Scale {
     }
 }
 
-struct Events<I>(I);
+pub(crate) struct Events<I>(pub(crate) I);
 
 impl<I: Iterator<Item = Result<Event>> + Send> EventSource for Events<I> {
     fn next_event(&mut self, _: &mut Issues) -> Result<Option<Event>> {

@@ -1,220 +1,16 @@
 //! Drafts of manifests: a recording written in hundreds of ways is read back as it was.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::describe::{Confidence, Draft, draft};
-use northing_recording::{OpenOptions, Sample, WorldFrame, manifest, open};
+use northing_recording::{OpenOptions, RateUnit, Sample, WorldFrame, manifest, open, read_from};
 
-const STANDARD_GRAVITY: f64 = 9.80665;
+#[path = "support/tables.rs"]
+mod tables;
 
-/// A generator of random numbers, the same everywhere.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() >> 16) as usize % end
-    }
-
-    /// -1 to 1.
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    fn vector(&mut self) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| self.unit())
-    }
-
-    fn of<T: Copy>(&mut self, choices: &[T]) -> T {
-        choices[self.below(choices.len())]
-    }
-}
-
-/// A row of a recording: time, angular rate, specific force, field, attitude.
-struct Row {
-    t: f64,
-    rate: Vector3<f64>,
-    force: Vector3<f64>,
-    field: Vector3<f64>,
-    attitude: UnitQuaternion<f64>,
-}
-
-/// A device in a hand, or in a vehicle that accelerates: z is up.
-fn recording(random: &mut Random, rate_hz: f64, seconds: f64) -> Vec<Row> {
-    let mut attitude = UnitQuaternion::new(random.vector());
-    let turning = 0.4 + 0.8 * random.unit().abs();
-    let shaking = 2.0 * random.unit().abs();
-    let speed = random.vector() + Vector3::new(1.3, 0.9, 1.1);
-    let bias = random.vector() * 0.01;
-    let rows = 0..(seconds * rate_hz) as u32;
-    rows.map(|k| {
-        let t = f64::from(k) / rate_hz;
-        let rate = turning * (speed * t).map(f64::sin);
-        let acceleration = shaking * (speed * (2.0 * t)).map(f64::cos);
-        let row = Row {
-            t,
-            rate: rate + bias + 0.005 * random.vector(),
-            force: attitude.inverse() * (acceleration + Vector3::z() * 9.81)
-                + 0.2 * random.vector(),
-            field: attitude.inverse() * Vector3::new(3.0, 21.0, -42.0) + 0.5 * random.vector(),
-            attitude,
-        };
-        attitude *= UnitQuaternion::new(rate / rate_hz);
-        row
-    })
-    .collect()
-}
-
-/// A column: its name and its numbers.
-type Column = (String, Vec<f64>);
-
-/// How the names of the three sensors are written; `{}` stands for the axis.
-const NAMES: [[&str; 3]; 8] = [
-    ["gyro_{}", "acc_{}", "mag_{}"],
-    ["g{}", "a{}", "m{}"],
-    ["w{}", "f{}", "b{}"],
-    ["Gyroscope {}", "Accelerometer {}", "Magnetometer {}"],
-    [
-        "angular_velocity.{}",
-        "linear_acceleration.{}",
-        "magnetic_field.{}",
-    ],
-    ["GYR_{}", "ACC_{}", "MAG_{}"],
-    ["{}gyro", "{}acc", "{}mag"],
-    ["imu0/gyro/{}", "imu0/accel/{}", "imu0/mag/{}"],
-];
-
-/// A unit: what one of ours is in it, and how headers write it; empty where they do not.
-type Unit = (f64, &'static [&'static str]);
-const RATES: [Unit; 2] = [
-    (1.0, &["", "rad/s", "rad s^-1"]),
-    (180.0 / std::f64::consts::PI, &["", "deg/s", "dps", "°/s"]),
-];
-const FORCES: [Unit; 3] = [
-    (1.0, &["", "m/s^2", "m s^-2", "m/s²"]),
-    (1.0 / STANDARD_GRAVITY, &["", "g"]),
-    (1000.0 / STANDARD_GRAVITY, &["", "mg"]),
-];
-const FIELDS: [Unit; 4] = [
-    (1.0, &["", "uT", "µT"]),
-    (0.01, &["", "gauss"]),
-    (10.0, &["", "mGauss"]),
-    (1000.0, &["", "nT"]),
-];
-const TIMES: [(f64, &[&str]); 4] = [
-    (1.0, &["", "s"]),
-    (1e3, &["", "ms"]),
-    (1e6, &["", "us"]),
-    (1e9, &["", "ns"]),
-];
-
-/// The columns of a vector.
-fn vector(
-    random: &mut Random,
-    name: &str,
-    units: &[Unit],
-    values: impl Iterator<Item = Vector3<f64>>,
-) -> Vec<Column> {
-    let (factor, spellings) = random.of(units);
-    let spelling = random.of(spellings);
-    let values: Vec<Vector3<f64>> = values.collect();
-    (0..3)
-        .map(|axis| {
-            let name = name.replace("{}", ["x", "y", "z"][axis]);
-            let name = match spelling {
-                "" => name,
-                unit => format!("{name} ({unit})"),
-            };
-            (name, values.iter().map(|v| v[axis] * factor).collect())
-        })
-        .collect()
-}
-
-/// A table in one of many ways.
-fn table(random: &mut Random, rows: &[Row]) -> String {
-    let names = random.of(&NAMES);
-    let (factor, spellings) = random.of(&TIMES);
-    let start = random.of(&[0.0, 46_408.5, 1.7e9]);
-    let time = match random.of(spellings) {
-        "" => random
-            .of(&["t", "time", "timestamp", "Timestamp"])
-            .to_owned(),
-        unit => format!("time [{unit}]"),
-    };
-    let mut groups: Vec<Vec<Column>> = vec![
-        vec![(
-            time,
-            rows.iter().map(|row| (row.t + start) * factor).collect(),
-        )],
-        vector(random, names[0], &RATES, rows.iter().map(|row| row.rate)),
-        vector(random, names[1], &FORCES, rows.iter().map(|row| row.force)),
-    ];
-    if random.below(2) == 0 {
-        groups.push(vector(
-            random,
-            names[2],
-            &FIELDS,
-            rows.iter().map(|row| row.field),
-        ));
-    }
-    for (name, numbers) in [
-        (
-            "index",
-            (0..rows.len()).map(|k| k as f64).collect::<Vec<_>>(),
-        ),
-        (
-            "temperature_c",
-            rows.iter().map(|row| 21.0 + 0.001 * row.t).collect(),
-        ),
-        ("battery", vec![3.7; rows.len()]),
-    ] {
-        if random.below(3) == 0 {
-            groups.push(vec![(name.to_owned(), numbers)]);
-        }
-    }
-    for place in (1..groups.len()).rev() {
-        groups.swap(place, random.below(place + 1));
-    }
-    let columns: Vec<Column> = groups.into_iter().flatten().collect();
-    let delimiter = random.of(&[',', ';', '\t']);
-    let decimal_comma = delimiter != ',' && random.below(2) == 0;
-    let mut text = random
-        .of(&[
-            "",
-            "Logger 7\n",
-            "Exported 12:30\nby somebody, for nobody\n\n",
-        ])
-        .to_owned();
-    let header: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
-    text.push_str(&header.join(&delimiter.to_string()));
-    let end = random.of(&["\n", "\r\n"]);
-    text.push_str(end);
-    for row in 0..rows.len() {
-        for (place, (_, numbers)) in columns.iter().enumerate() {
-            if place > 0 {
-                text.push(delimiter);
-            }
-            let number = format!("{}", numbers[row]);
-            let number = if decimal_comma {
-                number.replace('.', ",")
-            } else {
-                number
-            };
-            text.push_str(&number);
-        }
-        text.push_str(end);
-    }
-    text
-}
+use tables::{Random, Row, plain, recording, table};
 
 /// The draft of a text, and what is read by it.
 fn read(
@@ -235,6 +31,14 @@ fn read(
     });
     let events = events.collect();
     (draft, events)
+}
+
+/// The text of a draft, whether its stamps can be read or not.
+fn draft_of(folder: &Path, text: &str) -> (String, PathBuf) {
+    let path = folder.join("drafted.csv");
+    std::fs::write(&path, text).unwrap();
+    let made = draft(std::slice::from_ref(&path), folder, None).unwrap();
+    (made.manifest, path)
 }
 
 fn sure(draft: &Draft, key: &str) -> Confidence {
@@ -308,16 +112,6 @@ fn tables_of_hundreds_of_kinds_are_read_as_they_were() {
             );
         }
     }
-}
-
-/// The rows as text.
-fn plain(rows: &[Row], row: impl Fn(&Row) -> Vec<f64>) -> String {
-    let mut text = String::new();
-    for one in rows {
-        let cells: Vec<String> = row(one).iter().map(f64::to_string).collect();
-        let _ = writeln!(text, "{}", cells.join(","));
-    }
-    text
 }
 
 #[test]
@@ -563,6 +357,182 @@ fn what_is_no_sensor_is_refused_with_what_was_seen() {
         error.contains("3 of 6 rows do not have the 5 cells")
             || error.contains("cells of the others"),
         "{error}"
+    );
+}
+
+/// Of a table with the rows of a device at 1 Hz and less, and one at 100 Hz.
+fn slow(header: &str, rows: &[Row], time: impl Fn(usize) -> String) -> String {
+    let lines = rows.iter().enumerate().map(|(k, row)| {
+        let (w, f) = (row.rate, row.force);
+        format!(
+            "{},{},{},{},{},{},{}\n",
+            time(k),
+            w.x,
+            w.y,
+            w.z,
+            f.x,
+            f.y,
+            f.z
+        )
+    });
+    format!("{header},gx,gy,gz,ax,ay,az\n{}", lines.collect::<String>())
+}
+
+#[test]
+fn the_unit_of_time_that_a_header_names_holds_at_any_rate_that_can_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(11);
+    let rows = recording(&mut random, 100.0, 3.0);
+    let seconds = |events: &[northing_recording::Event]| {
+        (events[events.len() - 1].time_ns - events[0].time_ns) as f64 * 1e-9
+    };
+    let (draft, events) = read(
+        folder.path(),
+        "a.csv",
+        &slow("t_s", &rows, |k| k.to_string()),
+        None,
+    );
+    assert!(
+        (seconds(&events) - 299.0).abs() < 1e-9,
+        "{}",
+        draft.manifest
+    );
+    assert_eq!(sure(&draft, "time"), Confidence::Likely);
+    // Without a unit in the header both are as plausible, which is said.
+    let (draft, _) = read(
+        folder.path(),
+        "a.csv",
+        &slow("time", &rows, |k| k.to_string()),
+        None,
+    );
+    assert_eq!(sure(&draft, "time"), Confidence::Assumed);
+    assert!(
+        draft.manifest.contains("in s it would be 1.0000 Hz"),
+        "{}",
+        draft.manifest
+    );
+    // Ten nanoseconds are no time of a row.
+    let ten = |k: usize| (10 * k).to_string();
+    let (draft, events) = read(folder.path(), "a.csv", &slow("t_ns", &rows, ten), None);
+    assert!((seconds(&events) - 2.99).abs() < 1e-9, "{}", draft.manifest);
+    assert!(
+        draft.manifest.contains("the header says ns"),
+        "{}",
+        draft.manifest
+    );
+}
+
+#[test]
+fn a_finer_clock_stands_before_dates_that_are_cut_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(12);
+    let rows = recording(&mut random, 100.0, 5.0);
+    let time = |k: usize| format!("2024-05-06 07:08:{:02},{}", k / 100, 10 * k);
+    let text = slow("date,elapsed_ms", &rows, time);
+    let (draft, events) = read(folder.path(), "a.csv", &text, None);
+    assert_eq!(
+        events[2].time_ns - events[0].time_ns,
+        10_000_000,
+        "{}",
+        draft.manifest
+    );
+    // What only happens to grow is no clock.
+    let time = |k: usize| format!("2024-05-06 07:08:{:02},{}", k / 100, 0.01 * k as f64);
+    let text = slow("date,wound_up", &rows, time);
+    let (draft, _) = draft_of(folder.path(), &text);
+    assert!(draft.contains("column = \"date\""), "{draft}");
+    // Dates as fine are better: they tell when it was.
+    let time = |k: usize| format!("2024-05-06 07:08:{:06.3},{}", k as f64 * 0.01, 10 * k);
+    let text = slow("date,elapsed_ms", &rows, time);
+    let (draft, events) = read(folder.path(), "a.csv", &text, None);
+    assert_eq!(
+        events[0].time_ns, 1_714_979_280_000_000_000,
+        "{}",
+        draft.manifest
+    );
+}
+
+#[test]
+fn velocities_and_the_estimate_of_gravity_are_no_accelerometer() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(13);
+    let rows = recording(&mut random, 100.0, 20.0);
+    let text = plain(&rows, |row| {
+        let (g, w) = (row.attitude.inverse() * Vector3::z() * 9.81, row.rate);
+        vec![
+            row.t, g.x, g.y, g.z, 9.8, 0.1, 0.1, 30.0, 20.0, 10.0, w.x, w.y, w.z,
+        ]
+    });
+    let header =
+        "t,gravity_x,gravity_y,gravity_z,vel_x,vel_y,vel_z,pos_x,pos_y,pos_z,gyro_x,gyro_y,gyro_z";
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, format!("{header}\n{text}")).unwrap();
+    let draft = draft(std::slice::from_ref(&path), folder.path(), None).unwrap();
+    let keys: Vec<&str> = draft.guesses.iter().map(|guess| guess.key).collect();
+    assert_eq!(keys, ["time", "gyroscope"], "{}", draft.manifest);
+}
+
+#[test]
+fn a_unit_that_is_told_is_taken_and_a_stream_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(14);
+    let rows = recording(&mut random, 100.0, 20.0);
+    let text = slow("time_s", &rows, |k| (k as f64 * 0.01).to_string());
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, &text).unwrap();
+    let options = OpenOptions {
+        describe: true,
+        gyroscope_unit: Some(RateUnit::DegPerS),
+        ..OpenOptions::default()
+    };
+    let recording = open(&path, &options).unwrap();
+    let told = recording.issues().sentences().join("\n");
+    assert!(
+        told.contains("in rad-per-s. Taken in deg-per-s, as told."),
+        "{told}"
+    );
+    let first = recording
+        .map(Result::unwrap)
+        .find_map(|event| match event.sample {
+            Sample::AngularRate(v) => Some(v),
+            _ => None,
+        });
+    assert!(near(first.unwrap(), rows[0].rate * 1_f64.to_radians()));
+    let input = std::io::Cursor::new(text.into_bytes());
+    let error = read_from(input, "standard input", &options)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("cannot be described"), "{error}");
+}
+
+#[test]
+fn counts_that_no_turn_tells_the_scale_of_are_assumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(15);
+    let text: String = (0..2000)
+        .map(|k| {
+            let (w, f) = (random.vector() * 9000.0, random.vector() * 0.05);
+            let t = f64::from(k) * 0.01;
+            format!(
+                "{t},{},{},{},{},{},{}\n",
+                w.x,
+                w.y,
+                w.z,
+                f.x,
+                f.y,
+                9.81 + f.z
+            )
+        })
+        .collect();
+    let text = format!("t,gx,gy,gz,ax,ay,az\n{text}");
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, text).unwrap();
+    let draft = draft(std::slice::from_ref(&path), folder.path(), None).unwrap();
+    assert_eq!(sure(&draft, "gyroscope"), Confidence::Assumed);
+    assert!(
+        draft.manifest.contains("counts of a converter"),
+        "{}",
+        draft.manifest
     );
 }
 

@@ -31,6 +31,16 @@ pub struct Instant {
 }
 
 impl Instant {
+    /// Of the events of one stamp; of none it is empty, at 0.
+    pub(crate) fn of(events: impl IntoIterator<Item = Event>) -> Self {
+        let mut instant = Self::default();
+        for event in events {
+            instant.time_ns = event.time_ns;
+            instant.take(&event);
+        }
+        instant
+    }
+
     fn take(&mut self, event: &Event) {
         self.present |= 1 << event.sample.kind().order();
         match event.sample {

@@ -1,10 +1,12 @@
 //! Observer interface of a run: estimates and innovations; and an observer that keeps a trace.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use northing_core::geometry::frames::{TangentFrame, enu_from_ned};
+use northing_core::geometry::frames::{
+    TangentFrame, covariance_in_reference, enu_from_ned, enu_from_ned_rotation,
+};
 use northing_core::geometry::rotation;
 use northing_core::kalman::{Innovation, Outcome};
-use northing_recording::{Reference, SensorKind, WorldFrame};
+use northing_recording::{PoseEstimate, Reference, SensorKind, WorldFrame};
 
 use crate::attitude::options::tangent_frame;
 use crate::attitude::{InnovationPoint, PositionPoint, ScoredRecord, Trace, TracePoint};
@@ -33,6 +35,29 @@ pub struct EstimateRecord {
     pub reference: Option<Reference>,
     /// The newest orientation that the device itself reported.
     pub device: Option<UnitQuaternion<f64>>,
+}
+
+impl EstimateRecord {
+    /// In the axes of ROS: the world east, north, up; the body as the recording has it.
+    #[must_use]
+    pub fn pose(&self, world: WorldFrame) -> PoseEstimate {
+        let is_down = world == WorldFrame::Ned;
+        let turn = match is_down {
+            true => enu_from_ned_rotation(),
+            false => UnitQuaternion::identity(),
+        };
+        let vector = |v: Vector3<f64>| if is_down { enu_from_ned(&v) } else { v };
+        let attitude = turn * self.attitude;
+        let covariance = self.attitude_covariance.as_ref();
+        let about_world = covariance.map(|p| covariance_in_reference(&attitude, p));
+        PoseEstimate {
+            time_ns: self.time_ns,
+            attitude: Some((attitude, about_world)),
+            position: self.position.map(|p| (vector(p), None)),
+            velocity: self.velocity.map(|v| (vector(v), None)),
+            ..PoseEstimate::default()
+        }
+    }
 }
 
 /// One measurement and what it told.

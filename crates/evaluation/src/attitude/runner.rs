@@ -114,7 +114,6 @@ where
     I: IntoIterator<Item = Result<Event, X>>,
     X: std::error::Error + Send + Sync + 'static,
 {
-    options.check()?;
     let ignored = options.reference == ReferenceUse::Ignored;
     let events = events
         .into_iter()
@@ -123,6 +122,39 @@ where
     let events = Aligned::new(events, options.reference.alignment());
     let instants = Instants::new(events)
         .map(|instant| instant.map_err(|error| EvaluationError::Recording(Box::new(error))));
+    over_instants(instants, options, observer, tally)
+}
+
+/// Runs over messages as they come: the events of each have one stamp and are taken at once. An estimate does not wait for
+/// the sample behind it, as those of [`run`] must, which cannot know that an instant is whole. A run that estimates nothing
+/// is no error.
+///
+/// # Errors
+/// The options are invalid, or the messages end in an error.
+pub fn run_live<M, X>(
+    messages: impl IntoIterator<Item = Result<M, X>>,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<RunSummary, EvaluationError>
+where
+    M: IntoIterator<Item = Event>,
+    X: std::error::Error + Send + Sync + 'static,
+{
+    let instants = messages.into_iter().map(|message| {
+        let events = message.map_err(|error| EvaluationError::Recording(Box::new(error)))?;
+        let calibrated = events.into_iter().map(|event| options.calibrated(event));
+        Ok(Instant::of(calibrated))
+    });
+    over_instants(instants, options, observer, Tally::new)
+}
+
+fn over_instants(
+    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+    tally: MakeTally,
+) -> Result<RunSummary, EvaluationError> {
+    options.check()?;
     let mut instants = FirstLook::new(instants, options);
     let options = &instants.options(options);
     let said = instants.sentence();

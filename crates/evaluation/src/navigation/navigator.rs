@@ -6,8 +6,11 @@ use std::str::FromStr;
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use northing_core::earth::{FrameChange, Geodetic, LocalFrame};
 use northing_core::faults::Fault;
+use northing_core::geometry::frames::{enu_from_ned, enu_from_ned_rotation, flu_from_frd_rotation};
 use northing_core::kalman::Innovation;
 use northing_core::navigation::Validity;
+use northing_recording::pose::{PoseEstimate, UNKNOWN_ANGLE_VARIANCE};
+use northing_recording::track::TrackPoint;
 use serde::Serialize;
 
 use super::batch_smoother::SmoothingSummary;
@@ -181,6 +184,59 @@ impl NavigationEstimate {
     }
 }
 
+impl NavigationEstimate {
+    /// In the axes of ROS: metres east, north, up of the origin of `first`; the body forward, left, up.
+    #[must_use]
+    pub fn pose(&self, first: &LocalFrame) -> PoseEstimate {
+        let here = self.in_frame(first);
+        let turn = enu_from_ned_rotation::<f64>();
+        let axes = turn.to_rotation_matrix().into_inner();
+        let covariance = |p: Matrix3<f64>| axes * p * axes.transpose();
+        let attitude = here.ned_from_body.map(|ned_from_frd| {
+            let about = here.attitude_covariance.or_else(|| {
+                let heading = self.heading_std?;
+                let angles = [
+                    UNKNOWN_ANGLE_VARIANCE,
+                    UNKNOWN_ANGLE_VARIANCE,
+                    heading * heading,
+                ];
+                Some(Matrix3::from_diagonal(&Vector3::from(angles)))
+            });
+            let enu_from_flu = turn * ned_from_frd * flu_from_frd_rotation();
+            (enu_from_flu, about.map(covariance))
+        });
+        PoseEstimate {
+            time_ns: self.time_ns,
+            attitude,
+            position: Some((
+                enu_from_ned(&here.position),
+                Some(covariance(here.position_covariance)),
+            )),
+            velocity: Some((
+                enu_from_ned(&here.velocity),
+                here.velocity_covariance.map(covariance),
+            )),
+            place: Some(self.track_point()),
+            ..PoseEstimate::default()
+        }
+    }
+
+    /// The place on the Earth.
+    #[must_use]
+    pub fn track_point(&self) -> TrackPoint {
+        let place = self.frame.geodetic(&self.position);
+        let variances = self.position_covariance.diagonal();
+        TrackPoint {
+            time_ns: self.time_ns,
+            latitude_rad: place.latitude_rad,
+            longitude_rad: place.longitude_rad,
+            height_m: place.height_m,
+            std_m: Some(variances.map(|v| v.max(0.0).sqrt()).into()),
+            attitude: self.ned_from_body,
+        }
+    }
+}
+
 /// An update and what it told.
 pub type Told = (AidKind, Innovation<f64>);
 
@@ -248,5 +304,70 @@ pub(crate) trait Navigator {
     /// What was odd, one sentence each.
     fn issues(&self) -> Vec<String> {
         Vec::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use northing_core::geometry::rotation;
+
+    fn estimate(frame: LocalFrame) -> NavigationEstimate {
+        NavigationEstimate {
+            time_ns: 1_500_000_000,
+            frame,
+            // Bow to the east, and 10 degrees up.
+            ned_from_body: Some(rotation::from_yaw_pitch_roll([
+                std::f64::consts::FRAC_PI_2,
+                10_f64.to_radians(),
+                0.0,
+            ])),
+            heading_std: Some(0.3),
+            attitude_covariance: Some(Matrix3::new(
+                0.01, 0.001, 0.0, 0.001, 0.02, 0.002, 0.0, 0.002, 0.09,
+            )),
+            position: Vector3::new(10.0, 20.0, -5.0),
+            position_covariance: Matrix3::new(1.0, 0.5, 0.1, 0.5, 4.0, 0.2, 0.1, 0.2, 9.0),
+            velocity: Vector3::new(0.0, 3.0, 0.0),
+            velocity_covariance: None,
+            validity: Validity::HeadingUnknown,
+        }
+    }
+
+    fn frame() -> LocalFrame {
+        LocalFrame::new(Geodetic::from_degrees(47.0, 8.0, 400.0).unwrap())
+    }
+
+    #[test]
+    fn a_pose_of_ros_is_east_north_up_and_forward_left_up() {
+        let said = estimate(frame()).pose(&frame());
+        let (attitude, about) = said.attitude.unwrap();
+        let (position, covariance) = said.position.unwrap();
+        let near = |a: Vector3<f64>, b: [f64; 3]| (a - Vector3::from(b)).norm() < 1e-9;
+        assert!(near(position, [20.0, 10.0, 5.0]));
+        let (sin, cos) = 10_f64.to_radians().sin_cos();
+        assert!(near(attitude * Vector3::x(), [cos, 0.0, sin]), "forward");
+        assert!(
+            near(attitude * Vector3::y(), [0.0, 1.0, 0.0]),
+            "left is north"
+        );
+        assert!(near(attitude * Vector3::z(), [-sin, 0.0, cos]), "up");
+        let expected = Matrix3::new(4.0, 0.5, -0.2, 0.5, 1.0, -0.1, -0.2, -0.1, 9.0);
+        assert!((covariance.unwrap() - expected).norm() < 1e-12);
+        let expected = Matrix3::new(0.02, 0.001, -0.002, 0.001, 0.01, 0.0, -0.002, 0.0, 0.09);
+        assert!((about.unwrap() - expected).norm() < 1e-12);
+        assert!(near(said.velocity.unwrap().0, [3.0, 0.0, 0.0]));
+        // Where only the heading's deviation is stated, nothing is known of roll and pitch.
+        let heading_alone = NavigationEstimate {
+            attitude_covariance: None,
+            ..estimate(frame())
+        };
+        let about = heading_alone.pose(&frame()).attitude.unwrap().1.unwrap();
+        assert!((about.m33 - 0.09).abs() < 1e-12 && about.m11 > 3.0 && about.m22 > 3.0);
+        let without = NavigationEstimate {
+            ned_from_body: None,
+            ..heading_alone
+        };
+        assert!(without.pose(&frame()).attitude.is_none());
     }
 }

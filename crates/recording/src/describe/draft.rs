@@ -102,7 +102,12 @@ impl Described {
             .any(|group| group.quantity != Quantity::Other);
         let singles = table.columns.iter().filter_map(|c| names::single(&c.name));
         let is_receiver = singles.clone().any(|one| one == names::Single::Latitude);
-        if !is_named && !is_receiver {
+        if is_named || is_receiver {
+            // Where names tell the sensors, others are none: a velocity may be as long as gravity.
+            let is_known =
+                |group: &Group| group.columns.len() == 4 || group.quantity != Quantity::Other;
+            file.groups.retain(is_known);
+        } else {
             file.groups = by_place(&table);
         }
         let is_inertial = !file.groups.is_empty();
@@ -252,6 +257,7 @@ fn is_choice(line: &str) -> bool {
         "direction",
         "rate_hz",
         "speed_unit",
+        "course_unit",
         "height_unit",
     ]
     .iter()

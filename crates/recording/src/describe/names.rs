@@ -287,13 +287,14 @@ pub(super) fn is_reference(name: &str) -> bool {
 fn vector(name: &str, unit: Option<&str>) -> Quantity {
     let has = |text: &str| name.contains(text);
     let is = |word: &str| name.split(' ').any(|w| w == word);
-    if has("bias") || has("offset") || is_reference(name) {
+    // A phone's estimate of gravity is no measurement.
+    if has("bias") || has("offset") || has("grav") || is_reference(name) {
         return Quantity::Other;
     }
     if has("gyr") || has("angular") || has("angvel") || has("omega") || is("w") || is("rate") {
         return Quantity::Gyroscope;
     }
-    if has("lin") || has("user") || has("grav") {
+    if has("lin") || has("user") {
         return Quantity::LinearAcceleration;
     }
     if has("mag") || has("field") || is("b") || is("m") {

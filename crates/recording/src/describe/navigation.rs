@@ -4,6 +4,8 @@ use super::names::{Single, single, unit};
 use super::table::Table;
 use super::turns::median;
 use super::{Confidence, Found, Section};
+use crate::manifest::SpeedUnit;
+use crate::tracking::LocalPlane;
 
 /// The columns that stand for themselves.
 struct Columns<'a> {
@@ -151,7 +153,7 @@ fn velocity(mut columns: Columns<'_>, seconds: &[f64]) -> Option<Section> {
     let told = columns
         .told(speed)
         .filter(|unit| matches!(*unit, "m-per-s" | "km-per-h" | "knots"));
-    let (unit, found) = match (told, speed_of_positions(&columns, speed, seconds)) {
+    let (unit, mut found) = match (told, speed_of_positions(&columns, speed, seconds)) {
         (Some(unit), _) => (
             unit,
             Found::new("the header names the unit", Confidence::Certain),
@@ -170,10 +172,10 @@ fn velocity(mut columns: Columns<'_>, seconds: &[f64]) -> Option<Section> {
     columns.put("speed", Single::Speed);
     columns.lines.push(format!("speed_unit = \"{unit}\""));
     let course = columns.put("course", Single::Course)?;
-    // A course in radians ends at 6.3.
-    let is_radians = columns.told(course) == Some("rad");
-    if is_radians {
-        columns.lines.push("course_unit = \"rad\"".to_owned());
+    match columns.told(course) {
+        Some("rad") => columns.lines.push("course_unit = \"rad\"".to_owned()),
+        Some("deg") => {}
+        _ => found.why = format!("{}; the course is taken in deg", found.why),
     }
     Some(columns.section("gnss_velocity", found))
 }
@@ -184,12 +186,6 @@ fn speed_of_positions(
     speed: usize,
     seconds: &[f64],
 ) -> Option<(&'static str, f64)> {
-    const RADIUS_M: f64 = 6_371_000.0;
-    const UNITS: [(&str, f64); 3] = [
-        ("m-per-s", 1.0),
-        ("km-per-h", 1.0 / 3.6),
-        ("knots", 1852.0 / 3600.0),
-    ];
     let numbers = |place: usize| &columns.table.columns[place].numbers;
     let latitude = numbers(columns.find(Single::Latitude)?);
     let longitude = numbers(columns.find(Single::Longitude)?);
@@ -209,10 +205,11 @@ fn speed_of_positions(
     let mut quotients: Vec<f64> = Vec::new();
     for pair in rows.windows(2) {
         let (from, to) = (pair[0], pair[1]);
-        let north = (latitude[to] - latitude[from]).to_radians() * RADIUS_M;
-        let east = (longitude[to] - longitude[from]).to_radians()
-            * RADIUS_M
-            * latitude[to].to_radians().cos();
+        let origin = LocalPlane {
+            latitude_deg: latitude[from],
+            longitude_deg: longitude[from],
+        };
+        let (north, east) = origin.place(latitude[to], longitude[to]);
         let moved = north.hypot(east) / (seconds[to] - seconds[from]);
         let said = numbers(speed)[to];
         if moved > 2.0 && said > 1.0 && moved.is_finite() {
@@ -223,10 +220,11 @@ fn speed_of_positions(
         return None;
     }
     let quotient = median(&mut quotients);
-    let mut units = UNITS.iter();
-    units.find_map(|(unit, factor)| {
-        let ratio = quotient / factor;
-        (0.85..1.18).contains(&ratio).then_some((*unit, ratio))
+    SpeedUnit::ALL.into_iter().find_map(|unit| {
+        let ratio = quotient / unit.to_m_per_s();
+        (0.85..1.18)
+            .contains(&ratio)
+            .then_some((unit.name(), ratio))
     })
 }
 

@@ -63,12 +63,17 @@ impl Writing {
         let is_clear =
             rows.len() >= LEAST_ROWS && share.abs() > 0.8 && share.abs() - next.abs() > 0.02;
         if !is_clear {
-            let why = "it cannot be told which way it turns vectors: no accelerometer beside it, or hardly a turn; \
-                       w first, body to world and z up are taken";
+            // As they are usually written; the vertical is told even by a device at rest.
+            let is_down = rows.len() >= LEAST_ROWS && vertical(rows, false, false) < -0.8;
+            let why = format!(
+                "it cannot be told which way it turns vectors: no accelerometer beside it, or hardly a turn; w first, body \
+                 to world and z {} are taken",
+                if is_down { "down" } else { "up" }
+            );
             return Self {
                 order: told(false),
                 direction: turned(false),
-                is_down: rows.len() >= LEAST_ROWS && share < -0.8 && !last && !inverse,
+                is_down,
                 found: Found::new(why, Confidence::Assumed),
             };
         }
@@ -131,5 +136,6 @@ mod tests {
         let found = Writing::of(&rows, true);
         assert_eq!(found.found.confidence, Confidence::Assumed);
         assert!(found.is_down);
+        assert!(found.found.why.contains("z down"), "{}", found.found.why);
     }
 }

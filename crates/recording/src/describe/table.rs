@@ -236,7 +236,6 @@ impl Form {
             header: false,
             comment: None,
         };
-        // The last line may be cut off.
         let body: Vec<(usize, Vec<String>)> = (head.iter().enumerate())
             .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with(COMMENTS))
             .map(|(place, line)| (place, form.cells(line)))

@@ -27,22 +27,39 @@ const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 
 /// Rows a second of inertial sensors, and of receivers alone.
 const INERTIAL_HZ: std::ops::RangeInclusive<f64> = 4.0..=4000.0;
 const RECEIVER_HZ: std::ops::RangeInclusive<f64> = 0.05..=20.0;
+/// Rates that somebody may have chosen, and those that a header must be wrong about.
+const CONCEIVABLE_HZ: std::ops::RangeInclusive<f64> = 0.5..=8000.0;
+const POSSIBLE_HZ: std::ops::RangeInclusive<f64> = 0.01..=20_000.0;
 
 impl Time {
     /// Looks for the stamps of a table.
     pub(super) fn of(table: &Table, is_inertial: bool) -> Self {
-        Self::date(table)
-            .or_else(|| Self::number(table, is_inertial))
-            .unwrap_or_else(|| Self {
-                columns: Vec::new(),
-                unit: "",
-                seconds: (0..table.rows).map(|row| row as f64).collect(),
-                rate_hz: None,
-                found: Found::new(
-                    "no column whose numbers grow as time does",
-                    Confidence::Assumed,
-                ),
-            })
+        let (date, number) = (Self::date(table), Self::number(table, is_inertial));
+        let found = match (date, number) {
+            // Dates that are cut off at the second beside a clock that is finer, and is named so.
+            (Some(date), Some(number)) => {
+                let stamps = |time: &Self| growing(&time.seconds).unwrap_or(0);
+                let is_clock =
+                    |place: &usize| single(&table.columns[*place].name) == Some(Single::Time);
+                let is_finer = stamps(&date) < stamps(&number);
+                Some(if is_finer && number.columns.iter().all(is_clock) {
+                    number
+                } else {
+                    date
+                })
+            }
+            (date, number) => date.or(number),
+        };
+        found.unwrap_or_else(|| Self {
+            columns: Vec::new(),
+            unit: "",
+            seconds: (0..table.rows).map(|row| row as f64).collect(),
+            rate_hz: None,
+            found: Found::new(
+                "no column whose numbers grow as time does",
+                Confidence::Assumed,
+            ),
+        })
     }
 
     /// Dates with a time of day, in one column or two.
@@ -131,6 +148,9 @@ fn is_count(numbers: &[f64]) -> bool {
         .all(|pair| (pair[1] - pair[0] - 1.0).abs() < 1e-9)
 }
 
+/// A unit of time: its name and its seconds.
+type Unit = (&'static str, f64);
+
 /// The unit of a column of time, its seconds, and why.
 fn time_unit(
     column: &Column,
@@ -140,42 +160,61 @@ fn time_unit(
     let steps = column.numbers.windows(2).map(|pair| pair[1] - pair[0]);
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
     let step = median(&mut steps);
-    let rates = if is_inertial {
+    let rate = |unit: &Unit| 1.0 / (step * unit.1);
+    let usual = if is_inertial {
         INERTIAL_HZ
     } else {
         RECEIVER_HZ
     };
-    let fits = |seconds: f64| rates.contains(&(1.0 / (step * seconds)));
-    let told = unit(&column.name).1;
-    let told = UNITS.iter().find(|(name, _)| Some(*name) == told);
-    if let Some((name, seconds)) = told
-        && fits(*seconds)
-    {
-        let rate = 1.0 / (step * seconds);
-        let why = format!("the header names the unit; rows come at {rate:.4} Hz");
-        return Some((name, *seconds, Found::new(why, Confidence::Certain)));
-    }
+    let is_usual = |unit: &&Unit| usual.contains(&rate(unit));
+    let named = unit(&column.name).1;
+    let told = UNITS.iter().find(|(name, _)| Some(*name) == named);
     // Numbers since 1970.
     let first = column.numbers.iter().copied().find(|x| x.is_finite())?;
-    let is_epoch = |(_, seconds): &&(&str, f64)| (1e9..4e9).contains(&(first * seconds));
-    let epoch = UNITS.iter().find(is_epoch).filter(|(_, s)| fits(*s));
-    let by_rate = || UNITS.iter().find(|(_, seconds)| fits(*seconds));
-    let (name, seconds) = epoch.or_else(by_rate)?;
-    let rate = 1.0 / (step * seconds);
-    let since = if epoch.is_some() {
-        ", and numbers count from 1970"
-    } else {
-        ""
-    };
-    let mut why = format!("rows come at {rate:.4} Hz in this unit{since}");
-    if let Some((other, _)) = told {
-        why = format!("{why}; the header says {other}, at which they could not be");
+    let is_epoch = |(_, seconds): &&Unit| (1e9..4e9).contains(&(first * seconds));
+    let epoch = UNITS.iter().find(is_epoch).filter(is_usual);
+    let found =
+        |unit: &Unit, why: String, confidence| Some((unit.0, unit.1, Found::new(why, confidence)));
+    if let Some(told) = told.filter(|unit| POSSIBLE_HZ.contains(&rate(unit)))
+        && epoch.is_none_or(|epoch| epoch == told || is_usual(&told))
+    {
+        let why = format!(
+            "the header names the unit; rows come at {:.4} Hz",
+            rate(told)
+        );
+        let confidence = match is_usual(&told) {
+            true => Confidence::Certain,
+            false => Confidence::Likely,
+        };
+        return found(told, why, confidence);
     }
-    let confidence = match is_named {
+    let other = told.map_or(String::new(), |told| {
+        format!(
+            "; the header says {}, in which they would come at {:.4} Hz",
+            told.0,
+            rate(told)
+        )
+    });
+    let assumed_without_name = match is_named {
         true => Confidence::Likely,
         false => Confidence::Assumed,
     };
-    Some((name, *seconds, Found::new(why, confidence)))
+    if let Some(epoch) = epoch {
+        let why = format!(
+            "rows come at {:.4} Hz in this unit, and numbers count from 1970{other}",
+            rate(epoch)
+        );
+        return found(epoch, why, assumed_without_name);
+    }
+    let best = UNITS.iter().find(is_usual)?;
+    let mut why = format!("rows come at {:.4} Hz in this unit{other}", rate(best));
+    let is_other = |unit: &&Unit| *unit != best && CONCEIVABLE_HZ.contains(&rate(unit));
+    let mut confidence = assumed_without_name;
+    if let Some(also) = UNITS.iter().find(is_other) {
+        why = format!("{why}; in {} it would be {:.4} Hz", also.0, rate(also));
+        confidence = Confidence::Assumed;
+    }
+    found(best, why, confidence)
 }
 
 /// The rate of rows without time stamps by the turns of gravity, where the time of a row is taken as 1: the gyroscope's

@@ -6,6 +6,7 @@ use super::names::{Group, Quantity};
 use super::table::Table;
 use super::turns::{AS_THEY_ARE, Axes, Fit, Series, Turns, median};
 use super::{Confidence, Found};
+use crate::options::RateUnit;
 
 /// A vector sensor that was found.
 #[derive(Debug, Clone)]
@@ -228,14 +229,11 @@ fn fastest(rates: &Series) -> f64 {
 const FASTEST: f64 = 70.0;
 
 fn rate_unit(group: &Group, rates: &Series, fit: Option<Fit>) -> (&'static str, Found) {
-    const UNITS: [(&str, f64); 2] = [
-        ("rad-per-s", 1.0),
-        ("deg-per-s", std::f64::consts::PI / 180.0),
-    ];
+    let units = RateUnit::ALL.map(|unit| (unit.name(), unit.to_rad_per_s()));
     let is_near = |factor: f64, expected: f64| (factor / expected).ln().abs() < 1.5_f64.ln();
-    let told = UNITS.iter().find(|(name, _)| Some(*name) == group.unit);
+    let told = units.iter().find(|(name, _)| Some(*name) == group.unit);
     if let Some(fit) = fit {
-        let seen = UNITS
+        let seen = units
             .iter()
             .find(|(_, factor)| is_near(fit.factor, *factor));
         if let Some((unit, factor)) = seen {
@@ -266,6 +264,13 @@ fn rate_unit(group: &Group, rates: &Series, fit: Option<Fit>) -> (&'static str, 
         return (unit, Found::new(why, Confidence::Likely));
     }
     let most = fastest(rates);
+    if most > FASTEST.to_degrees() {
+        let why = format!(
+            "the fastest is {most:.0}, more than any gyroscope measures in deg-per-s too: perhaps counts of a converter, \
+             whose scale no turn of gravity tells; put it in as `scale`{odd}"
+        );
+        return ("deg-per-s", Found::new(why, Confidence::Assumed));
+    }
     if most > FASTEST {
         let why =
             format!("the fastest is {most:.0}, more than any gyroscope measures in rad-per-s{odd}");

@@ -1,7 +1,10 @@
 //! Several sources as one recording: shifted in time, taken in part, made references, and merged.
 
+use nalgebra::UnitQuaternion;
+use northing_core::geometry::frames::enu_from_ned_rotation;
+
 use super::schema::{Role, Source};
-use crate::error::Result;
+use crate::error::{RecordingError, Result, join, shown};
 use crate::event::{Event, Reference, Sample, SensorKind};
 use crate::false_stamps::FalseStamps;
 use crate::issues::Issues;
@@ -40,6 +43,96 @@ pub(super) fn combine(parts: Vec<(&Source, Opened)>, scale: Scale) -> Opened {
         notes,
         units_applied: true,
         ..Opened::new(Default::default(), sensors, source)
+    }
+}
+
+/// A recording whose reference is another file's: orientations that it has as references or of a device, and positions and
+/// velocities, turned into the recording's world.
+///
+/// # Errors
+/// The other file has neither.
+pub(crate) fn with_reference(opened: Opened, truth: Opened, file: &str) -> Result<Opened> {
+    let reference = Adapted {
+        source: Box::new(FalseStamps::new(truth.source)),
+        offset_ns: 0,
+        role: Role::Reference,
+        only: None,
+        scale: Scale::NONE,
+    };
+    let told: Vec<SensorKind> = (truth.sensors.iter())
+        .filter_map(|kind| reference.kind(*kind))
+        .collect();
+    if told.is_empty() {
+        return Err(RecordingError::unsupported(
+            file,
+            "it has neither orientations nor positions, so it is no reference",
+        ));
+    }
+    let turn =
+        (truth.metadata.world_frame != opened.metadata.world_frame).then(enu_from_ned_rotation);
+    let own = opened.sensors.iter().any(|kind| kind.is_reference());
+    let names = join(told.iter().map(|kind| kind.name()));
+    let mut notes = opened.notes;
+    notes.push(format!("The reference is of {}: {names}.", shown(file)));
+    if own {
+        notes.push("The recording's own reference is left out.".to_owned());
+    }
+    notes.extend(truth.notes);
+    let mut sensors: Vec<SensorKind> = opened.sensors;
+    sensors.retain(|kind| !kind.is_reference());
+    sensors.extend(told);
+    sensors.sort_unstable_by_key(|kind| kind.order());
+    let streams: Vec<Box<dyn EventSource>> = vec![
+        Box::new(Without(opened.source)),
+        Box::new(Turned(reference, turn)),
+    ];
+    Ok(Opened {
+        sensors,
+        source: Box::new(Merged::new(streams)),
+        notes,
+        ..opened
+    })
+}
+
+/// A recording without its own reference.
+struct Without(Box<dyn EventSource>);
+
+impl EventSource for Without {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        while let Some(event) = self.0.next_event(issues)? {
+            if !event.sample.kind().is_reference() {
+                return Ok(Some(event));
+            }
+        }
+        Ok(None)
+    }
+
+    fn place(&self) -> Option<String> {
+        self.0.place()
+    }
+}
+
+/// A reference whose attitudes are turned into another world: from north, east, down to east, north, up and back are the same.
+struct Turned(Adapted, Option<UnitQuaternion<f64>>);
+
+impl EventSource for Turned {
+    fn next_event(&mut self, issues: &mut Issues) -> Result<Option<Event>> {
+        let mut event = self.0.next_event(issues)?;
+        if let (
+            Some(turn),
+            Some(Event {
+                sample: Sample::Reference(reference),
+                ..
+            }),
+        ) = (&self.1, &mut event)
+        {
+            reference.attitude = turn * reference.attitude;
+        }
+        Ok(event)
+    }
+
+    fn place(&self) -> Option<String> {
+        self.0.place()
     }
 }
 

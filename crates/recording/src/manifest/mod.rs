@@ -2,7 +2,7 @@
 //!
 //! Read first: `docs/formats.md`, which has examples. Opening the manifest opens the recording.
 
-mod combined;
+pub(crate) mod combined;
 mod layout;
 mod navigation;
 mod schema;

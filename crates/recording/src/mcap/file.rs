@@ -13,7 +13,7 @@ use super::definitions::{Definitions, Fields};
 use super::records::{Records, Stop};
 use super::ros::{self, IMU, MAGNETIC_FIELD};
 use super::ros_1;
-use super::topics::is;
+use super::topics::schema;
 use crate::error::{RecordingError, Result, shown};
 use crate::issues::Issues;
 use crate::limits::{self, BLOCK};
@@ -260,7 +260,7 @@ pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> 
             channels.push(message.channel.clone());
             let is_sensor = [IMU, MAGNETIC_FIELD]
                 .iter()
-                .any(|kind| is(&message.channel, kind));
+                .any(|kind| schema(&message.channel) == Some(*kind));
             if let (true, Some(frame)) = (is_sensor, ros::frame(&message.data)) {
                 frames.insert(message.channel.topic.clone(), frame.to_owned());
             }

@@ -7,11 +7,12 @@
 //! | the events of one device of such a recording | `lab_source.rs` |
 //! | making an unfinished recording whole | `recover.rs` |
 //! | `sensor_msgs/Imu`, `MagneticField` as bytes | `ros.rs`, `cdr.rs` |
-//! | other messages | `nav_sat_fix.rs`, `pose_twist.rs` |
+//! | other messages | `nav_sat_fix.rs`, `pose_twist.rs`, `diagnostics.rs` |
 //! | which topics are read | `topics.rs` |
 //! | a folder of such files | `bag.rs`, `bag_file.rs` |
 //! | bags in SQLite (`.db3`), bags of ROS 1 | `sqlite.rs`, `ros_1.rs` |
-//! | estimates of a run: odometry, transforms | `estimate_writer.rs` |
+//! | estimates: odometry, transforms | `estimate_messages.rs`, `estimate_writer.rs` |
+//! | what a message measures | `measured.rs` |
 //! | reading and writing them | `ros_source.rs`, `ros_writer.rs` |
 //!
 //! Read first: `docs/formats.md`, section "MCAP", and the specification at <https://mcap.dev/spec>.
@@ -20,10 +21,13 @@ pub(crate) mod bag;
 mod bag_file;
 mod cdr;
 mod definitions;
+mod diagnostics;
+mod estimate_messages;
 mod estimate_writer;
 mod file;
 mod lab;
 mod lab_source;
+mod measured;
 pub(crate) mod nav_sat_fix;
 pub(crate) mod output;
 mod pose_twist;
@@ -55,9 +59,13 @@ use file::{End, Messages, contents};
 use lab_source::LabSource;
 use ros_source::RosSource;
 
-pub use estimate_writer::{EstimateWriter, PoseEstimate, UNKNOWN_ANGLE_VARIANCE, UNKNOWN_VARIANCE};
+pub use diagnostics::{Level, Status, diagnostics};
+pub use estimate_messages::{EstimateTopic, FrameNames, messages};
+pub use estimate_writer::EstimateWriter;
 pub use lab::{LabRecord, LabWriter, RecordKind};
+pub use measured::{Role, measured};
 pub use recover::{Recovered, is_complete, recover};
+pub use ros::frame as frame_id;
 pub use ros_writer::{RosWriter, has_topic};
 
 /// Opens a recording of the lab, of ROS 2 in MCAP, or a bag of ROS 1; `device` is the device or topic where there are several.

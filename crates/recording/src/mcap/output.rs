@@ -13,6 +13,19 @@ pub(crate) struct Output<W: Write + Seek, K> {
     channels: BTreeMap<K, (u16, u32)>,
 }
 
+/// Of a channel of which nothing more is told.
+pub(crate) static NO_FACTS: BTreeMap<String, String> = BTreeMap::new();
+
+/// A topic of ROS 2.
+pub(crate) struct RosTopic<'a> {
+    pub(crate) name: &'a str,
+    /// The name of its messages' schema, and its definition with those of the messages in it.
+    pub(crate) schema: &'a str,
+    pub(crate) definition: &'a str,
+    /// What is told of the channel.
+    pub(crate) facts: &'a BTreeMap<String, String>,
+}
+
 /// What all files of this program have in common.
 pub(crate) fn options() -> WriteOptions {
     WriteOptions::new()
@@ -74,6 +87,21 @@ impl<W: Write + Seek, K: Ord> Output<W, K> {
             publish_time: time,
         };
         self.writer.write_to_known_channel(&header, bytes)
+    }
+
+    /// Adds a ROS 2 message to a topic.
+    pub(crate) fn ros_message(
+        &mut self,
+        channel: K,
+        time_ns: i64,
+        bytes: &[u8],
+        topic: &RosTopic<'_>,
+    ) -> McapResult<()> {
+        self.message(channel, time_ns, bytes, |file| {
+            let definition = topic.definition.as_bytes();
+            let schema = file.add_schema(topic.schema, "ros2msg", definition)?;
+            file.add_channel(schema, topic.name, "cdr", topic.facts)
+        })
     }
 
     /// Ends the chunk under way and hands everything to the output.

@@ -145,8 +145,9 @@ fn time(input: &mut CdrReader<'_>) -> Option<i64> {
     Some(i64::from(seconds) * NS_PER_S + i64::from(ns))
 }
 
-/// The frame in the header of a message.
-pub(crate) fn frame(bytes: &[u8]) -> Option<&str> {
+/// The frame in the header of a message: CDR behind its four bytes of encapsulation.
+#[must_use]
+pub fn frame(bytes: &[u8]) -> Option<&str> {
     let mut input = CdrReader::new(bytes)?;
     let _stamp = time(&mut input)?;
     input.string()

@@ -6,13 +6,10 @@ use ::mcap::Message;
 
 use super::OfMessages;
 use super::file::Messages;
-use super::nav_sat_fix;
-use super::pose_twist::{self, ODOMETRY, POSE, TWIST, TWIST_WITH_COVARIANCE};
-use super::ros::{IMU, Imu, MAGNETIC_FIELD, MagneticField};
-use super::ros_writer::{DEVICE_ORIENTATION, REFERENCE};
-use super::topics::{Topics, is};
+use super::measured::measured;
+use super::topics::{Topics, schema};
 use crate::error::Result;
-use crate::event::{Event, Reference, Sample};
+use crate::event::Event;
 use crate::issues::Issues;
 use crate::recording::Pieces;
 
@@ -37,71 +34,16 @@ impl RosSource {
     /// `None` when the message is one of ours and cannot be read.
     fn take(&mut self, message: &Message<'_>) -> Option<()> {
         let topic = message.channel.topic.as_str();
+        let Some(role) = self.topics.role(topic) else {
+            return Some(());
+        };
+        let Some(schema) = schema(&message.channel).filter(|schema| role.takes(schema)) else {
+            return Some(());
+        };
         let log_time_ns = i64::try_from(message.log_time).ok()?;
-        if self.topics.field.as_deref() == Some(topic) {
-            if is(&message.channel, MAGNETIC_FIELD) {
-                let field = MagneticField::decode(&message.data, log_time_ns)?;
-                self.add(field.time_ns, Sample::MagneticField(field.field_ut));
-            }
-            return Some(());
-        }
-        if self.topics.fix.as_deref() == Some(topic) {
-            if is(&message.channel, nav_sat_fix::NAME) {
-                let (time_ns, fix) = nav_sat_fix::decode(&message.data, log_time_ns)?;
-                self.add(time_ns, Sample::GnssPosition(fix));
-            }
-            return Some(());
-        }
-        if self.topics.velocity.as_deref() == Some(topic) {
-            let has_covariance = is(&message.channel, TWIST_WITH_COVARIANCE);
-            if has_covariance || is(&message.channel, TWIST) {
-                let velocity = pose_twist::velocity(&message.data, log_time_ns, has_covariance);
-                let (time_ns, velocity) = velocity?;
-                self.add(time_ns, Sample::GnssVelocity(velocity));
-            }
-            return Some(());
-        }
-        if self.topics.pose.as_deref() == Some(topic) {
-            let is_odometry = is(&message.channel, ODOMETRY);
-            if is_odometry || is(&message.channel, POSE) {
-                let pose = pose_twist::attitude(&message.data, log_time_ns, is_odometry);
-                let (time_ns, attitude) = pose?;
-                let reference = Reference {
-                    attitude,
-                    scored: true,
-                };
-                self.add(time_ns, Sample::Reference(reference));
-            }
-            return Some(());
-        }
-        let of_orientation = topic == DEVICE_ORIENTATION || topic == REFERENCE;
-        let is_imu = self.topics.imu.as_deref() == Some(topic);
-        if !(is_imu || of_orientation) || !is(&message.channel, IMU) {
-            return Some(());
-        }
-        let imu = Imu::decode(&message.data, log_time_ns)?;
-        if let Some(rate) = imu.angular_rate {
-            self.add(imu.time_ns, Sample::AngularRate(rate));
-        }
-        if let Some(force) = imu.specific_force {
-            self.add(imu.time_ns, Sample::SpecificForce(force));
-        }
-        if let Some((attitude, _)) = imu.orientation {
-            let sample = if topic == REFERENCE {
-                Sample::Reference(Reference {
-                    attitude,
-                    scored: true,
-                })
-            } else {
-                Sample::DeviceOrientation(attitude)
-            };
-            self.add(imu.time_ns, sample);
-        }
+        self.ready
+            .extend(measured(role, schema, &message.data, log_time_ns)?);
         Some(())
-    }
-
-    fn add(&mut self, time_ns: i64, sample: Sample) {
-        self.ready.push_back(Event { time_ns, sample });
     }
 }
 

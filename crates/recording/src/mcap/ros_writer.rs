@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, UnitQuaternion};
 use northing_core::geometry::frames::{covariance_in_reference, enu_from_ned_rotation};
 
 use super::nav_sat_fix;
-use super::output::{Output, io_error, options};
+use super::output::{Output, RosTopic, io_error, options};
 use super::ros::{
     IMU, IMU_DEFINITION, Imu, MAGNETIC_FIELD, MAGNETIC_FIELD_DEFINITION, MagneticField,
 };
@@ -211,11 +211,14 @@ impl<W: Write + Seek> RosWriter<W> {
         })?;
         // Our sensors keep their axes, which need not be those of REP 103.
         let axes = BTreeMap::from([(BODY_AXES.to_owned(), self.frames.body.name().to_owned())]);
-        let written = self.output.message(topic, time_ns, &bytes, |file| {
-            let (name, definition) = topic.schema();
-            let schema = file.add_schema(name, "ros2msg", definition.as_bytes())?;
-            file.add_channel(schema, topic.name(), "cdr", &axes)
-        });
+        let (schema, definition) = topic.schema();
+        let told = RosTopic {
+            name: topic.name(),
+            schema,
+            definition,
+            facts: &axes,
+        };
+        let written = self.output.ros_message(topic, time_ns, &bytes, &told);
         written.map_err(|error| failed(&self.file, error))
     }
 

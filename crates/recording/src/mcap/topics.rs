@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ::mcap::Channel;
 
 use super::file::Contents;
+use super::measured::Role;
 use super::nav_sat_fix;
 use super::one_of;
 use super::pose_twist::{ODOMETRY, POSE, TWIST, TWIST_WITH_COVARIANCE};
@@ -36,6 +37,27 @@ pub(crate) struct Topics {
     pub(super) velocity: Option<String>,
     /// A pose to score against.
     pub(super) pose: Option<String>,
+}
+
+impl Topics {
+    /// What is taken from a topic.
+    pub(super) fn role(&self, topic: &str) -> Option<Role> {
+        let roles = [
+            (&self.imu, Role::Inertial),
+            (&self.field, Role::Field),
+            (&self.fix, Role::Fix),
+            (&self.velocity, Role::Velocity),
+            (&self.pose, Role::Reference),
+        ];
+        let mut roles = roles.into_iter();
+        let chosen = roles.find(|(chosen, _)| chosen.as_deref() == Some(topic));
+        match topic {
+            _ if chosen.is_some() => chosen.map(|(_, role)| role),
+            DEVICE_ORIENTATION => Some(Role::DeviceOrientation),
+            REFERENCE => Some(Role::Reference),
+            _ => None,
+        }
+    }
 }
 
 /// What a bag holds, by topic: the name of its schema.
@@ -137,12 +159,8 @@ fn is_velocity_of(topic: &str, fix: &str) -> bool {
     is_velocity && (of_name || of_namespace)
 }
 
-/// Whether a channel has messages of ROS 2 of this kind, or of ROS 1 from a bag (`ros_1.rs` names them so).
-pub(super) fn is(channel: &Channel<'_>, kind: &str) -> bool {
-    schema(channel) == Some(kind)
-}
-
-fn schema<'a>(channel: &'a Channel<'_>) -> Option<&'a str> {
+/// The type of a channel's messages, of ROS 2 or of ROS 1 from a bag (`ros_1.rs` names them so).
+pub(super) fn schema<'a>(channel: &'a Channel<'_>) -> Option<&'a str> {
     let schema = channel.schema.as_ref().map(|schema| schema.name.as_str());
     schema.filter(|_| channel.message_encoding == "cdr")
 }

@@ -12,6 +12,7 @@ use super::csv_tables::CsvTables;
 use super::json::Store;
 use super::{TABLES, plain};
 use crate::error::{RecordingError, Result, join, shown};
+use crate::foreign;
 use crate::limits::{self, MEMBERS};
 use crate::phyphox;
 
@@ -80,6 +81,10 @@ impl Zip {
             seen.push(name);
         }
         limits::unpacked(length).check(unpacked, file, "")?;
+        let names = seen.iter().map(String::as_str);
+        if let Some(problem) = foreign::recognised_zip(names).filter(|_| tables.is_empty()) {
+            return Err(RecordingError::unsupported(file, problem));
+        }
         if tables.is_empty() {
             return Err(RecordingError::not_a_recording(
                 file,

@@ -9,7 +9,7 @@ use super::TrackPoint;
 use crate::atomic_file::AtomicFile;
 use crate::error::{RecordingError, Result};
 use crate::mcap::nav_sat_fix::{DEFINITION, NAME, encode};
-use crate::mcap::output::{Output, io_error, options};
+use crate::mcap::output::{NO_FACTS, Output, RosTopic, io_error, options};
 
 pub(super) fn write(path: &Path, name: &str, points: &[TrackPoint], force: bool) -> Result<()> {
     let file = path.display().to_string();
@@ -17,6 +17,12 @@ pub(super) fn write(path: &Path, name: &str, points: &[TrackPoint], force: bool)
     let facts = BTreeMap::from([("name".to_owned(), name.to_owned())]);
     let output = AtomicFile::create(path, force)?;
     let mut out = Output::new(output, options().profile("ros2"), facts).map_err(failed)?;
+    let topic = RosTopic {
+        name: "/fix",
+        schema: NAME,
+        definition: DEFINITION,
+        facts: &NO_FACTS,
+    };
     for point in points {
         let bytes = encode(point).ok_or_else(|| {
             RecordingError::unsupported(
@@ -24,11 +30,8 @@ pub(super) fn write(path: &Path, name: &str, points: &[TrackPoint], force: bool)
                 "a stamp is beyond the 68 years that ROS can hold; write .geojson",
             )
         })?;
-        out.message((), point.time_ns, &bytes, |file| {
-            let schema = file.add_schema(NAME, "ros2msg", DEFINITION.as_bytes())?;
-            file.add_channel(schema, "/fix", "cdr", &BTreeMap::new())
-        })
-        .map_err(failed)?;
+        out.ros_message((), point.time_ns, &bytes, &topic)
+            .map_err(failed)?;
     }
     out.finish().map_err(failed)?;
     out.into_inner().commit()

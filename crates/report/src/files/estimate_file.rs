@@ -7,13 +7,11 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use northing_core::geometry::rotation;
-#[cfg(feature = "mcap")]
-use northing_core::nalgebra::UnitQuaternion;
 use northing_core::nalgebra::{Matrix3, Vector3};
 use northing_evaluation::attitude::{EstimateRecord, EstimatorKind, RunObserver};
 use northing_evaluation::statistics::attitude_std::AttitudeStd;
 #[cfg(feature = "mcap")]
-use northing_recording::mcap::{EstimateWriter, PoseEstimate};
+use northing_recording::mcap::EstimateWriter;
 use northing_recording::{AtomicFile, TumWriter, WorldFrame};
 
 use super::has_extension;
@@ -138,7 +136,7 @@ impl EstimateFile {
                 table.row(&row)
             }
             #[cfg(feature = "mcap")]
-            Output::Mcap(writer) => Ok(writer.write(&pose(record, self.world))?),
+            Output::Mcap(writer) => Ok(writer.write(&record.pose(self.world))?),
         }
     }
 
@@ -172,30 +170,6 @@ fn create_mcap(path: &Path, _: bool) -> Result<Output> {
         "{}: this build cannot write MCAP; write .csv, or build with its default features",
         path.display()
     )
-}
-
-/// A record in the axes of ROS: the world east, north, up; the body as the recording has it.
-#[cfg(feature = "mcap")]
-fn pose(record: &EstimateRecord, world: WorldFrame) -> PoseEstimate {
-    use northing_core::geometry::frames::{
-        covariance_in_reference, enu_from_ned, enu_from_ned_rotation,
-    };
-    let is_down = world == WorldFrame::Ned;
-    let turn = match is_down {
-        true => enu_from_ned_rotation(),
-        false => UnitQuaternion::identity(),
-    };
-    let vector = |v: Vector3<f64>| if is_down { enu_from_ned(&v) } else { v };
-    let attitude = turn * record.attitude;
-    let covariance = record.attitude_covariance.as_ref();
-    let about_world = covariance.map(|p| covariance_in_reference(&attitude, p));
-    PoseEstimate {
-        time_ns: record.time_ns,
-        attitude: Some((attitude, about_world)),
-        position: record.position.map(|p| (vector(p), None)),
-        velocity: record.velocity.map(|v| (vector(v), None)),
-        place: None,
-    }
 }
 
 #[cfg(feature = "parquet")]

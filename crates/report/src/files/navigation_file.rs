@@ -6,15 +6,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use northing_core::earth::wgs84::LocalFrame;
 use northing_core::geometry::rotation;
-#[cfg(feature = "mcap")]
-use northing_core::nalgebra::{Matrix3, Vector3};
 use northing_evaluation::navigation::{NavigationEstimate, NavigationObserver};
 use northing_recording::AtomicFile;
 #[cfg(feature = "parquet")]
 use northing_recording::device_navigation::validity_number;
 use northing_recording::fixed::{push_fixed, push_seconds};
 #[cfg(feature = "mcap")]
-use northing_recording::mcap::{EstimateWriter, PoseEstimate, UNKNOWN_ANGLE_VARIANCE};
+use northing_recording::mcap::EstimateWriter;
 use northing_recording::track::{TrackPoint, check_track_path, write_track};
 
 use super::has_extension;
@@ -96,9 +94,9 @@ impl NavigationFile {
             #[cfg(feature = "parquet")]
             Output::Parquet(table) => table.row(&numbers(frame, estimate)),
             #[cfg(feature = "mcap")]
-            Output::Mcap(writer) => Ok(writer.write(&pose(frame, estimate))?),
+            Output::Mcap(writer) => Ok(writer.write(&estimate.pose(frame))?),
             Output::Track(_, _, points) => {
-                points.push(track_point(estimate));
+                points.push(estimate.track_point());
                 Ok(())
             }
         }
@@ -172,57 +170,6 @@ fn numbers(first: &LocalFrame, estimate: &NavigationEstimate) -> Vec<f64> {
     row
 }
 
-/// An estimate in the axes of ROS: metres east, north, up of the first origin; the body forward, left, up.
-#[cfg(feature = "mcap")]
-fn pose(first: &LocalFrame, estimate: &NavigationEstimate) -> PoseEstimate {
-    use northing_core::geometry::frames::{
-        enu_from_ned, enu_from_ned_rotation, flu_from_frd_rotation,
-    };
-    let here = estimate.in_frame(first);
-    let turn = enu_from_ned_rotation::<f64>();
-    let axes = turn.to_rotation_matrix().into_inner();
-    let covariance = |p: Matrix3<f64>| axes * p * axes.transpose();
-    let attitude = here.ned_from_body.map(|ned_from_frd| {
-        let about = here.attitude_covariance.or_else(|| {
-            let heading = estimate.heading_std?;
-            let angles = [
-                UNKNOWN_ANGLE_VARIANCE,
-                UNKNOWN_ANGLE_VARIANCE,
-                heading * heading,
-            ];
-            Some(Matrix3::from_diagonal(&Vector3::from(angles)))
-        });
-        let enu_from_flu = turn * ned_from_frd * flu_from_frd_rotation();
-        (enu_from_flu, about.map(covariance))
-    });
-    PoseEstimate {
-        time_ns: estimate.time_ns,
-        attitude,
-        position: Some((
-            enu_from_ned(&here.position),
-            Some(covariance(here.position_covariance)),
-        )),
-        velocity: Some((
-            enu_from_ned(&here.velocity),
-            here.velocity_covariance.map(covariance),
-        )),
-        place: Some(track_point(estimate)),
-    }
-}
-
-fn track_point(estimate: &NavigationEstimate) -> TrackPoint {
-    let place = estimate.frame.geodetic(&estimate.position);
-    let variances = estimate.position_covariance.diagonal();
-    TrackPoint {
-        time_ns: estimate.time_ns,
-        latitude_rad: place.latitude_rad,
-        longitude_rad: place.longitude_rad,
-        height_m: place.height_m,
-        std_m: Some(variances.map(|v| v.max(0.0).sqrt()).into()),
-        attitude: estimate.ned_from_body,
-    }
-}
-
 /// Appends the row of an estimate: metres from the first origin, all else in the axes of where it is.
 fn push_row(row: &mut Vec<u8>, first: &LocalFrame, estimate: &NavigationEstimate) {
     let place = estimate.frame.geodetic(&estimate.position);
@@ -290,7 +237,7 @@ impl NavigationObserver for NavigationFile {
 mod tests {
     use super::*;
     use northing_core::earth::Geodetic;
-    use northing_core::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+    use northing_core::nalgebra::{Matrix3, Vector3};
     use northing_core::navigation::Validity;
 
     fn estimate(frame: LocalFrame) -> NavigationEstimate {
@@ -317,41 +264,6 @@ mod tests {
 
     fn frame() -> LocalFrame {
         LocalFrame::new(Geodetic::from_degrees(47.0, 8.0, 400.0).unwrap())
-    }
-
-    #[cfg(feature = "mcap")]
-    #[test]
-    fn a_pose_of_ros_is_east_north_up_and_forward_left_up() {
-        let said = pose(&frame(), &estimate(frame()));
-        let (attitude, about) = said.attitude.unwrap();
-        let (position, covariance) = said.position.unwrap();
-        let near = |a: Vector3<f64>, b: [f64; 3]| (a - Vector3::from(b)).norm() < 1e-9;
-        assert!(near(position, [20.0, 10.0, 5.0]));
-        let (sin, cos) = 10_f64.to_radians().sin_cos();
-        assert!(near(attitude * Vector3::x(), [cos, 0.0, sin]), "forward");
-        assert!(
-            near(attitude * Vector3::y(), [0.0, 1.0, 0.0]),
-            "left is north"
-        );
-        assert!(near(attitude * Vector3::z(), [-sin, 0.0, cos]), "up");
-        let expected = Matrix3::new(4.0, 0.5, -0.2, 0.5, 1.0, -0.1, -0.2, -0.1, 9.0);
-        assert!((covariance.unwrap() - expected).norm() < 1e-12);
-        let expected = Matrix3::new(0.02, 0.001, -0.002, 0.001, 0.01, 0.0, -0.002, 0.0, 0.09);
-        assert!((about.unwrap() - expected).norm() < 1e-12);
-        assert!(near(said.velocity.unwrap().0, [3.0, 0.0, 0.0]));
-        // Where only the heading's deviation is stated, nothing is known of roll and pitch.
-        let heading_alone = NavigationEstimate {
-            attitude_covariance: None,
-            ..estimate(frame())
-        };
-        let about = pose(&frame(), &heading_alone).attitude.unwrap().1.unwrap();
-        assert!((about.m33 - 0.09).abs() < 1e-12 && about.m11 > 3.0 && about.m22 > 3.0);
-        let without = NavigationEstimate {
-            ned_from_body: None,
-            ..heading_alone
-        };
-        assert!(pose(&frame(), &without).attitude.is_none());
-        let _: UnitQuaternion<f64> = attitude;
     }
 
     #[cfg(feature = "parquet")]

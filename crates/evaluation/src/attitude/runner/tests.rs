@@ -495,3 +495,48 @@ fn estimates_alone_are_those_of_the_whole_run() {
     let short: Events = phone(2).into_iter().take(20).collect();
     assert_eq!(estimate(short, &options, &mut ()).unwrap(), 0);
 }
+
+/// Counts estimates where a source sees them.
+struct Counted<'a>(&'a std::cell::Cell<u64>, Told);
+
+impl RunObserver for Counted<'_> {
+    fn estimate(&mut self, record: &EstimateRecord) {
+        self.0.set(self.0.get() + 1);
+        self.1.estimate(record);
+    }
+
+    fn innovation(&mut self, record: &InnovationRecord) {
+        self.1.innovation(record);
+    }
+}
+
+#[test]
+fn live_messages_give_the_estimates_of_the_recording_each_before_the_next_message() {
+    let options = lab(EstimatorKind::Mekf);
+    let mut messages: Vec<Vec<Event>> = Vec::new();
+    for event in phone(2).into_iter().map(Result::unwrap) {
+        match messages.last_mut() {
+            Some(last) if last[0].time_ns == event.time_ns => last.push(event),
+            _ => messages.push(vec![event]),
+        }
+    }
+    let estimates = std::cell::Cell::new(0);
+    let mut late = 0;
+    let mut before = 0;
+    let mut owed = false;
+    let source = messages.into_iter().map(|message| {
+        // What the message before gave is there when the next one is asked for.
+        late += u64::from(owed && before > 0 && estimates.get() == before);
+        before = estimates.get();
+        owed = message
+            .iter()
+            .any(|event| event.sample.kind() == SensorKind::Gyroscope);
+        Ok::<_, std::convert::Infallible>(message)
+    });
+    let mut live = Counted(&estimates, Told::default());
+    run_live(source, &options, &mut live).unwrap();
+    let mut whole = Told::default();
+    run(phone(2), &options, &mut whole).unwrap();
+    assert!(live.1.0 == whole.0 && whole.0.len() > 5000);
+    assert_eq!(late, 0);
+}

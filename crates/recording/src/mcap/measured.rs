@@ -1,0 +1,104 @@
+//! What a message of ROS 2 measures, as our samples: for bags and for the node.
+
+use super::nav_sat_fix;
+use super::pose_twist::{self, ODOMETRY, POSE, TWIST, TWIST_WITH_COVARIANCE};
+use super::ros::{IMU, Imu, MAGNETIC_FIELD, MagneticField};
+use crate::event::{Event, Reference, Sample};
+
+/// What is taken from a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// Angular rate and specific force of `Imu`, and its orientation as the device's own.
+    Inertial,
+    /// `MagneticField`.
+    Field,
+    /// `NavSatFix`.
+    Fix,
+    /// `TwistStamped` or `TwistWithCovarianceStamped`: the velocity of a satellite receiver, east, north, up.
+    Velocity,
+    /// The orientation of `Imu`, `PoseStamped` or `Odometry`, to score against.
+    Reference,
+    /// The orientation of `Imu` as the device's own.
+    DeviceOrientation,
+}
+
+impl Role {
+    /// The types of messages that it is read from.
+    #[must_use]
+    pub const fn schemas(self) -> &'static [&'static str] {
+        match self {
+            Self::Inertial | Self::DeviceOrientation => &[IMU],
+            Self::Field => &[MAGNETIC_FIELD],
+            Self::Fix => &[nav_sat_fix::NAME],
+            Self::Velocity => &[TWIST, TWIST_WITH_COVARIANCE],
+            Self::Reference => &[IMU, POSE, ODOMETRY],
+        }
+    }
+
+    pub(super) fn takes(self, schema: &str) -> bool {
+        self.schemas().contains(&schema)
+    }
+}
+
+/// The samples in a message of the type `schema`, one of [`Role::schemas`]: CDR behind its four bytes of encapsulation. A stamp
+/// of zero is replaced by `log_time_ns`. `None` when the bytes are not such a message.
+#[must_use]
+pub fn measured(
+    role: Role,
+    schema: &str,
+    bytes: &[u8],
+    log_time_ns: i64,
+) -> Option<impl Iterator<Item = Event> + use<>> {
+    let (time_ns, samples) = match role {
+        Role::Inertial => inertial(bytes, log_time_ns)?,
+        Role::Field => {
+            let field = MagneticField::decode(bytes, log_time_ns)?;
+            (field.time_ns, one(Sample::MagneticField(field.field_ut)))
+        }
+        Role::Fix => {
+            let (time_ns, fix) = nav_sat_fix::decode(bytes, log_time_ns)?;
+            (time_ns, one(Sample::GnssPosition(fix)))
+        }
+        Role::Velocity => {
+            let has_covariance = schema == TWIST_WITH_COVARIANCE;
+            let (time_ns, velocity) = pose_twist::velocity(bytes, log_time_ns, has_covariance)?;
+            (time_ns, one(Sample::GnssVelocity(velocity)))
+        }
+        Role::Reference | Role::DeviceOrientation if schema == IMU => {
+            let imu = Imu::decode(bytes, log_time_ns)?;
+            let sample = imu.orientation.map(|(attitude, _)| match role {
+                Role::Reference => Sample::Reference(scored(attitude)),
+                _ => Sample::DeviceOrientation(attitude),
+            });
+            (imu.time_ns, [sample, None, None])
+        }
+        Role::Reference | Role::DeviceOrientation => {
+            let (time_ns, attitude) = pose_twist::attitude(bytes, log_time_ns, schema == ODOMETRY)?;
+            (time_ns, one(Sample::Reference(scored(attitude))))
+        }
+    };
+    let samples = samples.into_iter().flatten();
+    Some(samples.map(move |sample| Event { time_ns, sample }))
+}
+
+fn inertial(bytes: &[u8], log_time_ns: i64) -> Option<(i64, [Option<Sample>; 3])> {
+    let imu = Imu::decode(bytes, log_time_ns)?;
+    let orientation = imu.orientation.map(|(attitude, _)| attitude);
+    let samples = [
+        imu.angular_rate.map(Sample::AngularRate),
+        imu.specific_force.map(Sample::SpecificForce),
+        orientation.map(Sample::DeviceOrientation),
+    ];
+    Some((imu.time_ns, samples))
+}
+
+const fn one(sample: Sample) -> [Option<Sample>; 3] {
+    [Some(sample), None, None]
+}
+
+const fn scored(attitude: nalgebra::UnitQuaternion<f64>) -> Reference {
+    Reference {
+        attitude,
+        scored: true,
+    }
+}
