@@ -6,6 +6,8 @@ use clap::{Parser, Subcommand};
 use crate::commands::live;
 #[cfg(feature = "parquet")]
 use crate::commands::montecarlo;
+#[cfg(feature = "ros")]
+use crate::commands::ros;
 use crate::commands::{
     benchmark, calibrate, compare, completions, convert, demo, describe, estimators, experiment,
     info, man, run, simulate, track, tune,
@@ -39,6 +41,9 @@ pub(crate) enum Command {
     Demo(demo::DemoArgs),
     /// Estimate attitude or position over one recording: errors, consistency, report
     Run(Box<run::RunArgs>),
+    /// A node of ROS 2, without ROS: sensors in, attitude or position with covariance out
+    #[cfg(feature = "ros")]
+    Ros(Box<ros::RosArgs>),
     /// Compare estimators over recordings, in one table
     Compare(Box<compare::CompareArgs>),
     /// Attitude or navigation over folders of recordings, beside third-party baselines or extrapolated fixes

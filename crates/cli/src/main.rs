@@ -40,6 +40,8 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Live(args)) => commands::live::execute(&args),
         Some(Command::Demo(args)) => commands::demo::execute(&args),
         Some(Command::Run(args)) => commands::run::execute(&args),
+        #[cfg(feature = "ros")]
+        Some(Command::Ros(args)) => commands::ros::execute(&args),
         Some(Command::Compare(args)) => commands::compare::execute(&args),
         Some(Command::Benchmark(args)) => commands::benchmark::execute(&args),
         Some(Command::Track(args)) => commands::track::execute(&args),

@@ -32,6 +32,7 @@ pub(crate) struct Reading {
     magnetometer_unit: Option<String>,
     gap_limit_s: f64,
     describe: bool,
+    reference: Option<PathBuf>,
 }
 
 impl Reading {
@@ -56,6 +57,7 @@ impl Reading {
             magnetometer_unit: word(self.magnetometer_unit, "magnetometer_unit")?,
             gap_limit_s: self.gap_limit_s,
             describe: self.describe,
+            reference: self.reference,
             ..OpenOptions::default()
         })
     }

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
+import os
+import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,63 +22,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from conftest import run_program
-
-START_NS = 1_700_000_000_000_000_000
-Samples = dict[str, list[tuple[int, list[float]]]]
-
-
-@pytest.fixture(scope="session")
-def drive() -> Samples:
-    """A minute of a car: 5 s of standstill, then a circle at 10 m/s; IMU 100 Hz, field 20 Hz, fixes 5 Hz; axes
-    forward, left, up and the world east, north, up."""
-    random = np.random.default_rng(8)
-    samples: Samples = {"imu": [], "mag": [], "fix": []}
-    heading, east, north, speed = 0.3, 0.0, 0.0, 0.0
-    for step in range(6000):
-        moves = step >= 500
-        acc, turn = (2.0 if moves and speed < 10.0 else 0.0), (0.1 if moves else 0.0)
-        speed, heading = speed + acc * 0.01, heading + turn * 0.01
-        east, north = east + speed * math.cos(heading) * 0.01, north + speed * math.sin(heading) * 0.01
-        time_ns = START_NS + step * 10_000_000
-        noise = random.normal(size=12)
-        rate = [0.002 * noise[0], 0.002 * noise[1], turn + 0.002 * noise[2]]
-        force = [acc + 0.05 * noise[3], speed * turn + 0.05 * noise[4], 9.81 + 0.05 * noise[5]]
-        samples["imu"].append((time_ns, [*rate, *force]))
-        if step % 5 == 0:
-            field = [21e-6 * math.sin(heading), 21e-6 * math.cos(heading), -43e-6]
-            samples["mag"].append((time_ns, [f + 0.3e-6 * n for f, n in zip(field, noise[6:9])]))
-        if step % 20 == 0:
-            latitude = 48.0 + math.degrees((north + 1.5 * noise[9]) / 6_371_000.0)
-            longitude = 9.0 + math.degrees((east + 1.5 * noise[10]) / 6_371_000.0 / math.cos(math.radians(48.0)))
-            samples["fix"].append((time_ns + 3_000_000, [latitude, longitude, 300.0 + 3.0 * noise[11]]))
-    return samples
-
-
-@pytest.fixture(scope="session")
-def table(drive: Samples, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The samples as our CSV."""
-    groups = [("gyro_{}_rad_s", "xyz"), ("acc_{}_m_s2", "xyz"), ("mag_{}_ut", "xyz")]
-    names = [name.format(axis) for name, axes in groups for axis in axes]
-    names += ["gnss_latitude_rad", "gnss_longitude_rad", "gnss_height_m", "gnss_std_n_m", "gnss_std_e_m",
-              "gnss_std_d_m", "gnss_quality"]
-    rows: dict[int, dict[str, float]] = {}
-    for time_ns, values in drive["imu"]:
-        rows.setdefault(time_ns, {}).update(zip(names[:6], values))
-    for time_ns, values in drive["mag"]:
-        rows.setdefault(time_ns, {}).update(zip(names[6:9], [value * 1e6 for value in values]))
-    for time_ns, (latitude, longitude, height) in drive["fix"]:
-        fix = [math.radians(latitude), math.radians(longitude), height, 1.5, 1.5, 3.0, 1]
-        rows.setdefault(time_ns, {}).update(zip(names[9:], fix))
-    path = tmp_path_factory.mktemp("table") / "drive.csv"
-    with path.open("w", newline="") as file:
-        file.write("# body_axes: flu\n")
-        out = csv.writer(file)
-        out.writerow(["t_ns", *names])
-        for time_ns, row in sorted(rows.items()):
-            out.writerow([time_ns, *(repr(float(row[name])) if name in row else "" for name in names)])
-    return path
-
+from conftest import Samples, run_program
 
 def messages(drive: Samples, store: Any) -> Iterator[tuple[str, str, int, Any]]:
     """Topic, type, time of the log (later than the stamp) and message, in the order of time."""
@@ -157,20 +105,23 @@ def test_a_bag_of_ros_2_runs_as_its_csv(kind: str, drive: Samples, table: Path, 
         assert_runs_as(table, file, tmp_path)
 
 
-@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat])
-def test_a_bag_of_ros_1_runs_as_its_csv(compression: Any, drive: Samples, table: Path, tmp_path: Path) -> None:
-    bag = tmp_path / "drive.bag"
+def write_bag_1(drive: Samples, path: Path, compression: str | None) -> Path:
     store = get_typestore(Stores.ROS1_NOETIC)
-    writer = Writer1(bag)
+    writer = Writer1(path)
     if compression:
-        writer.set_compression(compression)
+        writer.set_compression(Writer1.CompressionFormat[compression])
     with writer:
         connections: dict[str, Any] = {}
         for topic, kind, log_ns, message in messages(drive, store):
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], log_ns, store.serialize_ros1(message, kind))
-    assert_runs_as(table, bag, tmp_path)
+    return path
+
+
+@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat.__members__])
+def test_a_bag_of_ros_1_runs_as_its_csv(compression: str | None, drive: Samples, table: Path, tmp_path: Path) -> None:
+    assert_runs_as(table, write_bag_1(drive, tmp_path / "drive.bag", compression), tmp_path)
 
 
 def test_ours_is_read_by_rosbags_and_mcap(drive: Samples, table: Path, tmp_path: Path) -> None:
@@ -274,3 +225,16 @@ def test_an_attitude_run_is_imu_and_transforms(table: Path, tmp_path: Path) -> N
     heading = [message.orientation_covariance[8] ** 0.5 for message in topics["/imu/data"]]
     np.testing.assert_allclose(heading, rows["heading_std_rad"], rtol=1e-12)
     assert all(m.angular_velocity_covariance[0] == -1.0 for m in topics["/imu/data"])
+
+
+def test_evo_scores_our_odometry(table: Path, tmp_path: Path) -> None:
+    estimates = tmp_path / "estimates.mcap"
+    run_program("run", table, "--estimator", "error-state", "--out", estimates)
+    evo = Path(sys.executable).parent / "evo_ape"
+    command = [str(evo), "mcap", str(estimates), "/odometry", "/odometry", "--no_warnings"]
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    scored = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
+    assert scored.returncode == 0, scored.stderr
+    rmse = re.search(r"rmse\s+([0-9.]+)", scored.stdout)
+    # Against itself; of one stamp there may be two, before and after a fix.
+    assert rmse and float(rmse[1]) < 0.5, scored.stdout

@@ -16,7 +16,7 @@ use crate::files::STDIN;
 #[command(next_help_heading = "About the recording")]
 pub(crate) struct InputArgs {
     /// Format, where it shall not be told by content: parquet, csv, mcap, sensor-logger, phyphox, nmea, ubx, ulog, kf-gins,
-    /// rtklib, euroc, vectornav, northing-serial, manifest
+    /// rtklib, euroc, gpx, tum, vectornav, northing-serial, manifest
     #[arg(long, value_name = "FORMAT")]
     format: Option<Format>,
     /// The device, where a file holds several (in ROS 2 files: the topic)
@@ -28,6 +28,10 @@ pub(crate) struct InputArgs {
     /// Read a table that nothing describes by a guess at its columns, and say what was guessed (see northing describe)
     #[arg(long)]
     describe: bool,
+    /// Another file with the truth to score against: a trajectory (.tum), a track (.gpx), a solution (.pos) or any recording, of
+    /// which the orientations and positions are taken
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
     /// Unit of the gyroscope in the file: rad-per-s, deg-per-s
     #[arg(long, value_name = "UNIT")]
     gyroscope_unit: Option<RateUnit>,
@@ -64,6 +68,7 @@ impl InputArgs {
             device: self.device.clone(),
             manifest: self.manifest.clone(),
             describe: self.describe,
+            reference: self.reference.clone(),
             gyroscope_unit: self.gyroscope_unit,
             accelerometer_unit: self.accelerometer_unit,
             magnetometer_unit: self.magnetometer_unit,

@@ -197,6 +197,13 @@ impl ConfigFile {
     fn read(path: &Path) -> Result<Self> {
         let file = path.display().to_string();
         let text = read_description(path)?;
+        #[cfg(feature = "ros")]
+        if path
+            .extension()
+            .is_some_and(|end| end == "yaml" || end == "yml")
+        {
+            return Self::parse_yaml(&text, &file);
+        }
         match text.trim_start().starts_with('{') {
             true => Self::parse_json(&text, &file),
             false => Self::parse(&text, &file),
@@ -236,6 +243,36 @@ impl ConfigFile {
                 bail!("{file}: `parameters` has an entry without name or value: {parameter}");
             };
             parsed.take(name, by_name::text(value), format!("{file}, `{name}`"))?;
+        }
+        Ok(parsed)
+    }
+
+    /// The parameters of a node as launch files of ROS 2 have them: `northing: ros__parameters: name: value`. Of several
+    /// nodes those of `northing` and of all (`/**`) are taken.
+    #[cfg(feature = "ros")]
+    fn parse_yaml(text: &str, file: &str) -> Result<Self> {
+        let nodes: Map<String, Json> = serde_yaml_ng::from_str(text).map_err(|error| {
+            anyhow!("{file}: not YAML of ROS parameters: {error}; expected northing: ros__parameters: ...")
+        })?;
+        let mut parsed = Self::default();
+        let is_one = nodes.len() == 1;
+        for (node, value) in &nodes {
+            let name = node.rsplit('/').next().unwrap_or_default();
+            if !(is_one || matches!(name, "**" | "northing")) {
+                continue;
+            }
+            let Some(parameters) = value.get("ros__parameters").and_then(Json::as_object) else {
+                bail!(
+                    "{file}: `{node}` has no ros__parameters; expected northing: ros__parameters: ..."
+                );
+            };
+            // Stamps are always those of the messages.
+            for (name, value) in parameters
+                .iter()
+                .filter(|(name, _)| *name != "use_sim_time")
+            {
+                parsed.take(name, by_name::text(value), format!("{file}, `{name}`"))?;
+            }
         }
         Ok(parsed)
     }
@@ -369,5 +406,27 @@ mod tests {
         assert!(message("gate_timeout_s = [1, 2]").contains("expected a number from 0 to 1e9"));
         assert!(message("profile = 'car'").contains("line 1: unknown profile `car`"));
         assert!(message("gate_timeout_s = -1").contains("from 0 to 1e9"));
+    }
+
+    #[cfg(feature = "ros")]
+    #[test]
+    fn parameters_of_a_node_are_read_as_launch_files_have_them() {
+        let yaml = "talker:\n  ros__parameters:\n    rate: 3\n/robot_1/northing:\n  ros__parameters:\n    \
+                    use_sim_time: true\n    estimator: mekf\n    accelerometer_std: 0.4\n";
+        let parsed = ConfigFile::parse_yaml(yaml, "p.yaml").unwrap();
+        let names: Vec<&str> = parsed
+            .settings
+            .iter()
+            .map(|(one, _)| one.as_str())
+            .collect();
+        assert_eq!(names, ["accelerometer_std=0.4"]);
+        assert_eq!(parsed.estimator.unwrap().0, "mekf");
+        let bad = |text: &str| {
+            ConfigFile::parse_yaml(text, "p.yaml")
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(bad("northing:\n  rate: 3\n").contains("has no ros__parameters"));
+        assert!(bad("- 3\n").starts_with("p.yaml: not YAML"));
     }
 }

@@ -1,5 +1,6 @@
 //! `northing describe`: the manifest of tables that do not open by themselves, drafted.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -71,6 +72,12 @@ struct Json<'a> {
 /// Drafts and reads.
 pub(crate) fn execute(args: &DescribeArgs) -> Result<()> {
     if let Some(out) = &args.out {
+        if out.extension().is_none_or(|ending| ending != "toml") {
+            bail!(
+                "{}: a manifest is known by its ending; name a file that ends in .toml",
+                shown(out)
+            );
+        }
         for file in &args.files {
             check_not_input(out, file)?;
         }
@@ -114,7 +121,8 @@ pub(crate) fn execute(args: &DescribeArgs) -> Result<()> {
     if args.out.is_some() {
         return print(&told);
     }
-    eprint!("{told}");
+    // Without a standard error nobody reads it.
+    let _ = std::io::stderr().lock().write_all(told.as_bytes());
     Ok(())
 }
 

@@ -86,7 +86,14 @@ fn describe(info: &Info) -> String {
             WorldFrame::Ned => "north, east, down",
         },
     );
-    sheet.row("sensor axes", meta.frames().body.in_words());
+    let axes = meta.frames().body.in_words();
+    sheet.row(
+        "sensor axes",
+        match meta.body_axes {
+            Some(_) => axes.to_owned(),
+            None => format!("taken as {axes}"),
+        },
+    );
     if let Some([x, y, z]) = meta.gnss_lever_arm_m {
         let arm = format!("{x} m forward, {y} m right, {z} m down of the inertial sensor");
         sheet.row("antenna", arm);

@@ -16,6 +16,8 @@ pub(crate) mod live;
 pub(crate) mod man;
 #[cfg(feature = "parquet")]
 pub(crate) mod montecarlo;
+#[cfg(feature = "ros")]
+pub(crate) mod ros;
 pub(crate) mod run;
 pub(crate) mod simulate;
 pub(crate) mod track;

@@ -60,6 +60,10 @@ fn a_table_is_described_and_runs_as_by_a_manifest_written_by_hand() {
     assert_eq!(lab.read("a.csv"), lab.read("b.csv"));
     // Beside the table it is found without being named.
     contains(
+        &lab.refuses(&["describe", "log.txt", "--out", "log.csv"]),
+        &["log.csv", "ends in .toml"],
+    );
+    contains(
         &lab.refuses(&["describe", "log.txt", "--out", "log.toml"]),
         &["log.toml", "exists already", "--force"],
     );

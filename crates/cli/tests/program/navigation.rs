@@ -407,3 +407,81 @@ fn a_bag_of_ros_gives_the_digits_of_the_csv_of_its_samples() {
         &["sensor axes  forward, right, down"],
     );
 }
+
+#[test]
+fn the_truth_may_be_in_another_file() {
+    let lab = Lab::with_phone();
+    // An estimate scored against itself has no error, whatever the format in between.
+    lab.succeeds(&[
+        "run",
+        "phone.csv",
+        "--estimator",
+        "mekf",
+        "--out",
+        "truth.tum",
+    ]);
+    let run = [
+        "run",
+        "phone.csv",
+        "--estimator",
+        "mekf",
+        "--reference",
+        "truth.tum",
+        "--json",
+    ];
+    let scored = lab.json(&run);
+    let error = &scored["error_deg"]["total_rmse"];
+    assert!(error.as_f64().is_some_and(|error| error < 1e-4), "{scored}");
+    let issues = scored["issues"].to_string();
+    contains(
+        &issues,
+        &[
+            "The reference is of truth.tum: reference",
+            "own reference is left out",
+        ],
+    );
+    let lab = with_car();
+    let drive = ["run", "car.toml", "--estimator", "error-state"];
+    lab.succeeds(&["convert", "car.toml", "fixes.csv"]);
+    let scored = lab.json(&[&drive[..], &["--reference", "fixes.csv", "--json"]].concat());
+    let issues = scored["issues"].to_string();
+    contains(
+        &issues,
+        &["The reference is of fixes.csv: reference-position, reference-velocity."],
+    );
+    let error = scored["position"]["horizontal_rmse_m"].as_f64();
+    assert!(
+        error.is_some_and(|error| (0.1..3.0).contains(&error)),
+        "{scored}"
+    );
+    lab.write("words.csv", "t_s,a\n1,2\n");
+    let refused = lab.refuses(&["run", "car.toml", "--reference", "words.csv"]);
+    contains(&refused, &["words.csv"]);
+    let stream = lab.refuses(&["run", "car.toml", "--reference", "none.tum"]);
+    contains(&stream, &["none.tum", "cannot open it"]);
+}
+
+#[test]
+fn the_log_of_a_receiver_alone_runs_without_an_estimator_being_named() {
+    let lab = Lab::new();
+    let mut log = String::new();
+    for k in 0..1202_u32 {
+        let (hours, minutes, seconds) = (8 + k / 3600, k / 60 % 60, k % 60);
+        let north = 22.3215 + 0.003 * f64::from(k);
+        let body = format!(
+            "GPGGA,{hours:02}{minutes:02}{seconds:02}.000,52{north:07.4},N,00454.5778,E,1,8,1.0,16.0,M,47.0,M,,"
+        );
+        let checksum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+        writeln!(log, "${body}*{checksum:02X}\r").unwrap();
+    }
+    lab.write("drive.nmea", &log);
+    let told = lab.succeeds(&["run", "drive.nmea"]);
+    contains(&told, &["dead-reckoning", "1201.0 s"]);
+    // An attitude needs what the log has not, and is told so.
+    let refused = lab.refuses(&["run", "drive.nmea", "--estimator", "mekf"]);
+    contains(
+        &refused,
+        &["no gyroscope sample", "--estimator dead-reckoning"],
+    );
+    assert!(!refused.contains("too short"), "{refused}");
+}

@@ -25,6 +25,7 @@ class Reading:
     magnetometer_unit: str | None = None
     gap_limit_s: float = 0.5
     describe: bool = False
+    reference: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -153,12 +153,22 @@ def open(
     magnetometer_unit: str | None = None,
     gap_limit: float = 0.5,
     describe: bool = False,
+    reference: Path | None = None,
 ) -> Recording:
     """Opens a recording: any file or folder that ``northing run`` reads, with options of the same names. With ``describe``
     a table that nothing describes is read by a guess at its columns, as ``northing describe`` makes it; what was guessed
-    is among the issues of a run."""
+    is among the issues of a run. ``reference`` is another file with the truth to score against."""
     reading = Reading(
-        format, device, manifest, data, gyroscope_unit, accelerometer_unit, magnetometer_unit, gap_limit, describe
+        format,
+        device,
+        manifest,
+        data,
+        gyroscope_unit,
+        accelerometer_unit,
+        magnetometer_unit,
+        gap_limit,
+        describe,
+        reference,
     )
     return Recording(path, reading)
 
