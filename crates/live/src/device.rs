@@ -16,10 +16,10 @@ use crate::messages::{Command, SensorUse, UnderWay};
 use crate::recorder::Control;
 use crate::session::Happening;
 use crate::session::experiment::Experiment;
-use crate::session::lamp::{Lamp, Remark};
 use crate::session::magnetometer::MagnetometerAction;
 use crate::silence::Heard;
 use crate::to_page::{self, ExperimentState, Magnetometer, MagnetometerState, ToPage};
+use northing_evaluation::statistics::lamp::{Lamp, Remark};
 
 /// No more frames a second than this are made.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_000);

@@ -8,8 +8,8 @@ use northing_evaluation::{EvaluationError, RunOptions};
 use northing_recording::wire::{Decoded, Tone as WireTone, WireDecoder, WireError, WireFormat};
 
 use crate::messages::Command;
-use crate::session::lamp::{Remark, Tone};
 use crate::session::{DeviceSession, Happening};
+use northing_evaluation::statistics::lamp::{Remark, Tone};
 
 /// Remarks of decoders that are kept for the list of devices.
 const MOST_REMARKS: usize = 8;

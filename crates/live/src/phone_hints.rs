@@ -5,7 +5,7 @@
 use serde_json::{Value, json};
 
 use crate::messages::{DeviceStatus, UnderWay};
-use crate::session::lamp::Tone;
+use northing_evaluation::statistics::lamp::Tone;
 
 /// The end of an experiment is near: the phone goes back where it lay.
 const GO_BACK_S: f64 = 8.0;
@@ -51,7 +51,7 @@ impl UnderWay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::lamp::Remark;
+    use northing_evaluation::statistics::lamp::Remark;
 
     fn said(status: &DeviceStatus, shared: bool) -> Vec<String> {
         let commands = commands(status, shared);

@@ -17,7 +17,7 @@ use crate::inputs::{InputKind, InputStatus};
 use crate::messages::DeviceStatus;
 use crate::recorder::RecordingStatus;
 use crate::session::frame::Frame;
-use crate::session::lamp::Remark;
+use northing_evaluation::statistics::lamp::Remark;
 
 /// A message to a page.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use northing_core::kalman::{Innovation, Outcome, SkipReason};
 use northing_core::navigation::Validity;
+use northing_evaluation::statistics::lamp::{Remark, Tone};
 use northing_recording::mcap::{Level, Role, Status, diagnostics};
 
 use crate::messages::{Measured, Message};
@@ -214,20 +215,14 @@ impl Diagnostics {
 }
 
 fn of_validity(validity: Validity) -> (Level, String) {
-    let (level, text) = match validity {
-        Validity::Aligning => (Level::Stale, "no position yet"),
-        Validity::HeadingUnknown => (
-            Level::Warn,
-            "fixes are used; the heading is not known, or the fixes disagree with it",
-        ),
-        Validity::Aided => (Level::Ok, "fixes are used"),
-        Validity::DeadReckoning => (Level::Warn, "dead reckoning: no fix is used"),
-        Validity::Invalid => (
-            Level::Error,
-            "the position is invalid: no fix for too long, or its stated error is too large",
-        ),
+    let remark = Remark::of_validity(validity);
+    let level = match remark.tone {
+        Tone::Good | Tone::Info => Level::Ok,
+        Tone::Warn => Level::Warn,
+        Tone::Bad => Level::Error,
+        Tone::Idle => Level::Stale,
     };
-    (level, text.to_owned())
+    (level, remark.text)
 }
 
 impl Input {

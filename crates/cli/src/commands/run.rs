@@ -1,6 +1,8 @@
 //! `northing run`: one estimator over one recording.
 
 mod arguments;
+#[cfg_attr(not(feature = "foxglove"), path = "run/without_foxglove.rs")]
+mod foxglove;
 mod navigation;
 
 use std::path::Path;
@@ -80,11 +82,12 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     }
     let traced = args.report.as_ref();
     let trace = traced.map(|_| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame));
-    // Plots and a file, each where it is asked for.
-    let mut watchers = (trace, file);
+    let played = foxglove::attitude_recorder(args, &options, metadata.world_frame);
+    // Plots, a file and viewers, each where it is asked for.
+    let mut watchers = ((trace, file), played);
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
-    let (trace, file) = watchers;
+    let ((trace, file), played) = watchers;
     let mut written = Vec::new();
     if let (Some(path), Some(trace)) = (&args.report, trace) {
         let html = run_page::render(&summary, &metadata, trace.trace(), command_line());
@@ -96,13 +99,15 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         written.push(format!("Estimates: {}", path.display()));
     }
     if args.json {
-        return print_json(&summary);
+        print_json(&summary)?;
+    } else {
+        let mut text = text::describe(&summary);
+        if !written.is_empty() {
+            text.push_str(&format!("\n{}\n", written.join("\n")));
+        }
+        print(&text)?;
     }
-    let mut text = text::describe(&summary);
-    if !written.is_empty() {
-        text.push_str(&format!("\n{}\n", written.join("\n")));
-    }
-    print(&text)
+    foxglove::serve_attitude(args, options, played, &summary.parameters)
 }
 
 /// The reference's alignment, from a reading of the recording of its own.

@@ -66,7 +66,7 @@ fn floor(name: &str) -> Option<u8> {
         "northing-evaluation" => Some(2),
         "northing-experiments" => Some(3),
         "northing-report" => Some(4),
-        "northing-live" | "northing-ros" => Some(5),
+        "northing-live" | "northing-ros" | "northing-foxglove" => Some(5),
         "northing" | "northing-python" => Some(6),
         _ => None,
     }

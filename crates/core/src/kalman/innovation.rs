@@ -55,6 +55,17 @@ impl Outcome {
     pub const fn is_fused(self) -> bool {
         matches!(self, Self::Fused | Self::Inflated)
     }
+
+    /// Its name in messages to viewers: `fused`, `inflated`, `gated` or `skipped`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fused => "fused",
+            Self::Inflated => "inflated",
+            Self::Gated => "gated",
+            Self::Skipped(_) => "skipped",
+        }
+    }
 }
 
 /// Why a measurement was not looked at.

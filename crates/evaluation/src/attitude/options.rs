@@ -6,7 +6,7 @@ use northing_core::attitude::InitialState;
 use northing_core::attitude::driver::DriverConfig;
 use northing_core::calibration::RestCalibration;
 use northing_core::geometry::frames::TangentFrame;
-use northing_recording::{Event, WorldFrame};
+use northing_recording::{Event, SensorKind, WorldFrame};
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::parameters;
@@ -183,6 +183,25 @@ impl RunOptions {
         match &self.magnetometer_calibration {
             Some(field) => field.apply(event),
             None => event,
+        }
+    }
+
+    /// How long the errors of a sensor that corrects the attitude are taken to last, s; `None` where the estimator has no
+    /// noise of it that innovations could judge.
+    #[must_use]
+    pub fn correlation_time_s(&self, sensor: SensorKind) -> Option<f64> {
+        let bounded = self.estimator == EstimatorKind::BoundedVelocity;
+        let config = self.config.alignment(self.estimator);
+        match sensor {
+            // A bounded velocity is no noise of the accelerometer: there is no R to judge.
+            SensorKind::Accelerometer if bounded => None,
+            SensorKind::Accelerometer => Some(config.accelerometer_correlation_time_s),
+            SensorKind::Magnetometer if bounded => {
+                Some(self.config.bounded_velocity.magnetometer_correlation_time_s)
+            }
+            SensorKind::Magnetometer => Some(config.magnetometer_correlation_time_s),
+            SensorKind::CompassHeading => Some(config.compass_correlation_time_s),
+            _ => None,
         }
     }
 

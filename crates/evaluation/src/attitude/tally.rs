@@ -374,47 +374,35 @@ impl Tally {
     }
 
     fn verdicts(&self, nis: &NisOf<NisSummary>, options: &RunOptions) -> Vec<SensorVerdict> {
-        let bounded = options.estimator == EstimatorKind::BoundedVelocity;
-        let mut config = options.config.alignment(options.estimator);
-        if bounded {
-            let own = &options.config.bounded_velocity;
-            config.magnetometer_correlation_time_s = own.magnetometer_correlation_time_s;
-        }
-        let (updates, accelerometer) = (&self.updates, nis.accelerometer.as_ref());
+        let updates = &self.updates;
         let judged = [
             (
                 SensorKind::Accelerometer,
-                // A bounded velocity is no noise of the accelerometer: there is no R to judge.
-                accelerometer.filter(|_| !bounded),
+                nis.accelerometer.as_ref(),
                 &updates.accelerometer,
-                config.accelerometer_correlation_time_s,
             ),
             (
                 SensorKind::Magnetometer,
                 nis.magnetometer.as_ref(),
                 &updates.magnetometer,
-                config.magnetometer_correlation_time_s,
             ),
             (
                 SensorKind::CompassHeading,
                 nis.compass.as_ref(),
                 &updates.compass,
-                config.compass_correlation_time_s,
             ),
         ];
-        let judged = judged
-            .into_iter()
-            .filter_map(|(sensor, nis, counts, lasts)| {
-                let by = JudgeBy {
-                    correlation_time_s: lasts,
-                    is_coarse: self.diagnosis.is_coarse(sensor),
-                };
-                let all = nis?;
-                let unexplained = self.diagnosis.unexplained(sensor).summary();
-                let judged = unexplained.filter(|left| 2 * left.samples > all.samples);
-                let judged = judged.as_ref().unwrap_or(all);
-                Some(consistency::judge(sensor, judged, counts, by))
-            });
+        let judged = judged.into_iter().filter_map(|(sensor, nis, counts)| {
+            let by = JudgeBy {
+                correlation_time_s: options.correlation_time_s(sensor)?,
+                is_coarse: self.diagnosis.is_coarse(sensor),
+            };
+            let all = nis?;
+            let unexplained = self.diagnosis.unexplained(sensor).summary();
+            let judged = unexplained.filter(|left| 2 * left.samples > all.samples);
+            let judged = judged.as_ref().unwrap_or(all);
+            Some(consistency::judge(sensor, judged, counts, by))
+        });
         judged.collect()
     }
 

@@ -8,6 +8,7 @@
 //! | heading errors without their constant part | [`heading_errors`] |
 //! | NIS, counts of updates, quantiles of chi-square | [`nis`] |
 //! | "your accelerometer R is about 9 times too small" | [`consistency`] |
+//! | the same of the last seconds: the lamp of a sensor | [`lamp`] |
 //! | one step back of RTS smoothing, whatever the states | `rts_step.rs` |
 //! | a series of bounded length for plots | [`thinned`] |
 //! | the causes of a wrong verdict: holes, rounding, saturation, disturbance | [`verdict`] |
@@ -16,6 +17,7 @@ pub mod attitude_std;
 pub mod consistency;
 pub mod faults;
 pub mod heading_errors;
+pub mod lamp;
 pub mod metrics;
 pub mod nis;
 pub(crate) mod rts_step;

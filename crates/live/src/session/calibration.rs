@@ -11,9 +11,9 @@ use northing_evaluation::attitude::options::SensorSelection;
 use northing_evaluation::statistics::thinned::Thinned;
 use northing_recording::{Event, SensorKind};
 
-use super::lamp::{Remark, Tone};
 use super::span::Span;
 use crate::to_page::{self, Calibration, CalibrationState, ToPage};
+use northing_evaluation::statistics::lamp::{Remark, Tone};
 
 /// Points kept for the plot of one sensor.
 const PLOT_POINTS: usize = 600;

@@ -4,8 +4,8 @@ use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_recording::{Event, Sample};
 
 use super::DeviceSession;
-use super::lamp::{Remark, Tone};
 use super::magnetometer::{MagnetometerAction, MagnetometerRun, recalibrated};
+use northing_evaluation::statistics::lamp::{Remark, Tone};
 
 impl DeviceSession {
     /// Begins, ends, drops or takes back a magnetometer calibration. Returns what to tell people.

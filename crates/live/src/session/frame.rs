@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use northing_core::attitude::AttitudeEstimator;
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_core::geometry::rotation;
-use northing_core::kalman::{Innovation, Outcome};
+use northing_core::kalman::Innovation;
 use northing_evaluation::EstimatorKind;
 use northing_evaluation::attitude::kinds::AnyEstimator;
 use northing_evaluation::attitude::observer::angles_covariance;
@@ -15,9 +15,9 @@ use serde::Serialize;
 
 use super::aids::{STOPPED_S, SensorStatus};
 use super::bounded_velocity::Surroundings;
-use super::lamp::{Lamp, Remark};
 use super::subject::TruthError;
 use super::{DeviceSession, health};
+use northing_evaluation::statistics::lamp::{Lamp, Remark};
 
 /// One estimator's estimate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -79,12 +79,7 @@ impl InnovationPoint {
             std: innovation.residual_std().into(),
             nis: innovation.nis,
             dof: innovation.degrees_of_freedom,
-            outcome: match innovation.outcome {
-                Outcome::Fused => "fused",
-                Outcome::Inflated => "inflated",
-                Outcome::Gated => "gated",
-                Outcome::Skipped(_) => "skipped",
-            },
+            outcome: innovation.outcome.name(),
         }
     }
 }

@@ -4,7 +4,7 @@ use northing_evaluation::attitude::options::CompassUse;
 use northing_recording::SensorKind;
 
 use super::intake::Intake;
-use super::lamp::{Remark, Tone};
+use northing_evaluation::statistics::lamp::{Remark, Tone};
 
 /// Below this rate fast turns are missed, Hz.
 const SLOW_HZ: f64 = 20.0;

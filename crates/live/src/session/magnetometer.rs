@@ -9,8 +9,8 @@ use northing_core::calibration::magnetometer::{
 use northing_evaluation::statistics::thinned::Thinned;
 use serde::{Deserialize, Serialize};
 
-use super::lamp::{Remark, Tone};
 use crate::to_page::{Coverage, Magnetometer, MagnetometerFit, MagnetometerState};
+use northing_evaluation::statistics::lamp::{Remark, Tone};
 
 /// Samples kept for the fit; of longer turns every second one, and so on. A fit over all of them
 /// takes a few milliseconds.

@@ -14,9 +14,9 @@ use serde::Serialize;
 
 use super::aids::{AIDS, Aid, Delivery};
 use super::frame::InnovationPoint;
-use super::lamp::{Lamp, LampWindow, Tone};
 use super::track::Track;
 use super::{DeviceSession, seconds_since};
+use northing_evaluation::statistics::lamp::{Lamp, LampWindow, Tone};
 
 /// Innovations kept for the page between two frames: two seconds of fast sensors.
 const MOST_INNOVATIONS: usize = 1000;

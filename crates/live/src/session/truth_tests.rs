@@ -1,9 +1,9 @@
 //! The subject of a device: whatever is judged, is judged of it; and sensors that do not deliver.
 
 use super::aids::Delivery;
-use super::lamp::Lamp;
 use super::*;
 use crate::experiments::Finished;
+use northing_evaluation::statistics::lamp::Lamp;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 use serde_json::json;
 

@@ -70,6 +70,12 @@ pub(crate) struct RunArgs {
     /// Print one JSON document
     #[arg(long)]
     pub(crate) json: bool,
+    /// When the run has ended, be a server for Foxglove, whose viewers play it, pause, seek and set parameters; without
+    /// an address on this computer alone, port 8765
+    #[cfg(feature = "foxglove")]
+    #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, require_equals = true,
+          default_missing_value = "127.0.0.1:8765", value_parser = super::foxglove::address)]
+    pub(crate) foxglove: Option<std::net::SocketAddr>,
     #[command(flatten)]
     pub(crate) navigation: NavigationArgs,
     #[command(flatten)]

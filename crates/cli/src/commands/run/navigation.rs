@@ -12,6 +12,7 @@ use northing_recording::atomic_file::write_whole;
 use northing_report::{NavigationFile, NavigationReport, TRACE_CAPACITY};
 
 use super::arguments::RunArgs;
+use super::foxglove;
 use crate::arguments::estimation::of_recording;
 use crate::files::output::{
     check_free, check_not_input, print, print_json, report_written, same_file,
@@ -39,19 +40,22 @@ pub(crate) fn execute(
     let file = file
         .map(|path| NavigationFile::create(path, args.force))
         .transpose()?;
-    let mut watchers = (trace, file);
+    let mut watchers = ((trace, file), foxglove::navigation_recorder(args));
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
     let title = recording.metadata().name.clone();
-    let written = write_outputs(args, &summary, &title, watchers)?;
+    let (outputs, played) = watchers;
+    let written = write_outputs(args, &summary, &title, outputs)?;
     if args.json {
-        return print_json(&summary);
+        print_json(&summary)?;
+    } else {
+        let mut text = text::describe(&summary);
+        if !written.is_empty() {
+            text.push_str(&format!("\n{}\n", written.join("\n")));
+        }
+        print(&text)?;
     }
-    let mut text = text::describe(&summary);
-    if !written.is_empty() {
-        text.push_str(&format!("\n{}\n", written.join("\n")));
-    }
-    print(&text)
+    foxglove::serve_navigation(args, options, played, &summary.parameters)
 }
 
 /// Refuses outputs that cannot be written, before any work is done for them.
@@ -78,7 +82,7 @@ fn check_outputs(args: &RunArgs) -> Result<()> {
 }
 
 /// Runs an estimator over a recording; `name` stands for it in the summary and in messages.
-fn run_over(
+pub(super) fn run_over(
     recording: &mut Recording,
     name: &str,
     options: &NavigationOptions,

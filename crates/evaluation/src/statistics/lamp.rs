@@ -1,8 +1,9 @@
 //! Consistency of the last seconds of innovations with the stated noise (NIS), in words: the lamps.
 
+use crate::statistics::consistency::{JudgeBy, NoiseVerdict, judge};
+use crate::statistics::nis::{NisStatistics, UpdateCounts};
 use northing_core::kalman::Innovation;
-use northing_evaluation::statistics::consistency::{JudgeBy, NoiseVerdict, judge};
-use northing_evaluation::statistics::nis::{NisStatistics, UpdateCounts};
+use northing_core::navigation::Validity;
 use northing_recording::SensorKind;
 use serde::Serialize;
 
@@ -13,7 +14,7 @@ const RENEW: u32 = 25;
 
 /// How welcome something is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 #[serde(rename_all = "kebab-case")]
 pub enum Tone {
     /// As it should be.
@@ -28,9 +29,23 @@ pub enum Tone {
     Idle,
 }
 
+impl Tone {
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Info => "info",
+            Self::Warn => "warn",
+            Self::Bad => "bad",
+            Self::Idle => "idle",
+        }
+    }
+}
+
 /// A statement with its tone.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Remark {
     /// How welcome it is.
     pub tone: Tone,
@@ -48,9 +63,30 @@ impl Remark {
     }
 }
 
+impl Remark {
+    /// What a position is worth.
+    #[must_use]
+    pub fn of_validity(validity: Validity) -> Self {
+        let (tone, text) = match validity {
+            Validity::Aligning => (Tone::Idle, "no position yet"),
+            Validity::HeadingUnknown => (
+                Tone::Warn,
+                "fixes are used; the heading is not known, or the fixes disagree with it",
+            ),
+            Validity::Aided => (Tone::Good, "fixes are used"),
+            Validity::DeadReckoning => (Tone::Warn, "dead reckoning: no fix is used"),
+            Validity::Invalid => (
+                Tone::Bad,
+                "the position is invalid: no fix for too long, or its stated error is too large",
+            ),
+        };
+        Self::new(tone, text)
+    }
+}
+
 /// The lamp of one sensor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
+#[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
 pub struct Lamp {
     /// The sensor.
     pub sensor: SensorKind,

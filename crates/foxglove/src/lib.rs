@@ -1,0 +1,25 @@
+//! A server for Foxglove and other viewers of its protocol: a run over a recording that a viewer plays, pauses and seeks in,
+//! with topics for what the estimator told and parameters that the viewer sets.
+//!
+//! | I look for | file |
+//! |---|---|
+//! | topics, their messages and schemas | `topics.rs` |
+//! | what a run told, kept to be played | `played_run.rs` |
+//! | play, pause, seek, speed | `playback.rs` |
+//! | the server, its parameters and requests | `server.rs` |
+//! | a played run behind a server | `player.rs` |
+//!
+//! Read first: `docs/foxglove.md`.
+
+#![deny(rustdoc::broken_intra_doc_links)]
+
+mod playback;
+mod played_run;
+mod player;
+mod server;
+mod topics;
+
+pub use played_run::{AttitudeRecorder, NavigationRecorder, PlayedRun};
+pub use player::{Player, Source};
+pub use server::{Server, ServerError, SetRequest};
+pub use topics::{Told, Topics};

@@ -1,0 +1,379 @@
+//! The topics: what each is called, and the messages on it.
+//!
+//! | topic | message |
+//! |---|---|
+//! | `/tf` | `foxglove.FrameTransform`: the body in the level frame `map`, x east, y north, z up |
+//! | `/position` | `foxglove.LocationFix`: where the antenna is estimated to be |
+//! | `/fix` | `foxglove.LocationFix`: what the receiver said |
+//! | `/attitude`, `/velocity`, `/gyroscope_bias` | JSON, with standard deviations where they are stated |
+//! | `/innovations/SENSOR` | JSON: residual, its standard deviation, NIS, degrees of freedom, outcome |
+//! | `/lamps/SENSOR`, `/lamps/position` | JSON: tone and sentence |
+//! | `/log` | `foxglove.Log`: every lamp that changes |
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use foxglove::messages::location_fix::PositionCovarianceType;
+use foxglove::messages::log::Level;
+use foxglove::messages::{FrameTransform, LocationFix, Log, Quaternion, Timestamp, Vector3};
+use foxglove::{Channel, ChannelBuilder, Context, PartialMetadata, RawChannel, Schema};
+use nalgebra::Vector3 as Vector;
+use northing_core::geometry::rotation;
+use northing_core::kalman::Innovation;
+use northing_evaluation::attitude::observer::angles_covariance;
+use northing_evaluation::statistics::lamp::Tone;
+use northing_recording::{PoseEstimate, TrackPoint};
+use serde_json::{Map, Value as Json, json};
+
+/// The level frame.
+const MAP: &str = "map";
+
+/// Something that an estimator told.
+#[derive(Debug, Clone)]
+pub enum Told {
+    /// Attitude, position and velocity, as far as they are estimated.
+    Pose(Box<PoseEstimate>),
+    /// Gyroscope bias and its standard deviation, deg/s, body axes.
+    GyroscopeBias([f64; 3], [f64; 3]),
+    /// A fix of the receiver.
+    Fix(TrackPoint),
+    /// A measurement of a sensor and what it told.
+    Innovation(&'static str, Innovation<f64>),
+    /// What is to be said of a sensor, or of the position.
+    Lamp {
+        /// The sensor.
+        sensor: &'static str,
+        /// How welcome it is.
+        tone: Tone,
+        /// In a sentence.
+        text: String,
+        /// Mean NIS of the last samples, and what it is when the stated noise is consistent.
+        nis: Option<(f64, u8)>,
+    },
+}
+
+impl Told {
+    /// What it is about: the newest of each subject shows the state of a moment.
+    pub(crate) fn subject(&self) -> (u8, &'static str) {
+        match self {
+            Self::Pose(_) => (0, ""),
+            Self::GyroscopeBias(..) => (1, ""),
+            Self::Fix(_) => (2, ""),
+            Self::Innovation(sensor, _) => (3, sensor),
+            Self::Lamp { sensor, .. } => (4, sensor),
+        }
+    }
+}
+
+/// A topic that has been advertised.
+enum Topic {
+    Transform(Channel<FrameTransform>),
+    Fix(Channel<LocationFix>),
+    Log(Channel<Log>),
+    Json(Arc<RawChannel>),
+}
+
+/// Publishes to every viewer; a topic is advertised when it first has something to say.
+pub struct Topics {
+    context: Arc<Context>,
+    topics: BTreeMap<String, Topic>,
+    /// The frame of the body in transforms.
+    body: String,
+}
+
+impl std::fmt::Debug for Topics {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_list().entries(self.topics.keys()).finish()
+    }
+}
+
+impl Topics {
+    pub(crate) fn new(context: Arc<Context>, body: &str) -> Self {
+        Self {
+            context,
+            topics: BTreeMap::new(),
+            body: body.to_owned(),
+        }
+    }
+
+    /// Publishes what was told at a time of the recording, ns; `is_new` unless it is shown once more.
+    pub fn publish(&mut self, time_ns: i64, told: &Told, is_new: bool) {
+        match told {
+            Told::Pose(pose) => self.pose(time_ns, pose),
+            Told::GyroscopeBias(bias, std) => {
+                let value = json!({ "bias_deg_s": xyz(bias), "std_deg_s": xyz(std) });
+                self.json(time_ns, "/gyroscope_bias", &schemas::bias(), &value);
+            }
+            Told::Fix(place) => self.fix(time_ns, "/fix", place, None),
+            Told::Innovation(sensor, innovation) => {
+                let topic = format!("/innovations/{sensor}");
+                let value = innovation_json(innovation);
+                self.json(time_ns, &topic, &schemas::innovation(), &value);
+            }
+            Told::Lamp {
+                sensor,
+                tone,
+                text,
+                nis,
+            } => {
+                let mut value = json!({ "tone": tone.name(), "text": text });
+                if let Some((mean, expected)) = nis {
+                    value["nis_mean"] = json!(mean);
+                    value["nis_expected"] = json!(expected);
+                }
+                let topic = format!("/lamps/{sensor}");
+                self.json(time_ns, &topic, &schemas::lamp(), &value);
+                if is_new {
+                    self.log(time_ns, sensor, *tone, text);
+                }
+            }
+        }
+    }
+
+    fn pose(&mut self, time_ns: i64, pose: &PoseEstimate) {
+        if let Some((attitude, covariance)) = &pose.attitude {
+            let position = pose.position.map_or(Vector::zeros(), |(p, _)| p);
+            let [w, x, y, z] = rotation::to_wxyz(attitude);
+            let transform = FrameTransform {
+                timestamp: Some(timestamp(time_ns)),
+                parent_frame_id: MAP.to_owned(),
+                child_frame_id: self.body.clone(),
+                translation: Some(vector(&position)),
+                rotation: Some(Quaternion { x, y, z, w }),
+            };
+            let advertised = self.topic("/tf", |builder| Topic::Transform(builder.build()));
+            if let Topic::Transform(channel) = advertised {
+                channel.log_with_meta(&transform, at(time_ns));
+            }
+            let [yaw, pitch, roll] = rotation::to_yaw_pitch_roll(attitude).map(f64::to_degrees);
+            let mut value = json!({ "yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll });
+            if let Some(about_world) = covariance {
+                let axes = attitude.to_rotation_matrix().into_inner();
+                let body = axes.transpose() * about_world * axes;
+                let angles = angles_covariance(attitude, &body).diagonal();
+                for (index, name) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
+                    let std = angles[index].max(0.0).sqrt().to_degrees();
+                    value[format!("{name}_std_deg")] = json!(std);
+                }
+            }
+            self.json(time_ns, "/attitude", &schemas::attitude(), &value);
+        }
+        if let Some((velocity, covariance)) = &pose.velocity {
+            let mut value =
+                json!({ "velocity_m_s": enu(velocity.as_slice()), "speed_m_s": velocity.norm() });
+            if let Some(p) = covariance {
+                let std = p.diagonal().map(|v| v.max(0.0).sqrt());
+                value["std_m_s"] = enu(std.as_slice());
+            }
+            self.json(time_ns, "/velocity", &schemas::velocity(), &value);
+        }
+        if let Some(place) = &pose.place {
+            let covariance = pose.position.and_then(|(_, covariance)| covariance);
+            let covariance = covariance.map(|p| p.transpose().as_slice().to_vec());
+            self.fix(time_ns, "/position", place, covariance);
+        }
+    }
+
+    fn fix(&mut self, time_ns: i64, topic: &str, place: &TrackPoint, covariance: Option<Vec<f64>>) {
+        let of_std = || {
+            let [north, east, down] = place.std_m?;
+            let variances = Vector::new(east * east, north * north, down * down);
+            let known = variances.iter().all(|v| v.is_finite());
+            known.then(|| {
+                nalgebra::Matrix3::from_diagonal(&variances)
+                    .as_slice()
+                    .to_vec()
+            })
+        };
+        let kind = match &covariance {
+            Some(_) => PositionCovarianceType::Known,
+            None if of_std().is_some() => PositionCovarianceType::DiagonalKnown,
+            None => PositionCovarianceType::Unknown,
+        };
+        let fix = LocationFix {
+            timestamp: Some(timestamp(time_ns)),
+            frame_id: self.body.clone(),
+            latitude: place.latitude_rad.to_degrees(),
+            longitude: place.longitude_rad.to_degrees(),
+            // NaN where it is not known.
+            altitude: place.height_m,
+            position_covariance: covariance.or_else(of_std).unwrap_or_default(),
+            position_covariance_type: kind as i32,
+            ..LocationFix::default()
+        };
+        if let Topic::Fix(channel) = self.topic(topic, |builder| Topic::Fix(builder.build())) {
+            channel.log_with_meta(&fix, at(time_ns));
+        }
+    }
+
+    fn log(&mut self, time_ns: i64, sensor: &str, tone: Tone, text: &str) {
+        let level = match tone {
+            Tone::Good | Tone::Info | Tone::Idle => Level::Info,
+            Tone::Warn => Level::Warning,
+            Tone::Bad => Level::Error,
+        };
+        let message = Log {
+            timestamp: Some(timestamp(time_ns)),
+            level: level as i32,
+            message: text.to_owned(),
+            name: sensor.to_owned(),
+            ..Log::default()
+        };
+        if let Topic::Log(channel) = self.topic("/log", |builder| Topic::Log(builder.build())) {
+            channel.log_with_meta(&message, at(time_ns));
+        }
+    }
+
+    fn json(&mut self, time_ns: i64, topic: &str, schema: &schemas::Schema, value: &Json) {
+        let make = |builder: ChannelBuilder| {
+            let text = schema.text().into_bytes();
+            let schema = Schema::new(schema.name, "jsonschema", text);
+            // It fails without an encoding only.
+            let channel = builder.message_encoding("json").schema(schema).build_raw();
+            Topic::Json(channel.unwrap_or_else(|_| unreachable!("it has an encoding")))
+        };
+        if let Topic::Json(channel) = self.topic(topic, make) {
+            channel.log_with_meta(value.to_string().as_bytes(), at(time_ns));
+        }
+    }
+
+    fn topic(&mut self, name: &str, make: impl FnOnce(ChannelBuilder) -> Topic) -> &Topic {
+        if !self.topics.contains_key(name) {
+            let builder = ChannelBuilder::new(name).context(&self.context);
+            self.topics.insert(name.to_owned(), make(builder));
+        }
+        &self.topics[name]
+    }
+}
+
+/// Stamps of the protocol count from 0.
+pub(crate) fn protocol_ns(time_ns: i64) -> u64 {
+    u64::try_from(time_ns).unwrap_or(0)
+}
+
+fn at(time_ns: i64) -> PartialMetadata {
+    PartialMetadata {
+        log_time: Some(protocol_ns(time_ns)),
+    }
+}
+
+fn timestamp(time_ns: i64) -> Timestamp {
+    let ns = protocol_ns(time_ns);
+    let seconds = u32::try_from(ns / 1_000_000_000).unwrap_or(u32::MAX);
+    Timestamp::new_checked(seconds, (ns % 1_000_000_000) as u32).unwrap_or(Timestamp::MAX)
+}
+
+fn vector(v: &Vector<f64>) -> Vector3 {
+    Vector3 {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
+}
+
+fn named(names: [&str; 3], values: &[f64]) -> Json {
+    let pairs = names.into_iter().zip(values);
+    let object: Map<String, Json> = pairs.map(|(n, v)| (n.to_owned(), json!(v))).collect();
+    Json::Object(object)
+}
+
+fn xyz(values: &[f64]) -> Json {
+    named(["x", "y", "z"], values)
+}
+
+fn enu(values: &[f64]) -> Json {
+    named(["east", "north", "up"], values)
+}
+
+fn innovation_json(innovation: &Innovation<f64>) -> Json {
+    let mut value = json!({
+        "outcome": innovation.outcome.name(),
+        "degrees_of_freedom": innovation.degrees_of_freedom,
+    });
+    if innovation.degrees_of_freedom > 0 {
+        value["residual"] = xyz(innovation.residual.as_slice());
+        value["std"] = xyz(innovation.residual_std().as_slice());
+        value["nis"] = json!(innovation.nis);
+    }
+    value
+}
+
+/// JSON schemas of the messages, so that a viewer offers their fields.
+mod schemas {
+    use serde_json::{Map, Value as Json, json};
+
+    /// Name and fields of a message.
+    pub(super) struct Schema {
+        pub(super) name: &'static str,
+        fields: Json,
+    }
+
+    impl Schema {
+        pub(super) fn text(&self) -> String {
+            json!({ "title": self.name, "type": "object", "properties": self.fields }).to_string()
+        }
+    }
+
+    fn numbers<const N: usize>(names: [&str; N]) -> Map<String, Json> {
+        let number = |name: &str| (name.to_owned(), json!({ "type": "number" }));
+        names.into_iter().map(number).collect()
+    }
+
+    fn three(names: [&str; 3]) -> Json {
+        json!({ "type": "object", "properties": numbers(names) })
+    }
+
+    pub(super) fn attitude() -> Schema {
+        let names = [
+            "yaw_deg",
+            "pitch_deg",
+            "roll_deg",
+            "yaw_std_deg",
+            "pitch_std_deg",
+            "roll_std_deg",
+        ];
+        Schema {
+            name: "northing.Attitude",
+            fields: Json::Object(numbers(names)),
+        }
+    }
+
+    pub(super) fn velocity() -> Schema {
+        let axes = ["east", "north", "up"];
+        Schema {
+            name: "northing.Velocity",
+            fields: json!({ "velocity_m_s": three(axes), "std_m_s": three(axes), "speed_m_s": { "type": "number" } }),
+        }
+    }
+
+    pub(super) fn bias() -> Schema {
+        let axes = ["x", "y", "z"];
+        Schema {
+            name: "northing.GyroscopeBias",
+            fields: json!({ "bias_deg_s": three(axes), "std_deg_s": three(axes) }),
+        }
+    }
+
+    pub(super) fn innovation() -> Schema {
+        let axes = ["x", "y", "z"];
+        Schema {
+            name: "northing.Innovation",
+            fields: json!({
+                "residual": three(axes), "std": three(axes), "nis": { "type": "number" },
+                "degrees_of_freedom": { "type": "integer" },
+                "outcome": { "type": "string", "enum": ["fused", "inflated", "gated", "skipped"] },
+            }),
+        }
+    }
+
+    pub(super) fn lamp() -> Schema {
+        Schema {
+            name: "northing.Lamp",
+            fields: json!({
+                "tone": { "type": "string", "enum": ["good", "info", "warn", "bad", "idle"] },
+                "text": { "type": "string" },
+                "nis_mean": { "type": "number" }, "nis_expected": { "type": "integer" },
+            }),
+        }
+    }
+}
