@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use foxglove::SinkId;
 use foxglove::websocket::{
     ChannelView, Client, PlaybackCommand, PlaybackControlRequest, PlaybackState, PlaybackStatus,
     ServerListener,
@@ -42,6 +43,8 @@ struct State {
     begun: bool,
     /// From when on the state of the moment is to be shown.
     show_at: Option<Instant>,
+    /// Who has subscribed to a topic since it was last looked.
+    newcomers: Vec<(String, SinkId)>,
     /// What changed without a viewer asking for it is to be told; `true`: it was a jump.
     tell: Option<bool>,
     ends: bool,
@@ -86,9 +89,12 @@ impl ServerListener for Shared {
         state.tell = Some(false);
     }
 
-    fn on_subscribe(&self, _: Client, _: ChannelView<'_>) {
+    fn on_subscribe(&self, viewer: Client, channel: ChannelView<'_>) {
         // What does not change soon would otherwise not be seen until it does.
-        self.lock().show();
+        if let Some(viewer) = viewer.sink_id() {
+            let topic = channel.topic().to_owned();
+            self.lock().newcomers.push((topic, viewer));
+        }
     }
 
     fn on_playback_control_request(&self, asked: PlaybackControlRequest) -> Option<PlaybackState> {
@@ -143,6 +149,7 @@ impl Player {
             playback: Playback::new(span_ns),
             begun: false,
             show_at: Some(Instant::now()),
+            newcomers: Vec::new(),
             tell: None,
             ends: false,
         })));
@@ -234,6 +241,7 @@ fn newest(settings: impl IntoIterator<Item = String>) -> Vec<String> {
 fn play(server: &Server, shared: &Shared) {
     let mut topics = server.topics(BODY);
     let mut last = Instant::now();
+    let mut known = None;
     loop {
         std::thread::sleep(TICK);
         let now = Instant::now();
@@ -252,14 +260,27 @@ fn play(server: &Server, shared: &Shared) {
         if shows {
             state.show_at = None;
         }
+        let newcomers = std::mem::take(&mut state.newcomers);
         let (run, now_ns) = (Arc::clone(&state.run), state.playback.now_ns());
         drop(state);
+        // What a run tells another may not.
+        if known.as_ref().is_none_or(|known| !Arc::ptr_eq(known, &run)) {
+            for (_, told) in run.state_at(i64::MAX) {
+                topics.advertise(told);
+            }
+            known = Some(Arc::clone(&run));
+        }
         if let Some(playback) = playback {
             server.publish_playback(playback);
         }
         if shows {
             for (time_ns, told) in run.state_at(before_ns) {
                 topics.publish(*time_ns, told, false);
+            }
+        }
+        for (topic, viewer) in &newcomers {
+            for (time_ns, told) in run.state_at(before_ns) {
+                topics.show(topic, *viewer, *time_ns, told);
             }
         }
         for (time_ns, told) in due.map_or(&[][..], |due| run.between(due)) {

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use foxglove::messages::location_fix::PositionCovarianceType;
 use foxglove::messages::log::Level;
 use foxglove::messages::{FrameTransform, LocationFix, Log, Quaternion, Timestamp, Vector3};
-use foxglove::{Channel, ChannelBuilder, Context, PartialMetadata, RawChannel, Schema};
+use foxglove::{Channel, ChannelBuilder, Context, PartialMetadata, RawChannel, Schema, SinkId};
 use nalgebra::Vector3 as Vector;
 use northing_core::geometry::rotation;
 use northing_core::kalman::Innovation;
@@ -73,12 +73,24 @@ enum Topic {
     Json(Arc<RawChannel>),
 }
 
-/// Publishes to every viewer; a topic is advertised when it first has something to say.
+/// Publishes to every viewer; a topic is advertised when there is something to say on it.
 pub struct Topics {
     context: Arc<Context>,
     topics: BTreeMap<String, Topic>,
     /// The frame of the body in transforms.
     body: String,
+    audience: Audience,
+}
+
+/// Who is told.
+#[derive(Default)]
+enum Audience {
+    #[default]
+    All,
+    /// One viewer, of one topic.
+    One(String, SinkId),
+    /// Nobody: topics are advertised.
+    Nobody,
 }
 
 impl std::fmt::Debug for Topics {
@@ -93,7 +105,22 @@ impl Topics {
             context,
             topics: BTreeMap::new(),
             body: body.to_owned(),
+            audience: Audience::All,
         }
+    }
+
+    /// Publishes once more what was told, on one topic and to one viewer.
+    pub(crate) fn show(&mut self, topic: &str, viewer: SinkId, time_ns: i64, told: &Told) {
+        self.audience = Audience::One(topic.to_owned(), viewer);
+        self.publish(time_ns, told, false);
+        self.audience = Audience::All;
+    }
+
+    /// Makes the topics of what will be told known, so that viewers miss nothing of it.
+    pub(crate) fn advertise(&mut self, told: &Told) {
+        self.audience = Audience::Nobody;
+        self.publish(0, told, true);
+        self.audience = Audience::All;
     }
 
     /// Publishes what was told at a time of the recording, ns; `is_new` unless it is shown once more.
@@ -142,8 +169,8 @@ impl Topics {
                 rotation: Some(Quaternion { x, y, z, w }),
             };
             let advertised = self.topic("/tf", |builder| Topic::Transform(builder.build()));
-            if let Topic::Transform(channel) = advertised {
-                channel.log_with_meta(&transform, at(time_ns));
+            if let Some((Topic::Transform(channel), viewer)) = advertised {
+                channel.log_with_meta_to_sink(&transform, at(time_ns), viewer);
             }
             let [yaw, pitch, roll] = rotation::to_yaw_pitch_roll(attitude).map(f64::to_degrees);
             let mut value = json!({ "yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll });
@@ -201,8 +228,10 @@ impl Topics {
             position_covariance_type: kind as i32,
             ..LocationFix::default()
         };
-        if let Topic::Fix(channel) = self.topic(topic, |builder| Topic::Fix(builder.build())) {
-            channel.log_with_meta(&fix, at(time_ns));
+        if let Some((Topic::Fix(channel), viewer)) =
+            self.topic(topic, |builder| Topic::Fix(builder.build()))
+        {
+            channel.log_with_meta_to_sink(&fix, at(time_ns), viewer);
         }
     }
 
@@ -219,8 +248,10 @@ impl Topics {
             name: sensor.to_owned(),
             ..Log::default()
         };
-        if let Topic::Log(channel) = self.topic("/log", |builder| Topic::Log(builder.build())) {
-            channel.log_with_meta(&message, at(time_ns));
+        if let Some((Topic::Log(channel), viewer)) =
+            self.topic("/log", |builder| Topic::Log(builder.build()))
+        {
+            channel.log_with_meta_to_sink(&message, at(time_ns), viewer);
         }
     }
 
@@ -232,17 +263,31 @@ impl Topics {
             let channel = builder.message_encoding("json").schema(schema).build_raw();
             Topic::Json(channel.unwrap_or_else(|_| unreachable!("it has an encoding")))
         };
-        if let Topic::Json(channel) = self.topic(topic, make) {
-            channel.log_with_meta(value.to_string().as_bytes(), at(time_ns));
+        if let Some((Topic::Json(channel), viewer)) = self.topic(topic, make) {
+            let text = value.to_string();
+            channel.log_with_meta_to_sink(text.as_bytes(), at(time_ns), viewer);
         }
     }
 
-    fn topic(&mut self, name: &str, make: impl FnOnce(ChannelBuilder) -> Topic) -> &Topic {
+    /// The topic, and who alone hears of it; `None` where nobody does.
+    fn topic(
+        &mut self,
+        name: &str,
+        make: impl FnOnce(ChannelBuilder) -> Topic,
+    ) -> Option<(&Topic, Option<SinkId>)> {
+        if matches!(&self.audience, Audience::One(only, _) if only != name) {
+            return None;
+        }
         if !self.topics.contains_key(name) {
             let builder = ChannelBuilder::new(name).context(&self.context);
             self.topics.insert(name.to_owned(), make(builder));
         }
-        &self.topics[name]
+        let viewer = match &self.audience {
+            Audience::All => None,
+            Audience::One(_, viewer) => Some(*viewer),
+            Audience::Nobody => return None,
+        };
+        Some((&self.topics[name], viewer))
     }
 }
 
