@@ -1,5 +1,5 @@
-//! A server for Foxglove and other viewers of its protocol: a run over a recording that a viewer plays, pauses and seeks in,
-//! with topics for what the estimator told and parameters that the viewer sets.
+//! A server for Foxglove and other viewers of its protocol: topics for what estimators tell, parameters that a viewer sets, and
+//! of a run over a recording playback that it controls.
 //!
 //! | I look for | file |
 //! |---|---|
@@ -21,5 +21,5 @@ mod topics;
 
 pub use played_run::{AttitudeRecorder, NavigationRecorder, PlayedRun};
 pub use player::{Player, Source};
-pub use server::{Server, ServerError, SetRequest};
-pub use topics::{Told, Topics};
+pub use server::{Server, ServerError, SetRequest, Setting};
+pub use topics::{InnovationTold, Told, Topics};

@@ -161,7 +161,7 @@ impl RunObserver for AttitudeRecorder {
         if let Some((bias, covariance)) = &record.gyroscope_bias {
             let std = covariance.diagonal().map(|v| v.max(0.0).sqrt());
             let [bias, std] = [*bias, std].map(|v| v.map(f64::to_degrees).into());
-            let told = || (time_ns, Told::GyroscopeBias(bias, std));
+            let told = || (time_ns, Told::GyroscopeBias(bias, Some(std)));
             self.biases.push(told);
         }
     }
@@ -172,7 +172,12 @@ impl RunObserver for AttitudeRecorder {
         if record.innovation.degrees_of_freedom > 0 || is_refusal(&record.innovation) {
             let series = self.innovations.entry(sensor);
             let series = series.or_insert_with(|| Thinned::new(MOST));
-            series.push(|| (time_ns, Told::Innovation(sensor.name(), record.innovation)));
+            series.push(|| {
+                (
+                    time_ns,
+                    Told::Innovation(sensor.name(), (&record.innovation).into()),
+                )
+            });
         }
         self.lamp(time_ns, sensor, &record.innovation);
     }
@@ -262,7 +267,7 @@ impl NavigationObserver for NavigationRecorder {
         if innovation.degrees_of_freedom > 0 || is_refusal(innovation) {
             let series = self.innovations.entry(aid);
             let series = series.or_insert_with(|| Thinned::new(MOST));
-            series.push(|| (time_ns, Told::Innovation(aid.name(), *innovation)));
+            series.push(|| (time_ns, Told::Innovation(aid.name(), innovation.into())));
         }
     }
 
@@ -287,7 +292,7 @@ mod tests {
 
     fn skipped(time_ns: i64, sensor: &'static str) -> (i64, Told) {
         let innovation = Innovation::skipped(SkipReason::NotFinite);
-        (time_ns, Told::Innovation(sensor, innovation))
+        (time_ns, Told::Innovation(sensor, (&innovation).into()))
     }
 
     fn stamps<'a>(told: impl IntoIterator<Item = &'a (i64, Told)>) -> Vec<i64> {

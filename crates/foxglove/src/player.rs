@@ -11,11 +11,11 @@ use foxglove::websocket::{
     ChannelView, Client, PlaybackCommand, PlaybackControlRequest, PlaybackState, PlaybackStatus,
     ServerListener,
 };
-use northing_evaluation::UsedParameter;
+use northing_evaluation::{UsedParameter, by_name};
 
 use crate::playback::{Playback, Status};
 use crate::played_run::PlayedRun;
-use crate::server::{Server, ServerError, SetRequest};
+use crate::server::{Server, ServerError, SetRequest, Setting};
 use crate::topics::protocol_ns;
 
 /// How often what is due is published.
@@ -29,7 +29,7 @@ const BODY: &str = "base_link";
 
 /// What can be run again.
 pub trait Source {
-    /// Runs with these settings, `NAME=VALUE`, changed: what it told, and the parameters that it used.
+    /// Runs with these settings, each `NAME=VALUE`, changed: what it told, and the parameters that it used.
     ///
     /// # Errors
     /// A setting, or the run, in a sentence; nothing has changed then.
@@ -154,7 +154,12 @@ impl Player {
             ends: false,
         })));
         let listener = Arc::clone(&shared) as Arc<dyn ServerListener>;
-        let server = Server::start(address, name, parameters, Some((span_ns, listener)))?;
+        let server = Server::start(
+            address,
+            name,
+            &values(parameters),
+            Some((span_ns, listener)),
+        )?;
         let server = Arc::new(server);
         let thread = {
             let (server, shared) = (Arc::clone(&server), Arc::clone(&shared));
@@ -199,8 +204,9 @@ impl Player {
         requests: Vec<SetRequest>,
         is_stopped: &dyn Fn() -> bool,
     ) {
-        let settings = requests.iter().flat_map(|request| request.settings.clone());
-        let settings: Vec<String> = newest(settings);
+        let settings = requests.iter().flat_map(|request| &request.settings);
+        let settings = newest(settings.cloned());
+        let settings: Vec<String> = settings.into_iter().map(named).collect();
         match source.run_with(&settings) {
             Ok((run, parameters)) => {
                 let mut state = self.shared.lock();
@@ -211,7 +217,7 @@ impl Player {
                 let settings = settings.join(", ");
                 let told = format!("The estimator ran again with {settings}.");
                 self.server.publish_outcome(Ok(told));
-                self.server.publish_parameters(&parameters);
+                self.server.publish_parameters(&values(&parameters));
             }
             // Nobody waits for an answer any more.
             Err(_) if is_stopped() => {}
@@ -226,12 +232,21 @@ impl Player {
     }
 }
 
+/// As `--set` takes it.
+fn named((name, value): Setting) -> String {
+    format!("{name}={}", by_name::text(&value))
+}
+
+fn values(parameters: &[UsedParameter]) -> Vec<Setting> {
+    let value = |used: &UsedParameter| (used.name.clone(), used.value.clone());
+    parameters.iter().map(value).collect()
+}
+
 /// Of settings of one name the last.
-fn newest(settings: impl IntoIterator<Item = String>) -> Vec<String> {
-    let mut newest: Vec<String> = Vec::new();
+fn newest(settings: impl IntoIterator<Item = Setting>) -> Vec<Setting> {
+    let mut newest: Vec<Setting> = Vec::new();
     for setting in settings {
-        let name = |setting: &str| setting.split('=').next().map(str::to_owned);
-        newest.retain(|other| name(other) != name(&setting));
+        newest.retain(|(name, _)| *name != setting.0);
         newest.push(setting);
     }
     newest
@@ -239,7 +254,7 @@ fn newest(settings: impl IntoIterator<Item = String>) -> Vec<String> {
 
 /// Publishes what is due until the player ends.
 fn play(server: &Server, shared: &Shared) {
-    let mut topics = server.topics(BODY);
+    let mut topics = server.topics("", BODY);
     let mut last = Instant::now();
     let mut known = None;
     loop {
@@ -298,7 +313,9 @@ mod tests {
 
     #[test]
     fn of_a_slider_on_its_way_only_the_last_value_is_run() {
-        let asked = ["a=1", "b=2", "a=3", "b=2"].map(str::to_owned);
-        assert_eq!(newest(asked), ["a=3", "b=2"]);
+        let asked = [("a", 1), ("b", 2), ("a", 3), ("b", 4)];
+        let asked = asked.map(|(name, value)| (name.to_owned(), value.into()));
+        let named: Vec<String> = newest(asked).into_iter().map(named).collect();
+        assert_eq!(named, ["a=3", "b=4"]);
     }
 }

@@ -10,8 +10,7 @@ use foxglove::websocket::{
     PlaybackState, ServerListener, SetParametersResponder, Status,
 };
 use foxglove::{Context, FoxgloveError, WebSocketServer, WebSocketServerHandle};
-use northing_evaluation::UsedParameter;
-use serde_json::Value as Json;
+use serde_json::{Map, Value as Json};
 
 use crate::topics::{Topics, protocol_ns};
 
@@ -36,11 +35,14 @@ pub enum ServerError {
     Other(FoxgloveError),
 }
 
-/// Parameters that a viewer wants to have, as `NAME=VALUE`.
+/// A parameter and its value.
+pub type Setting = (String, Json);
+
+/// Parameters that a viewer wants to have.
 #[derive(Debug)]
 pub struct SetRequest {
     /// What is to be set.
-    pub settings: Vec<String>,
+    pub settings: Vec<Setting>,
     responder: SetParametersResponder,
 }
 
@@ -114,7 +116,7 @@ impl Server {
     pub(crate) fn start(
         address: SocketAddr,
         name: &str,
-        parameters: &[UsedParameter],
+        parameters: &[Setting],
         playback: Option<([i64; 2], Arc<dyn ServerListener>)>,
     ) -> Result<Self, ServerError> {
         let context = Context::new();
@@ -152,16 +154,24 @@ impl Server {
         })
     }
 
+    /// Starts one that is live: nothing can be paused, and stamps are of now.
+    ///
+    /// # Errors
+    /// Nothing can listen there.
+    pub fn live(address: SocketAddr, name: &str) -> Result<Self, ServerError> {
+        Self::start(address, name, &[], None)
+    }
+
     /// Where viewers connect.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Topics of this server, the body named `body` in transforms.
+    /// Topics of this server whose names begin with `prefix`, the body named `body` in transforms.
     #[must_use]
-    pub fn topics(&self, body: &str) -> Topics {
-        Topics::new(Arc::clone(&self.context), body)
+    pub fn topics(&self, prefix: &str, body: &str) -> Topics {
+        Topics::new(Arc::clone(&self.context), prefix, body)
     }
 
     /// The next parameters that a viewer sets, waiting for them at most so long.
@@ -174,19 +184,13 @@ impl Server {
 
     /// Tells the viewer that asked which values are in force now.
     pub fn answer(&self, request: SetRequest) {
-        let named = |setting: &String, name: &str| setting.split('=').next() == Some(name);
         let mut parameters = self.parameters.now();
-        parameters.retain(|p| {
-            request
-                .settings
-                .iter()
-                .any(|setting| named(setting, &p.name))
-        });
+        parameters.retain(|p| request.settings.iter().any(|(name, _)| *name == p.name));
         request.responder.respond(parameters);
     }
 
     /// The parameters in force, for all viewers that follow them.
-    pub fn publish_parameters(&self, parameters: &[UsedParameter]) {
+    pub fn publish_parameters(&self, parameters: &[Setting]) {
         let parameters: Vec<Parameter> = parameters.iter().map(parameter).collect();
         let now = self.parameters.now.lock();
         now.unwrap_or_else(PoisonError::into_inner)
@@ -223,9 +227,8 @@ impl Server {
 }
 
 /// A parameter as viewers see it.
-fn parameter(used: &UsedParameter) -> Parameter {
-    let name = used.name.as_str();
-    match &used.value {
+fn parameter((name, value): &Setting) -> Parameter {
+    match value {
         Json::Bool(flag) => Parameter::bool(name, *flag),
         Json::String(word) => Parameter::string(name, word.as_str()),
         Json::Number(number) => match number.as_f64() {
@@ -237,27 +240,27 @@ fn parameter(used: &UsedParameter) -> Parameter {
     }
 }
 
-/// `NAME=VALUE`, as `--set` takes it; `None` of a parameter without a value.
-fn setting(parameter: &Parameter) -> Option<String> {
-    let value = text(parameter.value.as_ref()?);
-    Some(format!("{}={value}", parameter.name))
+/// What a viewer asks for; `None` of a parameter without a value.
+fn setting(parameter: &Parameter) -> Option<Setting> {
+    Some((parameter.name.clone(), json(parameter.value.as_ref()?)))
 }
 
-fn text(value: &ParameterValue) -> String {
+fn json(value: &ParameterValue) -> Json {
     match value {
-        ParameterValue::Integer(number) => number.to_string(),
-        ParameterValue::Float64(number) => number.to_string(),
-        ParameterValue::Bool(flag) => flag.to_string(),
-        ParameterValue::String(word) => word.clone(),
-        ParameterValue::Array(items) => items.iter().map(text).collect::<Vec<_>>().join(","),
+        ParameterValue::Integer(number) => Json::from(*number),
+        ParameterValue::Float64(number) => Json::from(*number),
+        ParameterValue::Bool(flag) => Json::from(*flag),
+        ParameterValue::String(word) => Json::from(word.as_str()),
+        ParameterValue::Array(items) => items.iter().map(json).collect(),
         // No parameter has such a value, and it is refused with what was expected.
-        ParameterValue::Dict(_) => "{}".to_owned(),
+        ParameterValue::Dict(_) => Json::Object(Map::new()),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use northing_evaluation::by_name::text;
     use northing_evaluation::{Profile, RunOptions, attitude::EstimatorKind};
 
     /// What a viewer reads and sends back changes nothing.
@@ -268,7 +271,8 @@ mod tests {
             let options = RunOptions::new(kind, Profile::default());
             let mut again = options.clone();
             for used in options.parameters() {
-                let setting = setting(&parameter(&used)).unwrap();
+                let (name, value) = setting(&parameter(&(used.name, used.value))).unwrap();
+                let setting = format!("{name}={}", text(&value));
                 again
                     .set(&setting)
                     .unwrap_or_else(|e| panic!("{kind}: {setting}: {e}"));
@@ -285,7 +289,10 @@ mod tests {
     fn a_value_of_no_kind_is_refused_by_name() {
         let dict = Parameter::dict("accelerometer_std", Default::default());
         let mut options = RunOptions::new(EstimatorKind::Mekf, Profile::default());
-        let refused = options.set(&setting(&dict).unwrap()).unwrap_err();
+        let (name, value) = setting(&dict).unwrap();
+        let refused = options
+            .set(&format!("{name}={}", text(&value)))
+            .unwrap_err();
         assert!(
             refused.to_string().contains("accelerometer_std"),
             "{refused}"

@@ -8,7 +8,7 @@
 //! | `/attitude`, `/velocity`, `/gyroscope_bias` | JSON, with standard deviations where they are stated |
 //! | `/innovations/SENSOR` | JSON: residual, its standard deviation, NIS, degrees of freedom, outcome |
 //! | `/lamps/SENSOR`, `/lamps/position` | JSON: tone and sentence |
-//! | `/log` | `foxglove.Log`: every lamp that changes |
+//! | `/log` | `foxglove.Log`: the sentence of a lamp when its tone changes |
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use foxglove::messages::location_fix::PositionCovarianceType;
 use foxglove::messages::log::Level;
 use foxglove::messages::{FrameTransform, LocationFix, Log, Quaternion, Timestamp, Vector3};
 use foxglove::{Channel, ChannelBuilder, Context, PartialMetadata, RawChannel, Schema, SinkId};
-use nalgebra::Vector3 as Vector;
+use nalgebra::{UnitQuaternion, Vector3 as Vector};
 use northing_core::geometry::rotation;
 use northing_core::kalman::Innovation;
 use northing_evaluation::attitude::observer::angles_covariance;
@@ -33,12 +33,14 @@ const MAP: &str = "map";
 pub enum Told {
     /// Attitude, position and velocity, as far as they are estimated.
     Pose(Box<PoseEstimate>),
+    /// The attitude alone: `enu_from_body` and the standard deviations of yaw, pitch and roll, deg.
+    Attitude(UnitQuaternion<f64>, Option<[f64; 3]>),
     /// Gyroscope bias and its standard deviation, deg/s, body axes.
-    GyroscopeBias([f64; 3], [f64; 3]),
+    GyroscopeBias([f64; 3], Option<[f64; 3]>),
     /// A fix of the receiver.
     Fix(TrackPoint),
     /// A measurement of a sensor and what it told.
-    Innovation(&'static str, Innovation<f64>),
+    Innovation(&'static str, InnovationTold),
     /// What is to be said of a sensor, or of the position.
     Lamp {
         /// The sensor.
@@ -52,11 +54,38 @@ pub enum Told {
     },
 }
 
+/// A measurement and what it told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InnovationTold {
+    /// Measured minus predicted, and its standard deviation as the filter expects it, in the sensor's unit.
+    pub residual: [f64; 3],
+    /// See `residual`.
+    pub std: [f64; 3],
+    /// Normalised innovation squared.
+    pub nis: f64,
+    /// Degrees of freedom; 0 where nothing was compared, and the three before say nothing.
+    pub degrees_of_freedom: u8,
+    /// `fused`, `inflated`, `gated` or `skipped`.
+    pub outcome: &'static str,
+}
+
+impl From<&Innovation<f64>> for InnovationTold {
+    fn from(innovation: &Innovation<f64>) -> Self {
+        Self {
+            residual: innovation.residual.into(),
+            std: innovation.residual_std().into(),
+            nis: innovation.nis,
+            degrees_of_freedom: innovation.degrees_of_freedom,
+            outcome: innovation.outcome.name(),
+        }
+    }
+}
+
 impl Told {
     /// What it is about: the newest of each subject shows the state of a moment.
     pub(crate) fn subject(&self) -> (u8, &'static str) {
         match self {
-            Self::Pose(_) => (0, ""),
+            Self::Pose(_) | Self::Attitude(..) => (0, ""),
             Self::GyroscopeBias(..) => (1, ""),
             Self::Fix(_) => (2, ""),
             Self::Innovation(sensor, _) => (3, sensor),
@@ -77,9 +106,13 @@ enum Topic {
 pub struct Topics {
     context: Arc<Context>,
     topics: BTreeMap<String, Topic>,
+    /// Before every topic but `/tf`, which all devices share.
+    prefix: String,
     /// The frame of the body in transforms.
     body: String,
     audience: Audience,
+    /// The newest tone of each lamp.
+    tones: BTreeMap<&'static str, Tone>,
 }
 
 /// Who is told.
@@ -100,12 +133,14 @@ impl std::fmt::Debug for Topics {
 }
 
 impl Topics {
-    pub(crate) fn new(context: Arc<Context>, body: &str) -> Self {
+    pub(crate) fn new(context: Arc<Context>, prefix: &str, body: &str) -> Self {
         Self {
             context,
             topics: BTreeMap::new(),
+            prefix: prefix.to_owned(),
             body: body.to_owned(),
             audience: Audience::All,
+            tones: BTreeMap::new(),
         }
     }
 
@@ -120,6 +155,7 @@ impl Topics {
     pub(crate) fn advertise(&mut self, told: &Told) {
         self.audience = Audience::Nobody;
         self.publish(0, told, true);
+        self.tones.clear();
         self.audience = Audience::All;
     }
 
@@ -127,8 +163,14 @@ impl Topics {
     pub fn publish(&mut self, time_ns: i64, told: &Told, is_new: bool) {
         match told {
             Told::Pose(pose) => self.pose(time_ns, pose),
+            Told::Attitude(attitude, std_deg) => {
+                self.attitude(time_ns, attitude, &Vector::zeros(), *std_deg);
+            }
             Told::GyroscopeBias(bias, std) => {
-                let value = json!({ "bias_deg_s": xyz(bias), "std_deg_s": xyz(std) });
+                let mut value = json!({ "bias_deg_s": xyz(bias) });
+                if let Some(std) = std {
+                    value["std_deg_s"] = xyz(std);
+                }
                 self.json(time_ns, "/gyroscope_bias", &schemas::bias(), &value);
             }
             Told::Fix(place) => self.fix(time_ns, "/fix", place, None),
@@ -150,7 +192,8 @@ impl Topics {
                 }
                 let topic = format!("/lamps/{sensor}");
                 self.json(time_ns, &topic, &schemas::lamp(), &value);
-                if is_new {
+                let before = is_new.then(|| self.tones.insert(sensor, *tone));
+                if before.is_some_and(|before| before != Some(*tone)) {
                     self.log(time_ns, sensor, *tone, text);
                 }
             }
@@ -160,30 +203,13 @@ impl Topics {
     fn pose(&mut self, time_ns: i64, pose: &PoseEstimate) {
         if let Some((attitude, covariance)) = &pose.attitude {
             let position = pose.position.map_or(Vector::zeros(), |(p, _)| p);
-            let [w, x, y, z] = rotation::to_wxyz(attitude);
-            let transform = FrameTransform {
-                timestamp: Some(timestamp(time_ns)),
-                parent_frame_id: MAP.to_owned(),
-                child_frame_id: self.body.clone(),
-                translation: Some(vector(&position)),
-                rotation: Some(Quaternion { x, y, z, w }),
-            };
-            let advertised = self.topic("/tf", |builder| Topic::Transform(builder.build()));
-            if let Some((Topic::Transform(channel), viewer)) = advertised {
-                channel.log_with_meta_to_sink(&transform, at(time_ns), viewer);
-            }
-            let [yaw, pitch, roll] = rotation::to_yaw_pitch_roll(attitude).map(f64::to_degrees);
-            let mut value = json!({ "yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll });
-            if let Some(about_world) = covariance {
+            let std_deg = covariance.map(|about_world| {
                 let axes = attitude.to_rotation_matrix().into_inner();
                 let body = axes.transpose() * about_world * axes;
                 let angles = angles_covariance(attitude, &body).diagonal();
-                for (index, name) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
-                    let std = angles[index].max(0.0).sqrt().to_degrees();
-                    value[format!("{name}_std_deg")] = json!(std);
-                }
-            }
-            self.json(time_ns, "/attitude", &schemas::attitude(), &value);
+                angles.map(|v| v.max(0.0).sqrt().to_degrees()).into()
+            });
+            self.attitude(time_ns, attitude, &position, std_deg);
         }
         if let Some((velocity, covariance)) = &pose.velocity {
             let mut value =
@@ -199,6 +225,36 @@ impl Topics {
             let covariance = covariance.map(|p| p.transpose().as_slice().to_vec());
             self.fix(time_ns, "/position", place, covariance);
         }
+    }
+
+    fn attitude(
+        &mut self,
+        time_ns: i64,
+        attitude: &UnitQuaternion<f64>,
+        position: &Vector<f64>,
+        std_deg: Option<[f64; 3]>,
+    ) {
+        let [w, x, y, z] = rotation::to_wxyz(attitude);
+        let transform = FrameTransform {
+            timestamp: Some(timestamp(time_ns)),
+            parent_frame_id: MAP.to_owned(),
+            child_frame_id: self.body.clone(),
+            translation: Some(vector(position)),
+            rotation: Some(Quaternion { x, y, z, w }),
+        };
+        let advertised = self.topic("/tf", |builder| Topic::Transform(builder.build()));
+        if let Some((Topic::Transform(channel), viewer)) = advertised {
+            channel.log_with_meta_to_sink(&transform, at(time_ns), viewer);
+        }
+        let [yaw, pitch, roll] = rotation::to_yaw_pitch_roll(attitude).map(f64::to_degrees);
+        let mut value = json!({ "yaw_deg": yaw, "pitch_deg": pitch, "roll_deg": roll });
+        for (name, std) in ["yaw", "pitch", "roll"]
+            .iter()
+            .zip(std_deg.iter().flatten())
+        {
+            value[format!("{name}_std_deg")] = json!(std);
+        }
+        self.json(time_ns, "/attitude", &schemas::attitude(), &value);
     }
 
     fn fix(&mut self, time_ns: i64, topic: &str, place: &TrackPoint, covariance: Option<Vec<f64>>) {
@@ -275,19 +331,23 @@ impl Topics {
         name: &str,
         make: impl FnOnce(ChannelBuilder) -> Topic,
     ) -> Option<(&Topic, Option<SinkId>)> {
-        if matches!(&self.audience, Audience::One(only, _) if only != name) {
+        let full = match name {
+            "/tf" => name.to_owned(),
+            _ => format!("{}{name}", self.prefix),
+        };
+        if matches!(&self.audience, Audience::One(only, _) if *only != full) {
             return None;
         }
-        if !self.topics.contains_key(name) {
-            let builder = ChannelBuilder::new(name).context(&self.context);
-            self.topics.insert(name.to_owned(), make(builder));
+        if !self.topics.contains_key(&full) {
+            let builder = ChannelBuilder::new(&full).context(&self.context);
+            self.topics.insert(full.clone(), make(builder));
         }
         let viewer = match &self.audience {
             Audience::All => None,
             Audience::One(_, viewer) => Some(*viewer),
             Audience::Nobody => return None,
         };
-        Some((&self.topics[name], viewer))
+        Some((&self.topics[&full], viewer))
     }
 }
 
@@ -330,15 +390,15 @@ fn enu(values: &[f64]) -> Json {
     named(["east", "north", "up"], values)
 }
 
-fn innovation_json(innovation: &Innovation<f64>) -> Json {
+fn innovation_json(told: &InnovationTold) -> Json {
     let mut value = json!({
-        "outcome": innovation.outcome.name(),
-        "degrees_of_freedom": innovation.degrees_of_freedom,
+        "outcome": told.outcome,
+        "degrees_of_freedom": told.degrees_of_freedom,
     });
-    if innovation.degrees_of_freedom > 0 {
-        value["residual"] = xyz(innovation.residual.as_slice());
-        value["std"] = xyz(innovation.residual_std().as_slice());
-        value["nis"] = json!(innovation.nis);
+    if told.degrees_of_freedom > 0 {
+        value["residual"] = xyz(&told.residual);
+        value["std"] = xyz(&told.std);
+        value["nis"] = json!(told.nis);
     }
     value
 }

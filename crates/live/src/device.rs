@@ -297,7 +297,8 @@ impl Task {
         let soon = self
             .last_frame
             .is_some_and(|last| now - last < FRAME_INTERVAL);
-        if soon || self.lab.frames.receiver_count() == 0 {
+        let lab = &self.lab;
+        if soon || lab.frames.receiver_count() + lab.watched.receiver_count() == 0 {
             return;
         }
         self.last_frame = Some(now);
@@ -306,6 +307,9 @@ impl Task {
             for lamp in &mut frame.lamp {
                 *lamp = Lamp::idle(lamp.sensor, "Nothing is received: nothing to judge.");
             }
+        }
+        if self.lab.watched.receiver_count() > 0 {
+            let _ = self.lab.watched.send(Arc::new(frame.clone()));
         }
         if let Ok(text) = FrameText::new(frame, self.newest_ns.take()) {
             // Pages that lag behind miss frames: that is what frames are for.

@@ -21,6 +21,7 @@ use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
 use crate::recorder::{Control, Recorder, RecordingStatus};
+use crate::session::frame::Frame;
 use crate::to_page::{ExperimentRow, ToPage};
 
 /// Most devices at a time.
@@ -83,6 +84,8 @@ pub struct Lab {
     next_virtual: AtomicU64,
     queued: Queued,
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
+    /// The same for whoever is no page.
+    pub(crate) watched: broadcast::Sender<Arc<Frame>>,
     pub(crate) messages: broadcast::Sender<Arc<str>>,
     pub(crate) devices_changed: watch::Sender<()>,
     pub(crate) recorder: Recorder,
@@ -122,6 +125,7 @@ impl Lab {
             next_virtual: AtomicU64::new(1),
             queued: Queued::default(),
             frames: broadcast::channel(FRAMES).0,
+            watched: broadcast::channel(FRAMES).0,
             devices_changed: watch::Sender::new(()),
             messages,
             recorder,
@@ -169,6 +173,13 @@ impl Lab {
     #[must_use]
     pub fn listen(&self) -> broadcast::Receiver<Arc<str>> {
         self.messages.subscribe()
+    }
+
+    /// Follows the frames of all devices: at most 60 a second of each, with every innovation of its subject. Who lags
+    /// behind misses some.
+    #[must_use]
+    pub fn watch(&self) -> broadcast::Receiver<Arc<Frame>> {
+        self.watched.subscribe()
     }
 
     /// The device of a page's batch: pages that share an identifier are told apart.

@@ -170,3 +170,31 @@ def test_what_cannot_be_served_is_refused_at_once(walk: Path, served: Served) ->
     ran = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert ran.returncode == 2
     assert f"nothing can listen on {taken}" in ran.stderr
+
+
+def test_the_lab_shows_every_device_and_takes_parameters(walk: Path, tmp_path: Path) -> None:
+    words = [program(), "live", "--local", "--no-open", "--port", 0, "--replay", walk, "--data-dir", tmp_path]
+    with Served(*words) as served:
+        viewer = served.viewer()
+        assert "playbackControl" not in viewer.info["capabilities"], "what is live cannot be paused"
+        viewer.until(lambda: len(viewer.messages.get("/tf", [])) > 100)
+        viewer.until(lambda: any(topic.endswith("/lamps/accelerometer") for topic in viewer.messages))
+        frames = {transform.child_frame_id for _, transform in viewer.messages["/tf"]}
+        device, estimator = sorted(frames)[0].split("/")
+        topics = set(viewer.messages)
+        assert {f"/{device}/{estimator}/attitude", f"/{device}/innovations/magnetometer"} <= topics
+        angles = viewer.messages[f"/{device}/{estimator}/attitude"][-1][1]
+        assert set(angles) >= {"yaw_deg", "pitch_deg", "roll_deg"}
+
+        viewer.send("getParameters", parameterNames=[], id="all")
+        viewer.until(lambda: viewer.parameters)
+        name = next(n for n in viewer.parameters if n.endswith("gyroscope_noise_density"))
+        assert name == f"{device}.gyroscope_noise_density"
+        viewer.send("setParameters", parameters=[{"name": name, "value": 0.0123, "type": "float64"}], id="set")
+        viewer.until(lambda: viewer.parameters[name] == 0.0123)
+        viewer.send("setParameters", parameters=[{"name": "gyroscope_noise_density", "value": 1.0}], id="bad")
+        viewer.until(lambda: any("names no device" in s["message"] for s in viewer.statuses))
+        viewer.send("setParameters", parameters=[{"name": name, "value": -1.0}], id="bad")
+        viewer.until(lambda: any(s["level"] == 2 and "gyroscope_noise_density" in s["message"] for s in viewer.statuses[-1:]))
+        assert viewer.parameters[name] == 0.0123
+    assert served.ended == 0

@@ -1,5 +1,7 @@
 //! Arguments that commands share, and what they mean.
 
+#[cfg(feature = "foxglove")]
+pub(crate) mod address;
 pub(crate) mod estimation;
 pub(crate) mod input;
 pub(crate) mod navigation;

@@ -1,5 +1,8 @@
 //! `northing live`: the lab on this computer, phones deliver into it.
 
+#[cfg_attr(not(feature = "foxglove"), path = "live/without_foxglove.rs")]
+mod foxglove;
+
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -85,6 +88,12 @@ pub(crate) struct LiveArgs {
     /// A board with Northing's firmware on this serial line (as --input northing=DEVICE)
     #[arg(long, value_name = "DEVICE")]
     serial: Option<String>,
+    /// Be a server for Foxglove, too: transforms, innovations and lamps of all devices, parameters to set; without an
+    /// address on this computer alone, port 8765
+    #[cfg(feature = "foxglove")]
+    #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, require_equals = true,
+          default_missing_value = "127.0.0.1:8765", value_parser = crate::arguments::address::host_and_port)]
+    foxglove: Option<std::net::SocketAddr>,
     /// What people call this lab; the pages show it
     #[arg(
         long,
@@ -182,7 +191,12 @@ async fn run(args: &LiveArgs) -> Result<()> {
     };
     let running = start(config, args.port.is_none()).await?;
     let events = running.lab.listen();
-    ready(args, &running)?;
+    let foxglove = foxglove::start(args, &running.lab)?;
+    ready(
+        args,
+        &running,
+        foxglove.as_ref().map(foxglove::Viewers::url),
+    )?;
     let board = args.serial.as_deref();
     let board = board.map(|device| InputSpec::new(InputKind::Northing, device));
     for input in args.inputs.iter().chain(&board.transpose()?) {
@@ -193,6 +207,9 @@ async fn run(args: &LiveArgs) -> Result<()> {
     let telling = tokio::spawn(tell(events, ended, args.json));
     let outcome = work(args, &running.lab, &options).await;
     running.stop().await;
+    if let Some(viewers) = foxglove {
+        viewers.stop().await;
+    }
     // The summary comes last.
     drop(end);
     let _ = tokio::time::timeout(LAST_WORDS, telling).await;
@@ -267,15 +284,18 @@ fn recordings(args: &LiveArgs, data_dir: &Path) -> Option<PathBuf> {
 }
 
 /// Says where the lab is.
-fn ready(args: &LiveArgs, running: &Running) -> Result<()> {
+fn ready(args: &LiveArgs, running: &Running, foxglove: Option<String>) -> Result<()> {
     let phone = running.phone_urls.first().map_or("", String::as_str);
     let app = running.ingest_urls.first().map_or("", String::as_str);
     if args.json {
-        let line = json!({
+        let mut line = json!({
             "event": "ready", "lab": running.lab_url, "phone": phone, "ingest": app,
             "phones": running.phone_urls, "ingests": running.ingest_urls,
             "token": running.token.as_str(), "fingerprint": running.fingerprint,
         });
+        if let Some(url) = foxglove {
+            line["foxglove"] = json!(url);
+        }
         print(&format!("{line}\n"))?;
         for text in &running.recovered {
             print(&format!(
@@ -294,6 +314,9 @@ fn ready(args: &LiveArgs, running: &Running) -> Result<()> {
              Apps that push (Sensor Logger): {app}\n",
             running.phone_urls.join("\n  ")
         ));
+    }
+    if let Some(url) = foxglove {
+        text.push_str(&format!("Foxglove: {url}\n"));
     }
     for sentence in &running.recovered {
         text.push_str(&format!("{sentence}\n"));

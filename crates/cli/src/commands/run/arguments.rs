@@ -74,7 +74,7 @@ pub(crate) struct RunArgs {
     /// an address on this computer alone, port 8765
     #[cfg(feature = "foxglove")]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, require_equals = true,
-          default_missing_value = "127.0.0.1:8765", value_parser = super::foxglove::address)]
+          default_missing_value = "127.0.0.1:8765", value_parser = crate::arguments::address::host_and_port)]
     pub(crate) foxglove: Option<std::net::SocketAddr>,
     #[command(flatten)]
     pub(crate) navigation: NavigationArgs,

@@ -1,7 +1,5 @@
 //! `northing run --foxglove`: the run behind a server that viewers play, pause, seek in and set parameters of.
 
-use std::net::{IpAddr, SocketAddr, ToSocketAddrs as _};
-
 use anyhow::{Result, bail};
 use northing_evaluation::navigation::NavigationOptions;
 use northing_evaluation::{Origin, RunOptions, UsedParameter};
@@ -14,17 +12,6 @@ use crate::arguments::estimation;
 use crate::files::output::print;
 use crate::files::shown;
 use crate::interrupt;
-
-/// `HOST:PORT`, or the port alone on this computer.
-pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
-    if let Ok(port) = text.parse::<u16>() {
-        return Ok(SocketAddr::new(IpAddr::from([127, 0, 0, 1]), port));
-    }
-    let found = text.to_socket_addrs().ok().and_then(|mut all| all.next());
-    found.ok_or_else(|| {
-        "expected an address of this computer and a port, e.g. 127.0.0.1:8765".to_owned()
-    })
-}
 
 pub(super) fn attitude_recorder(
     args: &RunArgs,
