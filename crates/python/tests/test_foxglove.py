@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from conftest import program, run_program
+from conftest import REPOSITORY, program, run_program
 from foxglove_viewer import ENDED, PAUSED, PLAYING, Served, Viewer
 
 
@@ -162,9 +164,26 @@ def test_a_drive_is_on_the_map(table: Path) -> None:
     assert viewer.messages["/velocity"][-1][1]["speed_m_s"] == pytest.approx(10.0, abs=1.0)
 
 
-def test_what_cannot_be_served_is_refused_at_once(walk: Path, served: Served) -> None:
-    import subprocess
+def test_the_layout_names_topics_and_fields_that_there_are(served: Served, table: Path) -> None:
+    layout = json.loads((REPOSITORY / "examples" / "foxglove-layout.json").read_text())
+    plots = [path["value"] for config in layout["configById"].values() for path in config.get("paths", [])]
+    viewer = served.viewer()
+    viewer.whole()
+    with Served(program(), "run", table, "--estimator", "error-state") as drive:
+        driven = drive.viewer()
+        driven.whole()
+    for value in plots:
+        topic, *fields = value.split(".")
+        told = viewer.messages.get(topic) or driven.messages[topic]
+        newest = next(m for _, m in reversed(told) if fields[0] in m)
+        for name in fields:
+            newest = newest[name]
+        assert math.isfinite(newest), value
+    assert layout["configById"]["map!place"]["followTopic"] in driven.messages
+    assert layout["configById"]["RosOut!log"]["topicToRender"] in viewer.messages
 
+
+def test_what_cannot_be_served_is_refused_at_once(walk: Path, served: Served) -> None:
     taken = served.address.removeprefix("ws://")
     words = [program(), "run", str(walk), f"--foxglove={taken}"]
     ran = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
