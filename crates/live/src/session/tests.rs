@@ -62,7 +62,7 @@ fn without_a_magnetometer_the_compass_gives_the_heading_and_has_its_lamp() {
     );
     let lit = |live: &mut DeviceSession| {
         let lamps = live.frame("d").lamp;
-        let is_lit = |l: &&lamp::Lamp| l.tone != Tone::Idle;
+        let is_lit = |l: &&northing_evaluation::statistics::lamp::Lamp| l.tone != Tone::Idle;
         let mut lit = lamps.iter().filter(is_lit);
         lit.any(|l| l.sensor == SensorKind::CompassHeading)
     };
