@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 import os
 import re
@@ -83,6 +84,66 @@ def assert_runs_as(table: Path, recording: Path, folder: Path) -> None:
         # Two such texts are not for a difference to be shown.
         is_same = expected == found
         assert is_same and len(expected.splitlines()) > 5000, (name, recording)
+
+
+def test_sensors_that_are_mounted_askew_are_turned_into_the_body(drive: Samples, table: Path, tmp_path: Path) -> None:
+    """The Imu looks to the left and lies on its side, /tf_static says so: the run is that of the body; the way to the
+    antenna, a barometer and a reference of orientations are read."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds, time = store.types, store.types["builtin_interfaces/msg/Time"]
+    quaternion, vector = kinds["geometry_msgs/msg/Quaternion"], kinds["geometry_msgs/msg/Vector3"]
+    turn = [0.5, 0.5, 0.5, 0.5]  # x, y, z, w: the Imu's x, y, z axes are the body's y, z, x axes
+
+    def header(time_ns: int, frame: str) -> Any:
+        return kinds["std_msgs/msg/Header"](time(time_ns // 10**9, time_ns % 10**9), frame)
+
+    def placed(child: str, way: list[float], turned: list[float]) -> Any:
+        made = kinds["geometry_msgs/msg/Transform"](vector(*way), quaternion(*turned))
+        return kinds["geometry_msgs/msg/TransformStamped"](header(0, "base_link"), child, made)
+
+    bag = tmp_path / "askew"
+    with Writer2(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections: dict[str, Any] = {}
+
+        def write(topic: str, kind: str, log_ns: int, message: Any) -> None:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_ns, store.serialize_cdr(message, kind))
+
+        frames = [placed("imu", [0.2, 0.0, 0.1], turn), placed("gps", [-0.8, 0.3, 1.6], [0.0, 0.0, 0.0, 1.0])]
+        start_ns = drive["imu"][0][0]
+        write("/tf_static", "tf2_msgs/msg/TFMessage", start_ns, kinds["tf2_msgs/msg/TFMessage"](frames))
+        for topic, kind, log_ns, message in messages(drive, store):
+            names = {"/imu/data_raw": ["angular_velocity", "linear_acceleration"], "/imu/mag": ["magnetic_field"]}
+            for name in names.get(topic, []):
+                of_body = getattr(message, name)
+                # The messages of rosbags may be frozen.
+                object.__setattr__(message, name, vector(of_body.y, of_body.z, of_body.x))
+            write(topic, kind, log_ns, message)
+            time_ns = log_ns - 1_000_000
+            if topic != "/imu/data_raw" or (time_ns - start_ns) % 100_000_000:
+                continue
+            truth = kinds["geometry_msgs/msg/QuaternionStamped"](header(time_ns, "map"), quaternion(0.0, 0.0, 0.0, 1.0))
+            write("/ground_truth/orientation", "geometry_msgs/msg/QuaternionStamped", log_ns, truth)
+            air = kinds["sensor_msgs/msg/FluidPressure"](header(time_ns, "baro"), 95_000.0, 9.0)
+            write("/baro", "sensor_msgs/msg/FluidPressure", log_ns, air)
+
+    told = " ".join(run_program("info", bag).split())
+    assert "the Imu by 120.0 deg, the field by 120.0 deg" in told
+    assert "-1.000 m forward, -0.300 m right, -1.500 m down" in told
+    assert "pressure" in told and "reference" in told
+    out, expected = tmp_path / "askew.csv", tmp_path / "level.csv"
+    run_program("run", bag, "--out", out)
+    run_program("run", table, "--out", expected)
+    turned, level = ([[float(x or "nan") for x in line.split(",")[:5]] for line in path.read_text().splitlines()[1:]]
+                     for path in (out, expected))
+    assert len(turned) == len(level) > 5000
+    np.testing.assert_allclose(turned, level, atol=1e-9)
+    navigated = run_program("run", bag, "--estimator", "error-state", "--json")
+    values = {p["name"]: (p["value"], p["origin"]) for p in json.loads(navigated)["parameters"]}
+    arm, origin = values["lever_arm_m"]
+    assert origin == "recording"
+    np.testing.assert_allclose(arm, [-1.0, -0.3, -1.5], atol=1e-12)
 
 
 BAGS = {

@@ -63,6 +63,7 @@ pub const fn usual_topic(role: Role) -> &'static str {
         Role::Field => "imu/mag",
         Role::Fix => "fix",
         Role::Velocity => "fix_velocity",
+        Role::Pressure => "pressure",
         Role::Reference => "reference/orientation",
         Role::DeviceOrientation => "device/orientation",
     }

@@ -9,8 +9,9 @@ use std::path::{Path, PathBuf};
 use super::bag_file::messages;
 use super::file::{Contents, End, MCAP, contents};
 use super::ros_source::RosSource;
+use super::tf_static::{Mounting, StaticTransforms};
 use super::topics::{self, Topics};
-use super::{body_axes, devices, nothing};
+use super::{devices, mounted, nothing};
 use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
@@ -40,15 +41,16 @@ pub(crate) fn open_folder(
         return Err(nothing(file, &contents));
     };
     contents.format.clone_into(&mut metadata.format);
-    metadata.body_axes = Some(body_axes(&contents.channels));
+    let mounting = mounted(&contents, &topics, &mut metadata);
+    let notes = [notes, mounting.notes().to_vec()].concat();
     let mut seen = [false; SensorKind::ALL.len()];
-    let (mut source, mut issues) = (Bag::new(&paths, &topics), Issues::default());
+    let (mut source, mut issues) = (Bag::new(&paths, &topics, &mounting), Issues::default());
     while let Some(event) = source.next_event(&mut issues)? {
         seen[event.sample.kind().order()] = true;
     }
     let sensors = SensorKind::ALL.into_iter();
     let sensors = sensors.filter(|kind| seen[kind.order()]).collect();
-    let source = Box::new(Bag::new(&paths, &topics));
+    let source = Box::new(Bag::new(&paths, &topics, &mounting));
     Ok(Some(Opened {
         notes,
         ..Opened::new(metadata, sensors, source)
@@ -116,6 +118,7 @@ fn contents_of_all(paths: &[PathBuf], file: &str) -> Result<Contents> {
         format: MCAP,
         channels: Vec::new(),
         frames: BTreeMap::new(),
+        transforms: StaticTransforms::default(),
         end: End::Complete,
     };
     for path in paths {
@@ -126,6 +129,7 @@ fn contents_of_all(paths: &[PathBuf], file: &str) -> Result<Contents> {
                 all.channels.push(channel);
             }
         }
+        all.transforms.extend(found.transforms);
         for (topic, frame) in found.frames {
             all.frames.entry(topic).or_insert(frame);
         }
@@ -143,14 +147,16 @@ fn contents_of_all(paths: &[PathBuf], file: &str) -> Result<Contents> {
 struct Bag {
     paths: VecDeque<PathBuf>,
     topics: Topics,
+    mounting: Mounting,
     current: Option<RosSource>,
 }
 
 impl Bag {
-    fn new(paths: &[PathBuf], topics: &Topics) -> Self {
+    fn new(paths: &[PathBuf], topics: &Topics, mounting: &Mounting) -> Self {
         Self {
             paths: paths.iter().cloned().collect(),
             topics: topics.clone(),
+            mounting: mounting.clone(),
             current: None,
         }
     }
@@ -167,7 +173,8 @@ impl EventSource for Bag {
             let Some(path) = self.paths.pop_front() else {
                 return Ok(None);
             };
-            self.current = Some(RosSource::new(messages(&path)?, self.topics.clone()));
+            let (topics, mounting) = (self.topics.clone(), self.mounting.clone());
+            self.current = Some(RosSource::new(messages(&path)?, topics, mounting));
         }
     }
 }

@@ -10,9 +10,11 @@ use ::mcap::{Channel, Message};
 
 use super::bag_file::ZSTD;
 use super::definitions::{Definitions, Fields};
+use super::nav_sat_fix;
 use super::records::{Records, Stop};
 use super::ros::{self, IMU, MAGNETIC_FIELD};
 use super::ros_1;
+use super::tf_static::{StaticTransforms, is_mounting};
 use super::topics::schema;
 use crate::error::{RecordingError, Result, shown};
 use crate::issues::Issues;
@@ -243,6 +245,8 @@ pub(crate) struct Contents {
     pub(crate) channels: Vec<Arc<Channel<'static>>>,
     /// The frame in the first message of each topic of sensors of ROS 2.
     pub(crate) frames: BTreeMap<String, String>,
+    /// How they are mounted.
+    pub(crate) transforms: StaticTransforms,
     pub(crate) end: End,
 }
 
@@ -252,18 +256,23 @@ pub(crate) struct Contents {
 /// Something in it is larger than is read.
 pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> {
     let mut channels: Vec<Arc<Channel<'static>>> = Vec::new();
-    let mut frames = BTreeMap::new();
+    let (mut frames, mut transforms) = (BTreeMap::new(), StaticTransforms::default());
     let mut known = vec![false; usize::from(u16::MAX) + 1];
     for message in &mut *messages {
         let seen = &mut known[usize::from(message.channel.id)];
         if !std::mem::replace(seen, true) {
             channels.push(message.channel.clone());
-            let is_sensor = [IMU, MAGNETIC_FIELD]
+            let is_sensor = [IMU, MAGNETIC_FIELD, nav_sat_fix::NAME]
                 .iter()
                 .any(|kind| schema(&message.channel) == Some(*kind));
             if let (true, Some(frame)) = (is_sensor, ros::frame(&message.data)) {
                 frames.insert(message.channel.topic.clone(), frame.to_owned());
             }
+        }
+        let channel = &message.channel;
+        if schema(channel).is_some_and(|kind| is_mounting(&channel.topic, kind)) {
+            // What is none says nothing.
+            let _ = transforms.take(&message.data);
         }
     }
     let end = messages.end().cloned().unwrap_or(End::Complete);
@@ -272,6 +281,7 @@ pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> 
         format: messages.container.format(),
         channels,
         frames,
+        transforms,
         end,
     })
 }

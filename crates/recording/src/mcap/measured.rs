@@ -1,7 +1,10 @@
 //! What a message of ROS 2 measures, as our samples: for bags and for the node.
 
+use super::fluid_pressure;
 use super::nav_sat_fix;
-use super::pose_twist::{self, ODOMETRY, POSE, TWIST, TWIST_WITH_COVARIANCE};
+use super::pose_twist::{
+    self, ODOMETRY, POSE, POSE_WITH_COVARIANCE, QUATERNION, TWIST, TWIST_WITH_COVARIANCE,
+};
 use super::ros::{IMU, Imu, MAGNETIC_FIELD, MagneticField};
 use crate::event::{Event, Reference, Sample};
 
@@ -16,7 +19,10 @@ pub enum Role {
     Fix,
     /// `TwistStamped` or `TwistWithCovarianceStamped`: the velocity of a satellite receiver, east, north, up.
     Velocity,
-    /// The orientation of `Imu`, `PoseStamped` or `Odometry`, to score against.
+    /// `FluidPressure`: static pressure of the air.
+    Pressure,
+    /// The orientation of `Imu`, `QuaternionStamped`, `PoseStamped`, `PoseWithCovarianceStamped` or `Odometry`, to score
+    /// against.
     Reference,
     /// The orientation of `Imu` as the device's own.
     DeviceOrientation,
@@ -31,7 +37,8 @@ impl Role {
             Self::Field => &[MAGNETIC_FIELD],
             Self::Fix => &[nav_sat_fix::NAME],
             Self::Velocity => &[TWIST, TWIST_WITH_COVARIANCE],
-            Self::Reference => &[IMU, POSE, ODOMETRY],
+            Self::Pressure => &[fluid_pressure::NAME],
+            Self::Reference => &[IMU, QUATERNION, POSE, POSE_WITH_COVARIANCE, ODOMETRY],
         }
     }
 
@@ -64,6 +71,10 @@ pub fn measured(
             let (time_ns, velocity) = pose_twist::velocity(bytes, log_time_ns, has_covariance)?;
             (time_ns, one(Sample::GnssVelocity(velocity)))
         }
+        Role::Pressure => {
+            let (time_ns, pressure) = fluid_pressure::decode(bytes, log_time_ns)?;
+            (time_ns, one(Sample::Pressure(pressure)))
+        }
         Role::Reference | Role::DeviceOrientation if schema == IMU => {
             let imu = Imu::decode(bytes, log_time_ns)?;
             let sample = imu.orientation.map(|(attitude, _)| match role {
@@ -73,7 +84,7 @@ pub fn measured(
             (imu.time_ns, [sample, None, None])
         }
         Role::Reference | Role::DeviceOrientation => {
-            let (time_ns, attitude) = pose_twist::attitude(bytes, log_time_ns, schema == ODOMETRY)?;
+            let (time_ns, attitude) = pose_twist::attitude(bytes, log_time_ns, schema)?;
             (time_ns, one(Sample::Reference(scored(attitude))))
         }
     };

@@ -7,8 +7,9 @@
 //! | the events of one device of such a recording | `lab_source.rs` |
 //! | making an unfinished recording whole | `recover.rs` |
 //! | `sensor_msgs/Imu`, `MagneticField` as bytes | `ros.rs`, `cdr.rs` |
-//! | other messages | `nav_sat_fix.rs`, `pose_twist.rs`, `diagnostics.rs` |
+//! | other messages | `nav_sat_fix.rs`, `pose_twist.rs`, `fluid_pressure.rs`, `diagnostics.rs` |
 //! | which topics are read | `topics.rs` |
+//! | how sensors are mounted (`/tf_static`) | `tf_static.rs` |
 //! | a folder of such files | `bag.rs`, `bag_file.rs` |
 //! | bags in SQLite (`.db3`), bags of ROS 1 | `sqlite.rs`, `ros_1.rs` |
 //! | estimates: odometry, transforms | `estimate_messages.rs`, `estimate_writer.rs` |
@@ -25,6 +26,7 @@ mod diagnostics;
 mod estimate_messages;
 mod estimate_writer;
 mod file;
+mod fluid_pressure;
 mod lab;
 mod lab_source;
 mod measured;
@@ -39,6 +41,7 @@ mod ros_source;
 mod ros_writer;
 #[cfg(feature = "sqlite")]
 mod sqlite;
+mod tf_static;
 mod topics;
 
 use std::collections::BTreeSet;
@@ -58,6 +61,8 @@ pub(crate) use file::Input;
 use file::{End, Messages, contents};
 use lab_source::LabSource;
 use ros_source::RosSource;
+use tf_static::Mounting;
+use topics::Topics;
 
 pub use diagnostics::{Level, Status, diagnostics};
 pub use estimate_messages::{EstimateTopic, FrameNames, messages};
@@ -100,10 +105,11 @@ fn open_messages(
         let Some((topics, told)) = topics::choose(&contents, device, file)? else {
             return Err(nothing(file, &contents));
         };
+        let mounting = mounted(&contents, &topics, &mut metadata);
         notes = told;
-        metadata.body_axes = Some(body_axes(&contents.channels));
+        notes.extend_from_slice(mounting.notes());
         known(messages, file, |messages| {
-            RosSource::new(messages, topics.clone())
+            RosSource::new(messages, topics.clone(), mounting.clone())
         })?
     } else {
         let device = one_of(&devices, device, ["device", "; it holds"], file)?;
@@ -137,6 +143,17 @@ fn known<S: OfMessages + 'static>(
         .filter(|kind| seen[kind.order()]);
     let source = make(source.into_messages().again(file)?);
     Ok((sensors.collect(), Box::new(source)))
+}
+
+/// How the sensors of a bag are mounted; what is known of their axes and of the antenna goes into the metadata.
+fn mounted(contents: &file::Contents, topics: &Topics, metadata: &mut Metadata) -> Mounting {
+    let axes = body_axes(&contents.channels);
+    metadata.body_axes = Some(axes);
+    let mut mounting = Mounting::of(&contents.transforms, topics, &contents.frames);
+    if metadata.gnss_lever_arm_m.is_none() {
+        metadata.gnss_lever_arm_m = mounting.lever_arm_m(axes);
+    }
+    mounting
 }
 
 /// The axes of the sensors of a bag: REP 103 has them forward, left, up, unless its writer says another thing of a channel.

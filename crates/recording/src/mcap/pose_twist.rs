@@ -1,5 +1,5 @@
 //! The ROS 2 messages that tell a velocity over ground or a pose: `geometry_msgs/TwistStamped`,
-//! `TwistWithCovarianceStamped`, `PoseStamped` and `nav_msgs/Odometry`, as far as they are read.
+//! `TwistWithCovarianceStamped`, `QuaternionStamped`, `PoseStamped`, `PoseWithCovarianceStamped` and `nav_msgs/Odometry`, as far as they are read.
 //!
 //! Read first: REP 103 (axes: east, north, up).
 
@@ -16,6 +16,10 @@ pub(super) const TWIST: &str = "geometry_msgs/msg/TwistStamped";
 pub(super) const TWIST_WITH_COVARIANCE: &str = "geometry_msgs/msg/TwistWithCovarianceStamped";
 /// The name of the schema of a pose.
 pub(super) const POSE: &str = "geometry_msgs/msg/PoseStamped";
+/// The same with its covariance.
+pub(super) const POSE_WITH_COVARIANCE: &str = "geometry_msgs/msg/PoseWithCovarianceStamped";
+/// The name of the schema of an orientation.
+pub(super) const QUATERNION: &str = "geometry_msgs/msg/QuaternionStamped";
 /// The name of the schema of a pose with a velocity.
 pub(super) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 
@@ -48,18 +52,20 @@ pub(super) fn velocity(
     Some((time_ns, velocity))
 }
 
-/// Reads the attitude of a pose, `enu_from_body`; a stamp of zero is replaced by `log_time_ns`.
+/// Reads the attitude of a pose or orientation, `enu_from_body`; a stamp of zero is replaced by `log_time_ns`.
 pub(super) fn attitude(
     bytes: &[u8],
     log_time_ns: i64,
-    is_odometry: bool,
+    schema: &str,
 ) -> Option<(i64, UnitQuaternion<f64>)> {
     let mut input = CdrReader::new(bytes)?;
     let time_ns = stamp(&mut input, log_time_ns)?;
-    if is_odometry {
+    if schema == ODOMETRY {
         input.skip_string()?;
     }
-    let _position = input.f64s::<3>()?;
+    if schema != QUATERNION {
+        let _position = input.f64s::<3>()?;
+    }
     let [x, y, z, w] = input.f64s()?;
     Some((time_ns, quaternion_from_file(w, x, y, z)))
 }

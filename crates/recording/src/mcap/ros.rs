@@ -136,6 +136,12 @@ pub(crate) fn stamp(input: &mut CdrReader<'_>, log_time_ns: i64) -> Option<i64> 
     Some(if time_ns == 0 { log_time_ns } else { time_ns })
 }
 
+/// The frame of a header, whose stamp is passed over.
+pub(crate) fn header_frame<'a>(input: &mut CdrReader<'a>) -> Option<&'a str> {
+    let _stamp = time(input)?;
+    input.string()
+}
+
 /// The stamp alone.
 fn time(input: &mut CdrReader<'_>) -> Option<i64> {
     if input.is_ros_1() {
@@ -148,9 +154,7 @@ fn time(input: &mut CdrReader<'_>) -> Option<i64> {
 /// The frame in the header of a message: CDR behind its four bytes of encapsulation.
 #[must_use]
 pub fn frame(bytes: &[u8]) -> Option<&str> {
-    let mut input = CdrReader::new(bytes)?;
-    let _stamp = time(&mut input)?;
-    input.string()
+    header_frame(&mut CdrReader::new(bytes)?)
 }
 
 fn is_there(covariance: &[f64; 9]) -> bool {

@@ -7,6 +7,7 @@ use ::mcap::Message;
 use super::OfMessages;
 use super::file::Messages;
 use super::measured::measured;
+use super::tf_static::Mounting;
 use super::topics::{Topics, schema};
 use crate::error::Result;
 use crate::event::Event;
@@ -17,15 +18,17 @@ use crate::recording::Pieces;
 pub(crate) struct RosSource {
     messages: Messages,
     topics: Topics,
+    mounting: Mounting,
     ready: VecDeque<Event>,
     unreadable: u64,
 }
 
 impl RosSource {
-    pub(crate) fn new(messages: Messages, topics: Topics) -> Self {
+    pub(crate) fn new(messages: Messages, topics: Topics, mounting: Mounting) -> Self {
         Self {
             messages,
             topics,
+            mounting,
             ready: VecDeque::new(),
             unreadable: 0,
         }
@@ -41,8 +44,9 @@ impl RosSource {
             return Some(());
         };
         let log_time_ns = i64::try_from(message.log_time).ok()?;
+        let measured = measured(role, schema, &message.data, log_time_ns)?;
         self.ready
-            .extend(measured(role, schema, &message.data, log_time_ns)?);
+            .extend(measured.map(|event| self.mounting.turned(event)));
         Some(())
     }
 }

@@ -6,12 +6,16 @@ use std::sync::Arc;
 use ::mcap::Channel;
 
 use super::file::Contents;
+use super::fluid_pressure;
 use super::measured::Role;
 use super::nav_sat_fix;
 use super::one_of;
-use super::pose_twist::{ODOMETRY, POSE, TWIST, TWIST_WITH_COVARIANCE};
+use super::pose_twist::{
+    ODOMETRY, POSE, POSE_WITH_COVARIANCE, QUATERNION, TWIST, TWIST_WITH_COVARIANCE,
+};
 use super::ros::{IMU, MAGNETIC_FIELD};
 use super::ros_writer::{DEVICE_ORIENTATION, REFERENCE};
+use super::tf_static::is_mounting;
 use crate::error::{Result, join, shown};
 
 /// Topics that are told one by one as not read; the others are counted.
@@ -35,6 +39,8 @@ pub(crate) struct Topics {
     pub(super) fix: Option<String>,
     /// Of the receiver of [`Self::fix`].
     pub(super) velocity: Option<String>,
+    /// Of the air around the sensors.
+    pub(super) pressure: Option<String>,
     /// A pose to score against.
     pub(super) pose: Option<String>,
 }
@@ -47,6 +53,7 @@ impl Topics {
             (&self.field, Role::Field),
             (&self.fix, Role::Fix),
             (&self.velocity, Role::Velocity),
+            (&self.pressure, Role::Pressure),
             (&self.pose, Role::Reference),
         ];
         let mut roles = roles.into_iter();
@@ -108,7 +115,16 @@ pub(crate) fn choose(
         velocities.find(|topic| is_velocity_of(topic, fix)).cloned()
     });
     let has_reference = bag.kinds.contains_key(REFERENCE);
-    let poses = bag.topics(&[POSE, ODOMETRY]);
+    let pressures = bag.topics(&[fluid_pressure::NAME]);
+    let beside = imu.as_ref().or(fix.as_ref());
+    let pressure = match &pressures[..] {
+        [only] => Some(only.clone()),
+        several => {
+            let near = |topic: &&String| beside.is_some_and(|beside| near(topic, beside));
+            several.iter().find(near).cloned()
+        }
+    };
+    let poses = bag.topics(&[QUATERNION, POSE, POSE_WITH_COVARIANCE, ODOMETRY]);
     let pose = poses.into_iter().find(|topic| {
         let topic = topic.to_ascii_lowercase();
         imu.is_some() && !has_reference && TRUTHS.iter().any(|truth| topic.contains(truth))
@@ -118,6 +134,7 @@ pub(crate) fn choose(
         field,
         fix,
         velocity,
+        pressure,
         pose,
     };
     let notes = bag.notes(&topics);
@@ -197,13 +214,17 @@ impl<'a> Bag<'a> {
             &topics.field,
             &topics.fix,
             &topics.velocity,
+            &topics.pressure,
             &topics.pose,
         ];
-        let is_used = |topic: &str| {
-            own(topic) || chosen.iter().any(|chosen| chosen.as_deref() == Some(topic))
+        let is_used = |topic: &str, kind: &str| {
+            let chosen = chosen.iter().any(|chosen| chosen.as_deref() == Some(topic));
+            chosen || own(topic) || is_mounting(topic, kind)
         };
-        let (used, left): (Vec<_>, Vec<_>) =
-            self.kinds.iter().partition(|(topic, _)| is_used(topic));
+        let (used, left): (Vec<_>, Vec<_>) = self
+            .kinds
+            .iter()
+            .partition(|(topic, kind)| is_used(topic, kind));
         let used = join(used.iter().map(|(topic, _)| **topic));
         let mut notes = vec![format!("Topics that are read: {used}.")];
         if !left.is_empty() {
@@ -231,7 +252,10 @@ impl<'a> Bag<'a> {
             TWIST | TWIST_WITH_COVARIANCE => {
                 "not the velocity of the receiver that is read".to_owned()
             }
-            POSE | ODOMETRY => "a pose whose topic does not say that it is a reference".to_owned(),
+            fluid_pressure::NAME => "one of several barometers".to_owned(),
+            QUATERNION | POSE | POSE_WITH_COVARIANCE | ODOMETRY => {
+                "a pose whose topic does not say that it is a reference".to_owned()
+            }
             other => format!("{}: not read", shown(other)),
         }
     }
