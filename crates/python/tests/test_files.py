@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import struct
 import subprocess
 import zipfile
 from collections.abc import Callable
@@ -23,10 +24,11 @@ import pandas as pd
 import polars as pl
 import pytest
 import scipy.io
+from pymavlink.DFReader import DFReader_binary
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from conftest import Samples, data, program
+from conftest import START_NS, Samples, data, program, run_program
 from test_bags import write_bag_1, write_bag_2
 
 # What becomes of a file.
@@ -233,6 +235,47 @@ def hdf5(path: Path, world: World) -> None:
             file[name] = world.phone[name]
 
 
+def arrays(path: Path, world: World) -> None:
+    """As they come: single precision, a column for each sample, a rate and other things beside them."""
+    phone = world.phone
+    np.savez(path, gyr=phone["gyr"].astype("f4"), acc=phone["acc"].T, mag=phone["mag"], fs=100.0, who="a phone", R=np.eye(3))
+
+
+# Of DataFlash: number, fields and labels of each message.
+MESSAGES = {
+    "FMT": (0x80, "BBnNZ", "Type,Length,Name,Format,Columns"),
+    "IMU": (1, "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+    "MAG": (2, "QBhhh", "TimeUS,I,MagX,MagY,MagZ"),
+    "GPS": (3, "QBBIHBcLLefff", "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ"),
+}
+
+
+def data_flash(path: Path, world: World) -> None:
+    """A log of ArduPilot of the drive: forward, right, down; milligauss."""
+    sizes = {"n": "4s", "N": "16s", "Z": "64s", "c": "h", "L": "i", "e": "i"}
+
+    def message(name: str, *values: Any) -> bytes:
+        kind, fields, _ = MESSAGES[name]
+        return b"\xa3\x95" + bytes([kind]) + struct.pack("<" + "".join(sizes.get(f, f) for f in fields), *values)
+
+    out = []
+    for name, (kind, fields, labels) in MESSAGES.items():
+        length = 3 + struct.calcsize("<" + "".join(sizes.get(f, f) for f in fields))
+        out.append((0, message("FMT", kind, length, name.encode(), fields.encode(), labels.encode())))
+    frd = np.array([1.0, -1.0, -1.0])
+    for time_ns, v in world.drive["imu"]:
+        us = (time_ns - START_NS) // 1000
+        out.append((us, message("IMU", us, 0, *(np.array(v[:3]) * frd), *(np.array(v[3:]) * frd))))
+    for time_ns, v in world.drive["mag"]:
+        us = (time_ns - START_NS) // 1000
+        out.append((us, message("MAG", us, 0, *(int(round(x)) for x in np.array(v) * frd * 1e7))))
+    for time_ns, (latitude, longitude, height) in world.drive["fix"]:
+        us = (time_ns - START_NS) // 1000
+        place = [int(round(latitude * 1e7)), int(round(longitude * 1e7)), int(round(height * 100))]
+        out.append((us, message("GPS", us, 0, 3, us // 1000, 2300, 12, 90, *place, 0.0, 0.0, 0.0)))
+    path.write_bytes(b"".join(text for _, text in sorted(out, key=lambda one: one[0])))
+
+
 RINEX = f"{'     3.04           OBSERVATION DATA    M':<60}RINEX VERSION / TYPE\n{'':<60}END OF HEADER\n"
 GEOJSON = '{"type":"FeatureCollection","features":[{"type":"Feature","geometry":{"type":"Point","coordinates":[9,48]}}]}'
 
@@ -290,13 +333,13 @@ KINDS: dict[str, Kind] = {
             "MagneticField_X;MagneticField_Y;MagneticField_Z"),
         DESCRIBED),
     "date and time of day in two columns": (two_columns_of_time, DESCRIBED),
-    "an array of numpy (.npy)": (saved("gyr.npy", lambda p, w: np.save(p, w.phone["gyr"])), "northing.attitude"),
-    "arrays of numpy (.npz)": (saved("a.npz", lambda p, w: np.savez(p, gyr=w.phone["gyr"])), "northing.attitude"),
+    "an array of numpy (.npy)": (saved("a.npy", lambda p, w: np.save(p, w.columns(PLAIN).to_numpy())), DESCRIBED),
+    "arrays of numpy (.npz)": (saved("a.npz", arrays), DESCRIBED),
     "MATLAB (.mat)": (saved("a.mat", lambda p, w: scipy.io.savemat(p, {"gyr": w.phone["gyr"]})), "scipy.io.loadmat"),
     "HDF5": (saved("a.hdf5", hdf5), "h5py"),
     "workbook of Excel": (saved("a.xlsx", workbook), "workbook of Excel"),
     "telemetry of MAVLink": (saved("a.tlog", telemetry), "mavlogdump.py"),
-    "log of ArduPilot": (saved("a.bin", lambda p, _: p.write_bytes(b"\xa3\x95\x80\x80\x59FMT\0BBnNZ\0")), "ArduPilot"),
+    "log of ArduPilot": (saved("a.bin", data_flash), OPENS),
     "RINEX": (lambda w: w.written("a.rnx", RINEX), "raw observations"),
     "GeoJSON": (lambda w: w.written("a.geojson", GEOJSON), "GeoJSON"),
 }
@@ -323,7 +366,7 @@ def ran(*words: object) -> subprocess.CompletedProcess[str]:
 def test_the_table_is_as_long_as_is_said() -> None:
     outcomes = [outcome for _, outcome in KINDS.values()]
     opened = [outcome for outcome in outcomes if outcome in (OPENS, DESCRIBED, REFERENCE)]
-    assert (len(outcomes), len(opened)) == (47, 38)
+    assert (len(outcomes), len(opened)) == (47, 41)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -346,3 +389,23 @@ def test_every_kind_opens_or_says_why_not(
         assert json.loads(scored.stdout)["error_deg"]["total_rmse"] < 3.0
     else:
         assert plain.returncode == 2 and outcome in plain.stderr, plain.stderr
+
+
+def test_a_log_of_ardupilot_is_what_pymavlink_reads(phone: dict[str, np.ndarray], drive: Samples, tmp_path: Path) -> None:
+    log, table = tmp_path / "flight.bin", tmp_path / "flight.csv"
+    data_flash(log, World(phone, drive, tmp_path))
+    run_program("convert", log, table)
+    ours = pd.read_csv(table, comment="#")
+    reader = DFReader_binary(str(log), False)
+    theirs: dict[str, list[Any]] = {"IMU": [], "MAG": [], "GPS": []}
+    while (message := reader.recv_msg()) is not None:
+        if message.get_type() in theirs:
+            theirs[message.get_type()].append(message)
+    assert [len(messages) for messages in theirs.values()] == [len(drive[name]) for name in ("imu", "mag", "fix")]
+    columns = {
+        "gyro_x_rad_s": ("IMU", "GyrX", 1.0), "acc_z_m_s2": ("IMU", "AccZ", 1.0), "mag_y_ut": ("MAG", "MagY", 0.1),
+        "gnss_latitude_rad": ("GPS", "Lat", math.pi / 180.0), "gnss_height_m": ("GPS", "Alt", 1.0),
+    }
+    for column, (kind, field, factor) in columns.items():
+        expected = np.array([getattr(message, field) for message in theirs[kind]]) * factor
+        np.testing.assert_allclose(ours[column].dropna(), expected, rtol=1e-12, atol=1e-12)

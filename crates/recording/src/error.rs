@@ -26,7 +26,7 @@ pub enum RecordingError {
     /// The content is none of the formats.
     #[error(
         "{file}: not a recording: {found}; expected Parquet, MCAP, a bag of ROS, CSV with a `t_s` or `t_ns` column, \
-         NMEA 0183, UBX, ULog, KF-GINS, RTKLIB, EuRoC, KITTI, GPX, VectorNav, a Sensor Logger folder, .zip or .json, or a manifest (.toml) that describes another text file, which `northing describe` drafts"
+         NMEA 0183, UBX, ULog, ArduPilot's .bin, KF-GINS, RTKLIB, EuRoC, KITTI, GPX, VectorNav, a Sensor Logger folder, .zip or .json, or a manifest (.toml) that describes another text file, which `northing describe` drafts"
     )]
     NotARecording {
         /// The file.

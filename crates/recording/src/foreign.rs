@@ -9,15 +9,15 @@ struct Kind {
     problem: &'static str,
 }
 
-const ARRAYS: &str = "it has arrays without a meaning; read it in Python and give them to `northing.attitude`, or save it as a table and \
-                      let `northing describe` look at it";
+const ARRAYS: &str = "arrays of NumPy, of which nothing says what they mean; `northing describe` drafts a manifest for them, `northing run \
+                      --describe` runs by its guess, and `northing.attitude` in Python takes them as they are";
 
 /// What is said of a workbook of Excel, old or new.
 const EXCEL: &str = "it is a workbook of Excel, which is not read; export the recording as CSV (in phyphox: Export Data, CSV)";
 
 const GEOJSON: &str = "GeoJSON, whose points have no times; a track with times is read as GPX, or as a table that `northing describe` looks at";
 
-const KINDS: [Kind; 9] = [
+const KINDS: [Kind; 8] = [
     Kind {
         begins: b"MATLAB 5.0 MAT-file",
         at: 0,
@@ -45,12 +45,6 @@ const KINDS: [Kind; 9] = [
         begins: b"\x93NUMPY",
         at: 0,
         problem: ARRAYS,
-    },
-    Kind {
-        begins: b"\xa3\x95\x80\x80",
-        at: 0,
-        problem: "a log of ArduPilot (.bin), which is not read; `mavlogdump.py --types IMU --format csv` of pymavlink writes a table that \
-                  `northing describe` can look at",
     },
     Kind {
         begins: b"\xfd",

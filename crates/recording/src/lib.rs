@@ -9,6 +9,8 @@
 //! [`open()`] tells the format by content and returns a [`Recording`]: an iterator of events, checked
 //! on the way ([`timeline`], [`plausibility`]), with [`Metadata`] and counted [`Issues`].
 
+#[cfg(feature = "ardupilot")]
+mod ardupilot;
 pub mod atomic_file;
 pub mod contents;
 mod csv;
@@ -38,6 +40,7 @@ pub mod metadata;
 mod nmea;
 mod northing_serial;
 mod numbers;
+mod numpy;
 mod open;
 pub mod options;
 #[cfg(feature = "parquet")]

@@ -144,18 +144,15 @@ fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
         ));
     }
     match open_data_file(path, options.format, options) {
-        Err(error) if options.describe => described(path, options, error),
+        Err(_) if options.describe => described(path, options),
         opened => opened,
     }
 }
 
-/// Opens a table that nothing describes as its draft guesses, and says what was guessed. `error` is why it does not open
-/// by itself.
-fn described(path: &Path, options: &OpenOptions, error: RecordingError) -> Result<Opened> {
+/// Opens a table that nothing describes as its draft guesses, and says what was guessed.
+fn described(path: &Path, options: &OpenOptions) -> Result<Opened> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let Ok(draft) = describe::draft(&[path.to_owned()], folder, None) else {
-        return Err(error);
-    };
+    let draft = describe::draft(&[path.to_owned()], folder, None)?;
     let mut opened = manifest::opened_text(&draft.manifest, path, options)?;
     let told = draft.guesses.iter().map(|guess| {
         let unit = match guess.key {
@@ -254,6 +251,8 @@ fn open_stream(
         Format::KfGins => kf_gins::open(input, name, metadata),
         #[cfg(feature = "ulog")]
         Format::Ulog => crate::ulog::open(input, name, metadata),
+        #[cfg(feature = "ardupilot")]
+        Format::ArduPilot => crate::ardupilot::open(input, name, metadata),
         Format::NorthingSerial => Ok(northing_serial::open(input, name, metadata)),
         format => Err(RecordingError::unsupported(
             name,
@@ -303,6 +302,10 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     }
     if head.starts_with(b"ULog\x01\x12\x35") {
         return Ok(Format::Ulog);
+    }
+    // The format of formats is the first message of a log.
+    if head.starts_with(b"\xa3\x95\x80\x80") {
+        return Ok(Format::ArduPilot);
     }
     if head.starts_with(b"PK\x03\x04") {
         return Ok(Format::SensorLogger);
@@ -420,6 +423,9 @@ fn not_built(format: Format) -> Option<&'static str> {
         }
         Format::Ulog if cfg!(not(feature = "ulog")) => {
             Some("this build cannot read ULog; build with `--features ulog`")
+        }
+        Format::ArduPilot if cfg!(not(feature = "ardupilot")) => {
+            Some("this build cannot read logs of ArduPilot; build with `--features ardupilot`")
         }
         _ => None,
     }

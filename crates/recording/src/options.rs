@@ -124,6 +124,8 @@ named_values! {
         Ubx = "ubx",
         /// ULog: logs of PX4 autopilots (feature `ulog`).
         Ulog = "ulog",
+        /// DataFlash: logs of ArduPilot (feature `ardupilot`).
+        ArduPilot = "ardupilot",
         /// What a board with our firmware sends.
         NorthingSerial = "northing-serial",
         /// Text files of the program KF-GINS: inertial increments, positions, or a folder with both.

@@ -5,7 +5,8 @@
     feature = "mcap",
     feature = "parquet",
     feature = "sqlite",
-    feature = "ulog"
+    feature = "ulog",
+    feature = "ardupilot"
 ))]
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
@@ -163,6 +164,45 @@ fn ulog() -> Vec<u8> {
     log
 }
 
+/// Formats and three samples of ArduPilot.
+fn ardupilot() -> Vec<u8> {
+    let format = |kind: u8, length: u8, texts: [(&str, usize); 3]| {
+        let mut message = vec![0xa3, 0x95, 0x80, kind, length];
+        for (text, width) in texts {
+            message.extend(text.bytes().chain(std::iter::repeat(0)).take(width));
+        }
+        message
+    };
+    let formats = [
+        ("FMT", 4),
+        ("BBnNZ", 16),
+        ("Type,Length,Name,Format,Columns", 64),
+    ];
+    let mut log = format(0x80, 89, formats);
+    let labels = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ";
+    log.extend(format(1, 36, [("IMU", 4), ("QBffffff", 16), (labels, 64)]));
+    for k in 1..4_u64 {
+        log.extend([0xa3, 0x95, 1]);
+        log.extend((1000 * k).to_le_bytes());
+        log.extend([0; 25]);
+    }
+    log
+}
+
+/// Two arrays of NumPy in a zip.
+fn arrays() -> Vec<u8> {
+    let header = "{'descr': '<i2', 'fortran_order': False, 'shape': (4, 3), }\n";
+    let length = (header.len() as u16).to_le_bytes();
+    let array = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes(), &[1; 24]].concat();
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for name in ["gyr.npy", "acc.npy"] {
+        let options = zip::write::SimpleFileOptions::default();
+        archive.start_file(name, options).unwrap();
+        std::io::Write::write_all(&mut archive, &array).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
+}
+
 /// A frame of a u-blox receiver with a solution: NAV-PVT, its checksum of 8 bits behind it.
 fn ubx() -> Vec<u8> {
     let mut payload = [0_u8; 92];
@@ -223,6 +263,13 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
         ("tracking_sentences", "own_ship.log", NMEA.into(), None),
         ("ubx", "solution.ubx", ubx(), Some(Format::Ubx)),
         ("ulog", "rates.ulg", ulog(), Some(Format::Ulog)),
+        (
+            "ardupilot",
+            "rates.bin",
+            ardupilot(),
+            Some(Format::ArduPilot),
+        ),
+        ("describe", "arrays.npz", arrays(), None),
         ("vectornav", "lines.log", lines.into(), None),
         (
             "kf_gins",

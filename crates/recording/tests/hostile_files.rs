@@ -20,7 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use northing_recording::{OpenOptions, open, tracking};
+use northing_recording::{OpenOptions, describe, open, tracking};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::column::writer::ColumnWriter;
 use parquet::file::properties::WriterProperties;
@@ -428,6 +428,27 @@ fn no_file_of_ten_megabytes_costs_more_than_300_mb_or_half_a_minute() {
     let folder = tempfile::tempdir().unwrap();
     let long_manifest = ("long.toml", repeated("# \n", 2_000_000), "the file: 1999");
     let clock = ("clock.ulg", ulog(), "");
+    // A bomb among arrays, whose bytes become numbers.
+    let header = "{'descr': '|u1', 'fortran_order': False, 'shape': (50000000, 1), }\n";
+    let mut array = [
+        b"\x93NUMPY\x01\0",
+        &[header.len() as u8, 0][..],
+        header.as_bytes(),
+    ]
+    .concat();
+    array.resize(array.len() + 50_000_000, 0);
+    let arrays = zip_of([("gyr.npy", &array[..])]);
+    drop(array);
+    let path = folder.path().join("arrays.npz");
+    fs::write(&path, arrays).unwrap();
+    let said = measured("arrays.npz", || {
+        describe::draft(&[path], folder.path(), None)
+            .map_or_else(|error| error.to_string(), |draft| draft.manifest)
+    });
+    assert!(
+        said.contains("arrays.npz/gyr: the unpacked file: 450000"),
+        "{said}"
+    );
     let cases = zips()
         .into_iter()
         .chain(mcaps())

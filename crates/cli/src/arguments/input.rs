@@ -15,7 +15,7 @@ use crate::files::STDIN;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "About the recording")]
 pub(crate) struct InputArgs {
-    /// Format, where it shall not be told by content: parquet, csv, mcap, sensor-logger, phyphox, nmea, ubx, ulog, kf-gins,
+    /// Format, where it shall not be told by content: parquet, csv, mcap, sensor-logger, phyphox, nmea, ubx, ulog, ardupilot, kf-gins,
     /// rtklib, euroc, gpx, tum, vectornav, northing-serial, manifest
     #[arg(long, value_name = "FORMAT")]
     format: Option<Format>,

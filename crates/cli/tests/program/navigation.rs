@@ -485,3 +485,33 @@ fn the_log_of_a_receiver_alone_runs_without_an_estimator_being_named() {
     );
     assert!(!refused.contains("too short"), "{refused}");
 }
+
+#[test]
+fn a_receivers_log_is_a_position_and_no_attitude_however_long_it_is() {
+    let lab = Lab::new();
+    let sentence = |body: String| {
+        let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+        format!("${body}*{sum:02X}\r\n")
+    };
+    let log: String = (0..1201)
+        .map(|k| {
+            let clock = format!("12{:02}{:02}.00", 30 + k / 60 % 30, k % 60);
+            sentence(format!(
+                "GPGGA,{clock},4807.{:04},N,00900.0000,E,1,08,0.9,300.0,M,47.0,M,,",
+                1000 + k
+            ))
+        })
+        .collect();
+    lab.write("walk.log", log);
+    let text = lab.succeeds(&["run", "walk.log"]);
+    contains(
+        &text,
+        &["dead-reckoning over 1200.0 s", "1201 of 1201 fixes"],
+    );
+    let refused = lab.refuses(&["run", "walk.log", "--estimator", "mekf"]);
+    contains(
+        &refused,
+        &["no gyroscope", "choose --estimator dead-reckoning"],
+    );
+    assert!(!refused.contains("too short"), "{refused}");
+}

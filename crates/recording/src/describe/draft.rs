@@ -430,7 +430,7 @@ impl Described {
         let Some((rate_hz, found)) = found else {
             return Err(RecordingError::unsupported(
                 self.path.display().to_string(),
-                "no column of time stamps, and no turns of gravity that tell the rate of its rows; say it with --rate HZ",
+                "no column of time stamps, and no turns of gravity that tell the rate of its rows; say it: `northing describe FILE --rate HZ`",
             ));
         };
         if let Some(time) = &mut self.time {

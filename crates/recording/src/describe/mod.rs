@@ -18,6 +18,11 @@ use serde::Serialize;
 
 pub use draft::{Draft, draft};
 
+/// Whether a column of this name has times.
+pub(crate) fn is_time(name: &str) -> bool {
+    names::single(name) == Some(names::Single::Time)
+}
+
 /// How sure a guess is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -1,14 +1,14 @@
 //! The form of a table of text: what separates its cells, where its rows begin, what its columns are called, and the
 //! numbers in them.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
 use crate::error::{RecordingError, Result};
 use crate::limits::LINE;
+use crate::numpy::open_table;
 use crate::stamp;
-use crate::text::{open_file, read_line};
+use crate::text::read_line;
 
 /// Lines in which the form is looked for.
 const LINES: usize = 400;
@@ -316,7 +316,7 @@ pub(super) fn is_time_of_day(cell: &str) -> bool {
 
 /// The lines of a file, none of them endless, up to the bytes that are looked at.
 struct Lines {
-    input: BufReader<std::io::Take<File>>,
+    input: BufReader<std::io::Take<Box<dyn Read + Send>>>,
     file: String,
     line: Vec<u8>,
 }
@@ -324,7 +324,7 @@ struct Lines {
 impl Lines {
     fn open(path: &Path, file: &str) -> Result<Self> {
         Ok(Self {
-            input: BufReader::with_capacity(1 << 16, open_file(path, file)?.take(MOST_BYTES)),
+            input: BufReader::with_capacity(1 << 16, open_table(path, file)?.take(MOST_BYTES)),
             file: file.to_owned(),
             line: Vec::new(),
         })

@@ -13,10 +13,11 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
 use crate::metadata::Metadata;
+use crate::numpy;
 use crate::open::{has_extension, open_data_file, stem};
 use crate::options::{Format, OpenOptions};
 use crate::recording::{Opened, Recording, Scale};
-use crate::text::{open_file, read_manifest};
+use crate::text::read_manifest;
 
 pub use navigation::{
     AngleUnit, CoordinateUnit, EcefColumns, HeadingColumn, HeightUnit, LocalColumns, Origin,
@@ -160,7 +161,7 @@ impl Loaded {
     ) -> Result<Opened> {
         if source.time.is_some() || source.format == Some(Format::Manifest) {
             let file = data.display().to_string();
-            let input = open_file(data, &file)?;
+            let input = numpy::open_table(data, &file)?;
             return table::open(source, &self.file, input, &file, options);
         }
         if same_file(manifest, data) || has_extension(data, "toml") {
