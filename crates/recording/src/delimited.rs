@@ -11,11 +11,11 @@ use std::io::Read;
 use crate::error::{RecordingError, Result, shown};
 use crate::event::{Event, Sample, SensorKind};
 use crate::issues::Issues;
+use crate::local_place::LocalPlace;
 use crate::numbers::{self, MOST};
 use crate::recording::Pieces;
 use crate::stamp;
 use csv::ByteRecord;
-use northing_core::earth::LocalFrame;
 
 pub(crate) use blanks::Blanks;
 #[cfg(feature = "ulog")]
@@ -86,11 +86,8 @@ pub(crate) enum Form {
     RtklibPosition,
     /// Speed over ground, course and the speed's standard deviation.
     SpeedAndCourse,
-    /// Metres north, east and down of a place; the standard deviations in place of those of the row.
-    Local {
-        frame: LocalFrame,
-        std_m: Option<[f64; 3]>,
-    },
+    /// Metres north, east and down of a place.
+    Local(LocalPlace),
     /// An orientation as roll, pitch and yaw, rad.
     RollPitchYaw,
     /// In Earth-centred, Earth-fixed axes, at the position in these columns.

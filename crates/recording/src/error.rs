@@ -125,8 +125,7 @@ pub enum RecordingError {
     },
     /// The time stamps do not run forward.
     #[error(
-        "{file}: time runs backwards: {back} of {total} {sensor} stamps are earlier than one before them; \
-         sort the rows by time, or check the time column and its unit"
+        "{file}: time runs backwards: {back} of {total} {sensor} stamps are earlier than one before them; {advice}"
     )]
     TimeGoesBack {
         /// The file.
@@ -137,6 +136,8 @@ pub enum RecordingError {
         back: u64,
         /// Stamps looked at.
         total: u64,
+        /// What to do.
+        advice: &'static str,
     },
     /// The numbers contradict the unit.
     #[error("{file}: {sensor}: {evidence}; {hint}")]

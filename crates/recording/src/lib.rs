@@ -32,6 +32,7 @@ pub mod issues;
 mod kf_gins;
 mod kitti;
 pub mod limits;
+mod local_place;
 pub mod manifest;
 #[cfg(feature = "mcap")]
 pub mod mcap;
@@ -75,9 +76,10 @@ pub use error::RecordingError;
 pub use event::{CompassHeading, Event, Reference, Sample, SensorKind, TrueHeading, WaterVelocity};
 pub use gnss::{GnssPosition, GnssQuality, GnssVelocity};
 pub use issues::Issues;
+pub use local_place::LocalPlace;
 pub use metadata::{BodyAxes, Frames, Metadata, WorldFrame};
 pub use open::{open, read_bytes, read_from};
-pub use options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
+pub use options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit, TopicChoice};
 #[cfg(feature = "parquet")]
 pub use parquet_writer::ParquetWriter;
 pub use pose::PoseEstimate;

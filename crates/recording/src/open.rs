@@ -93,7 +93,7 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
         #[cfg(feature = "mcap")]
         Format::Mcap => {
             let input = Box::new(Cursor::new(bytes));
-            crate::mcap::open(input, name, metadata, options.device.as_deref())?
+            crate::mcap::open(input, name, metadata, wanted(options))?
         }
         Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
         Format::Manifest => {
@@ -184,11 +184,14 @@ pub(crate) fn open_data_file(
     if path.is_dir() {
         #[cfg(feature = "mcap")]
         {
-            let device = options.device.as_deref();
-            let bag = crate::mcap::bag::open_folder(path, file, metadata.clone(), device)?;
+            let wanted = wanted(options);
+            let bag = crate::mcap::bag::open_folder(path, file, metadata.clone(), wanted)?;
             if let Some(opened) = bag {
                 return Ok(opened);
             }
+        }
+        if options.topics.is_some() {
+            return Err(no_topics(file, "a folder without files of one"));
         }
         if let Some(opened) = euroc::open_folder(path, &metadata)? {
             return Ok(opened);
@@ -207,6 +210,9 @@ pub(crate) fn open_data_file(
         Some(format) => format,
         None => detect(&head, file)?,
     };
+    if options.topics.is_some() && format != Format::Mcap {
+        return Err(no_topics(file, format.name()));
+    }
     let input = open_file(path, file)?;
     match format {
         Format::Manifest => Err(RecordingError::unsupported(
@@ -218,13 +224,27 @@ pub(crate) fn open_data_file(
         Format::Parquet => crate::parquet::open(input, file, metadata),
         #[cfg(feature = "mcap")]
         Format::Mcap if head.starts_with(SQLITE) => {
-            crate::mcap::open_database(path, file, metadata, options.device.as_deref())
+            crate::mcap::open_database(path, file, metadata, wanted(options))
         }
         #[cfg(feature = "mcap")]
-        Format::Mcap => {
-            crate::mcap::open(Box::new(input), file, metadata, options.device.as_deref())
-        }
+        Format::Mcap => crate::mcap::open(Box::new(input), file, metadata, wanted(options)),
         format => open_stream(format, input, file, metadata),
+    }
+}
+
+fn no_topics(file: &str, found: &str) -> RecordingError {
+    RecordingError::unsupported(
+        file,
+        format!("topics are named, which are of a bag of ROS; this is {found}"),
+    )
+}
+
+/// What the options say of devices and topics.
+#[cfg(feature = "mcap")]
+fn wanted(options: &OpenOptions) -> crate::mcap::Wanted<'_> {
+    crate::mcap::Wanted {
+        device: options.device.as_deref(),
+        topics: options.topics.as_ref(),
     }
 }
 

@@ -1,7 +1,11 @@
 //! What the user may say about a recording: its format, its manifest, units that differ from what
 //! the format promises.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+use crate::event::SensorKind;
+use crate::local_place::LocalPlace;
 
 /// How to open a recording. The default detects everything and checks everything.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,6 +14,8 @@ pub struct OpenOptions {
     pub format: Option<Format>,
     /// The device (in ROS 2 files the topic) where a file holds several; default: the only one.
     pub device: Option<String>,
+    /// Of bags: which topics are read; default: by their types and names.
+    pub topics: Option<TopicChoice>,
     /// A manifest that describes the (text) file; default: `FILE.toml` beside it if needed.
     pub manifest: Option<PathBuf>,
     /// The folder in which the files that a manifest names are; default: the manifest's own.
@@ -31,11 +37,21 @@ pub struct OpenOptions {
     pub plausibility: bool,
 }
 
+/// Which topics of a bag are read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TopicChoice {
+    /// The topic of each sensor, and then no other one. Default: by their types and names.
+    pub of_sensor: Option<BTreeMap<SensorKind, String>>,
+    /// The topic of poses whose positions are fixes, and where they count from.
+    pub local_position: Option<(String, LocalPlace)>,
+}
+
 impl Default for OpenOptions {
     fn default() -> Self {
         Self {
             format: None,
             device: None,
+            topics: None,
             manifest: None,
             data: None,
             describe: false,

@@ -165,13 +165,14 @@ impl Recording {
         } else {
             Scale::new(options)
         };
+        let timeline = Timeline::new(options.gap_limit_s).of_format(&opened.metadata.format);
         Self {
             file,
             metadata: opened.metadata,
             sensors: opened.sensors,
             source: Box::new(FalseStamps::new(opened.source)),
             scale,
-            timeline: Timeline::new(options.gap_limit_s),
+            timeline,
             plausibility: Plausibility::new(options),
             issues: Issues {
                 gap_limit_s: options.gap_limit_s,

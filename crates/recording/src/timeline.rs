@@ -10,6 +10,12 @@ const SENSORS: usize = SensorKind::ALL.len();
 /// ones are judged at their end.
 const ENOUGH_STAMPS: u64 = 100;
 
+const SORT_ROWS: &str = "sort the rows by time, or check the time column and its unit";
+const SORT_BAG: &str = "within one topic the messages or their stamps are out of order: check the clock that stamps them, or sort \
+     the bag by the time of its log, e.g. with `mcap sort`, or with `pip install rosbags` and `rosbags-convert`";
+/// The formats of bags, whose topics are put in order before.
+const BAGS: [&str; 3] = ["mcap", "rosbag2-sqlite", "rosbag-ros1"];
+
 /// Decides event by event what fits into the order of time. Constant memory.
 ///
 /// A stamp that repeats the last one of the same sensor is a duplicate; a stamp earlier than the
@@ -17,6 +23,8 @@ const ENOUGH_STAMPS: u64 = 100;
 #[derive(Debug, Clone)]
 pub struct Timeline {
     gap_limit_ns: i64,
+    /// What to do about a recording that goes back.
+    advice: &'static str,
     first_ns: Option<i64>,
     latest_ns: i64,
     last_of_sensor_ns: [Option<i64>; SENSORS],
@@ -31,12 +39,21 @@ impl Timeline {
         Self {
             // Saturates for absurd limits, which then never trigger.
             gap_limit_ns: (gap_limit_s * 1e9) as i64,
+            advice: SORT_ROWS,
             first_ns: None,
             latest_ns: i64::MIN,
             last_of_sensor_ns: [None; SENSORS],
             seen: [0; SENSORS],
             back: [0; SENSORS],
         }
+    }
+
+    /// The timeline of a recording of this format, which says what to do when it goes back.
+    #[must_use]
+    pub(crate) fn of_format(self, format: &str) -> Self {
+        let is_bag = BAGS.contains(&format);
+        let advice = if is_bag { SORT_BAG } else { SORT_ROWS };
+        Self { advice, ..self }
     }
 
     /// Whether the event fits; counts what does not.
@@ -97,6 +114,7 @@ impl Timeline {
             sensor: kind.name(),
             back,
             total,
+            advice: self.advice,
         })
     }
 

@@ -66,6 +66,8 @@ pub const fn usual_topic(role: Role) -> &'static str {
         Role::Pressure => "pressure",
         Role::Reference => "reference/orientation",
         Role::DeviceOrientation => "device/orientation",
+        Role::LocalPosition | Role::Position => "pose",
+        Role::ForwardSpeed => "odom",
     }
 }
 
@@ -325,7 +327,7 @@ async fn listen(
         let bytes = heard.map_or(Vec::new(), |(bytes, _)| bytes.0);
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let now_ns = now.map_or(0, |since| i64::try_from(since.as_nanos()).unwrap_or(0));
-        let events = measured(role, schema, &bytes, now_ns);
+        let events = measured(role, schema, &bytes, now_ns, None);
         let message = Message {
             role,
             frame: frame_id(&bytes).map(str::to_owned),

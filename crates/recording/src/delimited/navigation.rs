@@ -48,16 +48,10 @@ impl Cells<'_> {
                     UnitQuaternion::from_euler_angles(roll, pitch, yaw),
                 ))
             }
-            (Form::Local { frame, std_m }, Sample::GnssPosition(fix)) => {
+            (Form::Local(place), Sample::GnssPosition(fix)) => {
                 let [north, east, down, ..] = *row;
-                let place = frame.geodetic(&Vector3::new(north, east, down));
-                Some(Sample::GnssPosition(GnssPosition {
-                    latitude_rad: place.latitude_rad,
-                    longitude_rad: place.longitude_rad,
-                    height_m: (!down.is_nan()).then_some(place.height_m),
-                    std_m: std_m.or(fix.std_m),
-                    ..fix
-                }))
+                let fix = place.fix_ned([north, east, down], fix);
+                Some(Sample::GnssPosition(fix))
             }
             (Form::Ecef { place, inverse }, sample) => self.of_ecef(place, inverse, sample)?,
             (_, plain) => Some(plain),

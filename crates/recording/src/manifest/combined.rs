@@ -3,7 +3,7 @@
 use nalgebra::UnitQuaternion;
 use northing_core::geometry::frames::enu_from_ned_rotation;
 
-use super::schema::{Role, Source};
+use super::schema::{Role, Source, Use};
 use crate::error::{RecordingError, Result, join, shown};
 use crate::event::{Event, Reference, Sample, SensorKind};
 use crate::false_stamps::FalseStamps;
@@ -21,7 +21,10 @@ pub(super) fn combine(parts: Vec<(&Source, Opened)>, scale: Scale) -> Opened {
         let adapted = Adapted {
             offset_ns: (source.time_offset_s * 1e9).round() as i64,
             role: source.role,
-            only: source.only.clone(),
+            only: match &source.taken {
+                Some(Use::Sensors(sensors)) => Some(sensors.clone()),
+                _ => None,
+            },
             scale: if opened.units_applied {
                 Scale::NONE
             } else {

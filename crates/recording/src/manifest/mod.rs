@@ -12,10 +12,11 @@ use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
+use crate::local_place::LocalPlace;
 use crate::metadata::Metadata;
 use crate::numpy;
 use crate::open::{has_extension, open_data_file, stem};
-use crate::options::{Format, OpenOptions};
+use crate::options::{Format, OpenOptions, TopicChoice};
 use crate::recording::{Opened, Recording, Scale};
 use crate::text::read_manifest;
 
@@ -26,7 +27,7 @@ pub use navigation::{
 pub use schema::{
     Column, ForceColumnUnit, General, Latency, LeverArm, Manifest, Metre, MetrePerSecond,
     NumberColumn, PressureUnit, QuaternionColumns, QuaternionDirection, QuaternionOrder,
-    RateColumnUnit, Role, RowFilter, Source, TimeColumn, TimeUnit, VectorColumns, parse,
+    RateColumnUnit, Role, RowFilter, Source, TimeColumn, TimeUnit, Use, VectorColumns, parse,
 };
 
 /// Reads delimited text in memory through a manifest in memory; `name` stands for both in messages.
@@ -160,6 +161,9 @@ impl Loaded {
         options: &OpenOptions,
     ) -> Result<Opened> {
         if source.time.is_some() || source.format == Some(Format::Manifest) {
+            if let Some(Use::Topics(_)) = source.taken {
+                return Err(self.problem("`use` has topics, which are of bags; this is a table"));
+            }
             let file = data.display().to_string();
             let input = numpy::open_table(data, &file)?;
             return table::open(source, &self.file, input, &file, options);
@@ -167,7 +171,40 @@ impl Loaded {
         if same_file(manifest, data) || has_extension(data, "toml") {
             return Err(self.problem(format!("{} is a manifest, not a data file", data.display())));
         }
-        open_data_file(data, source.format, options)
+        let options = OpenOptions {
+            topics: self.topics(source)?,
+            ..options.clone()
+        };
+        open_data_file(data, source.format, &options)
+    }
+
+    /// The topics that a source names of a bag.
+    fn topics(&self, source: &Source) -> Result<Option<TopicChoice>> {
+        let of_sensor = match &source.taken {
+            Some(Use::Topics(topics)) => Some(topics.clone()),
+            _ => None,
+        };
+        let local_position = match &source.local_position {
+            None => None,
+            Some(local) => Some(self.local_topic(local)?),
+        };
+        let has_topics = of_sensor.is_some() || local_position.is_some();
+        Ok(has_topics.then_some(TopicChoice {
+            of_sensor,
+            local_position,
+        }))
+    }
+
+    fn local_topic(&self, local: &LocalColumns) -> Result<(String, LocalPlace)> {
+        let wrong = |what: &str| Err(self.problem(format!("[local_position] {what}")));
+        let Some(topic) = &local.topic else {
+            return wrong("needs `topic`, of a bag; of a table the source needs [time], too");
+        };
+        if local.columns.is_some() || local.std.is_some() {
+            return wrong("has `topic`, of a bag, and `columns` or `std`, of a table");
+        }
+        let place = LocalPlace::new(&local.origin, local.axes, local.std_m, &self.file)?;
+        Ok((topic.clone(), place))
     }
 
     fn stream(

@@ -99,8 +99,8 @@ pub struct VelocityColumns {
     pub course_unit: AngleUnit,
 }
 
-/// The order and sense of a velocity's components.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+/// The order and sense of the components of a velocity or a position.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum VelocityAxes {
     /// North, east, down.
@@ -110,6 +110,35 @@ pub enum VelocityAxes {
     Enu,
     /// North, east, up.
     Neu,
+}
+
+impl VelocityAxes {
+    /// Which of north, east, down each component is.
+    pub(crate) const fn order(self) -> [usize; 3] {
+        match self {
+            Self::Ned | Self::Neu => [0, 1, 2],
+            Self::Enu => [1, 0, 2],
+        }
+    }
+
+    /// What the vertical component is multiplied by to point down.
+    pub(crate) const fn down(self) -> f64 {
+        match self {
+            Self::Ned => 1.0,
+            Self::Neu | Self::Enu => -1.0,
+        }
+    }
+
+    /// Components in the order north, east, down, the third one times `vertical`.
+    pub(crate) fn to_ned(self, components: [f64; 3], vertical: f64) -> [f64; 3] {
+        let [north, east, down] = self.order();
+        // Both orders are their own inverse.
+        [
+            components[north],
+            components[east],
+            components[down] * vertical,
+        ]
+    }
 }
 
 units! {
@@ -142,8 +171,10 @@ units! {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LocalColumns {
-    /// Three components in the order of `axes`, m, along the level axes at the origin.
-    pub columns: [Column; 3],
+    /// Of a table: three components in the order of `axes`, m, along the level axes at the origin.
+    pub columns: Option<[Column; 3]>,
+    /// Of a bag, in place of `columns`: the topic of poses (`PoseStamped`, `PoseWithCovarianceStamped`, `Odometry`).
+    pub topic: Option<String>,
     /// What they are. Default `enu`.
     #[serde(default = "enu")]
     pub axes: VelocityAxes,
@@ -151,7 +182,7 @@ pub struct LocalColumns {
     pub origin: Origin,
     /// Their standard deviations in the same order, m: columns.
     pub std: Option<[Column; 3]>,
-    /// In place of `std`: numbers that hold for all rows.
+    /// In place of `std`, or of what the messages state: numbers that hold for all of them.
     pub std_m: Option<[f64; 3]>,
 }
 

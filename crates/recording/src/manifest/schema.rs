@@ -88,9 +88,9 @@ pub struct Source {
     /// become references.
     #[serde(default)]
     pub role: Role,
-    /// Of a file that is no table: the sensors to take; default all.
+    /// Of a file that is no table: the sensors to take, or of a bag the topic of each; default all.
     #[serde(rename = "use")]
-    pub only: Option<Vec<SensorKind>>,
+    pub taken: Option<Use>,
     /// Added to every time stamp, s. Default 0.
     #[serde(default)]
     pub time_offset_s: f64,
@@ -146,6 +146,51 @@ pub struct Source {
     pub true_heading: Option<HeadingColumn>,
     /// A reference track in Earth-centred coordinates.
     pub ecef_reference: Option<EcefColumns>,
+}
+
+/// What is taken of a file: a list of sensors, or a table with the topic of each.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Use {
+    /// These sensors.
+    Sensors(Vec<SensorKind>),
+    /// Of a bag: each sensor from its topic.
+    Topics(BTreeMap<SensorKind, String>),
+}
+
+impl<'de> Deserialize<'de> for Use {
+    fn deserialize<D: serde::Deserializer<'de>>(
+        deserializer: D,
+    ) -> std::result::Result<Self, D::Error> {
+        struct ListOrTable;
+
+        impl<'de> serde::de::Visitor<'de> for ListOrTable {
+            type Value = Use;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(
+                    "a list of sensors, or of a bag a table { gyroscope = \"/imu/data_raw\" }",
+                )
+            }
+
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(
+                self,
+                list: A,
+            ) -> std::result::Result<Use, A::Error> {
+                let list = serde::de::value::SeqAccessDeserializer::new(list);
+                Vec::deserialize(list).map(Use::Sensors)
+            }
+
+            fn visit_map<A: serde::de::MapAccess<'de>>(
+                self,
+                table: A,
+            ) -> std::result::Result<Use, A::Error> {
+                let table = serde::de::value::MapAccessDeserializer::new(table);
+                BTreeMap::deserialize(table).map(Use::Topics)
+            }
+        }
+
+        deserializer.deserialize_any(ListOrTable)
+    }
 }
 
 /// What a source is for.

@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 
 use super::bag_file::messages;
 use super::file::{Contents, End, MCAP, contents};
-use super::ros_source::RosSource;
+use super::order::in_order;
+use super::ros_source::{Read, RosSource};
 use super::tf_static::{Mounting, StaticTransforms};
-use super::topics::{self, Topics};
-use super::{devices, mounted, nothing};
+use super::topics;
+use super::{Wanted, devices, mounted, nothing};
 use crate::error::{RecordingError, Result, shown};
-use crate::event::{Event, SensorKind};
+use crate::event::Event;
 use crate::issues::Issues;
 use crate::limits::{BAG_FILES, read_description};
 use crate::metadata::Metadata;
@@ -26,7 +27,7 @@ pub(crate) fn open_folder(
     path: &Path,
     file: &str,
     mut metadata: Metadata,
-    device: Option<&str>,
+    wanted: Wanted<'_>,
 ) -> Result<Option<Opened>> {
     let Some(paths) = files(path, file)? else {
         return Ok(None);
@@ -37,23 +38,21 @@ pub(crate) fn open_folder(
         let problem = "a folder with recordings of the lab; open one of its files";
         return Err(RecordingError::unsupported(file, problem));
     }
-    let Some((topics, notes)) = topics::choose(&contents, device, file)? else {
+    let Some((topics, notes)) = topics::choose(&contents, wanted, file)? else {
         return Err(nothing(file, &contents));
     };
     contents.format.clone_into(&mut metadata.format);
     let mounting = mounted(&contents, &topics, &mut metadata);
-    let notes = [notes, mounting.notes().to_vec()].concat();
-    let mut seen = [false; SensorKind::ALL.len()];
-    let (mut source, mut issues) = (Bag::new(&paths, &topics, &mounting), Issues::default());
-    while let Some(event) = source.next_event(&mut issues)? {
-        seen[event.sample.kind().order()] = true;
-    }
-    let sensors = SensorKind::ALL.into_iter();
-    let sensors = sensors.filter(|kind| seen[kind.order()]).collect();
-    let source = Box::new(Bag::new(&paths, &topics, &mounting));
+    let ordered = in_order(topics.reads(), |reads| {
+        Ok(Bag::new(&paths, reads, &mounting))
+    })?;
     Ok(Some(Opened {
-        notes,
-        ..Opened::new(metadata, sensors, source)
+        notes: [notes, mounting.notes().to_vec()]
+            .into_iter()
+            .flatten()
+            .chain(ordered.note)
+            .collect(),
+        ..Opened::new(metadata, ordered.sensors, ordered.source)
     }))
 }
 
@@ -146,16 +145,16 @@ fn contents_of_all(paths: &[PathBuf], file: &str) -> Result<Contents> {
 /// The events of the files, of which one is open at a time.
 struct Bag {
     paths: VecDeque<PathBuf>,
-    topics: Topics,
+    reads: Vec<Read>,
     mounting: Mounting,
     current: Option<RosSource>,
 }
 
 impl Bag {
-    fn new(paths: &[PathBuf], topics: &Topics, mounting: &Mounting) -> Self {
+    fn new(paths: &[PathBuf], reads: &[Read], mounting: &Mounting) -> Self {
         Self {
             paths: paths.iter().cloned().collect(),
-            topics: topics.clone(),
+            reads: reads.to_vec(),
             mounting: mounting.clone(),
             current: None,
         }
@@ -173,8 +172,8 @@ impl EventSource for Bag {
             let Some(path) = self.paths.pop_front() else {
                 return Ok(None);
             };
-            let (topics, mounting) = (self.topics.clone(), self.mounting.clone());
-            self.current = Some(RosSource::new(messages(&path)?, topics, mounting));
+            let messages = messages(&path)?;
+            self.current = Some(RosSource::new(messages, &self.reads, &self.mounting));
         }
     }
 }

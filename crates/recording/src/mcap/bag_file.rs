@@ -3,9 +3,12 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
+#[cfg(feature = "sqlite")]
+use std::sync::Arc;
 
 use tempfile::NamedTempFile;
 
+use super::Wanted;
 use super::file::Messages;
 use crate::error::{RecordingError, Result};
 use crate::limits;
@@ -22,9 +25,9 @@ pub(crate) fn open_database(
     path: &Path,
     file: &str,
     metadata: Metadata,
-    device: Option<&str>,
+    wanted: Wanted<'_>,
 ) -> Result<Opened> {
-    super::open_messages(messages(path)?, file, metadata, device)
+    super::open_messages(messages(path)?, file, metadata, wanted)
 }
 
 /// The messages of a file, told by its first bytes.
@@ -76,6 +79,7 @@ fn unpack(input: File, file: &str) -> Result<NamedTempFile> {
 
 #[cfg(feature = "sqlite")]
 fn database(path: &Path, unpacked: Option<NamedTempFile>, file: &str) -> Result<Messages> {
+    let unpacked = unpacked.map(Arc::new);
     let database = super::sqlite::Database::open(path, unpacked, file)?;
     Ok(Messages::of(Box::new(database)))
 }

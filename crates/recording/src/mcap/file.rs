@@ -11,9 +11,11 @@ use ::mcap::{Channel, Message};
 use super::bag_file::ZSTD;
 use super::definitions::{Definitions, Fields};
 use super::nav_sat_fix;
+use super::pose_twist::{ODOMETRY, child_frame};
 use super::records::{Records, Stop};
 use super::ros::{self, IMU, MAGNETIC_FIELD};
 use super::ros_1;
+use super::shared::Shared;
 use super::tf_static::{StaticTransforms, is_mounting};
 use super::topics::schema;
 use crate::error::{RecordingError, Result, shown};
@@ -79,8 +81,8 @@ pub(super) trait Container: Send {
     /// The next message; `None` at the end of a complete file.
     fn next(&mut self) -> std::result::Result<Option<Message<'static>>, Stop>;
 
-    /// From the beginning again.
-    fn again(self: Box<Self>, file: &str) -> Result<Box<dyn Container>>;
+    /// Another reader of the same, at the beginning.
+    fn another(&self, file: &str) -> Result<Box<dyn Container>>;
 }
 
 /// The messages of a file in the order in which they were written. Memory does not grow with the file.
@@ -93,7 +95,8 @@ pub(crate) struct Messages {
 
 impl Messages {
     /// Starts at the beginning of `input`: MCAP, or a bag of ROS 1.
-    pub(crate) fn new(mut input: Box<dyn Input>, file: &str) -> Result<Self> {
+    pub(crate) fn new(input: Box<dyn Input>, file: &str) -> Result<Self> {
+        let mut input = Shared::new(input);
         let is_ros_1 = ros_1::recognises(&mut input);
         let is_ros_1 = is_ros_1.map_err(|error| RecordingError::io(file, "read it", error))?;
         Ok(Self::of(if is_ros_1 {
@@ -116,22 +119,19 @@ impl Messages {
         self.end.as_ref()
     }
 
-    /// Tells that the file is cut, and how many messages could not be decoded.
-    pub(super) fn report(&self, unreadable: u64, issues: &mut Issues) {
+    /// Tells that the file is cut, once however many read it.
+    pub(super) fn report(&self, issues: &mut Issues) {
         if let Some(why) = self.end.as_ref().and_then(End::why) {
-            issues.notes.push(format!(
-                "The recording was not finished ({why}); it is read up to there."
-            ));
-        }
-        if unreadable > 0 {
-            let text = format!("Messages that could not be decoded: {unreadable}.");
-            issues.notes.push(text);
+            let told = format!("The recording was not finished ({why}); it is read up to there.");
+            if !issues.notes.contains(&told) {
+                issues.notes.push(told);
+            }
         }
     }
 
-    /// From the beginning again.
-    pub(crate) fn again(self, file: &str) -> Result<Self> {
-        Ok(Self::of(self.container.again(file)?))
+    /// Another reader of the same file, at the beginning.
+    pub(crate) fn another(&self, file: &str) -> Result<Self> {
+        Ok(Self::of(self.container.another(file)?))
     }
 }
 
@@ -165,7 +165,7 @@ struct Mcap {
 }
 
 impl Mcap {
-    fn new(mut input: Box<dyn Input>, file: &str) -> Result<Self> {
+    fn new(mut input: Shared, file: &str) -> Result<Self> {
         let complete = has_end(&mut input);
         let complete = complete.map_err(|error| RecordingError::io(file, "read it", error))?;
         Ok(Self {
@@ -200,8 +200,8 @@ impl Container for Mcap {
         Err(Stop::in_the_middle())
     }
 
-    fn again(self: Box<Self>, file: &str) -> Result<Box<dyn Container>> {
-        Ok(Box::new(Self::new(self.records.into_input(), file)?))
+    fn another(&self, file: &str) -> Result<Box<dyn Container>> {
+        Ok(Box::new(Self::new(self.records.input(), file)?))
     }
 }
 
@@ -262,10 +262,7 @@ pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> 
         let seen = &mut known[usize::from(message.channel.id)];
         if !std::mem::replace(seen, true) {
             channels.push(message.channel.clone());
-            let is_sensor = [IMU, MAGNETIC_FIELD, nav_sat_fix::NAME]
-                .iter()
-                .any(|kind| schema(&message.channel) == Some(*kind));
-            if let (true, Some(frame)) = (is_sensor, ros::frame(&message.data)) {
+            if let Some(frame) = sensor_frame(&message) {
                 frames.insert(message.channel.topic.clone(), frame.to_owned());
             }
         }
@@ -286,6 +283,15 @@ pub(crate) fn contents(messages: &mut Messages, file: &str) -> Result<Contents> 
     })
 }
 
+/// The frame of the sensor, or of the body whose pose it is, in a message of ROS 2.
+fn sensor_frame<'a>(message: &'a Message<'static>) -> Option<&'a str> {
+    match schema(&message.channel)? {
+        IMU | MAGNETIC_FIELD | nav_sat_fix::NAME => ros::frame(&message.data),
+        ODOMETRY => child_frame(&message.data),
+        _ => None,
+    }
+}
+
 /// The list of contents at the end of a complete file.
 pub(crate) struct Summary {
     pub(crate) channels: Vec<Arc<Channel<'static>>>,
@@ -294,9 +300,10 @@ pub(crate) struct Summary {
 }
 
 /// Reads the list of contents; `None` when there is none.
-pub(crate) fn summary(mut input: Box<dyn Input>) -> Option<Summary> {
+pub(crate) fn summary(input: Box<dyn Input>) -> Option<Summary> {
     /// The footer: kind and length of the record, where the summary and its offsets begin, its checksum.
     const FOOTER: i64 = 9 + 8 + 8 + 4;
+    let mut input = Shared::new(input);
     input
         .seek(SeekFrom::End(-FOOTER - MAGIC.len() as i64))
         .ok()?;

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use super::OfMessages;
 use super::file::Messages;
 use super::lab::{LabRecord, RecordKind};
 use crate::error::Result;
@@ -110,7 +109,12 @@ impl LabSource {
     }
 
     fn report(&mut self, issues: &mut Issues) {
-        self.messages.report(self.refused, issues);
+        self.messages.report(issues);
+        if self.refused > 0 {
+            let refused = self.refused;
+            let text = format!("Messages that could not be decoded: {refused}.");
+            issues.notes.push(text);
+        }
         if self.order.clocks > 1 {
             issues.notes.push(format!(
                 "The device's clock began anew {} time(s) (the page was loaded again); the parts follow each other as they arrived.",
@@ -139,12 +143,6 @@ impl Pieces for LabSource {
             None => {}
         }
         Ok(!was_ended)
-    }
-}
-
-impl OfMessages for LabSource {
-    fn into_messages(self) -> Messages {
-        self.messages
     }
 }
 

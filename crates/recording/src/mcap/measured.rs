@@ -7,6 +7,7 @@ use super::pose_twist::{
 };
 use super::ros::{IMU, Imu, MAGNETIC_FIELD, MagneticField};
 use crate::event::{Event, Reference, Sample};
+use crate::local_place::LocalPlace;
 
 /// What is taken from a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,8 +25,14 @@ pub enum Role {
     /// The orientation of `Imu`, `QuaternionStamped`, `PoseStamped`, `PoseWithCovarianceStamped` or `Odometry`, to score
     /// against.
     Reference,
-    /// The orientation of `Imu` as the device's own.
+    /// The same as the device's own.
     DeviceOrientation,
+    /// The position of `PoseStamped`, `PoseWithCovarianceStamped` or `Odometry` as a fix, in metres from a place.
+    LocalPosition,
+    /// The same as a position in the world frame.
+    Position,
+    /// The velocity along the body's x axis of `Odometry`, `TwistStamped` or `TwistWithCovarianceStamped`: wheels.
+    ForwardSpeed,
 }
 
 impl Role {
@@ -33,12 +40,16 @@ impl Role {
     #[must_use]
     pub const fn schemas(self) -> &'static [&'static str] {
         match self {
-            Self::Inertial | Self::DeviceOrientation => &[IMU],
+            Self::Inertial => &[IMU],
             Self::Field => &[MAGNETIC_FIELD],
             Self::Fix => &[nav_sat_fix::NAME],
             Self::Velocity => &[TWIST, TWIST_WITH_COVARIANCE],
             Self::Pressure => &[fluid_pressure::NAME],
-            Self::Reference => &[IMU, QUATERNION, POSE, POSE_WITH_COVARIANCE, ODOMETRY],
+            Self::Reference | Self::DeviceOrientation => {
+                &[IMU, QUATERNION, POSE, POSE_WITH_COVARIANCE, ODOMETRY]
+            }
+            Self::LocalPosition | Self::Position => &[POSE, POSE_WITH_COVARIANCE, ODOMETRY],
+            Self::ForwardSpeed => &[ODOMETRY, TWIST, TWIST_WITH_COVARIANCE],
         }
     }
 
@@ -48,13 +59,15 @@ impl Role {
 }
 
 /// The samples in a message of the type `schema`, one of [`Role::schemas`]: CDR behind its four bytes of encapsulation. A stamp
-/// of zero is replaced by `log_time_ns`. `None` when the bytes are not such a message.
+/// of zero is replaced by `log_time_ns`; of [`Role::LocalPosition`] positions count from `place`. `None` when the bytes are not
+/// such a message.
 #[must_use]
 pub fn measured(
     role: Role,
     schema: &str,
     bytes: &[u8],
     log_time_ns: i64,
+    place: Option<&LocalPlace>,
 ) -> Option<impl Iterator<Item = Event> + use<>> {
     let (time_ns, samples) = match role {
         Role::Inertial => inertial(bytes, log_time_ns)?,
@@ -75,17 +88,35 @@ pub fn measured(
             let (time_ns, pressure) = fluid_pressure::decode(bytes, log_time_ns)?;
             (time_ns, one(Sample::Pressure(pressure)))
         }
-        Role::Reference | Role::DeviceOrientation if schema == IMU => {
-            let imu = Imu::decode(bytes, log_time_ns)?;
-            let sample = imu.orientation.map(|(attitude, _)| match role {
+        Role::LocalPosition => {
+            let (time_ns, pose) = pose_twist::position(bytes, log_time_ns, schema)?;
+            let fix = place?.fix(pose.position_m, pose.std_m);
+            (time_ns, one(Sample::GnssPosition(fix)))
+        }
+        Role::Position => {
+            let (time_ns, pose) = pose_twist::position(bytes, log_time_ns, schema)?;
+            (time_ns, one(Sample::Position(pose.position_m.into())))
+        }
+        Role::ForwardSpeed => {
+            let (time_ns, speed) = pose_twist::forward_speed(bytes, log_time_ns, schema)?;
+            (time_ns, one(Sample::ForwardSpeed(speed)))
+        }
+        Role::Reference | Role::DeviceOrientation => {
+            let (time_ns, attitude) = match schema {
+                IMU => {
+                    let imu = Imu::decode(bytes, log_time_ns)?;
+                    (imu.time_ns, imu.orientation.map(|(attitude, _)| attitude))
+                }
+                _ => {
+                    let (time_ns, attitude) = pose_twist::attitude(bytes, log_time_ns, schema)?;
+                    (time_ns, Some(attitude))
+                }
+            };
+            let sample = attitude.map(|attitude| match role {
                 Role::Reference => Sample::Reference(scored(attitude)),
                 _ => Sample::DeviceOrientation(attitude),
             });
-            (imu.time_ns, [sample, None, None])
-        }
-        Role::Reference | Role::DeviceOrientation => {
-            let (time_ns, attitude) = pose_twist::attitude(bytes, log_time_ns, schema)?;
-            (time_ns, one(Sample::Reference(scored(attitude))))
+            (time_ns, [sample, None, None])
         }
     };
     let samples = samples.into_iter().flatten();

@@ -8,7 +8,8 @@
 //! | making an unfinished recording whole | `recover.rs` |
 //! | `sensor_msgs/Imu`, `MagneticField` as bytes | `ros.rs`, `cdr.rs` |
 //! | other messages | `nav_sat_fix.rs`, `pose_twist.rs`, `fluid_pressure.rs`, `diagnostics.rs` |
-//! | which topics are read | `topics.rs` |
+//! | which topics are read, and in which order | `topics.rs`, `named_topics.rs`, `order.rs` |
+//! | a file that several readers read | `shared.rs` |
 //! | how sensors are mounted (`/tf_static`) | `tf_static.rs` |
 //! | a folder of such files | `bag.rs`, `bag_file.rs` |
 //! | bags in SQLite (`.db3`), bags of ROS 1 | `sqlite.rs`, `ros_1.rs` |
@@ -30,7 +31,9 @@ mod fluid_pressure;
 mod lab;
 mod lab_source;
 mod measured;
+mod named_topics;
 pub(crate) mod nav_sat_fix;
+mod order;
 pub(crate) mod output;
 mod pose_twist;
 mod records;
@@ -39,6 +42,7 @@ mod ros;
 mod ros_1;
 mod ros_source;
 mod ros_writer;
+mod shared;
 #[cfg(feature = "sqlite")]
 mod sqlite;
 mod tf_static;
@@ -60,9 +64,11 @@ pub(crate) use bag_file::open_database;
 pub(crate) use file::Input;
 use file::{End, Messages, contents};
 use lab_source::LabSource;
+use order::in_order;
 use ros_source::RosSource;
 use tf_static::Mounting;
 use topics::Topics;
+pub(crate) use topics::Wanted;
 
 pub use diagnostics::{Level, Status, diagnostics};
 pub use estimate_messages::{EstimateTopic, FrameNames, messages};
@@ -73,14 +79,15 @@ pub use recover::{Recovered, is_complete, recover};
 pub use ros::frame as frame_id;
 pub use ros_writer::{RosWriter, has_topic};
 
-/// Opens a recording of the lab, of ROS 2 in MCAP, or a bag of ROS 1; `device` is the device or topic where there are several.
+/// Opens a recording of the lab, of ROS 2 in MCAP, or a bag of ROS 1; `wanted` is what the user said of devices
+/// and topics.
 pub(crate) fn open(
     input: Box<dyn Input>,
     file: &str,
     metadata: Metadata,
-    device: Option<&str>,
+    wanted: Wanted<'_>,
 ) -> Result<Opened> {
-    open_messages(Messages::new(input, file)?, file, metadata, device)
+    open_messages(Messages::new(input, file)?, file, metadata, wanted)
 }
 
 /// Opens the messages of one file.
@@ -88,7 +95,7 @@ fn open_messages(
     mut messages: Messages,
     file: &str,
     mut metadata: Metadata,
-    device: Option<&str>,
+    wanted: Wanted<'_>,
 ) -> Result<Opened> {
     let contents = contents(&mut messages, file)?;
     contents.format.clone_into(&mut metadata.format);
@@ -99,50 +106,37 @@ fn open_messages(
         ));
     }
     let devices = devices(&contents.channels);
-    let messages = messages.again(file)?;
-    let mut notes = Vec::new();
-    let (sensors, source) = if devices.is_empty() {
-        let Some((topics, told)) = topics::choose(&contents, device, file)? else {
-            return Err(nothing(file, &contents));
-        };
-        let mounting = mounted(&contents, &topics, &mut metadata);
-        notes = told;
-        notes.extend_from_slice(mounting.notes());
-        known(messages, file, |messages| {
-            RosSource::new(messages, topics.clone(), mounting.clone())
-        })?
-    } else {
-        let device = one_of(&devices, device, ["device", "; it holds"], file)?;
+    if !devices.is_empty() {
+        let device = one_of(&devices, wanted.device, ["device", "; it holds"], file)?;
         metadata.device = Some(device.clone());
-        known(messages, file, |messages| LabSource::new(messages, device))?
+        return of_lab(&messages, device, file, metadata);
+    }
+    let Some((topics, mut notes)) = topics::choose(&contents, wanted, file)? else {
+        return Err(nothing(file, &contents));
     };
+    let mounting = mounted(&contents, &topics, &mut metadata);
+    notes.extend_from_slice(mounting.notes());
+    let ordered = in_order(topics.reads(), |reads| {
+        Ok(RosSource::new(messages.another(file)?, reads, &mounting))
+    })?;
+    notes.extend(ordered.note);
     Ok(Opened {
         notes,
-        ..Opened::new(metadata, sensors, source)
+        ..Opened::new(metadata, ordered.sensors, ordered.source)
     })
 }
 
-/// A source that is made of the messages of a file.
-trait OfMessages: EventSource {
-    fn into_messages(self) -> Messages;
-}
-
-/// The source that `make` makes of the messages, and its sensors, for which everything is read once.
-fn known<S: OfMessages + 'static>(
-    messages: Messages,
-    file: &str,
-    make: impl Fn(Messages) -> S,
-) -> Result<(Vec<SensorKind>, Box<dyn EventSource>)> {
-    let (mut source, mut issues) = (make(messages), Issues::default());
+/// Opens what the lab recorded of a device; for its sensors everything is read once.
+fn of_lab(messages: &Messages, device: &str, file: &str, metadata: Metadata) -> Result<Opened> {
+    let open = || Ok(LabSource::new(messages.another(file)?, device));
+    let (mut source, mut issues) = (open()?, Issues::default());
     let mut seen = [false; SensorKind::ALL.len()];
     while let Some(event) = source.next_event(&mut issues)? {
         seen[event.sample.kind().order()] = true;
     }
-    let sensors = SensorKind::ALL
-        .into_iter()
-        .filter(|kind| seen[kind.order()]);
-    let source = make(source.into_messages().again(file)?);
-    Ok((sensors.collect(), Box::new(source)))
+    let sensors = SensorKind::ALL.into_iter();
+    let sensors = sensors.filter(|kind| seen[kind.order()]).collect();
+    Ok(Opened::new(metadata, sensors, Box::new(open()?)))
 }
 
 /// How the sensors of a bag are mounted; what is known of their axes and of the antenna goes into the metadata.
@@ -278,7 +272,7 @@ pub fn describe(path: &Path) -> Result<Description> {
     let mut messages = Messages::new(Box::new(input()?), &file)?;
     let first = messages.next();
     let start_ns = first.and_then(|message| i64::try_from(message.log_time).ok());
-    let contents = contents(&mut messages.again(&file)?, &file)?;
+    let contents = contents(&mut messages.another(&file)?, &file)?;
     Ok(Description {
         devices: devices(&contents.channels),
         start_ns,

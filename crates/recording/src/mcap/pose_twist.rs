@@ -1,4 +1,4 @@
-//! The ROS 2 messages that tell a velocity over ground or a pose: `geometry_msgs/TwistStamped`,
+//! The ROS 2 messages of a velocity over ground or a pose: `geometry_msgs/TwistStamped`,
 //! `TwistWithCovarianceStamped`, `QuaternionStamped`, `PoseStamped`, `PoseWithCovarianceStamped` and `nav_msgs/Odometry`, as far as they are read.
 //!
 //! Read first: REP 103 (axes: east, north, up).
@@ -6,7 +6,7 @@
 use nalgebra::UnitQuaternion;
 
 use super::cdr::CdrReader;
-use super::ros::stamp;
+use super::ros::{header_frame, stamp};
 use crate::event::quaternion_from_file;
 use crate::gnss::GnssVelocity;
 
@@ -50,6 +50,61 @@ pub(super) fn velocity(
         std_m_s,
     };
     Some((time_ns, velocity))
+}
+
+/// A position of a pose, as its message states it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Position {
+    /// Along the axes of the pose's frame, m; the third is NaN where the pose is one in the plane.
+    pub(super) position_m: [f64; 3],
+    /// Standard deviations along them, m.
+    pub(super) std_m: Option<[f64; 3]>,
+}
+
+/// Reads the position of a pose; a stamp of zero is replaced by `log_time_ns`. A pose in the plane, of which the variances along
+/// the ground are stated and that of the height is exactly 0, has no height.
+pub(super) fn position(bytes: &[u8], log_time_ns: i64, schema: &str) -> Option<(i64, Position)> {
+    let mut input = CdrReader::new(bytes)?;
+    let time_ns = stamp(&mut input, log_time_ns)?;
+    if schema == ODOMETRY {
+        input.skip_string()?;
+    }
+    let mut position_m = input.f64s::<3>()?;
+    let _attitude = input.f64s::<4>()?;
+    let mut std_m = None;
+    if schema != POSE {
+        let covariance = input.f64s::<36>()?;
+        let [x, y, mut z] = [covariance[0], covariance[7], covariance[14]].map(f64::sqrt);
+        let is_stated = |std: f64| std.is_finite() && std > 0.0;
+        if is_stated(x) && is_stated(y) && z.abs() <= 0.0 {
+            position_m[2] = f64::NAN;
+            // Of a height that is not there nothing is used.
+            z = x.max(y);
+        }
+        std_m = [x, y, z].into_iter().all(is_stated).then_some([x, y, z]);
+    }
+    let position = Position { position_m, std_m };
+    Some((time_ns, position))
+}
+
+/// Reads the velocity along the body's x axis; a stamp of zero is replaced by `log_time_ns`.
+pub(super) fn forward_speed(bytes: &[u8], log_time_ns: i64, schema: &str) -> Option<(i64, f64)> {
+    let mut input = CdrReader::new(bytes)?;
+    let time_ns = stamp(&mut input, log_time_ns)?;
+    if schema == ODOMETRY {
+        input.skip_string()?;
+        let _pose = input.f64s::<7>()?;
+        let _covariance = input.f64s::<36>()?;
+    }
+    let [forward] = input.f64s()?;
+    Some((time_ns, forward))
+}
+
+/// The frame of which an `Odometry` is the pose.
+pub(super) fn child_frame(bytes: &[u8]) -> Option<&str> {
+    let mut input = CdrReader::new(bytes)?;
+    let _map = header_frame(&mut input)?;
+    input.string()
 }
 
 /// Reads the attitude of a pose or orientation, `enu_from_body`; a stamp of zero is replaced by `log_time_ns`.

@@ -9,7 +9,8 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use ::mcap::records::op;
 
 use super::definitions::Fields;
-use super::file::{Input, MAGIC};
+use super::file::MAGIC;
+use super::shared::Shared;
 use crate::error::{RecordingError, Result as ReadResult, shown};
 use crate::limits::{self, BLOCK, Limit};
 
@@ -47,7 +48,7 @@ impl Stop {
 
 /// The records of the data section in the order of the file. Memory does not grow with it.
 pub(super) struct Records {
-    input: BufReader<Box<dyn Input>>,
+    input: BufReader<Shared>,
     /// Bytes of the file behind what was read.
     left: u64,
     /// The limit of what is unpacked from all chunks together, and how much that was.
@@ -61,12 +62,12 @@ pub(super) struct Records {
 
 impl Records {
     /// Starts at the beginning of `input`.
-    pub(super) fn new(input: Box<dyn Input>, file: &str) -> ReadResult<Self> {
+    pub(super) fn new(input: Shared, file: &str) -> ReadResult<Self> {
         Self::from(input, 0).map_err(|error| RecordingError::io(file, "read it", error))
     }
 
     /// Starts at a place in `input`.
-    pub(super) fn from(mut input: Box<dyn Input>, start: u64) -> io::Result<Self> {
+    pub(super) fn from(mut input: Shared, start: u64) -> io::Result<Self> {
         let length = input.seek(SeekFrom::End(0))?;
         input.seek(SeekFrom::Start(start))?;
         Ok(Self {
@@ -79,8 +80,9 @@ impl Records {
         })
     }
 
-    pub(super) fn into_input(self) -> Box<dyn Input> {
-        self.input.into_inner()
+    /// Another reader of the same file, at the beginning.
+    pub(super) fn input(&self) -> Shared {
+        self.input.get_ref().another()
     }
 
     /// Reads the magic number.

@@ -13,8 +13,9 @@ use ::mcap::{Channel, Message, Schema};
 
 use super::cdr::ROS_1;
 use super::definitions::Fields;
-use super::file::{Container, Input};
+use super::file::Container;
 use super::records::Stop;
+use super::shared::Shared;
 use crate::error::{RecordingError, Result, shown};
 use crate::limits::{self, BLOCK, DEFINITIONS, Limit};
 
@@ -25,7 +26,7 @@ const CHUNK: u8 = 0x05;
 const CONNECTION: u8 = 0x07;
 
 /// Whether an input begins as a bag of ROS 1; it stands at its beginning afterwards.
-pub(super) fn recognises(input: &mut Box<dyn Input>) -> io::Result<bool> {
+pub(super) fn recognises(input: &mut Shared) -> io::Result<bool> {
     let mut head = Vec::new();
     input.seek(SeekFrom::Start(0))?;
     let most = MAGIC.len() as u64;
@@ -35,7 +36,7 @@ pub(super) fn recognises(input: &mut Box<dyn Input>) -> io::Result<bool> {
 }
 
 /// The bag as a container.
-pub(super) fn container(input: Box<dyn Input>, file: &str) -> Result<Box<dyn Container>> {
+pub(super) fn container(input: Shared, file: &str) -> Result<Box<dyn Container>> {
     let failed = |error| RecordingError::io(file, "read it", error);
     let (mut input, mut magic) = (input, Vec::new());
     let length = input.seek(SeekFrom::End(0)).map_err(failed)?;
@@ -60,7 +61,7 @@ pub(super) fn container(input: Box<dyn Input>, file: &str) -> Result<Box<dyn Con
 
 /// A bag whose records up to some place are read.
 struct Bag {
-    input: BufReader<Box<dyn Input>>,
+    input: BufReader<Shared>,
     /// Bytes of the file behind what was read.
     left: u64,
     /// The limit of what is unpacked from all chunks together, and how much that was.
@@ -109,8 +110,8 @@ impl Container for Bag {
         }
     }
 
-    fn again(self: Box<Self>, file: &str) -> Result<Box<dyn Container>> {
-        container(self.input.into_inner(), file)
+    fn another(&self, file: &str) -> Result<Box<dyn Container>> {
+        container(self.input.get_ref().another(), file)
     }
 }
 

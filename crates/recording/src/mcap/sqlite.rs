@@ -32,12 +32,16 @@ pub(super) struct Database {
     ready: VecDeque<Message<'static>>,
     /// Why there is nothing after what is ready.
     stop: Option<Stop>,
-    unpacked: Option<NamedTempFile>,
+    unpacked: Option<Arc<NamedTempFile>>,
 }
 
 impl Database {
     /// Opens a file; `unpacked` is the temporary file at that path, which is kept while it is read.
-    pub(super) fn open(path: &Path, unpacked: Option<NamedTempFile>, file: &str) -> Result<Self> {
+    pub(super) fn open(
+        path: &Path,
+        unpacked: Option<Arc<NamedTempFile>>,
+        file: &str,
+    ) -> Result<Self> {
         let damaged = |error: rusqlite::Error| RecordingError::damaged(file, why(&error));
         let connection = connect(path).map_err(damaged)?;
         for table in ["topics", "messages"] {
@@ -118,8 +122,12 @@ impl Container for Database {
         }
     }
 
-    fn again(self: Box<Self>, file: &str) -> Result<Box<dyn Container>> {
-        Ok(Box::new(Self::open(&self.path, self.unpacked, file)?))
+    fn another(&self, file: &str) -> Result<Box<dyn Container>> {
+        Ok(Box::new(Self::open(
+            &self.path,
+            self.unpacked.clone(),
+            file,
+        )?))
     }
 }
 

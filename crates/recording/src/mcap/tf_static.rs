@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::cdr::CdrReader;
+use super::measured::Role;
 use super::ros;
 use super::topics::Topics;
 use crate::event::{Event, Sample, quaternion_from_file};
@@ -101,8 +102,8 @@ fn plain(frame: &str) -> String {
 /// How the sensors that are read are mounted.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Mounting {
-    /// `base_from_sensor` of the Imu and of the magnetometer, where they are turned.
-    turns: [Option<UnitQuaternion<f64>>; 2],
+    /// Of each topic whose sensor is turned, `base_from_sensor`.
+    turns: BTreeMap<String, UnitQuaternion<f64>>,
     /// From the Imu to the antenna, m, in the axes that are handed out.
     lever_arm: Option<Vector3<f64>>,
     notes: Vec<String>,
@@ -115,11 +116,14 @@ impl Mounting {
         topics: &Topics,
         frames: &BTreeMap<String, String>,
     ) -> Self {
-        let frame = |topic: &Option<String>| {
-            let frame = frames.get(topic.as_ref()?)?;
+        let frame = |topic: &str| {
+            let frame = frames.get(topic)?;
             Some(plain(frame)).filter(|frame| !frame.is_empty())
         };
-        let Some(imu) = frame(&topics.imu) else {
+        let Some((imu_topic, imu)) = topics
+            .inertial()
+            .and_then(|topic| Some((topic, frame(topic)?)))
+        else {
             return Self::default();
         };
         let base = transforms.base(&imu);
@@ -128,29 +132,35 @@ impl Mounting {
             (turn.angle() > NO_TURN).then_some(turn)
         };
         let of_imu = turn(&imu);
-        // A field without a frame of its own, or one that hangs nowhere, is the Imu's.
-        let field = frame(&topics.field).filter(|field| {
-            let known = base.and_then(|base| transforms.between(field, base));
-            known.is_some()
-        });
-        let of_field = match &field {
-            Some(field) => turn(field),
-            None => of_imu,
-        };
-        let mut mounting = Self {
-            turns: [of_imu, of_field],
-            ..Self::default()
-        };
-        let told =
-            |turn: &Option<UnitQuaternion<f64>>| turn.map_or(0.0, |turn| turn.angle().to_degrees());
-        if let (Some(base), true) = (base, of_imu.is_some() || of_field.is_some()) {
+        let mut mounting = Self::default();
+        let mut told = Vec::new();
+        for read in topics.reads() {
+            let name = match read.role {
+                Role::Inertial if read.topic == imu_topic => "the Imu",
+                Role::Inertial => "the other Imu",
+                Role::Field => "the field",
+                _ => continue,
+            };
+            // A sensor without a frame of its own, or with one that hangs nowhere, is the Imu's.
+            let own = frame(&read.topic)
+                .filter(|own| base.is_some_and(|base| transforms.between(own, base).is_some()));
+            let turn = own.map_or(of_imu, |own| turn(&own));
+            let angle_deg = turn.map_or(0.0, |turn| turn.angle().to_degrees());
+            told.push(format!("{name} by {angle_deg:.1} deg"));
+            if let Some(turn) = turn {
+                mounting.turns.insert(read.topic.clone(), turn);
+            }
+        }
+        if let (Some(base), false) = (base, mounting.turns.is_empty()) {
             mounting.notes.push(format!(
-                "The samples are turned into {base}, as /tf_static has it: the Imu by {:.1} deg, the field by {:.1} deg.",
-                told(&of_imu),
-                told(&of_field)
+                "The samples are turned into {base}, as /tf_static has it: {}.",
+                told.join(", ")
             ));
         }
-        let antenna = frame(&topics.fix).and_then(|fix| transforms.between(&fix, &imu));
+        let fix = topics.of(Role::Fix).or(topics.of(Role::LocalPosition));
+        let antenna = fix
+            .and_then(frame)
+            .and_then(|fix| transforms.between(&fix, &imu));
         let arm = antenna.map(|antenna| antenna.translation.vector);
         mounting.lever_arm = arm
             .filter(|arm| arm.norm() > NO_WAY)
@@ -177,17 +187,16 @@ impl Mounting {
         &self.notes
     }
 
-    /// The event in the axes of the body.
-    pub(super) fn turned(&self, event: Event) -> Event {
-        let [imu, field] = self.turns;
-        let turned = |turn: Option<UnitQuaternion<f64>>, v: Vector3<f64>| turn.map_or(v, |t| t * v);
+    /// The event of a topic in the axes of the body.
+    pub(super) fn turned(&self, topic: &str, event: Event) -> Event {
+        let Some(turn) = self.turns.get(topic) else {
+            return event;
+        };
         let sample = match event.sample {
-            Sample::AngularRate(v) => Sample::AngularRate(turned(imu, v)),
-            Sample::SpecificForce(v) => Sample::SpecificForce(turned(imu, v)),
-            Sample::MagneticField(v) => Sample::MagneticField(turned(field, v)),
-            Sample::DeviceOrientation(q) => {
-                Sample::DeviceOrientation(imu.map_or(q, |turn| q * turn.inverse()))
-            }
+            Sample::AngularRate(v) => Sample::AngularRate(turn * v),
+            Sample::SpecificForce(v) => Sample::SpecificForce(turn * v),
+            Sample::MagneticField(v) => Sample::MagneticField(turn * v),
+            Sample::DeviceOrientation(q) => Sample::DeviceOrientation(q * turn.inverse()),
             other => other,
         };
         Event { sample, ..event }
@@ -198,6 +207,7 @@ impl Mounting {
 mod tests {
     use super::*;
     use crate::mcap::cdr::CdrWriter;
+    use crate::mcap::ros_source::Read;
     use std::f64::consts::FRAC_PI_2;
 
     fn message(transforms: &[(&str, &str, [f64; 3], [f64; 4])]) -> Vec<u8> {
@@ -225,12 +235,11 @@ mod tests {
     }
 
     fn topics() -> (Topics, BTreeMap<String, String>) {
-        let topics = Topics {
-            imu: Some("/imu".to_owned()),
-            field: Some("/mag".to_owned()),
-            fix: Some("/fix".to_owned()),
-            ..Topics::default()
-        };
+        let topics = Topics(vec![
+            Read::all("/imu", Role::Inertial),
+            Read::all("/mag", Role::Field),
+            Read::all("/fix", Role::Fix),
+        ]);
         let frames = [("/imu", "imu"), ("/mag", "compass"), ("/fix", "/gps")];
         let frames = frames.map(|(topic, frame)| (topic.to_owned(), frame.to_owned()));
         (topics, BTreeMap::from(frames))
@@ -251,17 +260,17 @@ mod tests {
         for (got, expected) in arm.iter().zip([-3.0, -0.5, -1.5]) {
             approx::assert_relative_eq!(*got, expected, epsilon = 1e-12);
         }
-        let of = |sample| mounting.turned(Event { time_ns: 1, sample }).sample;
+        let of = |topic, sample| mounting.turned(topic, Event { time_ns: 1, sample }).sample;
         // Along the Imu's x axis is to the left of the body.
-        let Sample::SpecificForce(force) = of(Sample::SpecificForce(Vector3::x())) else {
+        let Sample::SpecificForce(force) = of("/imu", Sample::SpecificForce(Vector3::x())) else {
             panic!();
         };
         approx::assert_relative_eq!(force, Vector3::y(), epsilon = 1e-12);
         let field = Sample::MagneticField(Vector3::x());
-        assert_eq!(of(field), field, "the compass looks ahead");
+        assert_eq!(of("/mag", field), field, "the compass looks ahead");
         // The Imu says that it looks north (yaw 90 deg); then the body looks east.
         let north = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), FRAC_PI_2);
-        let Sample::DeviceOrientation(body) = of(Sample::DeviceOrientation(north)) else {
+        let Sample::DeviceOrientation(body) = of("/imu", Sample::DeviceOrientation(north)) else {
             panic!();
         };
         assert!(body.angle() < 1e-12);
@@ -294,7 +303,7 @@ mod tests {
                 time_ns: 0,
                 sample: Sample::AngularRate(Vector3::new(0.1, 0.2, 0.3)),
             };
-            assert_eq!(mounting.turned(event), event);
+            assert_eq!(mounting.turned("/imu", event), event);
             assert!(mounting.notes().is_empty());
         }
     }

@@ -1,15 +1,14 @@
 //! From a manifest's columns of satellite receivers, speeds and headings to those of the file.
 
 use super::super::navigation::{
-    EcefColumns, LocalColumns, Origin, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
+    EcefColumns, LocalColumns, PositionColumns, QualityCode, VelocityAxes, VelocityColumns,
 };
 use super::super::schema::{Column, QuaternionDirection};
-use northing_core::earth::{Geodetic, LocalFrame};
-
 use super::LayoutBuilder;
 use crate::delimited::{Channel, Form};
 use crate::error::Result;
 use crate::event::SensorKind;
+use crate::local_place::LocalPlace;
 
 impl LayoutBuilder<'_> {
     /// Adds the channels of navigation.
@@ -91,35 +90,16 @@ impl LayoutBuilder<'_> {
 
     fn local_position(&self, local: &LocalColumns) -> Result<Channel> {
         let wrong = |what: &str| Err(self.problem(format!("[local_position] {what}")));
-        let Origin {
-            latitude_deg,
-            longitude_deg,
-            height_m,
-        } = local.origin;
-        let Some(origin) = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m) else {
-            return wrong(
-                "origin: expected latitude_deg from -90 to 90, longitude_deg from -180 to 180 and height_m",
-            );
+        let Some(columns) = &local.columns else {
+            return wrong("needs `columns`; a `topic` is of bags");
         };
+        if local.std.is_some() && local.std_m.is_some() {
+            return wrong("has both `std` and `std_m`; keep one of them");
+        }
+        let place = LocalPlace::new(&local.origin, local.axes, local.std_m, self.manifest_file)?;
         let mut row = Channel::new(SensorKind::GnssPosition, &[]);
-        self.put_components(&mut row, &local.columns, local.std.as_ref(), local.axes)?;
-        let std_m = match (&local.std, local.std_m) {
-            (Some(_), Some(_)) => return wrong("has both `std` and `std_m`; keep one of them"),
-            (None, Some(std)) if !std.iter().all(|std| *std > 0.0 && std.is_finite()) => {
-                return wrong("std_m: expected metres above 0");
-            }
-            (_, Some(std)) => {
-                let (order, _) = order(local.axes);
-                let mut ned = std;
-                for (std, number) in std.into_iter().zip(order) {
-                    ned[number] = std;
-                }
-                Some(ned)
-            }
-            (_, None) => None,
-        };
-        let frame = LocalFrame::new(origin);
-        Ok(row.of_form(Form::Local { frame, std_m }))
+        self.put_components(&mut row, columns, local.std.as_ref(), local.axes)?;
+        Ok(row.of_form(Form::Local(place)))
     }
 
     fn gnss_velocity(&self, velocity: &VelocityColumns) -> Result<Channel> {
@@ -160,9 +140,9 @@ impl LayoutBuilder<'_> {
         std: Option<&[Column; 3]>,
         axes: VelocityAxes,
     ) -> Result<()> {
-        let (order, vertical) = order(axes);
+        let order = axes.order();
         for (column, number) in columns.iter().zip(order) {
-            let factor = if number == 2 { vertical } else { 1.0 };
+            let factor = if number == 2 { axes.down() } else { 1.0 };
             row.put(number, Some(self.column(column)?), factor);
         }
         for (column, number) in std.into_iter().flatten().zip(order) {
@@ -197,14 +177,5 @@ impl LayoutBuilder<'_> {
 
     pub(super) fn optional(&self, column: Option<&Column>) -> Result<Option<usize>> {
         column.map(|column| self.column(column)).transpose()
-    }
-}
-
-/// Where a file's components stand among north, east, down, and the sense of the vertical.
-const fn order(axes: VelocityAxes) -> ([usize; 3], f64) {
-    match axes {
-        VelocityAxes::Ned => ([0, 1, 2], 1.0),
-        VelocityAxes::Neu => ([0, 1, 2], -1.0),
-        VelocityAxes::Enu => ([1, 0, 2], -1.0),
     }
 }
