@@ -5,6 +5,7 @@
 //! |---|---|
 //! | topics, their messages and schemas | `topics.rs` |
 //! | what a run told, kept to be played | `played_run.rs` |
+//! | the same as a file | `file.rs` |
 //! | play, pause, seek, speed | `playback.rs` |
 //! | the server, its parameters and requests | `server.rs` |
 //! | a played run behind a server | `player.rs` |
@@ -13,12 +14,14 @@
 
 #![deny(rustdoc::broken_intra_doc_links)]
 
+mod file;
 mod playback;
 mod played_run;
 mod player;
 mod server;
 mod topics;
 
+pub use file::{FileError, RunFile};
 pub use played_run::{AttitudeRecorder, NavigationRecorder, PlayedRun};
 pub use player::{Player, Source};
 pub use server::{Server, ServerError, SetRequest, Setting};

@@ -38,6 +38,11 @@ impl PlayedRun {
         Some([self.told.first()?.0, self.told.last()?.0])
     }
 
+    /// Everything, with its stamps, ns.
+    pub(crate) fn all(&self) -> &[(i64, Told)] {
+        &self.told
+    }
+
     /// What was told after the first instant and not after the second.
     pub(crate) fn between(&self, [from, to]: [i64; 2]) -> &[(i64, Told)] {
         let after = |instant: i64| {

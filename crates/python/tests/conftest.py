@@ -69,10 +69,10 @@ Samples = dict[str, list[tuple[int, list[float]]]]
 
 @pytest.fixture(scope="session")
 def drive() -> Samples:
-    """A minute of a car: 5 s of standstill, then a circle at 10 m/s; IMU 100 Hz, field 20 Hz, fixes 5 Hz; axes
-    forward, left, up and the world east, north, up."""
+    """A minute of a car: 5 s of standstill, then a circle at 10 m/s; IMU 100 Hz, field 20 Hz, fixes and true velocities
+    5 Hz; axes forward, left, up and the world east, north, up."""
     random = np.random.default_rng(8)
-    samples: Samples = {"imu": [], "mag": [], "fix": []}
+    samples: Samples = {"imu": [], "mag": [], "fix": [], "velocity": []}
     heading, east, north, speed = 0.3, 0.0, 0.0, 0.0
     for step in range(6000):
         moves = step >= 500
@@ -91,6 +91,8 @@ def drive() -> Samples:
             latitude = 48.0 + math.degrees((north + 1.5 * noise[9]) / 6_371_000.0)
             longitude = 9.0 + math.degrees((east + 1.5 * noise[10]) / 6_371_000.0 / math.cos(math.radians(48.0)))
             samples["fix"].append((time_ns + 3_000_000, [latitude, longitude, 300.0 + 3.0 * noise[11]]))
+            velocity = [speed * math.cos(heading), speed * math.sin(heading), 0.0]
+            samples["velocity"].append((time_ns + 3_000_000, velocity))
     return samples
 
 

@@ -68,12 +68,18 @@ class Viewer:
             case "advertise":
                 new = [channel for channel in message["channels"] if channel["id"] not in self.channels]
                 self.channels |= {channel["id"]: channel for channel in new}
-                # The subscription has the number of its channel.
-                self.send("subscribe", subscriptions=[{"id": c["id"], "channelId": c["id"]} for c in new])
+                self._subscribe(new)
             case "parameterValues":
                 self.parameters |= {p["name"]: p.get("value") for p in message["parameters"]}
             case "status":
                 self.statuses.append(message)
+                # The server's library (foxglove 0.30.3) tells of a channel a moment before it knows it itself.
+                if unknown := re.fullmatch(r"Unknown channel ID: (\d+)", message["message"]):
+                    self._subscribe([self.channels[int(unknown[1])]])
+
+    def _subscribe(self, channels: list[dict[str, Any]]) -> None:
+        """The subscription has the number of its channel."""
+        self.send("subscribe", subscriptions=[{"id": c["id"], "channelId": c["id"]} for c in channels])
 
     def _binary(self, message: bytes) -> None:
         match message[0]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, byte, float64, int8, int32, sequence, uint8, uint16, uint32
+from cyclonedds.idl.types import array, byte, float64, int8, int32, int64, sequence, uint8, uint16, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -157,6 +157,59 @@ class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::Diagnosti
     status: sequence[DiagnosticStatus]
 
 
+@dataclass
+class FluidPressure(IdlStruct, typename="sensor_msgs::msg::dds_::FluidPressure_"):
+    header: Header
+    fluid_pressure: float64
+    variance: float64
+
+
+@dataclass
+class ParameterValue(IdlStruct, typename="rcl_interfaces::msg::dds_::ParameterValue_"):
+    type: uint8
+    bool_value: bool
+    integer_value: int64
+    double_value: float64
+    string_value: str
+    byte_array_value: sequence[uint8]
+    bool_array_value: sequence[bool]
+    integer_array_value: sequence[int64]
+    double_array_value: sequence[float64]
+    string_array_value: sequence[str]
+
+
+@dataclass
+class Parameter(IdlStruct, typename="rcl_interfaces::msg::dds_::Parameter_"):
+    name: str
+    value: ParameterValue
+
+
+@dataclass
+class SetParameters(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Request_"):
+    parameters: sequence[Parameter]
+
+
+@dataclass
+class SetParametersResult(IdlStruct, typename="rcl_interfaces::msg::dds_::SetParametersResult_"):
+    successful: bool
+    reason: str
+
+
+@dataclass
+class SetParametersReply(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Response_"):
+    results: sequence[SetParametersResult]
+
+
+@dataclass
+class GetParameters(IdlStruct, typename="rcl_interfaces::srv::dds_::GetParameters_Request_"):
+    names: sequence[str]
+
+
+@dataclass
+class GetParametersReply(IdlStruct, typename="rcl_interfaces::srv::dds_::GetParameters_Response_"):
+    values: sequence[ParameterValue]
+
+
 def header(time_ns, frame):
     return Header(Time(time_ns // 10**9, time_ns % 10**9), frame)
 
@@ -187,7 +240,20 @@ def fix(time_ns, latitude, longitude, height, std=0.5):
 
 
 RELIABLE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
+LATCHED = Qos(
+    Policy.Reliability.Reliable(duration(seconds=1)), Policy.Durability.TransientLocal, Policy.History.KeepLast(10)
+)
 BEST_EFFORT = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1000))
+
+
+def transform(parent, child, way, turned):
+    """A static transform; `turned` is x, y, z, w."""
+    return TransformStamped(header(0, parent), child, Transform(Vector3(*way), Quaternion(*turned)))
+
+
+def number(value):
+    """The value of a parameter that is a number."""
+    return ParameterValue(3, False, 0, value, "", [], [], [], [], [])
 
 
 class Peer:
@@ -196,10 +262,29 @@ class Peer:
     def __init__(self, domain, namespace=""):
         self.participant = DomainParticipant(domain)
         self.namespace = namespace
+        self.services = {}
 
     def _topic(self, name, kind, qos):
         full = name if name.startswith("/") else f"{self.namespace}/{name}"
         return Topic(self.participant, f"rt{full}", kind, qos=qos)
+
+    def call(self, service, request, reply_kind, seconds=10.0):
+        """Calls a service of a node and waits for its reply. The number of the call is in no field, so there is one at a time."""
+        if service not in self.services:
+            ends = [("rq", "Request", type(request)), ("rr", "Reply", reply_kind)]
+            asks, answers = (Topic(self.participant, f"{way}{service}{end}", kind, qos=RELIABLE) for way, end, kind in ends)
+            self.services[service] = DataWriter(self.participant, asks, qos=RELIABLE), DataReader(self.participant, answers, qos=RELIABLE)
+        writer, reader = self.services[service]
+        until = time.monotonic() + seconds
+        while not (writer.get_matched_subscriptions() and reader.get_matched_publications()):
+            assert time.monotonic() < until, f"no service {service}"
+            time.sleep(0.02)
+        writer.write(request)
+        while time.monotonic() < until:
+            for reply in reader.take(1):
+                return reply
+            time.sleep(0.005)
+        raise AssertionError(f"{service} does not answer")
 
     def writer(self, name, kind, qos=RELIABLE):
         return DataWriter(self.participant, self._topic(name, kind, qos), qos=qos)

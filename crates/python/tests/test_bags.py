@@ -9,7 +9,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -62,13 +62,20 @@ def messages(drive: Samples, store: Any) -> Iterator[tuple[str, str, int, Any]]:
         yield topic, kind, time_ns + 1_000_000, make(time_ns, values)
 
 
-def write_bag_2(drive: Samples, path: Path, storage: StoragePlugin, mode: CompressionMode) -> None:
+# Topic, type, time of the log, message.
+Logged = tuple[str, str, int, Any]
+Order = Callable[[Iterator[Logged]], Iterable[Logged]]
+
+
+def write_bag_2(
+    drive: Samples, path: Path, storage: StoragePlugin, mode: CompressionMode, order: Order = iter
+) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     writer = Writer2(path, version=9, storage_plugin=storage)
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
         connections: dict[str, Any] = {}
-        for topic, kind, log_ns, message in messages(drive, store):
+        for topic, kind, log_ns, message in order(messages(drive, store)):
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], log_ns, store.serialize_cdr(message, kind))
@@ -166,14 +173,14 @@ def test_a_bag_of_ros_2_runs_as_its_csv(kind: str, drive: Samples, table: Path, 
         assert_runs_as(table, file, tmp_path)
 
 
-def write_bag_1(drive: Samples, path: Path, compression: str | None) -> Path:
+def write_bag_1(drive: Samples, path: Path, compression: str | None, order: Order = iter) -> Path:
     store = get_typestore(Stores.ROS1_NOETIC)
     writer = Writer1(path)
     if compression:
         writer.set_compression(Writer1.CompressionFormat[compression])
     with writer:
         connections: dict[str, Any] = {}
-        for topic, kind, log_ns, message in messages(drive, store):
+        for topic, kind, log_ns, message in order(messages(drive, store)):
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], log_ns, store.serialize_ros1(message, kind))
@@ -183,6 +190,90 @@ def write_bag_1(drive: Samples, path: Path, compression: str | None) -> Path:
 @pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat.__members__])
 def test_a_bag_of_ros_1_runs_as_its_csv(compression: str | None, drive: Samples, table: Path, tmp_path: Path) -> None:
     assert_runs_as(table, write_bag_1(drive, tmp_path / "drive.bag", compression), tmp_path)
+
+
+def by_topics(logged: Iterator[Logged]) -> list[Logged]:
+    """One topic after the other, as a script writes that goes through its sensors."""
+    return sorted(logged, key=lambda one: (one[0], one[2]))
+
+
+def with_late_fixes(logged: Iterator[Logged]) -> list[Logged]:
+    """Fixes come 0.15 s after the instant that they are of, as from a receiver."""
+    late = [(topic, kind, ns + 150_000_000 * (topic == "/fix"), message) for topic, kind, ns, message in logged]
+    return sorted(late, key=lambda one: one[2])
+
+
+@pytest.mark.parametrize("order", [by_topics, with_late_fixes])
+@pytest.mark.parametrize("storage", ["mcap", "sqlite", "ros1"])
+def test_the_order_of_the_log_changes_nothing(
+    storage: str, order: Order, drive: Samples, table: Path, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    if storage == "ros1":
+        write_bag_1(drive, bag, None, order)
+    else:
+        write_bag_2(drive, bag, *BAGS[storage], order)
+    assert "the topics are merged by their stamps" in " ".join(run_program("info", bag).split())
+    assert_runs_as(table, bag, tmp_path)
+
+
+def test_poses_are_fixes_where_a_manifest_says_so(drive: Samples, tmp_path: Path) -> None:
+    """As the same positions are in a table."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds, time = store.types, store.types["builtin_interfaces/msg/Time"]
+    origin = "origin = { latitude_deg = 48.0, longitude_deg = 9.0, height_m = 300.0 }"
+    east_m = math.radians(1.0) * 6_371_000.0 * math.cos(math.radians(48.0))
+    places = [
+        (time_ns, [(longitude - 9.0) * east_m, math.radians(latitude - 48.0) * 6_371_000.0, height - 300.0])
+        for time_ns, (latitude, longitude, height) in drive["fix"]
+    ]
+    covariance = np.zeros(36)
+    covariance[[0, 7, 14]] = [2.25, 2.25, 9.0]
+    bag = tmp_path / "bag"
+    with Writer2(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections: dict[str, Any] = {}
+
+        def write(topic: str, kind: str, log_ns: int, message: Any) -> None:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], log_ns, store.serialize_cdr(message, kind))
+
+        for topic, kind, log_ns, message in messages(drive, store):
+            write(topic, kind, log_ns, message)
+        for time_ns, place in places:
+            level = kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+            pose = kinds["geometry_msgs/msg/Pose"](kinds["geometry_msgs/msg/Point"](*place), level)
+            pose = kinds["geometry_msgs/msg/PoseWithCovariance"](pose, covariance)
+            header = kinds["std_msgs/msg/Header"](time(time_ns // 10**9, time_ns % 10**9), "map")
+            kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+            write("/amcl_pose", kind, time_ns, kinds[kind](header, pose))
+    manifest = tmp_path / "of_the_bag.toml"
+    use = 'use = { gyroscope = "/imu/data_raw", accelerometer = "/imu/data_raw" }\n'
+    manifest.write_text(f'file = "bag"\n{use}local_position = {{ topic = "/amcl_pose", {origin} }}\n')
+
+    with (tmp_path / "imu.csv").open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["t", *(f"{sensor}{axis}" for sensor in "ga" for axis in "xyz")])
+        rows.writerows([time_ns, *map(repr, map(float, v))] for time_ns, v in drive["imu"])
+    with (tmp_path / "places.csv").open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow("tenu")
+        rows.writerows([time_ns, *map(repr, map(float, place))] for time_ns, place in places)
+    of_tables = tmp_path / "of_tables.toml"
+    stamps = 'time = { column = "t", unit = "ns" }\n'
+    of_tables.write_text(
+        f'body_axes = "flu"\n[[source]]\nfile = "imu.csv"\n{stamps}'
+        'gyroscope = { columns = ["gx", "gy", "gz"] }\naccelerometer = { columns = ["ax", "ay", "az"] }\n'
+        f'[[source]]\nfile = "places.csv"\n{stamps}'
+        f'local_position = {{ columns = ["e", "n", "u"], {origin}, std_m = [1.5, 1.5, 3.0] }}\n'
+    )
+    texts = []
+    for name, recording in (("bag", manifest), ("tables", of_tables)):
+        out = tmp_path / f"{name}.csv"
+        run_program("run", recording, "--estimator", "error-state", "--out", out)
+        texts.append(out.read_text())
+    is_same = texts[0] == texts[1]
+    assert is_same and len(texts[0].splitlines()) > 5000
 
 
 def test_ours_is_read_by_rosbags_and_mcap(drive: Samples, table: Path, tmp_path: Path) -> None:

@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.decoder import DecoderFactory as McapDecoderFactory
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder
 
 from conftest import REPOSITORY, program, run_program
 from foxglove_viewer import ENDED, PAUSED, PLAYING, Served, Viewer
@@ -162,6 +165,73 @@ def test_a_drive_is_on_the_map(table: Path) -> None:
     assert texts[-1].startswith("fixes are used")
     assert "nis" in viewer.messages["/innovations/gnss-position"][-1][1]
     assert viewer.messages["/velocity"][-1][1]["speed_m_s"] == pytest.approx(10.0, abs=1.0)
+
+
+class Json(McapDecoderFactory):
+    """Messages of JSON, for the reader of MCAP files."""
+
+    def decoder_for(self, message_encoding: str, schema: Any) -> Any:
+        return json.loads if message_encoding == "json" else None
+
+
+def file_of(path: Path) -> dict[str, list[tuple[int, str, Any]]]:
+    """Stamp, type and message by topic, as the library of the format and that of Protobuf read them."""
+    found: dict[str, list[tuple[int, str, Any]]] = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[Json(), ProtobufDecoder()])
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert schema is not None
+            found.setdefault(channel.topic, []).append((message.log_time, schema.name, decoded))
+    return found
+
+
+def test_a_run_is_a_file_of_foxglove(table: Path, walk: Path, tmp_path: Path) -> None:
+    out, rows = tmp_path / "drive.mcap", tmp_path / "drive.csv"
+    told = run_program("run", table, "--estimator", "error-state", "--out", out, "--messages", "foxglove")
+    assert f"For Foxglove: {out}" in told
+    run_program("run", table, "--estimator", "error-state", "--out", rows)
+    topics = file_of(out)
+    kinds = {topic: messages[0][1] for topic, messages in topics.items()}
+    assert kinds["/tf"] == "foxglove.FrameTransform" and kinds["/position"] == kinds["/fix"] == "foxglove.LocationFix"
+    assert kinds["/log"] == "foxglove.Log"
+    assert {"/attitude", "/velocity", "/innovations/gnss-position", "/lamps/position"} <= set(topics)
+    assert len(topics["/fix"]) == 300
+    with rows.open() as file:
+        # Of one stamp the last: after the fix.
+        expected = {ns(row["t_s"]): row for row in csv.DictReader(file)}
+    assert len(topics["/tf"]) == len(topics["/position"]) > 2500
+    compared = 0
+    for (time_ns, _, transform), (_, _, place) in zip(topics["/tf"], topics["/position"], strict=True):
+        row = expected[time_ns]
+        moved = [transform.translation.x - float(row["east_m"]), transform.translation.y - float(row["north_m"])]
+        if max(map(abs, moved)) < 1e-3:
+            # The other ones are those before a fix of the same stamp.
+            assert place.latitude == pytest.approx(float(row["latitude_deg"]), abs=2e-9)
+            assert place.position_covariance[4] == pytest.approx(float(row["north_std_m"]) ** 2, rel=1e-2)
+            compared += 1
+    assert compared > 0.9 * len(topics["/tf"])
+    # The layout shows it.
+    layout = json.loads((REPOSITORY / "examples" / "foxglove-layout.json").read_text())
+    assert layout["configById"]["map!place"]["followTopic"] in topics
+
+    attitude = tmp_path / "walk.mcap"
+    run_program("run", walk, "--estimator", "mekf", "--out", attitude, "--messages", "foxglove")
+    compare_file(file_of(attitude)["/tf"], estimates(walk, tmp_path))
+    refusals = [
+        (["--out", tmp_path / "x.csv", "--messages", "foxglove"], "name it .mcap"),
+        (["--messages", "foxglove"], "--out"),
+        (["--out", out, "--messages", "foxglove"], "exists already and is not overwritten"),
+    ]
+    for words, reason in refusals:
+        ran = subprocess.run([program(), "run", walk, *words], capture_output=True, text=True, timeout=60, check=False)
+        assert ran.returncode == 2 and reason in ran.stderr, ran.stderr
+
+
+def compare_file(transforms: list[tuple[int, str, Any]], expected: dict[int, list[float]]) -> None:
+    assert len(transforms) > 1000
+    for time_ns, _, transform in transforms:
+        got = [getattr(transform.rotation, axis) for axis in "wxyz"]
+        assert got == pytest.approx(expected[time_ns], abs=1e-8)
 
 
 def test_the_layout_names_topics_and_fields_that_there_are(served: Served, table: Path) -> None:

@@ -67,6 +67,7 @@ mod ulog;
 mod vectornav;
 pub mod wire;
 mod writer;
+mod ximu3;
 
 pub use atomic_file::AtomicFile;
 pub use contents::{Contents, SensorContents};

@@ -105,6 +105,14 @@ pub const DEFINITIONS: Limit = Limit {
     advice: "write the file again with the topics that are needed",
 };
 
+/// Topics of a bag: a robot has hundreds.
+pub const TOPICS: Limit = Limit {
+    what: "the bag",
+    most: 1 << 16,
+    unit: "topics",
+    advice: "write it again with the topics that are needed",
+};
+
 /// The footer of a Parquet file is held in memory, unpacked to many times its size.
 pub const FOOTER: Limit = Limit {
     what: "the footer of the file",

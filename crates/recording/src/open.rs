@@ -11,7 +11,7 @@ use crate::recording::{Opened, Recording};
 use crate::text::{open_file, read_piece};
 use crate::{
     csv, describe, euroc, foreign, gpx, kf_gins, kitti, manifest, nmea, northing_serial, phyphox,
-    rtklib, sensor_logger, tum, ubx, vectornav,
+    rtklib, sensor_logger, tum, ubx, vectornav, ximu3,
 };
 
 /// Bytes that are looked at to tell the format.
@@ -119,8 +119,11 @@ fn with_reference(opened: Opened, options: &OpenOptions) -> Result<Opened> {
 }
 
 fn open_path(path: &Path, file: &str, options: &OpenOptions) -> Result<Opened> {
-    if path.is_dir() {
-        return open_data_file(path, options.format, options);
+    if path.is_dir() && options.manifest.is_none() {
+        return match beside(path) {
+            Some(manifest_path) => manifest::open_with_data(&manifest_path, path, options),
+            None => open_data_file(path, options.format, options),
+        };
     }
     if let Some(manifest_path) = &options.manifest {
         return manifest::open_with_data(manifest_path, path, options);
@@ -199,6 +202,9 @@ pub(crate) fn open_data_file(
         if let Some(opened) = kitti::open_folder(path, file, &metadata)? {
             return Ok(opened);
         }
+        if let Some(opened) = ximu3::open_folder(path, file, &metadata)? {
+            return Ok(opened);
+        }
         return match kf_gins::open_folder(path, file, &metadata)? {
             Some(opened) => Ok(opened),
             None => sensor_logger::open_folder(path, file, metadata),
@@ -268,6 +274,7 @@ fn open_stream(
         Format::Gpx => gpx::open(input, name, metadata),
         Format::Tum => tum::open(input, name, metadata),
         Format::VectorNav => Ok(vectornav::open(input, name, metadata)),
+        Format::XImu3 => ximu3::open_any(input, name, metadata),
         Format::KfGins => kf_gins::open(input, name, metadata),
         #[cfg(feature = "ulog")]
         Format::Ulog => crate::ulog::open(input, name, metadata),
@@ -332,6 +339,9 @@ fn detect(head: &[u8], file: &str) -> Result<Format> {
     }
     if ubx::recognises(head) {
         return Ok(Format::Ubx);
+    }
+    if ximu3::recognises(head) {
+        return Ok(Format::XImu3);
     }
     if let Some(problem) = foreign::recognised(head) {
         return Err(RecordingError::unsupported(file, problem));

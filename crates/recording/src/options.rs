@@ -156,6 +156,8 @@ named_values! {
         Euroc = "euroc",
         /// Lines `$VNYMR` of VectorNav's sensors.
         VectorNav = "vectornav",
+        /// A file of the x-IMU3's data logger, or a table of its software; its folders are told by content.
+        XImu3 = "x-imu3",
         /// Any other delimited text file, described by a TOML manifest.
         Manifest = "manifest",
     }

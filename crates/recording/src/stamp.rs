@@ -4,6 +4,8 @@ use chrono::{DateTime, NaiveDateTime};
 
 /// Decimal exponent that turns seconds into nanoseconds.
 pub(crate) const SECONDS: i32 = 9;
+/// Decimal exponent that turns microseconds into nanoseconds.
+pub(crate) const MICROSECONDS: i32 = 3;
 /// Decimal exponent that turns nanoseconds into nanoseconds.
 pub(crate) const NANOSECONDS: i32 = 0;
 

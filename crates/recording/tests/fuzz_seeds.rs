@@ -216,6 +216,20 @@ fn ubx() -> Vec<u8> {
     [&[0xb5, 0x62][..], &frame, &[a, b]].concat()
 }
 
+/// What the data logger of an x-IMU3 writes, in bytes and as text.
+fn ximu3() -> Vec<u8> {
+    let mut file = b"{\"ping\":{\"interface\":\"Data Logger\",\"name\":\"x-IMU3\",\"sn\":\"01\"}}\n".to_vec();
+    file.extend(b"{\"ahrs_axes_convention\":1}\n");
+    for (kind, numbers) in [(b'I', 6), (b'M', 3), (b'Q', 4)] {
+        file.push(kind + 0x80);
+        file.extend(1_000_000_u64.to_le_bytes());
+        file.extend((0..numbers).flat_map(|_| 0.5_f32.to_le_bytes()));
+        file.push(b'\n');
+    }
+    file.extend(b"I,1020000,0.1,0.2,0.3,0.0,0.0,1.0\nM,1020000,0.4,0.0,-0.9\n");
+    file
+}
+
 /// Target, name, content, and the format where it is a file.
 fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
     let lines = "$VNYMR,+10,+1,+2,+0.2,+0.0,+0.4,+0.1,+0.2,-9.8,+0.01,+0.02,+0.03*65\n";
@@ -271,6 +285,8 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
         ),
         ("describe", "arrays.npz", arrays(), None),
         ("vectornav", "lines.log", lines.into(), None),
+        ("ximu3", "log.ximu3", ximu3(), Some(Format::XImu3)),
+        ("ros_messages", "imu.bin", [&[0][..], &ros::imu(ros::at(0), "imu", 1.0)].concat(), None),
         (
             "kf_gins",
             "increments.txt",

@@ -5,6 +5,7 @@
 //! | starting and stopping the node, its topics | `node.rs` |
 //! | messages as bytes of CDR | `bytes.rs` |
 //! | the messages in the order in which an estimator takes them | `messages.rs` |
+//! | how the sensors are mounted | `mounted.rs` |
 //! | what is published of each estimate | `publish.rs` |
 //! | the state of inputs and estimator, once a second | `diagnostics.rs` |
 //!
@@ -16,10 +17,11 @@
 mod bytes;
 mod diagnostics;
 mod messages;
+mod mounted;
 mod node;
 mod publish;
 
 pub use diagnostics::Diagnostics;
 pub use messages::{Ended, Message, Messages};
-pub use node::{Node, NodeConfig, NodeError, Reliability, usual_topic};
+pub use node::{Check, Node, NodeConfig, NodeError, Reliability, TRANSFORMS, usual_topic};
 pub use publish::{AttitudePublisher, Frames, NavigationPublisher};

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use northing_recording::mcap::Role;
 use northing_recording::{Event, Sample};
 
-use crate::node::Node;
+use crate::node::{Heard, Node};
 
 /// How often it is looked whether to stop.
 const LOOK: Duration = Duration::from_millis(100);
@@ -34,12 +34,16 @@ pub struct Message {
 }
 
 /// Why there are no more messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Ended {
     /// The user stopped it.
     Stopped,
     /// The clock of the inertial sensor went back by so many nanoseconds.
     ClockWentBack(i64),
+    /// Static transforms, or the frame of a sensor, tell another mounting than before.
+    Mounted,
+    /// Parameters were set: `NAME=VALUE`.
+    Set(Vec<String>),
 }
 
 /// What an inertial sensor measured last.
@@ -92,7 +96,45 @@ impl<'a> Messages<'a> {
     /// Why there are no more.
     #[must_use]
     pub fn ended(&self) -> Option<Ended> {
-        self.ended
+        self.ended.clone()
+    }
+
+    /// The parameters that were set, all that wait.
+    fn set(&mut self, first: String) -> Ended {
+        let mut settings = vec![first];
+        while let Some(heard) = self.node.next(Duration::ZERO) {
+            match heard {
+                Heard::Setting(setting) => settings.push(setting),
+                other => {
+                    self.node.unread(other);
+                    break;
+                }
+            }
+        }
+        Ended::Set(settings)
+    }
+
+    /// The next message of a sensor; `None` where the run ends, or there is none yet.
+    fn message(&mut self) -> Option<Message> {
+        match self.node.next(LOOK)? {
+            Heard::Transforms(bytes) => {
+                let is_another = self.node.mounted().transforms(&bytes);
+                self.ended = is_another.then_some(Ended::Mounted);
+                None
+            }
+            Heard::Setting(setting) => {
+                self.ended = Some(self.set(setting));
+                None
+            }
+            Heard::Message(message) => {
+                if self.node.mounted().frame(&message) {
+                    self.node.unread(Heard::Message(message));
+                    self.ended = Some(Ended::Mounted);
+                    return None;
+                }
+                Some(message)
+            }
+        }
     }
 }
 
@@ -127,7 +169,7 @@ fn take(message: &Message, newest_ns: &mut Option<i64>, back: &mut u32) -> Taken
         _ if behind.saturating_abs() > OTHER_CLOCK_NS => {
             Taken::LeftOut("stamp of another clock than the Imu's")
         }
-        Role::Fix | Role::Velocity => Taken::Given(events.clone()),
+        Role::Fix | Role::Velocity | Role::LocalPosition => Taken::Given(events.clone()),
         _ => {
             let newest = |event: &Event| Event {
                 time_ns: newest,
@@ -150,14 +192,19 @@ impl Iterator for Messages<'_> {
                 self.ended = Some(Ended::Stopped);
                 return None;
             }
-            let Some(message) = self.node.next(LOOK) else {
+            let Some(message) = self.message() else {
                 continue;
             };
             let taken = take(&message, &mut self.newest_ns, &mut self.back);
             let diagnostics = self.node.diagnostics();
             let mut diagnostics = diagnostics.lock().unwrap_or_else(PoisonError::into_inner);
             match taken {
-                Taken::Given(events) => {
+                Taken::Given(mut events) => {
+                    let mounted = self.node.mounted();
+                    for event in &mut events {
+                        *event = mounted.mounting.turned_of(message.role, *event);
+                    }
+                    drop(mounted);
                     diagnostics.heard(&message, measured_of(&events));
                     return Some(events);
                 }

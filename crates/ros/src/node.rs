@@ -1,15 +1,16 @@
 //! The node: topics in, topics out, and the threads between.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use futures_util::StreamExt as _;
 use northing_evaluation::UsedParameter;
-use northing_recording::mcap::{EstimateTopic, Role, frame_id, measured};
-use ros2_client::qos::{History, WhenFull};
+use northing_evaluation::by_name::text;
+use northing_recording::mcap::{EstimateTopic, Mounting, Role, frame_id, measured};
+use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
     Context, ContextOptions, MessageTypeName, Name, NodeName, NodeOptions, ParameterValue,
     Publisher, QosProfile, Subscription,
@@ -20,9 +21,14 @@ use tokio::runtime::Runtime;
 use crate::bytes::{AnyBytes, Bytes};
 use crate::diagnostics::{self, Diagnostics};
 use crate::messages::Message;
+use crate::mounted::Mounted;
 
 /// Messages that wait for the estimator, and that the middleware keeps of a topic: 1 s at 1 kHz.
 const QUEUE: usize = 1000;
+/// The topic of static transforms, unless another is named.
+pub const TRANSFORMS: &str = "tf_static";
+/// The type of its messages.
+const TRANSFORM: &str = "tf2_msgs/msg/TFMessage";
 /// How often diagnostics are published.
 const DIAGNOSTICS_EVERY: Duration = Duration::from_secs(1);
 /// How long a peer has to hear that the node leaves.
@@ -82,7 +88,7 @@ pub enum Reliability {
 }
 
 /// How to start a node.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct NodeConfig {
     /// Its name. Default `northing`.
     pub name: String,
@@ -94,8 +100,24 @@ pub struct NodeConfig {
     pub inputs: Vec<(Role, String)>,
     /// Of the topics in.
     pub reliability: Reliability,
-    /// The parameters that `ros2 param` shows, which cannot be set while it runs.
+    /// Where static transforms are listened to.
+    pub transforms: String,
+    /// The parameters that `ros2 param` shows and sets.
     pub parameters: Vec<UsedParameter>,
+    /// Says why a value of a parameter is refused.
+    pub check: Check,
+}
+
+/// Checks `NAME=VALUE` of a parameter, and says why it is refused.
+#[derive(Clone)]
+pub struct Check(pub Arc<Checker>);
+
+type Checker = dyn Fn(&str) -> Result<(), String> + Send + Sync;
+
+impl std::fmt::Debug for Check {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Check").finish_non_exhaustive()
+    }
 }
 
 impl Default for NodeConfig {
@@ -108,9 +130,22 @@ impl Default for NodeConfig {
                 .map(|role| (role, usual_topic(role).to_owned()))
                 .to_vec(),
             reliability: Reliability::default(),
+            transforms: TRANSFORMS.to_owned(),
             parameters: Vec::new(),
+            check: Check(Arc::new(|_| Ok(()))),
         }
     }
+}
+
+/// What comes to the node.
+#[derive(Debug, Clone)]
+pub(crate) enum Heard {
+    /// Of a sensor.
+    Message(Message),
+    /// The bytes of a message on `tf_static`.
+    Transforms(Vec<u8>),
+    /// `NAME=VALUE` of a parameter that was set and found good.
+    Setting(String),
 }
 
 /// What is published.
@@ -133,9 +168,12 @@ impl Publishers {
 pub struct Node {
     runtime: Runtime,
     node: Option<ros2_client::Node>,
-    messages: Receiver<Message>,
+    heard: Receiver<Heard>,
+    /// What was heard and is to be heard again.
+    unread: Mutex<Option<Heard>>,
     pub(crate) publishers: Publishers,
     diagnostics: Arc<Mutex<Diagnostics>>,
+    mounted: Arc<Mutex<Mounted>>,
     full_name: String,
 }
 
@@ -201,14 +239,12 @@ impl Node {
             why: error.to_string(),
             example: "/robot_1/northing",
         })?;
-        let runs = Arc::new(AtomicBool::new(false));
-        let mut node = context
-            .new_node(name, options_of(config, Arc::clone(&runs)))
-            .map_err(|error| network(error.to_string()))?;
-        runs.store(true, Ordering::Relaxed);
+        let (sender, heard) = mpsc::channel();
+        // They are declared with the values that they have.
+        let node = telling(|| context.new_node(name, options_of(config, sender.clone())));
+        let mut node = node.map_err(|error| network(error.to_string()))?;
         let spinner = node.spinner().map_err(|error| network(error.to_string()))?;
         runtime.spawn(spinner.spin());
-        let (sender, messages) = mpsc::channel();
         let qos = match config.reliability {
             Reliability::BestEffort => QosProfile::subscription_default(),
             Reliability::Reliable => {
@@ -226,6 +262,17 @@ impl Node {
                 runtime.spawn(listen(subscription, *role, schema, sender.clone()));
             }
         }
+        // They are published once, and kept for whoever comes later.
+        let latched = QosProfile::subscription_default()
+            .reliability_reliable(WhenFull::DEFAULT)
+            .durability(Durability::TransientLocal)
+            .history(queue());
+        let name = topic_name(&config.namespace, &config.transforms)?;
+        let subscription = node
+            .create_topic(&name, type_name(TRANSFORM), &latched)
+            .and_then(|topic| node.create_subscription::<Bytes>(&topic, None))
+            .map_err(|error| network(error.to_string()))?;
+        runtime.spawn(listen_to_transforms(subscription, sender));
         let mut topics = BTreeMap::new();
         for topic in EstimateTopic::ALL {
             let name = topic_name(&config.namespace, topic.name().trim_start_matches('/'))?;
@@ -252,12 +299,35 @@ impl Node {
             runtime,
             full_name: node.fully_qualified_name(),
             node: Some(node),
-            messages,
+            heard,
+            unread: Mutex::new(None),
             publishers: Publishers {
                 topics: Arc::new(Mutex::new(topics)),
             },
             diagnostics: health,
+            mounted: Arc::default(),
         })
+    }
+
+    /// How the sensors are mounted, as far as it is known.
+    #[must_use]
+    pub fn mounting(&self) -> Mounting {
+        self.mounted().mounting.clone()
+    }
+
+    pub(crate) fn mounted(&self) -> MutexGuard<'_, Mounted> {
+        self.mounted.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Shows parameters that the node itself has changed.
+    pub fn tell_parameters<'a>(&self, parameters: impl IntoIterator<Item = &'a UsedParameter>) {
+        let Some(node) = &self.node else {
+            return;
+        };
+        for used in parameters {
+            // One whose type would change stays as it is shown.
+            let _ = telling(|| node.set_parameter(&used.name, parameter_value(&used.value)));
+        }
     }
 
     /// Namespace and name: `/robot_1/northing`.
@@ -272,9 +342,17 @@ impl Node {
         Arc::clone(&self.diagnostics)
     }
 
-    /// The next message, waiting for it at most so long.
-    pub(crate) fn next(&self, patience: Duration) -> Option<Message> {
-        self.messages.recv_timeout(patience).ok()
+    /// What is heard next, waiting for it at most so long.
+    pub(crate) fn next(&self, patience: Duration) -> Option<Heard> {
+        let unread = self.unread.lock();
+        let unread = unread.unwrap_or_else(PoisonError::into_inner).take();
+        unread.or_else(|| self.heard.recv_timeout(patience).ok())
+    }
+
+    /// Keeps what was heard for the next run.
+    pub(crate) fn unread(&self, heard: Heard) {
+        let unread = self.unread.lock();
+        *unread.unwrap_or_else(PoisonError::into_inner) = Some(heard);
     }
 
     /// Leaves the network, so that peers know at once.
@@ -284,19 +362,61 @@ impl Node {
     }
 }
 
-/// The parameters, which nobody may set any more once the node `runs`.
-fn options_of(config: &NodeConfig, runs: Arc<AtomicBool>) -> NodeOptions {
-    let refused = move |name: &str, _: &ParameterValue| match runs.load(Ordering::Relaxed) {
-        true => Err(format!(
-            "{name} is fixed while the node runs: start it again with --set {name}=VALUE"
-        )),
+thread_local! {
+    /// Whether this thread tells values of parameters, which others need not be told of.
+    static TELLS: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Tells values of parameters: callbacks run within the call.
+fn telling<T>(tell: impl FnOnce() -> T) -> T {
+    TELLS.set(true);
+    let told = tell();
+    TELLS.set(false);
+    told
+}
+
+/// The parameters: what others set is checked and handed over.
+fn options_of(config: &NodeConfig, sender: Sender<Heard>) -> NodeOptions {
+    let check = config.check.clone();
+    let known: Vec<String> = config.parameters.iter().map(|p| p.name.clone()).collect();
+    let is_set = move |name: &str| !TELLS.get() && known.iter().any(|known| known == name);
+    let to_check = is_set.clone();
+    let validator = move |name: &str, value: &ParameterValue| match to_check(name) {
+        true => (check.0)(&setting(name, value)?),
         false => Ok(()),
+    };
+    let action = move |name: &str, value: &ParameterValue| {
+        if is_set(name) {
+            // Without a taker the node is about to stop.
+            let _ = sender.send(Heard::Setting(setting(name, value)?));
+        }
+        Ok(())
     };
     let mut options = NodeOptions::new().enable_rosout(false);
     for used in &config.parameters {
         options = options.declare_parameter(&used.name, parameter_value(&used.value));
     }
-    options.parameter_validator(Box::new(refused))
+    options
+        .parameter_validator(Box::new(validator))
+        .parameter_set_action(Box::new(action))
+}
+
+/// `NAME=VALUE` of a parameter.
+fn setting(name: &str, value: &ParameterValue) -> Result<String, String> {
+    let value = match value {
+        ParameterValue::Boolean(flag) => Json::from(*flag),
+        ParameterValue::Integer(count) => Json::from(*count),
+        ParameterValue::Double(number) => Json::from(*number),
+        ParameterValue::String(word) => Json::from(word.as_str()),
+        ParameterValue::DoubleArray(numbers) => Json::from(numbers.as_slice()),
+        ParameterValue::IntegerArray(numbers) => Json::from(numbers.as_slice()),
+        _ => {
+            return Err(format!(
+                "{name}: expected a number, a list of numbers, true or false, or a word"
+            ));
+        }
+    };
+    Ok(format!("{name}={}", text(&value)))
 }
 
 fn parameter_value(value: &Json) -> ParameterValue {
@@ -319,7 +439,7 @@ async fn listen(
     subscription: Subscription<Bytes>,
     role: Role,
     schema: &'static str,
-    messages: Sender<Message>,
+    messages: Sender<Heard>,
 ) {
     let mut stream = Box::pin(subscription.async_stream_seed(AnyBytes));
     while let Some(heard) = stream.next().await {
@@ -333,7 +453,19 @@ async fn listen(
             frame: frame_id(&bytes).map(str::to_owned),
             events: events.map(Iterator::collect),
         };
-        if messages.send(message).is_err() {
+        if messages.send(Heard::Message(message)).is_err() {
+            return;
+        }
+    }
+}
+
+/// Hands over static transforms, until the node stops.
+async fn listen_to_transforms(subscription: Subscription<Bytes>, sender: Sender<Heard>) {
+    let mut stream = Box::pin(subscription.async_stream_seed(AnyBytes));
+    while let Some(heard) = stream.next().await {
+        if let Ok((bytes, _)) = heard
+            && sender.send(Heard::Transforms(bytes.0)).is_err()
+        {
             return;
         }
     }

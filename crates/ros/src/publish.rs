@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use nalgebra::Vector3;
 use northing_core::earth::LocalFrame;
 use northing_core::kalman::Innovation;
 use northing_evaluation::navigation::{AidKind, NavigationEstimate, NavigationObserver};
@@ -17,7 +18,8 @@ use crate::node::{Node, Publishers};
 pub struct Frames {
     /// The level frame. `None`: `map`.
     pub map: Option<String>,
-    /// The body. `None`: the frame of the inertial sensor's messages, which is what is estimated.
+    /// The body. `None`: `base_link` where static transforms lead to it, otherwise the frame of the inertial sensor's messages; that is
+    /// what is estimated.
     pub body: Option<String>,
     /// Whether transforms are published.
     pub no_transforms: bool,
@@ -29,19 +31,27 @@ struct Poses {
     diagnostics: Arc<Mutex<Diagnostics>>,
     frames: Frames,
     names: FrameNames,
+    /// Whether the body's name is settled.
+    is_named: bool,
+    /// From the body's frame to the antenna, m.
+    antenna_m: Option<Vector3<f64>>,
 }
 
 impl Poses {
     fn new(node: &Node, frames: &Frames) -> Self {
         let usual = FrameNames::default();
+        let mounting = node.mounting();
+        let body = frames.body.clone().or(mounting.base().map(str::to_owned));
         Self {
             publishers: node.publishers.clone(),
             diagnostics: node.diagnostics(),
             frames: frames.clone(),
             names: FrameNames {
                 map: frames.map.clone().unwrap_or(usual.map),
-                body: frames.body.clone().unwrap_or(usual.body),
+                body: body.clone().unwrap_or(usual.body),
             },
+            is_named: body.is_some(),
+            antenna_m: mounting.antenna_m(),
         }
     }
 
@@ -56,11 +66,14 @@ impl Poses {
                 pose.angular_rate = measured.angular_rate;
                 pose.specific_force = measured.specific_force;
             }
-            if let (None, Some(frame)) = (&self.frames.body, diagnostics.frame())
+            if let (false, Some(frame)) = (self.is_named, diagnostics.frame())
                 && self.names.body != frame
             {
                 frame.clone_into(&mut self.names.body);
             }
+        }
+        if let Some(antenna) = &self.antenna_m {
+            pose.move_from_antenna(antenna);
         }
         for (topic, bytes) in messages(&pose, &self.names) {
             let is_wanted = !(self.frames.no_transforms && topic == EstimateTopic::Transform);

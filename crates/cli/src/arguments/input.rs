@@ -16,7 +16,7 @@ use crate::files::STDIN;
 #[command(next_help_heading = "About the recording")]
 pub(crate) struct InputArgs {
     /// Format, where it shall not be told by content: parquet, csv, mcap, sensor-logger, phyphox, nmea, ubx, ulog, ardupilot, kf-gins,
-    /// rtklib, euroc, gpx, tum, vectornav, northing-serial, manifest
+    /// rtklib, euroc, gpx, tum, vectornav, x-imu3, northing-serial, manifest
     #[arg(long, value_name = "FORMAT")]
     format: Option<Format>,
     /// The device, where a file holds several (in ROS 2 files: the topic)

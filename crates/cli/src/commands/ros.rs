@@ -1,17 +1,17 @@
 //! `northing ros`: a node of ROS 2, without ROS.
 
 use std::convert::Infallible;
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions, run_navigation};
-use northing_evaluation::{RunEstimator, RunOptions, UsedParameter, run_live};
+use northing_evaluation::{Origin, RunEstimator, RunOptions, UsedParameter, run_live};
 use northing_recording::mcap::Role;
 use northing_recording::{BodyAxes, Frames as Axes, Metadata, WorldFrame};
 use northing_ros::{
-    AttitudePublisher, Ended, Frames, Messages, NavigationPublisher, Node, NodeConfig, Reliability,
-    usual_topic,
+    AttitudePublisher, Check, Ended, Frames, Messages, NavigationPublisher, Node, NodeConfig,
+    Reliability, TRANSFORMS, usual_topic,
 };
 
 use crate::arguments::settings::SettingArgs;
@@ -23,7 +23,7 @@ use crate::text::{attitude, navigation};
 #[derive(Debug, Args)]
 #[command(
     long_about = "Runs an estimator as a node of ROS 2, over DDS and without an installation of ROS: it listens to \
-                  sensor_msgs/Imu, MagneticField and NavSatFix and to the velocity of a receiver, and publishes /imu/data \
+                  sensor_msgs/Imu, MagneticField, NavSatFix and FluidPressure and to the velocity of a receiver, and publishes /imu/data \
                   (orientation with covariance), /tf, with a navigation estimator /odometry and /gps/filtered, and \
                   /diagnostics once a second. Axes are those of REP 103: the world east, north, up, the sensors forward, \
                   left, up. Stamps are those of the messages, so simulated time needs nothing. Ctrl-C ends it and prints \
@@ -63,13 +63,20 @@ pub(crate) struct RosArgs {
     /// Topic of the receiver's velocity, geometry_msgs/TwistStamped or TwistWithCovarianceStamped [default: fix_velocity]
     #[arg(long, value_name = "TOPIC")]
     velocity: Option<String>,
+    /// Topic of sensor_msgs/FluidPressure [default: pressure]
+    #[arg(long, value_name = "TOPIC")]
+    pressure: Option<String>,
+    /// Topic of static transforms: how the sensors are mounted
+    #[arg(long, value_name = "TOPIC", default_value = TRANSFORMS)]
+    tf_static: String,
     /// Ask publishers to send again what is lost; those of best effort, as most drivers are, are then not heard
     #[arg(long)]
     reliable: bool,
     /// The level frame in what is published
     #[arg(long, value_name = "FRAME", default_value = "map")]
     map_frame: String,
-    /// The body's frame in what is published [default: the frame of the Imu, whose pose is estimated]
+    /// The body's frame in what is published [default: base_link where static transforms lead from the Imu to it, otherwise the
+    /// frame of the Imu]
     #[arg(long, value_name = "FRAME")]
     body_frame: Option<String>,
     /// Publish no transforms
@@ -111,6 +118,31 @@ impl Asked {
     }
 }
 
+impl Asked {
+    /// Whether a value fits the parameter for which it is set while the node runs.
+    fn check(&self) -> Check {
+        Check(match self {
+            Self::Attitude(options) => {
+                let options = options.clone();
+                Arc::new(move |setting| {
+                    let mut options = options.clone();
+                    let checked = options.set(setting).and_then(|()| options.check());
+                    checked.map_err(|error| error.to_string())
+                })
+            }
+            Self::Navigation(options) => {
+                let options = options.clone();
+                Arc::new(move |setting| {
+                    let mut options = options.clone();
+                    let set = options.set_from(setting, Origin::Set);
+                    let checked = set.and_then(|()| options.check());
+                    checked.map_err(|error| error.to_string())
+                })
+            }
+        })
+    }
+}
+
 /// Domains of DDS have ports up to this one.
 const MOST_DOMAINS: u16 = 232;
 
@@ -121,7 +153,12 @@ const AXES: Axes = Axes {
 };
 
 impl RosArgs {
-    fn asked(&self) -> Result<Asked> {
+    /// What is run, with what is known of the mounting and was set while the node runs.
+    fn asked(&self, lever_arm_m: Option<[f64; 3]>, set: &[String]) -> Result<Asked> {
+        let metadata = Metadata {
+            gnss_lever_arm_m: lever_arm_m,
+            ..Metadata::default()
+        };
         let named = match self.estimator {
             None => self.settings.estimator()?,
             named => named,
@@ -137,19 +174,29 @@ impl RosArgs {
                          an estimator of the attitude"
                     );
                 }
-                let mut options = NavigationOptions::of_recording(kind, &Metadata::default());
+                let mut options = NavigationOptions::of_recording(kind, &metadata);
                 self.settings.navigation_parameters(&mut options)?;
+                for setting in set {
+                    options.set_from(setting, Origin::Set)?;
+                }
                 options.check()?;
                 Ok(Asked::Navigation(Box::new(options)))
             }
-            Some(RunEstimator::Attitude(kind)) => self.attitude(Some(kind)),
-            None => self.attitude(None),
+            Some(RunEstimator::Attitude(kind)) => self.attitude(Some(kind), set),
+            None => self.attitude(None, set),
         }
     }
 
-    fn attitude(&self, kind: Option<northing_evaluation::EstimatorKind>) -> Result<Asked> {
+    fn attitude(
+        &self,
+        kind: Option<northing_evaluation::EstimatorKind>,
+        set: &[String],
+    ) -> Result<Asked> {
         let mut options = self.settings.options(kind)?;
         self.settings.check_effect(options.estimator)?;
+        for setting in set {
+            options.set(setting)?;
+        }
         options.world_frame = AXES.world;
         options.check()?;
         Ok(Asked::Attitude(Box::new(options)))
@@ -162,6 +209,7 @@ impl RosArgs {
             (Role::Field, &self.mag),
             (Role::Fix, &self.fix),
             (Role::Velocity, &self.velocity),
+            (Role::Pressure, &self.pressure),
         ];
         let heard = match asked {
             Asked::Attitude(_) => &inputs[..2],
@@ -200,7 +248,9 @@ impl RosArgs {
                 true => Reliability::Reliable,
                 false => Reliability::BestEffort,
             },
+            transforms: self.tf_static.clone(),
             parameters: asked.parameters(),
+            check: asked.check(),
         }
     }
 
@@ -215,7 +265,7 @@ impl RosArgs {
 
 /// Runs the node until Ctrl-C.
 pub(crate) fn execute(args: &RosArgs) -> Result<()> {
-    let asked = args.asked()?;
+    let mut asked = args.asked(None, &[])?;
     let domain = args.domain()?;
     let config = args.config(domain, &asked);
     let node = Node::start(&config)?;
@@ -230,13 +280,30 @@ pub(crate) fn execute(args: &RosArgs) -> Result<()> {
         asked.estimator(),
         topics.join(", ")
     ))?;
+    // What was set while the node runs.
+    let mut set: Vec<String> = Vec::new();
     let ended = loop {
-        match run(args, &asked, &node) {
+        let ended = run(args, &asked, &node);
+        let mut mounting = node.mounting();
+        let lever_arm_m = mounting.lever_arm_m(AXES.body);
+        match &ended {
             Ok((Ended::ClockWentBack(back_ns), _)) => print(&format!(
                 "The stamps of the Imu went back by {:.3} s: begun anew.\n",
-                back_ns as f64 * 1e-9
+                *back_ns as f64 * 1e-9
             ))?,
-            other => break other,
+            Ok((Ended::Mounted, _)) => print(&format!("{}\n", mounting.notes().join("\n")))?,
+            Ok((Ended::Set(settings), _)) => {
+                print(&format!("Set {}: begun anew.\n", settings.join(", ")))?;
+                set.extend(settings.iter().cloned());
+            }
+            Ok((Ended::Stopped, _)) | Err(_) => break ended,
+        }
+        let before = asked.parameters();
+        asked = args.asked(lever_arm_m, &set)?;
+        if matches!(ended, Ok((Ended::Mounted, _))) {
+            let now = asked.parameters();
+            let is_another = |used: &&UsedParameter| !before.contains(used);
+            node.tell_parameters(now.iter().filter(is_another));
         }
     };
     let told = node.diagnostics();
@@ -246,11 +313,10 @@ pub(crate) fn execute(args: &RosArgs) -> Result<()> {
     drop(told);
     node.stop();
     let (_, summary) = ended?;
-    if heard == 0 {
-        text = format!("No message on {}: nothing was estimated.", topics[0]);
-    }
-    if let Some(summary) = summary {
-        text = format!("{text}\n\n{summary}");
+    match (heard, summary) {
+        (0, _) => text = format!("No message on {}: nothing was estimated.", topics[0]),
+        (_, Some(summary)) => text = format!("{text}\n\n{summary}"),
+        (_, None) => {}
     }
     print(&format!("{text}\n"))
 }

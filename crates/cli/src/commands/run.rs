@@ -64,9 +64,9 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     for output in args.report.iter().chain(&args.out) {
         check_not_input(output, &args.recording)?;
     }
-    let mut file = args
-        .out
-        .as_ref()
+    let for_foxglove = foxglove::file(args)?;
+    let out = args.out.as_ref().filter(|_| for_foxglove.is_none());
+    let mut file = out
         .map(|out| EstimateFile::create(out, options.estimator, args.force))
         .transpose()?;
     if align_reference {
@@ -82,12 +82,14 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     }
     let traced = args.report.as_ref();
     let trace = traced.map(|_| TraceObserver::new(TRACE_CAPACITY, metadata.world_frame));
-    let played = foxglove::attitude_recorder(args, &options, metadata.world_frame);
+    let world = metadata.world_frame;
+    let played = foxglove::attitude_recorder(args, &options, world, for_foxglove.as_ref());
     // Plots, a file and viewers, each where it is asked for.
     let mut watchers = ((trace, file), played);
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
     let ((trace, file), played) = watchers;
+    let played = played.map(foxglove::attitude_run);
     let mut written = Vec::new();
     if let (Some(path), Some(trace)) = (&args.report, trace) {
         let html = run_page::render(&summary, &metadata, trace.trace(), command_line());
@@ -97,6 +99,9 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
     if let (Some(path), Some(file)) = (&args.out, file) {
         file.finish()?;
         written.push(format!("Estimates: {}", path.display()));
+    }
+    if let Some(path) = foxglove::write(for_foxglove, played.as_ref())? {
+        written.push(format!("For Foxglove: {}", path.display()));
     }
     if args.json {
         print_json(&summary)?;

@@ -12,6 +12,7 @@ use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use crate::error::{RecordingError, Result};
+use crate::event::SensorKind;
 use crate::local_place::LocalPlace;
 use crate::metadata::Metadata;
 use crate::numpy;
@@ -74,8 +75,7 @@ pub(crate) fn open_with_data(path: &Path, data: &Path, options: &OpenOptions) ->
     let loaded = Loaded::read(path)?;
     let source = loaded.only_source()?;
     let opened = loaded.source(source, path, data, options)?;
-    let parts = vec![(source, opened)];
-    loaded.finish(combined::combine(parts, Scale::new(options)), stem(data))
+    loaded.finish(vec![(source, opened)], stem(data), options)
 }
 
 /// Reads a stream as the manifest at `path` describes.
@@ -141,7 +141,7 @@ impl Loaded {
         if parts.is_empty() {
             return Err(self.problem("no [[source]]: each names a `file`"));
         }
-        self.finish(combined::combine(parts, Scale::new(options)), name)
+        self.finish(parts, name, options)
     }
 
     /// The source of a manifest that has one.
@@ -216,28 +216,53 @@ impl Loaded {
     ) -> Result<Opened> {
         let source = self.only_source()?;
         let opened = table::open(source, &self.file, input, file, options)?;
-        let parts = vec![(source, opened)];
-        self.finish(combined::combine(parts, Scale::new(options)), name)
+        self.finish(vec![(source, opened)], name, options)
     }
 
-    /// Adds what the manifest says of the whole recording.
-    fn finish(&self, mut opened: Opened, name: String) -> Result<Opened> {
+    /// The sources together, with what the manifest, or the file of the inertial sensor, says of the whole recording.
+    fn finish(
+        &self,
+        parts: Vec<(&Source, Opened)>,
+        name: String,
+        options: &OpenOptions,
+    ) -> Result<Opened> {
+        let told = told(&parts);
+        let mut opened = combined::combine(parts, Scale::new(options));
         RecordingError::check_sensors(&self.file, &opened.sensors)?;
         let general = &self.manifest.general;
-        let latency = general.latency.unwrap_or_default();
+        let latency = general.latency.unwrap_or(Latency {
+            gnss_position_s: told.gnss_position_latency_s,
+            gnss_velocity_s: told.gnss_velocity_latency_s,
+        });
         opened.metadata = Metadata {
             name: general.name.clone().unwrap_or(name),
             format: "manifest".to_owned(),
-            world_frame: general.world_frame,
-            body_axes: general.body_axes,
-            device: general.device.clone(),
-            gnss_lever_arm_m: general.lever_arm.map(|arm| arm.frd_m),
+            world_frame: general.world_frame.unwrap_or(told.world_frame),
+            // Another world has other axes, unless they are said.
+            body_axes: general.body_axes.or(match general.world_frame {
+                Some(world) if world != told.world_frame => None,
+                _ => told.body_axes,
+            }),
+            device: general.device.clone().or(told.device),
+            gnss_lever_arm_m: general
+                .lever_arm
+                .map(|arm| arm.frd_m)
+                .or(told.gnss_lever_arm_m),
             gnss_position_latency_s: latency.gnss_position_s,
             gnss_velocity_latency_s: latency.gnss_velocity_s,
             extra: general.extra.clone(),
         };
         Ok(opened)
     }
+}
+
+/// What the first source with an inertial sensor says of itself; nothing where it is a table.
+fn told(parts: &[(&Source, Opened)]) -> Metadata {
+    let inertial = [SensorKind::Gyroscope, SensorKind::Accelerometer];
+    let found = parts.iter().find(|(source, opened)| {
+        source.role == Role::Sensors && opened.sensors.iter().any(|kind| inertial.contains(kind))
+    });
+    found.map_or_else(Metadata::default, |(_, opened)| opened.metadata.clone())
 }
 
 fn same_file(one: &Path, other: &Path) -> bool {

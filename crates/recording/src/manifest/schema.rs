@@ -35,11 +35,11 @@ pub struct General {
     pub name: Option<String>,
     /// Device name.
     pub device: Option<String>,
-    /// World frame of orientations, reference and positions.
-    pub world_frame: WorldFrame,
-    /// What the axes of the sensors are; default those that belong to the world.
+    /// World frame of orientations, reference and positions; default that of a file that describes itself, of tables ENU.
+    pub world_frame: Option<WorldFrame>,
+    /// What the axes of the sensors are; default those of a file that describes itself, of tables those that belong to the world.
     pub body_axes: Option<BodyAxes>,
-    /// Where the antenna is.
+    /// Where the antenna is; default what the file says.
     pub lever_arm: Option<LeverArm>,
     /// How late the receiver's numbers are.
     pub latency: Option<Latency>,

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use ::mcap::{Channel, Message, Schema};
 
+use super::message_definition::{HASH, Stated, name_of};
 use super::records::Stop;
 use crate::limits::DEFINITIONS;
 
@@ -103,13 +104,25 @@ impl Definitions {
             0 => None,
             id => Some(Arc::clone(self.schemas.get(&id)?)),
         };
-        Some(Channel {
+        let mut channel = Channel {
             id,
             schema,
             topic: fields.text()?.to_owned(),
             message_encoding: fields.text()?.to_owned(),
             metadata: fields.pairs()?,
-        })
+        };
+        if let Some(schema) = &mut channel.schema {
+            let stated = Stated {
+                encoding: &schema.encoding,
+                definition: std::str::from_utf8(&schema.data).unwrap_or_default(),
+                hash: channel.metadata.get(HASH).map_or("", String::as_str),
+            };
+            let name = name_of(&schema.name, stated);
+            if name != schema.name {
+                Arc::make_mut(schema).name = name;
+            }
+        }
+        Some(channel)
     }
 
     /// A message, with its channel.

@@ -36,6 +36,23 @@ pub enum Role {
 }
 
 impl Role {
+    /// A name for messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Inertial => "inertial",
+            Self::Field => "field",
+            Self::Fix => "fix",
+            Self::Velocity => "velocity",
+            Self::Pressure => "pressure",
+            Self::Reference => "reference",
+            Self::DeviceOrientation => "device-orientation",
+            Self::LocalPosition => "local-position",
+            Self::Position => "position",
+            Self::ForwardSpeed => "forward-speed",
+        }
+    }
+
     /// The types of messages that it is read from.
     #[must_use]
     pub const fn schemas(self) -> &'static [&'static str] {

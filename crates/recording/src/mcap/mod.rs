@@ -8,6 +8,7 @@
 //! | making an unfinished recording whole | `recover.rs` |
 //! | `sensor_msgs/Imu`, `MagneticField` as bytes | `ros.rs`, `cdr.rs` |
 //! | other messages | `nav_sat_fix.rs`, `pose_twist.rs`, `fluid_pressure.rs`, `diagnostics.rs` |
+//! | whether a type is laid out as that of ROS | `message_definition.rs` |
 //! | which topics are read, and in which order | `topics.rs`, `named_topics.rs`, `order.rs` |
 //! | a file that several readers read | `shared.rs` |
 //! | how sensors are mounted (`/tf_static`) | `tf_static.rs` |
@@ -31,6 +32,7 @@ mod fluid_pressure;
 mod lab;
 mod lab_source;
 mod measured;
+mod message_definition;
 mod named_topics;
 pub(crate) mod nav_sat_fix;
 mod order;
@@ -66,7 +68,6 @@ use file::{End, Messages, contents};
 use lab_source::LabSource;
 use order::in_order;
 use ros_source::RosSource;
-use tf_static::Mounting;
 use topics::Topics;
 pub(crate) use topics::Wanted;
 
@@ -78,6 +79,7 @@ pub use measured::{Role, measured};
 pub use recover::{Recovered, is_complete, recover};
 pub use ros::frame as frame_id;
 pub use ros_writer::{RosWriter, has_topic};
+pub use tf_static::{Mounting, StaticTransforms};
 
 /// Opens a recording of the lab, of ROS 2 in MCAP, or a bag of ROS 1; `wanted` is what the user said of devices
 /// and topics.
@@ -191,7 +193,15 @@ fn one_of<'a>(
 }
 
 fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
-    let topics = contents.channels.iter().map(|c| c.topic.as_str());
+    let topics = contents.channels.iter().map(|channel| {
+        let kind = channel.schema.as_ref().map(|schema| schema.name.as_str());
+        let kind = kind.filter(|kind| !kind.is_empty());
+        match kind {
+            Some(kind) => format!("{} ({})", shown(&channel.topic), shown(kind)),
+            None => shown(&channel.topic),
+        }
+    });
+    let topics: Vec<String> = topics.collect();
     RecordingError::not_a_recording(
         file,
         format!(
@@ -201,7 +211,7 @@ fn nothing(file: &str, contents: &file::Contents) -> RecordingError {
             } else {
                 "a bag"
             },
-            join(topics)
+            join(topics.iter().map(String::as_str))
         ),
     )
 }

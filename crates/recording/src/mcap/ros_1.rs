@@ -14,10 +14,11 @@ use ::mcap::{Channel, Message, Schema};
 use super::cdr::ROS_1;
 use super::definitions::Fields;
 use super::file::Container;
+use super::message_definition::{Stated, name_of};
 use super::records::Stop;
 use super::shared::Shared;
 use crate::error::{RecordingError, Result, shown};
-use crate::limits::{self, BLOCK, DEFINITIONS, Limit};
+use crate::limits::{self, BLOCK, DEFINITIONS, Limit, TOPICS};
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 /// Kinds of records.
@@ -202,6 +203,7 @@ struct Header<'a> {
     compression: Cow<'a, [u8]>,
     topic: &'a [u8],
     name: &'a [u8],
+    definition: &'a [u8],
 }
 
 fn header_of(bytes: &[u8]) -> std::result::Result<Header<'_>, Stop> {
@@ -226,6 +228,7 @@ fn header_of(bytes: &[u8]) -> std::result::Result<Header<'_>, Stop> {
             b"compression" => header.compression = Cow::Borrowed(value),
             b"topic" => header.topic = value,
             b"type" => header.name = value,
+            b"message_definition" => header.definition = value,
             _ => {}
         }
     }
@@ -251,10 +254,16 @@ fn connection(
     let topic = text(header.topic);
     // `sensor_msgs/Imu` is `sensor_msgs/msg/Imu` in ROS 2.
     let name = text(data.name).replacen('/', "/msg/", 1);
+    let stated = Stated {
+        encoding: "ros1msg",
+        definition: std::str::from_utf8(data.definition).unwrap_or_default(),
+        ..Stated::default()
+    };
+    let name = name_of(&name, stated);
     *bytes += (topic.len() + name.len() + 64) as u64;
     Stop::check(DEFINITIONS, *bytes)?;
     let number = u16::try_from(channels.len())
-        .map_err(|_| Stop::Cut("more than 65536 connections".to_owned()))?;
+        .map_err(|_| Stop::TooLarge(TOPICS, channels.len() as u64 + 1))?;
     let schema = Schema {
         id: number.saturating_add(1),
         name,

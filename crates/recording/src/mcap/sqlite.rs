@@ -15,9 +15,10 @@ use rusqlite::{Connection, OpenFlags};
 use tempfile::NamedTempFile;
 
 use super::file::Container;
+use super::message_definition::{Stated, name_of};
 use super::records::Stop;
 use crate::error::{RecordingError, Result, shown};
-use crate::limits::{BLOCK, DEFINITIONS};
+use crate::limits::{BLOCK, DEFINITIONS, TOPICS};
 
 /// Bytes and rows of messages that are read at once.
 const BATCH: (usize, usize) = (1 << 20, 256);
@@ -51,6 +52,13 @@ impl Database {
                 );
                 return Err(RecordingError::unsupported(file, problem));
             }
+        }
+        // Pages of a damaged file may be counted for ever.
+        let count = "SELECT count(*) FROM (SELECT 1 FROM main.topics LIMIT ?1)";
+        let count = connection.query_row(count, [TOPICS.most as i64 + 1], |row| row.get(0));
+        let topics: i64 = count.map_err(damaged)?;
+        if topics as u64 > TOPICS.most {
+            return Err(TOPICS.exceeded(format!("more than {}", TOPICS.most), file, ""));
         }
         let (bytes, channels) = channels(&connection).map_err(damaged)?;
         DEFINITIONS.check(bytes, file, "")?;
@@ -163,6 +171,17 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
     };
     connection.set_limit(SqliteLimit::SQLITE_LIMIT_LENGTH, BLOCK.most as i32)?;
     connection.execute_batch("PRAGMA trusted_schema = OFF; PRAGMA cell_size_check = ON;")?;
+    // A file that is cut off is refused as a whole, unless this is said; it is opened to be read alone.
+    let is_cut = |error: &rusqlite::Error| {
+        error.sqlite_error_code() == Some(rusqlite::ErrorCode::DatabaseCorrupt)
+    };
+    let first = "SELECT count(*) FROM (SELECT 1 FROM main.sqlite_master LIMIT 1)";
+    match connection.query_row(first, (), |_| Ok(())) {
+        Err(error) if is_cut(&error) => {
+            connection.execute_batch("PRAGMA writable_schema = ON")?;
+        }
+        first => first?,
+    }
     Ok(connection)
 }
 
@@ -180,23 +199,37 @@ fn has_table(connection: &Connection, name: &str) -> rusqlite::Result<bool> {
     Ok(kind == "table" && !computes && rows.next()?.is_none())
 }
 
-/// The topics as channels, and how many bytes their names have.
+/// The topics as channels, and how many bytes their names and definitions have.
 fn channels(
     connection: &Connection,
 ) -> rusqlite::Result<(u64, BTreeMap<i64, Arc<Channel<'static>>>)> {
-    let mut select = connection
-        .prepare("SELECT id, name, type, serialization_format FROM main.topics LIMIT 65535")?;
+    let (mut bytes, definitions) = definitions(connection)?;
+    // Recorders of older versions wrote no hash.
+    let hash = match has_column(connection, "topics", "type_description_hash")? {
+        true => "type_description_hash",
+        false => "''",
+    };
+    let mut select = connection.prepare(&format!(
+        "SELECT id, name, type, serialization_format, {hash} FROM main.topics LIMIT {}",
+        TOPICS.most
+    ))?;
     let mut rows = select.query(())?;
-    let (mut bytes, mut channels) = (0, BTreeMap::new());
+    let mut channels = BTreeMap::new();
     while let Some(row) = rows.next()?
         && bytes <= DEFINITIONS.most
     {
         let (id, topic, name): (i64, String, String) = (row.get(0)?, row.get(1)?, row.get(2)?);
+        let hash: Option<String> = row.get(4)?;
         bytes += (topic.len() + name.len()) as u64;
+        let stated = Stated {
+            encoding: "ros2msg",
+            definition: definitions.get(&name).map_or("", String::as_str),
+            hash: hash.as_deref().unwrap_or_default(),
+        };
         let number = channels.len() as u16;
         let schema = Schema {
             id: number.saturating_add(1),
-            name,
+            name: name_of(&name, stated),
             encoding: "ros2msg".to_owned(),
             data: Cow::Borrowed(b""),
         };
@@ -210,4 +243,30 @@ fn channels(
         channels.insert(id, Arc::new(channel));
     }
     Ok((bytes, channels))
+}
+
+/// The definitions of types that newer recorders write, and how many bytes they have.
+fn definitions(connection: &Connection) -> rusqlite::Result<(u64, BTreeMap<String, String>)> {
+    let (mut bytes, mut definitions) = (0, BTreeMap::new());
+    if !has_table(connection, "message_definitions")? {
+        return Ok((bytes, definitions));
+    }
+    let mut select = connection.prepare(
+        "SELECT topic_type, encoded_message_definition FROM main.message_definitions WHERE encoding = 'ros2msg' LIMIT 65536",
+    )?;
+    let mut rows = select.query(())?;
+    while let Some(row) = rows.next()?
+        && bytes <= DEFINITIONS.most
+    {
+        let (name, definition): (String, String) = (row.get(0)?, row.get(1)?);
+        bytes += (name.len() + definition.len()) as u64;
+        definitions.insert(name, definition);
+    }
+    Ok((bytes, definitions))
+}
+
+fn has_column(connection: &Connection, table: &str, column: &str) -> rusqlite::Result<bool> {
+    let mut select =
+        connection.prepare("SELECT 1 FROM pragma_table_info(?1, 'main') WHERE name = ?2")?;
+    select.exists((table, column))
 }

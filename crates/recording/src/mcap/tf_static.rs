@@ -9,6 +9,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use super::cdr::CdrReader;
 use super::measured::Role;
 use super::ros;
+use super::ros_source::Read;
 use super::topics::Topics;
 use crate::event::{Event, Sample, quaternion_from_file};
 use crate::metadata::BodyAxes;
@@ -30,15 +31,16 @@ pub(super) fn is_mounting(topic: &str, kind: &str) -> bool {
 }
 
 /// The tree of frames.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct StaticTransforms {
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct StaticTransforms {
     /// Of each frame its parent, and `parent_from_child`.
     parents: BTreeMap<String, (String, Isometry3<f64>)>,
 }
 
 impl StaticTransforms {
-    /// Takes a message; `None` when it is none. What a later message says of a frame counts.
-    pub(super) fn take(&mut self, bytes: &[u8]) -> Option<()> {
+    /// Takes a message of `/tf_static`: CDR behind its four bytes of encapsulation; `None` when it is none. What a later message
+    /// says of a frame counts.
+    pub fn take(&mut self, bytes: &[u8]) -> Option<()> {
         let mut input = CdrReader::new(bytes)?;
         for _ in 0..input.u32()? {
             if self.parents.len() >= MOST_FRAMES {
@@ -100,16 +102,47 @@ fn plain(frame: &str) -> String {
 }
 
 /// How the sensors that are read are mounted.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Mounting {
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mounting {
     /// Of each topic whose sensor is turned, `base_from_sensor`.
     turns: BTreeMap<String, UnitQuaternion<f64>>,
     /// From the Imu to the antenna, m, in the axes that are handed out.
     lever_arm: Option<Vector3<f64>>,
+    base: Option<String>,
+    /// From the body's frame to the antenna, m, in its axes.
+    antenna: Option<Vector3<f64>>,
     notes: Vec<String>,
 }
 
 impl Mounting {
+    /// Of sensors, each known by what is taken of it, whose messages have these frames.
+    #[must_use]
+    pub fn of_sensors(transforms: &StaticTransforms, frames: &BTreeMap<Role, String>) -> Self {
+        let reads = frames.keys().map(|role| Read::all(role.name(), *role));
+        let named = frames
+            .iter()
+            .map(|(role, frame)| (role.name().to_owned(), frame.clone()));
+        Self::of(transforms, &Topics(reads.collect()), &named.collect())
+    }
+
+    /// An event of a sensor in the axes of the body.
+    #[must_use]
+    pub fn turned_of(&self, role: Role, event: Event) -> Event {
+        self.turned(role.name(), event)
+    }
+
+    /// The frame of the body, of which the axes are, where transforms lead to one.
+    #[must_use]
+    pub fn base(&self) -> Option<&str> {
+        self.base.as_deref()
+    }
+
+    /// From the body's frame to the antenna, m: forward, left, up.
+    #[must_use]
+    pub fn antenna_m(&self) -> Option<Vector3<f64>> {
+        self.antenna
+    }
+
     /// Of the chosen topics, whose frames are these.
     pub(super) fn of(
         transforms: &StaticTransforms,
@@ -161,6 +194,10 @@ impl Mounting {
         let antenna = fix
             .and_then(frame)
             .and_then(|fix| transforms.between(&fix, &imu));
+        mounting.base = base.map(str::to_owned);
+        mounting.antenna = (fix.and_then(frame).zip(base))
+            .and_then(|(fix, base)| transforms.between(&fix, base))
+            .map(|antenna| antenna.translation.vector);
         let arm = antenna.map(|antenna| antenna.translation.vector);
         mounting.lever_arm = arm
             .filter(|arm| arm.norm() > NO_WAY)
@@ -168,8 +205,8 @@ impl Mounting {
         mounting
     }
 
-    /// The lever arm as metadata have it: forward, right, down, m.
-    pub(super) fn lever_arm_m(&mut self, axes: BodyAxes) -> Option<[f64; 3]> {
+    /// The lever arm as metadata have it: forward, right, down, m. A note says it.
+    pub fn lever_arm_m(&mut self, axes: BodyAxes) -> Option<[f64; 3]> {
         let arm = self.lever_arm?;
         let [forward, right, down] = match axes {
             BodyAxes::Flu => [arm.x, -arm.y, -arm.z],
@@ -183,7 +220,8 @@ impl Mounting {
     }
 
     /// What was found, in sentences.
-    pub(super) fn notes(&self) -> &[String] {
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
@@ -207,7 +245,6 @@ impl Mounting {
 mod tests {
     use super::*;
     use crate::mcap::cdr::CdrWriter;
-    use crate::mcap::ros_source::Read;
     use std::f64::consts::FRAC_PI_2;
 
     fn message(transforms: &[(&str, &str, [f64; 3], [f64; 4])]) -> Vec<u8> {

@@ -95,16 +95,26 @@ pub(crate) fn twist_with_covariance(time_ns: i64, enu: [f64; 3], variances: [f64
 pub(crate) type Sent = (&'static str, &'static str, i64, Vec<u8>);
 
 pub(crate) fn bag(messages: &[Sent]) -> Vec<u8> {
+    bag_with(messages, "-", &BTreeMap::new())
+}
+
+/// A bag whose types have this definition, and whose channels say this.
+pub(crate) fn bag_with(
+    messages: &[Sent],
+    definition: &str,
+    facts: &BTreeMap<String, String>,
+) -> Vec<u8> {
     let mut file = mcap::WriteOptions::new()
         .compression(None)
+        .chunk_size(Some(1 << 14))
         .create(Cursor::new(Vec::new()))
         .unwrap();
     let mut channels = BTreeMap::new();
     for (topic, kind, time_ns, bytes) in messages {
         let id = *channels.entry(*topic).or_insert_with(|| {
-            let schema = file.add_schema(kind, "ros2msg", b"-").unwrap();
-            file.add_channel(schema, topic, "cdr", &BTreeMap::new())
-                .unwrap()
+            let definition = definition.as_bytes();
+            let schema = file.add_schema(kind, "ros2msg", definition).unwrap();
+            file.add_channel(schema, topic, "cdr", facts).unwrap()
         });
         let header = mcap::records::MessageHeader {
             channel_id: id,
@@ -214,6 +224,11 @@ fn of_ros_1(kind: &str, cdr: &[u8]) -> Vec<u8> {
 
 /// A bag of ROS 1 in chunks of 100 messages.
 pub(crate) fn bag_of_ros_1(sent: &[Sent], compression: &str) -> Vec<u8> {
+    bag_of_ros_1_with(sent, compression, "")
+}
+
+/// A bag whose types have this definition.
+pub(crate) fn bag_of_ros_1_with(sent: &[Sent], compression: &str, definition: &str) -> Vec<u8> {
     let mut bytes = b"#ROSBAG V2.0\n".to_vec();
     bytes.extend(record(
         &[("op", &[3]), ("index_pos", &[0; 8])],
@@ -229,7 +244,11 @@ pub(crate) fn bag_of_ros_1(sent: &[Sent], compression: &str) -> Vec<u8> {
             let name = kind.replace("/msg/", "/");
             // A record without its own length around it is what the data of a connection is.
             let about = &record(
-                &[("topic", topic.as_bytes()), ("type", name.as_bytes())],
+                &[
+                    ("topic", topic.as_bytes()),
+                    ("type", name.as_bytes()),
+                    ("message_definition", definition.as_bytes()),
+                ],
                 b"",
             );
             let about = &about[4..about.len() - 4];

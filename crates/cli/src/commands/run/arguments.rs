@@ -44,6 +44,7 @@ Examples:
   northing run walk.zip --magnetometer calibrated=magnetometer.toml --calibration rest.toml
   northing run capture.csv --align-reference                    # motion capture on a clock of its own
   northing run drive.toml --estimator error-state --gnss-every 4 --outage 120:30 --report drive.html
+  northing run drive.toml --estimator error-state --out drive.mcap  # for Foxglove, evo, ROS 2
   northing run board.txt --report board.html                    # what our firmware printed
   northing demo --record-only - | northing run - --json"
 )]
@@ -64,6 +65,11 @@ pub(crate) struct RunArgs {
     /// Write the estimates: .csv, .parquet, .tum or .mcap; of a navigation estimator also .kml, .gpx or .geojson
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
+    /// Whose messages an .mcap of --out has: ros2, or foxglove, which are those that --foxglove shows, innovations and lamps among
+    /// them
+    #[cfg(feature = "foxglove")]
+    #[arg(long, value_name = "KIND", requires = "out", default_value = "ros2")]
+    pub(crate) messages: Messages,
     /// Overwrite outputs that exist
     #[arg(long)]
     pub(crate) force: bool,
@@ -84,6 +90,16 @@ pub(crate) struct RunArgs {
     pub(crate) data: DataArgs,
     #[command(flatten)]
     pub(crate) input: InputArgs,
+}
+
+/// Whose messages are written.
+#[cfg(feature = "foxglove")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Messages {
+    /// Of ROS 2, in CDR.
+    Ros2,
+    /// Of Foxglove, in Protobuf and JSON.
+    Foxglove,
 }
 
 impl RunArgs {

@@ -1,65 +1,101 @@
-//! `northing run --foxglove`: the run behind a server that viewers play, pause, seek in and set parameters of.
+//! `northing run --foxglove`: the run behind a server that viewers play, pause, seek in and set parameters of; and
+//! `--messages foxglove`: the same as a file.
 
 use anyhow::{Result, bail};
 use northing_evaluation::navigation::NavigationOptions;
 use northing_evaluation::{Origin, RunOptions, UsedParameter};
-use northing_foxglove::{AttitudeRecorder, NavigationRecorder, PlayedRun, Player, Source};
+use northing_foxglove::{
+    AttitudeRecorder, NavigationRecorder, PlayedRun, Player, RunFile, Source,
+};
 use northing_recording::WorldFrame;
 
-use super::arguments::RunArgs;
+use super::arguments::{Messages, RunArgs};
 use super::navigation;
 use crate::arguments::estimation;
 use crate::files::output::print;
 use crate::files::shown;
 use crate::interrupt;
 
+/// The file of Foxglove's messages, if that was asked for: `--out` is this one then.
+pub(super) fn file(args: &RunArgs) -> Result<Option<RunFile>> {
+    let Some(path) = args.out.as_ref() else {
+        return Ok(None);
+    };
+    if args.messages == Messages::Ros2 {
+        return Ok(None);
+    }
+    if path.extension().is_none_or(|end| end != "mcap") {
+        bail!(
+            "--messages foxglove is of MCAP files, and --out is {}; name it .mcap",
+            path.display()
+        );
+    }
+    Ok(Some(RunFile::create(path, args.force)?))
+}
+
+/// Writes the file; its path.
+pub(super) fn write(
+    file: Option<RunFile>,
+    run: Option<&PlayedRun>,
+) -> Result<Option<std::path::PathBuf>> {
+    let (Some(file), Some(run)) = (file, run) else {
+        return Ok(None);
+    };
+    let path = file.path().to_owned();
+    file.write(run)?;
+    Ok(Some(path))
+}
+
 pub(super) fn attitude_recorder(
     args: &RunArgs,
     options: &RunOptions,
     world: WorldFrame,
+    file: Option<&RunFile>,
 ) -> Option<AttitudeRecorder> {
-    let recorder = |_| AttitudeRecorder::new(options, world);
-    args.foxglove.map(recorder)
+    let is_asked = args.foxglove.is_some() || file.is_some();
+    is_asked.then(|| AttitudeRecorder::new(options, world))
 }
 
-pub(super) fn navigation_recorder(args: &RunArgs) -> Option<NavigationRecorder> {
-    args.foxglove.map(|_| NavigationRecorder::default())
+pub(super) fn navigation_recorder(
+    args: &RunArgs,
+    file: Option<&RunFile>,
+) -> Option<NavigationRecorder> {
+    let is_asked = args.foxglove.is_some() || file.is_some();
+    is_asked.then(NavigationRecorder::default)
+}
+
+pub(super) fn attitude_run(recorder: AttitudeRecorder) -> PlayedRun {
+    recorder.finish()
+}
+
+pub(super) fn navigation_run(recorder: NavigationRecorder) -> PlayedRun {
+    recorder.finish()
 }
 
 /// Serves an attitude run until Ctrl-C, if that was asked for.
 pub(super) fn serve_attitude(
     args: &RunArgs,
     options: RunOptions,
-    recorder: Option<AttitudeRecorder>,
+    run: Option<PlayedRun>,
     used: &[UsedParameter],
 ) -> Result<()> {
-    let Some(recorder) = recorder else {
-        return Ok(());
-    };
-    serve(
-        args,
-        recorder.finish(),
-        used,
-        &mut Attitude { args, options },
-    )
+    match run {
+        Some(run) => serve(args, run, used, &mut Attitude { args, options }),
+        None => Ok(()),
+    }
 }
 
 /// Serves a navigation run until Ctrl-C, if that was asked for.
 pub(super) fn serve_navigation(
     args: &RunArgs,
     options: NavigationOptions,
-    recorder: Option<NavigationRecorder>,
+    run: Option<PlayedRun>,
     used: &[UsedParameter],
 ) -> Result<()> {
-    let Some(recorder) = recorder else {
-        return Ok(());
-    };
-    serve(
-        args,
-        recorder.finish(),
-        used,
-        &mut Navigation { args, options },
-    )
+    match run {
+        Some(run) => serve(args, run, used, &mut Navigation { args, options }),
+        None => Ok(()),
+    }
 }
 
 fn serve(

@@ -34,18 +34,24 @@ pub(crate) fn execute(
         .estimation
         .navigation_options(kind, recording.metadata())?;
     args.navigation.apply(&mut options);
-    let file = args.out.as_deref();
+    let for_foxglove = foxglove::file(args)?;
+    let file = args.out.as_deref().filter(|_| for_foxglove.is_none());
     let traced = args.report.is_some() || args.navigation.picture.is_some();
     let trace = traced.then(|| NavigationTrace::new(TRACE_CAPACITY));
     let file = file
         .map(|path| NavigationFile::create(path, args.force))
         .transpose()?;
-    let mut watchers = ((trace, file), foxglove::navigation_recorder(args));
+    let recorder = foxglove::navigation_recorder(args, for_foxglove.as_ref());
+    let mut watchers = ((trace, file), recorder);
     let name = shown(&args.recording);
     let summary = run_over(&mut recording, &name, &options, &mut watchers)?;
     let title = recording.metadata().name.clone();
     let (outputs, played) = watchers;
-    let written = write_outputs(args, &summary, &title, outputs)?;
+    let played = played.map(foxglove::navigation_run);
+    let mut written = write_outputs(args, &summary, &title, outputs)?;
+    if let Some(path) = foxglove::write(for_foxglove, played.as_ref())? {
+        written.push(format!("For Foxglove: {}", path.display()));
+    }
     if args.json {
         print_json(&summary)?;
     } else {
