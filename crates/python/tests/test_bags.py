@@ -313,6 +313,15 @@ def test_ours_is_read_by_rosbags_and_mcap(drive: Samples, table: Path, tmp_path:
     assert_equal(found)
 
 
+def test_what_is_written_is_read_back(table: Path, tmp_path: Path) -> None:
+    """Our own `/fix`, once dropped as no sensor, and the fixes of a run."""
+    ours, track = tmp_path / "ours.mcap", tmp_path / "track.mcap"
+    run_program("convert", table, ours)
+    told = run_program("run", ours, "--estimator", "error-state", "--out", track, "--json")
+    assert json.loads(told)["fixes"] == 300
+    assert "/gps/filtered" in run_program("info", track)
+
+
 def columns(path: Path) -> dict[str, Any]:
     """The columns of a CSV of estimates."""
     with path.open() as file:
@@ -379,14 +388,31 @@ def test_an_attitude_run_is_imu_and_transforms(table: Path, tmp_path: Path) -> N
     assert all(m.angular_velocity_covariance[0] == -1.0 for m in topics["/imu/data"])
 
 
-def test_evo_scores_our_odometry(table: Path, tmp_path: Path) -> None:
-    estimates = tmp_path / "estimates.mcap"
+def test_evo_scores_our_odometry(drive: Samples, table: Path, tmp_path: Path) -> None:
+    """Against itself, and against the true path of the car."""
+    estimates, truth = tmp_path / "estimates.mcap", tmp_path / "truth.tum"
     run_program("run", table, "--estimator", "error-state", "--out", estimates)
+    with truth.open("w") as file:
+        east = north = 0.0
+        for (before_ns, _), (time_ns, (v_east, v_north, _)) in zip(drive["velocity"], drive["velocity"][1:]):
+            seconds = (time_ns - before_ns) * 1e-9
+            east, north = east + v_east * seconds, north + v_north * seconds
+            file.write(f"{time_ns * 1e-9:.9f} {east:.6f} {north:.6f} 0 0 0 0 1\n")
     evo = Path(sys.executable).parent / "evo_ape"
-    command = [str(evo), "mcap", str(estimates), "/odometry", "/odometry", "--no_warnings"]
     environment = {**os.environ, "HOME": str(tmp_path)}
-    scored = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
-    assert scored.returncode == 0, scored.stderr
-    rmse = re.search(r"rmse\s+([0-9.]+)", scored.stdout)
+
+    def scored(*words: object) -> float:
+        command = [str(evo), *map(str, words), "--no_warnings"]
+        ran = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
+        assert ran.returncode == 0, ran.stderr + ran.stdout
+        rmse = re.search(r"rmse\s+([0-9.]+)", ran.stdout)
+        assert rmse, ran.stdout
+        return float(rmse[1])
+
     # Against itself; of one stamp there may be two, before and after a fix.
-    assert rmse and float(rmse[1]) < 0.5, scored.stdout
+    assert scored("mcap", estimates, "/odometry", "/odometry") < 0.5
+    # As a trajectory that evo writes of the bag; the origin is the first fix, up to 1.5 m off, so both are laid over each other.
+    evo_traj = [str(evo.with_name("evo_traj")), "mcap", str(estimates), "/odometry", "--save_as_tum", "--no_warnings"]
+    subprocess.run(evo_traj, check=True, capture_output=True, timeout=120, env=environment, cwd=tmp_path)
+    [saved] = [path for path in tmp_path.glob("*.tum") if path != truth]
+    assert scored("tum", truth, saved, "--align", "--t_max_diff", "0.02") < 1.5

@@ -564,3 +564,46 @@ proptest::proptest! {
         let _ = draft(std::slice::from_ref(&path), folder.path(), Some(100.0));
     }
 }
+
+/// As exports have it, one table a sensor: what is none of those that are known does not stand in the way.
+#[test]
+fn a_table_without_a_sensor_is_left_out_of_the_draft_and_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, row: &dyn Fn(f64) -> [f64; 3]| {
+        let rows: String = (0..500)
+            .map(|k| {
+                let t = 0.01 * f64::from(k);
+                let [x, y, z] = row(t);
+                format!("{t:.2},{x:.6},{y:.6},{z:.6}\n")
+            })
+            .collect();
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("Timestamp,X,Y,Z\n{rows}")).unwrap();
+        path
+    };
+    let tilt = |t: f64| 0.4 * (0.7 * t).sin();
+    let files = [
+        write("Acceleration.csv", &|t| {
+            [0.0, 9.81 * tilt(t).sin(), 9.81 * tilt(t).cos()]
+        }),
+        write("AngularVelocity.csv", &|t| {
+            [0.28 * (0.7 * t).cos(), 0.0, 0.0]
+        }),
+        write("Orientation.csv", &|t| [0.0, -tilt(t).to_degrees(), 0.0]),
+    ];
+    let draft = northing_recording::describe::draft(&files, folder.path(), None).unwrap();
+    assert!(
+        draft
+            .manifest
+            .contains("# Orientation.csv is left out: no sensor was recognised in X, Y, Z."),
+        "{}",
+        draft.manifest
+    );
+    let path = folder.path().join("walk.toml");
+    let recording = northing_recording::manifest::open_text(
+        &draft.manifest,
+        &path,
+        &northing_recording::OpenOptions::default(),
+    );
+    assert_eq!(recording.unwrap().map(Result::unwrap).count(), 1000);
+}

@@ -218,7 +218,8 @@ fn ubx() -> Vec<u8> {
 
 /// What the data logger of an x-IMU3 writes, in bytes and as text.
 fn ximu3() -> Vec<u8> {
-    let mut file = b"{\"ping\":{\"interface\":\"Data Logger\",\"name\":\"x-IMU3\",\"sn\":\"01\"}}\n".to_vec();
+    let mut file =
+        b"{\"ping\":{\"interface\":\"Data Logger\",\"name\":\"x-IMU3\",\"sn\":\"01\"}}\n".to_vec();
     file.extend(b"{\"ahrs_axes_convention\":1}\n");
     for (kind, numbers) in [(b'I', 6), (b'M', 3), (b'Q', 4)] {
         file.push(kind + 0x80);
@@ -286,7 +287,12 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
         ("describe", "arrays.npz", arrays(), None),
         ("vectornav", "lines.log", lines.into(), None),
         ("ximu3", "log.ximu3", ximu3(), Some(Format::XImu3)),
-        ("ros_messages", "imu.bin", [&[0][..], &ros::imu(ros::at(0), "imu", 1.0)].concat(), None),
+        (
+            "ros_messages",
+            "imu.bin",
+            [&[0][..], &ros::imu(ros::at(0), "imu", 1.0)].concat(),
+            None,
+        ),
         (
             "kf_gins",
             "increments.txt",

@@ -209,6 +209,11 @@ impl Described {
         self.time_section().into_iter().chain(self.sections.clone())
     }
 
+    /// Whether nothing but times was found in it.
+    pub(super) fn has_no_sensor(&self) -> bool {
+        self.sections.is_empty()
+    }
+
     fn guesses(&self) -> Vec<Guess> {
         let Some(table) = &self.table else {
             return Vec::new();

@@ -54,6 +54,16 @@ pub(super) fn of(files: &[Described], folder: &Path) -> String {
     }
     let prefix = if files.len() > 1 { "source." } else { "" };
     for file in files {
+        if files.len() > 1 && file.table.is_some() && file.has_no_sensor() {
+            let named = shown(&named_in(&file.path, folder));
+            let columns = file
+                .left_out()
+                .map_or(String::new(), |(_, names)| format!(" in {names}"));
+            text.push_str(&format!(
+                "# {named} is left out: no sensor was recognised{columns}.\n\n"
+            ));
+            continue;
+        }
         if files.len() > 1 {
             text.push_str("[[source]]\n");
         }

@@ -102,7 +102,14 @@ impl<T: CsvTables> Export for T {
                     file: rows.file().to_owned(),
                     missing: format!("column {column}"),
                     present: join(names.iter().map(String::as_str)),
-                    advice: format!("a Sensor Logger table has time and {}", columns.join(", ")),
+                    advice: match names.iter().any(|name| name == TIME) {
+                        true => format!("a Sensor Logger table has time and {}", columns.join(", ")),
+                        false => {
+                            "it has the name of a table of Sensor Logger and is none; `northing describe FILE... --out \
+                             FILE.toml` drafts a manifest of other tables"
+                                .to_owned()
+                        }
+                    },
                 }
             })
         };

@@ -79,7 +79,10 @@ pub(crate) fn recognises(head: &[u8]) -> bool {
     }
     let mut lines = head.split_inclusive(|byte| *byte == LF).take(LINES);
     // The last one may be cut off.
-    let mut whole = lines.by_ref().filter(|line| line.ends_with(&[LF])).peekable();
+    let mut whole = lines
+        .by_ref()
+        .filter(|line| line.ends_with(&[LF]))
+        .peekable();
     whole.peek().is_some() && whole.all(|line| matches!(message(line), Some(Ok(_))))
 }
 
@@ -143,7 +146,10 @@ fn opened(
         ..metadata
     };
     Opened {
-        notes: has_field.then(|| FIELD_NOTE.to_owned()).into_iter().collect(),
+        notes: has_field
+            .then(|| FIELD_NOTE.to_owned())
+            .into_iter()
+            .collect(),
         units_applied: true,
         ..Opened::new(metadata, sensors, source)
     }
@@ -181,7 +187,9 @@ impl<R: Read + Send> Source<R> {
             *device = Some(format!("x-IMU3 {}", crate::error::shown(number)));
         }
         if let Some(convention) = setting.get("ahrs_axes_convention") {
-            let known = convention.as_i64().filter(|number| (0..=2).contains(number));
+            let known = convention
+                .as_i64()
+                .filter(|number| (0..=2).contains(number));
             self.earth = known.map(earth);
         }
     }
@@ -251,7 +259,14 @@ fn message(line: &[u8]) -> Option<std::result::Result<Message, ()>> {
     let body = body.strip_suffix(&[LF]);
     let parse = if is_binary { binary } else { text };
     let read = body.and_then(|body| parse(body, count));
-    Some(read.map(|(time_us, numbers)| Message { kind, time_us, numbers }).ok_or(()))
+    Some(
+        read.map(|(time_us, numbers)| Message {
+            kind,
+            time_us,
+            numbers,
+        })
+        .ok_or(()),
+    )
 }
 
 /// `,STAMP,NUMBER,...`

@@ -60,7 +60,11 @@ const RATE: Columns = Columns(
 );
 const FORCE: Columns = Columns(
     SensorKind::Accelerometer,
-    &["Accelerometer X (g)", "Accelerometer Y (g)", "Accelerometer Z (g)"],
+    &[
+        "Accelerometer X (g)",
+        "Accelerometer Y (g)",
+        "Accelerometer Z (g)",
+    ],
     STANDARD_GRAVITY_M_S2,
 );
 const FIELD: Columns = Columns(
@@ -109,9 +113,13 @@ pub(crate) fn open_folder(path: &Path, file: &str, metadata: &Metadata) -> Resul
         [] => Ok(None),
         [only] => open_device(only, metadata).map(Some),
         several => {
-            let names: Vec<String> = several.iter().map(|path| path.display().to_string()).collect();
+            let names: Vec<String> = several
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect();
             let names = join(names.iter().map(String::as_str));
-            let problem = format!("it has the folders of several devices: {names}; open one of them");
+            let problem =
+                format!("it has the folders of several devices: {names}; open one of them");
             Err(RecordingError::unsupported(file, problem))
         }
     }
@@ -130,7 +138,8 @@ fn is_device(path: &Path) -> Result<bool> {
 
 fn open_device(path: &Path, metadata: &Metadata) -> Result<Opened> {
     let (device, earth) = commands(&path.join("Command.json"));
-    let (mut sensors, mut streams): (Vec<SensorKind>, Vec<Box<dyn EventSource>>) = Default::default();
+    let (mut sensors, mut streams): (Vec<SensorKind>, Vec<Box<dyn EventSource>>) =
+        Default::default();
     for (name, columns) in TABLES {
         let table_path: PathBuf = path.join(name);
         if !table_path.is_file() {

@@ -21,7 +21,8 @@ fn bytes(kind: u8, time_us: u64, numbers: &[f32]) -> Vec<u8> {
     line
 }
 
-const PREAMBLE: &[u8] = b"{\"ping\":{\"interface\":\"Data Logger\",\"name\":\"x-IMU3\",\"sn\":\"0123-4567\"}}\n\
+const PREAMBLE: &[u8] =
+    b"{\"ping\":{\"interface\":\"Data Logger\",\"name\":\"x-IMU3\",\"sn\":\"0123-4567\"}}\n\
     {\"time\":\"2025-01-20 15:30:00\"}\n{\"serial_number\":\"0123-4567\"}\n";
 
 fn open(bytes: Vec<u8>) -> Recording {
@@ -38,7 +39,10 @@ fn the_examples_of_the_manual_are_read() {
     binary.extend([0; 20]);
     binary.extend([0, 0, 0x80, 0x3f, LF]);
     assert_eq!(message(&binary).unwrap().unwrap(), inertial);
-    assert_eq!(bytes(b'I', 1_000_000, &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]), binary);
+    assert_eq!(
+        bytes(b'I', 1_000_000, &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+        binary
+    );
     // A stamp with LF and the escape in it.
     let stamped = bytes(b'M', 0xdb0a, &[1.0, 0.0, 0.0]);
     assert_eq!(message(&stamped).unwrap().unwrap().time_us, 0xdb0a);
@@ -51,7 +55,8 @@ fn a_file_of_the_data_logger_is_rate_force_field_and_orientation_in_order() {
         let mut file = PREAMBLE.to_vec();
         for k in 0..50_u64 {
             let time_us = 19_000_000 + 20_000 * k;
-            let text = |kind: &str, numbers: &str| format!("{kind},{time_us},{numbers}\n").into_bytes();
+            let text =
+                |kind: &str, numbers: &str| format!("{kind},{time_us},{numbers}\n").into_bytes();
             if is_binary {
                 file.extend(bytes(b'I', time_us, &[90.0, 0.0, 0.0, 0.0, 0.0, 1.0]));
                 // The field was measured before, and comes behind.
@@ -67,17 +72,27 @@ fn a_file_of_the_data_logger_is_rate_force_field_and_orientation_in_order() {
         }
         let mut recording = open(file);
         assert_eq!(recording.metadata().format, "x-imu3");
-        assert_eq!(recording.metadata().device.as_deref(), Some("x-IMU3 0123-4567"));
+        assert_eq!(
+            recording.metadata().device.as_deref(),
+            Some("x-IMU3 0123-4567")
+        );
         let events: Vec<Event> = recording.by_ref().map(Result::unwrap).collect();
         assert_eq!(events.len(), 200);
         assert!(events.is_sorted_by_key(|event| event.time_ns));
         assert!(recording.issues().stamps_going_back.is_empty());
         let (mut seen, ns) = (0, 19_000_000_000);
-        for event in events.iter().filter(|event| event.time_ns == ns || event.time_ns == ns - 5_000_000) {
+        for event in events
+            .iter()
+            .filter(|event| event.time_ns == ns || event.time_ns == ns - 5_000_000)
+        {
             seen += 1;
             match event.sample {
-                Sample::AngularRate(v) => approx::assert_relative_eq!(v.x, std::f64::consts::FRAC_PI_2, epsilon = 1e-12),
-                Sample::SpecificForce(v) => approx::assert_relative_eq!(v.z, 9.80665),
+                Sample::AngularRate(v) => {
+                    approx::assert_relative_eq!(v.x, std::f64::consts::FRAC_PI_2, epsilon = 1e-12);
+                }
+                Sample::SpecificForce(v) => {
+                    approx::assert_relative_eq!(v.z, 9.80665);
+                }
                 Sample::MagneticField(v) => approx::assert_relative_eq!(v.z, -45.0, epsilon = 1e-5),
                 // Turned left by 90 degrees from north: it looks west.
                 Sample::DeviceOrientation(q) => {
@@ -87,7 +102,13 @@ fn a_file_of_the_data_logger_is_rate_force_field_and_orientation_in_order() {
             }
         }
         assert_eq!(seen, 4);
-        assert!(recording.issues().sentences().join(" ").contains("1 is taken as 50 uT"));
+        assert!(
+            recording
+                .issues()
+                .sentences()
+                .join(" ")
+                .contains("1 is taken as 50 uT")
+        );
     }
 }
 
@@ -133,21 +154,43 @@ fn damage_is_counted_and_what_is_no_such_file_is_none() {
         assert_eq!(message(text), Some(Err(())), "{text:?}");
         assert!(!recognises(text), "{text:?}");
     }
-    for other in [&b"time,x\n"[..], b"N,1,a note\n", b"\n", b"\x00", b"IMU log\n1,2\n"] {
+    for other in [
+        &b"time,x\n"[..],
+        b"N,1,a note\n",
+        b"\n",
+        b"\x00",
+        b"IMU log\n1,2\n",
+    ] {
         assert_eq!(message(other), None, "{other:?}");
         assert!(!recognises(other), "{other:?}");
     }
     assert!(recognises(&good.repeat(4)) && recognises(PREAMBLE));
-    let file = [PREAMBLE, &good, &short, &bytes(b'I', 9, &[0.0; 6]), &bytes(b'A', 9, &[0.0; 3])].concat();
+    let file = [
+        PREAMBLE,
+        &good,
+        &short,
+        &bytes(b'I', 9, &[0.0; 6]),
+        &bytes(b'A', 9, &[0.0; 3]),
+    ]
+    .concat();
     let mut recording = open(file);
     assert_eq!(recording.by_ref().map(Result::unwrap).count(), 4);
     let told = recording.issues().sentences().join(" ");
-    assert!(told.contains("1 message(s) of an x-IMU3 that are damaged") && told.contains("as matrices or angles"), "{told}");
+    assert!(
+        told.contains("1 message(s) of an x-IMU3 that are damaged")
+            && told.contains("as matrices or angles"),
+        "{told}"
+    );
 }
 
 #[test]
 fn any_bytes_are_read_or_refused() {
-    let whole = [PREAMBLE, &bytes(b'I', 1, &[0.5; 6]), &bytes(b'Q', 2, &[0.5; 4])].concat();
+    let whole = [
+        PREAMBLE,
+        &bytes(b'I', 1, &[0.5; 6]),
+        &bytes(b'Q', 2, &[0.5; 4]),
+    ]
+    .concat();
     for at in 0..whole.len() {
         let mut flipped = whole.clone();
         flipped[at] ^= 0xff;
@@ -166,12 +209,22 @@ fn the_folder_of_a_device_and_what_it_is_in_open() {
     let write = |device: &std::path::Path| {
         std::fs::create_dir(device).unwrap();
         let table = |name: &str, header: &str, numbers: &str| {
-            let rows: String = (0..50).map(|k| format!("{},{numbers}\n", 1_000_000 + 20_000 * k)).collect();
-            std::fs::write(device.join(name), format!("Timestamp (us),{header}\n{rows}")).unwrap();
+            let rows: String = (0..50)
+                .map(|k| format!("{},{numbers}\n", 1_000_000 + 20_000 * k))
+                .collect();
+            std::fs::write(
+                device.join(name),
+                format!("Timestamp (us),{header}\n{rows}"),
+            )
+            .unwrap();
         };
         let inertial = "Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)";
         table("Inertial.csv", inertial, "90,0,0,0,0,1");
-        table("Magnetometer.csv", "X (a.u.),Y (a.u.),Z (a.u.)", "0.4,0,-0.9");
+        table(
+            "Magnetometer.csv",
+            "X (a.u.),Y (a.u.),Z (a.u.)",
+            "0.4,0,-0.9",
+        );
         table("Quaternion.csv", "W,X,Y,Z", "1,0,0,0");
         table("Temperature.csv", "Temperature (degrees Celsius)", "25");
         let answers = "[{\"ping\":{\"interface\":\"USB\",\"name\":\"x-IMU3\",\"sn\":\"0123\"}}]";
@@ -192,6 +245,11 @@ fn the_folder_of_a_device_and_what_it_is_in_open() {
     let mut alone = crate::open(&device.join("Inertial.csv"), &OpenOptions::default()).unwrap();
     assert_eq!(alone.by_ref().map(Result::unwrap).count(), 100);
     write(&folder.path().join("x-IMU3 4567 (USB)"));
-    let refused = crate::open(folder.path(), &OpenOptions::default()).unwrap_err().to_string();
-    assert!(refused.contains("several devices") && refused.contains("x-IMU3 4567 (USB)"), "{refused}");
+    let refused = crate::open(folder.path(), &OpenOptions::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refused.contains("several devices") && refused.contains("x-IMU3 4567 (USB)"),
+        "{refused}"
+    );
 }

@@ -4,9 +4,7 @@
 use anyhow::{Result, bail};
 use northing_evaluation::navigation::NavigationOptions;
 use northing_evaluation::{Origin, RunOptions, UsedParameter};
-use northing_foxglove::{
-    AttitudeRecorder, NavigationRecorder, PlayedRun, Player, RunFile, Source,
-};
+use northing_foxglove::{AttitudeRecorder, NavigationRecorder, PlayedRun, Player, RunFile, Source};
 use northing_recording::WorldFrame;
 
 use super::arguments::{Messages, RunArgs};
