@@ -68,12 +68,12 @@ class Mock extends EventTarget {
       const estimates: Frame["estimates"] = {};
       const drift = 0.004 * this.t;
       for (const [name, other, std] of [["mekf", mekf, true], ["integration", mul(exp([drift, drift * 0.5, drift * 2]), q), false], ["device", mul(exp([0, 0, 0.06]), q), false]] as [string, Quaternion, boolean][]) {
-        estimates[name] = { q: other, angles_deg: angles(other), std_deg: std ? [0.7, 0.25, 0.25] : null, bias_deg_s: null };
+        estimates[name] = { q: other, angles_deg: angles(other), std_deg: std ? [0.7, 0.25, 0.25] : null, bias_deg_s: null, bias_std_deg_s: null, covariance_deg2: null };
       }
       const innovations = (["accelerometer", "magnetometer"] as const).map((sensor): Innovation => {
         const s = sensor === "accelerometer" ? 0.05 : 0.5, residual = noise3(sensor === "accelerometer" ? s : s * 1.5);
         const nis = residual.reduce((sum, r) => sum + (r / s) ** 2, 0);
-        return { sensor, t_s: this.t, residual, std: [s, s, s], nis, dof: 3, outcome: nis > 11.34 ? "gated" : "fused" };
+        return { sensor, t_s: this.t, residual, std: [s, s, s], nis, dof: 3, gain: 0.02, outcome: nis > 11.34 ? "gated" : "fused" };
       });
       this.say({
         type: "frame", device: device.id, t_s: this.t, subject: "mekf", estimates, truth: { q, error: { angle_deg: 0.3, sigmas: 0.8, nees: 0.64, degrees_of_freedom: 3, tone: "good", text: "0.3 deg from the truth, 0.8 sigma." } }, between_deg: {}, rate_rad_s: noise3(0.02).map((n, i) => n + 0.4 * Math.cos(0.4 * this.t + i)) as Triple, innovations,

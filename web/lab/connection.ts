@@ -1,7 +1,7 @@
 // The WebSocket to the program: opens again by itself when the program was restarted.
 
 import type { FromProgram, ToProgram } from "./protocol";
-import { receive, setSender, state, update } from "./store";
+import { receive, setSender, state, update, watchAgain } from "./store";
 
 const LONGEST_PAUSE_MS = 3000;
 /** The program says something every second; after so long without a word it is gone, or stands still. */
@@ -29,6 +29,7 @@ export function connect(): void {
       heardMs = performance.now();
       update((s) => (s.connection = "open"));
       socket.send(JSON.stringify({ type: "display_rate", hz: state.displayHz }));
+      watchAgain();
     };
     socket.onmessage = (event) => {
       heardMs = performance.now();

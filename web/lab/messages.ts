@@ -134,6 +134,8 @@ export type Estimate = {
   std_deg: [number, number, number] | null,
   angles_deg: [number, number, number],
   bias_deg_s: [number, number, number] | null,
+  bias_std_deg_s: [number, number, number] | null,
+  covariance_deg2: [[number, number, number], [number, number, number], [number, number, number]] | null,
   surroundings?: Surroundings, };
 
 export type EstimatorKind = "integration" | "mekf3" | "mekf" | "bounded-velocity" | "usque" | "quaternion-ekf" | "complementary" | "complementary-passive" | "complementary-direct" | "cascade" | "cascade-ekf" | "device";
@@ -220,6 +222,7 @@ export type Frame = {
   truth: TruthPose | null,
   between_deg: { [key in string]: number },
   rate_rad_s: [number, number, number],
+  samples?: { [key in string]: Array<[number, number, number, number]> },
   innovations: Array<InnovationPoint>,
   lamp: Array<Lamp>, };
 
@@ -252,7 +255,8 @@ export type InnovationPoint = {
   std: [number, number, number],
   nis: number,
   dof: number,
-  outcome: "fused" | "inflated" | "gated" | "skipped", };
+  outcome: "fused" | "inflated" | "gated" | "skipped",
+  gain: number | null, };
 
 export type InputKind = "sensorserver" | "linkoping" | "phyphox" | "razor" | "northing" | "hyperimu" | "sensorstreamer";
 
@@ -419,7 +423,8 @@ export type Request = { "type": "virtual_phone",
   use: Array<EstimatorKind>, } | { "type": "subject",
   device: string,
   estimator: EstimatorKind, } | { "type": "display_rate",
-  hz: number, } | { "type": "what_if",
+  hz: number, } | { "type": "watch",
+  device?: string | null, } | { "type": "what_if",
   id: string,
   settings: Settings,
   curve?: string | null, } | { "type": "calibrate_magnetometer",

@@ -2,9 +2,10 @@
 
 import { DraftInput } from "./draft";
 import type { Settings } from "./protocol";
-import { aids, state } from "./store";
+import { aids, state, titleOf } from "./store";
 import { nameOf } from "./theme";
-import { figures } from "./words";
+import { type Key, t } from "./t";
+import { figures, said } from "./words";
 
 interface Slider {
   name: string;
@@ -22,22 +23,22 @@ export interface Tuned {
 }
 
 /** Process noise, by its names in the estimators. */
-const PROCESS: { names: string[]; label: string }[] = [
-  { names: ["gyroscope_noise_density", "bounded_gyroscope_noise_density"], label: "Gyroscope noise" },
-  { names: ["gyroscope_bias_random_walk", "bounded_gyroscope_bias_random_walk"], label: "Bias walk" },
+const PROCESS: { names: string[]; label: Key }[] = [
+  { names: ["gyroscope_noise_density", "bounded_gyroscope_noise_density"], label: "rest.gyroscopeNoise" },
+  { names: ["gyroscope_bias_random_walk", "bounded_gyroscope_bias_random_walk"], label: "tune.walk" },
 ];
 
 /** What is tuned by hand in the lab; everything else is under "All parameters". Units and values come from the tables of the estimators. */
 function slidersOf({ subject, missing }: Tuned): Slider[] {
   const reads = new Set(state.hello?.estimators.find((e) => e.name === subject)?.reads ?? []);
-  const unread = subject ? `${nameOf(subject)} does not read it.` : "No estimator runs.";
+  const unread = subject ? t("tune.unread", { name: nameOf(subject) }) : t("tune.noEstimator");
   const slider = (matrix: "Q" | "R", names: readonly string[], label: string, gone: string | null): Slider => {
     const read = names.find((name) => reads.has(name));
     return { name: read ?? names[0]!, matrix, label, idle: gone ?? (read ? null : unread) };
   };
   return [
-    ...PROCESS.map(({ names, label }) => slider("Q", names, label, null)),
-    ...shown(missing).map((aid) => slider("R", aid.noise, aid.title, missing(aid.sensor))),
+    ...PROCESS.map(({ names, label }) => slider("Q", names, t(label), null)),
+    ...shown(missing).map((aid) => slider("R", aid.noise, titleOf(aid.sensor), missing(aid.sensor))),
   ];
 }
 
@@ -54,12 +55,12 @@ function gatesOf({ subject, missing }: Tuned, settings: Settings): Gate[] {
   const reads = state.hello?.estimators.find((e) => e.name === subject)?.reads ?? [];
   return shown(missing)
     .filter((aid) => missing(aid.sensor) === null && reads.includes(aid.gate))
-    .map((aid) => ({ name: aid.gate, label: `${aid.title} gate`, steps: GATE_STEPS[degreesOf(aid.sensor, settings)] }));
+    .map((aid) => ({ name: aid.gate, label: t("tune.gate", { sensor: titleOf(aid.sensor) }), steps: GATE_STEPS[degreesOf(aid.sensor, settings)] }));
 }
 /** Quantiles of chi-square for one and for three degrees of freedom. */
 const GATE_STEPS: Record<1 | 3, [number, string][]> = {
-  1: [[0, "off"], [3.84, "95 %"], [6.63, "99 %"], [10.83, "99.9 %"]],
-  3: [[0, "off"], [7.81, "95 %"], [11.34, "99 %"], [16.27, "99.9 %"]],
+  1: [[0, ""], [3.84, "95 %"], [6.63, "99 %"], [10.83, "99.9 %"]],
+  3: [[0, ""], [7.81, "95 %"], [11.34, "99 %"], [16.27, "99.9 %"]],
 };
 
 /** Degrees of freedom of a sensor's innovation with these settings: a heading is one angle. */
@@ -99,7 +100,7 @@ function LogSlider({ slider, value, change }: { slider: Slider; value: number; c
   const { unit, meaning } = parameter(slider.name) ?? { unit: "", meaning: slider.label };
   const [low, high] = decades(slider.name, value);
   return (
-    <label class={`slider ${slider.idle ? "off" : ""}`} title={slider.idle ?? meaning}>
+    <label class={`slider ${slider.idle ? "off" : ""}`} title={said(slider.idle ?? meaning)}>
       <span class="matrix">{slider.matrix}</span>
       <span class="label">{slider.label}</span>
       <span class="value">{slider.idle ? "–" : figures(value)} <small>{printed(unit)}</small></span>
@@ -108,7 +109,7 @@ function LogSlider({ slider, value, change }: { slider: Slider; value: number; c
         aria-valuetext={`${figures(value)} ${printed(unit)}`}
         onInput={(e) => change(slider.name, Number((10 ** Number(e.currentTarget.value)).toPrecision(3)))}
       />
-      {slider.idle && <small>{slider.idle}</small>}
+      {slider.idle && <small>{said(slider.idle)}</small>}
     </label>
   );
 }
@@ -120,7 +121,7 @@ function GateChoice({ name, label, steps, value, change }: Gate & { value: numbe
       <span class="label">{label}</span>
       <select data-parameter={name} value={String(known?.[0] ?? value)} onChange={(e) => change(name, Number(e.currentTarget.value))}>
         {!known && <option value={String(value)}>NIS {figures(value)}</option>}
-        {steps.map(([nis, text]) => <option key={text} value={String(nis)}>{text}</option>)}
+        {steps.map(([nis, text]) => <option key={text} value={String(nis)}>{text || t("off")}</option>)}
       </select>
     </label>
   );
@@ -131,12 +132,12 @@ export function AllParameters({ settings, change, tuned }: { settings: Settings;
   const shown = new Set([...slidersOf(tuned).filter((s) => s.idle === null), ...gatesOf(tuned, settings)].map((s) => s.name));
   return (
     <details>
-      <summary>All parameters</summary>
+      <summary>{t("tune.all")}</summary>
       <div class="fields">
         {(state.hello?.parameters ?? []).filter((p) => !shown.has(p.name)).map((p) => {
           const words = p.unit.includes("|") ? p.unit.split("|").map((w) => w.trim()) : null;
           return (
-            <label key={p.name} title={p.meaning}>
+            <label key={p.name} title={said(p.meaning)}>
               <code>{p.name}</code>
               {words ? (
                 <select value={String(settings[p.name])} onChange={(e) => change(p.name, e.currentTarget.value)}>
@@ -145,7 +146,7 @@ export function AllParameters({ settings, change, tuned }: { settings: Settings;
               ) : (
                 <DraftInput decimal value={String(settings[p.name])} change={(v) => v.trim() && Number.isFinite(Number(v)) && change(p.name, Number(v))} />
               )}
-              <small>{words ? p.meaning : `${p.unit === "-" ? "" : printed(p.unit) + " · "}${p.meaning}`}</small>
+              <small>{words ? said(p.meaning) : `${p.unit === "-" ? "" : printed(p.unit) + " · "}${said(p.meaning)}`}</small>
             </label>
           );
         })}

@@ -1,8 +1,8 @@
-// The 3-D view: the device as the estimate turns it, ghosts of the other attitudes, north and the horizon.
+// The 3-D view: the device as the estimate turns it, ghosts of the other attitudes, a second device beside it; compass rose and horizon.
 
 import {
-  BoxGeometry, CanvasTexture, CircleGeometry, DirectionalLight, EdgesGeometry, Group, HemisphereLight, LineBasicMaterial, LineSegments,
-  BufferGeometry, Float32BufferAttribute, Mesh, MeshBasicMaterial, MeshStandardMaterial, type Object3D, PerspectiveCamera, Scene, Sprite, SpriteMaterial, WebGLRenderer,
+  BoxGeometry, CanvasTexture, CircleGeometry, DirectionalLight, DoubleSide, EdgesGeometry, Group, HemisphereLight, LineBasicMaterial, LineSegments,
+  BufferGeometry, Float32BufferAttribute, Mesh, MeshBasicMaterial, MeshStandardMaterial, type Object3D, PerspectiveCamera, PlaneGeometry, Scene, Sprite, SpriteMaterial, SRGBColorSpace, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Quaternion } from "./protocol";
@@ -15,20 +15,40 @@ export interface Body {
   name: string;
   solid: boolean;
   q: Quaternion;
+  /** It is of the second device, which stands beside the first. */
+  second?: boolean;
 }
 
-export function label(text: string, role: string, size = 0.26): Sprite {
+/** A texture with a text, in the colour that the style sheet means. */
+function written(text: string, role: string, pixels: number, weight = 600): CanvasTexture {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 128;
   const context = canvas.getContext("2d")!;
-  context.font = "600 84px system-ui, sans-serif";
+  context.font = `${weight} ${pixels}px system-ui, sans-serif`;
   context.textAlign = "center";
   context.textBaseline = "middle";
   context.fillStyle = colour(role);
   context.fillText(text, 64, 68);
-  const sprite = new Sprite(new SpriteMaterial({ map: new CanvasTexture(canvas), transparent: true, depthTest: false }));
+  const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
+  texture.anisotropy = 4;
+  return texture;
+}
+
+/** A name that faces the eye; `hidden` by what stands in front of it. */
+export function label(text: string, role: string, size = 0.26, hidden = false): Sprite {
+  const sprite = new Sprite(new SpriteMaterial({ map: written(text, role, 84), transparent: true, depthTest: hidden, depthWrite: false }));
   sprite.scale.set(size, size, 1);
   return sprite;
+}
+
+/** A text that lies on the ground, its top away from the centre. */
+function painted(text: string, role: string, size: number, at: number, radius: number): Mesh {
+  const material = new MeshBasicMaterial({ map: written(text, role, 54, 650), transparent: true, depthWrite: false, side: DoubleSide });
+  const mesh = new Mesh(new PlaneGeometry(size, size), material);
+  mesh.position.set(Math.sin(at) * radius, Math.cos(at) * radius, 0.004);
+  mesh.rotation.z = -at;
+  return mesh;
 }
 
 export function lines(points: number[], role: string, opacity = 1): LineSegments {
@@ -62,7 +82,7 @@ export function phone(name: string, solid: boolean): Group {
 
 function bodyAxes(): Group {
   const group = new Group();
-  const tips: [string, string, [number, number, number]][] = [["x", "s1", [0.95, 0, 0]], ["y", "s2", [0, 1.3, 0]], ["z", "s0", [0, 0, 0.75]]];
+  const tips: [string, string, [number, number, number]][] = [["x", "x", [0.95, 0, 0]], ["y", "y", [0, 1.3, 0]], ["z", "z", [0, 0, 0.75]]];
   for (const [text, role, tip] of tips) {
     group.add(lines([0, 0, 0, ...tip], role));
     const name = label(text, role, 0.2);
@@ -72,20 +92,48 @@ function bodyAxes(): Group {
   return group;
 }
 
-/** The ground with its compass: east is x, north is y, up is z. */
+const ROSE = 1.62;
+/** Places on the rose by their angle clockwise from north, degrees. */
+const POINTS: [number, string][] = [[0, "N"], [90, "E"], [180, "S"], [270, "W"]];
+
+function circle(radius: number, z: number, role: string, opacity = 1): LineSegments {
+  const points: number[] = [];
+  const at = (k: number): [number, number, number] => [radius * Math.sin((k * Math.PI) / 60), radius * Math.cos((k * Math.PI) / 60), z];
+  for (let k = 0; k < 120; k++) points.push(...at(k), ...at(k + 1));
+  return lines(points, role, opacity);
+}
+
+/** The ground with its compass rose: east is x, north is y, up is z; numbers are headings, clockwise from north. */
 function ground(): Group {
   const group = new Group();
-  const points: number[] = [];
-  for (let i = -4; i <= 4; i++) points.push(i * 0.4, -1.6, 0, i * 0.4, 1.6, 0, -1.6, i * 0.4, 0, 1.6, i * 0.4, 0);
-  group.add(lines(points, "grid"));
-  group.add(lines([0, 0, 0, 0, 1.6, 0, 0, 1.6, 0, -0.09, 1.44, 0, 0, 1.6, 0, 0.09, 1.44, 0], "muted"));
-  const marks: [string, [number, number, number]][] = [["N", [0, 1.8, 0]], ["E", [1.8, 0, 0]], ["S", [0, -1.8, 0]], ["W", [-1.8, 0, 0]]];
-  for (const [text, at] of marks) {
-    const name = label(text, text === "N" ? "ink" : "muted");
-    name.position.set(...at);
-    group.add(name);
+  const disc = new Mesh(new CircleGeometry(ROSE, 72), new MeshBasicMaterial({ color: colour("panel"), transparent: true, opacity: 0.55, depthWrite: false }));
+  disc.position.z = -0.004;
+  group.add(disc, circle(ROSE, 0, "muted"), circle(ROSE * 0.78, 0, "grid"));
+  const ticks: number[] = [], fine: number[] = [];
+  for (let deg = 0; deg < 360; deg += 10) {
+    const [s, c] = [Math.sin((deg * Math.PI) / 180), Math.cos((deg * Math.PI) / 180)];
+    const inner = deg % 30 ? 0.95 : 0.9;
+    (deg % 30 ? fine : ticks).push(s * ROSE, c * ROSE, 0, s * ROSE * inner, c * ROSE * inner, 0);
+    if (deg % 30 === 0 && deg % 90) group.add(painted(String(deg), "muted", 0.3, (deg * Math.PI) / 180, ROSE * 1.1));
   }
+  for (const [deg, text] of POINTS) group.add(painted(text, deg ? "muted" : "ink", 0.44, (deg * Math.PI) / 180, ROSE * 1.13));
+  group.add(lines(ticks, "muted"), lines(fine, "grid"));
+  // The needle: a north half that is told from the south one.
+  group.add(lines([0, 0, 0, 0, ROSE * 0.9, 0, 0, ROSE * 0.9, 0, -0.09, ROSE * 0.78, 0, 0, ROSE * 0.9, 0, 0.09, ROSE * 0.78, 0], "ink"), lines([0, 0, 0, 0, -ROSE * 0.9, 0], "grid"));
   group.position.z = -0.95;
+  return group;
+}
+
+/** The horizon: the circle of level directions about the device, with a mark at north. */
+function horizon(): Group {
+  const group = new Group();
+  group.add(circle(ROSE, 0, "muted", 0.55));
+  const marks: number[] = [];
+  for (let deg = 0; deg < 360; deg += 30) {
+    const [s, c] = [Math.sin((deg * Math.PI) / 180) * ROSE, Math.cos((deg * Math.PI) / 180) * ROSE], h = deg ? 0.05 : 0.14;
+    marks.push(s, c, -h, s, c, h);
+  }
+  group.add(lines(marks, "muted", 0.7));
   return group;
 }
 
@@ -113,16 +161,16 @@ export interface Drawn {
 
 /** What is needed to draw one world: used once for the lab view, many times for the wall. */
 export class World implements Drawn {
-  readonly target: [number, number, number] = [0, 0, -0.06];
+  readonly target: [number, number, number] = [0, 0, -0.36];
   readonly scene = new Scene();
-  readonly camera = new PerspectiveCamera(32, 1, 0.1, 30);
+  readonly camera = new PerspectiveCamera(34, 1, 0.1, 30);
   private bodies = new Map<string, Group>();
   private fixed: Object3D[] = [];
   private shown: Body[] = [];
 
   constructor() {
     this.camera.up.set(0, 0, 1);
-    this.camera.position.set(1.35, -3.9, 2.35);
+    this.camera.position.set(1.75, -5.2, 3.05);
     this.camera.lookAt(...this.target);
     this.build();
   }
@@ -135,7 +183,7 @@ export class World implements Drawn {
     }
     const sun = new DirectionalLight("#ffffff", 2.2);
     sun.position.set(2, -3, 5);
-    this.fixed = [new HemisphereLight("#ffffff", "#8a99a8", 1.5), sun, ground()];
+    this.fixed = [new HemisphereLight("#ffffff", "#8a99a8", 1.5), sun, ground(), horizon()];
     this.scene.add(...this.fixed);
     for (const name of [...this.bodies.keys()]) this.remove(name);
     this.set(this.shown);
@@ -167,11 +215,22 @@ export class World implements Drawn {
       }
       const [w, x, y, z] = body.q;
       group.quaternion.set(x, y, z, w);
+      // Two devices stand side by side.
+      group.position.x = bodies.some((b) => b.second) ? (body.second ? 0.85 : -0.85) : 0;
     }
   }
 }
 
-const key = (body: Body): string => `${body.solid ? "solid" : "ghost"} ${body.name}`;
+const key = (body: Body): string => `${body.solid ? "solid" : "ghost"} ${body.second ? "second" : ""} ${body.name}`;
+
+/** The view angle that shows the whole rose, also where the canvas is narrower than high. */
+const FIELD_DEG = 34;
+function fit(camera: PerspectiveCamera, aspect: number): void {
+  camera.aspect = aspect;
+  const half = Math.tan((FIELD_DEG * Math.PI) / 360);
+  camera.fov = 2 * Math.atan(Math.max(half, (half * 1.18) / aspect)) * (180 / Math.PI);
+  camera.updateProjectionMatrix();
+}
 
 /** Draws worlds on one canvas, only when something changed. */
 export class View<W extends Drawn = World> {
@@ -190,7 +249,7 @@ export class View<W extends Drawn = World> {
       this.controls.target.set(...world.target);
       this.controls.enablePan = false;
       this.controls.minDistance = 3;
-      this.controls.maxDistance = 12;
+      this.controls.maxDistance = 14;
       this.controls.addEventListener("change", () => this.ask());
     }
     this.stopTheme = onTheme(() => {
@@ -215,8 +274,7 @@ export class View<W extends Drawn = World> {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     if (this.world) {
-      this.world.camera.aspect = width / height;
-      this.world.camera.updateProjectionMatrix();
+      fit(this.world.camera, width / height);
       this.renderer.render(this.world.scene, this.world.camera);
       return;
     }
@@ -228,8 +286,7 @@ export class View<W extends Drawn = World> {
       if (box.bottom < origin.top || box.top > origin.bottom) continue;
       this.renderer.setViewport(left, bottom, box.width, box.height);
       this.renderer.setScissor(left, bottom, box.width, box.height);
-      world.camera.aspect = box.width / box.height;
-      world.camera.updateProjectionMatrix();
+      fit(world.camera, box.width / box.height);
       this.renderer.render(world.scene, world.camera);
     }
   }

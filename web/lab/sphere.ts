@@ -114,7 +114,7 @@ export class Sphere implements Drawn {
 /** A translucent surface with its three great circles. */
 function surface(fit: MagnetometerFit): Object3D {
   const group = new Group(), bent = shape(fit);
-  const skin = new Mesh(new SphereGeometry(1, 40, 24), new MeshBasicMaterial({ color: colour("estimate"), transparent: true, opacity: 0.1, depthWrite: false }));
+  const skin = new Mesh(new SphereGeometry(1, 40, 24), new MeshBasicMaterial({ color: colour("accent"), transparent: true, opacity: 0.1, depthWrite: false }));
   skin.geometry.applyMatrix4(bent);
   group.add(skin);
   for (let axis = 0; axis < 3; axis++) {
@@ -122,7 +122,7 @@ function surface(fit: MagnetometerFit): Object3D {
       const [c, s] = [Math.cos((k * Math.PI) / 36), Math.sin((k * Math.PI) / 36)];
       return new Vector3(...[[0, c, s], [s, 0, c], [c, s, 0]][axis]!).applyMatrix4(bent);
     });
-    group.add(new LineLoop(new BufferGeometry().setFromPoints(circle), new LineBasicMaterial({ color: colour("estimate") })));
+    group.add(new LineLoop(new BufferGeometry().setFromPoints(circle), new LineBasicMaterial({ color: colour("accent") })));
   }
   return group;
 }
@@ -131,14 +131,14 @@ function measured(points: Triple[], fit: MagnetometerFit): Object3D[] {
   const scaled = points.map((p) => p.map((v, i) => (v - fit.hard_iron_ut[i]!) / fit.field_strength_ut) as Triple);
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new Float32BufferAttribute(scaled.flat(), 3));
-  const cloud = new Points(geometry, new PointsMaterial({ color: new Color(colour("s1")), size: 0.05 }));
+  const cloud = new Points(geometry, new PointsMaterial({ color: new Color(colour("ink")), size: 0.05 }));
   // The first is the newest: the field as the device sees it now.
   const [x, y, z] = scaled[0]!;
-  const now = new Mesh(new SphereGeometry(0.055, 16, 12), new MeshBasicMaterial({ color: colour("s1") }));
+  const now = new Mesh(new SphereGeometry(0.055, 16, 12), new MeshBasicMaterial({ color: colour("ink") }));
   now.position.set(x, y, z);
   const line = new BufferGeometry();
   line.setAttribute("position", new Float32BufferAttribute([0, 0, 0, x, y, z], 3));
-  return [cloud, now, new LineSegments(line, new LineBasicMaterial({ color: colour("s1") }))];
+  return [cloud, now, new LineSegments(line, new LineBasicMaterial({ color: colour("ink") }))];
 }
 
 /** From where no field would be measured to the centre of the surface: the hard iron. */

@@ -1,7 +1,10 @@
 // What the page knows and what it shows: one state, changed here only, drawn again when it changes.
 
+import type { Notation } from "./attitude";
 import { History } from "./history";
 import type { AidLine, Allan, Calibration, Curve, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, SensorStatus, Settings, ToProgram, Use, WhatIf } from "./protocol";
+
+import { type Key, t } from "./t";
 
 const CONFIRMED_MS = 1500;
 export const STEPS = ["connect", "place", "calibrate", "tune", "experiment", "return", "result", "what-if"] as const;
@@ -22,6 +25,11 @@ export interface State {
   calibrating: Calibrating;
   view: "lab" | "wall";
   displayHz: number;
+  /** How attitudes are written in numbers. */
+  notation: Notation;
+  /** The device shown beside the selected one. */
+  beside: string | null;
+  livePage: "motion" | "estimators" | "sensors" | "filter";
   hidden: Set<string>;
   calibrations: Record<string, Calibration>;
   magnetometers: Record<string, Magnetometer>;
@@ -54,6 +62,9 @@ export const state: State = {
   calibrating: "rest",
   view: "lab",
   displayHz: 30,
+  notation: "yaw-pitch-roll",
+  beside: null,
+  livePage: "motion",
   hidden: new Set(),
   calibrations: {},
   magnetometers: {},
@@ -72,6 +83,8 @@ export const state: State = {
   error: null,
   failed: null,
 };
+
+const SENSOR_KEYS = { "sensor.gyroscope": 1, "sensor.accelerometer": 1, "sensor.magnetometer": 1, "sensor.compass-heading": 1 };
 
 export const histories = new Map<string, History>();
 const changeListeners = new Set<() => void>();
@@ -96,8 +109,25 @@ export function update(change: (s: State) => void): void {
   scheduled = true;
   queueMicrotask(() => {
     scheduled = false;
+    sayWatched();
     for (const listener of changeListeners) listener();
   });
+}
+
+/** The device that the program sends everything of: what the page shows in full. */
+let watched: string | null | undefined;
+
+function sayWatched(): void {
+  const wanted = state.view === "wall" ? null : state.selected;
+  if (state.connection !== "open" || wanted === watched) return;
+  watched = wanted;
+  send({ type: "watch", device: wanted });
+}
+
+/** A new connection knows nothing of what is watched. */
+export function watchAgain(): void {
+  watched = undefined;
+  sayWatched();
 }
 
 export function setSender(send: (message: ToProgram) => void): void {
@@ -131,7 +161,7 @@ function profileSettings(profile: string): Settings {
 export const aids = (): AidLine[] => state.hello?.aids ?? [];
 
 /** What a sensor is called on the page. */
-export const titleOf = (sensor: string): string => aids().find((a) => a.sensor === sensor)?.title ?? sensor;
+export const titleOf = (sensor: string): string => (`sensor.${sensor}` in SENSOR_KEYS ? t(`sensor.${sensor}` as Key) : sensor);
 
 export const sensorOf = (device: Device, sensor: string): SensorStatus | undefined => device.sensors?.find((s) => s.sensor === sensor);
 

@@ -1,21 +1,18 @@
-// Colours by role, read from the style sheet, so that plots and the 3-D view follow light and dark.
+// Colours by role, read from the style sheet, so that plots and the 3-D view follow light and dark. One role has one meaning.
+
+import type { Theme } from "../instrument/spec";
 
 let cache = new Map<string, string>();
 const listeners = new Set<() => void>();
 
-/** The colour of a role, such as `estimate` or `s1`. */
+/** The colour of a role, such as `mekf` or `x`. */
 export function colour(role: string): string {
   let value = cache.get(role);
   if (value === undefined) {
-    value = getComputedStyle(document.documentElement).getPropertyValue(`--${role}`).trim() || "#888";
+    value = getComputedStyle(document.documentElement).getPropertyValue(`--${role}`).trim() || "#888888";
     cache.set(role, value);
   }
   return value;
-}
-
-/** The colour with an opacity of 0 to 1. */
-export function faded(role: string, opacity: number): string {
-  return colour(role) + Math.round(opacity * 255).toString(16).padStart(2, "0");
 }
 
 /** Calls when light changes to dark or back. */
@@ -29,14 +26,32 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () 
   for (const listener of listeners) listener();
 });
 
-/** Which colour an attitude is drawn in, everywhere. */
-export function roleOf(estimator: string): string {
-  const roles: Record<string, string> = { mekf: "estimate", integration: "s1", device: "device", truth: "reference", usque: "s2", "quaternion-ekf": "s4", mekf3: "s5", complementary: "s5", "complementary-passive": "s5", "complementary-direct": "s5", cascade: "s5", "cascade-ekf": "s4" };
-  return roles[estimator] ?? "s5";
-}
+export const theme: Theme = { colour, onChange: onTheme };
+
+/** What each attitude is called, and how it is drawn beside its colour: thirteen colours alone are too many for some eyes. */
+const ATTITUDES: Record<string, { name: string; dash?: number[] }> = {
+  mekf: { name: "MEKF" },
+  mekf3: { name: "MEKF, no bias", dash: [9, 3] },
+  integration: { name: "Integration", dash: [2, 3] },
+  device: { name: "Device's own", dash: [12, 3, 2, 3] },
+  truth: { name: "Truth", dash: [6, 4] },
+  "bounded-velocity": { name: "Bounded velocity", dash: [14, 4] },
+  usque: { name: "USQUE", dash: [5, 2] },
+  "quaternion-ekf": { name: "Quaternion EKF", dash: [8, 2, 2, 2] },
+  complementary: { name: "Complementary", dash: [4, 4] },
+  "complementary-passive": { name: "Passive", dash: [3, 2] },
+  "complementary-direct": { name: "Direct", dash: [10, 2, 3, 2] },
+  cascade: { name: "Cascade", dash: [6, 2] },
+  "cascade-ekf": { name: "Cascade, EKF", dash: [2, 2] },
+};
+
+/** Everything that has an attitude, the estimators and the truth. */
+export const ALL_ATTITUDES = Object.keys(ATTITUDES);
+
+/** The role of an attitude's colour, everywhere. */
+export const roleOf = (attitude: string): string => (ATTITUDES[attitude] ? attitude : "muted");
+
+export const dashOf = (attitude: string): number[] | undefined => ATTITUDES[attitude]?.dash;
 
 /** What an attitude is called on the page. */
-export function nameOf(estimator: string): string {
-  const names: Record<string, string> = { mekf: "MEKF", "bounded-velocity": "Bounded velocity", integration: "Integration", device: "Device's own", truth: "Truth", usque: "USQUE", "quaternion-ekf": "Quaternion EKF", mekf3: "MEKF, no bias", complementary: "Complementary", "complementary-passive": "Passive", "complementary-direct": "Direct", cascade: "Cascade", "cascade-ekf": "Cascade, EKF" };
-  return names[estimator] ?? estimator;
-}
+export const nameOf = (attitude: string): string => ATTITUDES[attitude]?.name ?? attitude;

@@ -1,5 +1,7 @@
 // Numbers in words: one way to write them everywhere on the page.
 
+import { power } from "../instrument/numbers";
+
 /** A number with as many digits as it deserves. */
 export function number(v: number | null | undefined, digits = 2): string {
   if (v === null || v === undefined || !Number.isFinite(v)) return "–";
@@ -20,16 +22,8 @@ export function pretty(text: string): string {
   return text.replace(/\buT\b/g, "µT").replaceAll("m/s^2", "m/s²").replaceAll("+-", "±").replace(/sqrt\((Hz|s|h)\)/g, "√$1").replace(/(^|[\s(])-(?=\d)/g, "$1−");
 }
 
-/** A power of ten, raised: 10⁻⁴. Other numbers are rounded to one figure. */
-export function power(v: number): string {
-  const [head, exponent] = v.toExponential(0).split("e");
-  return `${head === "1" ? "" : `${head}·`}10${raised(exponent!)}`.replace("-", "−");
-}
-
-function raised(power: string): string {
-  const marks: Record<string, string> = { "-": "⁻", "+": "", "0": "⁰", "1": "¹", "2": "²", "3": "³", "4": "⁴", "5": "⁵", "6": "⁶", "7": "⁷", "8": "⁸", "9": "⁹" };
-  return [...power].map((c) => marks[c] ?? c).join("");
-}
+/** A sentence of the program as the page says it. */
+export const said = (text: string): string => pretty(text);
 
 /** The sentence on a sensor's R without naming the sensor, for places where its name stands before. */
 export function unnamed(sentence: string): string {

@@ -1,8 +1,9 @@
-// Bundles the pages: dist/lab and dist/phone (with --dev: dist-dev/lab, fed by a synthetic device).
+// Bundles the pages: dist/lab, dist/phone and the script of reports in dist/report (with --dev: dist-dev/lab, fed by a synthetic device).
 import { build } from "esbuild";
-import { copyFile, mkdir, rm, stat } from "node:fs/promises";
+import { copyFile, mkdir, readdir, readFile, rm, stat, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
+import { gzipSync } from "node:zlib";
 
 const root = dirname(dirname(fileURLToPath(import.meta.url)));
 const dev = process.argv.includes("--dev");
@@ -12,7 +13,6 @@ const common = {
   bundle: true,
   minify: !dev,
   sourcemap: dev ? "inline" : false,
-  format: "iife",
   charset: "utf8",
   legalComments: "eof",
   jsx: "automatic",
@@ -20,20 +20,27 @@ const common = {
   logLevel: "warning",
 };
 
-// The lab page runs on the laptop that runs the program; phones may be years old.
-const TARGETS = { lab: "es2020", phone: "es2019" };
-
-async function page(name, entry) {
-  const folder = join(out, name);
-  await mkdir(folder, { recursive: true });
-  await build({ ...common, target: TARGETS[name], entryPoints: { [name]: join(root, entry) }, outdir: folder });
-  for (const file of ["index.html", "icon.svg"]) await copyFile(join(root, name, file), join(folder, file));
-  for (const file of ["index.html", "icon.svg", `${name}.js`, `${name}.css`]) {
-    const { size } = await stat(join(folder, file));
-    console.log(`${name}/${file}: ${(size / 1000).toFixed(1)} kB`);
+/** Text files travel compressed; each lies beside the plain one. */
+async function compress(folder) {
+  for (const file of await readdir(folder)) {
+    if (!/\.(js|css|html|svg)$/.test(file)) continue;
+    const path = join(folder, file);
+    if (!dev) await writeFile(`${path}.gz`, gzipSync(await readFile(path), { level: 9 }));
+    const packed = dev ? "" : `, ${((await stat(`${path}.gz`)).size / 1000).toFixed(1)} kB compressed`;
+    console.log(`${path.slice(out.length + 1)}: ${((await stat(path)).size / 1000).toFixed(1)} kB${packed}`);
   }
 }
 
+async function page(name, entry, settings, files = ["index.html", "icon.svg"]) {
+  const folder = join(out, name);
+  await mkdir(folder, { recursive: true });
+  await build({ ...common, ...settings, entryPoints: { [name]: join(root, entry) }, outdir: folder });
+  for (const file of files) await copyFile(join(root, name, file), join(folder, file));
+  await compress(folder);
+}
+
 await rm(out, { recursive: true, force: true });
-await page("lab", dev ? "dev/lab.ts" : "lab/main.tsx");
-await page("phone", "phone/main.ts");
+// The lab page runs in browsers of today, and loads its 3-D view after itself; phones may be years old; reports are one file.
+await page("lab", dev ? "dev/lab.ts" : "lab/main.tsx", { format: "esm", splitting: true, chunkNames: "[name]-[hash]", target: "es2020" });
+await page("phone", "phone/main.ts", { format: "iife", target: "es2019" });
+if (!dev) await page("report", "report/main.ts", { format: "iife", target: "es2020" }, []);

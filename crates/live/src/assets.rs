@@ -3,11 +3,8 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use axum::http::{HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-
-/// The files that the build script found, by name such as `lab/index.html`.
-const EMBEDDED: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/assets.rs"));
 
 /// What is shown where the pages were not built.
 const NOT_BUILT: &str = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Northing</title>\
@@ -40,10 +37,8 @@ impl Assets {
             let bytes = std::fs::read(folder.join(page).join(name)).ok()?;
             return Some((Cow::Owned(bytes), kind));
         }
-        let full = format!("{page}/{name}");
-        let embedded = EMBEDDED.iter().find(|(known, _)| *known == full);
-        match embedded {
-            Some((_, bytes)) => Some((Cow::Borrowed(*bytes), kind)),
+        match northing_pages::file(&format!("{page}/{name}")) {
+            Some(bytes) => Some((Cow::Borrowed(bytes), kind)),
             None if name == "index.html" => Some((Cow::Borrowed(NOT_BUILT.as_bytes()), kind)),
             None => None,
         }
@@ -51,17 +46,39 @@ impl Assets {
 }
 
 impl Assets {
-    /// The file `name` of `page` as an answer, with the lab's name in its title.
-    pub(crate) fn answer(&self, page: &str, name: &str, lab: &str) -> Response {
+    /// The file `name` of `page` as an answer, with the lab's name in its title; compressed for who reads that.
+    pub(crate) fn answer(&self, page: &str, name: &str, lab: &str, asked: &HeaderMap) -> Response {
         let Some((bytes, kind)) = self.get(page, name) else {
             return StatusCode::NOT_FOUND.into_response();
         };
+        // Parts of a page have the hash of their content in their names.
+        let caching = match name.contains('-') {
+            true => "public, max-age=31536000, immutable",
+            false => "no-cache",
+        };
         let headers = [
             (header::CONTENT_TYPE, kind),
-            (header::CACHE_CONTROL, "no-cache"),
+            (header::CACHE_CONTROL, caching),
+            (header::VARY, "accept-encoding"),
         ];
+        let has_title = name == "index.html" && !lab.is_empty();
+        let packed = !has_title && accepts_gzip(asked);
+        if packed && let Some((bytes, _)) = self.get(page, &format!("{name}.gz")) {
+            let packed = [(header::CONTENT_ENCODING, "gzip")];
+            return (headers, packed, bytes.into_owned()).into_response();
+        }
         (headers, titled(bytes, name, lab)).into_response()
     }
+}
+
+fn accepts_gzip(asked: &HeaderMap) -> bool {
+    let accepted = asked.get(header::ACCEPT_ENCODING);
+    let accepted = accepted.and_then(|value| value.to_str().ok()).unwrap_or("");
+    let mut codings = accepted
+        .split(',')
+        .map(|coding| coding.trim().to_ascii_lowercase());
+    codings
+        .any(|coding| coding == "gzip" || coding.starts_with("gzip;") && !coding.ends_with("q=0"))
 }
 
 /// The headers of a file to be kept under a name.
@@ -101,7 +118,39 @@ fn content_type(name: &str) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::{Assets, titled};
+    use super::*;
+    use axum::http::HeaderValue;
+
+    #[tokio::test]
+    async fn what_is_compressed_is_the_same_file() {
+        let assets = Assets::default();
+        let answer = |accepted: &'static str| {
+            let asked = [(header::ACCEPT_ENCODING, HeaderValue::from_static(accepted))];
+            assets.answer("lab", "lab.js", "", &HeaderMap::from_iter(asked))
+        };
+        let plain = answer("identity");
+        if plain.status() == StatusCode::NOT_FOUND {
+            return; // Built without the pages.
+        }
+        assert!(!plain.headers().contains_key(header::CONTENT_ENCODING));
+        let length = |answer: Response| async {
+            axum::body::to_bytes(answer.into_body(), usize::MAX)
+                .await
+                .unwrap()
+                .len()
+        };
+        let plain = length(plain).await;
+        for accepted in ["gzip", "br, gzip;q=0.8", "deflate, GZIP"] {
+            let packed = answer(accepted);
+            assert_eq!(packed.headers()[header::CONTENT_ENCODING], "gzip");
+            assert!(length(packed).await * 2 < plain);
+        }
+        assert!(
+            !answer("gzip;q=0")
+                .headers()
+                .contains_key(header::CONTENT_ENCODING)
+        );
+    }
 
     #[test]
     fn pages_are_found_by_name_and_nothing_else_is() {

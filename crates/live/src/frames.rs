@@ -1,7 +1,7 @@
 //! Frames on their way to the pages. A page that wants few frames a second still gets every
 //! innovation: those of the frames it does not see are kept for the next one it does.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::time::{Duration, Instant};
 
 use northing_evaluation::EstimatorKind;
@@ -22,10 +22,14 @@ pub struct FrameText {
     pub arrival_ns: Option<i64>,
     /// The estimator that the innovations are of.
     subject: Option<EstimatorKind>,
-    /// The frame without its innovations.
+    /// The frame without innovations and samples.
     head: String,
+    /// The subject's estimate and the lamps alone, for pages that watch another device.
+    brief: String,
     /// Each innovation.
     innovations: Vec<String>,
+    /// The samples of each sensor.
+    samples: Vec<(&'static str, Vec<String>)>,
 }
 
 impl FrameText {
@@ -37,12 +41,26 @@ impl FrameText {
         let innovations = std::mem::take(&mut frame.innovations);
         let innovations: Result<Vec<String>, _> =
             innovations.iter().map(serde_json::to_string).collect();
+        let samples = std::mem::take(&mut frame.samples).into_iter();
+        let samples = samples.map(|(sensor, rows)| {
+            let rows: Result<_, _> = rows.iter().map(serde_json::to_string).collect();
+            Ok((sensor, rows?))
+        });
+        let samples: Result<Vec<_>, serde_json::Error> = samples.collect();
+        let (device, subject) = (frame.device.clone(), frame.subject);
+        let head = serde_json::to_string(&ToPage::Frame(Box::new(frame.clone())))?;
+        let name = subject.map(EstimatorKind::name);
+        frame.estimates.retain(|of, _| Some(*of) == name);
+        frame.between_deg.clear();
+        frame.truth = None;
         Ok(Self {
-            device: frame.device.clone(),
-            subject: frame.subject,
-            head: serde_json::to_string(&ToPage::Frame(Box::new(frame)))?,
+            device,
+            subject,
+            head,
+            brief: serde_json::to_string(&ToPage::Frame(Box::new(frame)))?,
             arrival_ns,
             innovations: innovations?,
+            samples: samples?,
         })
     }
 }
@@ -51,12 +69,26 @@ impl FrameText {
 #[derive(Debug)]
 pub struct PageFrames {
     interval: Duration,
+    watched: Watched,
     devices: HashMap<String, Pending>,
+}
+
+/// The devices that a page gets everything of.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Watched {
+    /// All, without samples: a page that has not said what it watches.
+    #[default]
+    All,
+    /// None: a wall.
+    None,
+    /// One, with its samples.
+    One(String),
 }
 
 /// What one page has not seen of one device.
 #[derive(Debug, Default)]
 struct Pending {
+    samples: BTreeMap<&'static str, VecDeque<String>>,
     sent: Option<Instant>,
     subject: Option<EstimatorKind>,
     innovations: VecDeque<String>,
@@ -68,6 +100,7 @@ impl PageFrames {
     pub fn new(hz: f64) -> Self {
         Self {
             interval: Duration::from_secs_f64(1.0 / hz),
+            watched: Watched::default(),
             devices: HashMap::new(),
         }
     }
@@ -77,12 +110,23 @@ impl PageFrames {
         self.interval = Duration::from_secs_f64(1.0 / hz);
     }
 
+    /// From now on the page gets everything of these devices, and of others only what a wall shows.
+    pub fn watch(&mut self, watched: Watched) {
+        self.watched = watched;
+        self.devices.clear();
+    }
+
     /// Takes a frame; gives the message if one is due.
     pub fn take(&mut self, frame: &FrameText, now: Instant) -> Option<String> {
         if self.devices.len() > 2 * MOST_DEVICES {
             // Devices come and go; those still there are back with their next frame.
             self.devices.clear();
         }
+        let (is_whole, has_samples) = match &self.watched {
+            Watched::All => (true, false),
+            Watched::None => (false, false),
+            Watched::One(device) => (*device == frame.device, *device == frame.device),
+        };
         let pending = match self.devices.get_mut(&frame.device) {
             Some(pending) => pending,
             None => self.devices.entry(frame.device.clone()).or_default(),
@@ -92,11 +136,14 @@ impl PageFrames {
             pending.subject = frame.subject;
             pending.innovations.clear();
         }
-        pending
-            .innovations
-            .extend(frame.innovations.iter().cloned());
-        let excess = pending.innovations.len().saturating_sub(MOST_PENDING);
-        pending.innovations.drain(..excess);
+        if is_whole {
+            keep(&mut pending.innovations, &frame.innovations);
+        }
+        if has_samples {
+            for (sensor, rows) in &frame.samples {
+                keep(pending.samples.entry(sensor).or_default(), rows);
+            }
+        }
         // A little early is in time: frames come in steps of their own.
         let wait = self.interval.mul_f64(0.8);
         let soon = |sent: Instant| now.saturating_duration_since(sent) < wait;
@@ -104,13 +151,34 @@ impl PageFrames {
             return None;
         }
         pending.sent = Some(now);
-        let innovations: Vec<String> = pending.innovations.drain(..).collect();
-        let head = frame.head.strip_suffix('}').unwrap_or(&frame.head);
-        Some(format!(
-            "{head},\"innovations\":[{}]}}",
-            innovations.join(",")
-        ))
+        let head = if is_whole { &frame.head } else { &frame.brief };
+        let head = head.strip_suffix('}').unwrap_or(head);
+        let mut text = format!(
+            "{head},\"innovations\":[{}]",
+            drained(&mut pending.innovations)
+        );
+        if has_samples {
+            let series = pending.samples.iter_mut();
+            let series: Vec<String> = series
+                .map(|(sensor, rows)| format!("\"{sensor}\":[{}]", drained(rows)))
+                .collect();
+            text.push_str(&format!(",\"samples\":{{{}}}", series.join(",")));
+        }
+        text.push('}');
+        Some(text)
     }
+}
+
+/// Adds to what is pending; the oldest go when there are too many.
+fn keep(pending: &mut VecDeque<String>, new: &[String]) {
+    pending.extend(new.iter().cloned());
+    let excess = pending.len().saturating_sub(MOST_PENDING);
+    pending.drain(..excess);
+}
+
+/// Everything that is pending, as the items of a list.
+fn drained(pending: &mut VecDeque<String>) -> String {
+    pending.drain(..).collect::<Vec<_>>().join(",")
 }
 
 #[cfg(test)]

@@ -84,12 +84,17 @@ pub fn app_router(ingest: Ingest) -> Router {
         .with_state(ingest)
 }
 
-async fn page(State(ingest): State<Ingest>) -> Response {
-    ingest.assets.answer("phone", "index.html", &ingest.name)
+async fn page(State(ingest): State<Ingest>, asked: HeaderMap) -> Response {
+    let name = &ingest.name;
+    ingest.assets.answer("phone", "index.html", name, &asked)
 }
 
-async fn asset(State(ingest): State<Ingest>, Path(name): Path<String>) -> Response {
-    ingest.assets.answer("phone", &name, &ingest.name)
+async fn asset(
+    State(ingest): State<Ingest>,
+    Path(file): Path<String>,
+    asked: HeaderMap,
+) -> Response {
+    ingest.assets.answer("phone", &file, &ingest.name, &asked)
 }
 
 /// Whether this connection and its address may send so many bytes more.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, Query, State};
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
@@ -23,6 +23,7 @@ use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
 use crate::page;
 use crate::qr;
+use crate::report;
 use crate::session::aids::{AIDS, Aid};
 use crate::to_page::{AidLine, EstimatorLine, Hello, InputKindLine, Parameter, ToPage};
 
@@ -71,12 +72,13 @@ pub fn router(api: LabApi) -> Router {
         .with_state(api)
 }
 
-async fn page(State(api): State<LabApi>) -> Response {
-    api.assets.answer("lab", "index.html", &api.facts.name)
+async fn page(State(api): State<LabApi>, asked: HeaderMap) -> Response {
+    let name = &api.facts.name;
+    api.assets.answer("lab", "index.html", name, &asked)
 }
 
-async fn asset(State(api): State<LabApi>, Path(name): Path<String>) -> Response {
-    api.assets.answer("lab", &name, &api.facts.name)
+async fn asset(State(api): State<LabApi>, Path(file): Path<String>, asked: HeaderMap) -> Response {
+    api.assets.answer("lab", &file, &api.facts.name, &asked)
 }
 
 async fn status(State(api): State<LabApi>) -> Json<Value> {
@@ -150,11 +152,7 @@ async fn experiment_file(
             header::CONTENT_DISPOSITION,
             format!("{shown}; filename=\"{id}-{name}\""),
         ),
-        // The report has its style sheet and pictures within itself.
-        (
-            header::CONTENT_SECURITY_POLICY,
-            "default-src 'none'; style-src 'unsafe-inline'; img-src data:".to_owned(),
-        ),
+        (header::CONTENT_SECURITY_POLICY, report::policy()),
     ];
     Ok((headers, export.bytes).into_response())
 }

@@ -102,6 +102,12 @@ pub enum Request {
         /// Frames a second.
         hz: f64,
     },
+    /// The device of which this page wants everything, its samples too; of the others it gets what a wall shows.
+    Watch {
+        /// It; none for a wall.
+        #[serde(default)]
+        device: Option<String>,
+    },
     /// Run an experiment again with other parameters.
     WhatIf {
         /// The experiment.

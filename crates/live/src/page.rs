@@ -16,7 +16,7 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 
 use crate::allan;
-use crate::frames::PageFrames;
+use crate::frames::{PageFrames, Watched};
 use crate::inputs::Inputs;
 use crate::lab::Lab;
 use crate::lab_api::{LabApi, hello};
@@ -161,6 +161,10 @@ impl Page {
                 };
                 self.frames.set_rate(hz);
             }
+            Ok(Request::Watch { device }) => {
+                self.frames
+                    .watch(device.map_or(Watched::None, Watched::One));
+            }
             Ok(Request::WhatIf {
                 id,
                 settings,
@@ -289,6 +293,7 @@ async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
         }
         // Questions, which are answered aside.
         Request::DisplayRate { .. }
+        | Request::Watch { .. }
         | Request::WhatIf { .. }
         | Request::Allan { .. }
         | Request::Input { .. } => {

@@ -1,9 +1,10 @@
 //! The lab report of an experiment: what every page about a run says, and what the lab knows.
 
+use base64::Engine as _;
 use northing_evaluation::attitude::outcome::RunSummary;
 use northing_evaluation::attitude::setup::RunSetup;
 use northing_evaluation::attitude::trace::Trace;
-use northing_report::{Fact, RunReport};
+use northing_report::{Fact, RunReport, inline_script};
 
 use crate::experiments::{Finished, run_options};
 
@@ -25,6 +26,16 @@ pub fn render(finished: &Finished, summary: &RunSummary, trace: &Trace) -> Strin
     let options = run_options(&finished.experiment, &finished.options, summary.estimator);
     report.setup = Some(RunSetup::of(&options).to_text());
     report.render()
+}
+
+/// What a report's page may do: it has its style sheet, its pictures and its one script within itself.
+#[must_use]
+pub fn policy() -> String {
+    let digest = ring::digest::digest(&ring::digest::SHA256, inline_script().as_bytes());
+    let hash = base64::engine::general_purpose::STANDARD.encode(digest);
+    format!(
+        "default-src 'none'; script-src 'sha256-{hash}'; style-src 'unsafe-inline'; img-src data: blob:"
+    )
 }
 
 /// What people call it; only a number is called an experiment.

@@ -2,7 +2,8 @@
 //!
 //! Read first: [`RunReport`] and [`ComparisonReport`], plain data that any runner can fill;
 //! `render` turns them into text. Nothing here reads a clock, a file or the network, and the page
-//! needs none of them either: no scripts, no fonts, no images, only HTML, CSS and inline SVG.
+//! needs none of them either: no fonts, no images, only HTML, CSS, inline SVG, and with the feature `interactive` one script
+//! in the page that makes instruments of the plots.
 //!
 //! | file | what is in it |
 //! |---|---|
@@ -61,6 +62,7 @@ pub use files::write_group;
 pub use files::{EstimateFile, NavigationFile};
 pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};
 pub use page::facts::{Fact, Source, Tone, Verdict};
+pub use page::instrument::inline_script;
 pub use page::setup::setup_of;
 pub use page::table::{Best, Cell, Column, Table};
 pub use tracking::followed_targets;

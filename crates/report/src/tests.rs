@@ -286,7 +286,22 @@ fn heading_is_not_drawn_across_the_wrap() {
 #[test]
 fn comparison_shows_tables_dots_and_lines() {
     let trace = full_trace(2000, 4000);
-    let names = ["mekf", "usque", "device", "integration", "a", "b", "c"];
+    let names = [
+        "mekf",
+        "usque",
+        "device",
+        "integration",
+        "a",
+        "b",
+        "c",
+        "d",
+        "e",
+        "f",
+        "g",
+        "h",
+        "i",
+        "j",
+    ];
     let report = ComparisonReport {
         title: "All".to_owned(),
         tables: vec![Table {
@@ -333,7 +348,10 @@ fn comparison_shows_tables_dots_and_lines() {
         );
     }
     assert!(html.contains("<td class=\"num best\">1.00</td>"));
-    assert!(html.contains("s0 dash"), "the seventh line is dashed");
+    assert!(
+        html.contains("s0 dash"),
+        "a line beyond the thirteen colours is dashed"
+    );
     assert_well_formed(&html);
     assert_self_contained(&html);
     assert_numbers_are_finite(&html);

@@ -1,11 +1,11 @@
 // The Allan deviation of a recording at rest: which noise rules at which averaging time, and Q from it.
 
 import { useEffect, useMemo, useState } from "preact/hooks";
-import type uPlot from "uplot";
-import { Chart, type ChartSpec } from "../chart";
+import { type Spec, Still, columns } from "../chart";
 import type { Allan as Message, AllanReport, Device, Settings } from "../protocol";
 import { changeHere, receives, rowsOf, send, state } from "../store";
-import { figures, number, pretty } from "../words";
+import { type Key, t } from "../t";
+import { figures, number, pretty, said } from "../words";
 import { Silence, Stillness } from "./stillness";
 
 const SENSORS = ["gyroscope", "accelerometer", "magnetometer"];
@@ -28,33 +28,33 @@ export function Allan({ device }: { device: Device }) {
   const answer = row && told?.id === row.id && told.sensor === sensor ? told : null;
   return (
     <>
-      <p>Left at rest for long, a sensor shows how its noise averages out, and when its bias begins to drift. That is Q, measured.</p>
+      <p>{t("allan.what")}</p>
       {running ? (
         <>
-          <progress max="1" value={running.progress} aria-label="Progress of the recording at rest" />
-          <p class="big" role="timer">{clock(running.remaining_s)} left</p>
+          <progress max="1" value={running.progress} aria-label={t("allan.progress")} />
+          <p class="big" role="timer">{t("left", { time: clock(running.remaining_s) })}</p>
           {!receives(device) && <Silence device={device} />}
-          <p class="small">Do not touch the table. What you have is analysed when you stop.</p>
-          <button type="button" onClick={() => send({ type: "stop", device: device.id })}>Stop and analyse</button>
+          <p class="small">{t("allan.dont")}</p>
+          <button type="button" onClick={() => send({ type: "stop", device: device.id })}>{t("allan.stop")}</button>
         </>
       ) : (
         <>
-          <label class="row">Rest for
+          <label class="row">{t("allan.restFor")}
             <input type="range" min="1" max="60" step="1" value={minutes} onInput={(e) => setMinutes(Number(e.currentTarget.value))} />
             <output>{minutes} min</output>
           </label>
-          <p class="small">{minutes < 3 ? "White noise only." : minutes < 20 ? "White noise well, the floor roughly." : "White noise, the floor, and how the bias walks."} Ten minutes are usual, an hour shows the bias.</p>
+          <p class="small">{t(minutes < 3 ? "allan.short" : minutes < 20 ? "allan.medium" : "allan.long")} {t("allan.usual")}</p>
           <Stillness device={device} />
-          <button type="button" class={row ? "" : "primary"} disabled={!receives(device)} onClick={() => send({ type: "experiment", device: device.id, seconds: minutes * 60, name: `${NAME}, ${minutes} min` })}>Record a rest</button>
+          <button type="button" class={row ? "" : "primary"} disabled={!receives(device)} onClick={() => send({ type: "experiment", device: device.id, seconds: minutes * 60, name: `${NAME}, ${minutes} min` })}>{t("allan.record")}</button>
         </>
       )}
       {row && (
         <>
-          <label class="field">Recording
+          <label class="field">{t("recordings.name")}
             <select value={row.id} onChange={(e) => setChosen(e.currentTarget.value)}>{rows.map((r) => <option key={r.id} value={r.id}>{r.name} ({clock(r.duration_s)})</option>)}</select>
           </label>
-          <label class="field">Sensor
-            <select value={sensor} onChange={(e) => setSensor(e.currentTarget.value)}>{SENSORS.map((s) => <option key={s}>{s}</option>)}</select>
+          <label class="field">{t("sensor")}
+            <select value={sensor} onChange={(e) => setSensor(e.currentTarget.value)}>{SENSORS.map((s) => <option key={s} value={s}>{t(`sensor.${s}` as Key).toLowerCase()}</option>)}</select>
           </label>
         </>
       )}
@@ -69,7 +69,7 @@ function clock(seconds: number): string {
 }
 
 function Answer({ answer, device }: { answer: Message; device: Device }) {
-  if (!answer.report) return <div class="verdict warn"><b>Not yet</b><span>{pretty(sentence(answer.text ?? ""))}</span></div>;
+  if (!answer.report) return <div class="verdict warn"><b>{t("allan.notYet")}</b><span>{said(sentence(answer.text ?? ""))}</span></div>;
   const { report, fill } = answer;
   const settings = fill?.settings ?? {};
   const apply = (): void => {
@@ -81,12 +81,12 @@ function Answer({ answer, device }: { answer: Message; device: Device }) {
       <Coefficients report={report} />
       {report.sensor === "gyroscope" && Object.keys(settings).length > 0 && (
         <>
-          <button type="button" class="primary" onClick={apply}>Fill Q with this</button>
+          <button type="button" class="primary" onClick={apply}>{t("allan.fill")}</button>
           <Filled settings={settings} />
         </>
       )}
-      {report.sensor === "gyroscope" && fill && <ul class="sentences plain">{fill.said.filter((s) => s.includes("unchanged")).map((s) => <li key={s}>{pretty(s)}</li>)}</ul>}
-      <ul class="sentences plain">{report.sentences.map((s) => <li key={s}>{pretty(s)}</li>)}</ul>
+      {report.sensor === "gyroscope" && fill && <ul class="sentences plain">{fill.said.filter((s) => s.includes("unchanged")).map((s) => <li key={s}>{said(s)}</li>)}</ul>}
+      <ul class="sentences plain">{report.sentences.map((s) => <li key={s}>{said(s)}</li>)}</ul>
     </>
   );
 }
@@ -96,18 +96,18 @@ const sentence = (text: string): string => `${text.charAt(0).toUpperCase()}${tex
 function Coefficients({ report }: { report: AllanReport }) {
   const c = report.coefficients, unit = pretty(report.unit);
   const rows: [string, { value: number; std: number } | null | undefined, string, string][] = [
-    ["White noise", c.noise_density, `${unit}/√Hz`, "noise"],
-    ["Bias instability", c.bias_instability, unit, "instability"],
-    ["Random walk", c.random_walk, `${unit}/√s`, "walk"],
+    [t("allan.white"), c.noise_density, `${unit}/√Hz`, "noise"],
+    [t("allan.instability"), c.bias_instability, unit, "instability"],
+    [t("allan.walk"), c.random_walk, `${unit}/√s`, "walk"],
   ];
   return (
     <table class="compact">
-      <thead><tr><th scope="col">{report.sensor}</th><th scope="col" class="num">value</th><th scope="col" class="num">±</th></tr></thead>
+      <thead><tr><th scope="col">{t(`sensor.${report.sensor}` as Key)}</th><th scope="col" class="num">{t("value")}</th><th scope="col" class="num">±</th></tr></thead>
       <tbody>
         {rows.map(([name, value, u, key]) => (
           <tr key={key} data-value={key} {...(value ? { "data-number": String(value.value) } : {})}>
             <th scope="row">{name} <small>{u}</small></th>
-            <td class="num">{value ? figures(value.value) : "not seen"}</td>
+            <td class="num">{value ? figures(value.value) : t("allan.notSeen")}</td>
             <td class="num">{value ? `${number((100 * value.std) / value.value, 0)} %` : ""}</td>
           </tr>
         ))}
@@ -120,18 +120,14 @@ function Filled({ settings }: { settings: Settings }) {
   return <p class="small">{Object.entries(settings).map(([name, v]) => `${name} = ${figures(Number(v))}`).join("; ")}</p>;
 }
 
-const SPEC: ChartSpec = {
-  title: "Allan deviation", unit: "over averaging time, s", logX: true, logY: true,
-  legend: [
-    { text: "measured", role: "estimate" }, { text: "white noise", role: "s1", dash: true },
-    { text: "instability", role: "s2", dash: true }, { text: "random walk", role: "s3", dash: true },
+const specOf = (): Spec => ({
+  id: "allan", title: t("allan.title"), unit: "", across: t("allan.across"), logX: true, logY: true, leastRange: [1, 1],
+  curves: [
+    { label: "+95 %", key: t("measured"), role: "ink", edge: true }, { label: "−95 %", key: t("measured"), role: "ink", edge: true }, { label: t("measured"), role: "ink", width: 2.4 },
+    { label: t("allan.white").toLowerCase(), role: "muted", dash: [2, 3] }, { label: t("allan.instability").toLowerCase(), role: "muted", dash: [7, 4] }, { label: t("allan.walk").toLowerCase(), role: "muted", dash: [12, 3, 2, 3] },
   ],
-  lines: [
-    { role: "estimate", edge: true }, { role: "estimate", edge: true }, { role: "estimate", width: 2.4 },
-    { role: "s1", dash: true }, { role: "s2", dash: true }, { role: "s3", dash: true },
-  ],
-  bands: [{ high: 1, low: 2, role: "estimate" }],
-};
+  bands: [{ high: 0, low: 1, role: "ink" }],
+});
 
 /** Each noise alone, where it is not far below the curve. */
 function lines(report: AllanReport): (number | null)[][] {
@@ -153,12 +149,15 @@ function lines(report: AllanReport): (number | null)[][] {
 /** The curve, in the lower half. */
 export function AllanPlot() {
   const report = state.allan?.report ?? null;
-  const spec = useMemo<ChartSpec>(() => ({ ...SPEC, unit: `${pretty(report?.unit ?? "")} over s, 95 %`, mark: () => report?.trusted_tau_s ?? null }), [report]);
+  const spec = useMemo<Spec>(() => {
+    const curve = report?.curve ?? [];
+    const [low, high] = [Math.min(...curve.map((p) => Math.max(p.lower, p.deviation / 5))), Math.max(...curve.map((p) => p.upper))];
+    return { ...specOf(), unit: `${pretty(report?.unit ?? "")}, 95 %`, ...(curve.length ? { leastRange: [low, high] as [number, number] } : {}), mark: () => report?.trusted_tau_s ?? null };
+  }, [report, t("measured")]);
   const data = useMemo(() => {
     const curve = report?.curve ?? [];
-    const columns = [curve.map((p) => p.tau_s), curve.map((p) => p.upper), curve.map((p) => Math.max(p.lower, 1e-12)), curve.map((p) => p.deviation), ...(report ? lines(report) : [[], [], []])];
-    return () => columns as unknown as uPlot.AlignedData;
+    return columns([curve.map((p) => p.tau_s), curve.map((p) => p.upper), curve.map((p) => Math.max(p.lower, p.deviation / 5)), curve.map((p) => p.deviation), ...(report ? lines(report) : [[], [], []])]);
   }, [report]);
-  if (!report) return <p class="empty">The curve appears here once a rest of a minute or more is recorded.</p>;
-  return <div class="plots one"><Chart spec={spec} data={data} /></div>;
+  if (!report) return <p class="empty">{t("allan.empty")}</p>;
+  return <div class="plots one"><Still spec={spec} data={data} /></div>;
 }

@@ -3,10 +3,11 @@
 import { useState } from "preact/hooks";
 import type { Disturbance, Motion, Triple } from "../protocol";
 import { goTo, send, state } from "../store";
+import { type Key, t } from "../t";
 import { Inputs } from "./inputs";
 
-const MOTIONS: [string, string][] = [["gentle", "gentle turns"], ["brisk", "brisk turns"], ["tumble", "turned all over"], ["rest", "stays at rest"]];
-const DISTURBANCES: [string, string][] = [["none", "none"], ["acceleration", "shaking"], ["magnetic", "a magnet near"], ["both", "shaking and a magnet"]];
+const MOTIONS: [Motion, Key][] = [["gentle", "motion.gentle"], ["brisk", "motion.brisk"], ["tumble", "motion.tumble"], ["rest", "motion.rest"]];
+const DISTURBANCES: [Disturbance, Key][] = [["none", "disturbance.none"], ["acceleration", "disturbance.acceleration"], ["magnetic", "disturbance.magnetic"], ["both", "disturbance.both"]];
 
 /** What the iron in a magnetised virtual phone adds, for the calibration to find. */
 const HARD_IRON: Triple = [25, -14, 30];
@@ -21,22 +22,22 @@ export function Connect() {
   const shown = Math.min(chosen, Math.max(urls.length - 1, 0));
   return (
     <>
-      <p>Scan with the phone's camera, accept the lab's own certificate once, then tap <b>Start sending</b>. Phone and laptop share one network.</p>
-      <div class="qr">{hello && <img src={hello.qr_svg.replace("url=0", `url=${shown}`)} width="190" height="190" alt={`QR code of ${urls[shown] ?? "the phone page"}`} />}</div>
-      {urls.length > 1 && <p class="small">This computer has several addresses. If the phone does not get through, choose another:</p>}
+      <p>{t("connect.scan")}</p>
+      <div class="qr">{hello && <img src={hello.qr_svg.replace("url=0", `url=${shown}`)} width="190" height="190" alt={t("connect.qr", { url: urls[shown] ?? "" })} />}</div>
+      {urls.length > 1 && <p class="small">{t("connect.several")}</p>}
       {urls.map((url, i) => urls.length > 1
         ? <button type="button" class="address" key={url} aria-pressed={i === shown} onClick={() => setChosen(i)}><code class="url">{url}</code></button>
         : <code class="url" key={url}>{url}</code>)}
       <VirtualPhone />
       <Inputs />
       <details>
-        <summary>Other apps, and the certificate</summary>
-        <p class="small">Sensor Logger: HTTP push to</p>
+        <summary>{t("connect.other")}</summary>
+        <p class="small">{t("connect.push")}</p>
         {hello?.ingest_urls.map((url) => <code class="url" key={url}>{url}</code>)}
-        <p class="small">Fingerprint of the certificate, to compare with what the phone shows:</p>
+        <p class="small">{t("connect.fingerprint")}</p>
         <code class="url">{hello?.fingerprint}</code>
       </details>
-      {state.devices.length > 0 && <button type="button" class="primary" onClick={() => goTo("place")}>Next: place at rest</button>}
+      {state.devices.length > 0 && <button type="button" class="primary" onClick={() => goTo("place")}>{t("connect.next")}</button>}
     </>
   );
 }
@@ -50,16 +51,16 @@ function VirtualPhone() {
   };
   return (
     <fieldset class="virtual">
-      <legend>No phone at hand?</legend>
-      <label>Motion
-        <select value={motion} onChange={(e) => setMotion(e.currentTarget.value as Motion)}>{MOTIONS.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
+      <legend>{t("virtual.title")}</legend>
+      <label>{t("virtual.motion")}
+        <select value={motion} onChange={(e) => setMotion(e.currentTarget.value as Motion)}>{MOTIONS.map(([v, key]) => <option key={v} value={v}>{t(key)}</option>)}</select>
       </label>
-      <label>Disturbance
-        <select value={disturbance} onChange={(e) => setDisturbance(e.currentTarget.value as Disturbance)}>{DISTURBANCES.map(([v, t]) => <option key={v} value={v}>{t}</option>)}</select>
+      <label>{t("virtual.disturbance")}
+        <select value={disturbance} onChange={(e) => setDisturbance(e.currentTarget.value as Disturbance)}>{DISTURBANCES.map(([v, key]) => <option key={v} value={v}>{t(key)}</option>)}</select>
       </label>
-      <label class="tick"><input type="checkbox" checked={magnetised} onChange={() => setMagnetised(!magnetised)} /> Magnetised: hard iron of 25, −14, 30 µT</label>
-      <p class="small">It rests, is turned about, comes back after 75 s, and begins again. Its truth is known.</p>
-      <button type="button" class={state.devices.length ? "" : "primary"} onClick={add}>Add a virtual phone</button>
+      <label class="tick"><input type="checkbox" checked={magnetised} onChange={() => setMagnetised(!magnetised)} /> {t("virtual.magnetised")}</label>
+      <p class="small">{t("virtual.does")}</p>
+      <button type="button" class={state.devices.length ? "" : "primary"} onClick={add}>{t("virtual.add")}</button>
     </fieldset>
   );
 }

@@ -1,10 +1,11 @@
 // The devices, with rates and health; and the wall that shows them all.
 
 import { useEffect, useRef } from "preact/hooks";
-import { LiveText, attitudes } from "../live";
+import { LiveText } from "../live";
+import { attitudes } from "../stage";
 import { mainEstimate } from "../history";
 import type { Device } from "../protocol";
-import { View, World } from "../scene";
+import type { View as ViewOf, World } from "../scene";
 import { Draft } from "../draft";
 import { goTo, historyOf, offers, onFrame, send, state, update } from "../store";
 
@@ -66,41 +67,44 @@ export function Wall() {
   const grid = useRef<HTMLDivElement>(null);
   useEffect(() => {
     const worlds = new Map<string, World>();
-    const worldOf = (id: string): World => {
-      let world = worlds.get(id);
-      if (!world) worlds.set(id, (world = new World()));
-      return world;
-    };
-    const cells = (): { world: World; box: DOMRect }[] => {
-      const elements = [...grid.current!.querySelectorAll<HTMLElement>("[data-cell]")];
-      for (const [id, world] of worlds) {
-        if (elements.some((element) => element.dataset["cell"] === id)) continue;
-        world.dispose();
-        worlds.delete(id);
+    let stop = (): void => undefined, gone = false;
+    void import("../scene").then(({ View, World }) => {
+      if (gone) return;
+      const worldOf = (id: string): World => {
+        let world = worlds.get(id);
+        if (!world) worlds.set(id, (world = new World()));
+        return world;
+      };
+      const cells = (): { world: World; box: DOMRect }[] => {
+        const elements = [...grid.current!.querySelectorAll<HTMLElement>("[data-cell]")];
+        for (const [id, world] of worlds) {
+          if (elements.some((element) => element.dataset["cell"] === id)) continue;
+          world.dispose();
+          worlds.delete(id);
+        }
+        return elements.map((element) => ({ world: worldOf(element.dataset["cell"]!), box: element.getBoundingClientRect() }));
+      };
+      const view: ViewOf<World> = new View<World>(canvas.current!, null, cells);
+      const follow = onFrame((frame) => {
+        if (document.visibilityState === "hidden" || !worlds.has(frame.device)) return view.ask();
+        worldOf(frame.device).set(attitudes(frame).filter((b) => b.solid));
+        view.ask();
+      });
+      for (const device of state.devices) {
+        const latest = historyOf(device.id).latest;
+        if (latest) worldOf(device.id).set(attitudes(latest).filter((b) => b.solid));
       }
-      return elements.map((element) => ({ world: worldOf(element.dataset["cell"]!), box: element.getBoundingClientRect() }));
-    };
-    let view: View;
-    try {
-      view = new View<World>(canvas.current!, null, cells);
-    } catch {
-      return;
-    }
-    const stop = onFrame((frame) => {
-      if (document.visibilityState === "hidden" || !worlds.has(frame.device)) return view.ask();
-      worldOf(frame.device).set(attitudes(frame).filter((b) => b.solid));
+      const scrolled = (): void => view.ask();
+      grid.current!.parentElement!.addEventListener("scroll", scrolled);
       view.ask();
-    });
-    for (const device of state.devices) {
-      const latest = historyOf(device.id).latest;
-      if (latest) worldOf(device.id).set(attitudes(latest).filter((b) => b.solid));
-    }
-    const scrolled = (): void => view.ask();
-    grid.current!.parentElement!.addEventListener("scroll", scrolled);
-    view.ask();
+      stop = () => {
+        follow();
+        view.close();
+      };
+    }).catch(() => undefined);
     return () => {
+      gone = true;
       stop();
-      view.close();
       for (const world of worlds.values()) world.dispose();
     };
   }, []);

@@ -1,7 +1,8 @@
 // Steps 5 to 7: move, come back, and compare the calculated with the estimated error.
 
 import { useEffect, useRef, useState } from "preact/hooks";
-import { angleBetween, mainEstimate, mainName } from "../history";
+import { angleBetween } from "../attitude";
+import { mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
 import { aids, goTo, historyOf, receives, rowsOf, send, state, titleOf, update } from "../store";

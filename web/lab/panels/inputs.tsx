@@ -3,6 +3,8 @@
 import { useState } from "preact/hooks";
 import { DraftInput } from "../draft";
 import { send, state } from "../store";
+import { t } from "../t";
+import { said } from "../words";
 
 const TONES: Record<string, string> = { connected: "good", connecting: "idle", waiting: "info", failed: "bad" };
 
@@ -18,20 +20,20 @@ export function Inputs() {
   };
   return (
     <details class="inputs" open={state.inputs.length > 0}>
-      <summary>Apps with a server, boards on a line</summary>
+      <summary>{t("inputs.title")}</summary>
       <div class="stack">
-        <label class="field">Kind
+        <label class="field">{t("inputs.kind")}
           <select value={chosen.kind} onChange={(e) => setKind(e.currentTarget.value)}>{kinds.map((k) => <option key={k.kind} value={k.kind}>{k.title ?? k.kind}</option>)}</select>
         </label>
-        <label class="field">Address <DraftInput value={address} change={setAddress} placeholder={chosen.example ?? ""} /></label>
-        <p class="small">{chosen.hint}</p>
-        <button type="button" onClick={add}>Add this input</button>
+        <label class="field">{t("inputs.address")} <DraftInput value={address} change={setAddress} placeholder={chosen.example ?? ""} /></label>
+        <p class="small">{said(chosen.hint)}</p>
+        <button type="button" onClick={add}>{t("inputs.add")}</button>
         <ul class="stack">
           {state.inputs.map((input) => (
             <li key={input.id} class={`input ${TONES[input.state] ?? "idle"}`} data-input={input.id}>
               <b>{kinds.find((k) => k.kind === input.kind)?.title ?? input.kind}</b> <code>{input.address}</code>
-              <span aria-live="polite">{input.text}</span>
-              <button type="button" class="link" onClick={() => send({ type: "input", action: "remove", id: input.id })}>Remove</button>
+              <span aria-live="polite">{said(input.text)}</span>
+              <button type="button" class="link" onClick={() => send({ type: "input", action: "remove", id: input.id })}>{t("remove")}</button>
             </li>
           ))}
         </ul>

@@ -2,45 +2,46 @@
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { Device, MagnetometerFit } from "../protocol";
-import { View } from "../scene";
-import { Sphere } from "../sphere";
+import type { View as ViewOf } from "../scene";
+import type { Sphere } from "../sphere";
 import { onChange, send, sensorOf, state } from "../store";
-import { number, pretty } from "../words";
+import { t } from "../t";
+import { number, said } from "../words";
 
 export function Magnetometer({ device }: { device: Device }) {
   const told = state.magnetometers[device.id];
   const running = told?.state === "running";
   const order = (action: "start" | "finish" | "cancel" | "discard"): void => send({ type: "calibrate_magnetometer", device: device.id, action });
-  if (device.rates_hz["magnetometer"] === undefined) return <p>This device sends no magnetometer samples: there is nothing to calibrate.</p>;
+  if (device.rates_hz["magnetometer"] === undefined) return <p>{t("mag.none")}</p>;
   return (
     <>
-      <p>Iron in the phone shifts the field it measures (hard iron) and bends it (soft iron). Turned all over on one spot, the samples lie on an ellipsoid: its centre and shape take both away.</p>
+      <p>{t("mag.iron")}</p>
       {running ? (
         <>
           <Coverage fraction={told.coverage?.fraction ?? 0} />
-          <p class="hint" aria-live="polite">{told.hint ?? "Turn it slowly about all of its axes, on the spot."}</p>
+          <p class="hint" aria-live="polite">{said(told.hint ?? "") || t("mag.turn")}</p>
           <div class="buttons">
-            <button type="button" class={told.verdict?.tone === "good" ? "primary" : ""} onClick={() => order("finish")}>Finish</button>
-            <button type="button" onClick={() => order("cancel")}>Cancel</button>
+            <button type="button" class={told.verdict?.tone === "good" ? "primary" : ""} onClick={() => order("finish")}>{t("mag.finish")}</button>
+            <button type="button" onClick={() => order("cancel")}>{t("cancel")}</button>
           </div>
         </>
       ) : (
         <button type="button" class={device.magnetometer ? "" : "primary"} disabled={device.is_experimenting || !device.delivers || sensorOf(device, "magnetometer")?.delivery !== "delivers"} onClick={() => order("start")}>
-          {device.magnetometer ? "Calibrate again" : "Start turning"}
+          {device.magnetometer ? t("calibrate.again") : t("mag.start")}
         </button>
       )}
       {told?.verdict && (running || told.state === "done") && (
-        <div class={`verdict ${told.verdict.tone}`}><b>{running ? "So far" : "Calibrated"}</b><span>{pretty(told.verdict.text)}</span></div>
+        <div class={`verdict ${told.verdict.tone}`}><b>{running ? t("mag.sofar") : t("calibrate.done")}</b><span>{said(told.verdict.text)}</span></div>
       )}
       {running && told.fit && <Numbers fit={told.fit} />}
       {!running && device.magnetometer && (
         <>
           <Numbers fit={device.magnetometer} />
           <div class="buttons downloads">
-            <a href={`/api/devices/${encodeURIComponent(device.id)}/magnetometer.toml`} download="">Save as TOML</a>
-            <button type="button" disabled={device.is_experimenting} onClick={() => order("discard")}>Discard</button>
+            <a href={`/api/devices/${encodeURIComponent(device.id)}/magnetometer.toml`} download="">{t("mag.save")}</a>
+            <button type="button" disabled={device.is_experimenting} onClick={() => order("discard")}>{t("mag.discard")}</button>
           </div>
-          <p class="small">In force for every sample since. Phones that calibrate themselves while you turn them do it again: compare before and after.</p>
+          <p class="small">{t("mag.inForce")}</p>
         </>
       )}
     </>
@@ -50,8 +51,8 @@ export function Magnetometer({ device }: { device: Device }) {
 function Coverage({ fraction }: { fraction: number }) {
   return (
     <div class="coverage">
-      <progress max="1" value={fraction} aria-label="Share of the sphere seen" />
-      <output>{(fraction * 100).toFixed(0)} % seen</output>
+      <progress max="1" value={fraction} aria-label={t("mag.share")} />
+      <output>{t("mag.seen", { percent: (fraction * 100).toFixed(0) })}</output>
     </div>
   );
 }
@@ -59,18 +60,18 @@ function Coverage({ fraction }: { fraction: number }) {
 function Numbers({ fit }: { fit: MagnetometerFit }) {
   const length = Math.hypot(...fit.hard_iron_ut);
   const rows: [string, string, string][] = [
-    ["Strength of the field", "µT", number(fit.field_strength_ut, 1)],
-    ["Hard iron, length", "µT", number(length, 1)],
-    ["Residual", "µT", number(fit.residual_std_ut, 2)],
-    ["Scatter before", "µT", number(fit.uncalibrated_norm_std_ut, 2)],
+    [t("mag.strength"), "µT", number(fit.field_strength_ut, 1)],
+    [t("mag.hardLength"), "µT", number(length, 1)],
+    [t("mag.residual"), "µT", number(fit.residual_std_ut, 2)],
+    [t("mag.before"), "µT", number(fit.uncalibrated_norm_std_ut, 2)],
   ];
   return (
     <table class="compact numbers">
-      <thead><tr><th scope="col">{fit.model === "ellipsoid" ? "Ellipsoid" : "Sphere"}</th>{["x", "y", "z"].map((a) => <th key={a} scope="col" class="num">{a}</th>)}</tr></thead>
+      <thead><tr><th scope="col">{fit.model === "ellipsoid" ? t("mag.ellipsoid") : t("mag.sphere")}</th>{["x", "y", "z"].map((a) => <th key={a} scope="col" class="num">{a}</th>)}</tr></thead>
       <tbody>
-        <tr data-value="hard-iron"><th scope="row">Hard iron <small>µT</small></th>{fit.hard_iron_ut.map((v, i) => <td key={i} class="num">{number(v, 1)}</td>)}</tr>
+        <tr data-value="hard-iron"><th scope="row">{t("mag.hard")} <small>µT</small></th>{fit.hard_iron_ut.map((v, i) => <td key={i} class="num">{number(v, 1)}</td>)}</tr>
         {fit.model === "ellipsoid" && fit.soft_iron.map((row, k) => (
-          <tr key={k}><th scope="row">{k === 0 ? "Soft iron" : ""}</th>{row.map((v, i) => <td key={i} class="num">{number(v, 3)}</td>)}</tr>
+          <tr key={k}><th scope="row">{k === 0 ? t("mag.soft") : ""}</th>{row.map((v, i) => <td key={i} class="num">{number(v, 3)}</td>)}</tr>
         ))}
         {rows.map(([name, unit, value]) => <tr key={name}><th scope="row">{name} <small>{unit}</small></th><td colSpan={3} class="num">{value}</td></tr>)}
       </tbody>
@@ -83,39 +84,41 @@ export function CoverageSphere({ device }: { device: string }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [failed, setFailed] = useState(false);
   useEffect(() => {
-    let view: View<Sphere>;
-    try {
-      view = new View(canvas.current!, new Sphere());
-    } catch {
-      setFailed(true);
-      return;
-    }
-    let shown: unknown = null;
-    const show = (): void => {
-      const told = state.magnetometers[device];
-      if (told && told !== shown) view.world!.show(told);
-      shown = told;
-      view.ask();
-    };
-    show();
-    const stop = onChange(show);
+    let stop = (): void => undefined, gone = false;
+    void Promise.all([import("../scene"), import("../sphere")]).then(([{ View }, { Sphere }]) => {
+      if (gone) return;
+      const view: ViewOf<Sphere> = new View(canvas.current!, new Sphere());
+      let shown: unknown = null;
+      const show = (): void => {
+        const told = state.magnetometers[device];
+        if (told && told !== shown) view.world!.show(told);
+        shown = told;
+        view.ask();
+      };
+      show();
+      const follow = onChange(show);
+      stop = () => {
+        follow();
+        view.close();
+      };
+    }).catch(() => setFailed(true));
     return () => {
+      gone = true;
       stop();
-      view.close();
     };
   }, [device]);
   const told = state.magnetometers[device];
   return (
     <div class="view3d">
-      <canvas ref={canvas} role="img" aria-label="The sphere of directions about the device: filled where the field has been seen from. Drag to look from elsewhere." />
-      {failed && <p class="empty">This browser shows no 3-D graphics (WebGL is off). The words and numbers on the right are enough.</p>}
+      <canvas ref={canvas} role="img" aria-label={t("mag.canvas")} />
+      {failed && <p class="empty">{t("mag.noWebgl")}</p>}
       <ul class="sphere-legend">
-        <li><span class="swatch" style={{ "--role": "var(--good)" }} /> directions seen</li>
-        <li><span class="swatch dot" style={{ "--role": "var(--s1)" }} /> samples; the large one is now</li>
-        <li><span class="swatch ghost" style={{ "--role": "var(--estimate)" }} /> fitted surface</li>
-        {told?.fit && <li><span class="swatch dashed" style={{ "--role": "var(--ink)" }} /> hard iron, from zero field</li>}
+        <li><span class="swatch" style={{ "--role": "var(--good)" }} /> {t("mag.directions")}</li>
+        <li><span class="swatch dot" style={{ "--role": "var(--ink)" }} /> {t("mag.samples")}</li>
+        <li><span class="swatch ghost" style={{ "--role": "var(--accent)" }} /> {t("mag.surface")}</li>
+        {told?.fit && <li><span class="swatch dashed" style={{ "--role": "var(--ink)" }} /> {t("mag.fromZero")}</li>}
       </ul>
-      {!told?.coverage && <p class="empty">Press Start turning: each direction the field comes from fills a cell.</p>}
+      {!told?.coverage && <p class="empty">{t("mag.press")}</p>}
     </div>
   );
 }

@@ -3,9 +3,11 @@
 import { useEffect, useState } from "preact/hooks";
 import type { Listed } from "../protocol";
 import { isOld, state, update } from "../store";
+import { type Key, t } from "../t";
+import { said } from "../words";
 
-const LIGHTS: Record<string, { tone: string; text: string }> = {
-  idle: { tone: "idle", text: "Ready" }, on: { tone: "bad", text: "" }, off: { tone: "idle", text: "Off" }, failed: { tone: "bad", text: "Failed" },
+const LIGHTS: Record<string, { tone: string; text: Key }> = {
+  idle: { tone: "idle", text: "light.ready" }, on: { tone: "bad", text: "light.on" }, off: { tone: "idle", text: "light.off" }, failed: { tone: "bad", text: "light.failed" },
 };
 
 function clock(seconds: number): string {
@@ -24,11 +26,11 @@ export function RecordingLight() {
   const old = isOld();
   return (
     <button
-      type="button" class={old ? "recording idle" : `recording ${light.tone} ${recording.state}`} title={old ? "Connection lost" : recording.text} aria-label={`Recording: ${old ? "connection lost" : recording.text}`}
+      type="button" class={old ? "recording idle" : `recording ${light.tone} ${recording.state}`} title={old ? t("connectionLost") : said(recording.text)} aria-label={`${t("light.on")}: ${old ? t("connectionLost") : said(recording.text)}`}
       onClick={() => update((s) => { s.view = "lab"; s.lower = "recordings"; })}
     >
       <span aria-hidden="true" />
-      {old ? "–" : recording.state === "on" ? clock(recording.seconds) : light.text}
+      {old ? "–" : recording.state === "on" ? clock(recording.seconds) : t(light.text)}
     </button>
   );
 }
@@ -42,13 +44,13 @@ export function Recordings() {
     fetch("/api/recordings").then((r) => r.json()).then((all: Listed[]) => gone || setListed(all), () => gone || setListed([]));
     return () => void (gone = true);
   }, [recording?.state, recording?.file]);
-  if (!listed) return <p class="empty">Looking for recordings.</p>;
+  if (!listed) return <p class="empty">{t("recordings.looking")}</p>;
   return (
     <div class="scroll">
-      {recording && <div class={`verdict ${recording.state === "failed" ? "bad" : recording.state === "on" ? "good" : "idle"}`}><b>{recording.state === "on" ? "Recording" : LIGHTS[recording.state]?.text}</b><span>{recording.text}</span></div>}
-      {listed.length === 0 ? <p class="empty">No recording yet: one begins with the first sample.</p> : (
+      {recording && <div class={`verdict ${recording.state === "failed" ? "bad" : recording.state === "on" ? "good" : "idle"}`}><b>{t((LIGHTS[recording.state] ?? LIGHTS["off"]!).text)}</b><span>{said(recording.text)}</span></div>}
+      {listed.length === 0 ? <p class="empty">{t("recordings.none")}</p> : (
         <table class="experiments">
-          <thead><tr><th scope="col">Recording</th><th scope="col">Begun</th><th scope="col">Devices</th><th scope="col" class="num">Size</th><th scope="col">State</th></tr></thead>
+          <thead><tr><th scope="col">{t("recordings.name")}</th><th scope="col">{t("recordings.begun")}</th><th scope="col">{t("devices")}</th><th scope="col" class="num">{t("recordings.size")}</th><th scope="col">{t("recordings.state")}</th></tr></thead>
           <tbody>
             {listed.map((one) => (
               <tr key={one.name} data-recording={one.name}>
@@ -56,7 +58,7 @@ export function Recordings() {
                 <td>{one.start ?? "–"}</td>
                 <td class="wide">{one.devices.join(", ") || "–"}</td>
                 <td class="num">{size(one.name === recording?.file ? recording.bytes : one.bytes)}</td>
-                <td>{one.finished ? "complete" : one.name === recording?.file ? "being written" : "broken off; can be read"}</td>
+                <td>{one.finished ? t("recordings.complete") : one.name === recording?.file ? t("recordings.written") : t("recordings.broken")}</td>
               </tr>
             ))}
           </tbody>

@@ -3,6 +3,8 @@
 import { useFrame } from "../live";
 import type { Device } from "../protocol";
 import { receives, silenceOf } from "../store";
+import { t } from "../t";
+import { said } from "../words";
 
 const STILL_DEG_S = 3;
 
@@ -14,8 +16,8 @@ export function Stillness({ device }: { device: Device }) {
   return (
     <div class={`verdict ${rate === null ? "idle" : still ? "good" : "warn"}`} data-stillness={rate === null ? "waiting" : still ? "rest" : "moving"}>
       {/* Only the word is read aloud, when it changes; the number changes all the time. */}
-      <b aria-live="polite">{rate === null ? "Waiting" : still ? "At rest" : "Moving"}</b>
-      <span>{rate === null ? "No readings yet." : `It turns at ${rate.toFixed(1)} deg/s.`}</span>
+      <b aria-live="polite">{rate === null ? t("still.waiting") : still ? t("still.rest") : t("still.moving")}</b>
+      <span>{rate === null ? t("still.none") : t("still.rate", { rate: rate.toFixed(1) })}</span>
     </div>
   );
 }
@@ -24,8 +26,8 @@ export function Stillness({ device }: { device: Device }) {
 export function Silence({ device }: { device: Device }) {
   return (
     <div class="verdict bad" data-stillness="nothing">
-      <b aria-live="polite">Nothing received</b>
-      <span>{silenceOf(device)}</span>
+      <b aria-live="polite">{t("nothingReceived")}</b>
+      <span>{said(silenceOf(device))}</span>
     </div>
   );
 }

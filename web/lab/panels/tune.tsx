@@ -3,8 +3,10 @@
 import { AllParameters, Sliders } from "../parameters";
 import { LiveText } from "../live";
 import type { Device, Settings, Surroundings, Use } from "../protocol";
-import { aids, changeHere, goTo, offers, send, sensorOf, settingsOf, state, useOf } from "../store";
+import { aids, changeHere, goTo, offers, send, sensorOf, settingsOf, state, titleOf, useOf } from "../store";
+import { t } from "../t";
 import { nameOf, roleOf } from "../theme";
+import { said } from "../words";
 
 export function Tune({ device }: { device: Device }) {
   const settings = settingsOf(device.id);
@@ -22,25 +24,25 @@ export function Tune({ device }: { device: Device }) {
   };
   return (
     <>
-      <p>Q says how fast the estimate may be wrong by itself, R how far each sensor may be wrong. Watch the lamps: they say when a number of the subject is not consistent.</p>
-      <div class="buttons" role="group" aria-label="Start from">
-        <button type="button" onClick={() => apply({}, "lab")}>As at rest</button>
-        <button type="button" onClick={() => apply({}, "hand-held")}>Hand-held</button>
+      <p>{t("tune.what")}</p>
+      <div class="buttons" role="group" aria-label={t("tune.from")}>
+        <button type="button" onClick={() => apply({}, "lab")}>{t("tune.rest")}</button>
+        <button type="button" onClick={() => apply({}, "hand-held")}>{t("tune.hand")}</button>
       </div>
       <Sliders settings={settings} tuned={tuned} change={(name, value) => apply({ [name]: value })} />
       <fieldset class="toggles">
-        <legend>Sensors used</legend>
-        <Switch sensor="gyroscope" title="Gyroscope" checked why="Every estimator needs it." />
-        {aids().map(({ sensor, switch: key, title }) => {
+        <legend>{t("tune.sensors")}</legend>
+        <Switch sensor="gyroscope" title={t("sensor.gyroscope")} checked why={t("tune.needed")} />
+        {aids().map(({ sensor, switch: key }) => {
           const why = missingOf(device, sensor);
-          return <Switch key={sensor} sensor={sensor} title={title} checked={!why && use[key as keyof Use]} why={why} toggle={() => toggle(key as keyof Use)} />;
+          return <Switch key={sensor} sensor={sensor} title={titleOf(sensor)} checked={!why && use[key as keyof Use]} why={why} toggle={() => toggle(key as keyof Use)} />;
         })}
-        {notes(device).map((text) => <p key={text} class="small">{text}</p>)}
+        {notes(device).map((text) => <p key={text} class="small">{said(text)}</p>)}
       </fieldset>
       {offers("estimators") && <Estimators device={device} />}
       {(state.estimators[device.id] ?? device.estimators ?? []).includes(BOUNDED) && <SurroundingsTable device={device.id} />}
       <AllParameters settings={settings} tuned={tuned} change={(name, value) => apply({ [name]: value })} />
-      <button type="button" class="primary" onClick={() => goTo("experiment")}>Next: experiment</button>
+      <button type="button" class="primary" onClick={() => goTo("experiment")}>{t("tune.next")}</button>
     </>
   );
 }
@@ -57,7 +59,7 @@ const notes = (device: Device): string[] => aids().filter((aid) => aid.is_usual 
 /** One that does nothing is grey and says why. */
 function Switch({ sensor, title, checked, why, toggle }: { sensor: string; title: string; checked: boolean; why: string | null; toggle?: () => void }) {
   return (
-    <label class={why ? "off" : ""} title={why ?? undefined}>
+    <label class={why ? "off" : ""} title={why ? said(why) : undefined}>
       <input type="checkbox" data-sensor={sensor} checked={checked} disabled={why !== null} onChange={toggle} /> {title}
     </label>
   );
@@ -75,11 +77,11 @@ function SurroundingsTable({ device }: { device: string }) {
   );
   return (
     <table class="compact surroundings">
-      <caption><b>{nameOf(BOUNDED)}</b>: what it finds out</caption>
+      <caption><b>{nameOf(BOUNDED)}</b>: {t("tune.finds")}</caption>
       <tbody>
-        {row("Hard iron", "iron", ironInWords)}
-        {row("Field", "field", fieldInWords)}
-        {row("Motion", "motion", (s) => (s.is_resting ? "rests: the rate is the bias" : "moves"))}
+        {row(t("mag.hard"), "iron", ironInWords)}
+        {row(t("tune.field"), "field", fieldInWords)}
+        {row(t("virtual.motion"), "motion", (s) => t(s.is_resting ? "tune.rests" : "tune.moves"))}
       </tbody>
     </table>
   );
@@ -87,7 +89,7 @@ function SurroundingsTable({ device }: { device: string }) {
 
 /** x, y, z and the worst standard deviation, microtesla. */
 function ironInWords({ hard_iron_ut: iron, hard_iron_std_ut: std }: Surroundings): string {
-  if (!iron || !std) return "not estimated: taken as calibrated";
+  if (!iron || !std) return t("tune.asCalibrated");
   const signed = iron.map((v) => { const size = Math.abs(v).toFixed(1); return `${v < 0 && size !== "0.0" ? "−" : "+"}${size}`; }).join(" ");
   return `${signed} ±${Math.max(...std).toFixed(1)} µT`;
 }
@@ -96,9 +98,9 @@ function ironInWords({ hard_iron_ut: iron, hard_iron_std_ut: std }: Surroundings
 const DOUBTFUL = 2, DISTURBED = 5;
 
 function fieldInWords({ field_variance_factor: factor }: Surroundings): string {
-  if (factor === null) return "no magnetometer";
-  const word = factor < DOUBTFUL ? "as expected" : factor < DISTURBED ? "doubtful" : "disturbed";
-  return `${word}, variance × ${factor.toFixed(1)}`;
+  if (factor === null) return t("tune.noMagnetometer");
+  const word = t(factor < DOUBTFUL ? "tune.expected" : factor < DISTURBED ? "tune.doubtful" : "tune.disturbed");
+  return t("tune.variance", { word, factor: factor.toFixed(1) });
 }
 
 /** Every estimator with its ghost; one that is off costs nothing. */
@@ -112,13 +114,13 @@ function Estimators({ device }: { device: Device }) {
   };
   return (
     <fieldset class="estimators">
-      <legend>Estimators</legend>
+      <legend>{t("plots.estimators")}</legend>
       {all.map((e) => (
         <label key={e.name}>
           <input type="checkbox" data-estimator-choice={e.name} checked={running.has(e.name)} disabled={running.size === 1 && running.has(e.name)} onChange={() => toggle(e.name)} />
           <span class={`swatch ${e.name === device.subject ? "" : "ghost"}`} style={{ "--role": `var(--${roleOf(e.name)})` }} />
-          <b>{nameOf(e.name)}{e.name === device.subject ? " (subject)" : ""}</b>
-          <small>{e.summary}</small>
+          <b>{nameOf(e.name)}{e.name === device.subject ? ` (${t("subject").toLowerCase()})` : ""}</b>
+          <small>{said(e.summary)}</small>
         </label>
       ))}
     </fieldset>

@@ -1,8 +1,7 @@
 // Step 8: the same recording with other numbers, at once; and the curve that shows where tuning is consistent.
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
-import type uPlot from "uplot";
-import { Chart, type ChartSpec, type Rule } from "../chart";
+import { type Rule, type Spec, Still, columns } from "../chart";
 import { AllParameters, curveChoices, degreesOf, Sliders, type Tuned } from "../parameters";
 import type { ExperimentRow, Settings, WhatIf as Message } from "../protocol";
 import { aids, goTo, rowsOf, send, state, titleOf, update } from "../store";
@@ -117,22 +116,21 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
   );
 }
 
-const traceSpec = (subject: string): ChartSpec => ({
-  title: `${nameOf(subject)}, run again`, unit: "deg", leastSpan: 4,
-  legend: [{ text: "yaw", role: "s0" }, { text: "pitch", role: "s1" }, { text: "roll", role: "s2" }],
-  lines: [{ role: "s0" }, { role: "s1" }, { role: "s2" }],
+const traceSpec = (subject: string): Spec => ({
+  id: "what-if angles", title: `${nameOf(subject)}, run again`, unit: "deg", across: "time, s", leastSpan: 4,
+  curves: [{ label: "yaw", role: "z" }, { label: "pitch", role: "y" }, { label: "roll", role: "x" }],
 });
-const errorSpec = (truth: boolean): ChartSpec => ({
-  title: truth ? "Error against truth" : "Expected error, 1σ", unit: "deg", leastSpan: 0.5,
-  legend: [{ text: truth ? "error" : "σ", role: "estimate" }], lines: [{ role: "estimate" }],
+const errorSpec = (truth: boolean): Spec => ({
+  id: "what-if error", title: truth ? "Error against truth" : "Expected error, 1σ", unit: "deg", across: "time, s", leastSpan: 0.5,
+  curves: [{ label: truth ? "error" : "σ", role: "ink" }],
 });
-/** The line of a sensor: the place in the table of sensors is its colour. */
-const roleOfSensor = (sensor: string): string => `s${1 + aids().findIndex((aid) => aid.sensor === sensor)}`;
+/** The line of a sensor: its place in the table of sensors is its dash. */
+const DASHES = [undefined, [7, 3], [2, 3]];
+const dashOfSensor = (sensor: string): number[] | undefined => DASHES[aids().findIndex((aid) => aid.sensor === sensor)];
 
-const curveSpec = (text: string, sensors: string[], value: () => number | null, rules: () => Rule[]): ChartSpec => ({
-  title: "NIS", unit: `over ${text}`, logX: true, logY: true,
-  legend: [...sensors.map((s) => ({ text: titleOf(s).toLowerCase().slice(0, 3), role: roleOfSensor(s) })), { text: "error°", role: "estimate", dash: true }],
-  lines: [...sensors.map((s) => ({ role: roleOfSensor(s), width: 2.2 })), { role: "estimate", dash: true, width: 2.2 }],
+const curveSpec = (text: string, sensors: string[], value: () => number | null, rules: () => Rule[]): Spec => ({
+  id: "what-if curve", title: "NIS and error", unit: "", across: text, logX: true, logY: true, leastRange: [0.3, 10],
+  curves: [...sensors.map((s) => ({ label: titleOf(s).toLowerCase(), role: "ink", ...(dashOfSensor(s) ? { dash: dashOfSensor(s)! } : {}), width: 2 })), { label: "error, deg", role: "refused", width: 2 }],
   rules,
   mark: value,
 });
@@ -153,32 +151,22 @@ export function WhatIfPlots() {
   const trace = message?.trace ?? null;
   // It comes after the answer; until then the one before stays.
   const curve = state.curve && state.curve.id === message?.id ? state.curve.curve : null;
-  const angles = useMemo(() => {
-    const columns = [trace?.t_s ?? [], ...[0, 1, 2].map((i) => trace?.angles_deg.map((r) => r[i]!) ?? [])] as uPlot.AlignedData;
-    return () => columns;
-  }, [trace]);
+  const angles = useMemo(() => columns([trace?.t_s ?? [], ...[0, 1, 2].map((i) => trace?.angles_deg.map((r) => r[i]!) ?? [])]), [trace]);
   const truth = !!trace?.error_deg;
-  const errors = useMemo(() => {
-    const values = trace?.error_deg ?? trace?.std_deg?.map((s) => Math.hypot(...s));
-    const columns = [trace?.t_s ?? [], values ?? []] as uPlot.AlignedData;
-    return () => columns;
-  }, [trace]);
+  const errors = useMemo(() => columns([trace?.t_s ?? [], trace?.error_deg ?? trace?.std_deg?.map((s) => Math.hypot(...s)) ?? []]), [trace]);
   const errorOf = useMemo(() => errorSpec(truth), [truth]);
   const traceOf = useMemo(() => traceSpec(message?.subject ?? ""), [message?.subject]);
-  const sensors = Object.keys(curve?.nis ?? {}).sort((a, b) => roleOfSensor(a).localeCompare(roleOfSensor(b)));
+  const sensors = aids().map((aid) => aid.sensor as string).filter((s) => curve?.nis[s]);
   const row = state.rows.find((r) => r.id === message?.id);
   const over = (row && curveChoices(tunedOf(row)).find((c) => c.name === curve?.parameter)?.text) ?? curve?.parameter ?? "";
   const spec = useMemo(() => curveSpec(over, sensors, () => Number(asked[curve?.parameter ?? ""]) || null, () => consistent(sensors)), [over, curve?.parameter, sensors.join()]);
-  const curveData = useMemo(() => {
-    const columns = [curve?.values ?? [], ...sensors.map((s) => curve!.nis[s]!.map(positive)), curve?.error_deg.map(positive) ?? []] as uPlot.AlignedData;
-    return () => columns;
-  }, [curve]);
+  const curveData = useMemo(() => columns([curve?.values ?? [], ...sensors.map((s) => curve!.nis[s]!.map(positive)), curve?.error_deg.map(positive) ?? []]), [curve]);
   if (!message) return <p class="empty">{state.rows.length ? "Move a slider on the right: the recording runs again at once." : "What-if needs an experiment first."}</p>;
   return (
     <div class="plots what-if-plots">
-      <Chart spec={traceOf} data={angles} />
-      {curve && <Chart spec={spec} data={curveData} />}
-      <Chart spec={errorOf} data={errors} />
+      <Still spec={traceOf} data={angles} />
+      {curve && <Still spec={spec} data={curveData} />}
+      <Still spec={errorOf} data={errors} />
     </div>
   );
 }

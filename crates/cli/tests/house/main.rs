@@ -61,7 +61,7 @@ fn check(paths: Vec<PathBuf>, at_least: usize, rule: impl Fn(&Path, &str) -> Vec
 /// The floor of one of our crates.
 fn floor(name: &str) -> Option<u8> {
     match name {
-        "northing-core" => Some(0),
+        "northing-core" | "northing-pages" => Some(0),
         "northing-recording" | "northing-simulation" => Some(1),
         "northing-evaluation" => Some(2),
         "northing-experiments" => Some(3),

@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use super::aids::{STOPPED_S, SensorStatus};
 use super::bounded_velocity::Surroundings;
+use super::raw::Series;
 use super::subject::TruthError;
 use super::{DeviceSession, health};
 use northing_evaluation::statistics::lamp::{Lamp, Remark};
@@ -31,6 +32,10 @@ pub struct Estimate {
     pub angles_deg: [f64; 3],
     /// Gyroscope bias, deg/s, where it is estimated.
     pub bias_deg_s: Option<[f64; 3]>,
+    /// Its standard deviation, deg/s.
+    pub bias_std_deg_s: Option<[f64; 3]>,
+    /// Covariance of the attitude error, body axes, deg^2, rows first; null without a covariance.
+    pub covariance_deg2: Option<[[f64; 3]; 3]>,
     /// What the bounded-velocity filter knows beside it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, ts(optional))]
@@ -66,6 +71,9 @@ pub struct InnovationPoint {
     /// `fused`, `inflated`, `gated` or `skipped`.
     #[cfg_attr(test, ts(type = "\"fused\" | \"inflated\" | \"gated\" | \"skipped\""))]
     pub outcome: &'static str,
+    /// Kalman gain in the space of the measurement, `H P H^T S^-1`, mean over the two directions that a vector shows:
+    /// 1 follows the sample, 0 the prediction; null where the estimator is not of this form.
+    pub gain: Option<f64>,
 }
 
 impl InnovationPoint {
@@ -73,6 +81,7 @@ impl InnovationPoint {
     #[must_use]
     pub fn new(sensor: SensorKind, t_s: f64, innovation: &Innovation<f64>) -> Self {
         Self {
+            gain: None,
             sensor,
             t_s,
             residual: innovation.residual.into(),
@@ -102,6 +111,11 @@ pub struct Frame {
     pub between_deg: BTreeMap<String, f64>,
     /// The last angular rate as measured, rad/s.
     pub rate_rad_s: [f64; 3],
+    /// Samples of gyroscope (rad/s), accelerometer (m/s^2) and magnetometer (microtesla) since the last frame: seconds since
+    /// the device's first sample, x, y, z. Only for pages that watch this device.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[cfg_attr(test, ts(as = "Option<_>", optional))]
+    pub samples: Series,
     /// Innovations of the subject since the last frame.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub innovations: Vec<InnovationPoint>,
@@ -151,7 +165,7 @@ pub struct SessionStatus {
 fn estimate(
     q: &UnitQuaternion<f64>,
     covariance: Option<Matrix3<f64>>,
-    bias: Option<Vector3<f64>>,
+    bias: Option<(Vector3<f64>, Matrix3<f64>)>,
 ) -> Estimate {
     let std = |p: Matrix3<f64>| -> [f64; 3] {
         let angles = angles_covariance(q, &p);
@@ -164,7 +178,15 @@ fn estimate(
         q: rotation::to_wxyz(q),
         std_deg: covariance.map(std),
         angles_deg: rotation::to_yaw_pitch_roll(q).map(f64::to_degrees),
-        bias_deg_s: bias.map(|b| b.map(f64::to_degrees).into()),
+        bias_deg_s: bias.map(|(b, _)| b.map(f64::to_degrees).into()),
+        bias_std_deg_s: bias.map(|(_, p)| {
+            let std = p.diagonal().map(|v| v.max(0.0).sqrt().to_degrees());
+            std.into()
+        }),
+        covariance_deg2: covariance.map(|p| {
+            let scale = 1_f64.to_degrees().powi(2);
+            [0, 1, 2].map(|i| [0, 1, 2].map(|j| p[(i, j)] * scale))
+        }),
         surroundings: None,
     }
 }
@@ -176,7 +198,7 @@ impl DeviceSession {
         let mut estimates = BTreeMap::new();
         for track in self.tracks.iter().filter(|t| t.driver.is_started()) {
             let estimator = &track.driver.estimator;
-            let bias = estimator.gyroscope_bias().map(|(bias, _)| bias);
+            let bias = estimator.gyroscope_bias();
             let q = estimator.attitude();
             let covariance = estimator.attitude_covariance();
             let mut estimate = estimate(&q, covariance, bias);
@@ -211,6 +233,7 @@ impl DeviceSession {
             }),
             between_deg: self.between_deg(),
             rate_rad_s: self.rate_rad_s.into(),
+            samples: self.raw.take(),
             innovations: self.judged.take_innovations(),
             lamp: self.lamps(),
         }

@@ -13,6 +13,7 @@ pub mod frame;
 pub mod health;
 pub mod intake;
 pub mod magnetometer;
+pub mod raw;
 pub mod span;
 pub mod subject;
 pub mod track;
@@ -39,6 +40,7 @@ use experiment::{Experiment, ExperimentRun};
 use intake::{Admission, Intake};
 use magnetometer::{MagnetometerAction, MagnetometerRun};
 use northing_evaluation::statistics::lamp::{Remark, Tone};
+use raw::Raw;
 use subject::Judged;
 use track::Track;
 use waiting::Waiting;
@@ -83,6 +85,7 @@ pub struct DeviceSession {
     device: Option<UnitQuaternion<f64>>,
     truth: Option<UnitQuaternion<f64>>,
     judged: Judged,
+    raw: Raw,
     waiting: Waiting,
     calibration: Option<CalibrationRun>,
     experiment: Option<ExperimentRun>,
@@ -101,6 +104,7 @@ impl DeviceSession {
         options.check()?;
         let mut session = Self {
             judged: Judged::new(&options.config),
+            raw: Raw::default(),
             waiting: Waiting::default(),
             options,
             tracks: Vec::new(),
@@ -178,6 +182,8 @@ impl DeviceSession {
     fn take_one(&mut self, event: &Event, happenings: &mut Vec<Happening>) {
         self.first_ns.get_or_insert(event.time_ns);
         self.now_ns = self.now_ns.max(event.time_ns);
+        self.raw
+            .add(seconds_since(self.first_ns, event.time_ns), event);
         self.gather(event);
         let event = &self.calibrated(event);
         match event.sample {
@@ -282,7 +288,7 @@ impl DeviceSession {
             }
         }
         if let Some(innovation) = judged {
-            self.judge(sensor, time_ns, &innovation);
+            self.judge(event, &innovation);
         }
     }
 
@@ -346,6 +352,7 @@ impl DeviceSession {
 
     fn start_again(&mut self) {
         self.first_ns = None;
+        self.raw.clear();
         self.now_ns = i64::MIN;
         self.last_gyroscope_ns = None;
         self.estimate_ns = i64::MIN;

@@ -9,7 +9,7 @@ use northing_core::kalman::covariance::normalized_square;
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::statistics::faults::sentence_now;
-use northing_recording::SensorKind;
+use northing_recording::{Event, Sample, SensorKind};
 use serde::Serialize;
 
 use super::aids::{AIDS, Aid, Delivery};
@@ -141,13 +141,8 @@ impl Judged {
         };
     }
 
-    fn add(
-        &mut self,
-        sensor: SensorKind,
-        step: Option<f64>,
-        t_s: f64,
-        innovation: &Innovation<f64>,
-    ) {
+    fn add(&mut self, step: Option<f64>, point: InnovationPoint, innovation: &Innovation<f64>) {
+        let sensor = point.sensor;
         if let Some(index) = AIDS.iter().position(|aid| aid.sensor == sensor) {
             self.windows[index].add(innovation, step);
         }
@@ -155,8 +150,7 @@ impl Judged {
             // Nobody looks: the newest are worth more when somebody does.
             self.innovations.drain(..MOST_INNOVATIONS / 2);
         }
-        self.innovations
-            .push(InnovationPoint::new(sensor, t_s, innovation));
+        self.innovations.push(point);
     }
 
     /// The innovations since they were last asked for.
@@ -211,10 +205,15 @@ impl DeviceSession {
     }
 
     /// Takes an innovation of the subject.
-    pub(super) fn judge(&mut self, sensor: SensorKind, time_ns: i64, innovation: &Innovation<f64>) {
-        let t_s = seconds_since(self.first_ns, time_ns);
+    pub(super) fn judge(&mut self, event: &Event, innovation: &Innovation<f64>) {
+        let sensor = event.sample.kind();
+        let t_s = seconds_since(self.first_ns, event.time_ns);
         let step = self.intake.resolution_of(sensor);
-        self.judged.add(sensor, step, t_s, innovation);
+        let point = InnovationPoint {
+            gain: gain(self.subject(), &event.sample, innovation),
+            ..InnovationPoint::new(sensor, t_s, innovation)
+        };
+        self.judged.add(step, point, innovation);
     }
 
     fn subject_track(&self) -> Option<&Track> {
@@ -302,6 +301,27 @@ impl DeviceSession {
         }
         lamp
     }
+}
+
+/// Kalman gain in the space of the measurement, `H P H^T S^-1 = I - R S^-1`, mean over the two directions that a vector
+/// shows. The multiplicative filters measure `H = [v x]` with `R = r I`: along the predicted vector `v` nothing is learnt, so
+/// that `r` is the variance of the innovation there.
+fn gain(
+    subject: Option<EstimatorKind>,
+    sample: &Sample,
+    innovation: &Innovation<f64>,
+) -> Option<f64> {
+    let is_vector = innovation.degrees_of_freedom == 3;
+    if !is_vector || !matches!(subject?, EstimatorKind::Mekf | EstimatorKind::Mekf3) {
+        return None;
+    }
+    let (Sample::SpecificForce(measured) | Sample::MagneticField(measured)) = sample else {
+        return None;
+    };
+    let along = (measured - innovation.residual).try_normalize(f64::MIN_POSITIVE)?;
+    let variance = along.dot(&(innovation.covariance * along));
+    let inverse = innovation.covariance.try_inverse()?;
+    Some((3.0 - variance * inverse.trace()) / 2.0).filter(|gain| gain.is_finite())
 }
 
 /// The error of an estimate; where north is unknown that of the tilt alone, for any heading is as good.

@@ -6,7 +6,7 @@ use crate::drawing::curves::{angle_axis, curve, is_drawn, short, time_axis};
 use crate::drawing::plot::{Figure, Layer, Panel, Sign, key};
 use crate::drawing::rows::{Row, Rows};
 use crate::drawing::series::{self, Point};
-use crate::drawing::style::{SERIES, series_class};
+use crate::drawing::style::{SERIES, places, series_class};
 use northing_evaluation::attitude::{Trace, TracePoint};
 use northing_evaluation::statistics::median;
 
@@ -41,6 +41,11 @@ pub(crate) fn errors(runs: &[ComparedRun<'_>]) -> Option<Figure> {
     })
 }
 
+/// The place among the colours of each run.
+fn places_of(runs: &[ComparedRun<'_>]) -> Vec<usize> {
+    places(&runs.iter().map(|run| run.name).collect::<Vec<_>>())
+}
+
 fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option<Panel> {
     let curves: Vec<Vec<Point>> = runs
         .iter()
@@ -59,7 +64,7 @@ fn error_panel(runs: &[ComparedRun<'_>], component: usize, name: &str) -> Option
     }
     let mut tags = Vec::new();
     let mut layers = Vec::new();
-    for (i, (run, curve)) in runs.iter().zip(curves).enumerate() {
+    for (i, (run, curve)) in places_of(runs).into_iter().zip(runs.iter().zip(curves)) {
         if let Some(last) = curve.last() {
             tags.push((
                 last[1],
@@ -95,7 +100,7 @@ pub(crate) fn headings(runs: &[ComparedRun<'_>]) -> Option<Figure> {
     let axis = angle_axis(&shown);
     let mut legend = Vec::new();
     let mut layers = Vec::new();
-    for (i, (run, curve)) in runs.iter().zip(curves).enumerate() {
+    for (i, (run, curve)) in places_of(runs).into_iter().zip(runs.iter().zip(curves)) {
         legend.push(key(
             Sign::Line,
             &format!("line bold {}", series_class(i)),
@@ -125,13 +130,16 @@ const ROW: f64 = 46.0;
 /// that are also among the runs have the colour they have there.
 pub(crate) fn distribution(all: &[Distribution], runs: &[ComparedRun<'_>]) -> Option<String> {
     let mut names: Vec<&str> = runs.iter().map(|r| r.name).collect();
+    for one in all {
+        if !names.contains(&one.name.as_str()) {
+            names.push(&one.name);
+        }
+    }
+    let colours = places(&names);
     let mut rows = Vec::new();
     for one in all {
-        let colour = names.iter().position(|n| *n == one.name);
-        let colour = colour.unwrap_or_else(|| {
-            names.push(&one.name);
-            names.len() - 1
-        });
+        let place = names.iter().position(|n| *n == one.name);
+        let colour = place.map_or(0, |place| colours[place]);
         let errors = one.errors_deg.iter().copied().filter(|e| *e >= 0.0);
         let errors = axis::sorted(errors);
         if !errors.is_empty() {
@@ -193,10 +201,10 @@ mod tests {
         let all = [of("device", &[1.0, 2.0]), of("usque", &[3.0])];
         let svg = distribution(&all, &runs).unwrap_or_default();
         assert!(
-            svg.contains("s1-fill\" x=\"164\" y=\"34\">device<"),
+            svg.contains("s6-fill\" x=\"164\" y=\"34\">device<"),
             "{svg}"
         );
-        assert!(svg.contains("s2-fill\" x=\"164\" y=\"80\">usque<"), "{svg}");
+        assert!(svg.contains("s4-fill\" x=\"164\" y=\"80\">usque<"), "{svg}");
         assert!(svg.contains("median 1.50") && svg.contains("median 3.00"));
     }
 

@@ -117,9 +117,13 @@ impl Axis {
     }
 
     /// Lowest and highest value.
-    #[cfg(test)]
-    const fn range(&self) -> (f64, f64) {
+    pub(crate) const fn range(&self) -> (f64, f64) {
         (self.low, self.high)
+    }
+
+    /// Whether equal factors are equally far apart.
+    pub(crate) const fn is_logarithmic(&self) -> bool {
+        self.logarithmic
     }
 
     /// Values at the ticks with their text.

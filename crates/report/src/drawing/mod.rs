@@ -2,6 +2,7 @@
 
 pub(crate) mod axis;
 pub(crate) mod curves;
+pub(crate) mod data;
 pub(crate) mod fate;
 pub(crate) mod map;
 pub(crate) mod plot;

@@ -16,6 +16,8 @@ const INK: Role = Role("ink", "#15202b", "#eef2f5");
 const MUTED: Role = Role("muted", "#55626f", "#a3b0bc");
 const GRID: Role = Role("grid", "#dfe4e9", "#2b343d");
 const GOOD: Role = Role("good", "#007a59", "#2fc79b");
+/// Buttons, links and what has the focus.
+const ACCENT: Role = Role("accent", "#0f5c6e", "#7fd1de");
 
 /// The roles of curves; each gives a stroke and a fill of its name.
 const CURVES: [Role; 5] = [
@@ -27,16 +29,55 @@ const CURVES: [Role; 5] = [
 ];
 
 /// Number of colours for the lines of a comparison; further lines repeat them dashed.
-pub(crate) const SERIES: usize = 6;
+pub(crate) const SERIES: usize = 13;
 
+/// Thirteen colours that are told apart on light and on dark paper; estimators have theirs everywhere, see [`ESTIMATORS`].
 const LINES: [Role; SERIES] = [
-    Role("s0", "#0072b2", "#56b4e9"),
-    Role("s1", "#d55e00", "#ff8a3d"),
-    Role("s2", "#009e73", "#2fc79b"),
-    Role("s3", "#b8578c", "#e59cc3"),
-    Role("s4", "#b27b00", "#f0c544"),
+    Role("s0", "#0397d7", "#49d9fb"),
+    Role("s1", "#b26d12", "#f2a023"),
+    Role("s2", "#115f11", "#05942d"),
+    Role("s3", "#a40f94", "#ffb3d5"),
+    Role("s4", "#5e13b3", "#ac34de"),
     Role("s5", "#3c4a57", "#c3ced8"),
+    Role("s6", "#c8719b", "#ab989a"),
+    Role("s7", "#105280", "#3885aa"),
+    Role("s8", "#763748", "#b35a87"),
+    Role("s9", "#5f7771", "#64ffb2"),
+    Role("s10", "#9275ff", "#4e69fa"),
+    Role("s11", "#ff21c8", "#f039b2"),
+    Role("s12", "#9f02fa", "#d184ee"),
 ];
+
+/// The place among the colours of each attitude estimator, the same as on the lab's page.
+const ESTIMATORS: [(&str, usize); 12] = [
+    ("mekf", 0),
+    ("integration", 1),
+    ("bounded-velocity", 2),
+    ("quaternion-ekf", 3),
+    ("usque", 4),
+    ("device", 6),
+    ("mekf3", 7),
+    ("complementary", 8),
+    ("complementary-passive", 9),
+    ("complementary-direct", 10),
+    ("cascade", 11),
+    ("cascade-ekf", 12),
+];
+
+/// The places among the colours of lines with these names, one after the other: an estimator's own, where it is free, for
+/// others the first that is free. More names of the same beginning keep what it has.
+pub(crate) fn places(names: &[&str]) -> Vec<usize> {
+    let mut taken: Vec<usize> = Vec::new();
+    for name in names {
+        let own = ESTIMATORS.iter().find(|(estimator, _)| estimator == name);
+        let own = own
+            .map(|(_, place)| *place)
+            .filter(|place| !taken.contains(place));
+        let place = own.or_else(|| (0..).find(|place| !taken.contains(place)));
+        taken.extend(place);
+    }
+    taken
+}
 
 /// Class of the n-th line: a colour, dashed once the colours are used up.
 pub(crate) fn series_class(i: usize) -> String {
@@ -46,7 +87,7 @@ pub(crate) fn series_class(i: usize) -> String {
 
 fn roles() -> impl Iterator<Item = Role> {
     let paper = [PAPER, PANEL, INK, MUTED, GRID].into_iter();
-    paper.chain(CURVES).chain([GOOD]).chain(LINES)
+    paper.chain(CURVES).chain([GOOD, ACCENT]).chain(LINES)
 }
 
 /// The rules that colour a plot, with `paint` naming the colour of a role.
@@ -151,6 +192,8 @@ nav a:hover{text-decoration:underline}
 .toned{background:color-mix(in srgb,var(--tone) 24%,transparent)}
 figure{margin:0 0 30px;background:var(--panel);border:1px solid var(--grid);border-radius:14px;padding:20px 18px 16px}
 figure .plot{display:block;width:100%;height:auto}
+.picture{overflow-x:auto}
+@media screen and (max-width:640px){.picture .plot{min-width:720px}}
 figcaption{max-width:62em;margin:10px 6px 4px;color:var(--muted);font-size:16.5px}
 figcaption b{color:var(--ink)}
 .wide{overflow-x:auto;background:var(--panel);border:1px solid var(--grid);border-radius:14px;margin:0 0 22px}
@@ -205,6 +248,26 @@ mod tests {
             assert_eq!(css.matches(&definition).count(), 3, "{definition}");
         }
         assert!(!css.contains("url(") && !css.contains("@import") && !css.contains('<'));
+    }
+
+    /// One colour has one meaning: the lab's page names the estimators' colours, and they are these.
+    #[test]
+    fn estimators_have_the_colours_that_the_lab_gives_them() {
+        let lab = include_str!("../../../../web/lab/style.css");
+        let of = |name: &str| -> Vec<&str> {
+            let key = format!("--{name}:");
+            let starts = lab
+                .match_indices(&key)
+                .map(|(at, _)| &lab[at + key.len()..]);
+            starts.map(|rest| &rest[..7]).collect()
+        };
+        for (name, place) in ESTIMATORS {
+            let Role(_, light, dark) = LINES[place];
+            assert_eq!(of(name), [light, dark], "{name}");
+        }
+        assert_eq!(places(&["mekf", "usque"]), [0, 4]);
+        assert_eq!(places(&["another", "mekf", "device"]), [0, 1, 6]);
+        assert_eq!(places(&["usque", "a", "usque", "b"]), [4, 0, 1, 2]);
     }
 
     #[test]

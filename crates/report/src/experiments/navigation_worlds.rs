@@ -332,6 +332,7 @@ fn figure(run: &WorldRun) -> Figure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::page::markup_checks::without_scripts;
     use northing_experiments::navigation_worlds::Worlds;
 
     #[test]
@@ -359,6 +360,7 @@ mod tests {
         ] {
             assert!(page.contains(part), "{part}");
         }
+        let page = without_scripts(&page);
         let estimated = runs.iter().filter(|run| !run.instants.is_empty()).count();
         assert_eq!(page.matches("horizontal error").count(), estimated);
         assert!(!page.contains("NaN") && !page.contains("inf\""));

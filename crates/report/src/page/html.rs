@@ -6,6 +6,7 @@ use crate::drawing::plot::Figure;
 use crate::drawing::style;
 use crate::drawing::svg::escape;
 use crate::page::facts::{Fact, Verdict};
+use crate::page::instrument;
 use northing_evaluation::{PROGRAM, UsedParameter};
 
 /// A page under construction: sections, and the contents line that names them.
@@ -55,13 +56,15 @@ impl Page {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"color-scheme\" content=\"light dark\">\n\
              <meta name=\"generator\" content=\"{PROGRAM}\">\n\
-             <title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
+             <title>{}</title>\n<style>\n{}{}</style>\n</head>\n<body>\n",
             escape(frame.title),
-            style::page_css()
+            style::page_css(),
+            instrument::style(),
         );
         html.push_str(&self.header(frame));
         let _ = write!(html, "<main>\n{}</main>\n", self.body);
         html.push_str(&footer(frame));
+        html.push_str(&instrument::script());
         html.push_str("</body>\n</html>\n");
         html
     }
@@ -177,9 +180,13 @@ pub(crate) fn sentences(sentences: &[String]) -> String {
     html
 }
 
-/// A figure with its caption: what it is, and what to look for.
+/// A figure with its caption: what it is, and what to look for. With its data, of which the page's script makes instruments.
 pub(crate) fn figure(figure: impl Into<Option<Figure>>, what: &str, look: &str) -> String {
-    picture(figure.into().map(|figure| figure.render()), what, look)
+    picture(
+        figure.into().map(|figure| instrument::with_data(&figure)),
+        what,
+        look,
+    )
 }
 
 /// As [`figure`], of a picture that is drawn already.
@@ -188,7 +195,7 @@ pub(crate) fn picture(svg: impl Into<Option<String>>, what: &str, look: &str) ->
         return String::new();
     };
     format!(
-        "<figure>\n{svg}<figcaption><b>{}</b> {}</figcaption>\n</figure>\n",
+        "<figure>\n<div class=\"picture\">{svg}</div><figcaption><b>{}</b> {}</figcaption>\n</figure>\n",
         escape(what),
         escape(look)
     )

@@ -2,6 +2,7 @@
 
 pub(crate) mod facts;
 pub(crate) mod html;
+pub(crate) mod instrument;
 #[cfg(test)]
 pub(crate) mod markup_checks;
 pub(crate) mod setup;

@@ -1,4 +1,4 @@
-//! Embeds the pages of the lab: takes `web/dist`, builds it with npm when it is missing or older than
+//! Embeds the pages: takes `web/dist`, builds it with npm when it is missing or older than
 //! its sources, and otherwise embeds a page that says how to build it.
 //!
 //! The network is asked only where `web/node_modules` is missing. Releases and source packages carry
@@ -10,22 +10,18 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::SystemTime;
 
-/// The files of the pages, as `web/README.md` names them.
-const FILES: [&str; 8] = [
-    "lab/index.html",
-    "lab/lab.js",
-    "lab/lab.css",
-    "lab/icon.svg",
-    "phone/index.html",
-    "phone/phone.js",
-    "phone/phone.css",
-    "phone/icon.svg",
-];
+/// The folders of `web/dist`; every file in them is embedded.
+const FOLDERS: [&str; 3] = ["lab", "phone", "report"];
+/// The file of each folder that is written last.
+const LAST: [&str; 3] = ["lab/lab.js.gz", "phone/phone.js.gz", "report/report.js.gz"];
 
 /// What the pages are made of.
-const SOURCES: [&str; 5] = [
+const SOURCES: [&str; 8] = [
     "lab",
     "phone",
+    "report",
+    "instrument",
+    "words",
     "scripts",
     "package-lock.json",
     "tsconfig.json",
@@ -48,10 +44,13 @@ fn main() -> io::Result<()> {
 /// The table of embedded files as Rust text.
 fn assets(dist: &Path) -> io::Result<String> {
     let mut text = String::from("&[\n");
-    for file in FILES {
-        let path = dist.join(file);
-        if path.is_file() {
-            let path = fs::canonicalize(path)?;
+    for folder in FOLDERS {
+        let entries = fs::read_dir(dist.join(folder)).into_iter().flatten();
+        let mut paths: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+        paths.sort();
+        for path in paths.iter().filter(|path| path.is_file()) {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let (file, path) = (format!("{folder}/{name}"), fs::canonicalize(path)?);
             text.push_str(&format!("    ({file:?}, include_bytes!({path:?})),\n"));
         }
     }
@@ -61,7 +60,7 @@ fn assets(dist: &Path) -> io::Result<String> {
 
 /// Whether every page is there and no source is newer.
 fn is_fresh(web: &Path) -> bool {
-    let oldest = FILES
+    let oldest = LAST
         .iter()
         .map(|file| modified(&web.join("dist").join(file)))
         .min();
