@@ -10,7 +10,7 @@ use northing_core::navigation::{
 use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::{
     ConstantVelocity, Conversion, ConvertedMeasurement, Coupling, NavigationPose, PoseAsKnown,
-    RadarDetection, RadarNoise, SchmidtKalman, TrackEstimate, TrackerConfig,
+    RadarDetection, RadarNoise, SchmidtKalman, SeenTrack, TrackerConfig,
 };
 
 fn main() {
@@ -56,7 +56,7 @@ const DETECTION: RadarDetection<f64> = RadarDetection {
 };
 
 type Start = (
-    TrackEstimate<f64>,
+    SeenTrack<f64>,
     SMatrix<f64, 15, 4>,
     SMatrix<f64, 15, 15>,
     SMatrix<f64, 3, 15>,
@@ -73,7 +73,7 @@ fn start() -> Start {
     let Ok((mut track, cross)) = one_point(&DETECTION, &config().radar, 8.0, &own) else {
         unreachable!("the detection is good");
     };
-    track.state = Vector4::new(3000.0, -5.0, 2000.0, -10.0);
+    track.tangent.state = Vector4::new(3000.0, -5.0, 2000.0, -10.0);
     (track, cross, covariance, rows)
 }
 
@@ -117,7 +117,7 @@ fn schmidt_update(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn converted_update(bencher: Bencher<'_, '_>) {
     let (track, _, covariance, rows) = start();
-    let tracker = ConvertedMeasurement::new(config(), Conversion::Linearized, track)
+    let tracker = ConvertedMeasurement::new(config(), Conversion::Linearized, track.tangent)
         .expect("within its ranges");
     let pose_covariance = rows * covariance * rows.transpose();
     bencher.bench_local(|| {

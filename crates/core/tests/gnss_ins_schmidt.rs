@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 use approx::assert_relative_eq;
-use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, UnitQuaternion, Vector3, Vector4};
 use northing_core::Restorable as _;
 use northing_core::kalman::{ErrorListener, ErrorPropagation, Outcome, ScalarCorrection};
 use northing_core::navigation::aiding::gnss_position::GnssPosition;
@@ -24,6 +24,8 @@ use northing_core::tracking::{
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
+
+mod polar;
 
 type M15 = SMatrix<f64, STATES, STATES>;
 type M25 = SMatrix<f64, ERRORS, ERRORS>;
@@ -525,6 +527,13 @@ impl Dense {
         let left = Joint::identity() - k * h;
         self.p = left * self.p * left.transpose() + k * RADAR.covariance() * k.transpose();
     }
+
+    /// The target has moved on the arc about the own ship.
+    fn turn(&mut self, map: &Matrix4<f64>) {
+        let mut all = Joint::identity();
+        all.fixed_view_mut::<4, 4>(0, 0).copy_from(map);
+        self.p = all * self.p * all.transpose();
+    }
 }
 
 /// Variance that an augmented state has when it starts on the way.
@@ -540,7 +549,7 @@ fn joint(tracker: &Tracker, own: &PoseWithErrors<f64>) -> Joint {
     let mut p = Joint::zeros();
     let cross = tracker.cross_covariance();
     p.fixed_view_mut::<4, 4>(0, 0)
-        .copy_from(&tracker.track().covariance);
+        .copy_from(&tracker.save().track.tangent.covariance);
     p.fixed_view_mut::<ERRORS, 4>(4, 0).copy_from(cross);
     p.fixed_view_mut::<4, ERRORS>(0, 4)
         .copy_from(&cross.transpose());
@@ -629,17 +638,19 @@ fn the_joint_covariance_equals_that_of_the_dense_filter() {
         let (own, listener) = ins.pose_and_listener().unwrap();
         let tracker = listener.tracker.as_mut().unwrap();
         tracker.predict(1.0).unwrap();
-        let track = *tracker.track();
+        let track = tracker.track();
         assert!(
             tracker
                 .update(&detection, &own.navigation_pose())
                 .outcome
                 .is_fused()
         );
+        let map = polar::map_of_errors(&track.state, &tracker.track().state, &own.pose);
         let sparse = joint(tracker, &own);
         // The covariance has caught up for the scan.
         dense.follow(&mut ins, &[], &slow);
         dense.scan(&own, &track);
+        dense.turn(&map);
         let units = dense
             .p
             .diagonal()

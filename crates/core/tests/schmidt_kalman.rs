@@ -14,11 +14,14 @@ use northing_core::tracking::own_ship::PoseErrorCorrelation;
 use northing_core::tracking::radar::PredictedDetection;
 use northing_core::tracking::{
     BlackBoxSchmidt, ConstantVelocity, Coupling, JointEkf, NavigationPose, RadarDetection,
-    RadarNoise, SchmidtKalman, TrackEstimate, TrackerConfig,
+    RadarNoise, SchmidtKalman, SeenTrack, TrackEstimate, TrackerConfig,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
+
+mod polar;
+use polar::{map_of_errors, on_the_arc};
 
 type M15 = SMatrix<f64, 15, 15>;
 type M19 = SMatrix<f64, 19, 19>;
@@ -132,7 +135,7 @@ impl World {
         })
     }
 
-    fn start_track(&mut self) -> (TrackEstimate<f64>, SMatrix<f64, 15, 4>) {
+    fn start_track(&mut self) -> (SeenTrack<f64>, SMatrix<f64, 15, 4>) {
         let rows = self.navigation.pose_from_error();
         let covariance = self.navigation.state().covariance;
         let own = NavigationPose {
@@ -154,12 +157,12 @@ impl World {
     }
 }
 
-/// The joint covariance of target and navigation.
+/// The joint covariance of target and navigation, along the line of sight and on the arc across it.
 fn joint(tracker: &SchmidtKalman<f64, 15>, navigation: &M15) -> M19 {
     let mut p = M19::zeros();
     let cross = tracker.cross_covariance();
     p.fixed_view_mut::<4, 4>(0, 0)
-        .copy_from(&tracker.track().covariance);
+        .copy_from(&tracker.save().track.tangent.covariance);
     p.fixed_view_mut::<15, 4>(4, 0).copy_from(cross);
     p.fixed_view_mut::<4, 15>(0, 4)
         .copy_from(&cross.transpose());
@@ -243,7 +246,7 @@ fn scaled(p: &M19, scale: &M19) -> M19 {
 }
 
 /// Prediction and update are those of the dense filter of 19 states, the navigation's gain being zero in the update of
-/// the Schmidt-Kalman filter. Target and navigation are correlated in every element, so that no term is zero by itself.
+/// the Schmidt-Kalman filter, and the target's step taken on the arc about the own ship. Target and navigation are correlated in every element, so that no term is zero by itself.
 #[test]
 fn prediction_and_update_equal_the_dense_schmidt_filter() {
     let mut world = World::new(11);
@@ -310,13 +313,18 @@ fn prediction_and_update_equal_the_dense_schmidt_filter() {
         if schmidt {
             let innovation = tracker.update(&detection, &own);
             assert_eq!(innovation.outcome, Outcome::Fused);
+            let step = moved.fixed_rows::<4>(0).into_owned();
+            let x = on_the_arc(&before, &step, &own.pose);
+            let map = map_of_errors(&before, &x, &own.pose);
+            assert!((x - before - step).norm() > 0.1, "an arc that shows");
+            assert_relative_eq!(tracker.track().state, x, epsilon = 1e-9);
+            let mut turn = M19::identity();
+            turn.fixed_view_mut::<4, 4>(0, 0).copy_from(&map);
             assert_relative_eq!(
                 scaled(&joint(&tracker, &covariance), &p),
-                scaled(&expected, &p),
+                scaled(&(turn * expected * turn.transpose()), &p),
                 epsilon = 1e-10
             );
-            let x = before + moved.fixed_rows::<4>(0);
-            assert_relative_eq!(tracker.track().state, x, epsilon = 1e-9);
         } else {
             let (_, outside) = joint_ekf.update(&detection, &own);
             let outside = outside.unwrap();
@@ -362,7 +370,7 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
         ..detection
     };
     let over_us = NavigationPose {
-        pose: Vector3::new(track.state[0], track.state[2], 0.0),
+        pose: Vector3::new(track.tangent.state[0], track.tangent.state[2], 0.0),
         ..own
     };
     let jumped = NavigationPose {
@@ -383,10 +391,8 @@ fn what_is_wrong_is_skipped_with_its_reason_and_changes_nothing() {
         tracker.update(&nan, &own).outcome,
         skipped(SkipReason::NotFinite)
     );
-    assert_eq!(
-        tracker.update(&detection, &over_us).outcome,
-        skipped(SkipReason::Unobservable)
-    );
+    // Right above us it is not in a direction, but in a place: not where it was seen.
+    assert_eq!(tracker.update(&detection, &over_us).outcome, Outcome::Gated);
     assert_eq!(tracker.update(&detection, &jumped).outcome, Outcome::Gated);
     assert_eq!(
         tracker.update(&detection, &not_positive).outcome,

@@ -2,12 +2,14 @@
 //! what every tracker does beyond them.
 //!
 //! `cargo run --release -p northing-experiments --example tracking_results -- claims`, or `consistency`,
-//! `trackers VARIANT`, `agreement`. `./scripts/results docs/results/tracking.md` puts all into the page.
+//! `trackers VARIANT`, `agreement`, `ranges RUNS`. `./scripts/results docs/results/tracking.md` puts all into the page.
 
 #![allow(clippy::print_stdout)] // a table is its output
 
 #[path = "../tests/tracking_expected/mod.rs"]
 mod tracking_expected;
+#[path = "../tests/tracking_ranges/mod.rs"]
+mod tracking_ranges;
 
 use std::error::Error;
 
@@ -298,17 +300,51 @@ fn consistency(consistent: &Experiments) {
 
 /// Beside the expected values of an independent reproduction.
 fn agreement() -> Result<(), Box<dyn Error>> {
-    println!("| variant | rows | within the tolerance | only within the errors of both | off |");
-    println!("|---|---|---|---|---|");
+    println!(
+        "| variant | rows | within the tolerance | only within the errors of both | only with the arc's 1 % | off |"
+    );
+    println!("|---|---|---|---|---|---|");
     for name in ["consistent", "paper", "paper_halved", "mems", "perstep"] {
         let experiments = Experiments::run(name)?;
         let found = tracking_expected::agreement(name, &experiments.each);
         println!(
-            "| `{name}` | {} | {} | {} | {} |",
+            "| `{name}` | {} | {} | {} | {} | {} |",
             found.rows,
             found.within_tolerance,
             found.within_errors,
+            found.within_arc,
             found.off.len()
+        );
+    }
+    Ok(())
+}
+
+/// Mean NEES over range, precision and compass: a row a range and a radar, a column a compass and a tracker.
+fn ranges(runs: u64) -> Result<(), Box<dyn Error>> {
+    let trackers = [
+        K::TruePose,
+        K::Converted,
+        K::Schmidt,
+        K::SchmidtFeedForward,
+        K::Joint,
+    ];
+    let names = trackers
+        .map(|kind| format!("`{}`", kind.name()))
+        .join(" | ");
+    println!("| range | radar | compass | {names} |");
+    println!("|---|---|---|{}", "---|".repeat(trackers.len()));
+    for cell in tracking_ranges::Cell::all() {
+        let outcome = cell.outcome(&trackers, runs)?;
+        let numbers = trackers.map(|kind| {
+            tracker(&outcome, kind).map_or_else(String::new, |t| format!("{:.2}", t.nees_mean))
+        });
+        println!(
+            "| {} km | {} m, {}\u{b0} | {}\u{b0} | {} |",
+            cell.range_m / 1e3,
+            cell.range_std_m,
+            cell.bearing_std_deg,
+            cell.compass_std_deg,
+            numbers.join(" | ")
         );
     }
     Ok(())
@@ -333,7 +369,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         ["consistency"] => consistency(&Experiments::run("consistent")?),
         ["trackers", variant] => table(&Experiments::run(variant)?),
         ["agreement"] => agreement()?,
-        _ => return Err("expected claims, consistency, trackers VARIANT or agreement".into()),
+        ["ranges", runs] => ranges(runs.parse()?)?,
+        _ => {
+            let expected =
+                "expected claims, consistency, trackers VARIANT, agreement or ranges RUNS";
+            return Err(expected.into());
+        }
     }
     Ok(())
 }

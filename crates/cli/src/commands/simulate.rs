@@ -128,13 +128,7 @@ impl RunWatcher for Recorder {
         }
     }
 
-    fn tracker(
-        &mut self,
-        step: usize,
-        index: usize,
-        record: &TrackRecord<'_>,
-        target: &Vector4<f64>,
-    ) {
+    fn tracker(&mut self, step: usize, index: usize, record: &TrackRecord, target: &Vector4<f64>) {
         let Some(estimate) = record.estimate else {
             self.numbers([f64::NAN; 6]);
             return;

@@ -8,6 +8,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+use super::line_of_sight::SeenTrack;
 use super::own_ship::PoseErrorCorrelation;
 use super::schmidt_kalman::SchmidtKalmanState;
 use super::{
@@ -83,7 +84,7 @@ impl<T: Scalar> BlackBoxSchmidt<T> {
     pub fn new(
         config: TrackerConfig<T>,
         memory: PoseErrorCorrelation<T>,
-        track: TrackEstimate<T>,
+        track: impl Into<SeenTrack<T>>,
         cross: SMatrix<T, 3, 4>,
         pose_covariance: &Matrix3<T>,
     ) -> Result<Self, ConfigError> {
@@ -97,7 +98,7 @@ impl<T: Scalar> BlackBoxSchmidt<T> {
     }
 
     /// The target.
-    pub fn track(&self) -> &TrackEstimate<T> {
+    pub fn track(&self) -> TrackEstimate<T> {
         self.inner.track()
     }
 

@@ -11,7 +11,8 @@
 
 use nalgebra::{Matrix2, Matrix3, Matrix4, SMatrix, Vector2, Vector3};
 
-use super::radar::PredictedDetection;
+use super::line_of_sight::{LineOfSight, SeenTrack};
+use super::linearization::Linearized;
 use super::update::{Measured, symmetric2};
 use super::{FARTHEST, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::is_resolved;
@@ -35,10 +36,10 @@ pub struct OwnIncrement<T: Scalar> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyFrameTracker<T: Scalar> {
     config: TrackerConfig<T>,
-    track: TrackEstimate<T>,
+    track: SeenTrack<T>,
 }
 
-restorable!(BodyFrameTracker<T>, track: TrackEstimate<T>);
+restorable!(BodyFrameTracker<T>, track: SeenTrack<T>);
 
 impl<T: Scalar> BodyFrameTracker<T> {
     /// Starts from a track in body axes.
@@ -47,13 +48,13 @@ impl<T: Scalar> BodyFrameTracker<T> {
     /// The first setting outside its permitted range, or `"track"`.
     pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
         config.validate()?;
-        let track = track.checked()?;
+        let track = SeenTrack::from(track.checked()?);
         Ok(Self { config, track })
     }
 
     /// The target: `[ahead, v_ahead, right, v_right]`.
-    pub fn track(&self) -> &TrackEstimate<T> {
-        &self.track
+    pub fn track(&self) -> TrackEstimate<T> {
+        self.track.estimate()
     }
 
     /// Moves target and own ship on by `dt` seconds (S13): `p <- R (p + v dt - d)`, `v <- R v` with
@@ -74,23 +75,26 @@ impl<T: Scalar> BodyFrameTracker<T> {
         }
         let (sin, cos) = (own.turn.sin(), own.turn.cos());
         let r = Matrix2::new(cos, sin, -sin, cos);
-        let x = &self.track.state;
+        let x = &self.track.tangent.state;
         let position = Vector2::new(x[0] + x[1] * dt, x[2] + x[3] * dt) - own.displacement;
         let (position, velocity) = (r * position, r * Vector2::new(x[1], x[3]));
         let by_state = self.transition(&r, dt);
         let by_own = increment_jacobian(&r, &position, &velocity);
         let moved = TrackEstimate {
             state: [position.x, velocity.x, position.y, velocity.y].into(),
-            covariance: by_state * self.track.covariance * by_state.transpose()
+            covariance: by_state * self.track.tangent.covariance * by_state.transpose()
                 + by_own * own.covariance * by_own.transpose(),
         };
         if !moved.state.iter().all(|x| x.abs() <= lit(FARTHEST)) {
             return Err(SkipReason::OutOfRange);
         }
-        self.track = moved;
+        let track = &mut self.track;
+        track.tangent = moved;
+        // The own ship stays where the axes begin.
+        track.sight = (track.sight).map(|_| LineOfSight::new(&Vector3::zeros()));
         // White accelerations have no direction: the same noise in any axes.
-        self.config.motion.add_noise(&mut self.track, dt);
-        self.track.hold();
+        self.config.motion.add_noise(&mut track.tangent, dt);
+        track.tangent.hold();
         Ok(())
     }
 
@@ -108,21 +112,19 @@ impl<T: Scalar> BodyFrameTracker<T> {
 
     /// Fuses a detection; no pose is needed.
     pub fn update(&mut self, detection: &RadarDetection<T>) -> Innovation<T> {
-        let predicted = detection
-            .check()
-            .and_then(|()| PredictedDetection::new(&self.track.state, &Vector3::zeros()));
-        let predicted = match predicted {
-            Ok(predicted) => predicted,
-            Err(reason) => return Innovation::skipped(reason),
-        };
-        let h = &predicted.by_target;
-        let target = self.track.covariance * h.transpose();
+        let (track, noise, own) = (&mut self.track, &self.config.radar, Vector3::zeros());
+        if let Err(reason) = detection.check() {
+            return Innovation::skipped(reason);
+        }
+        let seen = Linearized::new(detection, &track.tangent, &own, noise);
+        let h = &seen.by_target;
+        let target = track.tangent.covariance * h.transpose();
         let measured = Measured {
-            residual: predicted.residual(detection),
-            covariance: symmetric2(&(h * target + self.config.radar.covariance())),
+            residual: seen.residual,
+            covariance: symmetric2(&(h * target + noise.covariance())),
             target,
         };
-        measured.fuse(&mut self.track, self.config.gate_nis).0
+        measured.fuse(track, self.config.gate_nis, seen.sight).0
     }
 }
 
@@ -272,7 +274,7 @@ mod tests {
         };
         config().motion.add_noise(&mut expected, 2.0);
         assert_relative_eq!(
-            tracker.track().covariance,
+            tracker.track.tangent.covariance,
             expected.covariance,
             epsilon = 1e-10
         );

@@ -10,6 +10,7 @@
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
 
+use super::line_of_sight::SeenTrack;
 use super::radar::DetectedPosition;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
@@ -35,10 +36,10 @@ pub enum Conversion {
 pub struct ConvertedMeasurement<T: Scalar> {
     config: TrackerConfig<T>,
     conversion: Conversion,
-    track: TrackEstimate<T>,
+    track: SeenTrack<T>,
 }
 
-restorable!(ConvertedMeasurement<T>, track: TrackEstimate<T>);
+restorable!(ConvertedMeasurement<T>, track: SeenTrack<T>);
 
 impl<T: Scalar> ConvertedMeasurement<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.
@@ -51,7 +52,7 @@ impl<T: Scalar> ConvertedMeasurement<T> {
         track: TrackEstimate<T>,
     ) -> Result<Self, ConfigError> {
         config.validate()?;
-        let track = track.checked()?;
+        let track = SeenTrack::from(track.checked()?);
         Ok(Self {
             config,
             conversion,
@@ -60,8 +61,8 @@ impl<T: Scalar> ConvertedMeasurement<T> {
     }
 
     /// The target.
-    pub fn track(&self) -> &TrackEstimate<T> {
-        &self.track
+    pub fn track(&self) -> TrackEstimate<T> {
+        self.track.tangent
     }
 
     /// Moves the target on by `dt` seconds.
@@ -70,7 +71,7 @@ impl<T: Scalar> ConvertedMeasurement<T> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.track, dt)
+        self.config.motion.predict(&mut self.track.tangent, dt)
     }
 
     /// Fuses a detection from a pose with this covariance. The innovation is a position: north and
@@ -98,16 +99,16 @@ impl<T: Scalar> ConvertedMeasurement<T> {
             }
             Conversion::Debiased => self.debiased(detection, pose, pose_covariance),
         };
-        let p = &self.track.covariance;
+        let p = &self.track.tangent.covariance;
         let target = SMatrix::<T, 4, 2>::from_columns(&[p.column(0), p.column(2)]);
-        let state = &self.track.state;
+        let state = &self.track.tangent.state;
         let block = Matrix2::new(p[(0, 0)], p[(0, 2)], p[(2, 0)], p[(2, 2)]);
         let measured = Measured {
             residual: position - Vector2::new(state[0], state[2]),
             covariance: symmetric2(&(block + noise)),
             target,
         };
-        measured.fuse(&mut self.track, self.config.gate_nis).0
+        measured.fuse(&mut self.track, self.config.gate_nis, None).0
     }
 
     /// The mean of `range * cos` of a direction with variance `s^2` is short by `exp(-s^2 / 2)`:
@@ -130,7 +131,7 @@ impl<T: Scalar> ConvertedMeasurement<T> {
             pose[1] + range * direction.sin(),
         );
 
-        let state = &self.track.state;
+        let state = &self.track.tangent.state;
         let line = Vector2::new(state[0] - pose[0], state[2] - pose[1]);
         let r2 = line.norm_squared();
         let along = if r2 > T::zero() {

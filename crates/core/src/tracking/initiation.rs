@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix4, SMatrix, Vector4};
 
+use super::line_of_sight::{LineOfSight, SeenTrack};
 use super::radar::DetectedPosition;
 use super::{NavigationPose, RadarDetection, RadarNoise, TrackEstimate};
 use crate::kalman::SkipReason;
@@ -22,7 +23,7 @@ pub fn one_point<T: Scalar, const N: usize>(
     noise: &RadarNoise<T>,
     velocity_std: T,
     own: &NavigationPose<'_, T, N>,
-) -> Result<(TrackEstimate<T>, SMatrix<T, N, 4>), SkipReason> {
+) -> Result<(SeenTrack<T>, SMatrix<T, N, 4>), SkipReason> {
     detection.check()?;
     own.check()?;
     if !(velocity_std > T::zero() && velocity_std.is_finite()) {
@@ -43,7 +44,11 @@ pub fn one_point<T: Scalar, const N: usize>(
     let mut cross = SMatrix::<T, N, 4>::zeros();
     cross.set_column(0, &with_position.column(0));
     cross.set_column(2, &with_position.column(1));
-    Ok((TrackEstimate { state, covariance }, cross))
+    let track = SeenTrack {
+        tangent: TrackEstimate { state, covariance },
+        sight: Some(LineOfSight::new(&own.pose)),
+    };
+    Ok((track, cross))
 }
 
 #[cfg(test)]
@@ -74,6 +79,7 @@ mod tests {
                 pose_from_error: SMatrix::identity(),
             };
             let (track, _) = one_point(&detection, &noise, 3.0, &own).unwrap();
+            let track = track.tangent;
             let off = target - track.state;
             sums.0 += off * off.transpose() / f64::from(n);
             sums.1 += error * off.transpose() / f64::from(n);
@@ -85,6 +91,7 @@ mod tests {
         };
         let detection = scene.detect_exactly(&target, &own.pose);
         let (track, cross) = one_point(&detection, &noise, 3.0, &own).unwrap();
+        let track = track.tangent;
         for i in [0, 2] {
             for j in [0, 2] {
                 let off = sums.0[(i, j)] - track.covariance[(i, j)];

@@ -6,6 +6,7 @@
 
 use nalgebra::{SMatrix, Vector3};
 
+use super::line_of_sight::SeenTrack;
 use super::schmidt_kalman::SchmidtKalmanState;
 use super::{
     Coupling, NavigationPose, RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
@@ -42,7 +43,7 @@ impl<T: Scalar, const N: usize> JointEkf<T, N> {
     /// The first setting outside its permitted range.
     pub fn new(
         config: TrackerConfig<T>,
-        track: TrackEstimate<T>,
+        track: impl Into<SeenTrack<T>>,
         cross: SMatrix<T, N, 4>,
     ) -> Result<Self, ConfigError> {
         let inner = SchmidtKalman::new(config, Coupling::FeedForward, track, cross)?;
@@ -50,7 +51,7 @@ impl<T: Scalar, const N: usize> JointEkf<T, N> {
     }
 
     /// The target.
-    pub fn track(&self) -> &TrackEstimate<T> {
+    pub fn track(&self) -> TrackEstimate<T> {
         self.inner.track()
     }
 

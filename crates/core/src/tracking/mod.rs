@@ -45,6 +45,8 @@ pub mod detection;
 pub mod imm;
 pub mod initiation;
 pub mod joint;
+pub mod line_of_sight;
+mod linearization;
 pub mod multi_target;
 pub mod own_ship;
 pub mod pose_as_known;
@@ -60,6 +62,7 @@ pub use constant_velocity::ConstantVelocity;
 pub use converted_measurement::{Conversion, ConvertedMeasurement};
 pub use detection::{Detection, DetectionNoise};
 pub use joint::JointEkf;
+pub use line_of_sight::SeenTrack;
 pub use multi_target::{
     MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackStatus,
 };

@@ -4,7 +4,8 @@
 //! the *uncompensated* tracker, which is overconfident whenever the heading is in error.
 
 use super::initiation::one_point;
-use super::radar::PredictedDetection;
+use super::line_of_sight::SeenTrack;
+use super::linearization::Linearized;
 use super::update::{Measured, symmetric2};
 use super::{RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::{Innovation, NavigationPose, SkipReason};
@@ -17,19 +18,22 @@ use nalgebra::{Matrix3, Vector3};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseAsKnown<T: Scalar> {
     config: TrackerConfig<T>,
-    track: TrackEstimate<T>,
+    track: SeenTrack<T>,
 }
 
-restorable!(PoseAsKnown<T>, track: TrackEstimate<T>);
+restorable!(PoseAsKnown<T>, track: SeenTrack<T>);
 
 impl<T: Scalar> PoseAsKnown<T> {
     /// Starts from a track, such as [`super::initiation::one_point`] gives.
     ///
     /// # Errors
     /// The first setting outside its permitted range, or `"track"`.
-    pub fn new(config: TrackerConfig<T>, track: TrackEstimate<T>) -> Result<Self, ConfigError> {
+    pub fn new(
+        config: TrackerConfig<T>,
+        track: impl Into<SeenTrack<T>>,
+    ) -> Result<Self, ConfigError> {
         config.validate()?;
-        let track = track.checked()?;
+        let track = track.into().checked()?;
         Ok(Self { config, track })
     }
 
@@ -63,9 +67,9 @@ impl<T: Scalar> PoseAsKnown<T> {
         }
     }
 
-    /// The target.
-    pub fn track(&self) -> &TrackEstimate<T> {
-        &self.track
+    /// The target. Its covariance is the mean square error in north and east: that of the arc on which it may be (S22).
+    pub fn track(&self) -> TrackEstimate<T> {
+        self.track.estimate()
     }
 
     /// Moves the target on by `dt` seconds.
@@ -74,25 +78,28 @@ impl<T: Scalar> PoseAsKnown<T> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        self.config.motion.predict(&mut self.track, dt)
+        self.config.motion.predict(&mut self.track.tangent, dt)
     }
 
     /// Fuses a detection from this pose: `[north, east, heading]`, m and rad.
     pub fn update(&mut self, detection: &RadarDetection<T>, pose: &Vector3<T>) -> Innovation<T> {
-        let predicted = detection
-            .check()
-            .and_then(|()| PredictedDetection::new(&self.track.state, pose));
-        let predicted = match predicted {
-            Ok(predicted) => predicted,
-            Err(reason) => return Innovation::skipped(reason),
-        };
-        let h = &predicted.by_target;
-        let target = self.track.covariance * h.transpose();
+        if let Err(reason) = detection.check() {
+            return Innovation::skipped(reason);
+        }
+        if !pose.norm_squared().is_finite() {
+            return Innovation::skipped(SkipReason::NotFinite);
+        }
+        let (track, noise) = (&self.track.tangent, &self.config.radar);
+        let seen = Linearized::new(detection, track, pose, noise);
+        let h = &seen.by_target;
+        let target = track.covariance * h.transpose();
         let measured = Measured {
-            residual: predicted.residual(detection),
-            covariance: symmetric2(&(h * target + self.config.radar.covariance())),
+            residual: seen.residual,
+            covariance: symmetric2(&(h * target + noise.covariance())),
             target,
         };
-        measured.fuse(&mut self.track, self.config.gate_nis).0
+        measured
+            .fuse(&mut self.track, self.config.gate_nis, seen.sight)
+            .0
     }
 }

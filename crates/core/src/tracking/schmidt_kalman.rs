@@ -34,8 +34,10 @@ use nalgebra::{Matrix2, SMatrix, Vector3};
 
 use super::constant_velocity::predict_columns;
 use super::initiation::one_point;
+use super::line_of_sight::SeenTrack;
+use super::linearization::Linearized;
 use super::radar::PredictedDetection;
-use super::update::{Measured, symmetric2};
+use super::update::{Fused, Measured, symmetric2};
 use super::{NavigationPose, RadarDetection, TrackEstimate, TrackerConfig, check_step};
 use crate::kalman::covariance::symmetrize;
 use crate::kalman::feedback::reset_rows;
@@ -93,7 +95,7 @@ pub struct SchmidtKalman<T: Scalar, const N: usize> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SchmidtKalmanState<T: Scalar, const N: usize> {
     /// The target.
-    pub track: TrackEstimate<T>,
+    pub track: SeenTrack<T>,
     /// Covariance of the navigation error (rows) with the target's state (columns).
     #[cfg_attr(feature = "serde", serde(with = "crate::serialization::rows"))]
     pub cross: SMatrix<T, N, 4>,
@@ -135,11 +137,14 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     pub fn new(
         config: TrackerConfig<T>,
         coupling: Coupling,
-        track: TrackEstimate<T>,
+        track: impl Into<SeenTrack<T>>,
         cross: SMatrix<T, N, 4>,
     ) -> Result<Self, ConfigError> {
         config.validate()?;
-        let track = track.checked()?;
+        let mut track = track.into().checked()?;
+        if coupling == Coupling::OpenLoop {
+            track.sight = None;
+        }
         Ok(Self {
             config,
             coupling,
@@ -167,9 +172,10 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         self.coupling
     }
 
-    /// The target.
-    pub fn track(&self) -> &TrackEstimate<T> {
-        &self.state.track
+    /// The target. Its covariance is the mean square error in north and east: that of the arc on which it may be (S22). Of
+    /// [`Coupling::OpenLoop`] it is the recursion's own.
+    pub fn track(&self) -> TrackEstimate<T> {
+        self.state.track.estimate()
     }
 
     /// Covariance of the navigation error (rows) with the target's state (columns).
@@ -183,7 +189,7 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
     /// Why the step was refused; nothing has changed then.
     pub fn predict(&mut self, dt: T) -> Result<(), SkipReason> {
         check_step(dt)?;
-        let (motion, track) = (&self.config.motion, &mut self.state.track);
+        let (motion, track) = (&self.config.motion, &mut self.state.track.tangent);
         match self.coupling {
             Coupling::OpenLoop => motion.predict_as_printed(track, dt)?,
             Coupling::Exact | Coupling::FeedForward => motion.predict(track, dt)?,
@@ -217,6 +223,30 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         self.update_and_tell(detection, own).0
     }
 
+    /// As the paper has it for its own recursion, otherwise where the detection is straightest.
+    fn linearize(
+        &self,
+        detection: &RadarDetection<T>,
+        own: &NavigationPose<'_, T, N>,
+    ) -> Result<Linearized<T>, SkipReason> {
+        let track = &self.state.track.tangent;
+        if self.coupling != Coupling::OpenLoop {
+            return Ok(Linearized::new(
+                detection,
+                track,
+                &own.pose,
+                &self.config.radar,
+            ));
+        }
+        let predicted = PredictedDetection::new(&track.state, &own.pose)?;
+        Ok(Linearized {
+            residual: predicted.residual(detection),
+            by_target: predicted.by_target,
+            by_pose: predicted.by_pose,
+            sight: None,
+        })
+    }
+
     /// [`Self::update`], which also tells what the detection says about the navigation.
     #[inline]
     pub(super) fn update_and_tell(
@@ -224,40 +254,43 @@ impl<T: Scalar, const N: usize> SchmidtKalman<T, N> {
         detection: &RadarDetection<T>,
         own: &NavigationPose<'_, T, N>,
     ) -> (Innovation<T>, Option<OwnPart<T, N>>) {
-        let predicted = detection
-            .check()
-            .and_then(|()| own.check())
-            .and_then(|()| PredictedDetection::new(&self.state.track.state, &own.pose));
-        let predicted = match predicted {
-            Ok(predicted) => predicted,
+        if let Err(reason) = detection.check().and_then(|()| own.check()) {
+            return (Innovation::skipped(reason), None);
+        }
+        let seen = match self.linearize(detection, own) {
+            Ok(seen) => seen,
             Err(reason) => return (Innovation::skipped(reason), None),
         };
-        let h_t = &predicted.by_target;
-        let h_o = predicted.by_pose * own.pose_from_error;
+        let h_t = &seen.by_target;
+        let h_o = seen.by_pose * own.pose_from_error;
         // a = P_t H_t^T + X H_o^T,  o = X^T H_t^T + P_o H_o^T,  S = H_t a + H_o o + R
-        let target = self.state.track.covariance * h_t.transpose()
+        let target = self.state.track.tangent.covariance * h_t.transpose()
             + self.state.cross.tr_mul(&h_o.transpose());
         let navigation = self.state.cross * h_t.transpose() + own.covariance * h_o.transpose();
         let s = h_t * target + h_o * navigation + self.config.radar.covariance();
+        let (track, gate) = (&mut self.state.track, self.config.gate_nis);
+        let printed = self.coupling == Coupling::OpenLoop;
         let measured = Measured {
-            residual: predicted.residual(detection),
+            residual: seen.residual,
             covariance: symmetric2(&s),
             target,
         };
-        let (track, gate) = (&mut self.state.track, self.config.gate_nis);
-        let (innovation, gain) = match self.coupling {
-            Coupling::OpenLoop => measured.fuse_as_printed(track, gate),
-            Coupling::Exact | Coupling::FeedForward => measured.fuse(track, gate),
+        let (innovation, fused) = if printed {
+            measured.fuse_as_printed(&mut track.tangent, gate)
+        } else {
+            measured.fuse(track, gate, seen.sight)
         };
-        let Some(gain) = gain else {
-            let mended = self.coupling != Coupling::OpenLoop;
-            if mended && innovation.outcome == Outcome::Skipped(SkipReason::Numerical) {
+        let Some(Fused { gain, turn }) = fused else {
+            if !printed && innovation.outcome == Outcome::Skipped(SkipReason::Numerical) {
                 self.state.cross.fill(T::zero());
             }
             return (innovation, None);
         };
-        // X <- X - K o^T
+        // X <- X - K o^T, turned
         self.state.cross -= navigation * gain.transpose();
+        if let Some(turn) = turn {
+            self.state.cross = turn.columns(&self.state.cross);
+        }
         let told = super::update::inverse2(&measured.covariance).map(|inverse| OwnPart {
             covariance: navigation,
             innovation_covariance: measured.covariance,
@@ -285,8 +318,10 @@ impl<T: Scalar, const N: usize> ErrorListener<T, N> for SchmidtKalman<T, N> {
         if self.coupling == Coupling::FeedForward {
             let known = correction.measured(&self.state.cross);
             let gain = known / correction.variance;
-            self.state.track.state += gain * correction.residual;
-            self.state.track.covariance -= gain * known.transpose();
+            self.state.track.tangent.covariance -= gain * known.transpose();
+            if let Some(turn) = self.state.track.step(&(gain * correction.residual)) {
+                self.state.cross = turn.columns(&self.state.cross);
+            }
         }
         correction.map_rows(&mut self.state.cross);
     }
@@ -294,7 +329,7 @@ impl<T: Scalar, const N: usize> ErrorListener<T, N> for SchmidtKalman<T, N> {
     #[inline]
     fn recentred(&mut self, angle: &Vector3<T>) {
         if self.coupling == Coupling::FeedForward {
-            symmetrize(&mut self.state.track.covariance);
+            symmetrize(&mut self.state.track.tangent.covariance);
         }
         if self.coupling != Coupling::OpenLoop {
             reset_rows(&mut self.state.cross, angle);

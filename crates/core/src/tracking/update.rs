@@ -3,6 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, Matrix4, SMatrix, Vector2, Vector3};
 
 use super::TrackEstimate;
+use super::line_of_sight::{LineOfSight, SeenTrack, Turn};
 use crate::kalman::covariance::{rounding_reserve, symmetrize};
 use crate::kalman::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
@@ -13,6 +14,15 @@ pub(super) struct Measured<T: Scalar> {
     pub(super) residual: Vector2<T>,
     pub(super) covariance: Matrix2<T>,
     pub(super) target: SMatrix<T, 4, 2>,
+}
+
+/// What a measurement that was used has done to a target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fused<T: Scalar> {
+    /// `K`.
+    pub(super) gain: SMatrix<T, 4, 2>,
+    /// What the arc has done to its errors, where it is one.
+    pub(super) turn: Option<Turn<T>>,
 }
 
 /// The inverse of a positive definite 2 by 2 matrix.
@@ -58,16 +68,17 @@ impl<T: Scalar> Measured<T> {
         Innovation::skipped(SkipReason::Numerical)
     }
 
-    /// `x <- x + K nu`, `P <- P - K S K^T` with `K = a S^-1` (S9). Gives the record, and the gain
-    /// when the measurement was used. A NIS above a positive `gate_nis` refuses it.
+    /// `x <- x + K nu`, `P <- P - K S K^T` with `K = a S^-1` (S9). Gives the record, and what was done when the measurement was used.
+    /// With a line of sight the step goes along the arc about the own ship (S19). A NIS above a positive `gate_nis` refuses it.
     #[inline]
     pub(super) fn fuse(
         &self,
-        track: &mut TrackEstimate<T>,
+        track: &mut SeenTrack<T>,
         gate_nis: T,
-    ) -> (Innovation<T>, Option<SMatrix<T, 4, 2>>) {
+        sight: Option<LineOfSight<T>>,
+    ) -> (Innovation<T>, Option<Fused<T>>) {
         let Some(inverse) = inverse2(&self.covariance) else {
-            return (self.refuse(track), None);
+            return (self.refuse(&mut track.tangent), None);
         };
         let weighted = inverse * self.residual;
         let nis = self.residual.dot(&weighted);
@@ -75,26 +86,29 @@ impl<T: Scalar> Measured<T> {
             return (Innovation::skipped(SkipReason::NotFinite), None);
         }
         if nis < T::zero() {
-            return (self.refuse(track), None);
+            return (self.refuse(&mut track.tangent), None);
         }
         if gate_nis > T::zero() && nis > gate_nis {
             return (self.innovation(nis, Outcome::Gated), None);
         }
         let gain = self.target * inverse;
-        let mut after = TrackEstimate {
-            state: track.state + self.target * weighted,
-            covariance: track.covariance - gain * self.target.transpose(),
-        };
-        symmetrize(&mut after.covariance);
+        let before = track.tangent.covariance;
+        let mut covariance = before - gain * self.target.transpose();
+        symmetrize(&mut covariance);
         for i in 0..4 {
-            let removed = (track.covariance[(i, i)] - after.covariance[(i, i)]).max(T::zero());
-            after.covariance[(i, i)] += rounding_reserve(removed);
+            let removed = (before[(i, i)] - covariance[(i, i)]).max(T::zero());
+            covariance[(i, i)] += rounding_reserve(removed);
         }
-        if !after.is_usable() {
-            return (self.refuse(track), None);
+        let state = track.tangent.state;
+        let tangent = TrackEstimate { state, covariance };
+        let mut after = SeenTrack { tangent, sight };
+        let turn = after.step(&(self.target * weighted));
+        if !after.tangent.is_usable() {
+            return (self.refuse(&mut track.tangent), None);
         }
         *track = after;
-        (self.innovation(nis, Outcome::Fused), Some(gain))
+        let fused = Fused { gain, turn };
+        (self.innovation(nis, Outcome::Fused), Some(fused))
     }
 
     /// The same for a form that is no recursion of a covariance as printed: nothing is mended, and what is not finite is
@@ -103,7 +117,7 @@ impl<T: Scalar> Measured<T> {
         &self,
         track: &mut TrackEstimate<T>,
         gate_nis: T,
-    ) -> (Innovation<T>, Option<SMatrix<T, 4, 2>>) {
+    ) -> (Innovation<T>, Option<Fused<T>>) {
         let Some(inverse) = inverse2(&self.covariance) else {
             return (Innovation::skipped(SkipReason::Numerical), None);
         };
@@ -123,7 +137,11 @@ impl<T: Scalar> Measured<T> {
             return (self.innovation(nis, Outcome::Gated), None);
         }
         *track = after;
-        (self.innovation(nis, Outcome::Fused), Some(gain))
+        let turn = None;
+        (
+            self.innovation(nis, Outcome::Fused),
+            Some(Fused { gain, turn }),
+        )
     }
 }
 

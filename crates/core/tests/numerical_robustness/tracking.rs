@@ -87,13 +87,13 @@ trackers! {
 
 /// What all of them show.
 trait Tracks<T: RealField + Copy>: northing_core::Restorable + Clone {
-    fn estimate(&self) -> &TrackEstimate<T>;
+    fn estimate(&self) -> TrackEstimate<T>;
 }
 
 macro_rules! tracks {
     ($($tracker:ty),+) => {$(
         impl<T: RealField + Copy> Tracks<T> for $tracker {
-            fn estimate(&self) -> &TrackEstimate<T> {
+            fn estimate(&self) -> TrackEstimate<T> {
                 self.track()
             }
         }

@@ -191,13 +191,7 @@ impl RunWatcher for CampaignSums {
         sums[HEADING_FACTOR].add(navigation.heading_factor);
     }
 
-    fn tracker(
-        &mut self,
-        step: usize,
-        index: usize,
-        record: &TrackRecord<'_>,
-        target: &Vector4<f64>,
-    ) {
+    fn tracker(&mut self, step: usize, index: usize, record: &TrackRecord, target: &Vector4<f64>) {
         self.skipped[index] += u64::from(record.skipped);
         let Some(sums) = self.trackers[index].get_mut(step) else {
             return;

@@ -17,11 +17,11 @@ use super::trackers::{AnyTracker, Contestant, Start, TrackerKind};
 
 /// What one tracker thought at a scan, and what was true.
 #[derive(Debug, Clone, Copy)]
-pub struct TrackRecord<'a> {
+pub struct TrackRecord {
     /// The tracker.
     pub kind: TrackerKind,
     /// Its estimate; `None` when it never started.
-    pub estimate: Option<&'a TrackEstimate<f64>>,
+    pub estimate: Option<TrackEstimate<f64>>,
     /// Whether it skipped this scan's detection.
     pub skipped: bool,
 }
@@ -44,13 +44,7 @@ pub trait RunWatcher {
     /// The navigation at a scan, and the target's true state.
     fn scan(&mut self, step: usize, navigation: &NavigationRecord, target: &Vector4<f64>);
     /// A tracker at that scan; `index` is its place in the list of trackers.
-    fn tracker(
-        &mut self,
-        step: usize,
-        index: usize,
-        record: &TrackRecord<'_>,
-        target: &Vector4<f64>,
-    );
+    fn tracker(&mut self, step: usize, index: usize, record: &TrackRecord, target: &Vector4<f64>);
 }
 
 fn pose_of(truth: &OwnTruth) -> Vector3<f64> {

@@ -9,7 +9,7 @@ use northing_core::tracking::initiation::one_point;
 use northing_core::tracking::own_ship::PoseErrorCorrelation;
 use northing_core::tracking::{
     BlackBoxSchmidt, Conversion, ConvertedMeasurement, Coupling, JointEkf, PoseAsKnown,
-    RadarDetection, SchmidtKalman, TrackEstimate, TrackerConfig,
+    RadarDetection, SchmidtKalman, SeenTrack, TrackEstimate, TrackerConfig,
 };
 
 use northing_evaluation::estimators;
@@ -136,8 +136,9 @@ impl<const N: usize> AnyTracker<N> {
             let tracker = SchmidtKalman::new(config, coupling, track, cross)?;
             Ok(Self::Schmidt(Box::new(tracker)))
         };
-        let converted =
-            |conversion| ConvertedMeasurement::new(config, conversion, track).map(Self::Converted);
+        let converted = |conversion| {
+            ConvertedMeasurement::new(config, conversion, track.tangent).map(Self::Converted)
+        };
         let made: Result<Self, ConfigError> = match kind {
             TrackerKind::TruePose | TrackerKind::Uncompensated => {
                 PoseAsKnown::new(config, track).map(Self::Known)
@@ -166,7 +167,7 @@ impl<const N: usize> AnyTracker<N> {
         made.map_err(|_| SkipReason::OutOfRange)
     }
 
-    pub(super) fn track(&self) -> &TrackEstimate<f64> {
+    pub(super) fn track(&self) -> TrackEstimate<f64> {
         match self {
             Self::Known(tracker) => tracker.track(),
             Self::Converted(tracker) => tracker.track(),
@@ -264,9 +265,9 @@ impl Start {
         kind: TrackerKind,
         config: TrackerConfig<f64>,
         scan: &Scan<N>,
-    ) -> Result<(TrackEstimate<f64>, Cross<N>), SkipReason> {
+    ) -> Result<(SeenTrack<f64>, Cross<N>), SkipReason> {
         let (detection, velocity_std, correlated) = match self {
-            Self::Prior(track) => return Ok((*track, Cross::<N>::zeros())),
+            Self::Prior(track) => return Ok(((*track).into(), Cross::<N>::zeros())),
             Self::Detection(detection, velocity_std, correlated) => {
                 (detection, *velocity_std, *correlated)
             }

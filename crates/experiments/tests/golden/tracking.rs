@@ -26,7 +26,7 @@ struct Rows(Vec<Trace>);
 impl RunWatcher for Rows {
     fn scan(&mut self, _: usize, _: &NavigationRecord, _: &Vector4<f64>) {}
 
-    fn tracker(&mut self, step: usize, index: usize, record: &TrackRecord<'_>, _: &Vector4<f64>) {
+    fn tracker(&mut self, step: usize, index: usize, record: &TrackRecord, _: &Vector4<f64>) {
         let (Some(track), true) = (record.estimate, step.is_multiple_of(8)) else {
             return;
         };

@@ -30,7 +30,7 @@ impl RunWatcher for Paths {
         self.target.push([target[2], target[0]]);
     }
 
-    fn tracker(&mut self, _: usize, index: usize, record: &TrackRecord<'_>, _: &Vector4<f64>) {
+    fn tracker(&mut self, _: usize, index: usize, record: &TrackRecord, _: &Vector4<f64>) {
         if let (Some(track), Some(estimate)) = (self.tracks.get_mut(index), record.estimate) {
             track.push([estimate.state[2], estimate.state[0]]);
         }
