@@ -4,7 +4,7 @@
 //!
 //! Far off, what is known of a target bends the plane: it lies on an arc, and its range and direction are linear in both
 //! measurements. Near the own ship it is the other way about: where the range is uncertain by a good part of itself, the direction of
-//! the target is anything but linear in its place, and the detection is best taken as a place. Both errors can be told before
+//! the target is not linear in the position, and the detection is best taken as a place. Both errors can be told before
 //! the update, each against the noise of the radar, so the smaller one is taken.
 
 use nalgebra::{Matrix2, SMatrix, Vector2, Vector3};
