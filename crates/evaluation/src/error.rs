@@ -14,6 +14,12 @@ pub enum EvaluationError {
         /// The names there are.
         valid: String,
     },
+    /// An estimator that somebody brought along cannot be used, or has failed.
+    #[error("{sentence}")]
+    OwnEstimator {
+        /// Which, and what it did.
+        sentence: String,
+    },
     /// No profile has this name.
     #[error("unknown profile `{name}`; expected one of: {valid}")]
     UnknownProfile {

@@ -35,7 +35,7 @@ macro_rules! named {
 }
 
 /// Makes the estimators of a question of their table: name, components of the error state, what it is, where to read
-/// about it, when to use it.
+/// about it, when to use it. With `or Own(OwnKind)` there can also be some that people bring along, whose names are in a registry.
 #[macro_export]
 macro_rules! estimators {
     (
@@ -51,15 +51,73 @@ macro_rules! estimators {
             $(#[$about])*
             pub enum $kind { $( $(#[$meaning])* $value = $name, )+ }
         }
+        $crate::estimators! {
+            @table $kind for $question, $command, $parameters, ()
+            { $( $value = $name, $states, $summary, $paper, $when; )+ }
+        }
+    };
+    (
+        $(#[$about:meta])*
+        pub enum $kind:ident for $question:ident, $command:literal, $parameters:path, or $own:ident($own_kind:ty) {
+            $(
+                $(#[$meaning:meta])*
+                $value:ident = $name:literal, $states:literal, $summary:literal, $paper:literal, $when:literal;
+            )+
+        }
+    ) => {
+        $(#[$about])*
+        pub enum $kind {
+            $( $(#[$meaning])* $value, )+
+            /// One that somebody brought along.
+            #[cfg_attr(feature = "typescript", ts(skip))]
+            $own($own_kind),
+        }
 
+        impl $kind {
+            /// Every one of the project, in the order of the table.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$value),+];
+
+            /// Its name for people, on the command line and in files.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$value => $name,)+
+                    Self::$own(own) => own.name(),
+                }
+            }
+
+            /// The one of that name.
+            #[must_use]
+            pub fn named(name: &str) -> Option<Self> {
+                let known = Self::ALL.into_iter().find(|kind| kind.name() == name);
+                known.or_else(|| <$own_kind>::named(name).map(Self::$own))
+            }
+
+            /// Every name, for messages.
+            #[must_use]
+            pub fn names() -> String {
+                let own = <$own_kind>::all().into_iter().map(Self::$own);
+                let names: Vec<&str> = Self::ALL.into_iter().chain(own).map(Self::name).collect();
+                names.join(", ")
+            }
+        }
+        $crate::estimators! {
+            @table $kind for $question, $command, $parameters, ($own)
+            { $( $value = $name, $states, $summary, $paper, $when; )+ }
+        }
+    };
+    (
+        @table $kind:ident for $question:ident, $command:literal, $parameters:path, ($($own:ident)?)
+        { $( $value:ident = $name:literal, $states:literal, $summary:literal, $paper:literal, $when:literal; )+ }
+    ) => {
         impl $kind {
             /// What there is to know about it.
             #[must_use]
             pub fn info(self) -> $crate::registry::EstimatorInfo {
-                let [summary, paper, when] = match self {
-                    $(Self::$value => [$summary, $paper, $when],)+
+                let ([summary, paper, when], error_states): ([&str; 3], u8) = match self {
+                    $(Self::$value => ([$summary, $paper, $when], $states),)+
+                    $(Self::$own(own) => return own.info(),)?
                 };
-                let error_states: u8 = match self { $(Self::$value => $states,)+ };
                 $crate::registry::EstimatorInfo {
                     name: self.name(),
                     summary,

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use northing_recording::SensorKind;
 
 use crate::attitude::EstimatorKind;
+use crate::error::EvaluationError;
 use crate::navigation::NavigationKind;
 
 /// An estimator by name, whatever it estimates. `device` is read as one of the attitude; of a recording whose
@@ -22,8 +23,11 @@ impl FromStr for RunEstimator {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Ok(kind) = text.parse() {
-            return Ok(Self::Attitude(kind));
+        match text.parse() {
+            Ok(kind) => return Ok(Self::Attitude(kind)),
+            // What is wrong with the file is said, and not that it is no name.
+            Err(error @ EvaluationError::OwnEstimator { .. }) => return Err(error.to_string()),
+            Err(_) => {}
         }
         text.parse().map(Self::Navigation).map_err(|_| {
             let attitude = EstimatorKind::ALL.map(EstimatorKind::name);

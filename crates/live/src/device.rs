@@ -272,12 +272,11 @@ impl Task {
 
     fn command(&mut self, command: &Command, arrival_ns: i64) -> Result<(), String> {
         let arrival_ns = self.later(arrival_ns);
-        let recorded = Control::Command {
-            command: command.clone(),
-        };
-        self.lab
-            .recorder
-            .control(&self.device.key, arrival_ns, &recorded);
+        if let Some(command) = command.recorded() {
+            let recorded = Control::Command { command };
+            let (recorder, key) = (&self.lab.recorder, &self.device.key);
+            recorder.control(key, arrival_ns, &recorded);
+        }
         let happenings = self.engine.command(command, arrival_ns)?;
         match command {
             Command::Experiment(..) => self.experiment_id = self.lab.next_experiment(),

@@ -8,6 +8,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Json, Router};
+use northing_evaluation::attitude::own;
 use northing_evaluation::attitude::parameters::parameters;
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
 use northing_evaluation::calibration::magnetometer::MagnetometerStreamCalibration;
@@ -187,12 +188,14 @@ pub(crate) fn hello(facts: &Facts) -> ToPage {
         phone_urls,
         ingest_urls: facts.reach.ingest_urls(),
         estimators: EstimatorKind::ALL
+            .into_iter()
+            .chain(own::registered())
             .map(|name| EstimatorLine {
                 name,
                 summary: name.info().summary,
                 reads: reads(name),
             })
-            .into(),
+            .collect(),
         parameters: parameters().into_iter().map(parameter).collect(),
         aids: AIDS.iter().map(aid).collect(),
         fingerprint: facts.fingerprint.clone(),

@@ -263,6 +263,23 @@ pub enum Command {
     Rename(String),
 }
 
+impl Command {
+    /// As it is recorded: whoever replays does not have the estimators that somebody brought along. `None`: nothing is left.
+    #[must_use]
+    pub fn recorded(&self) -> Option<Self> {
+        match self {
+            Self::Estimators(kinds) => {
+                let ours = |kind: &&EstimatorKind| !matches!(kind, EstimatorKind::Own(_));
+                Some(Self::Estimators(
+                    kinds.iter().filter(ours).copied().collect(),
+                ))
+            }
+            Self::Subject(EstimatorKind::Own(_)) => None,
+            other => Some(other.clone()),
+        }
+    }
+}
+
 /// What a device is doing for a while.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]

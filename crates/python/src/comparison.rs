@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
+use northing_evaluation::EvaluationError;
 use northing_evaluation::attitude::compare::{self as over_recordings, CompareOptions};
 use northing_evaluation::attitude::{Calibrations, EstimatorKind};
 use pyo3::prelude::*;
+use serde_json::json;
 
 use crate::attitude::{Asked, Reading, word};
 use crate::errors::{of_run, refused};
@@ -12,7 +14,7 @@ use crate::errors::{of_run, refused};
 /// Runs every estimator (without names: all of them) over every recording; the summaries as JSON, in order.
 ///
 /// # Errors
-/// The first recording that could not be run.
+/// The first recording that could not be run; an estimator that somebody brought along fails alone.
 #[pyfunction]
 pub(crate) fn compare(
     py: Python<'_>,
@@ -40,6 +42,12 @@ pub(crate) fn compare(
     let compared = py.detach(|| over_recordings::compare(&paths, &options, &|| ()));
     let summary = |one: over_recordings::Compared| {
         let path = one.path.display().to_string();
+        if let Err(error @ EvaluationError::OwnEstimator { .. }) = &one.outcome {
+            let failed = json!({
+                "recording": path, "estimator": one.estimator.name(), "failure": error.to_string(),
+            });
+            return Ok(failed.to_string());
+        }
         let mut summary = one.outcome.map_err(|error| of_run(&error, &path))?;
         summary.recording = path;
         serde_json::to_string(&summary).map_err(|error| refused(error.to_string()))

@@ -1,7 +1,8 @@
 //! Parameters of the streaming estimators: the rows of core's tables by name.
 
 use northing_core::attitude::bounded_velocity as core_bounded_velocity;
-use northing_core::parameters::{Range, Table, Value};
+use northing_core::navigation::GnssInsConfig as CoreGnssInsConfig;
+use northing_core::parameters::{Parameter, Range, Table, Value};
 use pyo3::exceptions::{PyAttributeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -36,12 +37,23 @@ fn of_python(value: &Bound<'_, PyAny>, range: &Range) -> Option<Value<f64>> {
     }
 }
 
+/// The row of a name; in Python `validity_invalid_after_s` is `validity.invalid_after_s`.
+fn row<C: Table>(name: &str) -> Option<&'static Parameter> {
+    let is_meant = |row: &&Parameter| row.name == name || attribute(row) == name;
+    C::PARAMETERS.iter().find(is_meant)
+}
+
+/// The name of a row as one of Python.
+fn attribute(row: &Parameter) -> String {
+    row.name.replace('.', "_")
+}
+
 fn get<'py, C: Table<Number = f64>>(
     config: &C,
     py: Python<'py>,
     name: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let value = config.parameter(name);
+    let value = row::<C>(name).and_then(|row| config.parameter(row.name));
     let value = value.ok_or_else(|| PyAttributeError::new_err(unknown::<C>(name)))?;
     to_python(py, value)
 }
@@ -51,18 +63,17 @@ fn set<C: Table<Number = f64>>(
     name: &str,
     value: &Bound<'_, PyAny>,
 ) -> PyResult<()> {
-    let row = C::PARAMETERS.iter().find(|row| row.name == name);
-    let row = row.ok_or_else(|| PyAttributeError::new_err(unknown::<C>(name)))?;
+    let row = row::<C>(name).ok_or_else(|| PyAttributeError::new_err(unknown::<C>(name)))?;
     let said = || value.to_string();
     let of_range = of_python(value, &row.range).ok_or_else(|| {
         PyTypeError::new_err(format!("{name}={}: expected {}", said(), row.range))
     })?;
-    let set = config.set_parameter(name, of_range);
+    let set = config.set_parameter(row.name, of_range);
     set.map_err(|error| refused(format!("{name}={}: expected {}", said(), error.range)))
 }
 
 fn unknown<C: Table>(name: &str) -> String {
-    let names: Vec<&str> = C::PARAMETERS.iter().map(|row| row.name).collect();
+    let names: Vec<String> = C::PARAMETERS.iter().map(attribute).collect();
     format!("no parameter `{name}`; there are {}", names.join(", "))
 }
 
@@ -86,7 +97,7 @@ fn profile<C: Table<Number = f64> + Copy>(
 
 /// A class of parameters.
 macro_rules! config {
-    ($(#[$meaning:meta])* $name:ident: $inner:ty) => {
+    ($(#[$meaning:meta])* $name:ident: $inner:ty, [$first:ident $($profile:ident)*]) => {
         $(#[$meaning])*
         #[pyclass(module = "northing._northing", eq, from_py_object)]
         #[derive(Clone, Default, PartialEq)]
@@ -95,28 +106,30 @@ macro_rules! config {
         #[pymethods]
         impl $name {
             #[new]
-            #[pyo3(signature = (profile="hand_held", **changes))]
+            #[pyo3(signature = (profile=stringify!($first), **changes))]
             fn new(profile: &str, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
                 self::profile(profile, changes).map(Self)
             }
 
             #[staticmethod]
             #[pyo3(signature = (**changes))]
-            fn hand_held(changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-                Self::new("hand_held", changes)
+            fn $first(changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+                Self::new(stringify!($first), changes)
             }
 
-            #[staticmethod]
-            #[pyo3(signature = (**changes))]
-            fn lab(changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-                Self::new("lab", changes)
-            }
+            $(
+                #[staticmethod]
+                #[pyo3(signature = (**changes))]
+                fn $profile(changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+                    Self::new(stringify!($profile), changes)
+                }
+            )*
 
             /// Every parameter with its value.
             fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
                 let dict = PyDict::new(py);
                 for row in <$inner as Table>::PARAMETERS {
-                    dict.set_item(row.name, get(&self.0, py, row.name)?)?;
+                    dict.set_item(attribute(row), get(&self.0, py, row.name)?)?;
                 }
                 Ok(dict)
             }
@@ -129,9 +142,10 @@ macro_rules! config {
                 set(&mut self.0, name, value)
             }
 
-            fn __dir__(&self) -> Vec<&'static str> {
-                let rows = <$inner as Table>::PARAMETERS.iter().map(|row| row.name);
-                rows.chain(["hand_held", "lab", "to_dict"]).collect()
+            fn __dir__(&self) -> Vec<String> {
+                let rows = <$inner as Table>::PARAMETERS.iter().map(attribute);
+                let methods = ["to_dict", stringify!($first) $(, stringify!($profile))*];
+                rows.chain(methods.map(str::to_owned)).collect()
             }
 
             fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -157,9 +171,13 @@ macro_rules! config {
 }
 config! {
     /// Parameters of the bounded-velocity filter.
-    BoundedVelocityConfig: core_bounded_velocity::BoundedVelocityConfig<f64>
+    BoundedVelocityConfig: core_bounded_velocity::BoundedVelocityConfig<f64>, [hand_held lab]
 }
 config! {
     /// Parameters that the other attitude filters share.
-    AttitudeConfig: northing_core::attitude::AttitudeConfig<f64>
+    AttitudeConfig: northing_core::attitude::AttitudeConfig<f64>, [hand_held lab]
+}
+config! {
+    /// Parameters of the GNSS/INS.
+    GnssInsConfig: CoreGnssInsConfig<f64>, [default]
 }

@@ -79,18 +79,12 @@ pub(crate) fn of_run(error: &EvaluationError, name: &str) -> PyErr {
     }
 }
 
-/// What a writer of estimates says.
-pub(crate) fn of_file<E>(error: E) -> PyErr
-where
-    E: Into<Box<dyn Error + Send + Sync>>,
-{
+/// What a writer of files says.
+pub(crate) fn of_file(error: impl Into<anyhow::Error>) -> PyErr {
     let error = error.into();
-    let mut source: Option<&(dyn Error + 'static)> = Some(error.as_ref());
-    while let Some(cause) = source {
-        if let Some(error) = cause.downcast_ref::<RecordingError>() {
-            return of_recording(error);
-        }
-        source = cause.source();
+    let mut causes = error.chain();
+    match causes.find_map(|cause| cause.downcast_ref::<RecordingError>()) {
+        Some(error) => of_recording(error),
+        None => refused(error.to_string()),
     }
-    refused(error.to_string())
 }

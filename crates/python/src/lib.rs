@@ -9,24 +9,35 @@
 //! | `recordings.rs` | recordings in files: sensors, samples, runs |
 //! | `calibrations.rs` | calibrations and fits of recordings |
 //! | `navigation_run.rs` | what a navigation run gives |
-//! | `streams.rs`, `configs.rs` | estimators sample by sample, and their parameters |
+//! | `streams.rs`, `configs.rs` | attitude estimators sample by sample, and their parameters |
+//! | `navigation_stream.rs`, `tracking_stream.rs` | the GNSS/INS and trackers sample by sample |
+//! | `arrow_stream.rs` | columns for whoever reads Arrow |
 //! | `comparison.rs` | several estimators over several recordings |
+//! | `own.rs` | estimators that somebody brings along, in this process or one of their own |
+//! | `campaigns.rs` | one run of a tracking scenario, and Monte Carlo campaigns |
+//! | `simulated.rs` | recordings of virtual phones and vehicles, with the truth |
 //! | `errors.rs` | what is refused, in the words of the module |
 //!
 //! What people call is Python (`python/northing`), typed there; this crate gives it plain functions and classes. Every run
 //! goes through `northing_evaluation` as the program's does, so that both give the same digits.
 
+mod arrow_stream;
 mod attitude;
 mod attitude_run;
 mod attitude_told;
 mod calibrations;
+mod campaigns;
 mod comparison;
 mod configs;
 mod errors;
 mod navigation_run;
+mod navigation_stream;
+mod own;
 mod recordings;
 mod samples;
+mod simulated;
 mod streams;
+mod tracking_stream;
 
 use pyo3::prelude::*;
 
@@ -34,6 +45,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _northing(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(arrow_stream::arrow_stream, module)?)?;
     module.add_function(wrap_pyfunction!(attitude::attitude, module)?)?;
     module.add_function(wrap_pyfunction!(attitude::estimators, module)?)?;
     module.add_function(wrap_pyfunction!(errors::in_words_of_the_module, module)?)?;
@@ -45,13 +57,24 @@ fn _northing(module: &Bound<'_, PyModule>) -> PyResult<()> {
     )?)?;
     module.add_function(wrap_pyfunction!(calibrations::calibrate_allan, module)?)?;
     module.add_function(wrap_pyfunction!(calibrations::tune, module)?)?;
+    module.add_function(wrap_pyfunction!(campaigns::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(campaigns::montecarlo, module)?)?;
+    module.add_function(wrap_pyfunction!(own::register_class, module)?)?;
+    module.add_function(wrap_pyfunction!(own::register_file, module)?)?;
+    module.add_class::<campaigns::Part>()?;
+    module.add_class::<simulated::VirtualRecording>()?;
     module.add_class::<attitude_run::AttitudeRun>()?;
     module.add_class::<navigation_run::NavigationRun>()?;
     module.add_class::<recordings::RecordingFile>()?;
     module.add_class::<configs::BoundedVelocityConfig>()?;
     module.add_class::<configs::AttitudeConfig>()?;
+    module.add_class::<configs::GnssInsConfig>()?;
     module.add_class::<streams::Innovation>()?;
     module.add_class::<streams::BoundedVelocity>()?;
     module.add_class::<streams::Mekf>()?;
-    Ok(())
+    module.add_class::<navigation_stream::GnssIns>()?;
+    module.add_class::<tracking_stream::OwnShip>()?;
+    module.add_class::<tracking_stream::SchmidtKalman>()?;
+    // What people may call is in the list of the package.
+    module.delattr("__all__")
 }

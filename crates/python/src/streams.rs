@@ -15,7 +15,7 @@ use crate::errors::refused;
 
 /// What one measurement told a filter.
 #[pyclass(frozen, module = "northing._northing")]
-pub(crate) struct Innovation(core_innovation::Innovation<f64>);
+pub(crate) struct Innovation(pub(crate) core_innovation::Innovation<f64>);
 
 #[pymethods]
 impl Innovation {

@@ -6,6 +6,7 @@ import csv
 import math
 import os
 import shutil
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+# A program that is named is not beside the interpreter of the tests.
+os.environ.setdefault("NORTHING_PYTHON", sys.executable)
 REPOSITORY = Path(__file__).resolve().parents[3]
 
 
@@ -41,6 +44,13 @@ def run_program(*arguments: object) -> str:
     ran = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
     assert ran.returncode == 0, f"{words}: {ran.stderr}"
     return ran.stdout
+
+
+def free_port() -> int:
+    """A port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="session")

@@ -203,11 +203,11 @@ def test_estimators_are_the_programs() -> None:
     assert all(parameter["meaning"] for one in no.estimators() for parameter in one["parameters"])
 
 
-def mypy(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def mypy(folder: Path, *arguments: str, tool: str = "mypy") -> subprocess.CompletedProcess[str]:
     package = Path(no.__file__).parents[1]
     # An installed package is found by itself, one beside the interpreter is not.
     beside = {} if package.name == "site-packages" else {"MYPYPATH": str(package)}
-    words = [sys.executable, "-m", "mypy", "--strict", *arguments]
+    words = [sys.executable, "-m", tool, *(["--strict"] if tool == "mypy" else []), *arguments]
     return subprocess.run(words, cwd=folder, env={**os.environ, **beside}, capture_output=True, text=True, check=False)
 
 
@@ -226,3 +226,9 @@ r.no_such_name
 """)
     errors = [line for line in mypy(tmp_path, "user.py").stdout.splitlines() if "error:" in line]
     assert len(errors) == 1 and '"Attitude" has no attribute "no_such_name"' in errors[0], errors
+
+
+def test_stubs_say_what_is_there(tmp_path: Path) -> None:
+    """Names, parameters and defaults of the compiled part are those of its stubs."""
+    checked = mypy(tmp_path, "--concise", "northing", tool="mypy.stubtest")
+    assert checked.returncode == 0, checked.stdout + checked.stderr

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import flat_memory
 import northing as no
 
 Arrays = dict[str, np.ndarray]
@@ -113,3 +114,24 @@ def test_two_threads_run_at_the_same_time(phone: Arrays) -> None:
     assert max(a, c) < min(b, d), spans
     # Held for the whole run the interpreter would not have come here more than a few times.
     assert counted > 20, (counted, spans)
+
+
+@pytest.mark.parametrize("name", ["mekf", "bounded-velocity", "gnss-ins"])
+def test_a_long_stream_stays_in_flat_memory(name: str) -> None:
+    """A sample of the command in flat_memory.py, which takes 100 million."""
+    early, late = flat_memory.run(200_000, name)
+    assert late < early + 4.0, (early, late)
+
+
+def test_inputs_of_streams_may_be_lists_tuples_single_precision_and_strided(phone: Arrays) -> None:
+    expected = no.Mekf()
+    expected.gyroscope(0, phone["gyr"][0])
+    wide = np.zeros((3, 6), dtype=np.float32)
+    wide[0, ::2] = phone["gyr"][0]
+    for rate in (list(phone["gyr"][0]), tuple(phone["gyr"][0]), phone["gyr"].astype(np.float32)[0], wide[0, ::2]):
+        stream = no.Mekf()
+        assert stream.gyroscope(0, rate) is None
+    with pytest.raises((TypeError, ValueError)):
+        no.Mekf().gyroscope(0, [1.0, 2.0])
+    with pytest.raises(TypeError):
+        no.Mekf().gyroscope(0.5, [1.0, 2.0, 3.0])

@@ -6,7 +6,6 @@ import contextlib
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 
 import northing as no
-from conftest import REPOSITORY, program, run_program
+from conftest import REPOSITORY, free_port, program, run_program
 
 Arrays = dict[str, np.ndarray]
 
@@ -29,12 +28,6 @@ def test_program_and_module_are_of_one_version() -> None:
 def test_the_demonstration_of_the_wheel(tmp_path: Path) -> None:
     said = run_program("demo", "--out", tmp_path / "demo")
     assert "deg" in said and list((tmp_path / "demo").glob("*.html"))
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_the_lab_of_the_wheel_answers(tmp_path: Path) -> None:
@@ -73,3 +66,11 @@ def test_every_snippet_of_the_guide_runs(phone: Arrays, tmp_path: Path) -> None:
     (tmp_path / "guide.py").write_text(code)
     ran = subprocess.run([sys.executable, "guide.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
+
+
+def test_the_snippet_of_the_guide_to_estimators_runs(tmp_path: Path) -> None:
+    no.virtual_phone(seed=3, duration=20.0).save(tmp_path / "walk.csv")
+    (snippet,) = snippets(REPOSITORY / "docs/own_estimator.md")
+    (tmp_path / "mine.py").write_text(snippet)
+    table = run_program("compare", tmp_path / "walk.csv", "--estimators", f"integration,{tmp_path / 'mine.py'}:Mine")
+    assert "mine.py:Mine" in table

@@ -57,9 +57,9 @@ pub use experiments::campaign_outcome;
 pub use experiments::faults::render as faults_html;
 pub use experiments::navigation_worlds::render as navigation_worlds_html;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
-#[cfg(feature = "parquet")]
-pub use files::write_group;
 pub use files::{EstimateFile, NavigationFile};
+#[cfg(feature = "parquet")]
+pub use files::{campaign_part, write_group};
 pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};
 pub use page::facts::{Fact, Source, Tone, Verdict};
 pub use page::instrument::inline_script;

@@ -8,6 +8,7 @@ use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use northing_evaluation::attitude::EstimatorKind;
 use northing_evaluation::attitude::compare::{CompareOptions, Score, TableRow, scores, statistics};
+use northing_evaluation::attitude::own;
 use serde::Serialize;
 
 use crate::arguments::estimation::{Asked, EstimationArgs};
@@ -49,12 +50,16 @@ Examples:
   northing benchmark attitude --data data/broad
   python3 oracles/attitude.py data/broad --out peers.csv
   northing benchmark attitude --data data/broad --peers peers.csv --report benchmark.html
+  northing benchmark attitude --data data/broad --estimator mine.py:Mine
   northing benchmark attitude --data data/broad --data data/smartphone --magnetometer uncalibrated --json"
 )]
 struct AttitudeArgs {
     /// Folder of recordings; may be given several times
     #[arg(long, value_name = "DIR", required = true)]
     data: Vec<PathBuf>,
+    /// An estimator of your own beside ours: a class of Python in a file, such as mine.py:Mine; may be given several times
+    #[arg(long = "estimator", value_name = "FILE:CLASS", value_parser = own_class)]
+    estimators: Vec<EstimatorKind>,
     /// CSV file with the errors of third-party baselines; may be given several times
     #[arg(long, value_name = "FILE")]
     peers: Vec<PathBuf>,
@@ -70,6 +75,11 @@ struct AttitudeArgs {
     estimation: EstimationArgs,
     #[command(flatten)]
     input: InputArgs,
+}
+
+/// A class of Python in a file.
+fn own_class(text: &str) -> Result<EstimatorKind, String> {
+    own::register_python(text).map_err(|error| error.to_string())
 }
 
 /// The document of `--json`.
@@ -105,7 +115,10 @@ fn attitude(args: &AttitudeArgs) -> Result<()> {
         .estimation
         .options(Some(EstimatorKind::Mekf), &args.input)?;
     let options = CompareOptions {
-        estimators: EstimatorKind::ALL.to_vec(),
+        estimators: EstimatorKind::ALL
+            .into_iter()
+            .chain(args.estimators.iter().copied())
+            .collect(),
         run,
         calibrations,
         align_reference,

@@ -29,6 +29,7 @@ use northing_report::compared_runs::{self, Run};
 Examples:
   northing compare walk.zip
   northing compare walk.csv lab.csv --estimators mekf,usque,device
+  northing compare walk.csv --estimators mekf,mine.py:Mine
   northing compare data/broad data/smartphone --report comparison.html
   northing compare lab.csv --calibrate-first 10 --profile lab --json"
 )]
@@ -36,7 +37,7 @@ pub(crate) struct CompareArgs {
     /// Recordings, or folders of recordings
     #[arg(value_name = "RECORDING", required = true)]
     recordings: Vec<PathBuf>,
-    /// Estimators, separated by commas; without it all of them
+    /// Estimators, separated by commas, your own among them (mine.py:Mine); without it all of ours
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     estimators: Vec<EstimatorKind>,
     /// List each recording, however many there are

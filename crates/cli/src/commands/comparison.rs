@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use northing_evaluation::EvaluationError;
 use northing_evaluation::attitude::TraceObserver;
 use northing_evaluation::attitude::compare::{
     CompareOptions, MeanMedian, Score, arbitrary_heading_note, compare_observed, distinct,
     statistics, totals,
 };
 use northing_evaluation::calibration::magnetometer::MagnetometerSource;
+use northing_evaluation::{EstimatorKind, EvaluationError};
 use northing_recording::Metadata;
 use northing_report::compared_runs::Run;
 
@@ -65,40 +65,67 @@ fn run_all(paths: &[PathBuf], options: &CompareOptions, traced: bool) -> Vec<Run
     runs
 }
 
-/// Recordings that could not be compared, with the reason, each once.
-struct Failures(Vec<String>);
+/// What could not be compared, with the reason.
+#[derive(Default)]
+struct Failures {
+    /// Recordings, each once.
+    recordings: Vec<String>,
+    /// Runs of estimators that somebody brought along: each with how many there were, and the first reason.
+    own: Vec<(EstimatorKind, usize, String)>,
+}
 
 impl Failures {
-    /// Takes recordings out on which a run failed: a table of the others stays whole.
+    /// Takes recordings out on which a run failed: a table of the others stays whole. An estimator that somebody brought along
+    /// fails alone.
     fn taken_from(runs: &mut Vec<Run>, broken: &[String]) -> Self {
-        let mut failed: Vec<(PathBuf, String)> = Vec::new();
+        let mut failures = Self {
+            recordings: broken.to_vec(),
+            ..Self::default()
+        };
+        let mut failed: Vec<PathBuf> = Vec::new();
         for run in runs.iter() {
             let Err(error) = &run.outcome else { continue };
-            if failed.iter().any(|(path, _)| *path == run.path) {
+            let place = shown(&run.path);
+            if matches!(error, EvaluationError::OwnEstimator { .. }) {
+                failures.add_own(run.estimator, format!("{place}: {error}"));
                 continue;
             }
-            let reason = match error {
+            if failed.contains(&run.path) {
+                continue;
+            }
+            failures.recordings.push(match error {
                 // Its message begins with the file already.
                 EvaluationError::Recording(_) => error.to_string(),
-                error => format!("{}: {error}", shown(&run.path)),
-            };
-            failed.push((run.path.clone(), reason));
+                error => format!("{place}: {error}"),
+            });
+            failed.push(run.path.clone());
         }
-        runs.retain(|run| failed.iter().all(|(path, _)| *path != run.path));
-        let reasons = failed.into_iter().map(|(_, reason)| reason);
-        Self(broken.iter().cloned().chain(reasons).collect())
+        runs.retain(|run| run.outcome.is_ok() && !failed.contains(&run.path));
+        failures
     }
 
-    /// The first one, with how many more there are; `all` recordings were asked for.
+    fn add_own(&mut self, estimator: EstimatorKind, reason: String) {
+        match self.own.iter_mut().find(|(kind, _, _)| *kind == estimator) {
+            Some((_, count, _)) => *count += 1,
+            None => self.own.push((estimator, 1, reason)),
+        }
+    }
+
+    /// In a sentence, with the first reason of each; `all` recordings were asked for.
     fn into_error(self, all: usize) -> Option<anyhow::Error> {
-        let first = self.0.first()?;
-        Some(match self.0.len() {
-            1 if all == 1 => anyhow::anyhow!("{first}"),
-            1 => anyhow::anyhow!("one recording is left out of the comparison: {first}"),
-            n => {
-                anyhow::anyhow!("{n} recordings are left out of the comparison; the first: {first}")
-            }
-        })
+        let mut sentences = Vec::new();
+        if let Some(first) = self.recordings.first() {
+            sentences.push(match self.recordings.len() {
+                1 if all == 1 => first.clone(),
+                1 => format!("one recording is left out of the comparison: {first}"),
+                n => format!("{n} recordings are left out of the comparison; the first: {first}"),
+            });
+        }
+        sentences.extend(self.own.iter().map(|(_, count, first)| match count {
+            1 => first.clone(),
+            n => format!("{first}; in all on {n} of {all} recordings"),
+        }));
+        (!sentences.is_empty()).then(|| anyhow::anyhow!("{}", sentences.join("\n")))
     }
 }
 

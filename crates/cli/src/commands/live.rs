@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
+use northing_evaluation::attitude::own;
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
 use northing_live::inputs::{InputKind, InputSpec};
 use northing_live::replay::{self, Speed};
@@ -42,6 +43,7 @@ Examples:
   northing live --port 8000 --no-open
   northing live --input sensorserver=192.168.1.20:8080 --input linkoping
   northing live --replay walk.csv
+  northing live --estimator mine.py:Mine
   northing live --no-open --json
   northing live --replay walk.csv --speed max --exit --json | tail -n 1
 
@@ -85,6 +87,10 @@ pub(crate) struct LiveArgs {
     /// linkoping[=PORT], hyperimu[=PORT], sensorstreamer[=PORT], razor=DEVICE, northing=DEVICE (or DEVICE@BAUD)
     #[arg(long = "input", value_name = "KIND=ADDRESS")]
     inputs: Vec<InputSpec>,
+    /// An estimator of your own beside ours: a class of Python in a file, such as mine.py:Mine (repeatable); it runs in a
+    /// process of its own
+    #[arg(long = "estimator", value_name = "FILE:CLASS", value_parser = own_estimator)]
+    estimators: Vec<EstimatorKind>,
     /// A board with Northing's firmware on this serial line (as --input northing=DEVICE)
     #[arg(long, value_name = "DEVICE")]
     serial: Option<String>,
@@ -139,6 +145,11 @@ impl LiveArgs {
     }
 }
 
+/// A class of Python in a file; every device has it from then on.
+fn own_estimator(text: &str) -> Result<EstimatorKind, String> {
+    own::register_python(text).map_err(|error| error.to_string())
+}
+
 /// A host name or address without port.
 fn host_name(text: &str) -> Result<String, String> {
     let is_label = |b: u8| b.is_ascii_alphanumeric() || b == b'.' || b == b'-';
@@ -165,6 +176,11 @@ pub(crate) fn execute(args: &LiveArgs) -> Result<()> {
 }
 
 async fn run(args: &LiveArgs) -> Result<()> {
+    if !args.estimators.is_empty() && args.speed == ReplaySpeed::Max {
+        bail!(
+            "--speed max is faster than an estimator of your own may follow; leave it out, or use northing compare"
+        );
+    }
     let options = match args.replay {
         // What `northing run` takes.
         Some(_) => RunOptions::default(),

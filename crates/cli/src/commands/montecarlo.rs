@@ -9,12 +9,11 @@ use northing_experiments::radar::{Campaign, CampaignOutcome, Part, Shard};
 use northing_recording::atomic_file::write_whole;
 
 use crate::arguments::scenario::{self, ScenarioArgs};
-use crate::files::campaign_part;
 use crate::files::output::{check_free, print, print_json};
 use crate::interrupt;
 use crate::progress::SharedProgress;
 use crate::text::table::Table;
-use northing_report::campaign_outcome;
+use northing_report::{campaign_outcome, campaign_part};
 
 /// Arguments of `montecarlo`.
 #[derive(Debug, Args)]

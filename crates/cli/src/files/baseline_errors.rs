@@ -162,7 +162,7 @@ fn estimator_named(name: &str) -> Result<String, String> {
             "{column}: `{name}`; expected a name of 1 to {LONGEST_NAME} characters"
         ));
     }
-    if name.parse::<EstimatorKind>().is_ok() {
+    if EstimatorKind::named(name).is_some() {
         return Err(format!(
             "{column}: `{name}` is an estimator of this program, which runs it itself; expected another name"
         ));

@@ -1,8 +1,6 @@
 //! What the program reads and writes beside recordings.
 
 pub(crate) mod baseline_errors;
-#[cfg(feature = "parquet")]
-pub(crate) mod campaign_part;
 pub(crate) mod magnetometer_calibration;
 pub(crate) mod output;
 pub(crate) mod rest_calibration;

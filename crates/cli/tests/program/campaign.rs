@@ -198,7 +198,7 @@ fn one_run_is_shown_and_written() {
     let table = lab.read("run.csv");
     assert_eq!(table.lines().count(), 72);
     let cells = |line: &str| line.split(',').count();
-    assert!(table.lines().all(|line| cells(line) == 12 + 2 * 6));
+    assert!(table.lines().all(|line| cells(line) == 14 + 2 * 6 + 6));
     contains(
         &lab.succeeds(&with(&["simulate", "s.toml"])),
         &["seed 1, run 0, 70 scans"],

@@ -18,15 +18,15 @@ use northing_core::kalman::Innovation;
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::Parameters;
+use crate::attitude::own::{OwnEstimator, OwnKind, Pace, PythonClass, register_python};
 use crate::attitude::parameters::parameters_of;
 use crate::error::EvaluationError;
 
 crate::named::estimators! {
     /// An estimator that can be asked for by name.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-    #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
-    #[serde(rename_all = "kebab-case")]
-    pub enum EstimatorKind for Attitude, "run --estimator", parameters_of {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+    #[cfg_attr(feature = "typescript", derive(ts_rs::TS), ts(rename_all = "kebab-case"))]
+    pub enum EstimatorKind for Attitude, "run --estimator", parameters_of, or Own(OwnKind) {
         /// Gyroscope alone.
         Integration = "integration", 0, "gyroscope integration alone, the baseline: drifts with bias and noise",
             "Utrera & Vazquez (2021), section 4", "the baseline";
@@ -90,16 +90,42 @@ impl EstimatorKind {
 impl FromStr for EstimatorKind {
     type Err = EvaluationError;
 
+    /// One by its name; a class in a file, `mine.py:Mine`, is registered first.
     fn from_str(name: &str) -> Result<Self, EvaluationError> {
-        Self::named(name).ok_or_else(|| EvaluationError::UnknownEstimator {
+        let known = Self::named(name);
+        if known.is_none() && PythonClass::is_meant_by(name) {
+            return register_python(name);
+        }
+        known.ok_or_else(|| EvaluationError::UnknownEstimator {
             name: name.to_owned(),
             valid: Self::names(),
         })
     }
 }
 
+/// Its name: one that is brought along can be read where it is registered.
+impl Serialize for EstimatorKind {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl<'de> Deserialize<'de> for EstimatorKind {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let unknown = || {
+            let valid = Self::names();
+            serde::de::Error::custom(EvaluationError::UnknownEstimator {
+                name: name.clone(),
+                valid,
+            })
+        };
+        Self::named(&name).ok_or_else(unknown)
+    }
+}
+
 /// Any estimator that runs on sensor samples.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub enum AnyEstimator {
     /// `integration`
     Integration(Integration<f64>),
@@ -117,6 +143,8 @@ pub enum AnyEstimator {
     Complementary(Complementary<f64>),
     /// `cascade-ekf`
     EkfReconstruction(Box<EkfReconstruction<f64>>),
+    /// One that somebody brought along.
+    Own(Box<dyn OwnEstimator>),
 }
 
 impl AnyEstimator {
@@ -128,6 +156,25 @@ impl AnyEstimator {
     pub fn new(
         kind: EstimatorKind,
         parameters: &Parameters,
+    ) -> Result<Option<Self>, EvaluationError> {
+        Self::at_pace(kind, parameters, Pace::Waits)
+    }
+
+    /// As [`Self::new`], for samples as they come: they do not wait for one that somebody brought along.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn live(
+        kind: EstimatorKind,
+        parameters: &Parameters,
+    ) -> Result<Option<Self>, EvaluationError> {
+        Self::at_pace(kind, parameters, Pace::Live)
+    }
+
+    fn at_pace(
+        kind: EstimatorKind,
+        parameters: &Parameters,
+        pace: Pace,
     ) -> Result<Option<Self>, EvaluationError> {
         parameters.validate()?;
         let config = &parameters.attitude;
@@ -151,8 +198,18 @@ impl AnyEstimator {
             EstimatorKind::CascadeEkf => {
                 Self::EkfReconstruction(Box::new(EkfReconstruction::new(*config)?))
             }
+            EstimatorKind::Own(own) => Self::Own(own.make(parameters, pace)?),
             EstimatorKind::Device => return Ok(None),
         }))
+    }
+
+    /// Why it has failed; only one that somebody brought along can.
+    #[must_use]
+    pub fn failure(&self) -> Option<String> {
+        match self {
+            Self::Own(own) => own.failure(),
+            _ => None,
+        }
     }
 
     /// The rotation that an EKF reconstructs for the estimator to follow, `ref_from_body`; the
@@ -178,6 +235,7 @@ macro_rules! each {
             Self::QuaternionEkf($e) => $body,
             Self::Complementary($e) => $body,
             Self::EkfReconstruction($e) => $body,
+            Self::Own($e) => $body,
         }
     };
 }

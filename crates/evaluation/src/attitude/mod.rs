@@ -3,6 +3,7 @@
 //! | I look for | file |
 //! |---|---|
 //! | the estimators by name, and any of them behind one type | [`kinds`] |
+//! | estimators that somebody brings along | [`own`] |
 //! | parameters: units, defaults, profiles, `NAME=VALUE` | [`parameters`] |
 //! | what a run can be asked for | [`options`] |
 //! | running over a stream of events | [`runner`] |
@@ -30,6 +31,7 @@ pub mod observability;
 pub mod observer;
 pub mod options;
 pub mod outcome;
+pub mod own;
 pub mod parameters;
 pub mod reference;
 pub mod rts_smoother;

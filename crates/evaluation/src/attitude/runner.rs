@@ -227,7 +227,13 @@ fn run_filter(
         session.positions = Some(PositionObserver::new(options, rotation)?);
     }
     for instant in instants {
-        if let Some(record) = session.step(&instant?, observer)? {
+        let record = session.step(&instant?, observer)?;
+        if let Phase::Running(driver) = &session.phase
+            && let Some(sentence) = driver.estimator.failure()
+        {
+            return Err(EvaluationError::OwnEstimator { sentence });
+        }
+        if let Some(record) = record {
             session.tally.estimated(&record, observer);
         }
     }

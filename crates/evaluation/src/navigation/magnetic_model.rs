@@ -14,7 +14,8 @@ const LEAST_UNIX_NS: i64 = 946_684_800_000_000_000;
 
 /// Declination (rad, east positive) of a place at a stamp (ns; of Unix time where it can be that). `None` where a compass
 /// is of no use: within some 1,500 km of the magnetic poles, or far above the ground.
-pub(super) fn declination(place: &Geodetic, time_ns: i64) -> Option<f64> {
+#[must_use]
+pub fn declination(place: &Geodetic, time_ns: i64) -> Option<f64> {
     let field = GeomagneticField::new(
         Length::new::<meter>(place.height_m as f32),
         Angle::new::<radian>(place.latitude_rad as f32),

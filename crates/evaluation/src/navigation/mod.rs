@@ -12,6 +12,7 @@
 //! | `score.rs`, `outcome.rs` | errors at held-out fixes, at a reference and in outages; the outcome |
 //! | `batch_smoother.rs`, `smoothed.rs` | the smoother of the GNSS/INS; scores of smoothed estimates |
 //! | `benchmark.rs` | one rule over many recordings, beside answers that need no filter |
+//! | `moving_frame.rs`, `magnetic_model.rs` | the local frame moves with the vehicle; the declination of a place |
 //! | `trace.rs` | what plots need |
 
 mod axis_navigator;
@@ -20,7 +21,8 @@ pub mod benchmark;
 mod device_navigator;
 mod ins_navigator;
 pub mod kinds;
-mod magnetic_model;
+pub mod magnetic_model;
+pub mod moving_frame;
 pub mod navigator;
 pub mod observer;
 pub mod options;

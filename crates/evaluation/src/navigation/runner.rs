@@ -5,7 +5,7 @@
 //! with the recording, unless the estimates are smoothed.
 
 mod axes_agreement;
-mod consensus;
+pub(super) mod consensus;
 mod finish;
 mod moving_origin;
 pub(super) mod receiver;
@@ -23,13 +23,13 @@ use northing_recording::{BodyAxes, DeviceNavigation, Event, Frames, Sample, Sens
 
 use self::axes_agreement::AxesAgreement;
 use self::consensus::{FixConsensus, Step};
-use self::moving_origin::MovingFrame;
 use self::turn_agreement::TurnAgreement;
 use super::axis_navigator::AxisNavigator;
 use super::batch_smoother::SmoothingSummary;
 use super::device_navigator::DeviceNavigator;
 use super::ins_navigator::InsNavigator;
 use super::kinds::NavigationKind;
+use super::moving_frame::MovingFrame;
 use super::navigator::{Aid, AidKind, NavigationEstimate, Navigator, Told};
 use super::observer::NavigationObserver;
 use super::options::NavigationOptions;
@@ -343,7 +343,7 @@ impl<'a> Session<'a> {
 
     /// What the device itself said.
     fn device(&mut self, time_ns: i64, said: &DeviceNavigation) {
-        let Some(frame) = self.frame.map(|frame| frame.now) else {
+        let Some(frame) = self.frame.map(|frame| *frame.now()) else {
             return;
         };
         if !said.is_usable() {

@@ -1,13 +1,12 @@
 //! Clean streams of samples that faults are laid over: simulated worlds with healthy sensors, and recordings.
 
-use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_evaluation::registry::Question;
-use northing_recording::{
-    Event, GnssPosition, GnssQuality, GnssVelocity, Metadata, Recording, Sample, WorldFrame,
-};
+use northing_recording::{Event, Metadata, Recording, Sample, WorldFrame};
 use northing_simulation::attitude_world::{AttitudeWorld, WorldMotion};
-use northing_simulation::navigation_world::{NavigationWorld, WorldFix, WorldSample};
+use northing_simulation::navigation_world::NavigationWorld;
 use serde::Serialize;
+
+use crate::navigation_worlds::events;
 
 /// How long a world of attitude lasts, s: a fault after a third, and a minute and more after it.
 const ATTITUDE_S: f64 = 120.0;
@@ -24,11 +23,6 @@ const MOTIONS: [WorldMotion; 4] = [
     WorldMotion::Desk,
     WorldMotion::Swinging,
 ];
-/// Where the worlds of navigation lie: gravity there is that of the worlds.
-const LATITUDE_RAD: f64 = 0.793_5;
-const LONGITUDE_RAD: f64 = 0.15;
-/// Between two positions of the truth, s.
-const TRUTH_EVERY_S: f64 = 0.1;
 
 /// Where a stream comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -179,71 +173,5 @@ fn hold_out(events: &mut [Event]) {
     });
     for (event, fix) in fixes.skip(1).step_by(2) {
         event.sample = Sample::ReferencePosition(fix);
-    }
-}
-
-/// Samples, fixes and truth of a world as a recording has them.
-fn events(world: &NavigationWorld) -> Vec<Event> {
-    let frame = LocalFrame::new(Geodetic {
-        latitude_rad: LATITUDE_RAD,
-        longitude_rad: LONGITUDE_RAD,
-        height_m: 0.0,
-    });
-    let mut events: Vec<Event> = Vec::with_capacity(3 * world.samples.len());
-    let mut next_s = 0.0;
-    for sample in &world.samples {
-        let time_ns = sample.stamp_ns;
-        let measured = [
-            Sample::AngularRate(sample.angular_rate),
-            Sample::SpecificForce(sample.specific_force),
-        ];
-        events.extend(measured.map(|sample| Event { time_ns, sample }));
-        if sample.time_s + 1e-9 >= next_s {
-            next_s += TRUTH_EVERY_S;
-            events.push(truth(&frame, sample));
-        }
-    }
-    events.extend(world.fixes.iter().flat_map(|fix| fixes(&frame, fix)));
-    events.sort_by_key(Event::place);
-    events
-}
-
-fn truth(frame: &LocalFrame, sample: &WorldSample) -> Event {
-    Event {
-        time_ns: sample.stamp_ns,
-        sample: Sample::ReferencePosition(position(frame, &sample.antenna, None)),
-    }
-}
-
-fn fixes(frame: &LocalFrame, fix: &WorldFix) -> impl Iterator<Item = Event> + use<> {
-    let [place, std] = fix.position;
-    let position = Sample::GnssPosition(position(frame, &place, Some(std.into())));
-    let velocity = fix.velocity.map(|[velocity, std]| {
-        Sample::GnssVelocity(GnssVelocity {
-            north_m_s: velocity.x,
-            east_m_s: velocity.y,
-            down_m_s: Some(velocity.z),
-            std_m_s: Some(std.into()),
-        })
-    });
-    let time_ns = fix.stamp_ns;
-    let samples = core::iter::once(position).chain(velocity);
-    samples.map(move |sample| Event { time_ns, sample })
-}
-
-fn position(
-    frame: &LocalFrame,
-    ned: &nalgebra::Vector3<f64>,
-    std_m: Option<[f64; 3]>,
-) -> GnssPosition {
-    let place = frame.geodetic(ned);
-    GnssPosition {
-        latitude_rad: place.latitude_rad,
-        longitude_rad: place.longitude_rad,
-        height_m: Some(place.height_m),
-        std_m,
-        hdop: None,
-        satellites: None,
-        quality: GnssQuality::Autonomous,
     }
 }

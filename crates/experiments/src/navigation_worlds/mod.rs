@@ -42,12 +42,14 @@
 //! correlation, says whether the filter is consistent.
 
 mod baseline;
+mod events;
 mod outcome;
 mod run;
 mod score;
 mod undetectable;
 
 pub use baseline::Baseline;
+pub use events::{events, world_frame};
 pub use outcome::{ClassRow, FeatureRow, WorldsOutcome};
 pub use run::{WorldInstant, WorldRun};
 pub use score::{Score, WorldOutcome};

@@ -270,6 +270,24 @@ impl Campaign {
     /// # Errors
     /// A shard that holds no run.
     pub fn run(&self, shard: Shard, done: &(dyn Fn() + Sync)) -> Result<Part, CampaignError> {
+        let go_on = || {
+            done();
+            true
+        };
+        let text = format!("{}/{}", shard.index, shard.count);
+        let part = self.run_while(shard, &go_on)?;
+        part.ok_or(CampaignError::NoSuchShard { text })
+    }
+
+    /// As [`Self::run`], and `go_on` says after each run whether to; `None` when it did not.
+    ///
+    /// # Errors
+    /// A shard that holds no run.
+    pub fn run_while(
+        &self,
+        shard: Shard,
+        go_on: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Option<Part>, CampaignError> {
         let range = shard.range(self.runs);
         if range.is_empty() {
             let text = format!("{}/{}", shard.index, shard.count);
@@ -280,14 +298,15 @@ impl Campaign {
         let sums = range
             .clone()
             .into_par_iter()
-            .fold(empty, |mut sums, number| {
+            .try_fold(empty, |mut sums, number| {
                 run(&self.world, &self.kinds, self.seed, number, &mut sums);
                 sums.runs += 1;
-                done();
-                sums
+                go_on().then_some(sums)
             });
-        let sums = sums.reduce(empty, |a, b| a.merged(&b));
-        Ok(Part {
+        let Some(sums) = sums.try_reduce(empty, |a, b| Some(a.merged(&b))) else {
+            return Ok(None);
+        };
+        Ok(Some(Part {
             key: CampaignKey {
                 scenario: self.world.scenario().clone(),
                 seed: self.seed,
@@ -301,7 +320,7 @@ impl Campaign {
             ranges: vec![range],
             sums,
             elapsed_s: started.elapsed().as_secs_f64(),
-        })
+        }))
     }
 }
 

@@ -37,6 +37,8 @@ pub struct NavigationRecord {
     pub covariance: Matrix3<f64>,
     /// What the closed loop left of the heading error since the scan before.
     pub heading_factor: f64,
+    /// What the radar saw; `None` when it missed the target.
+    pub detection: Option<RadarDetection<f64>>,
 }
 
 /// Watches a run.
@@ -104,8 +106,8 @@ fn run_with<const N: usize, V: Navigator<N>>(
         .contains(&TrackerKind::Joint)
         .then(|| V::new(world, &run))
         .flatten();
-    start(world, kinds, &mut run, &mut shared, own.as_mut());
-    report(0, world, &mut shared, own.as_mut(), &run, watcher);
+    let first = start(world, kinds, &mut run, &mut shared, own.as_mut());
+    report((0, first), world, &mut shared, own.as_mut(), &run, watcher);
     let authors = kinds.contains(&TrackerKind::SchmidtAuthors);
     for step in 1..=world.scans() {
         for _ in 0..world.fixes_per_scan() {
@@ -125,26 +127,27 @@ fn run_with<const N: usize, V: Navigator<N>>(
         if let Some(own) = &mut own {
             scan_jointly(world.scan_s(), detection.as_ref(), own);
         }
-        report(step, world, &mut shared, own.as_mut(), &run, watcher);
+        let scanned = (step, detection);
+        report(scanned, world, &mut shared, own.as_mut(), &run, watcher);
         shared.scanned();
     }
 }
 
-/// Starts all trackers at the first detection, each beside its navigation.
+/// Starts all trackers at the first detection, each beside its navigation; that detection comes back.
 fn start<const N: usize, V: Navigator<N>>(
     world: &TrackingWorld,
     kinds: &[TrackerKind],
     run: &mut TrackingRun<'_>,
     shared: &mut V,
     mut own: Option<&mut V>,
-) {
+) -> Option<RadarDetection<f64>> {
     let (config, lifetimes) = tracker_config(world);
     let table = &world.scenario().track_init;
     let seen = run.detection();
+    let seen = seen.map(|[range, bearing]| RadarDetection { range, bearing });
     let start = match table.mode {
-        TrackStart::OnePoint => seen.map(|[range, bearing]| {
+        TrackStart::OnePoint => seen.map(|detection| {
             let correlated = table.cross_covariance == StartCross::FromConversion;
-            let detection = RadarDetection { range, bearing };
             Start::Detection(detection, table.velocity_std_m_s, correlated)
         }),
         TrackStart::Prior => {
@@ -174,6 +177,7 @@ fn start<const N: usize, V: Navigator<N>>(
         };
         beside.contestants.push(contestant);
     }
+    seen
 }
 
 /// The inertial samples up to a fix, and the fix.
@@ -249,7 +253,7 @@ fn scan_jointly<const N: usize>(
 }
 
 fn report<const N: usize, V: Navigator<N>>(
-    step: usize,
+    (step, detection): (usize, Option<RadarDetection<f64>>),
     world: &TrackingWorld,
     shared: &mut V,
     own: Option<&mut V>,
@@ -262,6 +266,7 @@ fn report<const N: usize, V: Navigator<N>>(
         true_pose: pose_of(&world.own_at_scan(step)),
         covariance: scan.pose_covariance,
         heading_factor: followers.heading_factor(),
+        detection,
     };
     let target = run.target();
     watcher.scan(step, &record, &target);

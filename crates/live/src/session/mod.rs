@@ -28,6 +28,7 @@ use northing_core::geometry::frames::TangentFrame;
 use northing_evaluation::attitude::calibrated_start::{calibrated_driver, state_at_rest};
 use northing_evaluation::attitude::kinds::EstimatorKind;
 use northing_evaluation::attitude::options::{RunOptions, SensorSelection};
+use northing_evaluation::attitude::own;
 use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::statistics::faults::sentence_now;
 use northing_evaluation::{EvaluationError, Profile};
@@ -123,7 +124,9 @@ impl DeviceSession {
             magnetometer: None,
             browser: false,
         };
-        session.use_estimators(&[EstimatorKind::Integration, EstimatorKind::Mekf])?;
+        let mut kinds = vec![EstimatorKind::Integration, EstimatorKind::Mekf];
+        kinds.extend(own::registered());
+        session.use_estimators(&kinds)?;
         Ok(session)
     }
 
@@ -138,7 +141,23 @@ impl DeviceSession {
                 self.admitted(admission, &event, &mut happenings);
             }
         }
+        self.let_failed_go(&mut happenings);
         happenings
+    }
+
+    /// Lets estimators go that somebody brought along and that have failed; the others go on as if they had never been.
+    fn let_failed_go(&mut self, happenings: &mut Vec<Happening>) {
+        let failed: Vec<String> = self.tracks.iter().filter_map(Track::failure).collect();
+        if failed.is_empty() {
+            return;
+        }
+        self.tracks.retain(|track| track.failure().is_none());
+        self.renew_subject();
+        let told = failed.into_iter().map(|sentence| {
+            let text = format!("{sentence}. It is left out from here on.");
+            Happening::Note(Remark::new(Tone::Bad, &text))
+        });
+        happenings.extend(told);
     }
 
     fn admitted(&mut self, admission: Admission, event: &Event, happenings: &mut Vec<Happening>) {
@@ -381,18 +400,21 @@ impl DeviceSession {
     /// A parameter is invalid.
     pub fn use_estimators(&mut self, kinds: &[EstimatorKind]) -> Result<(), EvaluationError> {
         let (config, driver) = (self.config(), self.driver());
-        let mut tracks = Vec::new();
-        for kind in kinds {
-            if tracks.iter().any(|track: &Track| track.kind == *kind) {
-                continue;
-            }
-            let running = self.tracks.iter().position(|track| track.kind == *kind);
-            match running {
-                Some(index) => tracks.push(self.tracks[index].clone()),
-                None => tracks.extend(Track::new(*kind, &config, driver)?),
+        let runs = |kind: &EstimatorKind| self.tracks.iter().any(|track| track.kind == *kind);
+        let new = kinds.iter().filter(|kind| !runs(kind));
+        let made: Result<Vec<_>, _> = new.map(|kind| Track::new(*kind, &config, driver)).collect();
+        let mut all = std::mem::take(&mut self.tracks);
+        match made {
+            Ok(made) => all.extend(made.into_iter().flatten()),
+            Err(error) => {
+                self.tracks = all;
+                return Err(error);
             }
         }
-        self.tracks = tracks;
+        for kind in kinds {
+            let place = all.iter().position(|track| track.kind == *kind);
+            self.tracks.extend(place.map(|place| all.remove(place)));
+        }
         self.renew_subject();
         self.note_change("the choice of estimators");
         Ok(())
@@ -411,12 +433,20 @@ impl DeviceSession {
         let before = std::mem::replace(&mut self.options, changed);
         self.expect_hard_iron();
         let config = self.config();
-        let mut tracks = self.tracks.clone();
-        if let Err(error) = tracks.iter_mut().try_for_each(|t| t.retune(&config)) {
-            self.options = before;
-            return Err(error);
+        let retuned: Result<Vec<_>, _> = self.tracks.iter().map(|t| t.retuned(&config)).collect();
+        match retuned {
+            Ok(retuned) => {
+                for (track, estimator) in self.tracks.iter_mut().zip(retuned) {
+                    if let Some(estimator) = estimator {
+                        track.driver.estimator = estimator;
+                    }
+                }
+            }
+            Err(error) => {
+                self.options = before;
+                return Err(error);
+            }
         }
-        self.tracks = tracks;
         self.judged.reset(&self.config());
         self.note_change("Q, R or another parameter");
         Ok(())

@@ -7,7 +7,7 @@ use northing_evaluation::attitude::kinds::{AnyEstimator, EstimatorKind};
 use northing_evaluation::attitude::parameters::Parameters;
 
 /// An estimator and its driver.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Track {
     /// Which estimator.
     pub kind: EstimatorKind,
@@ -27,7 +27,7 @@ impl Track {
         config: &Parameters,
         driver: DriverConfig<f64>,
     ) -> Result<Option<Self>, EvaluationError> {
-        let estimator = AnyEstimator::new(kind, config)?;
+        let estimator = AnyEstimator::live(kind, config)?;
         let driver = estimator.map(|estimator| AttitudeDriver::new(estimator, driver));
         Ok(driver.map(|driver| Self {
             kind,
@@ -63,18 +63,36 @@ impl Track {
         })
     }
 
+    /// The estimator that goes on from the present estimate with other parameters; `None`: the one that runs goes on, for one that
+    /// was brought along has none of these parameters.
+    ///
+    /// # Errors
+    /// A parameter is invalid.
+    pub fn retuned(&self, config: &Parameters) -> Result<Option<AnyEstimator>, EvaluationError> {
+        if matches!(self.kind, EstimatorKind::Own(_)) {
+            return Ok(None);
+        }
+        let mut estimator = AnyEstimator::live(self.kind, config)?;
+        if let (Some(estimator), Some(state)) = (&mut estimator, self.state()) {
+            estimator.initialize(&state);
+        }
+        Ok(estimator)
+    }
+
     /// Goes on from the present estimate with other parameters.
     ///
     /// # Errors
     /// A parameter is invalid; nothing has changed then.
     pub fn retune(&mut self, config: &Parameters) -> Result<(), EvaluationError> {
-        let Some(mut estimator) = AnyEstimator::new(self.kind, config)? else {
-            return Ok(());
-        };
-        if let Some(state) = self.state() {
-            estimator.initialize(&state);
+        if let Some(estimator) = self.retuned(config)? {
+            self.driver.estimator = estimator;
         }
-        self.driver.estimator = estimator;
         Ok(())
+    }
+
+    /// Why the estimator has failed, in a sentence.
+    #[must_use]
+    pub fn failure(&self) -> Option<String> {
+        self.driver.estimator.failure()
     }
 }

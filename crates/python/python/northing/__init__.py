@@ -15,28 +15,55 @@ from typing import Any
 
 from . import _northing, calibrate, vqf
 from ._attitude import attitude
-from ._northing import AttitudeConfig, BoundedVelocity, BoundedVelocityConfig, Innovation, Mekf, __version__
+from ._estimator import Estimator
+from ._northing import (
+    AttitudeConfig,
+    BoundedVelocity,
+    BoundedVelocityConfig,
+    GnssIns,
+    GnssInsConfig,
+    Innovation,
+    Mekf,
+    OwnShip,
+    SchmidtKalman,
+    __version__,
+)
+from ._live import live
 from ._recordings import Recording, Samples, compare, open, tune
 from ._results import Attitude, Track, Verdict
+from ._simulated import Campaign, SimulatedRun, VirtualRecording, montecarlo, simulate, virtual_phone, virtual_vehicle
 
 __all__ = [
     "Attitude",
     "AttitudeConfig",
     "BoundedVelocity",
     "BoundedVelocityConfig",
+    "Campaign",
+    "Estimator",
+    "GnssIns",
+    "GnssInsConfig",
     "Innovation",
     "Mekf",
+    "OwnShip",
     "Recording",
     "Samples",
+    "SchmidtKalman",
+    "SimulatedRun",
     "Track",
     "Verdict",
+    "VirtualRecording",
     "__version__",
     "attitude",
     "calibrate",
     "compare",
     "estimators",
+    "live",
+    "montecarlo",
     "open",
+    "simulate",
     "tune",
+    "virtual_phone",
+    "virtual_vehicle",
     "vqf",
 ]
 

@@ -7,6 +7,7 @@ from typing import Any
 from . import _northing
 from ._arrays import stamps, stamps_at, vectors
 from ._asked import Asked, Parameter, Reading, calibrated, settings
+from ._own import AnyEstimator, named
 from ._results import Attitude
 from ._types import ArrayLike, Floats, Integers
 
@@ -20,7 +21,7 @@ def attitude(
     t: ArrayLike | None = None,
     acc_t: ArrayLike | None = None,
     mag_t: ArrayLike | None = None,
-    estimator: str | None = None,
+    estimator: AnyEstimator | None = None,
     profile: str | None = None,
     smooth: bool = False,
     frame: str = "enu",
@@ -38,7 +39,8 @@ def attitude(
     ``gyr`` in rad/s, ``acc`` the specific force in m/s^2 (at rest +9.81 on the axis that points up), ``mag`` in
     microtesla: (N, 3) each, as lists, arrays or DataFrames. Time is ``rate`` in Hz, or ``t``: seconds, int64
     nanoseconds or datetime64; a sensor of another rate has ``acc_t`` or ``mag_t`` of its own. ``estimator`` and
-    ``profile`` are those of the program (default ``bounded-velocity``, ``hand-held``), every further argument is a
+    ``profile`` are those of the program (default ``bounded-velocity``, ``hand-held``), or ``estimator`` is a class of your
+    own (:class:`northing.Estimator`); every further argument is a
     parameter of the estimator by its name: :func:`northing.estimators` lists both. The result has a row for each row
     of ``gyr``; before the filter is aligned they are NaN. ValueError says what is wrong and in which row first.
     """
@@ -68,7 +70,7 @@ def attitude(
         else:
             sensors[name] = (time_ns, rows)
     asked = Asked(
-        estimator=estimator,
+        estimator=named(estimator),
         profile=profile,
         smooth=smooth,
         calibrate_first_s=calibrate_first,

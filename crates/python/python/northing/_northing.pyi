@@ -1,11 +1,12 @@
 """The compiled part of the module; what people call is in the Python files beside it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
-from typing import Any, Protocol
+from typing import Any, Protocol, final
 
 import numpy as np
 import numpy.typing as npt
+from typing_extensions import Self
 
 from ._types import Floats, Innovations, Integers
 
@@ -22,6 +23,10 @@ class _Asked(Protocol):
 class _AskedNavigation(Protocol):
     @property
     def gnss_every(self) -> int | None: ...
+
+class _AskedScenario(Protocol):
+    @property
+    def scenario(self) -> str | PathLike[str]: ...
 
 def attitude(
     gyroscope: tuple[Integers, Floats],
@@ -43,8 +48,14 @@ def calibrate_allan(file: RecordingFile, sensor: str, start: float | None, stop:
 def tune(
     file: RecordingFile, estimator: str | None, profile: str | None, parameters: Sequence[str], fitted_share: float
 ) -> str: ...
+def arrow_stream(columns: Mapping[str, Any]) -> object: ...
+def simulate(asked: _AskedScenario, run: int) -> tuple[str, dict[str, Floats]]: ...
+def montecarlo(asked: _AskedScenario, runs: int | None, shard: str | None, threads: int | None) -> Part: ...
+def register_class(name: str, make: Callable[[], Any]) -> None: ...
+def register_file(text: str, python: str) -> None: ...
 def in_words_of_the_module(sentence: str) -> str: ...
 
+@final
 class AttitudeRun:
     time_ns: Integers
     quat: Floats
@@ -60,6 +71,7 @@ class AttitudeRun:
     def save(self, path: str | PathLike[str], force: bool) -> None: ...
     def __len__(self) -> int: ...
 
+@final
 class NavigationRun:
     time_ns: Integers
     geodetic: Floats
@@ -74,12 +86,37 @@ class NavigationRun:
     def report(self, path: str | PathLike[str], command: str, force: bool) -> None: ...
     def save(self, path: str | PathLike[str], force: bool) -> None: ...
 
+@final
+class Part:
+    @property
+    def runs(self) -> tuple[int, int]: ...
+    def summary_json(self) -> str: ...
+    def merged(self, others: Sequence[Part]) -> Part: ...
+    def save(self, path: str | PathLike[str], force: bool) -> None: ...
+    @staticmethod
+    def load(path: str | PathLike[str]) -> Part: ...
+    def report(self, path: str | PathLike[str], force: bool) -> None: ...
+
+@final
+class VirtualRecording:
+    @staticmethod
+    def phone(seed: int, duration: float | None, motion: str, disturbance: str) -> VirtualRecording: ...
+    @staticmethod
+    def vehicle(kind: str, seed: int, duration: float | None, faults: bool) -> VirtualRecording: ...
+    @property
+    def description(self) -> str: ...
+    @property
+    def frame(self) -> str: ...
+    def arrays(self) -> dict[str, Any]: ...
+    def save(self, path: str | PathLike[str], force: bool) -> None: ...
+
+@final
 class RecordingFile:
     name: str
     format: str
     frame: str
     sensors: list[str]
-    def __init__(self, path: str | PathLike[str], reading: _Reading) -> None: ...
+    def __new__(cls, path: str | PathLike[str], reading: _Reading) -> Self: ...
     def estimator_for(self, asked: str | None) -> tuple[str, str | None]: ...
     def arrays(self, sensor: str) -> tuple[tuple[Integers, Floats, list[str]], list[str]]: ...
     def run_attitude(self, asked: _Asked) -> AttitudeRun: ...
@@ -90,25 +127,34 @@ class RecordingFile:
 class _Config:
     """Parameters by name; `dir(config)` lists them, `northing.estimators()` says what they mean."""
 
-    def __init__(self, profile: str = "hand_held", **changes: Any) -> None: ...
+    def __new__(cls, profile: str = ..., **changes: Any) -> Self: ...
     def to_dict(self) -> dict[str, Any]: ...
     def __getattr__(self, name: str) -> Any: ...
     def __setattr__(self, name: str, value: Any) -> None: ...
 
+@final
 class BoundedVelocityConfig(_Config):
     @staticmethod
     def hand_held(**changes: Any) -> BoundedVelocityConfig: ...
     @staticmethod
     def lab(**changes: Any) -> BoundedVelocityConfig: ...
 
+@final
 class AttitudeConfig(_Config):
     @staticmethod
     def hand_held(**changes: Any) -> AttitudeConfig: ...
     @staticmethod
     def lab(**changes: Any) -> AttitudeConfig: ...
 
+@final
+class GnssInsConfig(_Config):
+    def __new__(cls, profile: str = ..., **changes: Any) -> Self: ...
+    @staticmethod
+    def default(**changes: Any) -> GnssInsConfig: ...
+
 _Vector = Sequence[float] | npt.NDArray[np.float64] | npt.NDArray[np.float32]
 
+@final
 class Innovation:
     """What one measurement told a filter: residual, its covariance S, NIS, and what was done with it."""
 
@@ -140,16 +186,143 @@ class _Stream:
     def gyro_bias(self) -> Floats | None: ...
     state: str
 
+@final
 class BoundedVelocity(_Stream):
-    def __init__(
-        self, config: BoundedVelocityConfig | None = None, *, alignment_s: float = 0.5, gap_limit_s: float = 0.5
-    ) -> None: ...
+    def __new__(
+        cls, config: BoundedVelocityConfig | None = None, *, alignment_s: float = 0.5, gap_limit_s: float = 0.5
+    ) -> Self: ...
     @property
     def config(self) -> BoundedVelocityConfig: ...
 
+@final
 class Mekf(_Stream):
-    def __init__(
-        self, config: AttitudeConfig | None = None, *, alignment_s: float = 0.5, gap_limit_s: float = 0.5
-    ) -> None: ...
+    def __new__(
+        cls, config: AttitudeConfig | None = None, *, alignment_s: float = 0.5, gap_limit_s: float = 0.5
+    ) -> Self: ...
     @property
     def config(self) -> AttitudeConfig: ...
+
+@final
+class GnssIns:
+    """GNSS/INS, sample by sample: position, velocity and attitude from an inertial unit and a receiver.
+
+    Body axes are forward, right, down, the world is north, east, down; stamps are integer nanoseconds of one clock, in order.
+    The first fix is the origin; the frame moves along with the vehicle, unless a tracker follows it. Every measurement returns
+    its innovation; what is not finite changes nothing.
+    """
+
+    def __new__(cls, config: GnssInsConfig | None = None) -> Self: ...
+    def imu(self, time_ns: int, angular_rate: _Vector, specific_force: _Vector) -> str | None:
+        """Takes rad/s and m/s^2 of one stamp; why they were skipped, if they were."""
+    def gnss_position(
+        self,
+        time_ns: int,
+        latitude_deg: float,
+        longitude_deg: float,
+        height_m: float | None = None,
+        *,
+        std: float | _Vector,
+    ) -> tuple[Innovation, Innovation]:
+        """Takes a fix with its standard deviations north, east, down, m: what it told horizontally and vertically."""
+    def gnss_velocity(self, time_ns: int, ned: _Vector, *, std: float | _Vector) -> Innovation:
+        """Takes a velocity over ground, m/s; down may be NaN."""
+    def heading(self, time_ns: int, heading: float, *, std: float) -> Innovation:
+        """Takes a true heading of the forward axis, rad clockwise from north."""
+    def magnetometer(self, time_ns: int, magnetic_field: _Vector) -> Innovation:
+        """Takes a magnetic field, microtesla; its heading is used."""
+    def barometer(self, time_ns: int, pressure: float) -> Innovation:
+        """Takes a static pressure, Pa."""
+    def speed(self, time_ns: int, forward: float, *, std: float) -> Innovation:
+        """Takes a speed along the forward axis, m/s, negative backwards."""
+    @property
+    def validity(self) -> str:
+        """The solution status: aligning, heading-unknown, aided, dead-reckoning or invalid."""
+    @property
+    def time_ns(self) -> int | None: ...
+    @property
+    def geodetic(self) -> Floats | None:
+        """Latitude and longitude of the antenna, deg, and its height above the ellipsoid, m."""
+    @property
+    def ned(self) -> Floats | None:
+        """Position of the antenna, m north, east, down of the first fix."""
+    @property
+    def position_covariance(self) -> Floats | None:
+        """Covariance of that, m^2: (3, 3)."""
+    @property
+    def velocity(self) -> Floats | None:
+        """Velocity of the antenna, m/s north, east, down."""
+    @property
+    def quat(self) -> Floats | None:
+        """Attitude, body to north-east-down, w, x, y, z."""
+    @property
+    def gyro_bias(self) -> Floats | None: ...
+    @property
+    def accelerometer_bias(self) -> Floats | None: ...
+    @property
+    def covariance(self) -> Floats | None:
+        """Covariance of the errors of attitude, velocity, position, accelerometer bias and gyroscope bias: (15, 15)."""
+    @property
+    def config(self) -> GnssInsConfig: ...
+    state: str
+
+@final
+class OwnShip:
+    """Pose of the own ship: north and east (m), heading (rad, clockwise from north), with standard deviations or covariance."""
+
+    def __new__(
+        cls,
+        north: float,
+        east: float,
+        heading: float,
+        *,
+        std: _Vector | None = None,
+        covariance: Sequence[_Vector] | Floats | None = None,
+    ) -> Self: ...
+    @property
+    def pose(self) -> Floats: ...
+    @property
+    def covariance(self) -> Floats: ...
+
+@final
+class SchmidtKalman:
+    """One target seen by radar from a ship whose own pose is uncertain; starts from its first detection.
+
+    ``own`` is an :class:`OwnShip`, of which each scan then needs one of its own, or a :class:`GnssIns`, whose errors the tracker
+    follows from now on. Range in m, bearing in rad clockwise from the bow.
+    """
+
+    def __new__(
+        cls,
+        time_ns: int,
+        range: float,
+        bearing: float,
+        own: OwnShip | GnssIns,
+        *,
+        range_std: float,
+        bearing_std: float,
+        acceleration_std: float,
+        velocity_std: float,
+        gate_nis: float = 0.0,
+        coupling: str = "exact",
+        position_correlation_s: float = 300.0,
+        heading_correlation_s: float = 1e4,
+    ) -> Self: ...
+    def scan(self, time_ns: int, range: float, bearing: float, own: OwnShip | None = None) -> Innovation:
+        """Takes a detection: moves the target on to its stamp and fuses. A GnssIns must have come to that stamp."""
+    def move_on(self, time_ns: int) -> str | None:
+        """Moves the target on to a stamp at which nothing was seen; why not, if so."""
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def track(self) -> Floats:
+        """North (m), its rate (m/s), east (m), its rate (m/s)."""
+    @property
+    def covariance(self) -> Floats:
+        """Its covariance: (4, 4)."""
+    @property
+    def std(self) -> Floats: ...
+    @property
+    def cross_covariance(self) -> Floats:
+        """Covariance of the own ship's errors (rows) with the track (columns)."""
+    def ellipse(self, probability: float = 0.95) -> tuple[float, float, float]:
+        """Semi-axes (m) of the ellipse that holds the target with this probability, and the direction of the longer, rad from north."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _northing
 from ._asked import Asked, AskedNavigation, Parameter, Path, Reading, calibrated, settings
+from ._own import AnyEstimator, named
 from ._results import Attitude, Track
 from ._types import Floats, Integers
 
@@ -65,7 +66,7 @@ class Recording:
 
     def run(
         self,
-        estimator: str | None = None,
+        estimator: AnyEstimator | None = None,
         *,
         profile: str | None = None,
         smooth: bool = False,
@@ -87,6 +88,7 @@ class Recording:
         Gives a :class:`northing.Attitude`, or of a navigation estimator a :class:`northing.Track`. ``outages`` are
         ``"START:DURATION"`` in seconds; every further argument is a parameter of the estimator.
         """
+        estimator = named(estimator)
         kind, name = self._file.estimator_for(estimator)
         command = f"northing.open({str(self._path)!r}).run({estimator!r})" if estimator else (
             f"northing.open({str(self._path)!r}).run()"
@@ -175,7 +177,7 @@ def open(
 
 def compare(
     recordings: Sequence[Path | Recording] | Path | Recording,
-    estimators: Sequence[str] = (),
+    estimators: Sequence[AnyEstimator] = (),
     *,
     profile: str | None = None,
     smooth: bool = False,
@@ -185,7 +187,9 @@ def compare(
 ) -> list[dict[str, Any]]:
     """Several attitude estimators (all of them without names) over several recordings, on all processors.
 
-    One summary a run, in the order of recordings and estimators: what ``northing compare --json`` prints.
+    One summary a run, in the order of recordings and estimators: what ``northing compare --json`` prints. Estimators are names,
+    classes of your own (:class:`northing.Estimator`) or ``"FILE.py:CLASS"``, which runs in a process of its own. One of yours
+    that fails gives ``{"recording", "estimator", "failure"}`` with the reason instead.
     """
     many = recordings if isinstance(recordings, (list, tuple)) else [recordings]
     paths: list[Any] = [one._path if isinstance(one, Recording) else one for one in many]
@@ -196,7 +200,8 @@ def compare(
         calibrate_first_s=calibrate_first,
         settings=settings(parameters or {}),
     )
-    return [json.loads(text) for text in _northing.compare(paths, list(estimators), asked, Reading())]
+    names = [name for name in map(named, estimators) if name is not None]
+    return [json.loads(text) for text in _northing.compare(paths, names, asked, Reading())]
 
 
 def tune(

@@ -11,11 +11,10 @@ import numpy as np
 
 from ._asked import Path
 from ._northing import AttitudeRun, NavigationRun, in_words_of_the_module
+from ._tables import Table
 from ._types import Floats, Innovations, Integers
 
 if TYPE_CHECKING:
-    import pandas
-    import polars
     from matplotlib.figure import Figure
 
 
@@ -40,7 +39,7 @@ def _frozen(array: Any) -> Any:
     return array
 
 
-class _Run:
+class _Run(Table):
     """What attitude and navigation runs share."""
 
     _run: AttitudeRun | NavigationRun
@@ -94,23 +93,6 @@ class _Run:
     def report(self, path: Path, force: bool = False) -> None:
         """Writes the program's report: one HTML file with plots."""
         self._run.report(path, self._command, force)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The estimates as columns with the unit in every name."""
-        raise NotImplementedError
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """The estimates as a DataFrame of pandas."""
-        import pandas
-
-        frame: pandas.DataFrame = pandas.DataFrame(self.to_dict())
-        return frame
-
-    def to_polars(self) -> polars.DataFrame:
-        """The estimates as a DataFrame of polars."""
-        import polars
-
-        return polars.DataFrame(self.to_dict())
 
 
 class Attitude(_Run):

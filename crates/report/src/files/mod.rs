@@ -1,7 +1,9 @@
-//! Estimates of a run as files: CSV, Parquet, trajectories and tracks, by extension.
+//! Estimates of a run as files: CSV, Parquet, trajectories and tracks, by extension; parts of a campaign.
 //!
 //! Program and Python module write the same files through these observers.
 
+#[cfg(feature = "parquet")]
+pub mod campaign_part;
 mod estimate_file;
 mod navigation_file;
 #[cfg(feature = "parquet")]

@@ -60,9 +60,21 @@ const ROTATION: Parameter = Parameter {
     read_by: &["cascade-ekf"],
 };
 
+/// Parameters of the start, which every estimator that is brought along has from the driver.
+const START: [&str; 5] = [
+    "initial_tilt_std",
+    "initial_heading_std",
+    "maximum_attitude_std",
+    "initial_gyroscope_bias_std",
+    "compass_std",
+];
+
 impl Row {
     /// Whether it makes a difference to an estimator.
     pub(crate) fn is_read_by(&self, kind: EstimatorKind) -> bool {
+        if matches!(kind, EstimatorKind::Own(_)) {
+            return self.prefix.is_empty() && START.contains(&self.parameter.name);
+        }
         let of_this_table = match self.prefix {
             BOUNDED => kind == EstimatorKind::BoundedVelocity,
             CASCADE => kind.uses_positions(),

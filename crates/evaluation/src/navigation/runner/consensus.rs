@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 use nalgebra::Vector3;
 use northing_core::earth::wgs84::Geodetic;
 use northing_recording::{Event, GnssPosition, Sample};
+use serde::{Deserialize, Serialize};
 
 use super::receiver::{position_std, unusable};
 use crate::error::EvaluationError;
@@ -37,8 +38,8 @@ pub(super) enum Step {
 }
 
 /// A fix that waits for another to confirm it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Candidate {
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(in crate::navigation) struct Candidate {
     time_ns: i64,
     /// On the ellipsoid, earth-centred, m: heights are not compared.
     place: Vector3<f64>,
@@ -47,7 +48,7 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    pub(super) fn of(time_ns: i64, fix: &GnssPosition) -> Self {
+    pub(in crate::navigation) fn of(time_ns: i64, fix: &GnssPosition) -> Self {
         let std = position_std(fix);
         let on_ellipsoid = Geodetic {
             latitude_rad: fix.latitude_rad,
@@ -68,7 +69,7 @@ impl Candidate {
     }
 
     /// Whether a receiver can have been at both places, each within its stated error.
-    pub(super) fn could_reach(&self, other: &Self) -> bool {
+    pub(in crate::navigation) fn could_reach(&self, other: &Self) -> bool {
         let errors = (SIGMAS * (self.std + other.std)).min(LARGEST_ALLOWANCE_M);
         let way = FASTEST * seconds_between(self.time_ns, other.time_ns).abs();
         self.distance(other) <= way + errors

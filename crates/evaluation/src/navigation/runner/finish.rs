@@ -119,7 +119,7 @@ impl Session<'_> {
         let wrong_axes = self.wrong_axes();
         let counts = self.counts;
         let kind = self.options.estimator;
-        let origin = self.frame.map(|frame| Origin::from(frame.first.origin()));
+        let origin = self.frame.map(|frame| Origin::from(frame.first().origin()));
         let first = counts.first_ns.unwrap_or(counts.last_ns);
         let position = self.scorer.position_score();
         let outages = self.scorer.outage_scores();

@@ -5,7 +5,7 @@ use northing_core::earth::wgs84::{Geodetic, LocalFrame};
 use northing_recording::{GnssPosition, GnssQuality, GnssVelocity};
 
 use super::Session;
-use super::moving_origin::MovingFrame;
+use crate::navigation::moving_frame::MovingFrame;
 use crate::navigation::navigator::{Aid, AidKind};
 use crate::navigation::score::LastFix;
 use crate::navigation::smoothed::Scored;
@@ -83,7 +83,7 @@ impl Session<'_> {
 
     /// Metres from the origin of now; the first one is the first fix that got here.
     fn place(&mut self, time_ns: i64, fix: &GnssPosition) -> Vector3<f64> {
-        let now = self.frame.map(|frame| frame.now);
+        let now = self.frame.map(|frame| *frame.now());
         let height = now.map_or(0.0, |frame| frame.origin().height_m);
         let place = Geodetic {
             latitude_rad: fix.latitude_rad,
@@ -92,7 +92,7 @@ impl Session<'_> {
         };
         if let Some(frame) = &mut self.frame {
             frame.is_at(&place);
-            return frame.now.ned(&place);
+            return frame.now().ned(&place);
         }
         let frame = LocalFrame::new(place);
         self.frame = Some(MovingFrame::new(frame, time_ns, fix));

@@ -18,7 +18,7 @@ impl Session<'_> {
         let Some(moving) = self.frame.filter(|_| place.is_usable()) else {
             return;
         };
-        let frame = moving.now;
+        let frame = *moving.now();
         let height = place.height_m.unwrap_or(frame.origin().height_m);
         let ned = frame.ned(&Geodetic {
             latitude_rad: place.latitude_rad,
@@ -39,7 +39,7 @@ impl Session<'_> {
         std: f64,
         vertical: bool,
     ) {
-        let Some(frame) = self.frame.map(|frame| frame.now) else {
+        let Some(frame) = self.frame.map(|frame| *frame.now()) else {
             return;
         };
         self.counts.scored_at_reference = self.has_reference;

@@ -25,7 +25,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use serde::{Deserialize, Serialize};
 
-use northing_report::write_group;
+use super::write_group;
 
 /// Key of the metadata.
 const KEY: &str = "northing_campaign";
@@ -49,7 +49,10 @@ struct Header {
 }
 
 /// Writes a part.
-pub(crate) fn write(path: &Path, part: &Part, force: bool) -> Result<()> {
+///
+/// # Errors
+/// The file exists and `force` is not given, or cannot be written.
+pub fn write(path: &Path, part: &Part, force: bool) -> Result<()> {
     let place = || format!("{}: cannot write it", path.display());
     let header = Header {
         version: 1,
@@ -104,7 +107,10 @@ fn columns(sums: &CampaignSums) -> [Vec<i64>; COLUMNS] {
 }
 
 /// Reads a part.
-pub(crate) fn read(path: &Path) -> Result<Part> {
+///
+/// # Errors
+/// The file cannot be read, or is no part of a campaign.
+pub fn read(path: &Path) -> Result<Part> {
     let file = path.display().to_string();
     // The decoder has been seen to panic on garbage; that becomes an error like any other damage.
     let part = catch_unwind(AssertUnwindSafe(|| read_file(path)))

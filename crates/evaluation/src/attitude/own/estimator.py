@@ -1,0 +1,1 @@
+../../../../python/python/northing/_estimator.py
