@@ -59,7 +59,7 @@ for panel, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2))):
     panel.plot(clean[:, i], clean[:, j], ".", markersize=1, color="C0", label="without iron")
     panel.plot(*np.take(found["hard_iron_ut"], (i, j)), "k+", markersize=6, label="hard iron, fitted")
     panel.set(xlabel=f"{'xyz'[i]}, µT", ylabel=f"{'xyz'[j]}, µT", aspect="equal")
-figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small", markerscale=3)
+figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="small", markerscale=3);
 
 # %% [markdown]
 # ## What the calibration changes: heading with and without

@@ -33,7 +33,7 @@ off.plot(run["time_s"], np.degrees(run["own_heading_rad"] - run["nav_heading_rad
 std = np.degrees(run["nav_heading_std_rad"])
 off.fill_between(run["time_s"], -3 * std, 3 * std, color="0.85", label="±3 standard deviations")
 off.set(xlabel="s", ylabel="own heading, deg")
-off.legend(fontsize="small")
+off.legend(fontsize="small");
 
 # %% [markdown]
 # ## The tracker by hand

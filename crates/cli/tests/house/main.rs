@@ -62,7 +62,7 @@ fn check(paths: Vec<PathBuf>, at_least: usize, rule: impl Fn(&Path, &str) -> Vec
 fn floor(name: &str) -> Option<u8> {
     match name {
         "northing-core" | "northing-pages" => Some(0),
-        "northing-recording" | "northing-simulation" => Some(1),
+        "northing-recording" | "northing-simulation" | "northing-c" => Some(1),
         "northing-evaluation" => Some(2),
         "northing-experiments" => Some(3),
         "northing-report" => Some(4),
