@@ -119,7 +119,9 @@ def lay_out(layout: Layout) -> None:
             if name == "CHANGELOG.md" or name.startswith("docs/decisions"):
                 text = text.replace("<!--", "<!-- ")
             layout.page(name, text)
-    layout.page("index.md", (ROOT / "docs/site/index.md").read_text())
+    # It moves up two folders.
+    start = (ROOT / "docs/site/index.md").read_text()
+    layout.page("index.md", LINK.sub(lambda match: os.path.normpath(os.path.join("docs/site", match.group(1))) + (match.group(2) or ""), start))
     shutil.copytree(ROOT / "crates/python/python/northing", layout.source / "module/northing",
                     ignore=shutil.ignore_patterns("__pycache__", "*.so"))
     shutil.copyfile(ROOT / "docs/site/conf.py", layout.source / "conf.py")

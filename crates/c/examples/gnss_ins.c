@@ -1,4 +1,4 @@
-/* A car that stands, drives off and turns: inertial unit at 100 Hz, fixes at 1 Hz.
+/* A car that stands, drives off and turns: inertial unit at 100 Hz, fixes and their velocities at 1 Hz.
  *
  *   cc -I include examples/gnss_ins.c libnorthing_c.a -lm && ./a.out
  */
@@ -16,7 +16,7 @@ int main(void) {
     }
     double north = 0, east = 0, speed = 0, heading = 0;
     northing_innovation told = {0}, vertical = {0};
-    const northing_real std[3] = {1, 1, 2};
+    const northing_real std[3] = {1, 1, 2}, velocity_std[3] = {(northing_real)0.1, (northing_real)0.1, (northing_real)0.2};
     for (int64_t k = 1; k <= 12000; k++) {
         const double t = 0.01 * (double)k;
         const double acceleration = t > 5 && t < 10 ? 2.0 : (t > 60 && t < 64 ? -1.0 : 0.0);
@@ -31,7 +31,9 @@ int main(void) {
         if (k % 100 == 0) {
             /* the antenna is a metre above the unit */
             const northing_real fix[3] = {(northing_real)(north + 0.3 * sin(7 * t)), (northing_real)(east + 0.3 * cos(5 * t)), -1};
+            const northing_real over_ground[3] = {(northing_real)(speed * cos(heading)), (northing_real)(speed * sin(heading)), 0};
             told = northing_gnss_ins_position(&ins, k * 10000000, fix, std, &vertical);
+            northing_gnss_ins_velocity(&ins, k * 10000000, over_ground, velocity_std);
         }
     }
     northing_real position[3], position_std[3], velocity[3];

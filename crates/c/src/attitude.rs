@@ -55,10 +55,10 @@ pub struct BoundedVelocityMemory {
 storage!(BoundedVelocityMemory: AttitudeDriver<Real, BoundedVelocity<Real>>, 0x6e6f_7274_6865_6231);
 
 /// A driver that takes a sample, if both are there.
-fn driver<'a, S: Storage, T>(
-    storage: Option<&'a mut S>,
+fn driver<S: Storage, T>(
+    storage: Option<&mut S>,
     sample: Option<T>,
-) -> Option<(&'a mut S::Filter, T)> {
+) -> Option<(&mut S::Filter, T)> {
     storage.and_then(Storage::filter_mut).zip(sample)
 }
 

@@ -143,7 +143,7 @@ fn value(range: &Range, numbers: [Real; 3]) -> Option<Value<Real>> {
         Range::Pair(..) => Value::Pair([number, second]),
         Range::Optional(inner) => return value(inner, numbers),
         Range::Flag => Value::Flag(number > 0.5),
-        Range::Count(_) if number >= 0.0 && number <= 1e9 => Value::Count(number as u32),
+        Range::Count(_) if (0.0..=1e9).contains(&number) => Value::Count(number as u32),
         Range::Count(_) | Range::Words(_) | Range::Described(_) => return None,
     })
 }

@@ -2,7 +2,7 @@
 //!
 //! Filters own nothing and have no destructor, so whoever copies the structure copies the filter, and saves it with that.
 
-use core::mem::{align_of, size_of};
+use core::mem::{align_of, size_of, size_of_val};
 
 /// Memory of so many words for a filter, as C sees it.
 pub(crate) trait Storage {
@@ -48,7 +48,7 @@ pub(crate) trait Storage {
 
 /// Whether the words are long enough and aligned for a filter.
 const fn fits<F>(words: &[u64]) -> bool {
-    size_of::<F>() <= words.len() * size_of::<u64>() && align_of::<F>() <= align_of::<u64>()
+    size_of::<F>() <= size_of_val(words) && align_of::<F>() <= align_of::<u64>()
 }
 
 /// Lets a structure of words hold a filter.

@@ -1,5 +1,11 @@
 //! The header is that of the library, and what C makes of both is what Rust makes.
 
+#![expect(
+    clippy::unwrap_used,
+    clippy::float_cmp,
+    reason = "a test ends there; digits are to be the same"
+)]
+
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::process::Command;

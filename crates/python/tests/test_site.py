@@ -25,7 +25,7 @@ def test_the_site_builds_and_its_links_lead_somewhere(tmp_path: Path) -> None:
     api = (html / "api/python/northing/index.html").read_text()
     assert all(f'id="northing.{name}"' in api for name in ("attitude", "GnssIns", "SchmidtKalman", "montecarlo", "Estimator"))
     notebook = (html / "docs/notebooks/mekf_from_scratch.html").read_text()
-    assert notebook.count("<img") >= 2, "no pictures"
+    assert "<img" in notebook, "no picture"
 
 
 def test_a_link_that_leads_nowhere_is_told(tmp_path: Path) -> None:
