@@ -198,7 +198,7 @@ impl<T: Scalar> LineOfSight<T> {
         // The variance of the direction; beyond half a turn it says nothing more.
         let variance = (across / (squared * squared)).clamp(T::zero(), T::pi() * T::pi());
         let departure =
-            Vector4::new(north, v_north, east, v_east) * (variance * lit(0.75_f64.sqrt()));
+            Vector4::new(north, v_north, east, v_east) * (variance * lit::<T>(0.75).sqrt());
         out.covariance += departure * departure.transpose();
         out
     }
