@@ -279,8 +279,13 @@ class Peer:
         while not (writer.get_matched_subscriptions() and reader.get_matched_publications()):
             assert time.monotonic() < until, f"no service {service}"
             time.sleep(0.02)
-        writer.write(request)
+        # Each side finds the other's ends for itself: a node that has not found our reader yet answers nobody, so it is asked again.
+        reader.take(100)
+        asked = 0.0
         while time.monotonic() < until:
+            if time.monotonic() - asked > 2.0:
+                writer.write(request)
+                asked = time.monotonic()
             for reply in reader.take(1):
                 return reply
             time.sleep(0.005)
