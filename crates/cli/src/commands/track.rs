@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::tracking::{
-    InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
-    TrackedTarget, TrackerKind, inject_heading, run,
+    InjectionOptions, InjectionSummary, OwnShipStd, TrackEnd, TrackEpoch, TrackOptions,
+    TrackSummary, TrackedTarget, TrackerKind, inject_heading, run,
 };
 use northing_recording::atomic_file::write_whole;
 use northing_recording::tracking::{
-    self, TargetPoint, TrackingRecording, check_targets_path, write_targets,
+    self, TargetInstant, TargetPoint, TargetWriter, TrackingRecording, check_targets_path,
 };
 use serde::Serialize;
 
@@ -45,6 +45,7 @@ const MOST_RUNS: u32 = 100_000;
 Examples:
   northing track harbour.toml --data recordings --report harbour.html
   northing track harbour.toml --out tracks.geojson # every track, on a map
+  northing track harbour.toml --out tracks.parquet # states, covariances, detections used, for pandas
   northing track harbour.toml --own-ship-std heading=3deg,position=3m --json
   northing track a.toml b.toml --sensors radar,lidar --tracker uncompensated
   northing track harbour.toml --inject-heading-std 3deg --runs 100 --seed 1"
@@ -75,7 +76,8 @@ pub(crate) struct TrackArgs {
     /// Seed of the injected errors
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// Write the confirmed tracks: .csv, a row for each track and instant, or .geojson, a line for each track
+    /// Write the confirmed tracks: .csv or .parquet, a row for each track and instant; .geojson or .kml, a line for each track on
+    /// a map; .mcap, messages of ROS 2; .nmea, sentences for chart plotters
     #[arg(long, value_name = "FILE", conflicts_with = "inject_heading_std")]
     out: Option<PathBuf>,
     /// Write a report with map and plots: one HTML file for a browser
@@ -145,22 +147,36 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         return print_injection(&inject_heading(&recordings, &options)?, args.json);
     }
     let mut epochs: Vec<TrackEpoch> = Vec::new();
-    let mut points: Vec<TargetPoint> = Vec::new();
     let mut summaries = Vec::new();
     for recording in &recordings {
         epochs.clear();
+        let mut out = match &args.out {
+            Some(path) => {
+                let plane = recording.plane.as_ref();
+                Some(TargetWriter::create(
+                    path,
+                    &recording.name,
+                    plane,
+                    args.force,
+                )?)
+            }
+            None => None,
+        };
+        let mut written = Ok(());
         summaries.push(run(recording, &options, |epoch| {
-            if args.out.is_some() {
-                points.extend(epoch.tracks.iter().map(|track| point(epoch.time_ns, track)));
+            if let Some(out) = &mut out
+                && written.is_ok()
+            {
+                written = out.instant(instant(recording, &epoch), &ended(&epoch));
             }
             if args.report.is_some() {
                 epochs.push(epoch);
             }
         })?);
-    }
-    if let (Some(path), [recording]) = (&args.out, &recordings[..]) {
-        let plane = recording.plane.as_ref();
-        write_targets(path, &recording.name, plane, &points, args.force)?;
+        written?;
+        if let Some(out) = out {
+            out.finish()?;
+        }
     }
     if let (Some(path), [summary]) = (&args.report, &summaries[..]) {
         let html = followed_targets::render(summary, &epochs, &command_line());
@@ -173,15 +189,43 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
     }
 }
 
-fn point(time_ns: i64, track: &TrackedTarget) -> TargetPoint {
-    TargetPoint {
-        time_ns,
+/// The confirmed tracks of an instant as files take them.
+fn instant(recording: &TrackingRecording, epoch: &TrackEpoch) -> TargetInstant {
+    let sensor = recording.sensors.get(epoch.scan.sensor);
+    let sensor = sensor.map_or(String::new(), |(name, _)| name.clone());
+    let point = |track: &TrackedTarget| TargetPoint {
         track: track.id,
         place_m: track.place,
         velocity_m_s: track.velocity,
-        place_covariance_m2: track.covariance,
-        velocity_covariance_m2_s2: track.velocity_covariance,
+        turn_rate_rad_s: track.turn_rate,
+        covariance: track.covariance.transpose().into(),
+        existence: track.existence,
+        visibility: track.visibility,
+        models: track.models,
+        sensor: sensor.clone(),
+        scan: epoch.scan.scan,
+        detections_in_gate: track.association.in_gate,
+        detection: track.association.likeliest,
+        missed_probability: track.association.missed,
+        end: None,
+    };
+    TargetInstant {
+        time_ns: epoch.time_ns,
+        own_place_m: epoch.own_ship,
+        targets: epoch.tracks.iter().map(point).collect(),
     }
+}
+
+/// The tracks that ended, with the reason in words.
+fn ended(epoch: &TrackEpoch) -> Vec<(u32, String)> {
+    let reason = |end: TrackEnd| match end {
+        TrackEnd::Existence => "existence".to_owned(),
+        TrackEnd::Uncertain => "position-std".to_owned(),
+        TrackEnd::Numerical => "numerical".to_owned(),
+        TrackEnd::Merged { into } => format!("merged-into-{into}"),
+    };
+    let each = epoch.ended.iter();
+    each.map(|track| (track.id, reason(track.end))).collect()
 }
 
 /// The JSON document of several recordings.

@@ -112,6 +112,7 @@ fn tracks_are_written_as_rows_and_as_lines_of_a_map() {
         .last()
         .unwrap()
         .split(',')
+        .take(12)
         .map(|x| x.parse().unwrap())
         .collect();
     // The boat at 59 s, to some standard deviations, and its speed.
@@ -137,8 +138,11 @@ fn tracks_are_written_as_rows_and_as_lines_of_a_map() {
         &["tracks.geojson", "where its plane is", "[plane]"],
     );
     contains(
-        &lab.refuses(&["track", "pond.toml", "--out", "tracks.kml"]),
-        &["tracks.kml", ".csv or .geojson"],
+        &lab.refuses(&["track", "pond.toml", "--out", "tracks.xls"]),
+        &[
+            "tracks.xls",
+            ".csv, .parquet, .mcap, .geojson, .kml or .nmea",
+        ],
     );
     contains(
         &lab.refuses(&["track", "pond.toml", "pond.toml", "--out", "both.csv"]),

@@ -115,6 +115,15 @@ impl<T: Scalar> Detection<T> {
         }
     }
 
+    /// What it consists of.
+    pub fn kind(&self) -> DetectionKind {
+        match self {
+            Self::RangeBearing { .. } => DetectionKind::RangeBearing,
+            Self::Bearing { .. } => DetectionKind::Bearing,
+            Self::Position { .. } => DetectionKind::Position,
+        }
+    }
+
     /// Compares with a target at `x`; `None` when target and own ship are in one place and the
     /// bearing has no direction.
     pub fn predict(
@@ -123,9 +132,51 @@ impl<T: Scalar> Detection<T> {
         own: &OwnShip<T>,
         noise: &DetectionNoise<T>,
     ) -> Option<Prediction<T>> {
+        let (expected, mut out) = self.kind().predict(x, own, noise)?;
+        out.residual = self.minus(&expected);
+        Some(out)
+    }
+
+    /// This minus an expected one of its kind, angles wrapped.
+    pub(super) fn minus(&self, expected: &Vector2<T>) -> Vector2<T> {
+        match *self {
+            Self::RangeBearing {
+                range_m,
+                bearing_rad,
+            } => Vector2::new(range_m - expected.x, wrap(bearing_rad - expected.y)),
+            Self::Bearing { bearing_rad } => {
+                Vector2::new(wrap(bearing_rad - expected.x), T::zero())
+            }
+            Self::Position { north_m, east_m } => {
+                Vector2::new(north_m - expected.x, east_m - expected.y)
+            }
+        }
+    }
+}
+
+/// What a detection consists of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DetectionKind {
+    /// [`Detection::RangeBearing`].
+    RangeBearing,
+    /// [`Detection::Bearing`].
+    Bearing,
+    /// [`Detection::Position`].
+    Position,
+}
+
+impl DetectionKind {
+    /// The detection that a target at `x` causes without noise, its components in the order of the residual, and a
+    /// prediction without residual. `None` where target and own ship are in one place and the bearing has no direction.
+    pub(super) fn predict<T: Scalar>(
+        self,
+        x: &TargetState<T>,
+        own: &OwnShip<T>,
+        noise: &DetectionNoise<T>,
+    ) -> Option<(Vector2<T>, Prediction<T>)> {
         let extent = noise.extent_std_m * noise.extent_std_m;
-        if let Self::Position { north_m, east_m } = *self {
-            return Some(position(north_m - x[0], east_m - x[2], extent));
+        if self == Self::Position {
+            return Some((Vector2::new(x[0], x[2]), position(extent)));
         }
         let (dn, de) = (x[0] - own.north_m, x[2] - own.east_m);
         let r2 = dn * dn + de * de;
@@ -144,35 +195,29 @@ impl<T: Scalar> Detection<T> {
             noise: Matrix2::identity(),
             degrees_of_freedom: 2,
         };
-        let bearing_at = match *self {
-            Self::RangeBearing { range_m, .. } => {
-                out.residual[0] = range_m - r;
-                out.set_row(0, range_row);
-                out.noise[(0, 0)] = noise.range_std_m * noise.range_std_m + extent;
-                1
-            }
-            _ => {
-                out.degrees_of_freedom = 1;
-                0
-            }
-        };
-        let (Self::RangeBearing { bearing_rad, .. } | Self::Bearing { bearing_rad }) = *self else {
-            return None;
-        };
-        out.residual[bearing_at] = wrap(bearing_rad - bearing);
+        let mut expected = Vector2::new(r, bearing);
+        let mut bearing_at = 1;
+        if self == Self::RangeBearing {
+            out.set_row(0, range_row);
+            out.noise[(0, 0)] = noise.range_std_m * noise.range_std_m + extent;
+        } else {
+            out.degrees_of_freedom = 1;
+            expected = Vector2::new(bearing, T::zero());
+            bearing_at = 0;
+        }
         out.set_row(bearing_at, bearing_row);
         out.pose_jacobian[(bearing_at, 2)] = -T::one();
         out.noise[(bearing_at, bearing_at)] = bearing_variance;
-        Some(out)
+        Some((expected, out))
     }
 }
 
-fn position<T: Scalar>(north: T, east: T, variance: T) -> Prediction<T> {
+fn position<T: Scalar>(variance: T) -> Prediction<T> {
     let mut target_jacobian = SMatrix::zeros();
     target_jacobian[(0, 0)] = T::one();
     target_jacobian[(1, 2)] = T::one();
     Prediction {
-        residual: Vector2::new(north, east),
+        residual: Vector2::zeros(),
         target_jacobian,
         pose_jacobian: Matrix2x3::zeros(),
         noise: Matrix2::identity() * variance,
@@ -195,34 +240,7 @@ impl<T: Scalar> Prediction<T> {
         x: &CrossCovariance<T>,
         own: &OwnShip<T>,
     ) -> Option<SchmidtInnovation<T>> {
-        let (ht, ho) = (&self.target_jacobian, &self.pose_jacobian);
-        // (D4)
-        let a = p * ht.transpose() + x * ho.transpose();
-        let o = x.transpose() * ht.transpose() + own.covariance * ho.transpose();
-        let s = ht * a + ho * o + self.noise;
-        let off = (s[(0, 1)] + s[(1, 0)]) * lit(0.5);
-        let determinant = s[(0, 0)] * s[(1, 1)] - off * off;
-        if !(s[(0, 0)] > T::zero() && determinant > T::zero() && determinant.is_finite()) {
-            return None;
-        }
-        let inverse = Matrix2::new(s[(1, 1)], -off, -off, s[(0, 0)]) / determinant;
-        let nis = self.residual.dot(&(inverse * self.residual));
-        let dimension = if self.degrees_of_freedom == 2 {
-            T::two_pi()
-        } else {
-            T::two_pi().sqrt()
-        };
-        let likelihood = (nis * lit(-0.5)).exp() / (dimension * determinant.sqrt());
-        Some(SchmidtInnovation {
-            residual: self.residual,
-            covariance: Matrix2::new(s[(0, 0)], off, off, s[(1, 1)]),
-            nis,
-            likelihood,
-            gain: a * inverse,
-            pose_covariance: o,
-            degrees_of_freedom: self.degrees_of_freedom,
-        })
-        .filter(|i| i.nis.is_finite() && i.likelihood.is_finite())
+        self.scale(p, x, own)?.innovation(self.residual)
     }
 }
 

@@ -170,6 +170,16 @@ impl<T: Scalar, const M: usize> Imm<T, M> {
 }
 
 impl<T: Scalar> Mode<T> {
+    /// Nothing is known: all zeros, with no probability.
+    pub(super) fn unknown() -> Self {
+        Self {
+            probability: T::zero(),
+            state: TargetState::zeros(),
+            covariance: TargetCovariance::zeros(),
+            cross: CrossCovariance::zeros(),
+        }
+    }
+
     /// Forgets correlations that rounding has made more than one, with those to the own ship.
     pub(super) fn hold(&mut self) {
         let unknown = TargetState::repeat(lit(FARTHEST * FARTHEST));
@@ -188,9 +198,7 @@ fn merge<T: Scalar, const M: usize>(modes: &[Mode<T>; M], weights: &[T; M]) -> O
     }
     let mut out = Mode {
         probability: total,
-        state: TargetState::zeros(),
-        covariance: TargetCovariance::zeros(),
-        cross: CrossCovariance::zeros(),
+        ..Mode::unknown()
     };
     for (mode, w) in modes.iter().zip(weights) {
         let share = *w / total;

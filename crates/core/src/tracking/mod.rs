@@ -42,6 +42,7 @@ pub mod constant_velocity;
 pub mod converted_measurement;
 pub mod coordinated_turn;
 pub mod detection;
+mod expected_detection;
 pub mod imm;
 pub mod initiation;
 pub mod joint;
@@ -64,7 +65,8 @@ pub use detection::{Detection, DetectionNoise};
 pub use joint::JointEkf;
 pub use line_of_sight::SeenTrack;
 pub use multi_target::{
-    MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackStatus,
+    EndedTrack, MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackEnd,
+    TrackStatus,
 };
 pub use own_ship::{OwnShip, PoseErrorCorrelation};
 pub use pose_as_known::PoseAsKnown;

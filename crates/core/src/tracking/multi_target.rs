@@ -10,22 +10,28 @@
 //!
 //! Limits: the targets' errors are correlated through the own ship; each target carries its own
 //! correlation with the ship, the blocks between targets are left out, so joint statements about
-//! several targets are a little too confident. At most `N` tracks and `D` detections a scan; what
-//! does not fit is counted.
+//! several targets are a little too confident. At most `N` tracks, each with at most `D` detections in its gate, of which the
+//! likeliest are kept; a scan may be of any length. What does not fit is counted.
 
 mod config;
 mod counts;
+mod starts;
 mod track;
 mod update;
 
 pub use config::{MotionModels, MultiTargetConfig, MultiTargetSettings, ScanSensor};
 pub use counts::{ScanError, TrackerCounts};
-pub use track::{Track, TrackStatus};
+pub use track::{EndedTrack, Track, TrackEnd, TrackStatus};
+
+use starts::Starts;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::association::jipda::{Association, associate};
+use super::association::candidates::Association;
+use super::association::clusters::Clusters;
+use super::association::jipda::associate;
 use super::detection::Detection;
+use super::imm::Mode;
 use super::own_ship::OwnShip;
 use crate::parameters::ConfigError;
 use crate::restorable::{InvalidState, Restorable, covariance, expect, finite};
@@ -44,7 +50,7 @@ pub struct Scan<'a, T> {
     pub detections: &'a [Detection<T>],
 }
 
-/// The tracker: `M` motion models a target, at most `N` targets, at most `D` detections a scan.
+/// The tracker: `M` motion models a target, at most `N` targets, at most `D` detections in the gate of each.
 ///
 /// ```
 /// use northing_core::tracking::{Detection, DetectionNoise, MultiTargetConfig, MultiTargetTracker};
@@ -79,6 +85,9 @@ pub struct MultiTargetTracker<T, const M: usize, const N: usize, const D: usize>
     state: MultiTargetState<T, M, N>,
     weights: [Association<T, D>; N],
     marginals: [Association<T, D>; N],
+    clusters: Clusters<T, N, D>,
+    estimates: [Mode<T>; N],
+    ended: [Option<EndedTrack>; N],
 }
 
 /// Everything that the tracker remembers: save it, restore it, and it continues exactly.
@@ -162,12 +171,27 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             },
             weights: [Association::missed(T::one()); N],
             marginals: [Association::missed(T::one()); N],
+            clusters: Clusters::default(),
+            estimates: [Mode::unknown(); N],
+            ended: [None; N],
         })
     }
 
     /// Every track, tentative ones too.
     pub fn tracks(&self) -> impl Iterator<Item = &Track<T, M>> {
         self.state.tracks.iter().flatten()
+    }
+
+    /// Every track with the detections of the last scan that lie in its gate, each with the probability that it caused it. A
+    /// track that began with that scan has the detection it began from. Nothing of it is kept by [`Restorable::save`].
+    pub fn associations(&self) -> impl Iterator<Item = (&Track<T, M>, &Association<T, D>)> {
+        let each = self.state.tracks.iter().zip(&self.marginals);
+        each.filter_map(|(track, marginal)| Some((track.as_ref()?, marginal)))
+    }
+
+    /// The tracks that ended in the last scan, tentative ones too.
+    pub fn ended(&self) -> impl Iterator<Item = &EndedTrack> {
+        self.ended.iter().flatten()
     }
 
     /// What was done and what was refused so far.
@@ -186,18 +210,15 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             .inspect_err(|e| self.state.counts.refuse(*e))?;
         self.state.counts.scans += 1;
         self.predict(scan, dt);
-        let count = scan.detections.len().min(D);
-        self.state.counts.detections_beyond_capacity += (scan.detections.len() - count) as u64;
-        let detections = &scan.detections[..count];
-        let invalid = detections.iter().filter(|d| !d.is_valid()).count();
+        let invalid = scan.detections.iter().filter(|d| !d.is_valid()).count();
         self.state.counts.detections_invalid += invalid as u64;
-        self.weigh(scan, detections);
-        let effort = associate(&self.weights, &mut self.marginals);
+        self.weigh(scan);
+        let effort = associate(&self.weights, &mut self.marginals, &mut self.clusters);
         self.state.counts.approximate_clusters += u64::from(effort.approximate_clusters);
-        self.update(scan, detections);
+        self.update(scan);
         self.remove();
         if scan.sensor.initiates {
-            self.initiate(scan, detections);
+            self.initiate(scan);
         }
         Ok(())
     }
@@ -255,48 +276,68 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         });
     }
 
-    fn weigh(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
+    fn weigh(&mut self, scan: &Scan<'_, T>) {
         for (track, weight) in self.state.tracks.iter().zip(&mut self.weights) {
             *weight = match track {
-                Some(track) => update::weigh(
-                    track,
-                    scan,
-                    detections,
-                    &self.config,
-                    &mut self.state.counts,
-                ),
+                Some(track) => update::weigh(track, scan, &self.config, &mut self.state.counts),
                 None => Association::missed(T::one()),
             };
         }
     }
 
-    fn update(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
+    fn update(&mut self, scan: &Scan<'_, T>) {
         for (slot, marginal) in self.state.tracks.iter_mut().zip(&self.marginals) {
             let Some(track) = slot else { continue };
-            update::update(track, scan, detections, marginal, &self.config);
+            update::update(track, scan, marginal, &self.config);
             track.confirm(&self.config);
         }
     }
 
-    /// Removes what does not exist any more, what has grown meaningless, and the younger of two
-    /// tracks that have become one.
+    /// Removes what does not exist any more, what has grown meaningless, and duplicates.
     fn remove(&mut self) {
-        for slot in &mut self.state.tracks {
-            if slot.as_ref().is_some_and(|t| t.is_over(&self.config)) {
-                let confirmed = slot
-                    .take()
-                    .is_some_and(|t| t.status == TrackStatus::Confirmed);
-                self.state.counts.deleted_confirmed += u64::from(confirmed);
+        self.ended = [None; N];
+        for place in 0..N {
+            let track = &self.state.tracks[place];
+            if let Some(end) = track.as_ref().and_then(|t| t.end(&self.config)) {
+                self.end(place, end);
             }
         }
+        self.merge();
+    }
+
+    fn end(&mut self, place: usize, end: TrackEnd) {
+        let Some(track) = self.state.tracks[place].take() else {
+            return;
+        };
+        let merged = matches!(end, TrackEnd::Merged { .. });
+        let counts = track.status == TrackStatus::Confirmed && !merged;
+        self.state.counts.deleted_confirmed += u64::from(counts);
+        self.ended[place] = Some(EndedTrack {
+            id: track.id,
+            status: track.status,
+            end,
+        });
+    }
+
+    /// Removes the younger of two tracks that have become one.
+    fn merge(&mut self) {
         for i in 0..N {
+            let Some(track) = &self.state.tracks[i] else {
+                continue;
+            };
+            self.estimates[i] = track.estimate();
             for j in 0..i {
                 let (Some(a), Some(b)) = (&self.state.tracks[i], &self.state.tracks[j]) else {
                     continue;
                 };
-                if a.is_same_as(b, &self.config) {
-                    let loser = if a.is_senior_to(b) { j } else { i };
-                    self.state.tracks[loser] = None;
+                let limit = self.config.settings.merge_sigmas;
+                if track::is_same_target(&self.estimates[i], &self.estimates[j], limit) {
+                    let (loser, into) = if a.is_senior_to(b) {
+                        (j, a.id)
+                    } else {
+                        (i, b.id)
+                    };
+                    self.end(loser, TrackEnd::Merged { into });
                     self.state.counts.merged += 1;
                 }
             }
@@ -304,14 +345,21 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     }
 
     /// A tentative track for every detection that no track is likely to have caused.
-    fn initiate(&mut self, scan: &Scan<'_, T>, detections: &[Detection<T>]) {
-        for (j, detection) in detections.iter().enumerate() {
-            let taken = self
-                .marginals
-                .iter()
-                .zip(&self.state.tracks)
-                .filter(|(_, t)| t.is_some())
-                .fold(T::zero(), |sum, (m, _)| sum + m.detections[j]);
+    fn initiate(&mut self, scan: &Scan<'_, T>) {
+        let mut edges = self.clusters.edges().iter().peekable();
+        let mut starts = Starts::new(self.state.counts.scans);
+        for (j, detection) in (0..).zip(scan.detections) {
+            let mut taken = T::zero();
+            while let Some(edge) = edges.next_if(|edge| edge.detection <= j) {
+                let target = edge.target as usize;
+                // A track that has been removed since has taken nothing, nor has the one that began in its place.
+                if edge.detection == j && self.state.tracks[target].is_some() {
+                    let candidate = self.marginals[target].candidates().get(edge.place as usize);
+                    taken += candidate
+                        .filter(|candidate| candidate.detection == j)
+                        .map_or(T::zero(), |candidate| candidate.weight);
+                }
+            }
             if taken > lit(0.5) {
                 continue;
             }
@@ -319,13 +367,16 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             else {
                 continue;
             };
-            match self.state.tracks.iter_mut().find(|t| t.is_none()) {
-                Some(slot) => {
-                    *slot = Some(track);
+            match starts.room(&self.state.tracks, &self.config) {
+                (Some(place), left_out) => {
+                    self.state.tracks[place] = Some(track);
+                    self.marginals[place] = Association::missed(T::zero());
+                    self.marginals[place].add(j, T::one());
                     self.state.next_id = self.state.next_id.wrapping_add(1);
                     self.state.counts.initiated += 1;
+                    self.state.counts.tracks_beyond_capacity += u64::from(left_out);
                 }
-                None => self.state.counts.tracks_beyond_capacity += 1,
+                (None, _) => self.state.counts.tracks_beyond_capacity += 1,
             }
         }
     }

@@ -9,15 +9,18 @@
 //! | [`outcome`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
 //! | [`injection`] | a heading error drawn for each run: which tracker knows what it does not know |
 
-pub mod injection;
+pub mod epoch;
+mod injection;
 pub mod kinds;
 pub mod matching;
 pub mod options;
 pub mod outcome;
 pub mod runner;
 
+pub use epoch::{EpochScan, TargetAssociation, TrackEpoch, TrackedTarget};
 pub use injection::{InjectedTracker, InjectionOptions, InjectionSummary, inject_heading};
 pub use kinds::TrackerKind;
+pub use northing_core::tracking::multi_target::{EndedTrack, TrackEnd};
 pub use options::{OwnShipStd, TrackOptions};
 pub use outcome::{TargetSummary, TrackSummary};
-pub use runner::{TrackEpoch, TrackedTarget, run};
+pub use runner::run;

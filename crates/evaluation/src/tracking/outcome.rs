@@ -6,8 +6,8 @@ use northing_core::tracking::multi_target::TrackerCounts;
 use northing_recording::tracking::TrackingIssues;
 use serde::Serialize;
 
+use super::epoch::TrackedTarget;
 use super::matching::{Gospa, Place, assign, distance};
-use super::runner::TrackedTarget;
 use crate::used_parameters::UsedParameter;
 
 /// Farther than this a track is no track of the target, m.
@@ -218,16 +218,22 @@ impl TargetTally {
 
 #[cfg(test)]
 mod tests {
+    use super::super::epoch::TargetAssociation;
     use super::*;
     use approx::assert_relative_eq;
+    use northing_core::tracking::coordinated_turn::TargetCovariance;
 
     fn track(id: u32, north: f64) -> TrackedTarget {
         TrackedTarget {
             id,
             place: [north, 0.0],
             velocity: [0.0, 0.0],
-            covariance: [4.0, 0.0, 4.0],
-            velocity_covariance: [1.0, 0.0, 1.0],
+            turn_rate: 0.0,
+            covariance: TargetCovariance::from_diagonal(&[4.0, 1.0, 4.0, 1.0, 0.01].into()),
+            existence: 1.0,
+            visibility: 1.0,
+            models: [1.0, 0.0, 0.0],
+            association: TargetAssociation::default(),
         }
     }
 

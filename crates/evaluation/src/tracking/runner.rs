@@ -2,7 +2,6 @@
 
 use std::time::Instant;
 
-use nalgebra::{Matrix2, Vector2};
 use northing_core::tracking::detection::{Detection, DetectionNoise};
 use northing_core::tracking::multi_target::{MultiTargetTracker, Scan, ScanSensor, TrackStatus};
 use northing_core::tracking::own_ship::OwnShip;
@@ -10,6 +9,7 @@ use northing_recording::tracking::{
     Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
 };
 
+use super::epoch::{EpochScan, MODELS, TrackEpoch, TrackedTarget};
 use super::kinds::TrackerKind;
 use super::matching::Place;
 use super::options::TrackOptions;
@@ -17,57 +17,12 @@ use super::outcome::{Counts, Score, TrackSummary};
 use crate::error::EvaluationError;
 use crate::used_parameters::{UsedParameter, VERSION};
 
-/// Motion models of the tracker.
-const MODELS: usize = 3;
 /// Tracks at a time: more than a radar of a busy harbour shows.
-const TRACKS: usize = 112;
-/// Detections in a scan.
-const DETECTIONS: usize = 96;
+const TRACKS: usize = 256;
+/// Detections in the gate of one target.
+const DETECTIONS: usize = 32;
 
 type Tracker = MultiTargetTracker<f64, MODELS, TRACKS, DETECTIONS>;
-
-/// A confirmed track at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackedTarget {
-    /// Number of the track.
-    pub id: u32,
-    /// North and east, m.
-    pub place: Place,
-    /// North and east, m/s.
-    pub velocity: [f64; 2],
-    /// Variance of north, covariance, variance of east, m^2.
-    pub covariance: [f64; 3],
-    /// The same of the velocity, (m/s)^2.
-    pub velocity_covariance: [f64; 3],
-}
-
-impl TrackedTarget {
-    /// Squared distance of a place in standard deviations; infinite when the covariance is none.
-    #[must_use]
-    pub fn normalised_square(&self, place: Place) -> f64 {
-        let [nn, ne, ee] = self.covariance;
-        let d = Vector2::new(place[0] - self.place[0], place[1] - self.place[1]);
-        let inverse = Matrix2::new(nn, ne, ne, ee).try_inverse();
-        inverse.map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))
-    }
-}
-
-/// One instant of a run, for plots.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TrackEpoch {
-    /// Stamp of the recording, ns.
-    pub time_ns: i64,
-    /// Seconds since the first event.
-    pub time_s: f64,
-    /// The own ship.
-    pub own_ship: Place,
-    /// Where the detections are, when they say it.
-    pub detections: Vec<Place>,
-    /// Confirmed tracks.
-    pub tracks: Vec<TrackedTarget>,
-    /// True positions by target.
-    pub truth: Vec<(u32, Place)>,
-}
 
 /// Runs the tracker over a recording; `watch` gets every instant with a scan.
 ///
@@ -156,7 +111,11 @@ impl<'a> Runner<'a> {
             TrackingSample::OwnShip(pose) => self.own = self.own_ship(pose),
             TrackingSample::Scan(scan) => {
                 let seen: Vec<_> = scan.detections.iter().map(|d| self.detection(d)).collect();
-                if self.scan(time_ns, scan.sensor, &seen)
+                let which = EpochScan {
+                    sensor: scan.sensor,
+                    scan: Some(scan.id),
+                };
+                if self.scan(time_ns, which, &seen)
                     && let Some(gathered) = &mut self.epoch
                 {
                     gathered.scans.push(scan.id);
@@ -167,8 +126,9 @@ impl<'a> Runner<'a> {
                     north_m: report.north_m,
                     east_m: report.east_m,
                 };
-                if let Some(ais) = self.ais {
-                    self.scan(time_ns, ais, &[place]);
+                if let Some(sensor) = self.ais {
+                    let which = EpochScan { sensor, scan: None };
+                    self.scan(time_ns, which, &[place]);
                 }
             }
             TrackingSample::Truth(truth) => {
@@ -220,8 +180,8 @@ impl<'a> Runner<'a> {
     }
 
     /// Hands a scan to the tracker; false when its sensor is not used or the scan was refused.
-    fn scan(&mut self, time_ns: i64, sensor: usize, detections: &[Detection<f64>]) -> bool {
-        let Some(sensor) = self.sensors.get(sensor).and_then(Option::as_ref) else {
+    fn scan(&mut self, time_ns: i64, which: EpochScan, detections: &[Detection<f64>]) -> bool {
+        let Some(sensor) = self.sensors.get(which.sensor).and_then(Option::as_ref) else {
             return false;
         };
         let time_s = (time_ns - self.first_ns) as f64 * 1e-9;
@@ -242,6 +202,8 @@ impl<'a> Runner<'a> {
                 own_ship: [self.own.north_m, self.own.east_m],
                 detections: Vec::new(),
                 tracks: Vec::new(),
+                scan: which,
+                ended: Vec::new(),
                 truth: Vec::new(),
             },
             scans: Vec::new(),
@@ -250,7 +212,15 @@ impl<'a> Runner<'a> {
         epoch
             .detections
             .extend(detections.iter().filter_map(|d| placed(d, &self.own)));
-        epoch.tracks = confirmed(&self.tracker);
+        let tracks = self.tracker.associations();
+        let confirmed = tracks.filter(|(track, _)| track.status == TrackStatus::Confirmed);
+        epoch.tracks = confirmed
+            .map(|(track, association)| TrackedTarget::new(track, association))
+            .collect();
+        epoch.scan = which;
+        let ended = self.tracker.ended();
+        let ended = ended.filter(|track| track.status == TrackStatus::Confirmed);
+        epoch.ended.extend(ended);
         true
     }
 
@@ -301,24 +271,6 @@ fn sensor(settings: &SensorSettings) -> ScanSensor<f64> {
         covers_all: settings.covers_all,
         initiates: settings.initiates,
     }
-}
-
-fn confirmed(tracker: &Tracker) -> Vec<TrackedTarget> {
-    let tracks = tracker
-        .tracks()
-        .filter(|t| t.status == TrackStatus::Confirmed);
-    let tracks = tracks.map(|track| {
-        let mode = track.estimate();
-        let (x, p) = (mode.state, mode.covariance);
-        TrackedTarget {
-            id: track.id,
-            place: [x[0], x[2]],
-            velocity: [x[1], x[3]],
-            covariance: [p[(0, 0)], p[(0, 2)], p[(2, 2)]],
-            velocity_covariance: [p[(1, 1)], p[(1, 3)], p[(3, 3)]],
-        }
-    });
-    tracks.collect()
 }
 
 /// Where a detection is, for plots.

@@ -64,7 +64,7 @@ impl EstimateTopic {
         self.told().definition
     }
 
-    pub(super) const fn told(self) -> RosTopic<'static> {
+    pub(crate) const fn told(self) -> RosTopic<'static> {
         let [name, schema, definition] = match self {
             Self::Imu => ["/imu/data", IMU, IMU_DEFINITION],
             Self::Transform => [

@@ -25,7 +25,7 @@ mod bag_file;
 mod cdr;
 mod definitions;
 mod diagnostics;
-mod estimate_messages;
+pub(crate) mod estimate_messages;
 mod estimate_writer;
 mod file;
 mod fluid_pressure;

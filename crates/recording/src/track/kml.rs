@@ -10,22 +10,53 @@ use super::text::{date, escaped};
 use crate::atomic_file::AtomicFile;
 use crate::error::Result;
 
+/// Writes one track.
 pub(super) fn write(path: &Path, name: &str, points: &[TrackPoint], force: bool) -> Result<()> {
+    write_all(path, name, std::iter::once((name, points)), force)
+}
+
+/// Writes several tracks, each with its name.
+///
+/// # Errors
+/// As [`AtomicFile`].
+pub(crate) fn write_kml(
+    path: &Path,
+    name: &str,
+    tracks: &[(String, Vec<TrackPoint>)],
+    force: bool,
+) -> Result<()> {
+    let each = tracks.iter();
+    let each = each.map(|(name, points)| (name.as_str(), points.as_slice()));
+    write_all(path, name, each, force)
+}
+
+fn write_all<'a>(
+    path: &Path,
+    name: &str,
+    tracks: impl Iterator<Item = (&'a str, &'a [TrackPoint])>,
+    force: bool,
+) -> Result<()> {
     let mut out = AtomicFile::create(path, force)?;
     let name = escaped(name);
     out.print(format_args!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <kml xmlns=\"http://www.opengis.net/kml/2.2\" xmlns:gx=\"http://www.google.com/kml/ext/2.2\">\n\
          <Document>\n<name>{name}</name>\n\
-         <Style id=\"track\"><LineStyle><color>ff0055ff</color><width>3</width></LineStyle></Style>\n\
-         <Placemark>\n<name>{name}</name>\n<styleUrl>#track</styleUrl>\n"
+         <Style id=\"track\"><LineStyle><color>ff0055ff</color><width>3</width></LineStyle></Style>\n"
     ))?;
-    let dates: Option<Vec<String>> = points.iter().map(|point| date(point.time_ns)).collect();
-    match dates {
-        Some(dates) => timed(&mut out, points, &dates)?,
-        None => line(&mut out, points)?,
+    for (name, points) in tracks {
+        let name = escaped(name);
+        out.print(format_args!(
+            "<Placemark>\n<name>{name}</name>\n<styleUrl>#track</styleUrl>\n"
+        ))?;
+        let dates: Option<Vec<String>> = points.iter().map(|point| date(point.time_ns)).collect();
+        match dates {
+            Some(dates) => timed(&mut out, points, &dates)?,
+            None => line(&mut out, points)?,
+        }
+        out.print(format_args!("</Placemark>\n"))?;
     }
-    out.print(format_args!("</Placemark>\n</Document>\n</kml>\n"))?;
+    out.print(format_args!("</Document>\n</kml>\n"))?;
     out.commit()
 }
 

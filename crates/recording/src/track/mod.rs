@@ -12,6 +12,7 @@ mod tum;
 
 use std::path::Path;
 
+pub(crate) use kml::write_kml;
 use nalgebra::UnitQuaternion;
 
 use crate::error::{RecordingError, Result};

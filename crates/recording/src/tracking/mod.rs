@@ -24,7 +24,7 @@ use std::path::Path;
 
 pub use ais::Sentences;
 pub use manifest::{SensorSettings, TrackingManifest};
-pub use output::{TargetPoint, check_targets_path, write_targets};
+pub use output::{TargetInstant, TargetPoint, TargetWriter, check_targets_path};
 pub use plane::LocalPlane;
 pub use sample::{AisReport, Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent};
 pub use sample::{TrackingIssues, TrackingSample};

@@ -28,7 +28,7 @@ const ROOM_M: f64 = 10.0;
 
 /// The larger half axis of a track's 95 % ellipse, in units of the picture.
 fn radius(scale: &Scale, track: &TrackedTarget) -> f64 {
-    let [nn, ne, ee] = track.covariance;
+    let [nn, ne, ee] = track.place_covariance();
     let largest = 0.5 * (nn + ee) + (0.5 * (nn - ee)).hypot(ne);
     SIGMAS_95 * largest.sqrt() * scale.units_per_m
 }
@@ -77,7 +77,7 @@ fn tracks(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
             .iter()
             .step_by(step)
             .filter(|t| radius(scale, t) < LARGEST_ELLIPSE * WIDTH)
-            .map(|t| scale.ellipse(t.place, t.covariance, SIGMAS_95, CORNERS))
+            .map(|t| scale.ellipse(t.place, t.place_covariance(), SIGMAS_95, CORNERS))
             .collect();
         svg.lines(&ellipses, &format!("line thin soft {class}"));
         let places: Vec<Place> = track.iter().map(|t| t.place).collect();
@@ -106,6 +106,14 @@ fn truth(svg: &mut Svg, scale: &Scale, epochs: &[TrackEpoch]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use northing_core::nalgebra::SMatrix;
+    use northing_evaluation::tracking::{EpochScan, TargetAssociation};
+
+    fn covariance() -> SMatrix<f64, 5, 5> {
+        let mut out = SMatrix::from_diagonal(&[4.0, 1.0, 9.0, 1.0, 0.01].into());
+        (out[(0, 2)], out[(2, 0)]) = (1.0, 1.0);
+        out
+    }
 
     fn epoch(time_s: f64) -> TrackEpoch {
         TrackEpoch {
@@ -117,9 +125,18 @@ mod tests {
                 id: 3,
                 place: [101.0 + time_s, 50.0],
                 velocity: [1.0, 0.0],
-                covariance: [4.0, 1.0, 9.0],
-                velocity_covariance: [1.0, 0.0, 1.0],
+                turn_rate: 0.0,
+                covariance: covariance(),
+                existence: 1.0,
+                visibility: 1.0,
+                models: [1.0, 0.0, 0.0],
+                association: TargetAssociation::default(),
             }],
+            scan: EpochScan {
+                sensor: 0,
+                scan: Some(0),
+            },
+            ended: Vec::new(),
             truth: vec![(1, [100.0 + time_s, 50.0])],
         }
     }
@@ -133,7 +150,7 @@ mod tests {
         };
         let seen = epoch(0.0);
         let track = &seen.tracks[0];
-        let outline = scale.ellipse(track.place, track.covariance, SIGMAS_95, CORNERS);
+        let outline = scale.ellipse(track.place, track.place_covariance(), SIGMAS_95, CORNERS);
         let reach = |axis: usize| {
             let values = outline.iter().map(|p| p[axis]);
             0.5 * (values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min))

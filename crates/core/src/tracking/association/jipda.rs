@@ -9,30 +9,15 @@
 //! exactly, depth first, when there are at most [`EXACT_EVENTS`]; larger clusters take belief
 //! propagation, which is polynomial and errs by a few per cent. No allocation.
 //!
-//! Cost: exact, one multiplication an event; fallback, targets x detections x iterations.
+//! Cost: exact, one multiplication an event; fallback, detections in gates x iterations.
 
+use super::candidates::Association;
+use super::clusters::Clusters;
 use crate::scalar::{Scalar, lit};
 
 /// Joint events that a cluster may have before belief propagation takes over. The bound is on the
 /// product of (1 + gated detections) over its targets: at most so many leaves.
 pub const EXACT_EVENTS: u64 = 20_000;
-/// Detections that one scan may have: bits of the mask.
-pub const MOST_DETECTIONS: usize = 128;
-/// Targets that one scan may have: bits of the mask.
-pub const MOST_TARGETS: usize = 128;
-
-/// A set of targets or of detections.
-type Mask = u128;
-
-/// Weights of one target.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Association<T, const D: usize> {
-    /// Weight of no detection. In: `1 - P_D r`. Out: the probability.
-    pub missed: T,
-    /// Weight of each detection. In: `P_D r l / lambda`, zero outside the gate. Out: the
-    /// probability.
-    pub detections: [T; D],
-}
 
 /// How a scan was associated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,167 +28,155 @@ pub struct AssociationEffort {
     pub approximate_clusters: u32,
 }
 
-impl<T: Scalar, const D: usize> Association<T, D> {
-    /// A target with no detection in its gate.
-    pub fn missed(weight: T) -> Self {
-        Self {
-            missed: weight,
-            detections: [T::zero(); D],
-        }
-    }
-
-    /// Scales the weights to sum one; a target that nothing explains was missed.
-    fn normalize(&mut self) {
-        let sum = self.detections.iter().fold(self.missed, |s, w| s + *w);
-        if sum > T::zero() && sum.is_finite() {
-            self.missed /= sum;
-            self.detections.iter_mut().for_each(|w| *w /= sum);
-        } else {
-            *self = Self::missed(T::one());
-        }
-    }
-
-    fn gated(&self) -> Mask {
-        self.detections
-            .iter()
-            .enumerate()
-            .filter(|(_, w)| **w > T::zero())
-            .fold(0, |mask: Mask, (j, _)| mask | (1 << j))
-    }
-}
-
 /// Marginal probabilities of the weights of a scan's targets, one result a target.
-///
-/// Targets beyond [`MOST_TARGETS`] (and beyond the shorter slice) are left as they are.
-pub fn associate<T: Scalar, const D: usize>(
-    weights: &[Association<T, D>],
-    marginals: &mut [Association<T, D>],
+pub fn associate<T: Scalar, const N: usize, const D: usize>(
+    weights: &[Association<T, D>; N],
+    marginals: &mut [Association<T, D>; N],
+    clusters: &mut Clusters<T, N, D>,
 ) -> AssociationEffort {
-    const { assert!(D <= MOST_DETECTIONS) };
     let mut effort = AssociationEffort::default();
-    let count = weights.len().min(marginals.len()).min(MOST_TARGETS);
-    let weights = &weights[..count];
-    let mut open = (0..count).fold(0, |mask: Mask, t| mask | (1 << t));
-    while open != 0 {
-        let cluster = cluster_of(weights, open);
-        open &= !cluster;
-        let events = members(cluster).fold(1_u64, |product, t| {
-            product.saturating_mul(1 + u64::from(weights[t].gated().count_ones()))
+    clusters.find(weights);
+    for first in 0..N {
+        if !clusters.leads(first) {
+            continue;
+        }
+        let events = clusters.from(first).fold(1_u64, |product, t| {
+            product.saturating_mul(1 + weights[t].candidates().len() as u64)
         });
         if events <= EXACT_EVENTS {
             effort.exact_clusters += 1;
-            exact(weights, marginals, cluster);
+            exact(weights, marginals, clusters, first);
         } else {
             effort.approximate_clusters += 1;
-            belief_propagation(weights, marginals, cluster);
+            belief_propagation(weights, marginals, clusters, first);
         }
-        members(cluster).for_each(|t| marginals[t].normalize());
+        clusters.from(first).for_each(|t| marginals[t].normalize());
     }
     effort
 }
 
-/// The targets that share detections with the first open one, directly or through others.
-fn cluster_of<T: Scalar, const D: usize>(weights: &[Association<T, D>], open: Mask) -> Mask {
-    let first = open.trailing_zeros() as usize;
-    let mut cluster = 1 << first;
-    let mut detections = weights[first].gated();
-    loop {
-        let before = cluster;
-        for t in members(open & !before) {
-            let gated = weights[t].gated();
-            if gated & detections != 0 {
-                cluster |= 1 << t;
-                detections |= gated;
-            }
-        }
-        if cluster == before {
-            return cluster;
-        }
-    }
-}
-
-/// The indices of the bits that are set.
-fn members(mut mask: Mask) -> impl Iterator<Item = usize> {
-    core::iter::from_fn(move || {
-        let next = mask.trailing_zeros() as usize;
-        mask &= mask.checked_sub(1)?;
-        Some(next)
-    })
-}
-
 /// Sums every joint event of a cluster (J3).
-fn exact<T: Scalar, const D: usize>(
-    weights: &[Association<T, D>],
-    sums: &mut [Association<T, D>],
-    cluster: Mask,
+fn exact<T: Scalar, const N: usize, const D: usize>(
+    weights: &[Association<T, D>; N],
+    sums: &mut [Association<T, D>; N],
+    clusters: &Clusters<T, N, D>,
+    first: usize,
 ) {
-    members(cluster).for_each(|t| sums[t] = Association::missed(T::zero()));
-    walk(weights, sums, cluster, 0, T::one());
+    for t in clusters.from(first) {
+        sums[t] = weights[t].emptied(T::zero());
+    }
+    Walk { weights, clusters }.on(sums, Some(first), None, T::one());
 }
 
-/// Adds the events of the targets in `open` to the sums, given the detections already `taken` and the
-/// weight `above` of the choices so far. Returns the sum over the events below.
-fn walk<T: Scalar, const D: usize>(
-    weights: &[Association<T, D>],
-    sums: &mut [Association<T, D>],
-    open: Mask,
-    taken: Mask,
-    above: T,
-) -> T {
-    if open == 0 {
-        return T::one();
+/// A detection that a target before has taken, and those that were taken before it.
+struct Taken<'a> {
+    detection: u32,
+    before: Option<&'a Self>,
+}
+
+/// Whether a detection is among them: as many comparisons as there are targets before.
+fn is_taken(taken: Option<&Taken<'_>>, detection: u32) -> bool {
+    core::iter::successors(taken, |t| t.before).any(|t| t.detection == detection)
+}
+
+/// What every step of the walk looks at.
+struct Walk<'a, T, const N: usize, const D: usize> {
+    weights: &'a [Association<T, D>; N],
+    clusters: &'a Clusters<T, N, D>,
+}
+
+impl<T: Scalar, const N: usize, const D: usize> Walk<'_, T, N, D> {
+    /// Adds the events of the target `t` and those after it to the sums, given the detections `taken` and the
+    /// weight `above` of the choices so far. Returns the sum over the events below. As deep as the cluster has targets, which
+    /// [`EXACT_EVENTS`] keeps below 15.
+    fn on(
+        &self,
+        sums: &mut [Association<T, D>; N],
+        t: Option<usize>,
+        taken: Option<&Taken<'_>>,
+        above: T,
+    ) -> T {
+        let Some(t) = t else { return T::one() };
+        let next = self.clusters.after(t);
+        let missed = self.weights[t].missed;
+        let mut total = missed * self.on(sums, next, taken, above * missed);
+        sums[t].missed += above * total;
+        for (place, candidate) in self.weights[t].candidates().iter().enumerate() {
+            if is_taken(taken, candidate.detection) {
+                continue;
+            }
+            let chosen = Taken {
+                detection: candidate.detection,
+                before: taken,
+            };
+            let weight = candidate.weight;
+            let below = weight * self.on(sums, next, Some(&chosen), above * weight);
+            sums[t].candidates_mut()[place].weight += above * below;
+            total += below;
+        }
+        total
     }
-    let t = open.trailing_zeros() as usize;
-    let rest = open & (open - 1);
-    let missed = weights[t].missed;
-    let mut total = missed * walk(weights, sums, rest, taken, above * missed);
-    sums[t].missed += above * total;
-    for j in members(weights[t].gated() & !taken) {
-        let weight = weights[t].detections[j];
-        let below = weight * walk(weights, sums, rest, taken | (1 << j), above * weight);
-        sums[t].detections[j] += above * below;
-        total += below;
-    }
-    total
 }
 
 /// Iterations of belief propagation: its error falls geometrically, most clusters need ten.
 const ITERATIONS: usize = 50;
 
 /// Approximate marginals of a large cluster (J4); the messages of targets to detections live in the
-/// result.
-fn belief_propagation<T: Scalar, const D: usize>(
-    weights: &[Association<T, D>],
-    messages: &mut [Association<T, D>],
-    cluster: Mask,
+/// result, their sums for each detection in the clusters' columns.
+fn belief_propagation<T: Scalar, const N: usize, const D: usize>(
+    weights: &[Association<T, D>; N],
+    messages: &mut [Association<T, D>; N],
+    clusters: &mut Clusters<T, N, D>,
+    first: usize,
 ) {
-    members(cluster).for_each(|t| messages[t] = Association::missed(T::one()));
-    let ratio = |t: usize, j: usize| weights[t].detections[j] / weights[t].missed.max(lit(1e-30));
-    let mut columns = [T::one(); D];
+    let least = lit::<T>(1e-30);
+    let mut at = Some(first);
+    while let Some(t) = at {
+        messages[t] = weights[t].emptied(T::one());
+        at = clusters.after(t);
+    }
     for _ in 0..ITERATIONS {
-        for t in members(cluster) {
-            let gated = weights[t].gated();
-            let from =
-                |j: usize| T::one() / (columns[j] - messages[t].detections[j]).max(lit(1e-30));
-            let sum = members(gated).fold(T::one(), |s, j| s + ratio(t, j) * from(j));
-            let next: [T; D] = core::array::from_fn(|j| {
-                if gated & (1 << j) == 0 {
-                    return T::zero();
-                }
-                ratio(t, j) / (sum - ratio(t, j) * from(j)).max(lit(1e-30))
-            });
-            for j in members(gated) {
-                columns[j] += next[j] - messages[t].detections[j];
-            }
-            messages[t].detections = next;
+        let mut at = Some(first);
+        while let Some(t) = at {
+            at = clusters.after(t);
+            send(&weights[t], &mut messages[t], clusters, t);
         }
     }
-    for t in members(cluster) {
-        for j in members(weights[t].gated()) {
-            let from = T::one() / (columns[j] - messages[t].detections[j]).max(lit(1e-30));
-            messages[t].detections[j] = ratio(t, j) * from;
+    let columns = clusters.columns.as_flattened();
+    for t in clusters.from(first) {
+        let missed = weights[t].missed.max(least);
+        let pairs = weights[t].candidates().iter().zip(clusters.column[t]);
+        for ((candidate, column), message) in pairs.zip(messages[t].candidates_mut()) {
+            let from = T::one() / (columns[column as usize] - message.weight).max(least);
+            message.weight = candidate.weight / missed * from;
         }
-        messages[t].missed = T::one();
+    }
+}
+
+/// The messages of one target, given those of the others.
+fn send<T: Scalar, const N: usize, const D: usize>(
+    weights: &Association<T, D>,
+    messages: &mut Association<T, D>,
+    clusters: &mut Clusters<T, N, D>,
+    t: usize,
+) {
+    let least = lit::<T>(1e-30);
+    let missed = weights.missed.max(least);
+    let columns = clusters.columns.as_flattened_mut();
+    let column = &clusters.column[t];
+    let mut shares = [T::zero(); D];
+    let mut sum = T::one();
+    let each = weights.candidates().iter().zip(messages.candidates());
+    for (share, ((candidate, message), column)) in shares.iter_mut().zip(each.zip(column)) {
+        let from = T::one() / (columns[*column as usize] - message.weight).max(least);
+        *share = candidate.weight / missed * from;
+        sum += *share;
+    }
+    let each = weights.candidates().iter().zip(messages.candidates_mut());
+    for ((candidate, message), (share, column)) in each.zip(shares.iter().zip(column)) {
+        let next = candidate.weight / missed / (sum - *share).max(least);
+        columns[*column as usize] += next - message.weight;
+        message.weight = next;
     }
 }
 

@@ -65,7 +65,7 @@ pub struct TrackerCounts {
     pub sensor_invalid: u64,
     /// Detections skipped: not finite, or a range that is not positive.
     pub detections_invalid: u64,
-    /// Detections left out: more in one scan than the tracker has room for.
+    /// Detections left out of a gate: more than a track has room for; the likeliest are kept.
     pub detections_beyond_capacity: u64,
     /// Updates skipped: the target was at the own ship's position, where a bearing is undefined.
     pub bearing_undefined: u64,
@@ -73,7 +73,7 @@ pub struct TrackerCounts {
     pub numerical: u64,
     /// Tracks started.
     pub initiated: u64,
-    /// Tracks not started, for want of room.
+    /// Tracks not started, or given up for a new one, for want of room.
     pub tracks_beyond_capacity: u64,
     /// Confirmed tracks that ended.
     pub deleted_confirmed: u64,

@@ -12,6 +12,8 @@ use super::*;
 use crate::kalman::covariance::cholesky;
 use crate::tracking::detection::DetectionNoise;
 
+mod room;
+
 type Tracker = MultiTargetTracker<f64, 3, 24, 32>;
 
 const RADAR: ScanSensor<f64> = ScanSensor {
@@ -341,19 +343,6 @@ fn a_target_through_the_own_ship_is_skipped_and_counted() {
         .unwrap();
     assert_eq!(tracker.counts().bearing_undefined, 3, "one for each model");
     assert!(tracker.tracks().all(|t| t.imm.is_valid()));
-}
-
-#[test]
-fn more_than_there_is_room_for_is_counted() {
-    let own = OwnShip::exact(0.0, 0.0, 0.0);
-    let mut tracker = Tracker::new(MultiTargetConfig::default()).unwrap();
-    let many: Vec<_> = (0..40)
-        .map(|i| radar(100.0 * f64::from(i + 1), 0.1))
-        .collect();
-    tracker.scan(&scan(0.0, &own, &many)).unwrap();
-    assert_eq!(tracker.counts().detections_beyond_capacity, 8);
-    assert_eq!(tracker.counts().tracks_beyond_capacity, 8);
-    assert_eq!(tracker.tracks().count(), 24);
 }
 
 #[test]

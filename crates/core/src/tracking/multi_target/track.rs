@@ -23,6 +23,35 @@ pub enum TrackStatus {
     Confirmed,
 }
 
+/// Why a track ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+pub enum TrackEnd {
+    /// Its existence fell below `delete_existence` or `delete_confirmed_existence`.
+    Existence,
+    /// The standard deviation of its position passed `largest_position_std_m`.
+    Uncertain,
+    /// A state or covariance was not finite, or not positive.
+    Numerical,
+    /// It followed the target of another track.
+    Merged {
+        /// The track that stays.
+        into: u32,
+    },
+}
+
+/// A track that ended in the last scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EndedTrack {
+    /// Number of the track.
+    pub id: u32,
+    /// What it was.
+    pub status: TrackStatus,
+    /// Why it ended.
+    pub end: TrackEnd,
+}
+
 /// A target, or what may be one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -81,27 +110,21 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         }
     }
 
-    pub(super) fn is_over(&self, config: &MultiTargetConfig<T, M>) -> bool {
+    /// Why the track is over, if it is.
+    pub(super) fn end(&self, config: &MultiTargetConfig<T, M>) -> Option<TrackEnd> {
         let limit = match self.status {
             TrackStatus::Tentative => config.settings.delete_existence,
             TrackStatus::Confirmed => config.settings.delete_confirmed_existence,
         };
+        if !self.imm.is_valid() {
+            return Some(TrackEnd::Numerical);
+        }
+        if self.existence.existence < limit {
+            return Some(TrackEnd::Existence);
+        }
         let p = self.estimate().covariance;
         let largest = config.settings.largest_position_std_m;
-        self.existence.existence < limit
-            || !self.imm.is_valid()
-            || p[(0, 0)] + p[(2, 2)] > largest * largest
-    }
-
-    /// Whether two tracks follow one target: positions and velocities agree within their covariances.
-    pub(super) fn is_same_as(&self, other: &Self, config: &MultiTargetConfig<T, M>) -> bool {
-        let (a, b) = (self.estimate(), other.estimate());
-        let d = (a.state - b.state).fixed_rows::<4>(0).into_owned();
-        let p = (a.covariance + b.covariance)
-            .fixed_view::<4, 4>(0, 0)
-            .into_owned();
-        let limit = config.settings.merge_sigmas * config.settings.merge_sigmas;
-        normalized_square(&d, &p).is_some_and(|distance| distance < limit)
+        (p[(0, 0)] + p[(2, 2)] > largest * largest).then_some(TrackEnd::Uncertain)
     }
 
     pub(super) fn is_senior_to(&self, other: &Self) -> bool {
@@ -111,6 +134,22 @@ impl<T: Scalar, const M: usize> Track<T, M> {
             _ => self.age_s >= other.age_s,
         }
     }
+}
+
+/// Whether two estimates are of one target: positions and velocities agree within their covariances.
+pub(super) fn is_same_target<T: Scalar>(a: &Mode<T>, b: &Mode<T>, merge_sigmas: T) -> bool {
+    let limit = merge_sigmas * merge_sigmas;
+    // Most pairs are far apart, which one component tells: its normalised square is never more than that of all.
+    let north = a.state[0] - b.state[0];
+    let variance = a.covariance[(0, 0)] + b.covariance[(0, 0)];
+    if north * north > limit * variance * lit(1.001) {
+        return false;
+    }
+    let d = (a.state - b.state).fixed_rows::<4>(0).into_owned();
+    let p = (a.covariance + b.covariance)
+        .fixed_view::<4, 4>(0, 0)
+        .into_owned();
+    normalized_square(&d, &p).is_some_and(|distance| distance < limit)
 }
 
 /// One-point initiation (I1 to I3): the position from the detection, its covariance from sensor

@@ -5,23 +5,42 @@ use nalgebra::{Matrix3, Vector3};
 use super::{MultiTargetConfig, Scan, Track, TrackerCounts};
 use crate::kalman::innovation::{Innovation, Outcome, SkipReason};
 use crate::scalar::{Scalar, lit};
+use crate::tracking::association::candidates::Association;
 use crate::tracking::association::gate::AssociationGate;
-use crate::tracking::association::jipda::Association;
 use crate::tracking::association::pda::PdaUpdate;
-use crate::tracking::detection::{Detection, SchmidtInnovation};
-use crate::tracking::imm::{Imm, Mode};
+use crate::tracking::detection::{Detection, DetectionKind, SchmidtInnovation};
+use crate::tracking::expected_detection::ExpectedDetection;
+use crate::tracking::imm::Imm;
 
-/// What a detection is under one model, or why it cannot be weighed.
-fn innovation<T: Scalar>(
-    detection: &Detection<T>,
-    mode: &Mode<T>,
-    scan: &Scan<'_, T>,
-) -> Result<SchmidtInnovation<T>, SkipReason> {
-    detection
-        .predict(&mode.state, scan.own_ship, &scan.sensor.noise)
-        .ok_or(SkipReason::Unobservable)?
-        .weigh(&mode.covariance, &mode.cross, scan.own_ship)
-        .ok_or(SkipReason::Numerical)
+/// What the scan should show of the target under each model, for one kind of detection at a time: nearly all scans have one.
+struct Expectations<'a, T, const M: usize> {
+    imm: &'a Imm<T, M>,
+    scan: &'a Scan<'a, T>,
+    kind: Option<DetectionKind>,
+    models: [Result<ExpectedDetection<T>, SkipReason>; M],
+}
+
+impl<'a, T: Scalar, const M: usize> Expectations<'a, T, M> {
+    fn new(imm: &'a Imm<T, M>, scan: &'a Scan<'a, T>) -> Self {
+        Self {
+            imm,
+            scan,
+            kind: None,
+            models: [Err(SkipReason::NotUsed); M],
+        }
+    }
+
+    /// Of each model, or why one has none.
+    fn of(&mut self, detection: &Detection<T>) -> &[Result<ExpectedDetection<T>, SkipReason>; M] {
+        let kind = detection.kind();
+        if self.kind != Some(kind) {
+            self.kind = Some(kind);
+            self.models = core::array::from_fn(|m| {
+                ExpectedDetection::new(kind, &self.imm.modes[m], self.scan)
+            });
+        }
+        &self.models
+    }
 }
 
 /// Probability that the sensor detects this target when it is visible, gate included.
@@ -61,7 +80,6 @@ fn clutter<T: Scalar>(detection: &Detection<T>, scan: &Scan<'_, T>) -> T {
 pub(super) fn weigh<T: Scalar, const M: usize, const D: usize>(
     track: &Track<T, M>,
     scan: &Scan<'_, T>,
-    detections: &[Detection<T>],
     config: &MultiTargetConfig<T, M>,
     counts: &mut TrackerCounts,
 ) -> Association<T, D> {
@@ -76,34 +94,53 @@ pub(super) fn weigh<T: Scalar, const M: usize, const D: usize>(
         T::one()
     };
     let mut weights = Association::missed(silent);
-    for (weight, detection) in weights.detections.iter_mut().zip(detections) {
+    let mut expectations = Expectations::new(&track.imm, scan);
+    for (index, detection) in (0..).zip(scan.detections) {
         if !detection.is_valid() {
             continue;
         }
-        let mut likelihood = T::zero();
-        let mut inside = false;
-        for mode in &track.imm.modes {
-            match innovation(detection, mode, scan) {
-                Ok(i) => {
-                    inside |= gate.contains(i.nis);
-                    likelihood += mode.probability * i.likelihood;
-                }
-                Err(SkipReason::Unobservable) => counts.bearing_undefined += 1,
-                Err(_) => counts.numerical += 1,
-            }
-        }
-        if inside {
-            *weight = caused * likelihood / clutter(detection, scan).max(lit(1e-30));
-        }
+        let models = expectations.of(detection);
+        let Some(likelihood) = likelihood(detection, &track.imm, models, &gate, counts) else {
+            continue;
+        };
+        let weight = caused * likelihood / clutter(detection, scan).max(lit(1e-30));
+        let room = weights.add(index, weight);
+        counts.detections_beyond_capacity += u64::from(!room);
     }
     weights
+}
+
+/// Density of a detection over all models; `None` outside the gates of all.
+fn likelihood<T: Scalar, const M: usize>(
+    detection: &Detection<T>,
+    imm: &Imm<T, M>,
+    models: &[Result<ExpectedDetection<T>, SkipReason>; M],
+    gate: &AssociationGate<T>,
+    counts: &mut TrackerCounts,
+) -> Option<T> {
+    let mut possible = models.iter().flatten();
+    if models.iter().all(Result::is_ok) && !possible.any(|m| m.can_contain(detection, gate)) {
+        return None;
+    }
+    let mut likelihood = T::zero();
+    let mut inside = false;
+    for (mode, expected) in imm.modes.iter().zip(models) {
+        match expected.and_then(|expected| expected.weigh(detection)) {
+            Ok((nis, density)) => {
+                inside |= gate.contains(nis);
+                likelihood += mode.probability * density;
+            }
+            Err(SkipReason::Unobservable) => counts.bearing_undefined += 1,
+            Err(_) => counts.numerical += 1,
+        }
+    }
+    inside.then_some(likelihood)
 }
 
 /// Updates models, existence and record of a track with the marginal probabilities of the scan.
 pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
     track: &mut Track<T, M>,
     scan: &Scan<'_, T>,
-    detections: &[Detection<T>],
     marginal: &Association<T, D>,
     config: &MultiTargetConfig<T, M>,
 ) {
@@ -125,9 +162,15 @@ pub(super) fn update<T: Scalar, const M: usize, const D: usize>(
         updates: [PdaUpdate::default(); M],
         best: None,
     };
-    let pairs = marginal.detections.iter().zip(detections);
-    for (beta, detection) in pairs.filter(|(beta, _)| **beta > T::zero()) {
-        gathered.add(*beta, detection, scan, &before, &mut track.imm);
+    let mut expectations = Expectations::new(&before, scan);
+    for candidate in marginal.candidates() {
+        let Some(detection) = scan.detections.get(candidate.detection as usize) else {
+            continue;
+        };
+        if candidate.weight > T::zero() {
+            let models = expectations.of(detection);
+            gathered.add(candidate.weight, detection, models, &before, &mut track.imm);
+        }
     }
     let total = (track.imm.modes.iter()).fold(T::zero(), |sum, m| sum + m.probability);
     for (mode, update) in track.imm.modes.iter_mut().zip(&gathered.updates) {
@@ -150,12 +193,14 @@ impl<T: Scalar, const M: usize> Gathered<T, M> {
         &mut self,
         beta: T,
         detection: &Detection<T>,
-        scan: &Scan<'_, T>,
+        models: &[Result<ExpectedDetection<T>, SkipReason>; M],
         before: &Imm<T, M>,
         after: &mut Imm<T, M>,
     ) {
-        let seen: [Option<SchmidtInnovation<T>>; M] =
-            core::array::from_fn(|m| innovation(detection, &before.modes[m], scan).ok());
+        let seen: [Option<SchmidtInnovation<T>>; M] = core::array::from_fn(|m| {
+            let expected = models[m].as_ref().ok()?;
+            expected.innovation(detection)
+        });
         let weights: [T; M] = core::array::from_fn(|m| {
             seen[m].map_or(T::zero(), |i| before.modes[m].probability * i.likelihood)
         });

@@ -7,7 +7,62 @@ use proptest::test_runner::RngSeed;
 
 use super::*;
 
-type Weights = Association<f64, 6>;
+/// Weights as a table: zero outside the gate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Weights {
+    missed: f64,
+    detections: [f64; 6],
+}
+
+impl Weights {
+    fn missed(missed: f64) -> Self {
+        Self {
+            missed,
+            detections: [0.0; 6],
+        }
+    }
+
+    fn normalize(&mut self) {
+        let sum = self.missed + self.detections.iter().sum::<f64>();
+        self.missed /= sum;
+        self.detections.iter_mut().for_each(|w| *w /= sum);
+    }
+
+    fn listed(&self) -> Association<f64, 6> {
+        let mut out = Association::missed(self.missed);
+        for (j, weight) in (0..).zip(self.detections) {
+            assert!(out.add(j, weight));
+        }
+        out
+    }
+
+    fn table(listed: &Association<f64, 6>) -> Self {
+        let mut out = Self::missed(listed.missed);
+        for candidate in listed.candidates() {
+            out.detections[candidate.detection as usize] = candidate.weight;
+        }
+        out
+    }
+}
+
+/// Most targets of a test; the others have nothing in their gates.
+const TARGETS: usize = 5;
+
+fn listed(weights: &[Weights]) -> [Association<f64, 6>; TARGETS] {
+    core::array::from_fn(|t| {
+        weights
+            .get(t)
+            .map_or(Association::missed(1.0), Weights::listed)
+    })
+}
+
+fn associated(weights: &[Weights]) -> (Vec<Weights>, AssociationEffort) {
+    let weighed = listed(weights);
+    let mut marginals = weighed;
+    let effort = associate(&weighed, &mut marginals, &mut Clusters::default());
+    let tables = marginals[..weights.len()].iter().map(Weights::table);
+    (tables.collect(), effort)
+}
 
 /// Every joint event in turn: the definition.
 fn brute_force(weights: &[Weights]) -> Vec<Weights> {
@@ -42,7 +97,7 @@ fn brute_force(weights: &[Weights]) -> Vec<Weights> {
         choice[next] += 1;
         choice[..next].fill(0);
     }
-    sums.iter_mut().for_each(Association::normalize);
+    sums.iter_mut().for_each(Weights::normalize);
     sums
 }
 
@@ -67,12 +122,22 @@ fn weights_up_to(least_missed: f64, largest: f64) -> impl Strategy<Value = Vec<W
     prop::collection::vec(target, 1..5)
 }
 
-/// What belief propagation makes of the weights.
+/// What belief propagation makes of the weights, cluster by cluster.
 fn propagated(weights: &[Weights]) -> Vec<Weights> {
-    let mut marginals = std::vec![Weights::missed(0.0); weights.len()];
-    belief_propagation(weights, &mut marginals, (1 << weights.len()) - 1);
+    let weighed = listed(weights);
+    let mut marginals = weighed;
+    let mut clusters = Clusters::default();
+    clusters.find(&weighed);
+    for first in 0..TARGETS {
+        if clusters.leads(first) {
+            belief_propagation(&weighed, &mut marginals, &mut clusters, first);
+        }
+    }
     marginals.iter_mut().for_each(Association::normalize);
-    marginals
+    marginals[..weights.len()]
+        .iter()
+        .map(Weights::table)
+        .collect()
 }
 
 proptest! {
@@ -80,8 +145,7 @@ proptest! {
 
     #[test]
     fn exact_marginals_equal_brute_force(weights in weights()) {
-        let mut marginals = std::vec![Weights::missed(0.0); weights.len()];
-        let effort = associate(&weights, &mut marginals);
+        let (marginals, effort) = associated(&weights);
         prop_assert_eq!(effort.approximate_clusters, 0);
         prop_assert!(distance(&marginals, &brute_force(&weights)) < 1e-12);
     }
@@ -113,8 +177,7 @@ fn two_targets_and_one_shared_detection_by_hand() {
     };
     // events: none 0.2 * 0.5, first 3 * 0.5, second 0.2 * 1; both is impossible
     let weights = [target(0.2, 3.0), target(0.5, 1.0)];
-    let mut marginals = [Weights::missed(0.0); 2];
-    associate(&weights, &mut marginals);
+    let (marginals, _) = associated(&weights);
     let total = 0.1 + 1.5 + 0.2;
     assert!((marginals[0].detections[0] - 1.5 / total).abs() < 1e-12);
     assert!((marginals[1].detections[0] - 0.2 / total).abs() < 1e-12);
@@ -126,37 +189,56 @@ fn belief_propagation_is_exact_for_a_single_shared_detection() {
     let mut weights = [Weights::missed(0.4); 2];
     weights[0].detections[0] = 2.0;
     weights[1].detections[0] = 0.7;
-    let mut marginals = weights;
-    belief_propagation(&weights, &mut marginals, 0b11);
-    marginals.iter_mut().for_each(Association::normalize);
-    assert!(distance(&marginals, &brute_force(&weights)) < 1e-9);
+    assert!(distance(&propagated(&weights), &brute_force(&weights)) < 1e-9);
 }
 
 #[test]
 fn a_cluster_beyond_the_bound_falls_back_and_is_counted() {
-    let target = Association::<f64, 16> {
-        missed: 0.2,
-        detections: [1.0; 16],
-    };
+    let mut target = Association::<f64, 16>::missed(0.2);
+    (0..16).for_each(|j| assert!(target.add(j, 1.0)));
     let weights = [target; 12];
     let mut marginals = weights;
-    let effort = associate(&weights, &mut marginals);
+    let effort = associate(&weights, &mut marginals, &mut Clusters::default());
     assert_eq!((effort.exact_clusters, effort.approximate_clusters), (0, 1));
     // by symmetry every target gets the same, and every detection at most one target
     let used = 12.0 * (1.0 - marginals[3].missed);
     assert!(used <= 16.0 && marginals[3].missed < 0.2, "{used}");
-    assert!((marginals[0].detections[0] - marginals[11].detections[15]).abs() < 1e-3);
+    let share = |t: usize, j: usize| marginals[t].candidates()[j].weight;
+    assert!((share(0, 0) - share(11, 15)).abs() < 1e-3);
 }
 
 #[test]
 fn separate_targets_are_separate_clusters_and_weightless_ones_are_missed() {
-    let mut weights = [Weights::missed(0.3); 3];
+    let mut weights = [Weights::missed(0.3); TARGETS];
     weights[0].detections[0] = 1.0;
     weights[1].detections[1] = 1.0;
     weights[2] = Weights::missed(0.0);
-    let mut marginals = weights;
-    let effort = associate(&weights, &mut marginals);
-    assert_eq!(effort.exact_clusters, 3);
+    let (marginals, effort) = associated(&weights);
+    assert_eq!(effort.exact_clusters, TARGETS as u32);
     assert!((marginals[0].detections[0] - 1.0 / 1.3).abs() < 1e-12);
     assert_eq!(marginals[2], Weights::missed(1.0));
+}
+
+#[test]
+fn targets_are_one_cluster_through_others_and_detections_of_any_number_count() {
+    let share = |detections: &[u32]| {
+        let mut out = Association::<f64, 3>::missed(0.5);
+        detections.iter().for_each(|j| assert!(out.add(*j, 1.0)));
+        out
+    };
+    // first and last share nothing, but both share with the second
+    let far = 4_000_000;
+    let weights = [
+        share(&[7, far]),
+        share(&[9, far]),
+        share(&[3]),
+        share(&[1, 9]),
+    ];
+    let mut clusters = Clusters::default();
+    clusters.find(&weights);
+    assert_eq!(clusters.from(0).collect::<Vec<_>>(), [0, 1, 3]);
+    assert!(clusters.leads(2) && clusters.after(2).is_none());
+    let mut marginals = weights;
+    let effort = associate(&weights, &mut marginals, &mut clusters);
+    assert_eq!((effort.exact_clusters, effort.approximate_clusters), (2, 0));
 }

@@ -1,0 +1,120 @@
+//! One instant of a tracking run: what was seen, the confirmed tracks, and the truth.
+
+use nalgebra::{Matrix2, Vector2};
+use northing_core::tracking::association::candidates::Association;
+use northing_core::tracking::coordinated_turn::TargetCovariance;
+use northing_core::tracking::multi_target::{EndedTrack, Track};
+
+use super::matching::Place;
+
+/// Motion models of the tracker.
+pub(super) const MODELS: usize = 3;
+
+/// A confirmed track at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackedTarget {
+    /// Number of the track.
+    pub id: u32,
+    /// North and east, m.
+    pub place: Place,
+    /// North and east, m/s.
+    pub velocity: [f64; 2],
+    /// Clockwise, rad/s.
+    pub turn_rate: f64,
+    /// Of north, its velocity, east, its velocity, and the turn rate; m, m/s, rad/s.
+    pub covariance: TargetCovariance<f64>,
+    /// Probability that there is a target.
+    pub existence: f64,
+    /// Probability that the sensor can see it, if there is one.
+    pub visibility: f64,
+    /// Probabilities of the motion models: straight, turning, manoeuvring.
+    pub models: [f64; MODELS],
+    /// What the last scan of the instant was to it.
+    pub association: TargetAssociation,
+}
+
+/// Which detections of a scan a target may have caused.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TargetAssociation {
+    /// Detections in its gate.
+    pub in_gate: usize,
+    /// The likeliest of them, its index in the scan from 0, and the probability that the target caused it.
+    pub likeliest: Option<(u32, f64)>,
+    /// Probability that it caused none.
+    pub missed: f64,
+}
+
+impl TrackedTarget {
+    pub(super) fn new<const D: usize>(
+        track: &Track<f64, MODELS>,
+        association: &Association<f64, D>,
+    ) -> Self {
+        let mode = track.estimate();
+        let x = mode.state;
+        let candidates = association.candidates();
+        let likeliest = candidates
+            .iter()
+            .max_by(|a, b| a.weight.total_cmp(&b.weight));
+        Self {
+            id: track.id,
+            place: [x[0], x[2]],
+            velocity: [x[1], x[3]],
+            turn_rate: x[4],
+            covariance: mode.covariance,
+            existence: track.existence.existence,
+            visibility: track.existence.visibility,
+            models: track.imm.modes.map(|mode| mode.probability),
+            association: TargetAssociation {
+                in_gate: candidates.len(),
+                likeliest: likeliest.map(|c| (c.detection, c.weight)),
+                missed: association.missed,
+            },
+        }
+    }
+
+    /// Squared distance of a place in standard deviations; infinite when the covariance is none.
+    #[must_use]
+    pub fn normalised_square(&self, place: Place) -> f64 {
+        let [nn, ne, ee] = self.place_covariance();
+        let d = Vector2::new(place[0] - self.place[0], place[1] - self.place[1]);
+        let inverse = Matrix2::new(nn, ne, ne, ee).try_inverse();
+        inverse.map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))
+    }
+
+    /// Variance of north, covariance, variance of east, m^2.
+    #[must_use]
+    pub fn place_covariance(&self) -> [f64; 3] {
+        let p = &self.covariance;
+        [p[(0, 0)], p[(0, 2)], p[(2, 2)]]
+    }
+}
+
+/// The scan behind an instant's tracks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EpochScan {
+    /// Its sensor, by its place in the recording.
+    pub sensor: usize,
+    /// Its number in the recording; an AIS report has none.
+    pub scan: Option<i64>,
+}
+
+/// One instant of a run, for plots.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackEpoch {
+    /// Stamp of the recording, ns.
+    pub time_ns: i64,
+    /// Seconds since the first event.
+    pub time_s: f64,
+    /// The own ship.
+    pub own_ship: Place,
+    /// Where the detections are, when they say it.
+    pub detections: Vec<Place>,
+    /// Confirmed tracks.
+    pub tracks: Vec<TrackedTarget>,
+    /// The last scan of the instant.
+    pub scan: EpochScan,
+    /// Confirmed tracks that ended since the last instant.
+    pub ended: Vec<EndedTrack>,
+    /// True positions by target.
+    pub truth: Vec<(u32, Place)>,
+}
