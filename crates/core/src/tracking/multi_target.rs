@@ -352,7 +352,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             let mut taken = T::zero();
             while let Some(edge) = edges.next_if(|edge| edge.detection <= j) {
                 let target = edge.target as usize;
-                // A track that has been removed since has taken nothing, nor has the one that began in its place.
+                // A track that has been removed since has taken nothing, nor has one that began where it was.
                 if edge.detection == j && self.state.tracks[target].is_some() {
                     let candidate = self.marginals[target].candidates().get(edge.place as usize);
                     taken += candidate
