@@ -149,7 +149,7 @@ fn every_tracker_of_many_targets_as_committed() {
                 return;
             }
             for track in epoch.tracks {
-                let [nn, ne, ee] = track.covariance;
+                let [nn, ne, ee] = track.place_covariance();
                 let numbers = [
                     [epoch.time_s, f64::from(track.id), track.place[0]],
                     [track.place[1], track.velocity[0], track.velocity[1]],
