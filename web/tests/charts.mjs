@@ -67,7 +67,8 @@ await suite(async () => {
     await page.mouse.move(box.x + box.width * 0.6, box.y + 20, { steps: 6 });
     await page.mouse.up();
     const zoomed = await span(rate);
-    assert.ok(zoomed[1] - zoomed[0] < 0.4 * (before[1] - before[0]), `${before} to ${zoomed}`);
+    // Three tenths of the window, which the session of 14 s or more does not fill yet.
+    assert.ok(zoomed[1] - zoomed[0] < 0.5 * (before[1] - before[0]), `${before} to ${zoomed}`);
     await page.keyboard.down("Shift");
     await page.mouse.move(box.x + box.width * 0.5, box.y + 20);
     await page.mouse.down();
