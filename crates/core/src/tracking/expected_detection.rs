@@ -45,7 +45,7 @@ impl<T: Scalar> ExpectedDetection<T> {
             Detection::Bearing { .. } => return true,
         };
         let reach = gate.sigmas * gate.sigmas * self.scale.covariance[(0, 0)];
-        !(away * away > reach * lit(1.001))
+        away * away <= reach * lit(1.001)
     }
 
     /// NIS and density of a detection, or why it cannot be weighed.

@@ -48,7 +48,8 @@ impl<T: Scalar, const D: usize> Association<T, D> {
     /// Adds a detection; detections come in the order of the scan. Without room the one with the least weight goes, perhaps
     /// this one: then the answer is false. Weights that are not positive are left out.
     pub fn add(&mut self, detection: u32, weight: T) -> bool {
-        if !(weight > T::zero()) || D == 0 {
+        let counts = weight > T::zero();
+        if !counts || D == 0 {
             return true;
         }
         let candidate = Candidate { detection, weight };

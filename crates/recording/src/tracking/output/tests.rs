@@ -127,7 +127,7 @@ fn without_a_place_on_the_earth_there_is_a_table_and_no_map() {
 #[cfg(feature = "parquet")]
 #[test]
 fn parquet_has_the_rows_of_the_text() {
-    use ::parquet::file::reader::{FileReader as _, SerializedFileReader};
+    use ::parquet::file::reader::SerializedFileReader;
     use ::parquet::record::Field;
     let (_folder, path) = written("tracks.parquet", Some(&PLANE));
     let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
