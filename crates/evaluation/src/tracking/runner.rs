@@ -18,9 +18,9 @@ use crate::error::EvaluationError;
 use crate::used_parameters::{UsedParameter, VERSION};
 
 /// Tracks at a time: more than a radar of a busy harbour shows.
-const TRACKS: usize = 160;
+const TRACKS: usize = 128;
 /// Detections in the gate of one target.
-const DETECTIONS: usize = 16;
+const DETECTIONS: usize = 32;
 
 type Tracker = MultiTargetTracker<f64, MODELS, TRACKS, DETECTIONS>;
 
