@@ -9,8 +9,8 @@
 //! | [`outcome`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
 //! | [`injection`] | a heading error drawn for each run: which tracker knows what it does not know |
 
-pub mod epoch;
-mod injection;
+mod epoch;
+pub mod injection;
 pub mod kinds;
 pub mod matching;
 pub mod options;
