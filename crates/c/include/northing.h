@@ -68,14 +68,6 @@ typedef enum {
   NORTHING_STATUS_NOT_STATED = 6,
 } northing_status;
 
-// What the parameters start from.
-typedef enum {
-  // Carried by people.
-  NORTHING_PROFILE_HAND_HELD = 0,
-  // On a bench.
-  NORTHING_PROFILE_LAB = 1,
-} northing_profile;
-
 // What a filter did with a measurement.
 typedef enum {
   // Used with its stated noise.
@@ -101,6 +93,14 @@ typedef enum {
   // No fix for too long, or too uncertain.
   NORTHING_SOLUTION_STATUS_INVALID = 4,
 } northing_solution_status;
+
+// What the parameters start from. Functions take it as a number: one that is none of these is refused as out of range.
+typedef enum {
+  // Carried by people.
+  NORTHING_PROFILE_HAND_HELD = 0,
+  // On a bench.
+  NORTHING_PROFILE_LAB = 1,
+} northing_profile;
 
 // The multiplicative extended Kalman filter: attitude and gyroscope bias. Yours to keep; copy it by assignment.
 typedef struct {
@@ -150,10 +150,7 @@ extern "C" {
 //
 // # Safety
 // `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
-northing_status northing_mekf_init(northing_mekf *filter,
-                                   northing_profile profile,
-                                   const northing_setting *settings,
-                                   size_t count);
+northing_status northing_mekf_init(northing_mekf *filter, int profile, const northing_setting *settings, size_t count);
 
 // Takes an angular rate, rad/s, body axes.
 //
@@ -196,7 +193,7 @@ northing_status northing_mekf_gyroscope_bias(const northing_mekf *filter, northi
 // # Safety
 // `filter` is null or points to a structure; `settings` is null or points to `count` settings with names.
 northing_status northing_bounded_velocity_init(northing_bounded_velocity *filter,
-                                               northing_profile profile,
+                                               int profile,
                                                const northing_setting *settings,
                                                size_t count);
 

@@ -1,5 +1,6 @@
 //! Attitude sample by sample: `mekf` for a bench, `bounded-velocity` for what people carry.
 
+use core::ffi::c_int;
 use core::mem::{align_of, size_of};
 
 use northing_core::attitude::{
@@ -11,7 +12,7 @@ use northing_core::geometry::rotation;
 use crate::shared::{Innovation, Real, Setting, Status, set, vector, write};
 use crate::value::{Storage, storage};
 
-/// What the parameters start from.
+/// What the parameters start from. Functions take it as a number: one that is none of these is refused as out of range.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Profile {
@@ -19,6 +20,14 @@ pub enum Profile {
     HandHeld = 0,
     /// On a bench.
     Lab = 1,
+}
+
+impl Profile {
+    /// The one of this number.
+    fn of(number: c_int) -> Option<Self> {
+        let mut all = [Self::HandHeld, Self::Lab].into_iter();
+        all.find(|profile| *profile as c_int == number)
+    }
 }
 
 /// Words of the memory of each filter.
@@ -116,7 +125,7 @@ fn gyroscope_bias<E: AttitudeEstimator<Real>>(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn northing_mekf_init(
     filter: *mut MekfMemory,
-    profile: Profile,
+    profile: c_int,
     settings: *const Setting,
     count: usize,
 ) -> Status {
@@ -124,9 +133,10 @@ pub unsafe extern "C" fn northing_mekf_init(
     let Some(storage) = (unsafe { filter.as_mut() }) else {
         return Status::NoFilter;
     };
-    let mut config = match profile {
-        Profile::HandHeld => AttitudeConfig::hand_held(),
-        Profile::Lab => AttitudeConfig::lab(),
+    let mut config = match Profile::of(profile) {
+        Some(Profile::HandHeld) => AttitudeConfig::hand_held(),
+        Some(Profile::Lab) => AttitudeConfig::lab(),
+        None => return Status::OutOfRange,
     };
     // SAFETY: the caller says so.
     if let Err(status) = unsafe { set(&mut config, settings, count) } {
@@ -244,7 +254,7 @@ pub unsafe extern "C" fn northing_mekf_gyroscope_bias(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn northing_bounded_velocity_init(
     filter: *mut BoundedVelocityMemory,
-    profile: Profile,
+    profile: c_int,
     settings: *const Setting,
     count: usize,
 ) -> Status {
@@ -252,9 +262,10 @@ pub unsafe extern "C" fn northing_bounded_velocity_init(
     let Some(storage) = (unsafe { filter.as_mut() }) else {
         return Status::NoFilter;
     };
-    let mut config = match profile {
-        Profile::HandHeld => BoundedVelocityConfig::hand_held(),
-        Profile::Lab => BoundedVelocityConfig::lab(),
+    let mut config = match Profile::of(profile) {
+        Some(Profile::HandHeld) => BoundedVelocityConfig::hand_held(),
+        Some(Profile::Lab) => BoundedVelocityConfig::lab(),
+        None => return Status::OutOfRange,
     };
     // SAFETY: the caller says so.
     if let Err(status) = unsafe { set(&mut config, settings, count) } {

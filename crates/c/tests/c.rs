@@ -6,7 +6,7 @@
     reason = "a test ends there; digits are to be the same"
 )]
 
-use std::ffi::CString;
+use std::ffi::{CString, c_int};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -15,6 +15,9 @@ use northing_c::attitude::{
     northing_mekf_covariance, northing_mekf_gyroscope, northing_mekf_init, northing_mekf_quat,
 };
 use northing_c::shared::{Outcome, Real, Setting, Status};
+
+const LAB: c_int = Profile::Lab as c_int;
+const HAND_HELD: c_int = Profile::HandHeld as c_int;
 
 fn here() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -117,7 +120,7 @@ fn it_is_the_filter_of_the_core_and_a_copy_goes_on() {
     let mut filter = empty();
     // SAFETY: every pointer points to what it is said to.
     unsafe {
-        let made = northing_mekf_init(&mut filter, Profile::Lab, settings.as_ptr(), 1);
+        let made = northing_mekf_init(&mut filter, LAB, settings.as_ptr(), 1);
         assert_eq!(made, Status::Ok);
     }
     let mut copies = Vec::new();
@@ -171,7 +174,7 @@ fn null_pointers_and_what_is_no_filter_are_said_to_be() {
     // SAFETY: every pointer is null or points to what it is said to.
     unsafe {
         assert_eq!(
-            northing_mekf_init(null, Profile::Lab, std::ptr::null(), 0),
+            northing_mekf_init(null, LAB, std::ptr::null(), 0),
             Status::NoFilter
         );
         assert_eq!(
@@ -187,11 +190,11 @@ fn null_pointers_and_what_is_no_filter_are_said_to_be() {
             (std::ptr::null(), 1.0, Status::UnknownParameter),
             (known.as_ptr(), -1.0, Status::OutOfRange),
         ] {
-            let made = northing_mekf_init(&mut filter, Profile::Lab, &setting(name, value), 1);
+            let made = northing_mekf_init(&mut filter, LAB, &setting(name, value), 1);
             assert_eq!(made, status);
         }
         assert_eq!(
-            northing_mekf_init(&mut filter, Profile::HandHeld, std::ptr::null(), 0),
+            northing_mekf_init(&mut filter, HAND_HELD, std::ptr::null(), 0),
             Status::Ok
         );
         assert_eq!(
@@ -202,6 +205,10 @@ fn null_pointers_and_what_is_no_filter_are_said_to_be() {
             northing_mekf_quat(&filter, [0.0; 4].as_mut_ptr()),
             Status::Aligning
         );
+        for number in [-1, 2, c_int::MAX] {
+            let made = northing_mekf_init(&mut filter, number, std::ptr::null(), 0);
+            assert_eq!(made, Status::OutOfRange, "profile {number}");
+        }
         let told = northing_mekf_accelerometer(&mut filter, 0, std::ptr::null());
         assert_eq!(told.outcome, Outcome::NotUsed);
         let nan = [Real::NAN, 0.0, 0.0];
