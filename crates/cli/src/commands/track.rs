@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
+use northing_evaluation::tracking::outcome::COVERED;
 use northing_evaluation::tracking::{
     InjectionOptions, InjectionSummary, OwnShipStd, TrackEnd, TrackEpoch, TrackOptions,
     TrackSummary, TrackedTarget, TrackerKind, inject_heading, run,
@@ -21,7 +22,7 @@ use crate::files::output::{
 };
 use crate::invocation::command_line;
 use crate::text::table::Table;
-use northing_report::followed_targets;
+use northing_report::followed_targets::{self, metres};
 
 /// Most runs of one command: more would take days.
 const MOST_RUNS: u32 = 100_000;
@@ -39,8 +40,9 @@ const MOST_RUNS: u32 = 100_000;
     long_about = "Finds and follows targets in recordings of radar, lidar, cameras and AIS: unlabelled \
                   detections in clutter, tracks that start, are confirmed and end by themselves, with the \
                   own ship's uncertainty in every step. Where the recording has true positions, each is \
-                  matched with a track at every instant, by the best assignment within 40 m. A recording is \
-                  a manifest that names tables; docs/formats.md describes it.",
+                  matched with a track at every instant, by the best assignment within a cut-off: four standard deviations of \
+                  a detection's position where the targets are, half the targets' spacing where they are closer together, \
+                  or what --cutoff says. A recording is a manifest that names tables; docs/formats.md describes it.",
     after_help = "\
 Examples:
   northing track harbour.toml --data recordings --report harbour.html
@@ -66,6 +68,10 @@ pub(crate) struct TrackArgs {
     /// Sensors to use, separated by commas, instead of those that the manifest marks
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     sensors: Option<Vec<String>>,
+    /// Distance beyond which a track is no track of a target, the cut-off of GOSPA and OSPA, e.g. 40m; a target is covered by a track within
+    /// half of it
+    #[arg(long, value_name = "LENGTH", value_parser = cutoff)]
+    cutoff: Option<f64>,
     /// Add an error to the own ship's heading, drawn for each run, and compare the trackers
     #[arg(long, value_name = "ANGLE", value_parser = quantity::angle, requires = "runs")]
     inject_heading_std: Option<f64>,
@@ -91,6 +97,15 @@ pub(crate) struct TrackArgs {
     json: bool,
     #[command(flatten)]
     parameters: ParameterArgs,
+}
+
+/// A length above zero.
+fn cutoff(text: &str) -> Result<f64, String> {
+    let length = quantity::length(text)?;
+    match length > 0.0 {
+        true => Ok(length),
+        false => Err("a cut-off is above zero, e.g. 40m".to_owned()),
+    }
 }
 
 /// `heading=3deg,position=3m`; what is not named is zero.
@@ -132,6 +147,7 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
         tracker,
         own_ship_std: args.own_ship_std,
         sensors: args.sensors.clone(),
+        cutoff_m: args.cutoff,
         ..TrackOptions::default()
     };
     let set = |setting: &str, origin| options.set_from(setting, origin);
@@ -299,6 +315,9 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
             summary.confirmed_tracks,
             summary.tracker,
         ));
+        if let Some(cutoff) = summary.cutoff_m {
+            text.push_str(&scores(summary, cutoff));
+        }
         for issue in followed_targets::left_out(summary) {
             text.push_str(&format!("  {issue}\n"));
         }
@@ -310,6 +329,19 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
         text.push_str(&format!("\n{}\n", report_written(report)));
     }
     text
+}
+
+/// The scores over all targets, and what they were measured with.
+fn scores(summary: &TrackSummary, cutoff_m: f64) -> String {
+    let mean = |value: Option<f64>| value.map_or("-".to_owned(), metres);
+    format!(
+        "  cut-off {}, covered within {}; mean GOSPA {}, OSPA {}; {} false tracks an hour\n",
+        metres(cutoff_m),
+        metres(COVERED * cutoff_m),
+        mean(summary.gospa_m),
+        mean(summary.ospa_m),
+        number(summary.false_tracks_per_hour, 0),
+    )
 }
 
 fn print_injection(summary: &InjectionSummary, json: bool) -> Result<()> {

@@ -65,8 +65,8 @@ pub use detection::{Detection, DetectionNoise};
 pub use joint::JointEkf;
 pub use line_of_sight::SeenTrack;
 pub use multi_target::{
-    EndedTrack, MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, Track, TrackEnd,
-    TrackStatus,
+    EndedTrack, MultiTargetConfig, MultiTargetTracker, Scan, ScanSensor, SensorScale, Track,
+    TrackEnd, TrackStatus,
 };
 pub use own_ship::{OwnShip, PoseErrorCorrelation};
 pub use pose_as_known::PoseAsKnown;

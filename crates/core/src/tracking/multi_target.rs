@@ -15,12 +15,14 @@
 
 mod config;
 mod counts;
+mod sensor_scale;
 mod starts;
 mod track;
 mod update;
 
 pub use config::{MotionModels, MultiTargetConfig, MultiTargetSettings, ScanSensor};
 pub use counts::{ScanError, TrackerCounts};
+pub use sensor_scale::SensorScale;
 pub use track::{EndedTrack, Track, TrackEnd, TrackStatus};
 
 use starts::Starts;

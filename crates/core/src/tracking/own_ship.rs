@@ -57,11 +57,13 @@ parameters! {
         "fastest own ship";
     turn_rad_s: T, "rad/s", From(1e-6, 1e3), [1.5],
         "fastest turn of the own ship";
+    correction_m: T, "m", From(0.0, 1e6), [20.0],
+        "largest correction of the own ship's position that is no jump";
 }
 
 impl<T: Scalar> PoseLimits<T> {
     /// Whether a ship can come from one pose to the other in `dt` seconds, six standard deviations of
-    /// both and the corrections of a receiver (20 m, 0.5 rad) granted.
+    /// both, the correction of a receiver and half a radian granted.
     pub fn allow(&self, from: &OwnShip<T>, to: &OwnShip<T>, dt: T) -> bool {
         let spread = |i: usize, j: usize| {
             let p = from.covariance + to.covariance;
@@ -69,7 +71,7 @@ impl<T: Scalar> PoseLimits<T> {
         };
         let (dn, de) = (to.north_m - from.north_m, to.east_m - from.east_m);
         let turned = wrap(to.heading_rad - from.heading_rad).abs();
-        (dn * dn + de * de).sqrt() <= self.speed_m_s * dt + spread(0, 1) + lit(20.0)
+        (dn * dn + de * de).sqrt() <= self.speed_m_s * dt + spread(0, 1) + self.correction_m
             && turned <= self.turn_rad_s * dt + spread(2, 2) + lit(0.5)
     }
 }

@@ -72,10 +72,12 @@ impl TrackedTarget {
         }
     }
 
-    /// Squared distance of a place in standard deviations; infinite when the covariance is none.
+    /// Squared distance of a place, which has this variance on each axis (m^2), in standard deviations; infinite when the covariance is
+    /// none.
     #[must_use]
-    pub fn normalised_square(&self, place: Place) -> f64 {
+    pub fn normalised_square(&self, place: Place, variance: f64) -> f64 {
         let [nn, ne, ee] = self.place_covariance();
+        let (nn, ee) = (nn + variance, ee + variance);
         let d = Vector2::new(place[0] - self.place[0], place[1] - self.place[1]);
         let inverse = Matrix2::new(nn, ne, ne, ee).try_inverse();
         inverse.map_or(f64::INFINITY, |inverse| d.dot(&(inverse * d)))

@@ -40,11 +40,11 @@ pub struct InjectedTracker {
     pub inside_95: Option<f64>,
     /// Root mean square distance while matched, m.
     pub rmse_m: Option<f64>,
-    /// Share of the instants with a track within 20 m.
+    /// Share of the instants with a track within half the cut-off.
     pub coverage: f64,
-    /// Instants with a true position, and those of them with a track within 40 m.
+    /// Instants with a true position.
     pub epochs: usize,
-    /// Instants with a track within 40 m.
+    /// Instants with a track within the cut-off.
     pub matched: usize,
     /// Targets lost, of all targets in all runs.
     pub lost: usize,

@@ -2,7 +2,7 @@
 //!
 //! GOSPA: Rahmathullah, Garcia-Fernandez, Svensson, *Generalized Optimal Sub-Pattern Assignment
 //! Metric*, FUSION (2017), with p = 2 and alpha = 2. The assignment comes from a library (Kuhn and
-//! Munkres), on whole square micrometres because it wants exact arithmetic.
+//! Munkres), on whole billionths of the squared cut-off because it wants exact arithmetic.
 
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
@@ -20,8 +20,8 @@ pub fn distance(a: Place, b: Place) -> f64 {
 /// distances, where a target without track costs as much as one `cutoff_m` away.
 #[must_use]
 pub fn assign(targets: &[Place], tracks: &[Place], cutoff_m: f64) -> Vec<Option<usize>> {
-    /// Square micrometres in a square metre.
-    const SCALE: f64 = 1e6;
+    /// Gain of a track on its target.
+    const MOST: f64 = 1e9;
     if targets.is_empty() || tracks.is_empty() {
         return vec![None; targets.len()];
     }
@@ -32,7 +32,8 @@ pub fn assign(targets: &[Place], tracks: &[Place], cutoff_m: f64) -> Vec<Option<
             .get(column)
             .map_or(f64::INFINITY, |track| distance(targets[row], *track));
         if away < cutoff_m {
-            ((cutoff_m * cutoff_m - away * away) * SCALE) as i64
+            let share = away / cutoff_m;
+            ((1.0 - share * share) * MOST) as i64
         } else {
             0
         }
@@ -55,6 +56,20 @@ pub struct Gospa {
     pub missed: f64,
     /// Half a squared cut-off for each track without target.
     pub false_tracks: f64,
+}
+
+/// OSPA (Schuhmacher, Vo, Vo 2008) with p = 2: the root of the mean squared distance over the larger of the two sets, where what has no
+/// partner is one cut-off away. The assignment that is best for GOSPA is best for it, too.
+#[must_use]
+pub fn ospa_m(gospa: &Gospa, targets: usize, tracks: usize, cutoff_m: f64) -> f64 {
+    let most = targets.max(tracks);
+    if most == 0 {
+        return 0.0;
+    }
+    let square = cutoff_m * cutoff_m;
+    let without = |cost: f64| 2.0 * cost / square;
+    let alone = without(gospa.missed).max(without(gospa.false_tracks));
+    ((gospa.localisation + alone * square) / most as f64).sqrt()
 }
 
 impl Gospa {

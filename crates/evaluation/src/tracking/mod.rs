@@ -7,6 +7,7 @@
 //! | [`runner`] | the tracker over a recording, with own-ship uncertainty stated or injected |
 //! | [`matching`] | which track is which target: optimal assignment; GOSPA |
 //! | [`outcome`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
+//! | `scale.rs` | the settings and the cut-off that follow from sensor and scene |
 //! | [`injection`] | a heading error drawn for each run: which tracker knows what it does not know |
 
 mod epoch;
@@ -16,6 +17,7 @@ pub mod matching;
 pub mod options;
 pub mod outcome;
 pub mod runner;
+mod scale;
 
 pub use epoch::{EpochScan, TargetAssociation, TrackEpoch, TrackedTarget};
 pub use injection::{InjectedTracker, InjectionOptions, InjectionSummary, inject_heading};

@@ -1,6 +1,7 @@
 //! What a tracking run can be asked for.
 
 use northing_core::parameters::{Table as _, Value};
+use northing_core::tracking::SensorScale;
 use northing_core::tracking::multi_target::{MotionModels, MultiTargetConfig, MultiTargetSettings};
 use northing_core::tracking::own_ship::PoseErrorCorrelation;
 
@@ -30,6 +31,9 @@ pub struct TrackOptions {
     pub sensors: Option<Vec<String>>,
     /// Added to the own ship's heading, rad: an error that is known exactly.
     pub heading_error_rad: f64,
+    /// Distance beyond which a track is no track of a target, m: the cut-off of GOSPA. Default: from the sensor's noise and the targets'
+    /// spacing. A target is covered by a track within half of it.
+    pub cutoff_m: Option<f64>,
     /// How targets move.
     pub motion: MotionModels<f64>,
     /// Settings of the tracker beside.
@@ -66,6 +70,36 @@ impl TrackOptions {
         }
         self.origins.insert(name, origin);
         Ok(())
+    }
+
+    /// The same with what follows from a sensor in place of what nobody asked for.
+    #[must_use]
+    pub(super) fn derived(&self, scale: Option<SensorScale<f64>>) -> Self {
+        let mut options = self.clone();
+        let derived = scale.and_then(|scale| Some((scale.motion()?, scale.settings()?)));
+        let Some((motion, settings)) = derived else {
+            return options;
+        };
+        let mut whole = Self {
+            motion,
+            settings,
+            ..Self::default()
+        };
+        let rows = by_name::rows(&whole.tables());
+        let usual = by_name::rows(&Self::default().tables());
+        let own = by_name::rows(&options.tables());
+        for ((row, usual), own) in rows.iter().zip(&usual).zip(&own) {
+            let name = row.name();
+            let asked = options.origins.contains_key(&name) || own.value != usual.value;
+            // Of a row of the same tables, within its range: it is never refused.
+            if !asked
+                && row.value != usual.value
+                && by_name::put(options.tables(), &name, row.value).is_ok()
+            {
+                options.origins.insert(name, Origin::Learnt);
+            }
+        }
+        options
     }
 
     /// As the tracker takes them: pose errors of `converted` are new at every scan.

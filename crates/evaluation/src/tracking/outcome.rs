@@ -7,13 +7,11 @@ use northing_recording::tracking::TrackingIssues;
 use serde::Serialize;
 
 use super::epoch::TrackedTarget;
-use super::matching::{Gospa, Place, assign, distance};
+use super::matching::{Gospa, Place, assign, distance, ospa_m};
 use crate::used_parameters::UsedParameter;
 
-/// Farther than this a track is no track of the target, m.
-pub const MATCH_M: f64 = 40.0;
-/// Nearer than this a target counts as covered, m.
-pub const COVERED_M: f64 = 20.0;
+/// A target counts as covered by a track nearer than this share of the cut-off.
+pub const COVERED: f64 = 0.5;
 /// Coverage below which a target counts as lost.
 pub const LOST_BELOW: f64 = 0.5;
 /// 95 % quantile of chi-square with two degrees of freedom.
@@ -26,13 +24,13 @@ pub struct TargetSummary {
     pub target: u32,
     /// Instants with a true position.
     pub epochs: usize,
-    /// Instants with a track within 40 m.
+    /// Instants with a track within the cut-off.
     pub matched: usize,
     /// Root mean square distance while matched, m.
     pub rmse_m: Option<f64>,
     /// Median distance while matched, m.
     pub median_error_m: Option<f64>,
-    /// Share of the instants with a track within 20 m.
+    /// Share of the instants with a track within half the cut-off.
     pub coverage: f64,
     /// Whether the coverage is below one half.
     pub lost: bool,
@@ -40,6 +38,13 @@ pub struct TargetSummary {
     pub switches: usize,
     /// Share of the matched instants at which the truth lies in the track's 95 % ellipse.
     pub inside_95: Option<f64>,
+    /// Mean of the squared distances in standard deviations while matched, for each of the two axes: 1 when the tracks' covariances are consistent
+    /// (ANEES).
+    pub anees: Option<f64>,
+    /// Seconds from the first true position to the first with a track.
+    pub found_after_s: Option<f64>,
+    /// Share of the instants with a true position in the longest stretch with one and the same track.
+    pub continuity: f64,
 }
 
 /// How well a recording was tracked.
@@ -63,8 +68,14 @@ pub struct TrackSummary {
     pub false_tracks: usize,
     /// Sum over the instants of confirmed tracks without a target.
     pub false_track_epochs: usize,
-    /// Mean GOSPA, p = 2, cut-off 40 m.
+    /// The same in an hour of true positions: confirmed tracks that never followed a target.
+    pub false_tracks_per_hour: Option<f64>,
+    /// Distance beyond which a track is no track of a target, m; `None` without true positions.
+    pub cutoff_m: Option<f64>,
+    /// Mean GOSPA, p = 2, alpha = 2, with that cut-off.
     pub gospa_m: Option<f64>,
+    /// Mean OSPA, p = 2, with that cut-off.
+    pub ospa_m: Option<f64>,
     /// What the tracker did and refused.
     pub counts: Counts,
     /// What the reader left out.
@@ -127,44 +138,81 @@ struct TargetTally {
     errors: Vec<f64>,
     covered: usize,
     inside: usize,
+    normalised_squares: f64,
     switches: usize,
     last: Option<u32>,
+    first_s: f64,
+    found_s: Option<f64>,
+    /// Instants in the stretch with the present track, and in the longest.
+    stretch: usize,
+    longest: usize,
 }
 
 /// What is gathered over the instants of a run.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Score {
+    cutoff_m: f64,
+    truth_std_m: f64,
     targets: BTreeMap<u32, TargetTally>,
     pub(super) confirmed: BTreeSet<u32>,
     matched: BTreeSet<u32>,
     pub(super) false_epochs: usize,
     gospa_sum: f64,
-    gospa_count: usize,
+    ospa_sum: f64,
+    count: usize,
+    /// The first and the last instant with true positions, s.
+    scored_s: Option<[f64; 2]>,
 }
 
 impl Score {
+    /// With the distance beyond which a track is no track of a target, if there is one, and the standard deviation of the true positions.
+    pub(super) fn new(cutoff_m: Option<f64>, truth_std_m: f64) -> Self {
+        Self {
+            cutoff_m: cutoff_m.unwrap_or(0.0),
+            truth_std_m,
+            ..Self::default()
+        }
+    }
+
     /// Takes note of tracks where no truth is known.
     pub(super) fn seen(&mut self, tracks: &[TrackedTarget]) {
         self.confirmed.extend(tracks.iter().map(|track| track.id));
     }
 
     /// Scores one instant.
-    pub(super) fn epoch(&mut self, truth: &[(u32, Place)], tracks: &[TrackedTarget]) {
+    pub(super) fn epoch(&mut self, time_s: f64, truth: &[(u32, Place)], tracks: &[TrackedTarget]) {
         self.seen(tracks);
+        let first = self.scored_s.map_or(time_s, |[first, _]| first);
+        self.scored_s = Some([first, time_s]);
+        let cutoff = self.cutoff_m;
         let targets: Vec<Place> = truth.iter().map(|(_, place)| *place).collect();
         let places: Vec<Place> = tracks.iter().map(|track| track.place).collect();
-        let assignment = assign(&targets, &places, MATCH_M);
-        self.gospa_sum += Gospa::new(&targets, &places, &assignment, MATCH_M).distance_m();
-        self.gospa_count += 1;
+        let assignment = assign(&targets, &places, cutoff);
+        let gospa = Gospa::new(&targets, &places, &assignment, cutoff);
+        self.gospa_sum += gospa.distance_m();
+        self.ospa_sum += ospa_m(&gospa, targets.len(), places.len(), cutoff);
+        self.count += 1;
         self.false_epochs += tracks.len() - assignment.iter().flatten().count();
         for ((number, place), chosen) in truth.iter().zip(&assignment) {
-            let tally = self.targets.entry(*number).or_default();
+            let tally = self.targets.entry(*number).or_insert_with(|| TargetTally {
+                first_s: time_s,
+                ..TargetTally::default()
+            });
             tally.epochs += 1;
             let Some(track) = chosen.map(|index| &tracks[index]) else {
+                tally.stretch = 0;
                 continue;
             };
             self.matched.insert(track.id);
-            tally.take(*place, track);
+            let known = self.truth_std_m * self.truth_std_m;
+            let square = track.normalised_square(*place, known);
+            tally.take(
+                time_s,
+                distance(*place, track.place),
+                square,
+                track.id,
+                cutoff,
+            );
         }
     }
 
@@ -181,19 +229,40 @@ impl Score {
         self.confirmed.difference(&self.matched).count()
     }
 
+    pub(super) fn false_tracks_per_hour(&self) -> Option<f64> {
+        let [first, last] = self.scored_s?;
+        let hours = (last - first) / 3600.0;
+        (hours > 0.0).then(|| self.false_tracks() as f64 / hours)
+    }
+
+    pub(super) fn cutoff_m(&self) -> Option<f64> {
+        (self.count > 0).then_some(self.cutoff_m)
+    }
+
     pub(super) fn gospa_m(&self) -> Option<f64> {
-        (self.gospa_count > 0).then(|| self.gospa_sum / self.gospa_count as f64)
+        (self.count > 0).then(|| self.gospa_sum / self.count as f64)
+    }
+
+    pub(super) fn ospa_m(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.ospa_sum / self.count as f64)
     }
 }
 
 impl TargetTally {
-    fn take(&mut self, place: Place, track: &TrackedTarget) {
-        let error = distance(place, track.place);
+    /// An instant with a track: its distance (m), and that squared in standard deviations.
+    fn take(&mut self, time_s: f64, error: f64, square: f64, track: u32, cutoff_m: f64) {
         self.errors.push(error);
-        self.covered += usize::from(error < COVERED_M);
-        self.inside += usize::from(track.normalised_square(place) <= ELLIPSE_95);
-        self.switches += usize::from(self.last.is_some_and(|last| last != track.id));
-        self.last = Some(track.id);
+        self.covered += usize::from(error < COVERED * cutoff_m);
+        self.inside += usize::from(square <= ELLIPSE_95);
+        self.normalised_squares += square;
+        self.switches += usize::from(self.last.is_some_and(|last| last != track));
+        self.stretch = match self.last {
+            Some(last) if last == track => self.stretch + 1,
+            _ => 1,
+        };
+        self.longest = self.longest.max(self.stretch);
+        self.found_s.get_or_insert(time_s);
+        self.last = Some(track);
     }
 
     fn summary(&self, target: u32) -> TargetSummary {
@@ -201,7 +270,8 @@ impl TargetTally {
         let mut sorted = self.errors.clone();
         sorted.sort_by(f64::total_cmp);
         let mean = |sum: f64| (matched > 0).then(|| sum / matched as f64);
-        let coverage = self.covered as f64 / self.epochs.max(1) as f64;
+        let share = |count: usize| count as f64 / self.epochs.max(1) as f64;
+        let coverage = share(self.covered);
         TargetSummary {
             target,
             epochs: self.epochs,
@@ -212,6 +282,9 @@ impl TargetTally {
             lost: coverage < LOST_BELOW,
             switches: self.switches,
             inside_95: mean(self.inside as f64),
+            anees: mean(0.5 * self.normalised_squares),
+            found_after_s: self.found_s.map(|found| found - self.first_s),
+            continuity: share(self.longest),
         }
     }
 }
@@ -239,23 +312,41 @@ mod tests {
 
     #[test]
     fn a_target_that_is_covered_lost_and_taken_over() {
-        let mut score = Score::default();
+        let mut score = Score::new(Some(40.0), 0.0);
         let truth = [(7, [0.0, 0.0])];
-        score.epoch(&truth, &[track(1, 3.0), track(9, 500.0)]);
-        score.epoch(&truth, &[track(1, 4.0)]);
-        score.epoch(&truth, &[track(2, 25.0)]);
-        score.epoch(&truth, &[]);
+        score.epoch(10.0, &truth, &[track(9, 500.0)]);
+        score.epoch(12.0, &truth, &[track(1, 3.0), track(9, 500.0)]);
+        score.epoch(14.0, &truth, &[track(1, 4.0)]);
+        score.epoch(16.0, &truth, &[track(2, 25.0)]);
+        score.epoch(18.0, &truth, &[]);
         let target = &score.targets()[0];
-        assert_eq!((target.target, target.epochs, target.matched), (7, 4, 3));
-        assert_eq!((target.switches, target.lost), (1, false));
-        assert_relative_eq!(target.coverage, 0.5);
+        assert_eq!((target.target, target.epochs, target.matched), (7, 5, 3));
+        assert_eq!((target.switches, target.lost), (1, true));
+        assert_relative_eq!(target.coverage, 0.4);
+        assert_relative_eq!(target.continuity, 0.4);
+        assert_eq!(target.found_after_s, Some(2.0));
+        let anees = 0.5 * (9.0 / 4.0 + 16.0 / 4.0 + 625.0 / 4.0) / 3.0;
+        assert_relative_eq!(target.anees.unwrap(), anees, epsilon = 1e-12);
         let rmse = f64::sqrt((9.0 + 16.0 + 625.0) / 3.0);
         assert_relative_eq!(target.rmse_m.unwrap(), rmse, epsilon = 1e-12);
         assert_relative_eq!(target.median_error_m.unwrap(), 4.0);
         // 3^2/4 and 4^2/4 are inside 5.99, 25^2/4 is not
         assert_relative_eq!(target.inside_95.unwrap(), 2.0 / 3.0);
         assert_eq!((score.confirmed.len(), score.false_tracks()), (3, 1));
-        assert_eq!(score.false_epochs, 1);
+        assert_eq!(score.false_epochs, 2);
+        assert_relative_eq!(score.false_tracks_per_hour().unwrap(), 450.0);
+        // The mean of 40, of the root of (9 + 1600) / 2, of 4, of 25 and of 40.
+        let ospa = (40.0 + f64::sqrt(1609.0 / 2.0) + 4.0 + 25.0 + 40.0) / 5.0;
+        assert_relative_eq!(score.ospa_m().unwrap(), ospa, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn true_positions_may_be_uncertain_too() {
+        let mut score = Score::new(Some(40.0), f64::sqrt(5.0));
+        score.epoch(0.0, &[(1, [0.0, 0.0])], &[track(1, 6.0)]);
+        // 6^2 / (4 + 5)
+        let target = &score.targets()[0];
+        assert_relative_eq!(target.anees.unwrap(), 2.0, epsilon = 1e-12);
     }
 
     #[test]

@@ -14,6 +14,7 @@ use super::kinds::TrackerKind;
 use super::matching::Place;
 use super::options::TrackOptions;
 use super::outcome::{Counts, Score, TrackSummary};
+use super::scale;
 use crate::error::EvaluationError;
 use crate::used_parameters::{UsedParameter, VERSION};
 
@@ -44,8 +45,8 @@ pub fn run(
 }
 
 /// What a run carries from event to event.
-struct Runner<'a> {
-    options: &'a TrackOptions,
+struct Runner {
+    options: TrackOptions,
     /// What the tracker was configured with.
     parameters: Vec<UsedParameter>,
     sensors: Vec<Option<ScanSensor<f64>>>,
@@ -77,11 +78,8 @@ impl Gathered {
     }
 }
 
-impl<'a> Runner<'a> {
-    fn new(
-        recording: &TrackingRecording,
-        options: &'a TrackOptions,
-    ) -> Result<Self, EvaluationError> {
+impl Runner {
+    fn new(recording: &TrackingRecording, options: &TrackOptions) -> Result<Self, EvaluationError> {
         let used = |name: &String, settings: &SensorSettings| match &options.sensors {
             Some(chosen) => chosen.contains(name),
             None => settings.used,
@@ -92,17 +90,22 @@ impl<'a> Runner<'a> {
             .map(|(name, settings)| used(name, settings).then(|| sensor(settings)))
             .collect();
         let names = each.zip(&sensors).filter(|(_, sensor)| sensor.is_some());
+        let used: Vec<bool> = sensors.iter().map(Option::is_some).collect();
+        let options = options.derived(scale::sensor_scale(recording, &used));
+        let cutoff_m = options
+            .cutoff_m
+            .or_else(|| scale::cutoff_m(recording, &used));
         Ok(Self {
-            options,
             parameters: options.parameters(),
             names: names.map(|((name, _), _)| name.clone()).collect(),
             sensors,
             ais: recording.sensors.iter().position(|(name, _)| name == "ais"),
             tracker: Box::new(Tracker::new(options.config())?),
             own: OwnShip::exact(0.0, 0.0, 0.0),
-            score: Score::default(),
+            score: Score::new(cutoff_m, recording.truth_std_m),
             first_ns: recording.events.first().map_or(0, |event| event.time_ns),
             epoch: None,
+            options,
         })
     }
 
@@ -232,7 +235,7 @@ impl<'a> Runner<'a> {
         if epoch.truth.is_empty() {
             self.score.seen(&epoch.tracks);
         } else {
-            self.score.epoch(&epoch.truth, &epoch.tracks);
+            self.score.epoch(epoch.time_s, &epoch.truth, &epoch.tracks);
         }
         watch(epoch);
     }
@@ -249,7 +252,10 @@ impl<'a> Runner<'a> {
             confirmed_tracks: self.score.confirmed.len(),
             false_tracks: self.score.false_tracks(),
             false_track_epochs: self.score.false_epochs,
+            false_tracks_per_hour: self.score.false_tracks_per_hour(),
+            cutoff_m: self.score.cutoff_m(),
             gospa_m: self.score.gospa_m(),
+            ospa_m: self.score.ospa_m(),
             counts: Counts::from(self.tracker.counts()),
             left_out: recording.issues,
             parameters: self.parameters.clone(),

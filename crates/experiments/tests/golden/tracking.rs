@@ -130,6 +130,7 @@ fn harbour() -> TrackingRecording {
         name: "harbour".to_owned(),
         sensors: vec![("radar".to_owned(), radar)],
         events,
+        truth_std_m: 0.0,
         issues: TrackingIssues::default(),
     }
 }

@@ -88,6 +88,9 @@ pub struct TruthTable {
     pub north_m: String,
     /// Column of the east, m.
     pub east_m: String,
+    /// Standard deviation of the true positions on each axis, m: a receiver's error, or the way from its antenna to the echo.
+    #[serde(default)]
+    pub std_m: f64,
 }
 
 /// AIS reports: NMEA sentences, or a table of decoded reports.
@@ -153,6 +156,12 @@ pub struct SensorSettings {
 }
 
 impl SensorSettings {
+    /// Whether the range is limited.
+    #[must_use]
+    pub fn has_largest_range(&self) -> bool {
+        self.largest_range_m < unlimited()
+    }
+
     /// False detections in a square metre, or in a radian for sensors of bearings.
     #[must_use]
     pub fn clutter_density(&self) -> f64 {
@@ -203,6 +212,14 @@ fn check(manifest: &TrackingManifest) -> std::result::Result<(), String> {
     }
     if manifest.ais.is_some() && !manifest.plane.is_some_and(|plane| plane.is_valid()) {
         return Err("[ais] needs [plane] with latitude_deg and longitude_deg on Earth".to_owned());
+    }
+    if let Some(truth) = &manifest.truth {
+        let std = truth.std_m;
+        if !(std.is_finite() && std >= 0.0) {
+            return Err(format!(
+                "[truth] std_m = {std}: a standard deviation is not negative"
+            ));
+        }
     }
     for (name, sensor) in &manifest.sensors {
         check_sensor(sensor).map_err(|what| format!("[sensors.{name}] {what}"))?;

@@ -45,6 +45,8 @@ pub struct TrackingRecording {
     /// Everything that happened, in time order; of one instant first the own ship's pose, then
     /// detections and reports, then the truth.
     pub events: Vec<TrackingEvent>,
+    /// Standard deviation of the true positions on each axis, m.
+    pub truth_std_m: f64,
     /// What was left out, counted.
     pub issues: TrackingIssues,
 }
@@ -93,6 +95,7 @@ pub fn read(manifest: &TrackingManifest, file: &str, folder: &Path) -> Result<Tr
             .map(|(name, settings)| (name.clone(), *settings))
             .collect(),
         events: Vec::new(),
+        truth_std_m: manifest.truth.as_ref().map_or(0.0, |truth| truth.std_m),
         issues: TrackingIssues::default(),
     };
     if let Some(scans) = &manifest.scans {

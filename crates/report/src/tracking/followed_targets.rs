@@ -8,7 +8,7 @@ use crate::page::facts::{Fact, Tone, Verdict};
 use crate::page::html::{self, Frame, Page};
 use crate::page::table::{self, Cell, Column, Table};
 use northing_evaluation::tracking::matching::{assign, distance};
-use northing_evaluation::tracking::outcome::{Counts, MATCH_M};
+use northing_evaluation::tracking::outcome::{COVERED, Counts};
 use northing_evaluation::tracking::{TrackEpoch, TrackSummary};
 use northing_recording::tracking::TrackingIssues;
 
@@ -22,7 +22,11 @@ pub fn render(summary: &TrackSummary, epochs: &[TrackEpoch], command: &str) -> S
     let tables: String = targets(summary).iter().map(table::table).collect();
     page.section("targets", "Targets", &tables);
     page.section("map", "Map", &track_map(epochs));
-    page.section("errors", "Errors over time", &errors(epochs));
+    page.section(
+        "errors",
+        "Errors over time",
+        &errors(epochs, summary.cutoff_m),
+    );
     let issues = left_out(summary);
     page.section("recording", "Recording", &html::sentences(&issues));
     page.finish(&Frame {
@@ -49,12 +53,15 @@ fn track_map(epochs: &[TrackEpoch]) -> String {
 }
 
 /// Distance of each target from its track.
-fn errors(epochs: &[TrackEpoch]) -> String {
+fn errors(epochs: &[TrackEpoch], cutoff_m: Option<f64>) -> String {
+    let Some(cutoff_m) = cutoff_m else {
+        return String::new();
+    };
     let mut curves: Vec<(u32, Vec<[f64; 2]>)> = Vec::new();
     for epoch in epochs.iter().filter(|e| !e.truth.is_empty()) {
         let targets: Vec<_> = epoch.truth.iter().map(|(_, place)| *place).collect();
         let tracks: Vec<_> = epoch.tracks.iter().map(|t| t.place).collect();
-        let chosen = assign(&targets, &tracks, MATCH_M);
+        let chosen = assign(&targets, &tracks, cutoff_m);
         for ((number, place), track) in epoch.truth.iter().zip(chosen) {
             let error = track.map_or(f64::NAN, |t| distance(*place, tracks[t]));
             let known = curves.iter().position(|(known, _)| known == number);
@@ -97,7 +104,10 @@ fn errors(epochs: &[TrackEpoch]) -> String {
     html::figure(
         figure,
         "Distance of each target from its track.",
-        "Gaps are instants without a track within 40 m.",
+        &format!(
+            "Gaps are instants without a track within {}.",
+            metres(cutoff_m)
+        ),
     )
 }
 
@@ -113,13 +123,22 @@ fn facts(summary: &TrackSummary) -> Vec<Fact> {
     if !summary.targets.is_empty() {
         facts.push(Fact::new("on no target", summary.false_tracks.to_string()));
     }
-    if let Some(gospa) = summary.gospa_m {
-        facts.push(Fact::new("GOSPA, mean", format!("{gospa:.1} m")));
+    if let (Some(gospa), Some(cutoff)) = (summary.gospa_m, summary.cutoff_m) {
+        let name = format!("mean GOSPA, cut-off {}", metres(cutoff));
+        facts.push(Fact::new(name, metres(gospa)));
     }
     facts
 }
 
+/// A length with three digits.
+#[must_use]
+pub fn metres(length: f64) -> String {
+    let decimals = 2.0 - length.abs().max(1e-3).log10().floor();
+    format!("{length:.*} m", decimals.clamp(0.0, 5.0) as usize)
+}
+
 fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
+    let covered = metres(COVERED * summary.cutoff_m.unwrap_or_default());
     let each = summary.targets.iter().map(|target| {
         let share = 100.0 * target.coverage;
         let (tone, words) = if target.lost {
@@ -132,7 +151,7 @@ fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
             (Tone::Good, "is followed")
         };
         Verdict::new(tone, format!(
-                "Target {} {words}: a track within 20 m for {share:.0} % of the time, changes of track: {}.",
+                "Target {} {words}: a track within {covered} for {share:.0} % of the time, changes of track: {}.",
                 target.target, target.switches
             ))
     });
@@ -140,9 +159,9 @@ fn verdicts(summary: &TrackSummary) -> Vec<Verdict> {
 }
 
 fn targets(summary: &TrackSummary) -> Vec<Table> {
-    if summary.targets.is_empty() {
+    let Some(cutoff) = summary.cutoff_m else {
         return Vec::new();
-    }
+    };
     let column = |name: &str, unit: &str| Column::new(name, unit, None);
     let rows = summary.targets.iter().map(|t| {
         vec![
@@ -150,20 +169,29 @@ fn targets(summary: &TrackSummary) -> Vec<Table> {
             Cell::number(t.rmse_m, 1),
             Cell::number(t.median_error_m, 1),
             Cell::number(Some(t.coverage), 2),
+            Cell::number(Some(t.continuity), 2),
             Cell::text(t.switches.to_string()),
+            Cell::number(t.found_after_s, 1),
+            Cell::number(t.anees, 2),
             Cell::number(t.inside_95, 2),
         ]
     });
     vec![Table {
-        caption: "Errors while a track is within 40 m; coverage is the share of the time with a track within \
-                  20 m; the last column is the share of true positions inside their track's 95 % ellipse."
-            .to_owned(),
+        caption: format!(
+            "Errors while a track is within {}, the cut-off; coverage is the share of the time with a track within half of it; \
+             continuity that of the longest stretch with one and the same track; ANEES is 1, and 95 % of the true positions are inside \
+             their track's ellipse, when the tracks' covariances are consistent.",
+            metres(cutoff)
+        ),
         columns: vec![
             column("target", ""),
             column("RMSE", "m"),
             column("median", "m"),
             column("coverage", ""),
+            column("continuity", ""),
             column("switches", ""),
+            column("found after", "s"),
+            column("ANEES", ""),
             column("in the 95 % ellipse", ""),
         ],
         rows: rows.collect(),

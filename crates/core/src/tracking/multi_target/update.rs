@@ -70,7 +70,7 @@ fn detection_probability<T: Scalar, const M: usize>(
 fn clutter<T: Scalar>(detection: &Detection<T>, scan: &Scan<'_, T>) -> T {
     match *detection {
         Detection::RangeBearing { range_m, .. } => {
-            scan.sensor.clutter_density * range_m.max(T::one())
+            scan.sensor.clutter_density * range_m.max(scan.sensor.noise.range_std_m)
         }
         _ => scan.sensor.clutter_density,
     }
