@@ -243,6 +243,12 @@ pub enum EvaluationError {
         /// The estimator.
         estimator: &'static str,
     },
+    /// The system started no thread.
+    #[error("the system starts no thread: {problem}")]
+    NoThread {
+        /// What it says.
+        problem: String,
+    },
     /// Somebody asked for an end before it was reached.
     #[error("interrupted")]
     Interrupted,

@@ -205,7 +205,7 @@ pub(crate) fn execute(args: &TrackArgs) -> Result<()> {
     }
 }
 
-/// The confirmed tracks of an instant as files take them.
+/// The confirmed tracks of an instant, those of which it says something, as files take them.
 fn instant(recording: &TrackingRecording, epoch: &TrackEpoch) -> TargetInstant {
     let sensor = recording.sensors.get(epoch.scan.sensor);
     let sensor = sensor.map_or(String::new(), |(name, _)| name.clone());
@@ -228,7 +228,7 @@ fn instant(recording: &TrackingRecording, epoch: &TrackEpoch) -> TargetInstant {
     TargetInstant {
         time_ns: epoch.time_ns,
         own_place_m: epoch.own_ship,
-        targets: epoch.tracks.iter().map(point).collect(),
+        targets: epoch.updated_tracks().map(point).collect(),
     }
 }
 

@@ -85,6 +85,8 @@ pub struct Scan<'a, T> {
 pub struct MultiTargetTracker<T, const M: usize, const N: usize, const D: usize> {
     config: MultiTargetConfig<T, M>,
     state: MultiTargetState<T, M, N>,
+    /// No track has a place from here on: most trackers have room for many more targets than there are.
+    reach: usize,
     weights: [Association<T, D>; N],
     marginals: [Association<T, D>; N],
     clusters: Clusters<T, N, D>,
@@ -151,6 +153,8 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
             expect("pose", pose.is_valid(), "finite, with a covariance")?;
         }
         self.state = state;
+        self.reach = N;
+        self.shorten();
         Ok(())
     }
 }
@@ -171,6 +175,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
                 next_id: 1,
                 counts: TrackerCounts::default(),
             },
+            reach: 0,
             weights: [Association::missed(T::one()); N],
             marginals: [Association::missed(T::one()); N],
             clusters: Clusters::default(),
@@ -181,13 +186,13 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     /// Every track, tentative ones too.
     pub fn tracks(&self) -> impl Iterator<Item = &Track<T, M>> {
-        self.state.tracks.iter().flatten()
+        self.state.tracks[..self.reach].iter().flatten()
     }
 
     /// Every track with the detections of the last scan that lie in its gate, each with the probability that it caused it. A
     /// track that began with that scan has the detection it began from. Nothing of it is kept by [`Restorable::save`].
     pub fn associations(&self) -> impl Iterator<Item = (&Track<T, M>, &Association<T, D>)> {
-        let each = self.state.tracks.iter().zip(&self.marginals);
+        let each = self.state.tracks[..self.reach].iter().zip(&self.marginals);
         each.filter_map(|(track, marginal)| Some((track.as_ref()?, marginal)))
     }
 
@@ -215,14 +220,24 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         let invalid = scan.detections.iter().filter(|d| !d.is_valid()).count();
         self.state.counts.detections_invalid += invalid as u64;
         self.weigh(scan);
-        let effort = associate(&self.weights, &mut self.marginals, &mut self.clusters);
+        let weights = &self.weights[..self.reach];
+        let effort = associate(weights, &mut self.marginals, &mut self.clusters);
         self.state.counts.approximate_clusters += u64::from(effort.approximate_clusters);
         self.update(scan);
         self.remove();
         if scan.sensor.initiates {
             self.initiate(scan);
         }
+        self.shorten();
         Ok(())
+    }
+
+    /// Forgets the places behind the last track.
+    fn shorten(&mut self) {
+        let last = self.state.tracks[..self.reach]
+            .iter()
+            .rposition(Option::is_some);
+        self.reach = last.map_or(0, |last| last + 1);
     }
 
     /// Seconds since the last scan, or why this one cannot be used.
@@ -266,7 +281,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             let memory = &self.config.settings.pose_error_correlation;
             memory.factors(&last.covariance, &scan.own_ship.covariance, dt)
         });
-        for track in self.state.tracks.iter_mut().flatten() {
+        for track in self.state.tracks[..self.reach].iter_mut().flatten() {
             track.imm.predict(&self.config.models, dt, &kept);
             track.existence.predict(&self.config.settings.existence, dt);
             track.age_s += dt;
@@ -279,16 +294,20 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     }
 
     fn weigh(&mut self, scan: &Scan<'_, T>) {
-        for (track, weight) in self.state.tracks.iter().zip(&mut self.weights) {
-            *weight = match track {
-                Some(track) => update::weigh(track, scan, &self.config, &mut self.state.counts),
-                None => Association::missed(T::one()),
-            };
+        let tracks = self.state.tracks[..self.reach].iter();
+        for (track, weight) in tracks.zip(&mut self.weights) {
+            match track {
+                Some(track) => {
+                    *weight = update::weigh(track, scan, &self.config, &mut self.state.counts);
+                }
+                None => weight.reset(T::one()),
+            }
         }
     }
 
     fn update(&mut self, scan: &Scan<'_, T>) {
-        for (slot, marginal) in self.state.tracks.iter_mut().zip(&self.marginals) {
+        let tracks = self.state.tracks[..self.reach].iter_mut();
+        for (slot, marginal) in tracks.zip(&self.marginals) {
             let Some(track) = slot else { continue };
             update::update(track, scan, marginal, &self.config);
             track.confirm(&self.config);
@@ -297,8 +316,8 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     /// Removes what does not exist any more, what has grown meaningless, and duplicates.
     fn remove(&mut self) {
-        self.ended = [None; N];
-        for place in 0..N {
+        self.ended.fill(None);
+        for place in 0..self.reach {
             let track = &self.state.tracks[place];
             if let Some(end) = track.as_ref().and_then(|t| t.end(&self.config)) {
                 self.end(place, end);
@@ -323,7 +342,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
 
     /// Removes the younger of two tracks that have become one.
     fn merge(&mut self) {
-        for i in 0..N {
+        for i in 0..self.reach {
             let Some(track) = &self.state.tracks[i] else {
                 continue;
             };
@@ -372,7 +391,8 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
             match starts.room(&self.state.tracks, &self.config) {
                 (Some(place), left_out) => {
                     self.state.tracks[place] = Some(track);
-                    self.marginals[place] = Association::missed(T::zero());
+                    self.reach = self.reach.max(place + 1);
+                    self.marginals[place].reset(T::zero());
                     self.marginals[place].add(j, T::one());
                     self.state.next_id = self.state.next_id.wrapping_add(1);
                     self.state.counts.initiated += 1;

@@ -1,5 +1,7 @@
 //! One instant of a tracking run: what was seen, the confirmed tracks, and the truth.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Matrix2, Vector2};
 use northing_core::tracking::association::candidates::Association;
 use northing_core::tracking::coordinated_turn::TargetCovariance;
@@ -100,6 +102,17 @@ pub struct EpochScan {
     pub scan: Option<i64>,
 }
 
+impl TrackEpoch {
+    /// The confirmed tracks of which the instant says something.
+    pub fn updated_tracks(&self) -> impl Iterator<Item = &TrackedTarget> {
+        let is_updated = |track: &&TrackedTarget| match &self.updated {
+            Some(updated) => updated.contains(&track.id),
+            None => true,
+        };
+        self.tracks.iter().filter(is_updated)
+    }
+}
+
 /// One instant of a run, for plots.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackEpoch {
@@ -115,6 +128,9 @@ pub struct TrackEpoch {
     pub tracks: Vec<TrackedTarget>,
     /// The last scan of the instant.
     pub scan: EpochScan,
+    /// Numbers of the tracks with a detection in their gate, where every sensor of the instant sees only now and then (`covers_all = false`), as
+    /// a report of AIS speaks of one ship: of the others the instant says nothing. `None` where a sensor looked at all.
+    pub updated: Option<BTreeSet<u32>>,
     /// Confirmed tracks that ended since the last instant.
     pub ended: Vec<EndedTrack>,
     /// True positions by target.

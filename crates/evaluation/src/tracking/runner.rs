@@ -1,5 +1,6 @@
 //! The tracker over a recording.
 
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 use northing_core::tracking::detection::{Detection, DetectionNoise};
@@ -18,10 +19,12 @@ use super::scale;
 use crate::error::EvaluationError;
 use crate::used_parameters::{UsedParameter, VERSION};
 
-/// Tracks at a time: more than a radar of a busy harbour shows.
-const TRACKS: usize = 128;
+/// Tracks at a time: all ships of a strait, everybody on a square.
+const TRACKS: usize = 1024;
 /// Detections in the gate of one target.
 const DETECTIONS: usize = 32;
+/// Stack on which a tracker is made: several times its own few megabytes.
+const STACK: usize = 64 << 20;
 
 type Tracker = MultiTargetTracker<f64, MODELS, TRACKS, DETECTIONS>;
 
@@ -100,7 +103,7 @@ impl Runner {
             names: names.map(|((name, _), _)| name.clone()).collect(),
             sensors,
             ais: recording.sensors.iter().position(|(name, _)| name == "ais"),
-            tracker: Box::new(Tracker::new(options.config())?),
+            tracker: tracker(&options)?,
             own: OwnShip::exact(0.0, 0.0, 0.0),
             score: Score::new(cutoff_m, recording.truth_std_m),
             first_ns: recording.events.first().map_or(0, |event| event.time_ns),
@@ -206,6 +209,7 @@ impl Runner {
                 detections: Vec::new(),
                 tracks: Vec::new(),
                 scan: which,
+                updated: Some(BTreeSet::new()),
                 ended: Vec::new(),
                 truth: Vec::new(),
             },
@@ -220,6 +224,13 @@ impl Runner {
         epoch.tracks = confirmed
             .map(|(track, association)| TrackedTarget::new(track, association))
             .collect();
+        if sensor.covers_all {
+            epoch.updated = None;
+        }
+        if let Some(updated) = &mut epoch.updated {
+            let seen = epoch.tracks.iter().filter(|t| t.association.in_gate > 0);
+            updated.extend(seen.map(|track| track.id));
+        }
         epoch.scan = which;
         let ended = self.tracker.ended();
         let ended = ended.filter(|track| track.status == TrackStatus::Confirmed);
@@ -261,6 +272,23 @@ impl Runner {
             parameters: self.parameters.clone(),
             version: VERSION,
         }
+    }
+}
+
+/// A tracker on the heap. Its arrays pass over the stack when it is made, and that of a thread need not have room for them.
+fn tracker(options: &TrackOptions) -> Result<Box<Tracker>, EvaluationError> {
+    let config = options.config();
+    let made = std::thread::scope(|scope| {
+        let builder = std::thread::Builder::new().stack_size(STACK);
+        let made = builder.spawn_scoped(scope, || Tracker::new(config).map(Box::new));
+        made.map(std::thread::ScopedJoinHandle::join)
+    });
+    match made {
+        Ok(Ok(made)) => Ok(made?),
+        Ok(Err(panic)) => std::panic::resume_unwind(panic),
+        Err(error) => Err(EvaluationError::NoThread {
+            problem: error.to_string(),
+        }),
     }
 }
 

@@ -136,6 +136,7 @@ mod tests {
                 sensor: 0,
                 scan: Some(0),
             },
+            updated: None,
             ended: Vec::new(),
             truth: vec![(1, [100.0 + time_s, 50.0])],
         }

@@ -36,6 +36,12 @@ impl<T: Scalar, const D: usize> Association<T, D> {
         }
     }
 
+    /// As [`Self::missed`], in place.
+    pub(in crate::tracking) fn reset(&mut self, missed: T) {
+        self.missed = missed;
+        self.len = 0;
+    }
+
     /// The detections in the gate, in the order of the scan.
     pub fn candidates(&self) -> &[Candidate<T>] {
         &self.candidates[..self.len]

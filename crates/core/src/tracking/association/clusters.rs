@@ -47,10 +47,10 @@ impl<T: Scalar, const N: usize, const D: usize> Default for Clusters<T, N, D> {
 }
 
 impl<T: Scalar, const N: usize, const D: usize> Clusters<T, N, D> {
-    /// Finds who shares detections.
-    pub(super) fn find(&mut self, weights: &[Association<T, D>; N]) {
+    /// Finds who shares detections; at most `N` targets.
+    pub(super) fn find(&mut self, weights: &[Association<T, D>]) {
         self.gather(weights);
-        for (target, parent) in (0..).zip(&mut self.parent) {
+        for (target, parent) in (0..).zip(&mut self.parent[..weights.len()]) {
             *parent = target;
         }
         let mut column = 0;
@@ -66,8 +66,8 @@ impl<T: Scalar, const N: usize, const D: usize> Clusters<T, N, D> {
             self.column[edge.target as usize][edge.place as usize] = column;
         }
         self.columns.as_flattened_mut()[..self.count].fill(T::one());
-        self.next.fill(NONE);
-        for target in (0..N).rev() {
+        self.next[..weights.len()].fill(NONE);
+        for target in (0..weights.len()).rev() {
             let root = self.root(target as u32);
             if root as usize != target {
                 self.next[target] = self.next[root as usize];
@@ -98,7 +98,7 @@ impl<T: Scalar, const N: usize, const D: usize> Clusters<T, N, D> {
         core::iter::successors(Some(first), |target| self.after(*target))
     }
 
-    fn gather(&mut self, weights: &[Association<T, D>; N]) {
+    fn gather(&mut self, weights: &[Association<T, D>]) {
         let room = self.edges.as_flattened_mut();
         let mut count = 0;
         for (target, weights) in (0..).zip(weights) {

@@ -28,15 +28,17 @@ pub struct AssociationEffort {
     pub approximate_clusters: u32,
 }
 
-/// Marginal probabilities of the weights of a scan's targets, one result a target.
+/// Marginal probabilities of the weights of a scan's targets, one result a target: as many as the shortest of `weights`, `marginals` and `N`.
 pub fn associate<T: Scalar, const N: usize, const D: usize>(
-    weights: &[Association<T, D>; N],
-    marginals: &mut [Association<T, D>; N],
+    weights: &[Association<T, D>],
+    marginals: &mut [Association<T, D>],
     clusters: &mut Clusters<T, N, D>,
 ) -> AssociationEffort {
     let mut effort = AssociationEffort::default();
+    let targets = weights.len().min(marginals.len()).min(N);
+    let weights = &weights[..targets];
     clusters.find(weights);
-    for first in 0..N {
+    for first in 0..targets {
         if !clusters.leads(first) {
             continue;
         }
@@ -57,8 +59,8 @@ pub fn associate<T: Scalar, const N: usize, const D: usize>(
 
 /// Sums every joint event of a cluster (J3).
 fn exact<T: Scalar, const N: usize, const D: usize>(
-    weights: &[Association<T, D>; N],
-    sums: &mut [Association<T, D>; N],
+    weights: &[Association<T, D>],
+    sums: &mut [Association<T, D>],
     clusters: &Clusters<T, N, D>,
     first: usize,
 ) {
@@ -81,7 +83,7 @@ fn is_taken(taken: Option<&Taken<'_>>, detection: u32) -> bool {
 
 /// What every step of the walk looks at.
 struct Walk<'a, T, const N: usize, const D: usize> {
-    weights: &'a [Association<T, D>; N],
+    weights: &'a [Association<T, D>],
     clusters: &'a Clusters<T, N, D>,
 }
 
@@ -91,7 +93,7 @@ impl<T: Scalar, const N: usize, const D: usize> Walk<'_, T, N, D> {
     /// [`EXACT_EVENTS`] keeps below 15.
     fn on(
         &self,
-        sums: &mut [Association<T, D>; N],
+        sums: &mut [Association<T, D>],
         t: Option<usize>,
         taken: Option<&Taken<'_>>,
         above: T,
@@ -124,8 +126,8 @@ const ITERATIONS: usize = 50;
 /// Approximate marginals of a large cluster (J4); the messages of targets to detections live in the
 /// result, their sums for each detection in the clusters' columns.
 fn belief_propagation<T: Scalar, const N: usize, const D: usize>(
-    weights: &[Association<T, D>; N],
-    messages: &mut [Association<T, D>; N],
+    weights: &[Association<T, D>],
+    messages: &mut [Association<T, D>],
     clusters: &mut Clusters<T, N, D>,
     first: usize,
 ) {

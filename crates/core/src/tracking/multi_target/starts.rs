@@ -14,6 +14,8 @@ pub(super) struct Starts {
     lot: u64,
     /// Starts so far, those without room too.
     wanting: u64,
+    /// No place before this one is free: during a scan's starts none becomes so.
+    full_to: usize,
 }
 
 impl Starts {
@@ -21,6 +23,7 @@ impl Starts {
         Self {
             lot: scan,
             wanting: 0,
+            full_to: 0,
         }
     }
 
@@ -31,8 +34,10 @@ impl Starts {
         config: &MultiTargetConfig<T, M>,
     ) -> (Option<usize>, bool) {
         self.wanting += 1;
-        if let Some(free) = tracks.iter().position(Option::is_none) {
-            return (Some(free), false);
+        let free = tracks[self.full_to..].iter().position(Option::is_none);
+        self.full_to = free.map_or(tracks.len(), |free| self.full_to + free);
+        if free.is_some() {
+            return (Some(self.full_to), false);
         }
         if let Some(missed) = least_likely(tracks, config) {
             return (Some(missed), true);

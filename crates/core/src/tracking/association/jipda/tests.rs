@@ -59,7 +59,8 @@ fn listed(weights: &[Weights]) -> [Association<f64, 6>; TARGETS] {
 fn associated(weights: &[Weights]) -> (Vec<Weights>, AssociationEffort) {
     let weighed = listed(weights);
     let mut marginals = weighed;
-    let effort = associate(&weighed, &mut marginals, &mut Clusters::default());
+    let mut clusters = Clusters::<_, TARGETS, 6>::default();
+    let effort = associate(&weighed, &mut marginals, &mut clusters);
     let tables = marginals[..weights.len()].iter().map(Weights::table);
     (tables.collect(), effort)
 }
@@ -126,7 +127,7 @@ fn weights_up_to(least_missed: f64, largest: f64) -> impl Strategy<Value = Vec<W
 fn propagated(weights: &[Weights]) -> Vec<Weights> {
     let weighed = listed(weights);
     let mut marginals = weighed;
-    let mut clusters = Clusters::default();
+    let mut clusters = Clusters::<_, TARGETS, 6>::default();
     clusters.find(&weighed);
     for first in 0..TARGETS {
         if clusters.leads(first) {
@@ -198,7 +199,8 @@ fn a_cluster_beyond_the_bound_falls_back_and_is_counted() {
     (0..16).for_each(|j| assert!(target.add(j, 1.0)));
     let weights = [target; 12];
     let mut marginals = weights;
-    let effort = associate(&weights, &mut marginals, &mut Clusters::default());
+    let mut clusters = Clusters::<_, 12, 16>::default();
+    let effort = associate(&weights, &mut marginals, &mut clusters);
     assert_eq!((effort.exact_clusters, effort.approximate_clusters), (0, 1));
     // by symmetry every target gets the same, and every detection at most one target
     let used = 12.0 * (1.0 - marginals[3].missed);
@@ -234,7 +236,7 @@ fn targets_are_one_cluster_through_others_and_detections_of_any_number_count() {
         share(&[3]),
         share(&[1, 9]),
     ];
-    let mut clusters = Clusters::default();
+    let mut clusters = Clusters::<_, 4, 3>::default();
     clusters.find(&weights);
     assert_eq!(clusters.from(0).collect::<Vec<_>>(), [0, 1, 3]);
     assert!(clusters.leads(2) && clusters.after(2).is_none());
