@@ -1,13 +1,15 @@
 //! `northing hand-in`: the file that a student hands in for an exercise card, judged at once.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use clap::Args;
 use northing_evaluation::EstimatorKind;
 use northing_evaluation::attitude::alterations::Alterations;
+use northing_evaluation::attitude::runner::run;
 use northing_evaluation::attitude::setup::RunSetup;
-use northing_evaluation::attitude::{RunOptions, run};
+use northing_evaluation::attitude::{Calibrations, RunOptions};
 use northing_evaluation::exercises::words::{Language, text};
 use northing_evaluation::exercises::{
     Answers, Card, HandIn, Judgement, Question, QuestionKind, number,
@@ -155,7 +157,7 @@ fn asked(args: &HandInArgs) -> Result<Asked> {
             args.estimation.change(&mut run)?;
             Asked {
                 run,
-                calibrations: northing_evaluation::attitude::Calibrations::default(),
+                calibrations: Calibrations::default(),
                 align_reference: false,
             }
         }
@@ -183,9 +185,9 @@ fn options(asked: Asked, metadata: &Metadata, events: &[Event]) -> Result<RunOpt
     options.world_frame = metadata.world_frame;
     asked.calibrations.apply(metadata, &mut options)?;
     if options.choose_magnetometer {
-        let events = events.iter().map(|event| Ok(*event));
+        let events = events.iter().map(|event| Ok::<_, Infallible>(*event));
         // A recording that cannot be run is judged, too, and told why.
-        let summary = run::<northing_recording::RecordingError>(events, &options, &mut ()).ok();
+        let summary = run(events, &options, &mut ()).ok();
         if let Some(taken) = summary.and_then(|summary| summary.magnetometer) {
             options.sensors.magnetometer_source = taken;
         }

@@ -136,14 +136,14 @@ pub(super) fn csv(class: &Class, language: Language) -> Result<Vec<u8>> {
     for one in &class.hand_ins {
         let judged = &one.judged;
         rows.write_record([
-            &cell(student(one)),
+            cell(student(one)).as_str(),
             judged.card.name(),
             if judged.judgement.passed { "yes" } else { "no" },
-            &cell(&decisive(&judged.judgement, language)),
-            &cell(&sentences(&judged.judgement, language)),
-            &cell(&judged.at),
-            &cell(&one.file),
-            &cell(&others(class, one).join(", ")),
+            cell(&decisive(&judged.judgement, language)).as_str(),
+            cell(&sentences(&judged.judgement, language)).as_str(),
+            cell(&judged.at).as_str(),
+            cell(&one.file).as_str(),
+            cell(&others(class, one).join(", ")).as_str(),
         ])?;
     }
     rows.into_inner().context("the table")
