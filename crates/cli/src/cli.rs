@@ -9,8 +9,8 @@ use crate::commands::montecarlo;
 #[cfg(feature = "ros")]
 use crate::commands::ros;
 use crate::commands::{
-    benchmark, calibrate, compare, completions, convert, demo, describe, estimators, experiment,
-    info, man, run, simulate, track, tune,
+    benchmark, calibrate, compare, completions, convert, demo, describe, estimators, exercises,
+    experiment, grade, hand_in, info, man, run, simulate, track, tune,
 };
 
 /// Attitude, navigation and tracking from noisy sensors.
@@ -66,6 +66,12 @@ pub(crate) enum Command {
     MonteCarlo(Box<montecarlo::MonteCarloArgs>),
     /// Experiments of the literature, reproduced: errors, gains, cost
     Experiment(experiment::ExperimentArgs),
+    /// Exercise cards of the laboratory course: what to do, and what to answer
+    Exercises(exercises::ExercisesArgs),
+    /// Make the file that is handed in for an exercise card: recording, settings and answers, judged at once
+    HandIn(Box<hand_in::HandInArgs>),
+    /// Judge the hand-ins of a class by running them again: a table with the reasons
+    Grade(grade::GradeArgs),
     /// Fit noise parameters of an estimator by maximum likelihood, checked on held-out data
     Tune(tune::TuneArgs),
     /// List the estimators and their parameters
@@ -107,6 +113,9 @@ northing: which way is it pointing, where is it, and where are the others?
   northing experiment attitude-worlds    attitude on random worlds: accuracy, coverage, causes
   northing experiment navigation-worlds  GNSS/INS on random worlds: lost, coverage, heading
   northing experiment faults             faults of sensors, injected: cost, recovery, detection
+  northing exercises                     the cards of the laboratory course
+  northing hand-in bias rest.csv         the file that a student hands in for a card, judged at once
+  northing grade class/                  the hand-ins of a class, run again, in one table
   northing tune drive.toml               noise parameters fitted to a recording
   northing estimators                    the estimators and their parameters
   northing completions bash              commands and options completed by the shell

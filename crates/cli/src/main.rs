@@ -53,6 +53,9 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "parquet")]
         Some(Command::MonteCarlo(args)) => commands::montecarlo::execute(&args),
         Some(Command::Experiment(args)) => commands::experiment::execute(&args),
+        Some(Command::Exercises(args)) => commands::exercises::execute(&args),
+        Some(Command::HandIn(args)) => commands::hand_in::execute(&args),
+        Some(Command::Grade(args)) => commands::grade::execute(&args),
         Some(Command::Tune(args)) => commands::tune::execute(&args),
         Some(Command::Estimators(args)) => commands::estimators::execute(&args),
         Some(Command::Completions(args)) => commands::completions::execute(&args, Cli::command()),

@@ -8,6 +8,7 @@
 //! | [`calibration`] | at rest, of the magnetometer, Allan deviation |
 //! | [`statistics`] | errors, NEES, NIS, verdicts |
 //! | [`tune`] | noise parameters by the likelihood of innovations |
+//! | [`exercises`] | cards of the laboratory course, checked on recordings and settings |
 //!
 //! The three questions have the same files: `kinds` (the estimators by name), `options`, `runner`, `outcome`.
 //!
@@ -42,6 +43,7 @@ pub mod attitude;
 pub mod by_name;
 pub mod calibration;
 pub mod error;
+pub mod exercises;
 mod named;
 pub mod navigation;
 pub(crate) mod observers;

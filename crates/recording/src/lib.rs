@@ -31,6 +31,7 @@ mod instant;
 pub mod issues;
 mod kf_gins;
 mod kitti;
+pub mod lab_session;
 pub mod limits;
 mod local_place;
 pub mod manifest;

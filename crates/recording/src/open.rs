@@ -10,8 +10,8 @@ use crate::options::{FieldUnit, ForceUnit, Format, OpenOptions, RateUnit};
 use crate::recording::{Opened, Recording};
 use crate::text::{open_file, read_piece};
 use crate::{
-    csv, describe, euroc, foreign, gpx, kf_gins, kitti, manifest, nmea, northing_serial, phyphox,
-    rtklib, sensor_logger, tum, ubx, vectornav, ximu3,
+    csv, describe, euroc, foreign, gpx, kf_gins, kitti, lab_session, manifest, nmea,
+    northing_serial, phyphox, rtklib, sensor_logger, tum, ubx, vectornav, ximu3,
 };
 
 /// Bytes that are looked at to tell the format.
@@ -95,7 +95,13 @@ pub fn read_bytes(bytes: Vec<u8>, name: &str, options: &OpenOptions) -> Result<R
             let input = Box::new(Cursor::new(bytes));
             crate::mcap::open(input, name, metadata, wanted(options))?
         }
-        Format::SensorLogger => sensor_logger::open_bytes(bytes, name, metadata)?,
+        Format::SensorLogger => {
+            let device = options.device.as_deref();
+            match lab_session::open(Cursor::new(&bytes), name, &metadata, device)? {
+                Some(opened) => opened,
+                None => sensor_logger::open_bytes(bytes, name, metadata)?,
+            }
+        }
         Format::Manifest => {
             return Err(RecordingError::unsupported(
                 name,
@@ -225,7 +231,13 @@ pub(crate) fn open_data_file(
             file,
             "a table needs the keys of its columns in the manifest",
         )),
-        Format::SensorLogger => sensor_logger::open_file(path, file, metadata),
+        Format::SensorLogger => {
+            let device = options.device.as_deref();
+            match lab_session::open_file(path, file, &metadata, device)? {
+                Some(opened) => Ok(opened),
+                None => sensor_logger::open_file(path, file, metadata),
+            }
+        }
         #[cfg(feature = "parquet")]
         Format::Parquet => crate::parquet::open(input, file, metadata),
         #[cfg(feature = "mcap")]

@@ -132,6 +132,18 @@ impl EstimationArgs {
         Ok(asked)
     }
 
+    /// Changes the options of a lab's report by `--sensors` and `--set`.
+    ///
+    /// # Errors
+    /// A setting that is invalid or without effect.
+    pub(crate) fn change(&self, options: &mut RunOptions) -> Result<()> {
+        if let Some(sensors) = self.sensors {
+            options.sensors = sensors;
+        }
+        self.settings.change(options)?;
+        Ok(options.check()?)
+    }
+
     /// The estimator that the file of `--config` names.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 #[cfg(feature = "foxglove")]
 pub(crate) mod address;
 pub(crate) mod estimation;
+pub(crate) mod exercise;
 pub(crate) mod input;
 pub(crate) mod navigation;
 pub(crate) mod quantity;

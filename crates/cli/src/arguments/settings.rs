@@ -125,6 +125,16 @@ impl SettingArgs {
         Ok(options)
     }
 
+    /// Changes options that are there already by each `--set`.
+    ///
+    /// # Errors
+    /// A name is unknown, has no effect, or a value does not fit.
+    pub(crate) fn change(&self, options: &mut RunOptions) -> Result<()> {
+        let set = |setting: &str, origin| options.set_from(setting, origin);
+        self.parameters.apply(set)?;
+        self.check_effect(options.estimator)
+    }
+
     /// Changes parameters of a navigation estimator: by the file, then by `--set`.
     ///
     /// # Errors

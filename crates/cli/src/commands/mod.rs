@@ -9,7 +9,10 @@ pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod describe;
 pub(crate) mod estimators;
+pub(crate) mod exercises;
 pub(crate) mod experiment;
+pub(crate) mod grade;
+pub(crate) mod hand_in;
 pub(crate) mod info;
 #[cfg(feature = "live")]
 pub(crate) mod live;

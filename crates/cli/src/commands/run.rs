@@ -5,12 +5,9 @@ mod arguments;
 mod foxglove;
 mod navigation;
 
-use std::path::Path;
-
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use northing_evaluation::RunEstimator;
 use northing_evaluation::attitude::reference::ReferenceUse;
-use northing_evaluation::attitude::setup::RunSetup;
 use northing_evaluation::attitude::{Calibrations, TraceObserver};
 use northing_recording::atomic_file::write_whole;
 
@@ -18,11 +15,12 @@ use crate::arguments::estimation::{Asked, aligned_reference, run_over};
 use crate::files::output::{
     check_free, check_not_input, print, print_json, report_written, same_file,
 };
+use crate::files::setup;
 use crate::files::shown;
 use crate::invocation::command_line;
 use crate::text::attitude as text;
 pub(crate) use arguments::RunArgs;
-use northing_report::{EstimateFile, TRACE_CAPACITY, run_page, setup_of};
+use northing_report::{EstimateFile, TRACE_CAPACITY, run_page};
 
 /// Runs.
 pub(crate) fn execute(args: &RunArgs) -> Result<()> {
@@ -49,7 +47,11 @@ pub(crate) fn execute(args: &RunArgs) -> Result<()> {
         calibrations,
         align_reference,
     } = match &args.setup {
-        Some(path) => from_setup(path)?,
+        Some(path) => Asked {
+            run: setup::read(path)?,
+            calibrations: Calibrations::default(),
+            align_reference: false,
+        },
         None => args.estimation.options_of_one(estimator, &args.input)?,
     };
     if let Some(report) = &args.report {
@@ -123,17 +125,4 @@ fn reference_of(args: &RunArgs) -> Result<ReferenceUse> {
         );
     }
     aligned_reference(&mut args.opened(None)?, &shown(&args.recording))
-}
-
-/// The options that a report of the lab carries.
-fn from_setup(path: &Path) -> Result<Asked> {
-    let file = path.display();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{file}: cannot read it"))?;
-    let setup = setup_of(&text).and_then(|text| RunSetup::parse(&text));
-    let setup = setup.map_err(|problem| anyhow!("{file}: {problem}"))?;
-    Ok(Asked {
-        run: setup.options().with_context(|| file.to_string())?,
-        calibrations: Calibrations::default(),
-        align_reference: false,
-    })
 }

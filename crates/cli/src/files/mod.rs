@@ -4,6 +4,7 @@ pub(crate) mod baseline_errors;
 pub(crate) mod magnetometer_calibration;
 pub(crate) mod output;
 pub(crate) mod rest_calibration;
+pub(crate) mod setup;
 pub(crate) mod toml_file;
 
 use std::path::Path;

@@ -1,6 +1,7 @@
 //! Outcomes as text for people.
 
 pub(crate) mod attitude;
+pub(crate) mod exercise;
 pub(crate) mod navigation;
 pub(crate) mod rest_calibration;
 pub(crate) mod sheet;

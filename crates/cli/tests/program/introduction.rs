@@ -26,6 +26,9 @@ fn without_arguments_it_introduces_itself() {
       northing experiment attitude-worlds    attitude on random worlds: accuracy, coverage, causes
       northing experiment navigation-worlds  GNSS/INS on random worlds: lost, coverage, heading
       northing experiment faults             faults of sensors, injected: cost, recovery, detection
+      northing exercises                     the cards of the laboratory course
+      northing hand-in bias rest.csv         the file that a student hands in for a card, judged at once
+      northing grade class/                  the hand-ins of a class, run again, in one table
       northing tune drive.toml               noise parameters fitted to a recording
       northing estimators                    the estimators and their parameters
       northing completions bash              commands and options completed by the shell
@@ -48,6 +51,9 @@ fn every_command_has_help_with_examples() {
         "simulate",
         "montecarlo",
         "estimators",
+        "exercises",
+        "hand-in",
+        "grade",
         "track",
     ] {
         contains(

@@ -14,6 +14,7 @@ mod convert;
 mod data;
 mod demo;
 mod describe;
+mod exercises;
 mod experiment;
 mod introduction;
 mod magnetometer;

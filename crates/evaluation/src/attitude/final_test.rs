@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, Rotation2, UnitQuaternion, Vector3};
 use northing_core::attitude::wahba;
 use northing_core::geometry::{rotation, so3};
 use northing_core::kalman::covariance::normalized_square;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::attitude::Instant;
 use crate::statistics::attitude_std::{AttitudeStd, tilt_covariance};
@@ -48,7 +48,7 @@ const MOST_SAMPLES: usize = 5000;
 
 crate::named! {
     /// Whether the covariance at the end fits the error at the end.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
     #[cfg_attr(feature = "typescript", derive(ts_rs::TS))]
     #[serde(rename_all = "kebab-case")]
     pub enum FinalVerdict {

@@ -15,9 +15,11 @@
 //! | a calibration at rest in a run: noise, bias and start | [`calibrated_start`] |
 //! | calibrations of many devices and days | [`calibrations`] |
 //! | everything a run depends on, to be run again | [`setup`] |
+//! | what worse sensors would have measured | [`alterations`] |
 //! | the smoothers | [`rts_smoother`] |
 //! | many recordings, several estimators, one table | [`compare`] |
 
+pub mod alterations;
 pub mod calibrated_start;
 pub mod calibrations;
 pub mod compare;

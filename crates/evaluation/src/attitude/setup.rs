@@ -72,7 +72,9 @@ pub struct Start {
 }
 
 impl Start {
-    fn of(state: &InitialState<f64>) -> Self {
+    /// Of a state.
+    #[must_use]
+    pub fn of(state: &InitialState<f64>) -> Self {
         let (q, p) = (&state.attitude, &state.attitude_covariance);
         Self {
             // As it is: another sign or length would change the last digit of what follows.
@@ -87,7 +89,8 @@ impl Start {
     }
 
     /// The state; `None` when its numbers are none of a state.
-    fn state(&self) -> Option<InitialState<f64>> {
+    #[must_use]
+    pub fn state(&self) -> Option<InitialState<f64>> {
         let [w, x, y, z] = self.attitude_wxyz;
         let q = Quaternion::new(w, x, y, z);
         let p = &self.attitude_covariance_rad2;

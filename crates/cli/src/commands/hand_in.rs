@@ -1,0 +1,270 @@
+//! `northing hand-in`: the file that a student hands in for an exercise card, judged at once.
+
+use std::convert::Infallible;
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result, anyhow, bail};
+use clap::Args;
+use northing_evaluation::EstimatorKind;
+use northing_evaluation::attitude::alterations::Alterations;
+use northing_evaluation::attitude::runner::run;
+use northing_evaluation::attitude::setup::RunSetup;
+use northing_evaluation::attitude::{Calibrations, RunOptions};
+use northing_evaluation::exercises::words::{Language, text};
+use northing_evaluation::exercises::{
+    Answers, Card, HandIn, Judgement, Question, QuestionKind, number,
+};
+use northing_recording::atomic_file::write_whole;
+use northing_recording::{Event, Metadata};
+
+use crate::arguments::estimation::{Asked, EstimationArgs};
+use crate::arguments::exercise::{card, language};
+use crate::arguments::input::InputArgs;
+use crate::files::output::{check_free, check_not_input, print, print_json};
+use crate::files::{setup, shown};
+use crate::progress::watched;
+use crate::text::exercise::reasons;
+
+/// Options that a report of the lab decides; sensors and parameters may be changed.
+const SET_ELSEWHERE: [&str; 10] = [
+    "estimator",
+    "magnetometer",
+    "magnetometer_calibration",
+    "calibration",
+    "calibrate_first",
+    "smooth",
+    "align_reference",
+    "ignore_reference",
+    "profile",
+    "config",
+];
+
+/// Arguments of `hand-in`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Makes the file that is handed in for an exercise card: recording, settings of the estimator and \
+                  answers in one zip, with which anybody gets the same numbers. It is judged at once, by running it \
+                  again, and says why it passes or not; northing grade does the same for a class. `northing exercises \
+                  CARD` shows what a card asks. Calibration and settings come from the report that the lab exports \
+                  beside the recording (--setup), or are given as for northing run.",
+    after_help = "\
+Examples:
+  northing hand-in bias e1-recording.csv --setup e1-report.html --student Anna --answer x=0.12 --answer y=-0.31 --answer z=0.08
+  northing hand-in consistent e1-recording.csv --setup e1-report.html --student Anna --set accelerometer_std=0.05
+  northing hand-in no-magnetometer walk.csv --profile lab --calibrate-first 8 --sensors gyro,acc --student Ben \\
+      --answer axis=yaw --answer why=gravity
+  northing hand-in rate walk.csv --student Ben --answer rate=12.5 --out ben-rate.zip"
+)]
+pub(crate) struct HandInArgs {
+    /// The card; `northing exercises` lists them
+    #[arg(value_name = "CARD", value_parser = card)]
+    card: Card,
+    /// The recording: what the lab exported, or any other that the program reads
+    #[arg(value_name = "RECORDING")]
+    recording: PathBuf,
+    /// Who hands it in
+    #[arg(long, value_name = "NAME")]
+    student: String,
+    /// An answer of the card, such as x=0.12 or axis=yaw; once for each question
+    #[arg(long = "answer", value_name = "QUESTION=ANSWER")]
+    answers: Vec<String>,
+    /// Estimator, calibration and settings from a report of the lab; --sensors and --set change them
+    #[arg(long, value_name = "REPORT", conflicts_with_all = SET_ELSEWHERE)]
+    setup: Option<PathBuf>,
+    /// Estimator; without it bounded-velocity, with the lab profile mekf
+    #[arg(long, value_name = "NAME")]
+    estimator: Option<EstimatorKind>,
+    /// The file to write [default: CARD-NAME.zip]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Overwrite the file if it exists
+    #[arg(long)]
+    force: bool,
+    /// Language of the reasons: en or es
+    #[arg(long, value_name = "NAME", default_value = "en", value_parser = language)]
+    language: Language,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    estimation: EstimationArgs,
+    #[command(flatten)]
+    input: InputArgs,
+}
+
+/// Makes it.
+pub(crate) fn execute(args: &HandInArgs) -> Result<()> {
+    let student = args.student.trim();
+    if student.is_empty() {
+        bail!("--student: expected a name");
+    }
+    let answers = answers(args.card, &args.answers)?;
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| name_of(args.card, student));
+    check_not_input(&out, &args.recording)?;
+    check_free(&out, args.force)?;
+    let asked = asked(args)?;
+    let mut recording = args.input.open(&args.recording)?;
+    let metadata = recording.metadata().clone();
+    let events = watched(recording.by_ref(), "reading");
+    let events = events.collect::<Result<Vec<Event>, _>>()?;
+    let name = shown(&args.recording);
+    let options = options(asked, &metadata, &events).with_context(|| name.clone())?;
+    let hand_in = HandIn {
+        student: student.to_owned(),
+        card: args.card,
+        at: now(),
+        answers,
+        setup: RunSetup::of(&options),
+        starts: Vec::new(),
+        alterations: Alterations::default(),
+        world_frame: metadata.world_frame,
+        events,
+    };
+    let judgement = hand_in.judge().with_context(|| name.clone())?;
+    let bytes = hand_in.to_bytes().with_context(|| name)?;
+    write_whole(&out, &bytes, args.force)?;
+    if args.json {
+        return print_json(&judgement);
+    }
+    print(&describe(args, student, &judgement, &out.display()))
+}
+
+fn describe(
+    args: &HandInArgs,
+    student: &str,
+    judgement: &Judgement,
+    out: &dyn std::fmt::Display,
+) -> String {
+    let title = text(&format!("card.{}.title", args.card.name()), args.language);
+    let outcome = match judgement.passed {
+        true => "It passes.",
+        false => "It does not pass.",
+    };
+    format!(
+        "{title}: {student}\n\n{}\n{outcome} Hand in this file: {out}\n",
+        reasons(judgement, args.language)
+    )
+}
+
+/// The options that are asked for, before the recording is read.
+fn asked(args: &HandInArgs) -> Result<Asked> {
+    let asked = match &args.setup {
+        Some(path) => {
+            let mut run = setup::read(path)?;
+            args.estimation.change(&mut run)?;
+            Asked {
+                run,
+                calibrations: Calibrations::default(),
+                align_reference: false,
+            }
+        }
+        None => args
+            .estimation
+            .options_of_one(args.estimator, &args.input)?,
+    };
+    if asked.align_reference {
+        bail!(
+            "--align-reference has no effect on a hand-in: no card is judged by a reference; leave it out"
+        );
+    }
+    if matches!(asked.run.estimator, EstimatorKind::Own(_)) {
+        let own = asked.run.estimator;
+        bail!(
+            "`{own}` cannot be handed in: whoever judges it does not have it; choose one of `northing estimators`"
+        );
+    }
+    Ok(asked)
+}
+
+/// The options of the run, with the magnetometer that it takes: whoever judges it takes the same.
+fn options(asked: Asked, metadata: &Metadata, events: &[Event]) -> Result<RunOptions> {
+    let mut options = asked.run;
+    options.world_frame = metadata.world_frame;
+    asked.calibrations.apply(metadata, &mut options)?;
+    if options.choose_magnetometer {
+        let events = events.iter().map(|event| Ok::<_, Infallible>(*event));
+        // A recording that cannot be run is judged, too, and told why.
+        let summary = run(events, &options, &mut ()).ok();
+        if let Some(taken) = summary.and_then(|summary| summary.magnetometer) {
+            options.sensors.magnetometer_source = taken;
+        }
+    }
+    Ok(options)
+}
+
+/// The answers by their questions, each of which has one.
+fn answers(card: Card, given: &[String]) -> Result<Answers> {
+    let questions = card.questions();
+    let mut answers = Answers::new();
+    for text in given {
+        let (name, value) = text
+            .split_once('=')
+            .ok_or_else(|| anyhow!("--answer {text}: expected QUESTION=ANSWER"))?;
+        let (name, value) = (name.trim(), value.trim());
+        let question = questions.iter().find(|question| question.name == name);
+        let Some(question) = question else {
+            bail!("--answer {text}: {}", expected(card));
+        };
+        check(question, value).with_context(|| format!("--answer {text}"))?;
+        if answers.insert(name.to_owned(), value.to_owned()).is_some() {
+            bail!("--answer {name}: it is answered twice; keep one");
+        }
+    }
+    let missing = questions
+        .iter()
+        .find(|question| !answers.contains_key(question.name));
+    match missing {
+        Some(question) => bail!(
+            "--answer {}=... is missing: {}",
+            question.name,
+            expected(card)
+        ),
+        None => Ok(answers),
+    }
+}
+
+/// What a card asks for, in a sentence.
+fn expected(card: Card) -> String {
+    let names: Vec<&str> = card
+        .questions()
+        .iter()
+        .map(|question| question.name)
+        .collect();
+    let name = card.name();
+    match names.is_empty() {
+        true => format!("`{name}` has no questions; leave it out"),
+        false => format!(
+            "`{name}` asks for {} (northing exercises {name})",
+            names.join(", ")
+        ),
+    }
+}
+
+fn check(question: &Question, value: &str) -> Result<()> {
+    match question.kind {
+        QuestionKind::Number if number(value).is_none() => {
+            bail!("expected a number in {}", question.unit)
+        }
+        QuestionKind::Choice if !question.choices.contains(&value) => {
+            bail!("expected one of: {}", question.choices.join(", "))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The file of a student who names none: no letter in it that a file system or a shell minds.
+fn name_of(card: Card, student: &str) -> PathBuf {
+    let plain = |c: char| if c.is_alphanumeric() { c } else { '-' };
+    let student: String = student.chars().take(40).map(plain).collect();
+    format!("{}-{}.zip", card.name(), student.to_lowercase()).into()
+}
+
+/// The time of day, UTC.
+fn now() -> String {
+    let now = time::OffsetDateTime::now_utc();
+    let (hour, minute, second) = now.to_hms();
+    format!("{} {hour:02}:{minute:02}:{second:02} UTC", now.date())
+}
