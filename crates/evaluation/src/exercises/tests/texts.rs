@@ -83,7 +83,11 @@ fn the_teachers_guide_says_what_the_checks_do() {
     let guide = words.join(" ");
     let part = |card: Card| {
         let title = text(&format!("card.{}.title", card.name()), Language::English);
-        let head = format!("### {title} (`{}`, {} minutes)", card.name(), card.minutes());
+        let head = format!(
+            "### {title} (`{}`, {} minutes)",
+            card.name(),
+            card.minutes()
+        );
         let (_, rest) = guide.split_once(&head).unwrap_or_else(|| panic!("{head}"));
         rest.split("##").next().unwrap_or_default()
     };
@@ -93,7 +97,10 @@ fn the_teachers_guide_says_what_the_checks_do() {
         (Card::Experiment, format!("{READ_DEG} deg:")),
         (Card::Experiment, format!("at least {SHORTEST_S} s")),
         (Card::Experiment, format!("by {LEAST_TURN_DEG} degrees")),
-        (Card::Consistent, format!("{SHORTEST_S} s and {LEAST_TURN_DEG} degrees")),
+        (
+            Card::Consistent,
+            format!("{SHORTEST_S} s and {LEAST_TURN_DEG} degrees"),
+        ),
         (Card::Bias, format!("{BIAS_DEG_S} deg/s,")),
         (Card::NoMagnetometer, format!("at least {UNCERTAIN} times")),
         (Card::Rate, format!("more than {FAILED_DEG} degrees")),
