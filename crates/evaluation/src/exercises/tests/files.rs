@@ -24,7 +24,7 @@ fn a_hand_in_is_the_same_for_everybody_and_trusts_nothing() {
         [["Anna", "Ben"]]
     );
     // A number that was improved afterwards is judged by the run, and the claim is seen to be another.
-    let mut bad = sketch.clone();
+    let mut bad = sketch;
     bad.options.set("accelerometer_std=0.005").unwrap();
     let bytes = bad.hand_in("Cleo").to_bytes().unwrap();
     let forged = replaced(&bytes, "hand_in.json", |text| {

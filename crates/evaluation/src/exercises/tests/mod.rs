@@ -46,6 +46,8 @@ impl Sketch {
         }
     }
 
+    /// Adds an answer: a text or a number.
+    #[allow(clippy::needless_pass_by_value)]
     fn answer(mut self, name: &str, value: impl ToString) -> Self {
         self.answers.insert(name.to_owned(), value.to_string());
         self
