@@ -136,6 +136,8 @@ pub(super) fn cutoff_m(recording: &TrackingRecording, used: &[bool]) -> Option<f
         }
     }
     spacings.extend(nearest(&at_once.1));
+    // A pose without numbers, whose scan is refused, says nothing of the distance.
+    squares.retain(|square| square.is_finite());
     let known = 2.0 * recording.truth_std_m * recording.truth_std_m;
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     let std = (mean + known).sqrt();
