@@ -157,20 +157,25 @@ fn variance(settings: &SensorSettings, range_m: f64) -> f64 {
 fn nearest(places: &[Place]) -> Vec<f64> {
     let mut sorted = places.to_vec();
     sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut out = vec![f64::INFINITY; sorted.len()];
-    for i in 0..sorted.len() {
-        for j in i + 1..sorted.len() {
-            // Sorted by north: what comes later is farther north still.
-            if sorted[j][0] - sorted[i][0] > out[i] {
+    let nearest_of = |(i, place): (usize, &Place)| {
+        let mut least = f64::INFINITY;
+        // Sorted by north: what comes later, or before, is farther still.
+        for other in &sorted[i + 1..] {
+            if other[0] - place[0] > least {
                 break;
             }
-            let apart = distance(sorted[i], sorted[j]);
-            out[i] = out[i].min(apart);
-            out[j] = out[j].min(apart);
+            least = least.min(distance(*place, *other));
         }
-    }
-    out.retain(|apart| apart.is_finite());
-    out
+        for other in sorted[..i].iter().rev() {
+            if place[0] - other[0] > least {
+                break;
+            }
+            least = least.min(distance(*place, *other));
+        }
+        least
+    };
+    let each = sorted.iter().enumerate().map(nearest_of);
+    each.filter(|apart| apart.is_finite()).collect()
 }
 
 fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
