@@ -41,7 +41,7 @@ const MOST_RUNS: u32 = 100_000;
                   detections in clutter, tracks that start, are confirmed and end by themselves, with the \
                   own ship's uncertainty in every step. Where the recording has true positions, each is \
                   matched with a track at every instant, by the best assignment within a cut-off: four standard deviations of \
-                  a detection's position where the targets are, half the targets' spacing where they are closer together, \
+                  a detection's position where the targets are, half the targets' spacing where they are closer together (two standard deviations at least), \
                   or what --cutoff says. A recording is a manifest that names tables; docs/formats.md describes it.",
     after_help = "\
 Examples:
@@ -335,7 +335,7 @@ fn describe(summaries: &[TrackSummary], args: &TrackArgs) -> String {
 fn scores(summary: &TrackSummary, cutoff_m: f64) -> String {
     let mean = |value: Option<f64>| value.map_or("-".to_owned(), metres);
     format!(
-        "  cut-off {}, covered within {}; mean GOSPA {}, OSPA {}; {} false tracks an hour\n",
+        "  cut-off {}, covered within {}; mean GOSPA {}, OSPA {}; on no target {} tracks an hour\n",
         metres(cutoff_m),
         metres(COVERED * cutoff_m),
         mean(summary.gospa_m),

@@ -68,7 +68,7 @@ pub struct TrackSummary {
     pub false_tracks: usize,
     /// Sum over the instants of confirmed tracks without a target.
     pub false_track_epochs: usize,
-    /// The same in an hour of true positions: confirmed tracks that never followed a target.
+    /// The same for each hour of true positions. What is there without a true position, a quay or a moored boat, counts too.
     pub false_tracks_per_hour: Option<f64>,
     /// Distance beyond which a track is no track of a target, m; `None` without true positions.
     pub cutoff_m: Option<f64>,
@@ -182,6 +182,10 @@ impl Score {
     /// Scores one instant.
     pub(super) fn epoch(&mut self, time_s: f64, truth: &[(u32, Place)], tracks: &[TrackedTarget]) {
         self.seen(tracks);
+        // True positions of which none is finite: there is nothing to measure by.
+        if self.cutoff_m <= 0.0 {
+            return;
+        }
         let first = self.scored_s.map_or(time_s, |[first, _]| first);
         self.scored_s = Some([first, time_s]);
         let cutoff = self.cutoff_m;
@@ -347,6 +351,15 @@ mod tests {
         // 6^2 / (4 + 5)
         let target = &score.targets()[0];
         assert_relative_eq!(target.anees.unwrap(), 2.0, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn true_positions_that_are_not_finite_give_no_score() {
+        let mut score = Score::new(None, 0.0);
+        score.epoch(0.0, &[(1, [f64::NAN, 0.0])], &[track(1, 6.0)]);
+        assert!(score.targets().is_empty() && score.confirmed.len() == 1);
+        let lengths = [score.cutoff_m(), score.gospa_m(), score.ospa_m()];
+        assert_eq!(lengths, [None; 3]);
     }
 
     #[test]

@@ -68,7 +68,7 @@ fn interval_s(recording: &TrackingRecording, sensor: usize) -> Option<f64> {
 }
 
 /// Range to which a sensor sees: what is stated of it, or else of what it saw, the farthest twentieth left out; of reports, their distance from
-/// the own ship.
+/// the own ship, which is at the plane's origin where the recording does not have it.
 fn range_m(recording: &TrackingRecording, sensor: usize) -> Option<f64> {
     let (name, settings) = &recording.sensors[sensor];
     if settings.has_largest_range() {

@@ -48,7 +48,7 @@ impl<T: Scalar> SensorScale<T> {
         models.check().is_ok().then_some(models)
     }
 
-    /// The other settings for it (Z2 to Z5); `None` as for [`Self::motion`].
+    /// The other settings for it (Z1 to Z4); `None` as for [`Self::motion`].
     pub fn settings(&self) -> Option<MultiTargetSettings<T>> {
         let interval = self.scan_interval_s;
         let scans = interval / lit(USUAL_SCAN_INTERVAL_S);
