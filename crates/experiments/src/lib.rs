@@ -7,6 +7,7 @@
 //! | [`ground`] | Romaniuk & Gosiewski (2014) | GNSS/INS on simulated walks and drives |
 //! | [`attitude_worlds`] | none | attitude on random boards and motions: accuracy, coverage, verdicts |
 //! | [`navigation_worlds`] | none | GNSS/INS on random worlds: lost, worse than extrapolation, coverage, heading |
+//! | [`tracking_worlds`] | none | trackers of many targets on random scenes: GOSPA, coverage, consistency |
 //! | [`faults`] | none | a campaign of injected faults: cost, recovery, consistency afterwards, for every estimator |
 
 pub mod attitude_worlds;
@@ -16,3 +17,4 @@ pub mod navigation_worlds;
 pub mod observers;
 pub mod radar;
 mod scoring;
+pub mod tracking_worlds;

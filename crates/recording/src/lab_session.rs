@@ -3,6 +3,7 @@
 //! A session holds `session.json` and for each experiment a folder `experiments/ID` with `experiment.json` and `samples.bin`
 //! (`wire/events.rs`); a hand-in holds `hand_in.json` and `samples.bin`.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -13,6 +14,7 @@ use zip::ZipArchive;
 use crate::error::{RecordingError, Result, join};
 use crate::event::{Event, SensorKind};
 use crate::issues::Issues;
+use crate::limits::Limit;
 use crate::metadata::{Metadata, WorldFrame};
 use crate::recording::{EventSource, Opened};
 use crate::wire::events;
@@ -25,8 +27,20 @@ pub const FORMAT: &str = "northing-session";
 pub const SAMPLES: &str = "samples.bin";
 /// The file that makes a zip a hand-in.
 const HAND_IN: &str = "hand_in.json";
-/// No part is larger, bytes.
-const LARGEST: u64 = 512 << 20;
+/// The samples of an experiment are held in memory as they are written: six hours of four sensors at 100 a second.
+const LARGEST: Limit = Limit {
+    what: "the samples of the experiment",
+    most: 192 << 20,
+    unit: "bytes",
+    advice: "divide the experiment",
+};
+/// Its tables, bytes.
+const TABLE: Limit = Limit {
+    what: "a table of the session",
+    most: 8 << 20,
+    unit: "bytes",
+    advice: "export fewer experiments",
+};
 
 /// As much of a session as a reader needs.
 #[derive(Debug, Deserialize)]
@@ -60,12 +74,18 @@ struct HandIn {
     world_frame: WorldFrame,
 }
 
-/// Samples that are in memory.
-struct Samples(std::vec::IntoIter<Event>);
+/// Samples that are in memory, as they are written.
+struct Samples {
+    bytes: Vec<u8>,
+    at: usize,
+}
 
 impl EventSource for Samples {
     fn next_event(&mut self, _: &mut Issues) -> Result<Option<Event>> {
-        Ok(self.0.next())
+        let mut rest = self.bytes.get(self.at..).unwrap_or_default();
+        let event = events::next(&mut rest);
+        self.at = self.bytes.len() - rest.len();
+        Ok(event)
     }
 }
 
@@ -109,21 +129,27 @@ pub(crate) fn open(
         metadata.world_frame = experiment.world_frame;
         metadata.name = row.name;
         metadata.device = Some(row.device);
-        part(&mut zip, &format!("{folder}/{SAMPLES}"), file)?
+        part(&mut zip, &format!("{folder}/{SAMPLES}"), LARGEST, file)?
     } else if zip.by_name(HAND_IN).is_ok() {
         let hand_in: HandIn = json(&mut zip, HAND_IN, file)?;
         metadata.world_frame = hand_in.world_frame;
         metadata.name = hand_in.card;
         metadata.device = Some(hand_in.student);
-        part(&mut zip, SAMPLES, file)?
+        part(&mut zip, SAMPLES, LARGEST, file)?
     } else {
         return Ok(None);
     };
-    let events = events::decode(&samples);
-    let events = events.map_err(|error| RecordingError::damaged(file, error.to_string()))?;
-    let has = |kind: &SensorKind| events.iter().any(|event| event.sample.kind() == *kind);
-    let sensors = SensorKind::ALL.into_iter().filter(has).collect();
-    let source = Box::new(Samples(events.into_iter()));
+    let mut kinds = BTreeSet::new();
+    events::read(&samples, |event| {
+        kinds.insert(event.sample.kind());
+    })
+    .map_err(|error| RecordingError::damaged(file, error.to_string()))?;
+    let is_there = |kind: &SensorKind| kinds.contains(kind);
+    let sensors = SensorKind::ALL.into_iter().filter(is_there).collect();
+    let source = Box::new(Samples {
+        bytes: samples,
+        at: events::FIRST,
+    });
     Ok(Some(Opened::new(metadata, sensors, source)))
 }
 
@@ -179,23 +205,25 @@ fn json<T: for<'de> Deserialize<'de>>(
     name: &str,
     file: &str,
 ) -> Result<T> {
-    let bytes = part(zip, name, file)?;
+    let bytes = part(zip, name, TABLE, file)?;
     serde_json::from_slice(&bytes)
         .map_err(|error| RecordingError::damaged(file, format!("{name}: {error}")))
 }
 
 /// A part; one that grows beyond the limit is refused before it has.
-fn part(zip: &mut ZipArchive<impl Read + Seek>, name: &str, file: &str) -> Result<Vec<u8>> {
-    let damaged = |detail: String| RecordingError::damaged(file, detail);
-    let part = zip
-        .by_name(name)
-        .map_err(|error| damaged(format!("{name}: {error}")))?;
+fn part(
+    zip: &mut ZipArchive<impl Read + Seek>,
+    name: &str,
+    limit: Limit,
+    file: &str,
+) -> Result<Vec<u8>> {
+    let damaged =
+        |error: &dyn std::fmt::Display| RecordingError::damaged(file, format!("{name}: {error}"));
+    let part = zip.by_name(name).map_err(|error| damaged(&error))?;
     let mut bytes = Vec::new();
-    let read = part.take(LARGEST + 1).read_to_end(&mut bytes);
-    read.map_err(|error| damaged(format!("{name}: {error}")))?;
-    if bytes.len() as u64 > LARGEST {
-        return Err(damaged(format!("{name} is larger than {LARGEST} bytes")));
-    }
+    let read = part.take(limit.most + 1).read_to_end(&mut bytes);
+    read.map_err(|error| damaged(&error))?;
+    limit.check(bytes.len() as u64, file, &format!("/{name}"))?;
     Ok(bytes)
 }
 

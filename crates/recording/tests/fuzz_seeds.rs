@@ -203,6 +203,29 @@ fn arrays() -> Vec<u8> {
     archive.finish().unwrap().into_inner()
 }
 
+/// What the target of arrays makes an array of: kind, order, rows, columns, numbers.
+fn shaped_arrays() -> Vec<u8> {
+    let array = |kind: u8, columns: u8| [&[kind, 0, 6, columns][..], &[1; 60]].concat();
+    [array(3, 3), array(4, 1)].concat()
+}
+
+/// Stamps and two samples of a drive of KITTI.
+fn kitti() -> Vec<u8> {
+    let stamps = "2011-09-26 13:02:25.964389445\n2011-09-26 13:02:25.974389445\n";
+    let sample = "49.0 8.4 112.8 0.01 0.02 1.6 -0.1 7.9 7.9 0.0 0.1 0.2 0.3 9.8 0.2 0.3 9.8 0.01 0.02 0.03 0.01 0.02 0.03 \
+        0.05 0.03 4 11 5 5 6\n";
+    [stamps, sample, sample].join("\0").into_bytes()
+}
+
+/// Table, experiment and samples of a session.
+fn lab_session() -> Vec<u8> {
+    let table =
+        r#"{"format":"northing-session","experiments":[{"id":"1","name":"a","device":"b"}]}"#;
+    let experiment = r#"{"student":"b","card":"scale","world_frame":"enu"}"#;
+    let samples = events::encode(&samples());
+    [table.as_bytes(), experiment.as_bytes(), &samples].join(&0)
+}
+
 /// A frame of a u-blox receiver with a solution: NAV-PVT, its checksum of 8 bits behind it.
 fn ubx() -> Vec<u8> {
     let mut payload = [0_u8; 92];
@@ -285,6 +308,9 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>, Option<Format>)> {
             Some(Format::ArduPilot),
         ),
         ("describe", "arrays.npz", arrays(), None),
+        ("numpy", "arrays.bin", shaped_arrays(), None),
+        ("kitti", "drive.bin", kitti(), None),
+        ("lab_session", "session.bin", lab_session(), None),
         ("vectornav", "lines.log", lines.into(), None),
         ("ximu3", "log.ximu3", ximu3(), Some(Format::XImu3)),
         (

@@ -14,6 +14,7 @@
 //! | a person and a car with a 1 Hz receiver, for GNSS/INS | [`ground`] |
 //! | random boards with gyroscope, accelerometer, magnetometer, from desk to running | [`attitude_world`] |
 //! | random vehicles, units and receivers for GNSS/INS, wider than life | [`navigation_world`] |
+//! | random scenes for trackers: pedestrians, boats, ships, aircraft, wider than life | [`tracking_world`] |
 //! | scenarios as files, and the runs they describe | [`scenario`] |
 //! | arrays for Monte Carlo consistency tests of attitude filters | [`monte_carlo`] |
 //! | a recording of a phone that never existed | [`virtual_phone`] |
@@ -38,6 +39,7 @@ pub mod scenario;
 pub mod sensors;
 mod settings;
 mod signals;
+pub mod tracking_world;
 pub mod trajectory;
 pub mod virtual_phone;
 pub mod world;

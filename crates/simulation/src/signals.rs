@@ -36,6 +36,13 @@ impl Draws {
         of[self.0.random_range(0..of.len())]
     }
 
+    /// In any order.
+    pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            items.swap(last, self.0.random_range(0..=last));
+        }
+    }
+
     /// Plus or minus one.
     pub(crate) fn sign(&mut self) -> f64 {
         self.one_of(&[-1.0, 1.0])

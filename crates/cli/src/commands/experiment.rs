@@ -5,6 +5,7 @@ mod faults;
 mod frame;
 mod navigation_worlds;
 mod observers;
+mod tracking_worlds;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -25,6 +26,8 @@ enum ExperimentCommand {
     AttitudeWorlds(attitude_worlds::AttitudeWorldsArgs),
     /// GNSS/INS on random worlds: is it ever lost, and does it state its error?
     NavigationWorlds(navigation_worlds::NavigationWorldsArgs),
+    /// Trackers of many targets on random scenes: are they found, kept, and their errors stated?
+    TrackingWorlds(tracking_worlds::TrackingWorldsArgs),
     /// Faults of sensors, injected: what does each cost, and does an estimator recover?
     Faults(faults::FaultsArgs),
 }
@@ -35,6 +38,7 @@ pub(crate) fn execute(args: &ExperimentArgs) -> Result<()> {
         ExperimentCommand::Observers(args) => observers::execute(args),
         ExperimentCommand::AttitudeWorlds(args) => attitude_worlds::execute(args),
         ExperimentCommand::NavigationWorlds(args) => navigation_worlds::execute(args),
+        ExperimentCommand::TrackingWorlds(args) => tracking_worlds::execute(args),
         ExperimentCommand::Faults(args) => faults::execute(args),
     }
 }

@@ -310,3 +310,48 @@ fn faults_print_a_table_or_one_document_and_a_report() {
         &["--runs is 0, expected from 1 to 1000"],
     );
 }
+
+#[test]
+fn random_scenes_print_tables_or_one_document_and_are_saved_for_track() {
+    let lab = Lab::new();
+    let with = |more: &[&'static str]| [&["experiment", "tracking-worlds"][..], more].concat();
+    let text = lab.succeeds(&with(&["--worlds", "8"]));
+    contains(
+        &text,
+        &[
+            "8 scenes, seed 1, default settings",
+            "class tracker scenes GOSPA",
+            "aircraft schmidt 2",
+            "scenes with",
+            "The worst:",
+        ],
+    );
+    std::fs::create_dir(lab.path("scenes")).unwrap();
+    let one = lab.json(&with(&["--world", "5", "--save", "scenes", "--json"]));
+    assert_eq!(one["description"]["class"], "boats");
+    let cutoff = one["description"]["cutoff_m"].as_f64().unwrap();
+    let cutoff = format!("{cutoff}m");
+    let again = lab.json(&[
+        "track",
+        "scenes/boats-5.toml",
+        "--cutoff",
+        &cutoff,
+        "--json",
+    ]);
+    let by_file = again["gospa_m"].as_f64().unwrap() / again["cutoff_m"].as_f64().unwrap();
+    let schmidt = one["trackers"][2]["gospa"].as_f64().unwrap();
+    assert_eq!(one["trackers"][2]["tracker"], "schmidt");
+    assert!((by_file - schmidt).abs() < 1e-9, "{by_file} {schmidt}");
+    contains(
+        &lab.refuses(&with(&["--world", "5", "--save", "scenes"])),
+        &["boats-5_scans.csv"],
+    );
+    contains(
+        &lab.refuses(&with(&["--world", "5", "--save", "nowhere"])),
+        &["--save nowhere", "no such folder"],
+    );
+    contains(
+        &lab.refuses(&with(&["--class", "submarines"])),
+        &["no class `submarines`", "boats"],
+    );
+}

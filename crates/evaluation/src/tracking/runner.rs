@@ -21,12 +21,16 @@ use crate::used_parameters::{UsedParameter, VERSION};
 
 /// Tracks at a time: all ships of a strait, everybody on a square.
 const TRACKS: usize = 1024;
+/// The same where scans hold so many detections that most of them are false: each begins a tentative track that lasts for some scans.
+const CROWDED: usize = 12 * 1024;
+/// From so many detections in a scan on.
+const CROWDED_FROM: usize = TRACKS / 3;
 /// Detections in the gate of one target.
 const DETECTIONS: usize = 32;
-/// Stack on which a tracker is made: several times its own few megabytes.
-const STACK: usize = 64 << 20;
+/// Stack on which a tracker is made: several times its own size, which is some kilobytes a track.
+const STACK_PER_TRACK: usize = 64 << 10;
 
-type Tracker = MultiTargetTracker<f64, MODELS, TRACKS, DETECTIONS>;
+type Tracker<const N: usize> = MultiTargetTracker<f64, MODELS, N, DETECTIONS>;
 
 /// Runs the tracker over a recording; `watch` gets every instant with a scan.
 ///
@@ -35,10 +39,26 @@ type Tracker = MultiTargetTracker<f64, MODELS, TRACKS, DETECTIONS>;
 pub fn run(
     recording: &TrackingRecording,
     options: &TrackOptions,
+    watch: impl FnMut(TrackEpoch),
+) -> Result<TrackSummary, EvaluationError> {
+    let is_crowded = recording.events.iter().any(|event| {
+        matches!(&event.sample, TrackingSample::Scan(scan) if scan.detections.len() > CROWDED_FROM)
+    });
+    if is_crowded {
+        run_with::<CROWDED>(recording, options, watch)
+    } else {
+        run_with::<TRACKS>(recording, options, watch)
+    }
+}
+
+/// The same with room for `N` tracks.
+fn run_with<const N: usize>(
+    recording: &TrackingRecording,
+    options: &TrackOptions,
     mut watch: impl FnMut(TrackEpoch),
 ) -> Result<TrackSummary, EvaluationError> {
     let started = Instant::now();
-    let mut runner = Runner::new(recording, options)?;
+    let mut runner = Runner::<N>::new(recording, options)?;
     for event in &recording.events {
         runner.finish_epoch_before(event.time_ns, &mut watch);
         runner.take(event.time_ns, &event.sample);
@@ -48,14 +68,14 @@ pub fn run(
 }
 
 /// What a run carries from event to event.
-struct Runner {
+struct Runner<const N: usize> {
     options: TrackOptions,
     /// What the tracker was configured with.
     parameters: Vec<UsedParameter>,
     sensors: Vec<Option<ScanSensor<f64>>>,
     names: Vec<String>,
     ais: Option<usize>,
-    tracker: Box<Tracker>,
+    tracker: Box<Tracker<N>>,
     own: OwnShip<f64>,
     score: Score,
     first_ns: i64,
@@ -81,7 +101,7 @@ impl Gathered {
     }
 }
 
-impl Runner {
+impl<const N: usize> Runner<N> {
     fn new(recording: &TrackingRecording, options: &TrackOptions) -> Result<Self, EvaluationError> {
         let used = |name: &String, settings: &SensorSettings| match &options.sensors {
             Some(chosen) => chosen.contains(name),
@@ -276,11 +296,11 @@ impl Runner {
 }
 
 /// A tracker on the heap. Its arrays pass over the stack when it is made, and that of a thread need not have room for them.
-fn tracker(options: &TrackOptions) -> Result<Box<Tracker>, EvaluationError> {
+fn tracker<const N: usize>(options: &TrackOptions) -> Result<Box<Tracker<N>>, EvaluationError> {
     let config = options.config();
     let made = std::thread::scope(|scope| {
-        let builder = std::thread::Builder::new().stack_size(STACK);
-        let made = builder.spawn_scoped(scope, || Tracker::new(config).map(Box::new));
+        let builder = std::thread::Builder::new().stack_size(N * STACK_PER_TRACK);
+        let made = builder.spawn_scoped(scope, || Tracker::<N>::new(config).map(Box::new));
         made.map(std::thread::ScopedJoinHandle::join)
     });
     match made {

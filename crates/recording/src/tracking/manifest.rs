@@ -5,14 +5,14 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::plane::LocalPlane;
 use crate::error::{RecordingError, Result};
 use crate::text::toml_problem;
 
 /// A manifest.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrackingManifest {
     /// Name of the recording.
@@ -33,7 +33,7 @@ pub struct TrackingManifest {
 }
 
 /// The table of scans.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScanTable {
     /// The file.
@@ -57,7 +57,7 @@ pub struct ScanTable {
 }
 
 /// The table of detections. Of the four kinds a row is the first whose cells are not empty.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct DetectionTable {
     /// The file.
@@ -75,7 +75,7 @@ pub struct DetectionTable {
 }
 
 /// The table of true positions.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct TruthTable {
     /// The file.
@@ -94,7 +94,7 @@ pub struct TruthTable {
 }
 
 /// AIS reports: NMEA sentences, or a table of decoded reports.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct AisFile {
     /// The file.
@@ -104,7 +104,7 @@ pub struct AisFile {
 }
 
 /// Columns of decoded AIS reports.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct AisColumns {
     /// Column of the time: `YYYY-MM-DD HH:MM:SS.fff` or seconds.
@@ -122,7 +122,7 @@ pub struct AisColumns {
 }
 
 /// What a sensor is like.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSettings {
     /// Standard deviation of a range, m.

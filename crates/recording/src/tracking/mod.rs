@@ -10,6 +10,7 @@
 //! | [`sample`] | [`TrackingEvent`], [`TrackingSample`], [`Detection`] |
 //! | [`manifest`] | the TOML file that says which tables hold what, and what the sensors are like |
 //! | `tables.rs` | scans, detections and truth from delimited text |
+//! | `table_writer.rs` | a recording as such a manifest with its tables |
 //! | `ais.rs` | AIS reports and own-ship positions from tables and NMEA sentences |
 //! | `plane.rs` | latitude and longitude to the local plane |
 
@@ -18,6 +19,7 @@ pub mod manifest;
 mod output;
 mod plane;
 pub mod sample;
+mod table_writer;
 mod tables;
 
 use std::path::Path;
@@ -28,6 +30,7 @@ pub use output::{TargetInstant, TargetPoint, TargetWriter, check_targets_path};
 pub use plane::LocalPlane;
 pub use sample::{AisReport, Detection, OwnShipPose, Scan, TargetTruth, TrackingEvent};
 pub use sample::{TrackingIssues, TrackingSample};
+pub use table_writer::write_tables;
 
 use crate::error::{RecordingError, Result};
 use crate::limits::TRACKING_EVENTS;

@@ -1,7 +1,7 @@
 //! Latitude and longitude to north and east of a local plane.
 
 /// A local plane that touches the WGS-84 ellipsoid at its origin; good to a metre within 10 km.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LocalPlane {
     /// Latitude of the origin, deg.

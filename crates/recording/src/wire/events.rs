@@ -44,25 +44,36 @@ pub fn encode(events: &[Event]) -> Vec<u8> {
 /// # Errors
 /// A line when the version is another, a sensor is unknown, or the bytes end within an event.
 pub fn decode(bytes: &[u8]) -> Result<Vec<Event>, WireError> {
+    let mut events = Vec::with_capacity(bytes.len() / (HEAD + 24));
+    read(bytes, |event| events.push(event))?;
+    Ok(events)
+}
+
+/// Shows the events of a payload, one after the other; errors as of [`decode`].
+pub(crate) fn read(bytes: &[u8], mut see: impl FnMut(Event)) -> Result<(), WireError> {
     let Some((&VERSION, mut rest)) = bytes.split_first() else {
         return Err(WireError::new(format!(
             "these are no events of this program: they start with the byte {VERSION}"
         )));
     };
-    let mut events = Vec::with_capacity(rest.len() / (HEAD + 24));
+    let mut count = 0;
     while !rest.is_empty() {
         let event = next(&mut rest).ok_or_else(|| {
             WireError::new(format!(
-                "the events cannot be read beyond number {}: an unknown sensor, or bytes are missing",
-                events.len()
+                "the events cannot be read beyond number {count}: an unknown sensor, or bytes are missing"
             ))
         })?;
-        events.push(event);
+        see(event);
+        count += 1;
     }
-    Ok(events)
+    Ok(())
 }
 
-fn next(rest: &mut &[u8]) -> Option<Event> {
+/// Where the events begin in a payload.
+pub(crate) const FIRST: usize = 1;
+
+/// The next event, which is taken off; none at the end or where it cannot be read.
+pub(crate) fn next(rest: &mut &[u8]) -> Option<Event> {
     let [sensor, flag] = take::<2>(rest)?;
     let kind = SensorKind::of_code(sensor)?;
     let time_ns = i64::from_le_bytes(take(rest)?);
