@@ -224,7 +224,7 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
         let effort = associate(weights, &mut self.marginals, &mut self.clusters);
         self.state.counts.approximate_clusters += u64::from(effort.approximate_clusters);
         self.update(scan);
-        self.remove();
+        self.remove(scan.own_ship);
         if scan.sensor.initiates {
             self.initiate(scan);
         }
@@ -315,11 +315,11 @@ impl<T: Scalar, const M: usize, const N: usize, const D: usize> MultiTargetTrack
     }
 
     /// Removes what does not exist any more, what has grown meaningless, and duplicates.
-    fn remove(&mut self) {
+    fn remove(&mut self, own_ship: &OwnShip<T>) {
         self.ended.fill(None);
         for place in 0..self.reach {
             let track = &self.state.tracks[place];
-            if let Some(end) = track.as_ref().and_then(|t| t.end(&self.config)) {
+            if let Some(end) = track.as_ref().and_then(|t| t.end(&self.config, own_ship)) {
                 self.end(place, end);
             }
         }

@@ -24,6 +24,9 @@ parameters! {
         "Raising it confirms sooner, and more false tracks.";
     birth_speed_std_m_s: T, "m/s", From(1e-4, 1e4), [8.0],
         "standard deviation of a new target's velocity on each axis";
+    birth_speed_tail: T, "-", From(1.0, 100.0), [3.0],
+        "the last of several motion models begins with so many times that standard deviation, for targets that are faster than usual",
+        "Raising it finds faster targets, and more false tracks.";
     confirm_existence: T, "-", From(0.0, 1.0), [0.99],
         "existence at which a track is confirmed";
     delete_existence: T, "-", From(0.0, 1.0), [0.02],
@@ -32,7 +35,7 @@ parameters! {
         "existence below which a confirmed track is removed",
         "A known target may be hidden for a while: no higher than for tentative tracks.";
     largest_position_std_m: T, "m", From(1e-3, 1e6), [100.0],
-        "standard deviation of the position beyond which a track is removed";
+        "standard deviation of the position beyond which a track is removed, beside what the own ship's pose adds to it";
     merge_sigmas: T, "-", From(0.0, 1e6), [1.0],
         "distance of two tracks, standard deviations, below which they are one target";
     longest_gap_s: T, "s", From(1e-4, 1e9), [3600.0],

@@ -11,6 +11,7 @@ use crate::tracking::association::ipda::Existence;
 use crate::tracking::coordinated_turn::{TargetCovariance, TargetState};
 use crate::tracking::detection::{CrossCovariance, Detection};
 use crate::tracking::imm::{Imm, Mode};
+use crate::tracking::own_ship::OwnShip;
 
 /// Status of a track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,7 +112,11 @@ impl<T: Scalar, const M: usize> Track<T, M> {
     }
 
     /// Why the track is over, if it is.
-    pub(super) fn end(&self, config: &MultiTargetConfig<T, M>) -> Option<TrackEnd> {
+    pub(super) fn end(
+        &self,
+        config: &MultiTargetConfig<T, M>,
+        own_ship: &OwnShip<T>,
+    ) -> Option<TrackEnd> {
         let limit = match self.status {
             TrackStatus::Tentative => config.settings.delete_existence,
             TrackStatus::Confirmed => config.settings.delete_confirmed_existence,
@@ -122,9 +127,14 @@ impl<T: Scalar, const M: usize> Track<T, M> {
         if self.existence.existence < limit {
             return Some(TrackEnd::Existence);
         }
-        let p = self.estimate().covariance;
+        let estimate = self.estimate();
+        let (x, p) = (estimate.state, estimate.covariance);
+        let offset = Vector2::new(x[0] - own_ship.north_m, x[2] - own_ship.east_m);
+        let by_pose = by_pose(&offset);
+        // An uncertain pose makes every target uncertain and is no reason to let it go.
+        let of_pose = (by_pose * own_ship.covariance * by_pose.transpose()).trace();
         let largest = config.settings.largest_position_std_m;
-        (p[(0, 0)] + p[(2, 2)] > largest * largest).then_some(TrackEnd::Uncertain)
+        (p[(0, 0)] + p[(2, 2)] > largest * largest + of_pose).then_some(TrackEnd::Uncertain)
     }
 
     pub(super) fn is_senior_to(&self, other: &Self) -> bool {
@@ -184,7 +194,14 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
     }
     let turn = config.models.turn.std_rad_s;
     p[(4, 4)] = turn * turn;
-    let imm = Imm::new(&config.models, state, p, cross);
+    let mut imm = Imm::new(&config.models, state, p, cross);
+    if let [_, .., fast] = &mut imm.modes[..] {
+        // (I4): a sum of two densities has the long tail that speeds have.
+        let tail = config.settings.birth_speed_tail;
+        for speed in [1, 3] {
+            fast.covariance[(speed, speed)] *= tail * tail;
+        }
+    }
     imm.is_valid().then_some(Track {
         id,
         status: TrackStatus::Tentative,
@@ -197,6 +214,12 @@ pub(super) fn initiate<T: Scalar, const M: usize>(
         silent_s: T::zero(),
         innovation: Innovation::skipped(SkipReason::NotInitialized),
     })
+}
+
+/// Jacobian of a position at this offset (north, east) from the own ship by its north, east and heading (I2): heading turns the offset.
+fn by_pose<T: Scalar>(offset: &Vector2<T>) -> Matrix2x3<T> {
+    let (one, zero) = (T::one(), T::zero());
+    Matrix2x3::new(one, zero, -offset.y, zero, one, offset.x)
 }
 
 /// Position of a detection, its Jacobian by the own ship's pose, and the covariance of the sensor's
@@ -220,9 +243,8 @@ fn locate<T: Scalar>(
             let direction = bearing_rad + own.heading_rad;
             let (s, c) = (direction.sin(), direction.cos());
             let offset = Vector2::new(range_m * c, range_m * s);
-            // (I2): heading turns the offset
-            let (one, zero) = (T::one(), T::zero());
-            let by_pose = Matrix2x3::new(one, zero, -offset.y, zero, one, offset.x);
+            let by_pose = by_pose(&offset);
+            let zero = T::zero();
             let by_sensor = Matrix2::new(c, -offset.y, s, offset.x);
             let r = Matrix2::new(
                 noise.range_std_m * noise.range_std_m,
