@@ -13,6 +13,7 @@ use crate::experiments::{self, Finished};
 use crate::frames::FrameText;
 use crate::lab::{Device, Lab, Queuing, lock};
 use crate::messages::{Command, SensorUse, UnderWay};
+use crate::persistence::{CalibrationTimes, SavedDevice};
 use crate::recorder::Control;
 use crate::session::Happening;
 use crate::session::experiment::Experiment;
@@ -72,6 +73,7 @@ struct Task {
     newest_ns: Option<i64>,
     last_progress: Instant,
     experiment_id: String,
+    calibrated: CalibrationTimes,
 }
 
 /// Starts the task; it ends when the device is taken away.
@@ -79,6 +81,7 @@ pub(crate) fn spawn(
     lab: Arc<Lab>,
     device: Arc<Device>,
     engine: DeviceEngine,
+    saved: Option<SavedDevice>,
     mut work: mpsc::Receiver<Queuing>,
 ) {
     let now = Instant::now();
@@ -87,13 +90,14 @@ pub(crate) fn spawn(
         device,
         engine,
         name: String::new(),
-        renamed: false,
+        renamed: saved.as_ref().is_some_and(|saved| saved.name.is_some()),
         arrival_ns: i64::MIN,
         heard: Heard::new(now),
         last_frame: None,
         newest_ns: None,
         last_progress: now,
         experiment_id: String::new(),
+        calibrated: saved.map(|saved| saved.calibrated).unwrap_or_default(),
     };
     task.publish();
     let (lab, device) = (task.lab.clone(), task.device.clone());
@@ -233,8 +237,20 @@ impl Task {
                 Happening::Calibrated(run, made) => {
                     let message = run.message(&self.device.id, Some(&made));
                     self.lab.tell(&message);
+                    if made.is_ok() {
+                        self.calibrated.rest = Some(experiments::utc(arrival_ns));
+                        self.save();
+                    }
                 }
                 Happening::Magnetometer(action, remark) => {
+                    match action {
+                        MagnetometerAction::Finish => {
+                            self.calibrated.magnetometer = Some(experiments::utc(arrival_ns));
+                        }
+                        MagnetometerAction::Discard => self.calibrated.magnetometer = None,
+                        MagnetometerAction::Start | MagnetometerAction::Cancel => {}
+                    }
+                    self.save();
                     self.magnetometer_changed(action, &remark);
                 }
                 Happening::Experimented(experiment) => self.experimented(*experiment, arrival_ns),
@@ -262,9 +278,10 @@ impl Task {
         };
         tokio::task::spawn_blocking(move || match finished.evaluated() {
             Ok(finished) => {
-                let finished = lab.keep(finished);
+                let finished = lab.experiments.add(finished);
                 lab.tell(&finished.message());
                 lab.tell(&lab.experiments_message());
+                lab.experiments.save(&finished);
             }
             Err(text) => lab.tell(&ToPage::error(text)),
         });
@@ -279,7 +296,7 @@ impl Task {
         }
         let happenings = self.engine.command(command, arrival_ns)?;
         match command {
-            Command::Experiment(..) => self.experiment_id = self.lab.next_experiment(),
+            Command::Experiment(..) => self.experiment_id = self.lab.experiments.next_id(),
             Command::Rename(name) => {
                 self.renamed = true;
                 lock(&self.device.status).name = name.chars().take(60).collect();
@@ -287,7 +304,27 @@ impl Task {
             _ => {}
         }
         self.happened(happenings, arrival_ns);
+        if matches!(
+            command,
+            Command::Settings(..)
+                | Command::Sensors(_)
+                | Command::Estimators(_)
+                | Command::Subject(_)
+                | Command::Rename(_)
+        ) {
+            self.save();
+        }
         Ok(())
+    }
+
+    /// Hands over what is to be found again at the next start.
+    fn save(&self) {
+        self.lab.save_device(&self.device, || {
+            let given = || lock(&self.device.status).name.clone();
+            let name = self.renamed.then(given);
+            let session = self.engine.session();
+            SavedDevice::of(&self.device.id, name, session, self.calibrated.clone())
+        });
     }
 
     /// Sends a frame, unless one has just been sent or nobody looks.
@@ -384,6 +421,9 @@ impl Task {
         status.silence = self.heard.in_words(self.device.source, now);
         status.settings = serde_json::to_value(session.config()).unwrap_or_default();
         status.used = Some(SensorUse::of(&session.options().sensors));
+        let rest = &session.options().calibration;
+        status.rest = rest.as_ref().map(Into::into);
+        status.calibrated.clone_from(&self.calibrated);
         status.estimates = session.estimates();
     }
 }

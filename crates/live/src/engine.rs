@@ -8,6 +8,7 @@ use northing_evaluation::{EvaluationError, RunOptions};
 use northing_recording::wire::{Decoded, Tone as WireTone, WireDecoder, WireError, WireFormat};
 
 use crate::messages::Command;
+use crate::persistence::SavedDevice;
 use crate::session::{DeviceSession, Happening};
 use northing_evaluation::statistics::lamp::{Remark, Tone};
 
@@ -132,6 +133,14 @@ impl DeviceEngine {
             Command::Rename(_) => {}
         }
         Ok(Vec::new())
+    }
+
+    /// Goes on with settings and calibrations of an earlier start.
+    ///
+    /// # Errors
+    /// They are not permitted; nothing has changed then.
+    pub fn restore(&mut self, saved: &SavedDevice) -> Result<(), EvaluationError> {
+        saved.restore(&mut self.session)
     }
 
     fn decoded(&mut self, decoded: Decoded, arrival_ns: i64) -> Vec<Happening> {

@@ -14,6 +14,7 @@ use northing_recording::{Event, SensorKind};
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 
+use crate::messages::SensorUse;
 use crate::session::aids::AIDS;
 use crate::session::experiment::Experiment;
 use crate::session::with_settings;
@@ -301,7 +302,7 @@ impl Finished {
                     nis_compass: s.nis_mean.compass,
                     error_deg: error_deg(s),
                 };
-                (*name, cell)
+                ((*name).to_owned(), cell)
             })
             .collect();
         ExperimentRow {
@@ -311,10 +312,13 @@ impl Finished {
             name: self.title().to_owned(),
             at: self.at.clone(),
             duration_s: self.experiment.duration_s(),
-            settings: self.settings(),
-            subject: self.subject,
+            settings: serde_json::to_value(self.settings()).unwrap_or_default(),
+            subject: self.subject.name().to_owned(),
             sensors: self.experiment.sensors(),
+            used: SensorUse::of(&self.options.sensors),
             results,
+            is_earlier: false,
+            has_samples: true,
         }
     }
 }
@@ -337,7 +341,7 @@ fn trace_columns(trace: &Trace) -> TraceColumns {
 }
 
 /// SHA-256 of the events as [`events::encode`] writes them.
-fn hash(measured: &[Event]) -> String {
+pub(crate) fn hash(measured: &[Event]) -> String {
     let digest = ring::digest::digest(&ring::digest::SHA256, &events::encode(measured));
     digest.as_ref().iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -1,6 +1,6 @@
 //! The lab: its devices, what pages are told, and the finished experiments.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,6 +13,7 @@ use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
+use crate::experiment_table::ExperimentTable;
 use crate::experiments::Finished;
 use crate::frames::FrameText;
 use crate::identities::Identities;
@@ -20,6 +21,7 @@ use crate::inputs::InputKind;
 use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
+use crate::persistence::{self, Opened, Persistence, SavedDevice};
 use crate::recorder::{Control, Recorder, RecordingStatus};
 use crate::session::frame::Frame;
 use crate::to_page::{ExperimentRow, ToPage};
@@ -34,10 +36,6 @@ const QUEUE: usize = 64;
 const FRAMES: usize = 256;
 /// Messages that a slow page may lag behind.
 const MESSAGES: usize = 1024;
-/// Finished experiments that are kept.
-const MOST_EXPERIMENTS: usize = 200;
-/// Events of all experiments that are kept: about 700 MB.
-const MOST_KEPT_EVENTS: usize = 12_000_000;
 
 /// A device as the rest of the lab sees it.
 #[derive(Debug)]
@@ -65,6 +63,8 @@ pub(crate) struct Recorded {
     pub(crate) options: RunOptions,
     /// Whether what waited for samples was ended.
     pub(crate) time_outs: bool,
+    /// Of an earlier start.
+    pub(crate) saved: Option<SavedDevice>,
 }
 
 /// Work in the queue of a device, and the room that it takes there.
@@ -78,9 +78,11 @@ pub(crate) struct Queuing {
 #[derive(Debug)]
 pub struct Lab {
     devices: Mutex<BTreeMap<String, Arc<Device>>>,
-    experiments: Mutex<VecDeque<Arc<Finished>>>,
+    pub(crate) experiments: ExperimentTable,
+    pub(crate) persistence: Option<Arc<Persistence>>,
+    /// A sentence about everything in the folder for data that could not be taken.
+    pub notes: Vec<String>,
     identities: Mutex<Identities>,
-    next_experiment: AtomicU64,
     next_virtual: AtomicU64,
     queued: Queued,
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
@@ -112,16 +114,39 @@ impl Lab {
     /// A lab without devices that records everything into a folder, if one is given.
     #[must_use]
     pub fn recording(options: RunOptions, folder: Option<PathBuf>) -> Arc<Self> {
+        Self::persistent(options, folder, None)
+    }
+
+    /// As [`Lab::recording`]; names, settings, calibrations and experiments are those of the folder `saved`, if one is given,
+    /// and stay there.
+    #[must_use]
+    pub fn persistent(
+        options: RunOptions,
+        folder: Option<PathBuf>,
+        saved: Option<PathBuf>,
+    ) -> Arc<Self> {
         let messages = broadcast::channel(MESSAGES).0;
+        let opened = saved.map(|saved| persistence::open(&saved, messages.clone()));
+        let Opened {
+            persistence,
+            experiments,
+            last_number,
+            mut notes,
+        } = opened.unwrap_or_default();
+        let persistence = persistence.map(Arc::new);
+        let (experiments, note) =
+            ExperimentTable::new(persistence.clone(), experiments, last_number);
+        notes.extend(note);
         let recorder = match folder {
             Some(folder) => Recorder::new(folder, messages.clone()),
             None => Recorder::off(),
         };
         Arc::new(Self {
             devices: Mutex::default(),
-            experiments: Mutex::default(),
+            experiments,
+            persistence,
+            notes,
             identities: Mutex::default(),
-            next_experiment: AtomicU64::new(1),
             next_virtual: AtomicU64::new(1),
             queued: Queued::default(),
             frames: broadcast::channel(FRAMES).0,
@@ -158,9 +183,12 @@ impl Lab {
         self.recorder.status()
     }
 
-    /// Completes the recording and waits for it.
+    /// Completes the recording and what is to be saved, and waits for both.
     pub fn close_recording(&self) {
         self.recorder.close();
+        if let Some(persistence) = &self.persistence {
+            persistence.close();
+        }
     }
 
     /// Tells all pages.
@@ -219,18 +247,30 @@ impl Lab {
             make_room(&mut devices, Instant::now())?;
         }
         let replayed = recorded.is_some();
-        let engine = match recorded {
-            None => DeviceEngine::new(self.options.clone()),
-            Some(as_then) if as_then.time_outs => DeviceEngine::new(as_then.options),
+        let (engine, saved) = match recorded {
+            None => {
+                let engine = DeviceEngine::new(self.options.clone());
+                (engine, self.saved(id, source))
+            }
+            Some(as_then) if as_then.time_outs => {
+                (DeviceEngine::new(as_then.options), as_then.saved)
+            }
             Some(as_then) => {
-                DeviceEngine::new(as_then.options).map(DeviceEngine::without_time_outs)
+                let engine = DeviceEngine::new(as_then.options);
+                (engine.map(DeviceEngine::without_time_outs), as_then.saved)
             }
         };
-        let engine = engine.map_err(|e| e.to_string())?;
+        let mut engine = engine.map_err(|e| e.to_string())?;
+        let saved = self.restored(&mut engine, saved);
+        let given = saved.as_ref().and_then(|saved| saved.name.as_deref());
+        let name = match given.unwrap_or(name) {
+            "" => id,
+            name => name,
+        };
         let (queue, work) = mpsc::channel(QUEUE);
         let status = DeviceStatus {
             id: id.to_owned(),
-            name: if name.is_empty() { id } else { name }.to_owned(),
+            name: name.to_owned(),
             source,
             connected: true,
             ..DeviceStatus::default()
@@ -249,15 +289,16 @@ impl Lab {
             gone: AtomicBool::new(false),
         });
         let came = Control::Device {
-            name: if name.is_empty() { id } else { name }.to_owned(),
+            name: name.to_owned(),
             source: source.to_owned(),
             profile: engine.session().options().profile.name().to_owned(),
             time_outs: true,
+            saved: saved.clone().map(Box::new),
         };
         self.recorder.control(&device.key, self.now_ns(), &came);
         devices.insert(id.to_owned(), device.clone());
         drop(devices);
-        device::spawn(self.clone(), device.clone(), engine, work);
+        device::spawn(self.clone(), device.clone(), engine, saved, work);
         self.tell_devices();
         Ok(device)
     }
@@ -354,41 +395,26 @@ impl Lab {
             .max_by_key(|id| (id.len(), id.clone()))
     }
 
-    /// An identifier for the next experiment.
-    pub(crate) fn next_experiment(&self) -> String {
-        let number = self.next_experiment.fetch_add(1, Ordering::Relaxed);
-        format!("e{number}")
-    }
-
-    /// Keeps a finished experiment; the oldest go when there are too many.
-    pub(crate) fn keep(&self, finished: Finished) -> Arc<Finished> {
-        let finished = Arc::new(finished);
-        let mut kept = lock(&self.experiments);
-        kept.push_back(finished.clone());
-        let events = |kept: &VecDeque<Arc<Finished>>| -> usize {
-            kept.iter().map(|f| f.experiment.events.len()).sum()
-        };
-        while kept.len() > 1 && (kept.len() > MOST_EXPERIMENTS || events(&kept) > MOST_KEPT_EVENTS)
-        {
-            kept.pop_front();
-        }
-        finished
-    }
-
-    /// A finished experiment.
+    /// A finished experiment with its samples; those of an earlier one are read, which takes a while.
     ///
     /// # Errors
-    /// There is none of this id, in a sentence.
+    /// There is none of this id, or its samples cannot be had, in a sentence.
     pub fn experiment(&self, id: &str) -> Result<Arc<Finished>, String> {
-        let kept = lock(&self.experiments);
-        let found = kept.iter().find(|f| f.id == id).cloned();
-        found.ok_or_else(|| format!("there is no experiment `{id}`"))
+        self.experiments.get(id)
+    }
+
+    /// Deletes an experiment, from the disk, too.
+    ///
+    /// # Errors
+    /// There is none of this id, or it cannot be deleted, in a sentence.
+    pub fn delete_experiment(&self, id: &str) -> Result<(), String> {
+        self.experiments.delete(id)
     }
 
     /// The table of experiments, the oldest first.
     #[must_use]
     pub fn experiment_rows(&self) -> Vec<ExperimentRow> {
-        lock(&self.experiments).iter().map(|f| f.row()).collect()
+        self.experiments.rows()
     }
 
     /// The table of experiments as a message.

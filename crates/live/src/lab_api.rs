@@ -26,6 +26,7 @@ use crate::page;
 use crate::qr;
 use crate::report;
 use crate::session::aids::{AIDS, Aid};
+use crate::session_export;
 use crate::to_page::{AidLine, EstimatorLine, Hello, InputKindLine, Parameter, ToPage};
 
 /// What a page can offer beyond the path itself.
@@ -64,6 +65,7 @@ pub fn router(api: LabApi) -> Router {
         .route("/assets/{name}", get(asset))
         .route("/api/status", get(status))
         .route("/api/qr.svg", get(qr_svg))
+        .route("/api/session.zip", get(session_export::download))
         .route("/api/experiments/{id}/{file}", get(experiment_file))
         .route(
             "/api/devices/{id}/magnetometer.toml",
@@ -134,8 +136,9 @@ async fn experiment_file(
     State(api): State<LabApi>,
     Path((id, name)): Path<(String, String)>,
 ) -> Answer {
-    let finished = api.lab.experiment(&id).map_err(not_found)?;
-    let file = name.clone();
+    let (lab, of, file) = (api.lab.clone(), id.clone(), name.clone());
+    let finished = tokio::task::spawn_blocking(move || lab.experiment(&of)).await;
+    let finished = finished.map_err(|_| failed(&""))?.map_err(not_found)?;
     let made = tokio::task::spawn_blocking(move || export::export(&finished, &file));
     let made = made
         .await

@@ -13,6 +13,7 @@
 //! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`allan`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | recording everything as it arrives | [`recorder`] |
+//! | what outlives the lab, and a session as one file | [`persistence`], [`session_export`] |
 //! | apps with a server, ports that wait, serial lines | [`inputs`] |
 //! | the pages and the QR code | [`assets`], [`qr`] |
 //!
@@ -26,6 +27,7 @@ pub mod assets;
 pub mod connections;
 pub mod device;
 pub mod engine;
+mod experiment_table;
 pub mod experiments;
 pub mod export;
 mod file_limit;
@@ -39,6 +41,7 @@ pub mod latency;
 pub mod limits;
 pub mod messages;
 mod page;
+pub mod persistence;
 pub mod phone_hints;
 mod private;
 #[cfg(test)]
@@ -52,6 +55,7 @@ pub mod report;
 pub mod security;
 pub mod server;
 pub mod session;
+pub mod session_export;
 mod silence;
 pub mod tls;
 pub mod to_page;

@@ -9,8 +9,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::inputs::InputKind;
+use crate::persistence::CalibrationTimes;
 use crate::session::frame::{Estimate, SessionStatus};
 use crate::session::magnetometer::MagnetometerAction;
+use crate::to_page::RestNumbers;
 
 /// What a page can ask for.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -134,6 +136,11 @@ pub enum Request {
         /// Of this sensor.
         #[serde(default = "gyroscope")]
         sensor: String,
+    },
+    /// Delete an experiment, from the disk, too.
+    DeleteExperiment {
+        /// It.
+        id: String,
     },
     /// Take a device away that has gone.
     Remove {
@@ -328,6 +335,10 @@ pub struct DeviceStatus {
     /// The sensors in use.
     #[serde(rename = "use")]
     pub used: Option<SensorUse>,
+    /// The calibration at rest in force, of this start or an earlier one.
+    pub rest: Option<RestNumbers>,
+    /// When the calibrations in force were made.
+    pub calibrated: CalibrationTimes,
     /// The estimates of this moment.
     pub estimates: BTreeMap<&'static str, Estimate>,
 }

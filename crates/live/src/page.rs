@@ -73,7 +73,10 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
         lab.devices_message(),
         lab.experiments_message(),
         lab.recording_status().message(),
-    ] {
+    ]
+    .into_iter()
+    .chain(lab.persistence_problem().map(ToPage::error))
+    {
         if send(&mut socket, message.json()).await.is_err() {
             return;
         }
@@ -285,6 +288,13 @@ async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
         Request::VirtualPhone { device, .. } => {
             let id = device.or_else(|| lab.newest_virtual());
             lab.remove(&id.ok_or("there is no virtual phone to remove")?);
+            return Ok(());
+        }
+        Request::DeleteExperiment { id } => {
+            let of = lab.clone();
+            let deleted = tokio::task::spawn_blocking(move || of.delete_experiment(&id)).await;
+            deleted.map_err(|error| error.to_string())??;
+            lab.tell(&lab.experiments_message());
             return Ok(());
         }
         Request::Remove { device } => {

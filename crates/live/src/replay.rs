@@ -169,12 +169,14 @@ impl<'a> Player<'a> {
                 name,
                 profile,
                 time_outs,
+                saved,
                 ..
             } => {
                 let profile: Profile = profile.parse().map_err(|e| format!("{e}"))?;
                 let recorded = Recorded {
                     options: RunOptions::new(EstimatorKind::Mekf, profile),
                     time_outs,
+                    saved: saved.map(|saved| *saved),
                 };
                 self.begin(id, &name, recorded, arrival_ns)?;
                 Ok(())
@@ -224,6 +226,7 @@ impl<'a> Player<'a> {
         let recorded = Recorded {
             options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
             time_outs: false,
+            saved: None,
         };
         self.begin(id, id, recorded, arrival_ns)
     }

@@ -51,7 +51,7 @@ pub struct LiveConfig {
     pub network: bool,
     /// How long silent connections are kept.
     pub patience: Patience,
-    /// Where everything is recorded; `None` for no recording.
+    /// Where everything is recorded; `None` for no recording, and then nothing else is kept in `data_dir` either.
     pub recordings: Option<PathBuf>,
     /// The options that every device starts with.
     pub options: RunOptions,
@@ -78,6 +78,9 @@ pub enum StartError {
     /// The system gives no random numbers.
     #[error("the system gives no random numbers: {0}")]
     Random(String),
+    /// The folder for data could not be read.
+    #[error("the folder for data: {0}")]
+    Data(String),
     /// There are no three free ports one after the other.
     #[error("three free ports: {0}; choose one with --port")]
     Ports(String),
@@ -100,7 +103,8 @@ pub struct Running {
     pub inputs: Arc<Inputs>,
     /// SHA-256 of the certificate.
     pub fingerprint: String,
-    /// A sentence about each recording that was found unfinished.
+    /// A sentence about each recording that was found unfinished, and about what else in the folder for data could not be
+    /// taken.
     pub recovered: Vec<String>,
     handles: Vec<Handle<SocketAddr>>,
 }
@@ -127,8 +131,9 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let [for_lab, for_phones, for_apps] = listeners;
     let reach = Reach::new(addresses, name, [port[1], port[2]], token.clone());
     let reach = Arc::new(reach);
-    let recovered = recovered(config.recordings.clone()).await;
-    let lab = Lab::recording(config.options, config.recordings.clone());
+    let mut recovered = recovered(config.recordings.clone()).await;
+    let lab = lab(&config).await?;
+    recovered.extend(lab.notes.iter().cloned());
     let assets = Arc::new(Assets::new(config.web_dir));
     let inputs = Inputs::new(lab.clone(), config.network.then(|| reach.clone()));
     let facts = Arc::new(Facts {
@@ -220,6 +225,16 @@ impl Running {
         // A thread that cannot be had leaves the file to the next start.
         let _ = tokio::task::spawn_blocking(move || lab.close_recording()).await;
     }
+}
+
+/// The lab with what earlier starts have left in the folder for data; nothing is kept where nothing is to be recorded.
+async fn lab(config: &LiveConfig) -> Result<Arc<Lab>, StartError> {
+    let (options, recordings) = (config.options.clone(), config.recordings.clone());
+    let saved = recordings.is_some().then(|| config.data_dir.join("lab"));
+    let opening = tokio::task::spawn_blocking(move || Lab::persistent(options, recordings, saved));
+    opening
+        .await
+        .map_err(|error| StartError::Data(error.to_string()))
 }
 
 /// Makes unfinished recordings whole, aside.

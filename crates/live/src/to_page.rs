@@ -10,11 +10,11 @@ use northing_evaluation::attitude::parameters::Parameters;
 use northing_evaluation::calibration::allan::AllanReport;
 use northing_evaluation::{EstimatorKind, RunSummary};
 use northing_recording::SensorKind;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::inputs::{InputKind, InputStatus};
-use crate::messages::DeviceStatus;
+use crate::messages::{DeviceStatus, SensorUse};
 use crate::recorder::RecordingStatus;
 use crate::session::frame::Frame;
 use northing_evaluation::statistics::lamp::Remark;
@@ -424,17 +424,24 @@ pub struct ExperimentRow {
     pub duration_s: f64,
     /// The parameters that ran.
     #[cfg_attr(test, ts(type = "Settings"))]
-    pub settings: Parameters,
+    pub settings: Value,
     /// The estimator that it is about.
-    pub subject: EstimatorKind,
+    pub subject: String,
     /// The sensors that delivered.
     pub sensors: Vec<SensorKind>,
+    /// Those that were used.
+    #[serde(rename = "use")]
+    pub used: SensorUse,
     /// Of each estimator.
-    pub results: BTreeMap<&'static str, ResultCell>,
+    pub results: BTreeMap<String, ResultCell>,
+    /// Whether it is of an earlier start of the lab.
+    pub is_earlier: bool,
+    /// Whether its samples can be run again.
+    pub has_samples: bool,
 }
 
 /// What an estimator made of an experiment, in a few numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct ResultCell {
     /// Of the final test, deg.

@@ -64,7 +64,8 @@ function AtRest({ device }: { device: Device }) {
           <span>{said(calibration.verdict.text)}</span>
         </div>
       )}
-      {calibration?.result && <Numbers result={calibration.result} />}
+      {!calibration && device.rest && <p class="small">{t("rest.inForce", { time: device.calibrated.rest ?? "–" })}</p>}
+      {(calibration?.result ?? (calibration ? null : device.rest)) && <Numbers result={(calibration?.result ?? device.rest)!} />}
       {calibration?.samples && <Plots samples={calibration.samples} />}
       {calibration?.state === "done" && <button type="button" class="primary" onClick={() => goTo("tune")}>{t("calibrate.next")}</button>}
     </>

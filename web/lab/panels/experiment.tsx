@@ -6,6 +6,7 @@ import { mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
 import { aids, goTo, historyOf, receives, rowsOf, send, state, titleOf, update } from "../store";
+import { t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, pretty, unnamed, VERDICTS } from "../words";
 import { Silence, Stillness } from "./stillness";
@@ -90,8 +91,12 @@ export function Result({ device }: { device: Device }) {
       <h3>{row?.name ?? id} <small>{row?.at}</small></h3>
       {finished?.result ? <Summary summary={finished.result.summary} subject={finished.result.subject} /> : row && <RowSummary row={row} />}
       {finished?.result && <p class="small">{finished.result.origin}</p>}
-      <Downloads id={id} hash={finished?.result?.hash} />
-      <button type="button" class="primary" onClick={() => goTo("what-if")}>Next: what if?</button>
+      {row && !row.has_samples ? <p class="small">{t("experiments.noSamples.hint")}</p> : (
+        <>
+          <Downloads id={id} hash={finished?.result?.hash} />
+          <button type="button" class="primary" onClick={() => goTo("what-if")}>Next: what if?</button>
+        </>
+      )}
     </div>
   );
 }
@@ -209,6 +214,13 @@ function Downloads({ id, hash }: { id: string; hash: string | undefined }) {
 
 const setting = (v: SettingValue | undefined): string => (typeof v === "number" ? figures(v) : "–");
 
+/** Deletes an experiment at the second press. */
+function Delete({ id, name }: { id: string; name: string }) {
+  const [sure, setSure] = useState(false);
+  const press = (): void => (sure ? send({ type: "delete_experiment", id }) : setSure(true));
+  return <button type="button" class="link" aria-label={sure ? t("experiments.delete.sure") : t("experiments.delete.of", { name })} onBlur={() => setSure(false)} onClick={press}>{t(sure ? "experiments.delete.sure" : "experiments.delete")}</button>;
+}
+
 /** All experiments so far, in the lower half. */
 export function ExperimentTable() {
   if (!state.rows.length) return <p class="empty">No experiment yet: each one adds a row here.</p>;
@@ -225,11 +237,12 @@ export function ExperimentTable() {
     names.find((name) => state.hello?.estimators.find((e) => e.name === row.subject)?.reads.includes(name));
   return (
     <div class="scroll">
+      <p class="buttons"><a href="/api/session.zip" download="">{t("experiments.session")}</a></p>
       <table class="experiments">
         <thead>
           <tr>
             <th scope="col">Experiment</th><th scope="col">Subject</th><th scope="col">Verdict</th><th scope="col" class="num">Calculated</th><th scope="col" class="num">Estimated</th>
-            <th scope="col" class="num">Integration</th>{sensors.map((aid) => <th key={aid.sensor} scope="col" class="num" title={`R of the ${aid.title.toLowerCase()}, standard deviation`}>R {aid.title.toLowerCase().slice(0, 3)}</th>)}<th scope="col" class="num">s</th><th scope="col">Device</th>
+            <th scope="col" class="num">Integration</th>{sensors.map((aid) => <th key={aid.sensor} scope="col" class="num" title={`R of the ${aid.title.toLowerCase()}, standard deviation`}>R {aid.title.toLowerCase().slice(0, 3)}</th>)}<th scope="col" class="num">s</th><th scope="col">Device</th><td />
           </tr>
         </thead>
         <tbody>
@@ -238,7 +251,10 @@ export function ExperimentTable() {
             const verdict = main?.verdict ? VERDICTS[main.verdict] : undefined;
             return (
               <tr key={row.id} aria-current={row.id === shown}>
-                <th scope="row"><button type="button" class="link" onClick={() => show(row)}>{row.name}</button></th>
+                <th scope="row"><button type="button" class="link" onClick={() => show(row)}>{row.name}</button>
+                  {row.is_earlier && <small class="mark" title={t("experiments.earlier.hint")}> {t("experiments.earlier")}</small>}
+                  {!row.has_samples && <small class="mark" title={t("experiments.noSamples.hint")}> {t("experiments.noSamples")}</small>}
+                </th>
                 <td>{nameOf(row.subject)}</td>
                 <td><span class={`tag ${verdict?.tone ?? ""}`}>{verdict?.text ?? "–"}</span></td>
                 <td class="num">{degrees(main?.calculated_error_deg)}</td>
@@ -247,6 +263,7 @@ export function ExperimentTable() {
                 {sensors.map((aid) => <td key={aid.sensor} class="num">{row.sensors.some((s) => s === aid.sensor) ? setting(row.settings[reads(row, aid.noise) ?? ""]) : "–"}</td>)}
                 <td class="num">{number(row.duration_s, 0)}</td>
                 <td>{state.devices.find((d) => d.id === row.device_id)?.name ?? row.device}</td>
+                <td><Delete id={row.id} name={row.name} /></td>
               </tr>
             );
           })}

@@ -45,7 +45,7 @@ function ask(row: ExperimentRow, settings: Settings, curve: string | null): void
 }
 
 export function WhatIf() {
-  const rows = state.rows;
+  const rows = state.rows.filter((r) => r.has_samples);
   const own = state.selected ?? "";
   const [id, setId] = useState(state.shownResults[own] ?? rowsOf(own).at(-1)?.id ?? rows.at(-1)?.id ?? "");
   const row = rows.find((r) => r.id === id) ?? rows.at(-1);

@@ -22,6 +22,7 @@ use tokio::sync::broadcast;
 
 use crate::lab::lock;
 use crate::messages::Command;
+use crate::persistence::SavedDevice;
 use crate::to_page::ToPage;
 
 pub use folder::{Listed, list, path_of, recover_all};
@@ -209,6 +210,9 @@ pub enum Control {
         /// Whether commands need samples and end when these stay away; recordings of before do not say so.
         #[serde(default)]
         time_outs: bool,
+        /// Settings and calibrations of an earlier start that it began with.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        saved: Option<Box<SavedDevice>>,
     },
     /// A command was carried out or refused.
     Command {

@@ -31,7 +31,7 @@ pub struct Experiment {
     /// The state of each estimator at its first sample; one that is missing aligned itself.
     pub starts: Vec<(EstimatorKind, InitialState<f64>)>,
     /// What was changed while it ran.
-    pub changed: Vec<&'static str>,
+    pub changed: Vec<String>,
 }
 
 impl ExperimentRun {
@@ -69,9 +69,9 @@ impl ExperimentRun {
     }
 
     /// Remembers that something was changed while it runs.
-    pub fn note_change(&mut self, what: &'static str) {
-        if self.has_begun() && !self.made.changed.contains(&what) {
-            self.made.changed.push(what);
+    pub fn note_change(&mut self, what: &str) {
+        if self.has_begun() && !self.made.changed.iter().any(|said| said == what) {
+            self.made.changed.push(what.to_owned());
         }
     }
 

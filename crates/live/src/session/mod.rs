@@ -14,6 +14,7 @@ pub mod health;
 pub mod intake;
 pub mod magnetometer;
 pub mod raw;
+mod resume;
 pub mod span;
 pub mod subject;
 pub mod track;

@@ -188,6 +188,12 @@ impl DeviceSession {
         self.judged.reset(&self.config());
     }
 
+    /// The subject that was chosen; `None` while nobody has chosen.
+    #[must_use]
+    pub fn chosen(&self) -> Option<EstimatorKind> {
+        self.judged.chosen
+    }
+
     /// Chooses the subject among the estimators that run. What was gathered about the one before is
     /// forgotten.
     ///

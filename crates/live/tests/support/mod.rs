@@ -41,10 +41,23 @@ impl TestLab {
         Self::with_patience(Patience::default())
     }
 
+    /// A lab on a folder for data of before.
+    pub fn start_with(data: tempfile::TempDir) -> Self {
+        Self::start_in(data, Patience::default(), true)
+    }
+
+    /// A lab that records nothing.
+    pub fn start_without_recording(data: tempfile::TempDir) -> Self {
+        Self::start_in(data, Patience::default(), false)
+    }
+
     /// A lab that keeps silent connections for so long.
     pub fn with_patience(patience: Patience) -> Self {
+        Self::start_in(tempfile::tempdir().unwrap(), patience, true)
+    }
+
+    fn start_in(data: tempfile::TempDir, patience: Patience, records: bool) -> Self {
         let runtime = tokio::runtime::Runtime::new().unwrap();
-        let data = tempfile::tempdir().unwrap();
         let config = LiveConfig {
             port: 0,
             data_dir: data.path().to_owned(),
@@ -52,7 +65,7 @@ impl TestLab {
             web_dir: None,
             network: false,
             patience,
-            recordings: Some(data.path().join("recordings")),
+            recordings: records.then(|| data.path().join("recordings")),
             options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
             ..LiveConfig::default()
         };
