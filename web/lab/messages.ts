@@ -60,6 +60,10 @@ export type Calibration = {
 
 export type CalibrationState = "running" | "done" | "refused";
 
+export type CalibrationTimes = {
+  rest: string | null,
+  magnetometer: string | null, };
+
 export type Cause = "stuck" | "hole" | "saturation" | "bursts" | "jitter" | "bias-change" | "misalignment" | "scale" | "hard-iron" | "magnetic-disturbance" | "rounding" | "noise" | "acceleration" | "lasting-errors";
 
 export type Coefficient = {
@@ -97,6 +101,8 @@ export type DeviceStatus = {
   duplicated_batches: number,
   settings: Settings | null,
   use: SensorUse | null,
+  rest: RestNumbers | null,
+  calibrated: CalibrationTimes,
   estimates: { [key in string]: Estimate },
   health: Array<Remark>,
   rates_hz: { [key in string]: number },
@@ -171,7 +177,10 @@ export type ExperimentRow = {
   settings: Settings,
   subject: EstimatorKind,
   sensors: Array<SensorKind>,
-  results: { [key in string]: ResultCell }, };
+  use: SensorUse,
+  results: { [key in string]: ResultCell },
+  is_earlier: boolean,
+  has_samples: boolean, };
 
 export type ExperimentState = "running" | "done";
 
@@ -431,7 +440,8 @@ export type Request = { "type": "virtual_phone",
   device: string,
   action: MagnetometerAction, } | { "type": "allan",
   id: string,
-  sensor: string, } | { "type": "remove",
+  sensor: string, } | { "type": "delete_experiment",
+  id: string, } | { "type": "remove",
   device: string, } | { "type": "input",
   action: Action,
   kind?: InputKind | null,

@@ -7,7 +7,7 @@ use std::io::{self, Seek as _, Write};
 
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use northing_evaluation::used_parameters::PROGRAM;
 use northing_recording::lab_session::{FORMAT, SAMPLES, SESSION};
@@ -63,19 +63,21 @@ pub fn write(lab: &Lab, name: &str, output: impl Write + io::Seek) -> io::Result
 
 /// `/api/session.zip`.
 pub(crate) async fn download(State(api): State<LabApi>) -> Response {
-    let made = tokio::task::spawn_blocking(move || -> io::Result<File> {
+    let made = tokio::task::spawn_blocking(move || -> io::Result<(File, u64)> {
         // Nobody else opens a file that has no name.
         let mut file = tempfile::tempfile()?;
         write(&api.lab, &api.facts.name, &mut file)?;
         file.rewind()?;
-        Ok(file)
+        let bytes = file.metadata()?.len();
+        Ok((file, bytes))
     });
     let failed = |text: String| (StatusCode::INTERNAL_SERVER_ERROR, text).into_response();
     match made.await {
-        Ok(Ok(file)) => {
+        Ok(Ok((file, bytes))) => {
             let headers = attachment("application/zip", "northing-session.zip");
+            let length = [(header::CONTENT_LENGTH, bytes.to_string())];
             let file = tokio::fs::File::from_std(file);
-            (headers, Body::from_stream(ReaderStream::new(file))).into_response()
+            (headers, length, Body::from_stream(ReaderStream::new(file))).into_response()
         }
         Ok(Err(error)) => failed(format!("the session cannot be written: {error}")),
         Err(error) => failed(error.to_string()),

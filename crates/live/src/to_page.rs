@@ -426,6 +426,7 @@ pub struct ExperimentRow {
     #[cfg_attr(test, ts(type = "Settings"))]
     pub settings: Value,
     /// The estimator that it is about.
+    #[cfg_attr(test, ts(as = "EstimatorKind"))]
     pub subject: String,
     /// The sensors that delivered.
     pub sensors: Vec<SensorKind>,

@@ -169,6 +169,10 @@ fn the_path_of_the_paper_on_a_virtual_phone() {
     );
     files(&lab, experiment, done["result"]["hash"].as_str().unwrap());
 
+    page.say(&json!({"type": "delete_experiment", "id": experiment}));
+    page.wait("a table without it", |m| {
+        m["type"] == "experiments" && m["rows"] == json!([])
+    });
     page.say(&json!({"type": "virtual_phone", "action": "remove"}));
     page.wait("an empty lab", |m| {
         m["type"] == "devices" && m["devices"] == json!([])

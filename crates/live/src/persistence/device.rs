@@ -1,10 +1,10 @@
 //! What a device is known by and was set to, from one start of the lab to the next.
 
 use northing_core::calibration::magnetometer::MagnetometerCalibration;
-use northing_evaluation::attitude::setup::RunSetup;
-use northing_evaluation::{EstimatorKind, EvaluationError, RunOptions};
+use northing_evaluation::{EstimatorKind, EvaluationError};
 use serde::{Deserialize, Serialize};
 
+use super::options::SavedOptions;
 use crate::session::DeviceSession;
 
 /// What the file says of itself.
@@ -22,7 +22,7 @@ pub struct SavedDevice {
     /// The name that it was given in the lab; `None`: its own.
     pub name: Option<String>,
     /// Profile, parameters, sensors, calibration at rest.
-    pub setup: RunSetup,
+    pub options: SavedOptions,
     /// The estimators that run; those that somebody brought along are not among them.
     pub estimators: Vec<EstimatorKind>,
     /// The one of them that was chosen as the subject.
@@ -58,10 +58,7 @@ impl SavedDevice {
             version: VERSION,
             id: id.to_owned(),
             name,
-            setup: RunSetup::of(&RunOptions {
-                estimator: EstimatorKind::Mekf,
-                ..session.options().clone()
-            }),
+            options: SavedOptions::of(session.options()),
             estimators: session.estimators().into_iter().filter(is_ours).collect(),
             subject: session.chosen().filter(is_ours),
             magnetometer: session.magnetometer().copied(),
@@ -74,10 +71,7 @@ impl SavedDevice {
     /// # Errors
     /// A parameter is not permitted, or a calibration is none; nothing has changed then.
     pub fn restore(&self, session: &mut DeviceSession) -> Result<(), EvaluationError> {
-        let options = RunOptions {
-            world_frame: session.options().world_frame,
-            ..self.setup.clone().options()?
-        };
+        let options = self.options.options()?;
         let mut kinds = self.estimators.clone();
         let own = |kind: &EstimatorKind| matches!(kind, EstimatorKind::Own(_));
         kinds.extend(session.estimators().into_iter().filter(own));
@@ -88,7 +82,7 @@ impl SavedDevice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use northing_evaluation::Profile;
+    use northing_evaluation::{Profile, RunOptions};
     use serde_json::json;
 
     #[test]
@@ -121,7 +115,7 @@ mod tests {
     fn what_no_device_can_be_is_refused_and_changes_nothing() {
         let mut session = DeviceSession::new(RunOptions::default()).unwrap();
         let mut saved = SavedDevice::of("anna", None, &session, CalibrationTimes::default());
-        saved.setup.config.attitude.accelerometer_std = -1.0;
+        saved.options.setup.config.attitude.accelerometer_std = -1.0;
         let before = session.config();
         saved.restore(&mut session).unwrap_err();
         assert_eq!(session.config(), before);

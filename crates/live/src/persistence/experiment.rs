@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use northing_evaluation::attitude::setup::{RunSetup, Start};
+use northing_evaluation::EstimatorKind;
+use northing_evaluation::attitude::setup::Start;
 use northing_evaluation::used_parameters::PROGRAM;
-use northing_evaluation::{EstimatorKind, RunOptions};
 use northing_recording::lab_session::SAMPLES;
 use northing_recording::wire::events;
 use northing_recording::{SensorKind, WorldFrame};
@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::files::{self, Refused};
+use super::options::SavedOptions;
 use crate::experiments::{Finished, hash};
 use crate::messages::SensorUse;
 use crate::private;
@@ -54,8 +55,8 @@ pub struct SavedExperiment {
     pub world_frame: WorldFrame,
     /// The parameters in force, by name.
     pub settings: Value,
-    /// What it is run with, a [`RunSetup`]; read when it is run again.
-    pub setup: Value,
+    /// What it is run with, [`SavedOptions`]; read when it is run again.
+    pub options: Value,
     /// The estimators that ran, by name.
     pub estimators: Vec<String>,
     /// The one of them that it is about.
@@ -83,11 +84,7 @@ impl SavedExperiment {
     pub fn of(finished: &Finished) -> Self {
         let row = finished.row();
         let starts = finished.experiment.starts.iter();
-        // Who replays may not have an estimator that somebody brought along; the subject is said beside it.
-        let setup = RunSetup::of(&RunOptions {
-            estimator: EstimatorKind::Mekf,
-            ..finished.options.clone()
-        });
+        let options = SavedOptions::of(&finished.options);
         Self {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -101,7 +98,7 @@ impl SavedExperiment {
             duration_s: row.duration_s,
             world_frame: finished.options.world_frame,
             settings: row.settings,
-            setup: serde_json::to_value(setup).unwrap_or_default(),
+            options: serde_json::to_value(options).unwrap_or_default(),
             estimators: names(&finished.estimators),
             subject: row.subject,
             starts: starts
@@ -161,14 +158,11 @@ impl SavedExperiment {
                 "these are not the samples that were measured".to_owned(),
             ));
         }
-        let setup: RunSetup = serde_json::from_value(self.setup.clone())
+        let options: SavedOptions = serde_json::from_value(self.options.clone())
             .map_err(|error| format!("`{title}` ran with settings of another version: {error}"))?;
-        let options = RunOptions {
-            world_frame: self.world_frame,
-            ..setup
-                .options()
-                .map_err(|error| format!("`{title}`: {error}"))?
-        };
+        let options = options
+            .options()
+            .map_err(|error| format!("`{title}`: {error}"))?;
         let subject = EstimatorKind::named(&self.subject).ok_or_else(|| {
             format!(
                 "`{title}` is about the estimator `{}`, which this lab was not started with",

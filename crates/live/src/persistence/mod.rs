@@ -7,6 +7,7 @@
 mod device;
 mod experiment;
 mod files;
+mod options;
 mod restore;
 
 use std::collections::BTreeMap;

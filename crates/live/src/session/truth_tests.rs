@@ -251,7 +251,7 @@ fn result_row_what_if_and_curve_are_about_the_subject() {
         finished.evaluated().unwrap()
     };
     let (mekf, paper) = (finished(EstimatorKind::Mekf), finished(MEKF3));
-    assert_eq!(paper.row().subject, MEKF3);
+    assert_eq!(paper.row().subject, MEKF3.name());
     let of = |made: &Finished| {
         let asked = made.what_if(&serde_json::Map::new(), json!(1)).unwrap();
         let curve = made.curve(&serde_json::Map::new(), "accelerometer_std", &|| true);
