@@ -49,6 +49,15 @@ export type AllanReport = {
 
 export type AllanState = "done" | "refused";
 
+export type Alterations = {
+  rate_hz?: number,
+  gyroscope_step_deg_s?: number,
+  accelerometer_step_m_s2?: number,
+  delay_s?: number,
+  lost_share?: number,
+  bump?: Pulse,
+  magnet?: Pulse, };
+
 export type Calibration = {
   device: string,
   state: CalibrationState,
@@ -65,6 +74,13 @@ export type CalibrationTimes = {
   magnetometer: string | null, };
 
 export type Cause = "stuck" | "hole" | "saturation" | "bursts" | "jitter" | "bias-change" | "misalignment" | "scale" | "hard-iron" | "magnetic-disturbance" | "rounding" | "noise" | "acceleration" | "lasting-errors";
+
+export type Change = {
+  settings: Settings,
+  use?: SensorUse,
+  estimators?: Array<EstimatorKind>,
+  subject?: EstimatorKind,
+  alterations?: Alterations, };
 
 export type Coefficient = {
   value: number,
@@ -330,6 +346,10 @@ export type NeesSummary = {
   degrees_of_freedom: number,
   tilt_mean: number, };
 
+export type NisColumns = {
+  t_s: Array<number>,
+  mean: Array<number>, };
+
 export type NisOf<V> = {
   accelerometer: V | null,
   magnetometer: V | null,
@@ -380,6 +400,11 @@ export type PositionSummary = {
   accelerometer_bias_m_s2: [number, number, number], };
 
 export type Profile = "hand-held" | "lab";
+
+export type Pulse = {
+  at_s: number,
+  duration_s: number,
+  size: number, };
 
 export type RecordingState = "off" | "idle" | "on" | "failed";
 
@@ -435,8 +460,12 @@ export type Request = { "type": "virtual_phone",
   hz: number, } | { "type": "watch",
   device?: string | null, } | { "type": "what_if",
   id: string,
+  curve?: string | null,
   settings: Settings,
-  curve?: string | null, } | { "type": "calibrate_magnetometer",
+  use?: SensorUse,
+  estimators?: Array<EstimatorKind>,
+  subject?: EstimatorKind,
+  alterations?: Alterations, } | { "type": "calibrate_magnetometer",
   device: string,
   action: MagnetometerAction, } | { "type": "allan",
   id: string,
@@ -549,7 +578,8 @@ export type TraceColumns = {
   t_s: Array<number>,
   angles_deg: Array<[number, number, number]>,
   std_deg: Array<[number, number, number]> | null,
-  error_deg: Array<number> | null, };
+  error_deg: Array<number> | null,
+  nis: { [key in string]: NisColumns }, };
 
 export type TruthError = {
   angle_deg: number,
@@ -586,4 +616,5 @@ export type WhatIf = {
   subject: EstimatorKind,
   elapsed_ms: number,
   results: { [key in string]: RunSummary },
-  trace: TraceColumns, };
+  trace: TraceColumns,
+  original: TraceColumns, };

@@ -8,6 +8,7 @@
 // | numbers on the page against the script's truth | an experiment ends with numbers that fit the truth |
 // | files of an experiment | the same |
 // | what-if at once, and back | what-if runs the recording again |
+// | what-if with worse samples, sensors on or off | what-if with worse samples |
 // | wall | the wall shows every device |
 // | nothing fetched from elsewhere | the page asks nobody else |
 import assert from "node:assert/strict";
@@ -112,6 +113,22 @@ await suite(async () => {
     await until("a NIS far too small", async () => numberIn(await nis.textContent()) < 0.5);
     await page.locator(".what-if-plots .chart").nth(2).waitFor();
     await view.picture("8-what-if");
+    await page.getByRole("button", { name: "Back to the numbers" }).click();
+    await until("the NIS of before", async () => (await nis.textContent()) === before);
+  });
+
+  await test("what-if with worse samples and without a sensor: the effect stands beside the experiment as it was", async () => {
+    const nis = page.locator(".panel tr[data-estimator=mekf] [data-value=nis]");
+    const before = await nis.textContent();
+    await page.locator("input[data-alteration=bump]").fill("15");
+    await until("the bump in the NIS", async () => numberIn(await nis.textContent()) > 1.5 * numberIn(before));
+    await page.locator(".panel caption", { hasText: "samples altered" }).waitFor();
+    const chart = page.locator(".what-if-plots .chart", { hasText: "NIS of MEKF over time" });
+    await chart.waitFor();
+    assert.match(await chart.textContent(), /Accelerometer, as it was/);
+    await view.picture("8b-what-if-worse-samples");
+    await page.locator("input[data-what-if-sensor=accelerometer]").uncheck();
+    await until("no NIS of the accelerometer", async () => (await nis.textContent()) === "–");
     await page.getByRole("button", { name: "Back to the numbers" }).click();
     await until("the NIS of before", async () => (await nis.textContent()) === before);
   });

@@ -207,6 +207,7 @@ fn a_report_of_the_lab_is_run_again_to_the_same_digits() {
         subject: EstimatorKind::Mekf,
         summaries: Default::default(),
         hash: String::new(),
+        originals: Default::default(),
         experiment: run.finish(),
     };
     let finished = finished.evaluated().unwrap();

@@ -95,6 +95,7 @@ mod tests {
             subject: EstimatorKind::Mekf,
             summaries: Default::default(),
             hash: String::new(),
+            originals: Default::default(),
         }
     }
 

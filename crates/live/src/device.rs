@@ -274,6 +274,7 @@ impl Task {
             subject,
             summaries: Default::default(),
             hash: String::new(),
+            originals: Default::default(),
             experiment,
         };
         tokio::task::spawn_blocking(move || match finished.evaluated() {

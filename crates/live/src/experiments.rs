@@ -1,34 +1,23 @@
-//! Finished experiments: their results, what-if, and the rows of their table.
+//! Finished experiments: their results, and the rows of their table.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::time::Instant;
 
 use northing_evaluation::attitude::parameters::Parameters;
-use northing_evaluation::attitude::trace::Trace;
 use northing_evaluation::{
-    EstimatorKind, EvaluationError, RunObserver, RunOptions, RunSummary, TraceObserver, run,
+    EstimatorKind, EvaluationError, RunObserver, RunOptions, RunSummary, run,
 };
 use northing_recording::wire::events;
 use northing_recording::{Event, SensorKind};
 use rayon::prelude::*;
-use serde_json::{Map, Value};
 
 use crate::messages::SensorUse;
-use crate::session::aids::AIDS;
 use crate::session::experiment::Experiment;
-use crate::session::with_settings;
-use crate::to_page::{
-    self, CurveColumns, ExperimentResult, ExperimentRow, ExperimentState, ResultCell, ToPage,
-    TraceColumns,
-};
+use crate::to_page::{self, ExperimentResult, ExperimentRow, ExperimentState, ResultCell, ToPage};
+use crate::what_if::Originals;
 
 /// Points of a trace that a page draws.
 pub const TRACE_POINTS: usize = 1500;
-/// Values of a curve over one parameter.
-const CURVE_POINTS: usize = 21;
-/// How far a curve reaches to both sides of the present value.
-const CURVE_REACH: f64 = 30.0;
 /// Seconds at the start that are not scored where an estimator aligns itself.
 const SKIP_S: f64 = 1.0;
 
@@ -55,6 +44,8 @@ pub struct Finished {
     pub summaries: BTreeMap<&'static str, RunSummary>,
     /// SHA-256 of the events, in hexadecimal.
     pub hash: String,
+    /// Traces of the experiment as it was, for what-if.
+    pub originals: Originals,
 }
 
 /// A time of arrival (ns since 1970) for people, in UTC.
@@ -102,30 +93,17 @@ pub(crate) fn run_options(
     }
 }
 
-/// Runs several estimators at once on all processors; the trace is the subject's.
+/// Runs several estimators at once on all processors.
 fn run_all(
     experiment: &Experiment,
     options: &RunOptions,
     estimators: &[EstimatorKind],
-    subject: EstimatorKind,
-) -> Result<(BTreeMap<&'static str, RunSummary>, Trace), EvaluationError> {
-    let runs: Result<Vec<_>, EvaluationError> = estimators
-        .par_iter()
-        .map(|kind| {
-            let mut trace = TraceObserver::new(TRACE_POINTS, options.world_frame);
-            let summary = run_over(experiment, options, *kind, &mut trace)?;
-            Ok((*kind, summary, trace.into_trace()))
-        })
-        .collect();
-    let mut summaries = BTreeMap::new();
-    let mut drawn = None;
-    for (kind, summary, trace) in runs? {
-        summaries.insert(kind.name(), summary);
-        if kind == subject {
-            drawn = Some(trace);
-        }
-    }
-    Ok((summaries, drawn.unwrap_or_else(|| Trace::new(0))))
+) -> Result<BTreeMap<&'static str, RunSummary>, EvaluationError> {
+    let runs = estimators.par_iter().map(|kind| {
+        let summary = run_over(experiment, options, *kind, &mut ())?;
+        Ok((kind.name(), summary))
+    });
+    runs.collect()
 }
 
 impl Finished {
@@ -142,13 +120,8 @@ impl Finished {
             self.estimators.push(EstimatorKind::Device);
         }
         self.options.recording = format!("{} of {}", self.title(), self.device_name);
-        let (summaries, _) = run_all(
-            &self.experiment,
-            &self.options,
-            &self.estimators,
-            self.subject,
-        )
-        .map_err(|error| format!("experiment `{}`: {error}", self.title()))?;
+        let summaries = run_all(&self.experiment, &self.options, &self.estimators)
+            .map_err(|error| format!("experiment `{}`: {error}", self.title()))?;
         self.summaries = summaries;
         self.hash = hash(events);
         Ok(self)
@@ -167,80 +140,6 @@ impl Finished {
             "" => &self.id,
             name => name,
         }
-    }
-
-    /// Runs it again with other parameters: the answer to this request.
-    ///
-    /// # Errors
-    /// A name or value does not fit, in a sentence.
-    pub fn what_if(
-        &self,
-        settings: &Map<String, Value>,
-        request: Value,
-    ) -> Result<to_page::WhatIf, String> {
-        let asked = Instant::now();
-        let text = |error: EvaluationError| error.to_string();
-        let options = with_settings(&self.options, None, settings).map_err(text)?;
-        let (summaries, trace) =
-            run_all(&self.experiment, &options, &self.estimators, self.subject).map_err(text)?;
-        Ok(to_page::WhatIf {
-            request,
-            id: self.id.clone(),
-            subject: self.subject,
-            elapsed_ms: asked.elapsed().as_secs_f64() * 1e3,
-            results: summaries,
-            trace: trace_columns(&trace),
-        })
-    }
-
-    /// NIS and error of the subject over a range of one parameter, beside other settings; `None` when
-    /// it is no longer `wanted`, which is asked before each run.
-    ///
-    /// # Errors
-    /// A name or value does not fit, in a sentence.
-    pub fn curve(
-        &self,
-        settings: &Map<String, Value>,
-        parameter: &str,
-        wanted: &(dyn Fn() -> bool + Sync),
-    ) -> Result<Option<CurveColumns>, String> {
-        let options = with_settings(&self.options, None, settings).map_err(|e| e.to_string())?;
-        let config = options.in_force().config;
-        let values = serde_json::to_value(config).unwrap_or_default();
-        let present = values.get(parameter).and_then(Value::as_f64);
-        let present = present.filter(|v| *v > 0.0).ok_or_else(|| {
-            format!("there is no curve over `{parameter}`: choose a number above 0")
-        })?;
-        let step = |i: usize| CURVE_REACH.powf(2.0 * i as f64 / (CURVE_POINTS - 1) as f64 - 1.0);
-        let values: Vec<f64> = (0..CURVE_POINTS).map(|i| present * step(i)).collect();
-        let runs: Vec<Option<RunSummary>> = values
-            .par_iter()
-            .map(|value| {
-                if !wanted() {
-                    return None;
-                }
-                let mut options = options.clone();
-                options.set(&format!("{parameter}={value}")).ok()?;
-                run_over(&self.experiment, &options, self.subject, &mut ()).ok()
-            })
-            .collect();
-        if !wanted() {
-            return Ok(None);
-        }
-        let column = |of: &dyn Fn(&RunSummary) -> Option<f64>| -> Vec<Option<f64>> {
-            runs.iter().map(|run| run.as_ref().and_then(of)).collect()
-        };
-        Ok(Some(CurveColumns {
-            parameter: parameter.to_owned(),
-            nis: AIDS
-                .iter()
-                .map(|aid| (aid.sensor, column(&|s| (aid.nis_mean)(&s.nis_mean))))
-                .filter(|(_, values): &(_, Vec<_>)| values.iter().any(Option::is_some))
-                .map(|(sensor, values)| (sensor.name(), values))
-                .collect(),
-            error_deg: column(&error_deg),
-            values,
-        }))
     }
 
     /// The message that says it is done.
@@ -324,20 +223,9 @@ impl Finished {
 }
 
 /// RMS error where the truth is known, otherwise the error of the final test.
-fn error_deg(summary: &RunSummary) -> Option<f64> {
+pub(crate) fn error_deg(summary: &RunSummary) -> Option<f64> {
     let known = summary.error_deg.map(|e| e.total_rmse);
     known.or(summary.final_test.as_ref().map(|t| t.calculated_error_deg))
-}
-
-/// What plots need, column by column; angles are rows of yaw, pitch, roll.
-fn trace_columns(trace: &Trace) -> TraceColumns {
-    let points = trace.points.items();
-    TraceColumns {
-        t_s: points.iter().map(|p| p.time_s).collect(),
-        angles_deg: points.iter().map(|p| p.angles_deg).collect(),
-        std_deg: points.iter().map(|p| p.angles_std_deg).collect(),
-        error_deg: points.iter().map(|p| p.error_deg.map(|e| e[0])).collect(),
-    }
 }
 
 /// SHA-256 of the events as [`events::encode`] writes them.

@@ -10,7 +10,7 @@
 //! | the devices and what they share | [`lab`], [`device`] |
 //! | one device: events in, estimates, calibration, experiment out | [`engine`], [`session`] |
 //! | frames for the pages | [`frames`] |
-//! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`allan`], [`export`], [`report`] |
+//! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`what_if`], [`allan`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | recording everything as it arrives | [`recorder`] |
 //! | what outlives the lab, and a session as one file | [`persistence`], [`session_export`] |
@@ -61,3 +61,4 @@ pub mod tls;
 pub mod to_page;
 pub mod token;
 pub mod virtual_phones;
+pub mod what_if;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use northing_evaluation::attitude::alterations::Alterations;
 use northing_evaluation::attitude::options::{CompassUse, SensorSelection};
 use northing_evaluation::{EstimatorKind, Profile};
 use northing_simulation::virtual_phone::{Disturbance, Motion};
@@ -110,14 +111,13 @@ pub enum Request {
         #[serde(default)]
         device: Option<String>,
     },
-    /// Run an experiment again with other parameters.
+    /// Run an experiment again with a change.
     WhatIf {
         /// The experiment.
         id: String,
-        /// Parameters by name.
-        #[serde(default)]
-        #[cfg_attr(test, ts(type = "Settings"))]
-        settings: Map<String, Value>,
+        /// What is other than it was.
+        #[serde(flatten)]
+        change: Box<Change>,
         /// A parameter to run over a range.
         #[serde(default)]
         curve: Option<String>,
@@ -169,6 +169,26 @@ pub enum Request {
         /// Its name.
         name: String,
     },
+}
+
+/// What a what-if changes; what is not said is as it was.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(optional_fields))]
+#[serde(default)]
+pub struct Change {
+    /// Parameters by name.
+    #[cfg_attr(test, ts(type = "Settings"))]
+    pub settings: Map<String, Value>,
+    /// The sensors that are used.
+    #[serde(rename = "use")]
+    pub used: Option<SensorUse>,
+    /// The estimators that run.
+    pub estimators: Option<Vec<EstimatorKind>>,
+    /// The one of them that plots and curve are about.
+    pub subject: Option<EstimatorKind>,
+    /// What is done to the samples first.
+    #[cfg_attr(test, ts(as = "Option<_>", optional))]
+    pub alterations: Alterations,
 }
 
 /// What happens to a virtual phone or an input.

@@ -11,7 +11,7 @@ use axum::extract::ws::{Message, WebSocket};
 use northing_evaluation::Profile;
 use northing_recording::SensorKind;
 use northing_simulation::VirtualPhoneConfig;
-use serde_json::{Map, Value};
+use serde_json::Value;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 
@@ -20,7 +20,7 @@ use crate::frames::{PageFrames, Watched};
 use crate::inputs::Inputs;
 use crate::lab::Lab;
 use crate::lab_api::{LabApi, hello};
-use crate::messages::{Action, Command, Request};
+use crate::messages::{Action, Change, Command, Request};
 use crate::pulse::Pulse;
 use crate::to_page::{self, ToPage};
 use crate::virtual_phones;
@@ -168,11 +168,9 @@ impl Page {
                 self.frames
                     .watch(device.map_or(Watched::None, Watched::One));
             }
-            Ok(Request::WhatIf {
-                id,
-                settings,
-                curve,
-            }) => self.what_if(id, settings, curve, request_id),
+            Ok(Request::WhatIf { id, change, curve }) => {
+                self.what_if(id, *change, curve, request_id);
+            }
             Ok(Request::Input {
                 action,
                 kind,
@@ -216,25 +214,17 @@ impl Page {
     }
 
     /// The runs first, for somebody moves a slider; then the curve, if no newer question came.
-    fn what_if(
-        &self,
-        id: String,
-        settings: Map<String, Value>,
-        curve: Option<String>,
-        request: Value,
-    ) {
+    fn what_if(&self, id: String, change: Change, curve: Option<String>, request: Value) {
         let newest = self.newest.clone();
         let number = newest.fetch_add(1, Ordering::Relaxed) + 1;
         self.aside(request.clone(), move |lab, tell| {
             let finished = lab.experiment(&id)?;
-            tell(ToPage::WhatIf(
-                finished.what_if(&settings, request.clone())?,
-            ));
+            tell(ToPage::WhatIf(finished.what_if(&change, request.clone())?));
             let Some(parameter) = curve else {
                 return Ok(());
             };
             let is_wanted = || newest.load(Ordering::Relaxed) == number;
-            if let Some(curve) = finished.curve(&settings, &parameter, &is_wanted)? {
+            if let Some(curve) = finished.curve(&change, &parameter, &is_wanted)? {
                 tell(ToPage::Curve(to_page::Curve { request, id, curve }));
             }
             Ok(())

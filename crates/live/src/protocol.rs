@@ -9,7 +9,7 @@ use northing_recording::test_data::assert_as_committed;
 use serde_json::json;
 use ts_rs::{Config, TS, TypeVisitor};
 
-use crate::messages::Request;
+use crate::messages::{Change, Request};
 use crate::recorder::Listed;
 use crate::to_page::{MagnetometerFit, ToPage};
 
@@ -56,6 +56,7 @@ fn the_pages_types_are_those_of_the_program() {
     };
     declarations.visit::<ToPage>();
     declarations.visit::<Request>();
+    declarations.visit::<Change>();
     declarations.visit::<Listed>();
     let mut text = HEAD.to_owned();
     for declaration in declarations.texts.values() {

@@ -461,7 +461,7 @@ pub struct ResultCell {
     pub error_deg: Option<f64>,
 }
 
-/// An experiment run again with other parameters.
+/// An experiment run again with a change.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct WhatIf {
@@ -478,10 +478,12 @@ pub struct WhatIf {
     pub results: BTreeMap<&'static str, RunSummary>,
     /// What plots need, of the subject.
     pub trace: TraceColumns,
+    /// The same of the experiment as it was: its own samples and parameters.
+    pub original: TraceColumns,
 }
 
 /// A trace, column by column.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
 pub struct TraceColumns {
     /// Seconds.
@@ -492,6 +494,18 @@ pub struct TraceColumns {
     pub std_deg: Option<Vec<[f64; 3]>>,
     /// Total error, deg; null without truth.
     pub error_deg: Option<Vec<f64>>,
+    /// NIS of each sensor that was used.
+    pub nis: BTreeMap<&'static str, NisColumns>,
+}
+
+/// Means of a sensor's NIS over spans of the same length, column by column.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct NisColumns {
+    /// The middle of each span, s.
+    pub t_s: Vec<f64>,
+    /// The mean.
+    pub mean: Vec<f64>,
 }
 
 /// The curve of a what-if.

@@ -134,6 +134,16 @@ fn the_path_of_the_paper_on_a_virtual_phone() {
     let same = page.wait("an answer", |m| m["type"] == "what_if");
     assert_eq!(same["request"], 1);
     assert_eq!(&same["results"], summary);
+    page.say(&json!({"type": "what_if", "request": 7, "id": experiment, "settings": {},
+        "use": {"magnetometer": false}, "alterations": {"rate_hz": 10.0}, "estimators": ["mekf", "usque"], "subject": "usque"}));
+    let worse = page.wait("an answer", |m| m["request"] == 7);
+    assert_eq!(worse["type"], "what_if", "{worse}");
+    assert_eq!(
+        (&worse["subject"], &worse["results"]["mekf3"]),
+        (&json!("usque"), &Value::Null)
+    );
+    assert!(worse["trace"]["nis"]["magnetometer"].is_null());
+    assert!(worse["original"]["nis"]["magnetometer"]["mean"].is_array());
     page.say(&json!({"type": "what_if", "request": 2, "id": experiment,
         "settings": {"accelerometer_std": 5.0}, "curve": "accelerometer_std"}));
     let other = page.wait("an answer", |m| m["request"] == 2);

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use northing_evaluation::{EstimatorKind, RunOptions};
 use northing_live::lab::Lab;
-use northing_live::messages::{Command, SensorUse};
+use northing_live::messages::{Change, Command, SensorUse};
 use northing_live::replay::{Speed, play};
 use northing_recording::{Event, OpenOptions, Sample, open};
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
@@ -189,7 +189,7 @@ fn a_lab_that_was_killed_has_everything_when_it_starts_again() {
     let finished = again.running.lab.experiment("e1").unwrap();
     assert_eq!(finished.summaries, lived.summaries);
     assert!(finished.message() == lived.message());
-    let same = finished.what_if(&Map::new(), Value::Null).unwrap();
+    let same = finished.what_if(&Change::default(), Value::Null).unwrap();
     assert_eq!(same.results, lived.summaries);
     for file in ["report.html", "recording.csv"] {
         let path = format!("/api/experiments/e1/{file}");

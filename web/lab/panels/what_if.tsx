@@ -1,12 +1,16 @@
-// Step 8: the same recording with other numbers, at once; and the curve that shows where tuning is consistent.
+// Step 8: the same recording with other numbers, sensors, estimators or worse samples, at once, beside how it was; and the curve that shows
+// where tuning is consistent.
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { type Rule, type Spec, Still, columns } from "../chart";
 import { AllParameters, curveChoices, degreesOf, Sliders, type Tuned } from "../parameters";
-import type { ExperimentRow, Settings, WhatIf as Message } from "../protocol";
+import type { ExperimentRow, Settings, TraceColumns, WhatIf as Message } from "../protocol";
+import { language } from "../../words/language";
 import { aids, goTo, rowsOf, send, state, titleOf, update } from "../store";
+import { type Key, t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, number } from "../words";
+import { isAsMeasured, type Trial, Trials } from "./alterations";
 import { rms } from "./experiment";
 
 let request = 0;
@@ -16,15 +20,15 @@ let next: (() => void) | null = null;
 /** Settings of the last question, marked in the curve. */
 let asked: Settings = {};
 /** Settings under trial; kept here so that leaving the step does not lose them. */
-let tried: { id: string; settings: Settings } | null = null;
+let tried: { id: string; settings: Settings; trial: Trial } | null = null;
 
 /** Without an answer for so long the question is lost: the program was started anew, or the page was away. */
 const PATIENCE_MS = 5000;
 let askedMs = 0;
 
 /** Sliders are those of the experiment's subject and sensors. */
-const tunedOf = (row: ExperimentRow): Tuned => ({
-  subject: row.subject,
+const tunedOf = (row: ExperimentRow, trial: Trial = {}): Tuned => ({
+  subject: trial.subject ?? row.subject,
   missing: (sensor) => (row.sensors.some((s) => s === sensor) ? null : `${titleOf(sensor)}: not in this recording.`),
 });
 
@@ -33,12 +37,12 @@ function isUnderWay(): boolean {
   return open && state.connection === "open" && performance.now() - askedMs < PATIENCE_MS;
 }
 
-function ask(row: ExperimentRow, settings: Settings, curve: string | null): void {
+function ask(row: ExperimentRow, settings: Settings, trial: Trial, curve: string | null): void {
   asked = settings;
   const go = (): void => {
     underWay = ++request;
     askedMs = performance.now();
-    send({ type: "what_if", request, id: row.id, settings, curve });
+    send({ type: "what_if", request, id: row.id, settings, curve, ...trial });
   };
   if (isUnderWay()) next = go;
   else go();
@@ -50,13 +54,15 @@ export function WhatIf() {
   const [id, setId] = useState(state.shownResults[own] ?? rowsOf(own).at(-1)?.id ?? rows.at(-1)?.id ?? "");
   const row = rows.find((r) => r.id === id) ?? rows.at(-1);
   const [settings, setSettings] = useState<Settings>(tried && tried.id === row?.id ? tried.settings : { ...row?.settings });
+  const [trial, setTrial] = useState<Trial>(tried && tried.id === row?.id ? tried.trial : {});
   const [chosen, setCurve] = useState("accelerometer_std");
-  const choices = row ? curveChoices(tunedOf(row)) : [];
+  const tuned = row && tunedOf(row, trial);
+  const choices = tuned ? curveChoices(tuned) : [];
   const curve = choices.some((c) => c.name === chosen) ? chosen : choices[0]?.name ?? null;
   const begun = useRef(false);
   useEffect(() => {
     // The first answer: the recording as it was run.
-    if (row && !begun.current) ask(row, settings, curve);
+    if (row && !begun.current) ask(row, settings, trial, curve);
     begun.current = true;
   });
   useEffect(() => {
@@ -65,30 +71,33 @@ export function WhatIf() {
     next = null;
     go();
   }, [state.whatIf, state.failed]);
-  if (!row) return <p>What-if needs an experiment. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
-  const run = (changed: Settings, parameter = curve, of = row): void => {
+  if (!row || !tuned) return <p>What-if needs an experiment. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
+  const run = (changed: Settings, { as = trial, parameter = curve, of = row }: { as?: Trial; parameter?: string | null; of?: ExperimentRow } = {}): void => {
     setSettings(changed);
-    tried = { id: of.id, settings: changed };
+    setTrial(as);
+    tried = { id: of.id, settings: changed, trial: as };
     update((s) => (s.lower = "what-if"));
-    ask(of, changed, parameter);
+    ask(of, changed, as, parameter);
   };
+  const set = (name: string, value: number | string): void => run({ ...settings, [name]: value });
   return (
     <>
       <p>Move a slider: the whole recording runs again, and the answer is below.</p>
       <label class="field">Recording
-        <select value={row.id} onChange={(e) => { const other = rows.find((r) => r.id === e.currentTarget.value)!; setId(other.id); run({ ...other.settings }, curve, other); }}>
+        <select value={row.id} onChange={(e) => { const other = rows.find((r) => r.id === e.currentTarget.value)!; setId(other.id); run({ ...other.settings }, { as: {}, of: other }); }}>
           {rows.map((r) => <option key={r.id} value={r.id}>{r.name}</option>)}
         </select>
       </label>
-      <Sliders settings={settings} tuned={tunedOf(row)} change={(name, value) => run({ ...settings, [name]: value })} />
+      <Sliders settings={settings} tuned={tuned} change={set} />
+      <Trials row={row} trial={trial} change={(as) => run(settings, { as })} />
       <label class="field">Curve over
-        <select value={curve ?? ""} onChange={(e) => { setCurve(e.currentTarget.value); run(settings, e.currentTarget.value); }}>
+        <select value={curve ?? ""} onChange={(e) => { setCurve(e.currentTarget.value); run(settings, { parameter: e.currentTarget.value }); }}>
           {choices.map((c) => <option key={c.name} value={c.name}>{c.text}</option>)}
         </select>
       </label>
-      <button type="button" onClick={() => run({ ...row.settings })}>Back to the numbers of the experiment</button>
+      <button type="button" onClick={() => run({ ...row.settings }, { as: {} })}>Back to the numbers of the experiment</button>
       <Answer message={state.whatIf} row={row} />
-      <AllParameters settings={settings} tuned={tunedOf(row)} change={(name, value) => run({ ...settings, [name]: value })} />
+      <AllParameters settings={settings} tuned={tuned} change={set} />
     </>
   );
 }
@@ -99,7 +108,7 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
   const truth = names.some((name) => rms(message.results[name]!) !== null);
   return (
     <table class="compact results what-if">
-      <caption>Run again in <b>{number(message.elapsed_ms, 0)} ms</b></caption>
+      <caption>{t("whatIf.took")} <b>{number(message.elapsed_ms, 0)} ms</b>{!isAsMeasured(tried?.trial.alterations) && <>; {t("whatIf.altered")}</>}</caption>
       <thead><tr><th scope="col">Estimator</th><th scope="col" class="num">Then</th><th scope="col" class="num">Now</th>{truth && <th scope="col" class="num" title="RMS error against the truth, now">RMS</th>}<th scope="col" class="num" title="Mean NIS of the accelerometer, now">NIS</th></tr></thead>
       <tbody>
         {names.map((name) => (
@@ -108,7 +117,7 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
             <td class="num">{degrees(row.results[name]?.calculated_error_deg)}</td>
             <td class="num" data-value="calculated">{degrees(message.results[name]!.final?.calculated_error_deg)}</td>
             {truth && <td class="num" data-value="rms">{degrees(rms(message.results[name]!))}</td>}
-            <td class="num">{number(message.results[name]!.nis_mean.accelerometer, 2)}</td>
+            <td class="num" data-value="nis">{number(message.results[name]!.nis_mean.accelerometer, 2)}</td>
           </tr>
         ))}
       </tbody>
@@ -116,13 +125,41 @@ function Answer({ message, row }: { message: Message | null; row: ExperimentRow 
   );
 }
 
+/** As it was measured: thinner, and dashed. */
+const BEFORE = { dash: [3, 3], width: 1 };
+
 const traceSpec = (subject: string): Spec => ({
-  id: "what-if angles", title: `${nameOf(subject)}, run again`, unit: "deg", across: "time, s", leastSpan: 4,
-  curves: [{ label: "yaw", role: "z" }, { label: "pitch", role: "y" }, { label: "roll", role: "x" }],
+  id: "what-if angles", title: t("whatIf.again", { name: nameOf(subject) }), unit: "deg", across: t("across.time"), leastSpan: 4,
+  curves: ANGLES.flatMap(({ key, role }) => [{ label: t(key), role }, { label: t("whatIf.before", { what: t(key) }), role, ...BEFORE }]),
 });
+const ANGLES: { key: Key; role: string }[] = [{ key: "whatIf.yaw", role: "z" }, { key: "whatIf.pitch", role: "y" }, { key: "whatIf.roll", role: "x" }];
+
+/** NIS over time of each sensor, beside how it was. */
+const nisSpec = (sensors: string[], subject: string): Spec => ({
+  id: "what-if nis", title: t("whatIf.nis", { name: nameOf(subject) }), unit: "", across: t("across.time"), logY: true, leastRange: [0.3, 10],
+  curves: sensors.flatMap((s, i) => [{ label: titleOf(s), role: NIS_ROLES[i % NIS_ROLES.length]! }, { label: t("whatIf.before", { what: titleOf(s) }), role: NIS_ROLES[i % NIS_ROLES.length]!, ...BEFORE }]),
+  rules: () => consistent(sensors),
+});
+const NIS_ROLES = ["ink", "refused", "muted"];
+
+/** Columns over all times of both: each value stands until the next. */
+function beside(now: { t_s: number[]; of: (number | null)[][] }, before: { t_s: number[]; of: (number | null)[][] }) {
+  const times = [...new Set([...now.t_s, ...before.t_s])].sort((a, b) => a - b);
+  const held = ({ t_s, of }: typeof now): (number | null)[][] => {
+    let at = -1;
+    const places = times.map((time) => {
+      while (at + 1 < t_s.length && t_s[at + 1]! <= time) at++;
+      return time > t_s.at(-1)! ? -1 : at;
+    });
+    return of.map((column) => places.map((place) => (place < 0 ? null : column[place] ?? null)));
+  };
+  const [a, b] = [held(now), held(before)];
+  return columns([times, ...a.flatMap((column, i) => [column, b[i]!])]);
+}
+
 const errorSpec = (truth: boolean): Spec => ({
-  id: "what-if error", title: truth ? "Error against truth" : "Expected error, 1σ", unit: "deg", across: "time, s", leastSpan: 0.5,
-  curves: [{ label: truth ? "error" : "σ", role: "ink" }],
+  id: "what-if error", title: t(truth ? "whatIf.error.title" : "whatIf.sigma.title"), unit: "deg", across: t("across.time"), leastSpan: 0.5,
+  curves: [{ label: t(truth ? "whatIf.error" : "whatIf.sigma"), role: "ink" }, { label: t("whatIf.before", { what: t(truth ? "whatIf.error" : "whatIf.sigma") }), role: "ink", ...BEFORE }],
 });
 /** The line of a sensor: its place in the table of sensors is its dash. */
 const DASHES = [undefined, [7, 3], [2, 3]];
@@ -145,17 +182,39 @@ function consistent(sensors: string[]): Rule[] {
 
 const positive = (v: number | null): number | null => (v !== null && v > 0 ? v : null);
 
+/** The NIS of each sensor, now and then, each sensor over its own times. */
+function nisBeside(sensors: string[], now: TraceColumns | null, before: TraceColumns | null) {
+  const empty = { t_s: [], mean: [] };
+  const pairs = sensors.map((s) => [now?.nis[s] ?? empty, before?.nis[s] ?? empty] as const);
+  const times = [...new Set(pairs.flat().flatMap((one) => one.t_s))].sort((a, b) => a - b);
+  const column = ({ t_s, mean }: { t_s: number[]; mean: number[] }): (number | null)[] => {
+    const known = new Map(t_s.map((time, i) => [time, mean[i]!]));
+    let last: number | null = null;
+    return times.map((time) => (last = positive(known.get(time) ?? (time <= (t_s.at(-1) ?? -1) ? last : null))));
+  };
+  return columns([times, ...pairs.flatMap(([a, b]) => [column(a), column(b)])]);
+}
+
 /** The lower half: trace and curve of the last answer. */
 export function WhatIfPlots() {
   const message = state.whatIf;
   const trace = message?.trace ?? null;
   // It comes after the answer; until then the one before stays.
   const curve = state.curve && state.curve.id === message?.id ? state.curve.curve : null;
-  const angles = useMemo(() => columns([trace?.t_s ?? [], ...[0, 1, 2].map((i) => trace?.angles_deg.map((r) => r[i]!) ?? [])]), [trace]);
+  const before = message?.original ?? null;
+  const spoken = language();
+  const both = (of: (trace: TraceColumns) => (number | null)[][]) => {
+    const one = (trace: TraceColumns | null) => ({ t_s: trace?.t_s ?? [], of: trace ? of(trace) : [] });
+    return beside(one(trace), one(before));
+  };
+  const angles = useMemo(() => both((one) => [0, 1, 2].map((i) => one.angles_deg.map((r) => r[i]!))), [trace]);
   const truth = !!trace?.error_deg;
-  const errors = useMemo(() => columns([trace?.t_s ?? [], trace?.error_deg ?? trace?.std_deg?.map((s) => Math.hypot(...s)) ?? []]), [trace]);
-  const errorOf = useMemo(() => errorSpec(truth), [truth]);
-  const traceOf = useMemo(() => traceSpec(message?.subject ?? ""), [message?.subject]);
+  const errors = useMemo(() => both((one) => [(truth ? one.error_deg : one.std_deg?.map((s) => Math.hypot(...s))) ?? []]), [trace]);
+  const errorOf = useMemo(() => errorSpec(truth), [truth, spoken]);
+  const traceOf = useMemo(() => traceSpec(message?.subject ?? ""), [message?.subject, spoken]);
+  const judged = aids().map((aid) => aid.sensor as string).filter((s) => trace?.nis[s] || before?.nis[s]);
+  const nisOf = useMemo(() => nisSpec(judged, message?.subject ?? ""), [judged.join(), message?.subject, spoken]);
+  const nis = useMemo(() => nisBeside(judged, trace, before), [trace, judged.join()]);
   const sensors = aids().map((aid) => aid.sensor as string).filter((s) => curve?.nis[s]);
   const row = state.rows.find((r) => r.id === message?.id);
   const over = (row && curveChoices(tunedOf(row)).find((c) => c.name === curve?.parameter)?.text) ?? curve?.parameter ?? "";
@@ -165,6 +224,7 @@ export function WhatIfPlots() {
   return (
     <div class="plots what-if-plots">
       <Still spec={traceOf} data={angles} />
+      <Still spec={nisOf} data={nis} />
       {curve && <Still spec={spec} data={curveData} />}
       <Still spec={errorOf} data={errors} />
     </div>

@@ -195,6 +195,7 @@ impl SavedExperiment {
             subject,
             summaries: BTreeMap::new(),
             hash: String::new(),
+            originals: Default::default(),
         };
         finished.evaluated()
     }

@@ -41,6 +41,7 @@ fn finished(id: &str) -> Finished {
         subject: EstimatorKind::Mekf,
         summaries: Default::default(),
         hash: String::new(),
+        originals: Default::default(),
         experiment: run.finish(),
     };
     finished.evaluated().unwrap()

@@ -247,14 +247,21 @@ fn result_row_what_if_and_curve_are_about_the_subject() {
             subject: live.subject().unwrap(),
             summaries: Default::default(),
             hash: String::new(),
+            originals: Default::default(),
         };
         finished.evaluated().unwrap()
     };
     let (mekf, paper) = (finished(EstimatorKind::Mekf), finished(MEKF3));
     assert_eq!(paper.row().subject, MEKF3.name());
     let of = |made: &Finished| {
-        let asked = made.what_if(&serde_json::Map::new(), json!(1)).unwrap();
-        let curve = made.curve(&serde_json::Map::new(), "accelerometer_std", &|| true);
+        let asked = made
+            .what_if(&crate::messages::Change::default(), json!(1))
+            .unwrap();
+        let curve = made.curve(
+            &crate::messages::Change::default(),
+            "accelerometer_std",
+            &|| true,
+        );
         (asked.subject, asked.trace, curve.unwrap().unwrap())
     };
     let (paper_of, mekf_of) = (of(&paper), of(&mekf));
@@ -301,6 +308,7 @@ fn an_experiment_is_not_called_one_twice() {
             subject: EstimatorKind::Mekf,
             summaries: Default::default(),
             hash: String::new(),
+            originals: Default::default(),
         };
         let file = crate::export::export(&finished.evaluated().unwrap(), "report.html");
         let page = String::from_utf8(file.unwrap().unwrap().bytes).unwrap();
