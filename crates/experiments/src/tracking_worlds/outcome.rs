@@ -94,7 +94,7 @@ const FEATURES: [Question; 14] = [
         d.sensor.detection_probability > 0.9
     }),
     ("detected less far away", |d| d.sensor.fading > 0.0),
-    ("echoes that wander", |d| d.sensor.echo_kept > 0.0),
+    ("echoes that drift", |d| d.sensor.echo_kept > 0.0),
     ("told wrongly", |d| !d.told.is_true()),
 ];
 

@@ -22,7 +22,7 @@ impl SceneDescription {
         put(self.pairs, "pairs");
         put(sensor.fading > 0.0, "detected less far away");
         put(sensor.clutter_near, "false detections crowded near");
-        put(sensor.echo_kept > 0.0, "echoes that wander");
+        put(sensor.echo_kept > 0.0, "echoes that drift");
         if let Some(error) = &self.own_ship_error {
             let told = if error.is_told { "" } else { ", not told" };
             features.push(format!(

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | sensor | by class: a scan each 0.05 to 12 s, ranges to 15 m to 200 km, 0.02 to 150 m and 0.05 to 2 deg (one sigma) |
 //! | targets | 1 to 16: standing, straight, turning, changing speed; a third come late, a quarter leave, some in pairs |
-//! | detections | probability 0.6 to 0.98, in some scenes falling with the range or zero in a shadow; echoes that wander on the hull |
+//! | detections | probability 0.6 to 0.98, in some scenes falling with the range or zero in a shadow; echoes that drift on the hull |
 //! | false detections | 0.3 to 30 a scan, even over the area or crowded near the own ship |
 //! | own ship | at rest or moving; in half of the scenes its pose is wrong by a slowly changing error, which is told, or (rarely) not |
 //! | told wrongly | in a third of the scenes noise by 0.6 to 1.6, misses by up to 2, false detections by up to 3 |
@@ -230,7 +230,7 @@ impl Scene<'_> {
         pose: OwnShipPose,
         place: Place,
     ) -> Option<Detection> {
-        // Drawn whether it is seen or not: the echo wanders all the same.
+        // Drawn whether it is seen or not: the echo drifts all the same.
         let kept = self.sensor.echo_kept;
         for axis in &mut self.echoes[index] {
             *axis = kept * *axis + (1.0 - kept * kept).sqrt() * self.noise.normal();
