@@ -8,6 +8,8 @@ use crate::commands::live;
 use crate::commands::montecarlo;
 #[cfg(feature = "ros")]
 use crate::commands::ros;
+#[cfg(feature = "parquet")]
+use crate::commands::study;
 use crate::commands::{
     benchmark, calibrate, compare, completions, convert, demo, describe, estimators, exercises,
     experiment, grade, hand_in, info, man, run, simulate, track, tune,
@@ -64,6 +66,9 @@ pub(crate) enum Command {
     #[cfg(feature = "parquet")]
     #[command(name = "montecarlo")]
     MonteCarlo(Box<montecarlo::MonteCarloArgs>),
+    /// Study: estimators with varied parameters and seeds over recordings or worlds, a row a run
+    #[cfg(feature = "parquet")]
+    Study(Box<study::StudyArgs>),
     /// Experiments of the literature, reproduced: errors, gains, cost
     Experiment(experiment::ExperimentArgs),
     /// Exercise cards of the laboratory course: what to do, and what to answer
@@ -109,6 +114,7 @@ northing: which way is it pointing, where is it, and where are the others?
   northing convert walk.zip walk.csv     a recording in another format
   northing simulate scenario.toml        one run of a tracking scenario
   northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker
+  northing study study.toml              estimators x parameters x seeds, a row a run
   northing experiment observers          observers in cascade: errors, gains, cost
   northing experiment attitude-worlds    attitude on random worlds: accuracy, coverage, causes
   northing experiment navigation-worlds  GNSS/INS on random worlds: lost, coverage, heading

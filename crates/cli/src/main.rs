@@ -52,6 +52,8 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Some(Command::Simulate(args)) => commands::simulate::execute(&args),
         #[cfg(feature = "parquet")]
         Some(Command::MonteCarlo(args)) => commands::montecarlo::execute(&args),
+        #[cfg(feature = "parquet")]
+        Some(Command::Study(args)) => commands::study::execute(&args),
         Some(Command::Experiment(args)) => commands::experiment::execute(&args),
         Some(Command::Exercises(args)) => commands::exercises::execute(&args),
         Some(Command::HandIn(args)) => commands::hand_in::execute(&args),

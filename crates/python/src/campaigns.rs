@@ -128,7 +128,7 @@ pub(crate) fn montecarlo(
     let scenario = asked.scenario()?;
     let runs = runs.unwrap_or_else(|| u64::from(scenario.meta.monte_carlo_runs));
     let shard = match shard {
-        Some(text) => Shard::parse(&text).map_err(of_campaign)?,
+        Some(text) => Shard::parse(&text).map_err(|error| of_campaign(error.into()))?,
         None => Shard::WHOLE,
     };
     let seed = asked.seed(&scenario);

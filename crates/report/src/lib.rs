@@ -59,7 +59,7 @@ pub use experiments::navigation_worlds::render as navigation_worlds_html;
 pub use experiments::observers::{render as observers_html, verdicts as observers_verdicts};
 pub use files::{EstimateFile, NavigationFile};
 #[cfg(feature = "parquet")]
-pub use files::{campaign_part, write_group};
+pub use files::{campaign_part, study_part, write_group};
 pub use navigation::page::{NavigationReport, navigation_verdicts, validity_word};
 pub use page::facts::{Fact, Source, Tone, Verdict};
 pub use page::instrument::inline_script;

@@ -23,5 +23,7 @@ pub(crate) mod montecarlo;
 pub(crate) mod ros;
 pub(crate) mod run;
 pub(crate) mod simulate;
+#[cfg(feature = "parquet")]
+pub(crate) mod study;
 pub(crate) mod track;
 pub(crate) mod tune;

@@ -22,6 +22,7 @@ fn without_arguments_it_introduces_itself() {
       northing convert walk.zip walk.csv     a recording in another format
       northing simulate scenario.toml        one run of a tracking scenario
       northing montecarlo scenario.toml      many runs: RMSE and NEES of each tracker
+      northing study study.toml              estimators x parameters x seeds, a row a run
       northing experiment observers          observers in cascade: errors, gains, cost
       northing experiment attitude-worlds    attitude on random worlds: accuracy, coverage, causes
       northing experiment navigation-worlds  GNSS/INS on random worlds: lost, coverage, heading
@@ -50,6 +51,7 @@ fn every_command_has_help_with_examples() {
         "info",
         "simulate",
         "montecarlo",
+        "study",
         "estimators",
         "exercises",
         "hand-in",

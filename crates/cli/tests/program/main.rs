@@ -27,6 +27,8 @@ mod results;
 mod run;
 #[cfg(target_os = "linux")]
 mod streaming;
+#[cfg(feature = "parquet")]
+mod study;
 mod support;
 mod track;
 mod used_parameters;

@@ -29,7 +29,7 @@ clutter_per_km2 = 1.0
 "#;
 
 /// A boat that passes, seen every second; `spoil` changes a row of detections.
-fn pond(spoil: impl Fn(usize, String) -> String) -> Lab {
+pub(crate) fn pond(spoil: impl Fn(usize, String) -> String) -> Lab {
     let lab = Lab::new();
     lab.write("pond.toml", MANIFEST);
     let table = |header: &str, row: &dyn Fn(usize) -> String| {

@@ -28,7 +28,7 @@ pub(crate) struct Moment {
 
 /// What the verdicts of a run say.
 #[derive(Debug, Clone)]
-pub(super) struct Verdicts {
+pub(crate) struct Verdicts {
     pub(super) named: Cause,
     pub(super) blamed_inside_the_band: bool,
     pub(super) true_causes: Vec<Cause>,
@@ -155,7 +155,7 @@ impl EstimatorScore {
 }
 
 impl EstimatorRun {
-    pub(super) fn of(
+    pub(crate) fn of(
         estimator: &'static str,
         sensing: Sensing,
         has_north: bool,

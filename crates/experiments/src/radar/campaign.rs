@@ -19,6 +19,7 @@ use super::sums::{
     CampaignSums, HEADING_FACTOR, NEES, POSE_ERROR, POSE_NEES, POSE_VARIANCE, POSITION, VELOCITY,
 };
 use super::trackers::TrackerKind;
+use crate::shard::{Shard, ShardError};
 
 /// Why a campaign or a merge cannot be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -44,13 +45,8 @@ pub enum CampaignError {
     #[error("runs is 0, expected at least 1")]
     NoRuns,
     /// A shard that there is not.
-    #[error(
-        "shard `{text}`: expected I/N with I from 1 to N, e.g. 1/4, and no more shards than runs"
-    )]
-    NoSuchShard {
-        /// What was asked for.
-        text: String,
-    },
+    #[error(transparent)]
+    NoSuchShard(#[from] ShardError),
     /// Nothing to merge.
     #[error("no parts to merge")]
     NoParts,
@@ -74,43 +70,6 @@ pub enum CampaignError {
         /// A run in both.
         run: u64,
     },
-}
-
-/// The I-th of N parts of a campaign, counted from 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shard {
-    /// Which one, from 1.
-    pub index: u64,
-    /// Of how many.
-    pub count: u64,
-}
-
-impl Shard {
-    /// The whole campaign.
-    pub const WHOLE: Self = Self { index: 1, count: 1 };
-
-    /// Reads `I/N`.
-    ///
-    /// # Errors
-    /// It is not of that form, or there is no such part.
-    pub fn parse(text: &str) -> Result<Self, CampaignError> {
-        let shard = text.split_once('/').and_then(|(index, count)| {
-            let (index, count) = (index.trim().parse().ok()?, count.trim().parse().ok()?);
-            (1..=count)
-                .contains(&index)
-                .then_some(Self { index, count })
-        });
-        shard.ok_or_else(|| CampaignError::NoSuchShard {
-            text: text.to_owned(),
-        })
-    }
-
-    /// Its runs out of `runs`.
-    #[must_use]
-    pub fn range(&self, runs: u64) -> Range<u64> {
-        let bound = |i: u64| (u128::from(runs) * u128::from(i) / u128::from(self.count)) as u64;
-        bound(self.index - 1)..bound(self.index)
-    }
 }
 
 /// What identifies a campaign: parts agree on all of it.
@@ -274,9 +233,8 @@ impl Campaign {
             done();
             true
         };
-        let text = format!("{}/{}", shard.index, shard.count);
         let part = self.run_while(shard, &go_on)?;
-        part.ok_or(CampaignError::NoSuchShard { text })
+        part.ok_or(CampaignError::NoSuchShard(shard.without_runs()))
     }
 
     /// As [`Self::run`], and `go_on` says after each run whether to; `None` when it did not.
@@ -290,8 +248,7 @@ impl Campaign {
     ) -> Result<Option<Part>, CampaignError> {
         let range = shard.range(self.runs);
         if range.is_empty() {
-            let text = format!("{}/{}", shard.index, shard.count);
-            return Err(CampaignError::NoSuchShard { text });
+            return Err(shard.without_runs().into());
         }
         let started = Instant::now();
         let empty = || CampaignSums::new(&self.kinds, self.world.scans());

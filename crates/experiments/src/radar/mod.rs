@@ -6,13 +6,12 @@
 //! | one run: navigation and trackers on the same measurements | [`experiment`] |
 //! | the paper's navigation filter and the product's, and the trackers beside them | `navigators` |
 //! | one run as columns: what `simulate` prints and writes | [`single_run`] |
-//! | sums that do not depend on the order of adding | [`exact_sum`] |
+//! | sums that do not depend on the order of adding | [`crate::exact_sum`] |
 //! | what is summed over runs, and its split into parts | [`sums`] |
 //! | many runs, and merging what others ran | [`campaign`] |
 //! | RMSE, NEES and bands from the sums: what `montecarlo --json` prints | [`outcome`] |
 
 pub mod campaign;
-pub mod exact_sum;
 pub mod experiment;
 mod navigators;
 pub mod outcome;
@@ -20,7 +19,8 @@ pub mod single_run;
 pub mod sums;
 pub mod trackers;
 
-pub use campaign::{Campaign, CampaignError, Part, Shard};
+pub use crate::shard::Shard;
+pub use campaign::{Campaign, CampaignError, Part};
 pub use outcome::CampaignOutcome;
 pub use single_run::SingleRun;
 pub use trackers::TrackerKind;

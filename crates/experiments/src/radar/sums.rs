@@ -1,8 +1,8 @@
 //! Sums over the runs of a campaign: squared errors and NEES of each tracker at each
 //! scan, and how good the navigation was.
 
-use super::exact_sum::ExactSum;
 use super::trackers::TrackerKind;
+use crate::exact_sum::ExactSum;
 
 /// Sums of a tracker at one scan: squared position error, squared velocity error, NEES.
 pub type TrackerStep = [ExactSum; 3];

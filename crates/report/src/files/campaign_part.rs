@@ -11,8 +11,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
+use northing_experiments::exact_sum::ExactSum;
 use northing_experiments::radar::campaign::{CampaignKey, Part};
-use northing_experiments::radar::exact_sum::ExactSum;
 use northing_experiments::radar::sums::CampaignSums;
 use northing_experiments::radar::{Campaign, TrackerKind};
 use northing_recording::AtomicFile;

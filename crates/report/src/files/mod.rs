@@ -1,4 +1,4 @@
-//! Estimates of a run as files: CSV, Parquet, trajectories and tracks, by extension; parts of a campaign.
+//! Estimates of a run as files: CSV, Parquet, trajectories and tracks, by extension; parts of campaigns and studies.
 //!
 //! Program and Python module write the same files through these observers.
 
@@ -8,6 +8,8 @@ mod estimate_file;
 mod navigation_file;
 #[cfg(feature = "parquet")]
 mod parquet_table;
+#[cfg(feature = "parquet")]
+pub mod study_part;
 
 use std::path::Path;
 

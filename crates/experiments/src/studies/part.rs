@@ -1,0 +1,389 @@
+//! Parts of a study: which study they are of, their rows, what is missing, and a hash of all that does not depend on the split.
+
+use std::ops::Range;
+
+use northing_evaluation::PROGRAM;
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+use sha2::{Digest as _, Sha256};
+
+use super::StudyError;
+use super::file::{ScenarioTable, Seeds, StudyFile, StudyOptions, StudyQuestion, WorldsTable};
+use super::grid::{Design, Points};
+use super::scores;
+
+/// Most runs of one study: weeks of computing.
+pub const MOST_RUNS: u64 = 10_000_000;
+/// Most samples of a Latin hypercube: their places are kept in memory.
+const MOST_SAMPLES: u64 = 1_000_000;
+
+/// A file and the hash of what is in it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HashedSource {
+    /// Its name, as the study has it: no machine's folders.
+    pub name: String,
+    /// SHA-256 of its bytes, and of those of the files that it names.
+    pub sha256: String,
+}
+
+/// What is run over.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sources {
+    /// Recordings.
+    Recordings(Vec<HashedSource>),
+    /// Random worlds.
+    Worlds(WorldsTable),
+    /// A scenario.
+    Scenario {
+        /// The file.
+        file: HashedSource,
+        /// Its variant.
+        variant: Option<String>,
+    },
+}
+
+impl Sources {
+    /// How many.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        match self {
+            Self::Recordings(all) => all.len() as u64,
+            Self::Worlds(worlds) => worlds.count,
+            Self::Scenario { .. } => 1,
+        }
+    }
+
+    /// The hash of the data of one; empty for what is drawn from a seed.
+    #[must_use]
+    pub fn sha256(&self, source: u64) -> &str {
+        match self {
+            Self::Recordings(all) => all.get(source as usize).map_or("", |one| &one.sha256),
+            Self::Worlds(_) => "",
+            Self::Scenario { file, .. } => &file.sha256,
+        }
+    }
+}
+
+/// What a study is: parts agree on all of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyKey {
+    /// Program and version.
+    pub program: String,
+    /// Its name.
+    pub name: String,
+    /// What is estimated.
+    pub question: StudyQuestion,
+    /// What is run over.
+    pub sources: Sources,
+    /// The estimators.
+    pub estimators: Vec<String>,
+    /// The seeds.
+    pub seeds: Seeds,
+    /// Parameters that all runs share.
+    pub parameters: Vec<(String, Json)>,
+    /// Parameters that are varied.
+    pub design: Design,
+    /// What else is asked for.
+    pub options: StudyOptions,
+}
+
+impl StudyKey {
+    pub(super) fn of(file: &StudyFile, sources: Sources) -> Self {
+        Self {
+            program: PROGRAM.to_owned(),
+            name: file.name.clone(),
+            question: file.question,
+            sources,
+            estimators: file.estimators.clone(),
+            seeds: file.seeds.clone(),
+            parameters: file.parameters.clone(),
+            design: file.design.clone(),
+            options: file.options.clone(),
+        }
+    }
+
+    /// How many runs it has.
+    ///
+    /// # Errors
+    /// More than [`MOST_RUNS`], or none.
+    pub fn runs(&self) -> Result<u64, StudyError> {
+        let others = [
+            self.sources.count(),
+            self.seeds.count(),
+            self.estimators.len() as u64,
+        ];
+        let runs = others
+            .into_iter()
+            .fold(self.design.points(), |product, count| {
+                product.saturating_mul(u128::from(count))
+            });
+        if let Design::LatinHypercube { samples, .. } = &self.design
+            && *samples > MOST_SAMPLES
+        {
+            return Err(StudyError::TooMany {
+                what: "samples of a Latin hypercube",
+                count: u128::from(*samples),
+                most: MOST_SAMPLES,
+            });
+        }
+        match u64::try_from(runs) {
+            Ok(0) => Err(StudyError::Refused("this study has no runs".to_owned())),
+            Ok(runs) if runs <= MOST_RUNS => Ok(runs),
+            _ => Err(StudyError::TooMany {
+                what: "runs",
+                count: runs,
+                most: MOST_RUNS,
+            }),
+        }
+    }
+
+    /// Names of the scores of its runs, each with its unit.
+    #[must_use]
+    pub fn scores(&self) -> &'static [&'static str] {
+        scores::names(self.question, &self.sources)
+    }
+
+    /// SHA-256 of everything in it.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        sha256(&as_json(self))
+    }
+
+    /// What differs first, with both.
+    #[must_use]
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        let two = |what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| {
+            Some(format!("{what} ({a} and {b})"))
+        };
+        if self.program != other.program {
+            return two("the version of the program", &self.program, &other.program);
+        }
+        if let Some(what) = self.sources.difference(&other.sources) {
+            return Some(what);
+        }
+        if self.name != other.name {
+            return two("the name", &self.name, &other.name);
+        }
+        if self.estimators != other.estimators {
+            let names = |key: &Self| key.estimators.join(",");
+            return two("the list of estimators", &names(self), &names(other));
+        }
+        let json = [
+            ("the question", as_json(&self.question), as_json(&other.question)),
+            ("the seeds", as_json(&self.seeds), as_json(&other.seeds)),
+            ("the parameters", as_json(&self.parameters), as_json(&other.parameters)),
+            ("the varied parameters", as_json(&self.design), as_json(&other.design)),
+            ("the options", as_json(&self.options), as_json(&other.options)),
+        ];
+        let other = json.iter().find(|(_, a, b)| a != b);
+        other.and_then(|(what, a, b)| two(what, a, b))
+    }
+}
+
+impl Sources {
+    /// What differs first, with both.
+    fn difference(&self, other: &Self) -> Option<String> {
+        let files = |sources: &Self| match sources {
+            Self::Recordings(all) => all.clone(),
+            Self::Scenario { file, .. } => vec![file.clone()],
+            Self::Worlds(_) => Vec::new(),
+        };
+        for (a, b) in files(self).iter().zip(&files(other)) {
+            if a.name == b.name && a.sha256 != b.sha256 {
+                let (name, a, b) = (&a.name, short(&a.sha256), short(&b.sha256));
+                return Some(format!("the data of {name} (SHA-256 {a} and {b})"));
+            }
+        }
+        (self != other).then(|| format!("the list of sources ({} and {})", as_json(self), as_json(other)))
+    }
+}
+
+/// The first digits of a hash, for people.
+#[must_use]
+pub fn short(sha256: &str) -> &str {
+    sha256.get(..12).unwrap_or(sha256)
+}
+
+/// SHA-256 of bytes, in hexadecimal digits.
+pub(super) fn sha256(bytes: impl AsRef<[u8]>) -> String {
+    hex(Sha256::digest(bytes.as_ref()).as_slice())
+}
+
+pub(super) fn hex(digest: &[u8]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// A value as JSON; of these types none is refused.
+pub(super) fn as_json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_default()
+}
+
+/// Where a run stands in a study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RunPlace {
+    /// Place of the source.
+    pub source: u64,
+    /// The seed.
+    pub seed: u64,
+    /// Number of the point.
+    pub point: u64,
+    /// Place of the estimator.
+    pub estimator: usize,
+}
+
+/// A study whose runs can be told by their numbers: sources change slowest, then seeds, points and estimators.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    key: StudyKey,
+    runs: u64,
+    points: Points,
+}
+
+impl Plan {
+    /// Of a study.
+    ///
+    /// # Errors
+    /// As [`StudyKey::runs`].
+    pub fn of(key: StudyKey) -> Result<Self, StudyError> {
+        Ok(Self {
+            runs: key.runs()?,
+            points: Points::of(&key.design),
+            key,
+        })
+    }
+
+    /// What study it is.
+    #[must_use]
+    pub const fn key(&self) -> &StudyKey {
+        &self.key
+    }
+
+    /// How many runs there are.
+    #[must_use]
+    pub const fn runs(&self) -> u64 {
+        self.runs
+    }
+
+    /// Its points.
+    #[must_use]
+    pub const fn points(&self) -> &Points {
+        &self.points
+    }
+
+    /// Where a run stands.
+    #[must_use]
+    pub fn place(&self, run: u64) -> RunPlace {
+        let estimators = self.key.estimators.len() as u64;
+        let points = self.key.design.points() as u64;
+        let seeds = self.key.seeds.count();
+        let (rest, estimator) = (run / estimators, run % estimators);
+        let (rest, point) = (rest / points, rest % points);
+        RunPlace {
+            source: rest / seeds,
+            seed: self.key.seeds.seed(rest % seeds),
+            point,
+            estimator: estimator as usize,
+        }
+    }
+
+    /// Name of a source.
+    #[must_use]
+    pub fn source_name(&self, source: u64) -> String {
+        match &self.key.sources {
+            Sources::Recordings(all) => all
+                .get(source as usize)
+                .map_or_else(String::new, |one| one.name.clone()),
+            Sources::Worlds(worlds) => format!("world {}", super::source::world_number(worlds, source)),
+            Sources::Scenario { file, variant } => match variant {
+                Some(variant) => format!("{} {variant}", file.name),
+                None => file.name.clone(),
+            },
+        }
+    }
+}
+
+/// What came of one run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Its number.
+    pub run: u64,
+    /// Its scores, in the order of [`StudyKey::scores`]; not a number where there is none.
+    pub scores: Vec<f64>,
+    /// SHA-256 of every parameter that it used, as JSON; empty where it did not run.
+    pub parameters_sha256: String,
+    /// Why there are no scores; empty where there are.
+    pub error: String,
+}
+
+/// The hash of rows in the order of their numbers: that of a study, however it was split.
+#[derive(Debug, Clone)]
+pub struct RowsHash(Sha256);
+
+impl RowsHash {
+    /// Of no rows yet.
+    #[must_use]
+    pub fn of(key: &StudyKey) -> Self {
+        let mut hash = Sha256::new();
+        hash.update(as_json(key));
+        Self(hash)
+    }
+
+    /// Takes the next row.
+    pub fn add(&mut self, row: &Row) {
+        self.0.update(row.run.to_le_bytes());
+        for score in &row.scores {
+            // Every value that is not a number is the same one.
+            let score = if score.is_nan() { f64::NAN } else { *score };
+            self.0.update(score.to_bits().to_le_bytes());
+        }
+        for text in [&row.parameters_sha256, &row.error] {
+            self.0.update((text.len() as u64).to_le_bytes());
+            self.0.update(text);
+        }
+    }
+
+    /// In hexadecimal digits.
+    #[must_use]
+    pub fn finish(self) -> String {
+        hex(self.0.finalize().as_slice())
+    }
+}
+
+/// The runs of `wanted` that are in none of the ranges, in pieces of at most `most` that end at its multiples.
+#[must_use]
+pub fn missing(wanted: Range<u64>, held: &[Range<u64>], most: u64) -> Vec<Range<u64>> {
+    let mut held: Vec<_> = held.iter().filter(|range| !range.is_empty()).collect();
+    held.sort_by_key(|range| range.start);
+    let mut pieces = Vec::new();
+    let mut next = wanted.start;
+    let mut gap = |from: u64, until: u64| {
+        let mut from = from;
+        while from < until {
+            let end = ((from / most + 1) * most).min(until);
+            pieces.push(from..end);
+            from = end;
+        }
+    };
+    for range in held {
+        gap(next, range.start.min(wanted.end));
+        next = next.max(range.end);
+    }
+    gap(next, wanted.end);
+    pieces
+}
+
+#[cfg(test)]
+mod tests {
+    use super::missing;
+
+    #[test]
+    fn what_is_missing_comes_in_pieces_that_end_at_multiples() {
+        assert_eq!(missing(0..25, &[], 10), [0..10, 10..20, 20..25]);
+        assert_eq!(missing(7..25, &[12..15, 0..9], 10), [9..10, 10..12, 15..20, 20..25]);
+        assert_eq!(missing(3..5, std::slice::from_ref(&(0..9)), 10), [0..0; 0]);
+        assert_eq!(missing(3..5, std::slice::from_ref(&(5..9)), 10), std::slice::from_ref(&(3..5)));
+    }
+}
