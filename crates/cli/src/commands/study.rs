@@ -259,7 +259,17 @@ fn into_folder(
     for piece in pieces {
         let rows = run(study, piece.clone(), &progress)?;
         let path = folder.join(format!("runs-{:08}-{:08}.parquet", piece.start, piece.end - 1));
-        study_part::write(&path, plan, piece, rows, false)?;
+        if let Err(error) = study_part::write(&path, plan, piece.clone(), rows, false) {
+            // Another process that runs the same shard, as after a worker was taken for dead, was faster.
+            let is_there = path.exists() && {
+                let part = StudyPart::open(&path)?;
+                part.check(plan.key(), place)?;
+                part.ranges == [piece]
+            };
+            if !is_there {
+                return Err(error);
+            }
+        }
     }
     let merged = study_part::merge(&files_of(folder, "parquet")?, None)?;
     Ok(StudyOutcome::of(&merged.plan, &merged.sums, merged.hash))

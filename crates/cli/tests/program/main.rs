@@ -29,6 +29,8 @@ mod run;
 mod streaming;
 #[cfg(feature = "parquet")]
 mod study;
+#[cfg(all(unix, feature = "parquet"))]
+mod study_engines;
 mod support;
 mod track;
 mod used_parameters;
