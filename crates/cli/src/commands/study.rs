@@ -17,8 +17,8 @@ use northing_recording::{OpenOptions, tracking};
 use northing_report::study_part::{self, StudyPart};
 
 use crate::arguments::recordings;
-use crate::files::output::{check_free, print, print_json};
 use crate::files::has_extension;
+use crate::files::output::{check_free, print, print_json};
 use crate::interrupt;
 use crate::progress::SharedProgress;
 use crate::text::table::Table;
@@ -55,7 +55,12 @@ pub(crate) struct StudyArgs {
     #[arg(value_name = "STUDY", required = true)]
     study: Option<PathBuf>,
     /// Only the I-th of N shards of the runs, I from 1; needs --out
-    #[arg(long, value_name = "I/N", requires = "out", conflicts_with = "shard_index")]
+    #[arg(
+        long,
+        value_name = "I/N",
+        requires = "out",
+        conflicts_with = "shard_index"
+    )]
     shard: Option<String>,
     /// Only the shard of this index, from 0; needs --shards and --out
     #[arg(long, value_name = "I", requires = "shards", requires = "out")]
@@ -172,7 +177,9 @@ fn named(entry: &str, folder: &Path, path: PathBuf) -> FoundRecording {
     let name = match path.strip_prefix(folder) {
         Ok(rest) if rest.as_os_str().is_empty() => entry.to_owned(),
         Ok(rest) => {
-            let parts = rest.components().map(|part| part.as_os_str().to_string_lossy());
+            let parts = rest
+                .components()
+                .map(|part| part.as_os_str().to_string_lossy());
             let parts: Vec<_> = parts.collect();
             format!("{entry}/{}", parts.join("/"))
         }
@@ -215,7 +222,10 @@ fn target_recordings(path: &Path, data: Option<&Path>) -> Result<Vec<PathBuf>> {
     let mut paths = files_of(path, "toml")?;
     paths.retain(|path| tracking::open(path, data).is_ok());
     if paths.is_empty() {
-        bail!("{}: no recordings of targets in this folder; expected manifests (.toml)", path.display());
+        bail!(
+            "{}: no recordings of targets in this folder; expected manifests (.toml)",
+            path.display()
+        );
     }
     Ok(paths)
 }
@@ -251,14 +261,19 @@ fn into_folder(
             held.extend(part.ranges);
         }
     } else {
-        fs::create_dir_all(folder).with_context(|| format!("{}: cannot make it", folder.display()))?;
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot make it", folder.display()))?;
     }
     let pieces = missing(range.clone(), &held, part_runs(&range));
     let runs = pieces.iter().map(|piece| piece.end - piece.start).sum();
     let progress = SharedProgress::of_steps(runs, "runs");
     for piece in pieces {
         let rows = run(study, piece.clone(), &progress)?;
-        let path = folder.join(format!("runs-{:08}-{:08}.parquet", piece.start, piece.end - 1));
+        let path = folder.join(format!(
+            "runs-{:08}-{:08}.parquet",
+            piece.start,
+            piece.end - 1
+        ));
         if let Err(error) = study_part::write(&path, plan, piece.clone(), rows, false) {
             // Another process that runs the same shard, as after a worker was taken for dead, was faster.
             let is_there = path.exists() && {
@@ -337,9 +352,16 @@ fn conclude(outcome: &StudyOutcome, left_out: &[String], json: bool) -> Result<(
 /// The result for people.
 fn text(outcome: &StudyOutcome) -> String {
     let mut table = Table::new(&[
-        "<estimator", "<score", "runs", "mean", "std", "least", "greatest",
+        "<estimator",
+        "<score",
+        "runs",
+        "mean",
+        "std",
+        "least",
+        "greatest",
     ]);
-    let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
+    let number =
+        |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
     for estimator in &outcome.estimators {
         let scored = estimator.scores.iter().filter(|(_, score)| score.count > 0);
         for (name, score) in scored {
@@ -367,7 +389,9 @@ fn text(outcome: &StudyOutcome) -> String {
         outcome.hash,
     );
     if let Some(first) = &outcome.first_error {
-        text.push_str(&format!("Runs without scores: {failed}; the first is {first}\n"));
+        text.push_str(&format!(
+            "Runs without scores: {failed}; the first is {first}\n"
+        ));
     }
     text
 }

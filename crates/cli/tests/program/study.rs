@@ -42,7 +42,14 @@ fn three_shards(lab: &Lab) {
         lab.succeeds(&["study", "study.toml", "--shard", shard, "--out", out]);
     }
     lab.succeeds(&[
-        "study", "study.toml", "--shard-index", "1", "--shards", "3", "--out", "b",
+        "study",
+        "study.toml",
+        "--shard-index",
+        "1",
+        "--shards",
+        "3",
+        "--out",
+        "b",
     ]);
 }
 
@@ -51,8 +58,26 @@ fn agrees_however_it_is_split(lab: &Lab, runs: u64) -> Value {
     let whole = lab.json(&["study", "study.toml", "--threads", "1", "--json"]);
     assert_eq!(whole["runs"], runs);
     three_shards(lab);
-    let forward = lab.json(&["study", "merge", "a", "b", "c", "--out", "forward.parquet", "--json"]);
-    let backward = lab.json(&["study", "merge", "c", "a", "b", "--out", "backward.parquet", "--json"]);
+    let forward = lab.json(&[
+        "study",
+        "merge",
+        "a",
+        "b",
+        "c",
+        "--out",
+        "forward.parquet",
+        "--json",
+    ]);
+    let backward = lab.json(&[
+        "study",
+        "merge",
+        "c",
+        "a",
+        "b",
+        "--out",
+        "backward.parquet",
+        "--json",
+    ]);
     assert_eq!(forward, whole);
     assert_eq!(backward, whole);
     let bytes = |name: &str| fs::read(lab.path(name)).unwrap();
@@ -62,7 +87,15 @@ fn agrees_however_it_is_split(lab: &Lab, runs: u64) -> Value {
     let two = lab.json(&["study", "merge", "c", "a", "--out", "two.parquet", "--json"]);
     assert!(two["runs_held"].as_u64().unwrap() < runs);
     assert_ne!(hash(&two), hash(&whole));
-    let again = lab.json(&["study", "merge", "b", "two.parquet", "--out", "again.parquet", "--json"]);
+    let again = lab.json(&[
+        "study",
+        "merge",
+        "b",
+        "two.parquet",
+        "--out",
+        "again.parquet",
+        "--json",
+    ]);
     assert_eq!(again, whole);
     assert!(bytes("again.parquet") == bytes("forward.parquet"));
 
@@ -93,13 +126,22 @@ fn a_study_of_attitude_is_the_same_in_one_process_in_shards_and_cut_off() {
     for estimator in whole["estimators"].as_array().unwrap() {
         assert_eq!(estimator["runs"], 12);
         assert_eq!(estimator["failed"], 0);
-        for score in ["tilt_rmse_deg", "nees", "tilt_coverage_95", "accelerometer_nis"] {
+        for score in [
+            "tilt_rmse_deg",
+            "nees",
+            "tilt_coverage_95",
+            "accelerometer_nis",
+        ] {
             let score = &estimator["scores"][score];
             assert_eq!(score["count"], 12);
             assert!(score["mean"].as_f64().unwrap() > 0.0);
         }
         let levels = estimator["levels"].as_array().unwrap();
-        let nis = |level: &Value| level["scores"]["accelerometer_nis"]["mean"].as_f64().unwrap();
+        let nis = |level: &Value| {
+            level["scores"]["accelerometer_nis"]["mean"]
+                .as_f64()
+                .unwrap()
+        };
         assert_eq!(levels.len(), 3);
         assert_eq!(levels[1]["value"], 1);
         // The more noise a filter expects, the smaller is its NIS.
@@ -145,7 +187,10 @@ fn a_study_of_tracking_over_a_scenario_varies_its_keys() {
         radar.sigma_range_m = [5, 50]
     "#;
     let lab = lab(study);
-    lab.write("s.toml", SCENARIO.replace("duration_s = 300.0", "duration_s = 70.0 "));
+    lab.write(
+        "s.toml",
+        SCENARIO.replace("duration_s = 300.0", "duration_s = 70.0 "),
+    );
     let whole = agrees_however_it_is_split(&lab, 12);
     for estimator in whole["estimators"].as_array().unwrap() {
         let rmse = |level: usize| {
@@ -202,7 +247,10 @@ fn recordings_are_named_as_the_study_names_them_and_told_by_their_bytes() {
     fs::create_dir(lab.path("walks")).unwrap();
     fs::copy(lab.path("phone.csv"), lab.path("walks/one.csv")).unwrap();
     let before = lab.json(&["study", "study.toml", "--out", "parts", "--json"]);
-    assert_eq!(before["estimators"][0]["scores"]["tilt_rmse_deg"]["count"], 1);
+    assert_eq!(
+        before["estimators"][0]["scores"]["tilt_rmse_deg"]["count"],
+        1
+    );
     let run = lab.json(&["run", "phone.csv", "--estimator", "mekf", "--json"]);
     assert_eq!(
         before["estimators"][0]["scores"]["tilt_rmse_deg"]["least"],
@@ -224,7 +272,9 @@ fn recordings_are_named_as_the_study_names_them_and_told_by_their_bytes() {
     assert_ne!(hash(&after), hash(&before));
     contains(
         &lab.refuses(&["study", "merge", "parts", "others"]),
-        &["is of another study than parts/runs-00000000-00000000.parquet: the data of walks/one.csv"],
+        &[
+            "is of another study than parts/runs-00000000-00000000.parquet: the data of walks/one.csv",
+        ],
     );
 
     // And so is another version of the program, whose number stands in the part.
@@ -232,14 +282,18 @@ fn recordings_are_named_as_the_study_names_them_and_told_by_their_bytes() {
     let mut bytes = fs::read(&part).unwrap();
     let version = format!("northing {}", env!("CARGO_PKG_VERSION"));
     let header = format!("\"program\":\"{version}\"");
-    let at = bytes.windows(header.len()).position(|window| window == header.as_bytes());
+    let at = bytes
+        .windows(header.len())
+        .position(|window| window == header.as_bytes());
     let digit = at.unwrap() + "\"program\":\"northing ".len();
     bytes[digit] = b'7';
     fs::write(&part, bytes).unwrap();
     let other = version.replacen(" 0", " 7", 1);
     contains(
         &lab.refuses(&["study", "study.toml", "--out", "others"]),
-        &[&format!("the version of the program ({version} and {other}) differs")],
+        &[&format!(
+            "the version of the program ({version} and {other}) differs"
+        )],
     );
     // Standard seeds and nothing drawn from them: the same rows again.
     lab.write("seeds.toml", format!("seeds = [1, 2]\n{study}"));
@@ -296,9 +350,15 @@ fn what_cannot_be_a_study_is_refused_in_one_line() {
         &["grid.accelerometer_std", "unknown field `step`", "`steps`"],
     );
     let grid = "{ from = 0.1, to = 10, steps = 3, scale = \"log\" }";
-    refused(&with(grid, "[]"), &["grid.accelerometer_std: the list is empty"]);
     refused(
-        &with("accelerometer_std = { from = 0.1, to = 10, steps = 3, scale = \"log\" }", ""),
+        &with(grid, "[]"),
+        &["grid.accelerometer_std: the list is empty"],
+    );
+    refused(
+        &with(
+            "accelerometer_std = { from = 0.1, to = 10, steps = 3, scale = \"log\" }",
+            "",
+        ),
         &["[grid] is empty"],
     );
     refused(
@@ -339,8 +399,14 @@ fn what_cannot_be_a_study_is_refused_in_one_line() {
         &tracking("radar.sigma_range_m = [-1]", "s.toml"),
         &["radar.sigma_range_m is -1"],
     );
-    lab.write("study.toml", tracking("radar.sigma_range_m = [1]", "none.toml"));
-    contains(&lab.refuses(&["study", "study.toml"]), &["none.toml: cannot read it"]);
+    lab.write(
+        "study.toml",
+        tracking("radar.sigma_range_m = [1]", "none.toml"),
+    );
+    contains(
+        &lab.refuses(&["study", "study.toml"]),
+        &["none.toml: cannot read it"],
+    );
     lab.refuses(&["study"]);
 }
 
@@ -355,11 +421,27 @@ fn shards_and_parts_that_there_are_not_are_refused() {
         &["shard `0/16`: expected I/N with I from 1 to N"],
     );
     refused(
-        &["study.toml", "--shard-index", "16", "--shards", "16", "--out", "p"],
+        &[
+            "study.toml",
+            "--shard-index",
+            "16",
+            "--shards",
+            "16",
+            "--out",
+            "p",
+        ],
         &["expected an index from 0 to 15"],
     );
     refused(
-        &["study.toml", "--shard", "25/25", "--shards", "25", "--out", "p"],
+        &[
+            "study.toml",
+            "--shard",
+            "25/25",
+            "--shards",
+            "25",
+            "--out",
+            "p",
+        ],
         &["--shard-index"],
     );
     refused(&["study.toml", "--shard", "1/2"], &["--out"]);

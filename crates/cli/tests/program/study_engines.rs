@@ -67,7 +67,10 @@ fn a_slurm_array_makes_the_same_study_whatever_its_first_index() {
     }
     let checked = Command::new("bash").arg("-n").arg(&script).status();
     assert!(checked.unwrap().success());
-    let outside = Command::new("bash").arg(&script).args(["study.toml", "p"]).output();
+    let outside = Command::new("bash")
+        .arg(&script)
+        .args(["study.toml", "p"])
+        .output();
     let message = String::from_utf8_lossy(&outside.unwrap().stderr).into_owned();
     assert!(message.contains("submit it with sbatch"), "{message}");
 }
@@ -77,7 +80,10 @@ fn an_indexed_job_of_kubernetes_makes_the_same_study() {
     let (lab, whole) = lab();
     let text = std::fs::read_to_string(example("kubernetes.yaml")).unwrap();
     let job: Value = serde_yaml_ng::from_str(&text).unwrap();
-    assert_eq!((&job["apiVersion"], &job["kind"]), (&"batch/v1".into(), &"Job".into()));
+    assert_eq!(
+        (&job["apiVersion"], &job["kind"]),
+        (&"batch/v1".into(), &"Job".into())
+    );
     let spec = &job["spec"];
     assert_eq!(spec["completionMode"], "Indexed");
     let pod = &spec["template"]["spec"];
@@ -89,11 +95,16 @@ fn an_indexed_job_of_kubernetes_makes_the_same_study() {
     assert_eq!(mounted["name"], pod["volumes"][0]["name"]);
     let words = |key: &str| -> Vec<String> {
         let words = shard[key].as_array().unwrap().iter();
-        words.map(|word| word.as_str().unwrap().to_owned()).collect()
+        words
+            .map(|word| word.as_str().unwrap().to_owned())
+            .collect()
     };
     let all = [words("command"), words("args")].concat();
     let version = concat!("northing:", env!("CARGO_PKG_VERSION"));
-    assert_eq!((all[0].as_str(), shard["image"].as_str().unwrap()), ("northing", version));
+    assert_eq!(
+        (all[0].as_str(), shard["image"].as_str().unwrap()),
+        ("northing", version)
+    );
     let shards = all.iter().position(|word| word == "--shards").unwrap();
     let completions = spec["completions"].as_u64().unwrap();
     assert_eq!(all[shards + 1], completions.to_string());

@@ -244,16 +244,24 @@ impl Document {
     fn into_study(self, place: &str) -> Result<StudyFile, String> {
         let Some(question) = StudyQuestion::named(&self.question) else {
             let (asked, known) = (&self.question, StudyQuestion::names());
-            return Err(format!("unknown question `{asked}`; expected one of: {known}"));
+            return Err(format!(
+                "unknown question `{asked}`; expected one of: {known}"
+            ));
         };
         let tables = [
             ("attitude", StudyQuestion::Attitude, self.attitude.is_some()),
-            ("navigation", StudyQuestion::Navigation, self.navigation.is_some()),
+            (
+                "navigation",
+                StudyQuestion::Navigation,
+                self.navigation.is_some(),
+            ),
             ("tracking", StudyQuestion::Tracking, self.tracking.is_some()),
         ];
         if let Some((name, _, _)) = tables.iter().find(|(_, of, is)| *is && *of != question) {
             let asked = question.name();
-            return Err(format!("[{name}] is of another question than `{asked}`; leave it out"));
+            return Err(format!(
+                "[{name}] is of another question than `{asked}`; leave it out"
+            ));
         }
         distinct("estimators", &self.estimators)?;
         let stem = std::path::Path::new(place).file_stem();
@@ -293,7 +301,9 @@ fn distinct(what: &str, names: &[String]) -> Result<(), String> {
 impl SourcesTable {
     fn entries(self) -> Result<SourceEntries, String> {
         if self.data.is_some() && self.recordings.is_none() {
-            return Err("sources: `data` is the folder of recordings; name `recordings`".to_owned());
+            return Err(
+                "sources: `data` is the folder of recordings; name `recordings`".to_owned(),
+            );
         }
         match (self.recordings, self.worlds, self.scenario) {
             (Some(entries), None, None) => {
@@ -306,9 +316,7 @@ impl SourcesTable {
                 _ => Ok(SourceEntries::Worlds(worlds)),
             },
             (None, None, Some(scenario)) => Ok(SourceEntries::Scenario(scenario)),
-            _ => Err(
-                "sources: expected one of `recordings`, `worlds` and `scenario`".to_owned(),
-            ),
+            _ => Err("sources: expected one of `recordings`, `worlds` and `scenario`".to_owned()),
         }
     }
 }
@@ -319,7 +327,9 @@ fn seeds(value: Option<toml::Value>) -> Result<Seeds, String> {
     };
     let expected = |error: toml::de::Error| {
         let problem = error.message().to_owned();
-        format!("seeds: {problem}; expected a list such as [1, 2, 3], or {{ first = 1, count = 100 }}")
+        format!(
+            "seeds: {problem}; expected a list such as [1, 2, 3], or {{ first = 1, count = 100 }}"
+        )
     };
     let seeds = if value.is_table() {
         let FirstAndCount { first, count } = value.try_into().map_err(expected)?;
@@ -342,10 +352,7 @@ fn seeds(value: Option<toml::Value>) -> Result<Seeds, String> {
     }
 }
 
-fn design(
-    grid: Option<toml::Table>,
-    hypercube: Option<HypercubeTable>,
-) -> Result<Design, String> {
+fn design(grid: Option<toml::Table>, hypercube: Option<HypercubeTable>) -> Result<Design, String> {
     match (grid, hypercube) {
         (Some(_), Some(_)) => {
             Err("[grid] and [latin_hypercube] are two studies; leave one out".to_owned())
@@ -378,7 +385,11 @@ fn design(
                 return Err("[latin_hypercube.parameters] is empty; name a parameter".to_owned());
             }
             let (samples, seed) = (table.samples, table.seed);
-            Ok(Design::LatinHypercube { samples, seed, axes })
+            Ok(Design::LatinHypercube {
+                samples,
+                seed,
+                axes,
+            })
         }
         (None, None) => Ok(Design::Grid(Vec::new())),
     }
@@ -404,9 +415,9 @@ const EXPECTED_LEVELS: &str =
 
 fn levels(parameter: &str, value: toml::Value) -> Result<Levels, String> {
     match value {
-        toml::Value::Array(values) if values.is_empty() => {
-            Err(format!("grid.{parameter}: the list is empty; {EXPECTED_LEVELS}"))
-        }
+        toml::Value::Array(values) if values.is_empty() => Err(format!(
+            "grid.{parameter}: the list is empty; {EXPECTED_LEVELS}"
+        )),
         toml::Value::Array(values) => {
             let values: Vec<Json> = values
                 .iter()
@@ -420,10 +431,16 @@ fn levels(parameter: &str, value: toml::Value) -> Result<Levels, String> {
             let table: StepsTable = value.try_into().map_err(|error: toml::de::Error| {
                 format!("grid.{parameter}: {}; {EXPECTED_LEVELS}", error.message())
             })?;
-            let span = Span { from: table.from, to: table.to, scale: table.scale };
+            let span = Span {
+                from: table.from,
+                to: table.to,
+                scale: table.scale,
+            };
             if table.steps < 2 {
                 let steps = table.steps;
-                return Err(format!("grid.{parameter}: steps is {steps}, expected 2 or more"));
+                return Err(format!(
+                    "grid.{parameter}: steps is {steps}, expected 2 or more"
+                ));
             }
             match span.problem() {
                 Some(problem) => Err(format!("grid.{parameter}: {problem}")),
@@ -458,7 +475,9 @@ fn json(parameter: &str, value: &toml::Value) -> Result<Json, String> {
             Json::Array(items.collect::<Result<_, _>>()?)
         }
         toml::Value::Datetime(_) | toml::Value::Table(_) => {
-            return Err(format!("`{parameter}` is no number, word or list of numbers"));
+            return Err(format!(
+                "`{parameter}` is no number, word or list of numbers"
+            ));
         }
     })
 }

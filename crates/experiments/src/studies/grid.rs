@@ -298,13 +298,19 @@ mod tests {
         // The ends are exact, and whole numbers stay whole.
         assert_eq!(points.values(3)[1], Json::from(0.01));
         assert_eq!(points.values(5)[1], Json::from(1));
-        assert_eq!(Points::of(&Design::Grid(Vec::new())).values(0), [Json::Null; 0]);
+        assert_eq!(
+            Points::of(&Design::Grid(Vec::new())).values(0),
+            [Json::Null; 0]
+        );
     }
 
     #[test]
     fn a_grid_beyond_counting_is_counted_as_far_as_numbers_go() {
         let axis = || steps("gain", 0.0, 1.0, u64::MAX, Scale::Linear);
-        assert_eq!(Design::Grid(vec![axis(), axis(), axis()]).points(), u128::MAX);
+        assert_eq!(
+            Design::Grid(vec![axis(), axis(), axis()]).points(),
+            u128::MAX
+        );
     }
 
     #[test]
@@ -330,8 +336,10 @@ mod tests {
         };
         let points = of(7, &axes);
         let strata = |values: Vec<f64>, share: &dyn Fn(f64) -> f64| {
-            let mut strata: Vec<usize> =
-                values.iter().map(|value| (share(*value) * 50.0) as usize).collect();
+            let mut strata: Vec<usize> = values
+                .iter()
+                .map(|value| (share(*value) * 50.0) as usize)
+                .collect();
             assert!(!strata.is_sorted());
             strata.sort_unstable();
             assert_eq!(strata, (0..50).collect::<Vec<_>>());

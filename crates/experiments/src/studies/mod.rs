@@ -57,7 +57,9 @@ pub enum StudyError {
     #[error("{0}")]
     Refused(String),
     /// More than any computer is for.
-    #[error("this study has {count} {what}, at most {most}; take fewer values, or [latin_hypercube] with fewer samples")]
+    #[error(
+        "this study has {count} {what}, at most {most}; take fewer values, or [latin_hypercube] with fewer samples"
+    )]
     TooMany {
         /// What is counted.
         what: &'static str,
@@ -325,10 +327,7 @@ fn hashed(
     Ok(Sources::Recordings(all?))
 }
 
-fn read_scenario(
-    file: &StudyFile,
-    found: &FoundSources,
-) -> Result<Option<Scenario>, StudyError> {
+fn read_scenario(file: &StudyFile, found: &FoundSources) -> Result<Option<Scenario>, StudyError> {
     let (SourceEntries::Scenario(table), FoundSources::Scenario(text)) = (&file.sources, found)
     else {
         return Ok(None);
@@ -348,14 +347,22 @@ fn check_parameters(
     scenario: Option<&Scenario>,
 ) -> Result<(), StudyError> {
     let varied = file.design.parameters();
-    if let Some((name, _)) = file.parameters.iter().find(|(name, _)| varied.contains(&name.as_str())) {
+    if let Some((name, _)) = file
+        .parameters
+        .iter()
+        .find(|(name, _)| varied.contains(&name.as_str()))
+    {
         let message = format!("the parameter `{name}` is both fixed and varied; leave one out");
         return Err(StudyError::Refused(message));
     }
-    let extremes = file.design.extremes().into_iter().flat_map(|(name, values)| {
-        let name = name.to_owned();
-        values.into_iter().map(move |value| (name.clone(), value))
-    });
+    let extremes = file
+        .design
+        .extremes()
+        .into_iter()
+        .flat_map(|(name, values)| {
+            let name = name.to_owned();
+            values.into_iter().map(move |value| (name.clone(), value))
+        });
     for setting in file.parameters.iter().cloned().chain(extremes) {
         for setup in setups {
             setup.check(&setting)?;

@@ -23,7 +23,9 @@ struct Least(Option<u64>);
 
 impl Least {
     fn add(&mut self, value: f64) {
-        let smaller = self.value().is_none_or(|least| value.total_cmp(&least).is_lt());
+        let smaller = self
+            .value()
+            .is_none_or(|least| value.total_cmp(&least).is_lt());
         if smaller {
             self.0 = Some(value.to_bits());
         }
@@ -290,4 +292,65 @@ fn levels(
         })
     });
     each.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::file::StudyFile;
+    use super::super::part::{Sources, StudyKey};
+    use super::*;
+
+    #[test]
+    fn sums_do_not_depend_on_the_order_of_rows_and_say_what_a_table_would() {
+        let text = "question = 'attitude'\nestimators = ['mekf']\nseeds = { first = 1, count = 50 }\n\
+                    [sources.worlds]\ncount = 1\n[grid]\naccelerometer_std = [1, 2]\n";
+        let file = StudyFile::parse("s.toml", text).unwrap();
+        let worlds = super::super::file::WorldsTable {
+            first: 0,
+            count: 1,
+            motion: None,
+            class: None,
+        };
+        let plan = Plan::of(StudyKey::of(&file, Sources::Worlds(worlds))).unwrap();
+        let score = |run: u64| (run as f64 * 1.7).sin() + 3.0;
+        let rows: Vec<Row> = (0..100)
+            .map(|run| {
+                let mut scores = vec![f64::NAN; plan.key().scores().len()];
+                scores[0] = score(run);
+                let error = if run == 60 || run == 61 { "why" } else { "" };
+                Row {
+                    run,
+                    scores,
+                    parameters_sha256: String::new(),
+                    error: error.to_owned(),
+                }
+            })
+            .collect();
+        let sums = |rows: &mut dyn Iterator<Item = &Row>| {
+            let mut sums = StudySums::new(&plan);
+            rows.for_each(|row| sums.add(&plan, row));
+            sums
+        };
+        let forward = sums(&mut rows.iter());
+        assert_eq!(forward, sums(&mut rows.iter().rev()));
+        let outcome = StudyOutcome::of(&plan, &forward, String::new());
+        assert_eq!((outcome.runs_held, outcome.estimators[0].failed), (100, 2));
+        assert_eq!(outcome.first_error.as_deref(), Some("run 60: why"));
+        let scores: Vec<f64> = (0..100).map(score).collect();
+        let (name, found) = &outcome.estimators[0].scores[0];
+        let mean = scores.iter().sum::<f64>() / 100.0;
+        let square: f64 = scores.iter().map(|score| (score - mean).powi(2)).sum();
+        assert_eq!((*name, found.count), ("total_rmse_deg", 100));
+        assert!((found.mean.unwrap() - mean).abs() < 1e-9);
+        assert!((found.std.unwrap() - (square / 99.0).sqrt()).abs() < 1e-9);
+        let least = scores.iter().copied().fold(f64::INFINITY, f64::min);
+        assert_eq!(found.least.map(f64::to_bits), Some(least.to_bits()));
+        // What no run has is counted as none.
+        assert_eq!(outcome.estimators[0].scores[1].1.count, 0);
+        // Points alternate: the second value has the odd runs.
+        let odd = scores.iter().skip(1).step_by(2).sum::<f64>() / 50.0;
+        let level = &outcome.estimators[0].levels[1];
+        assert_eq!((level.runs, &level.value), (50, &Json::from(2)));
+        assert!((level.scores[0].1.mean.unwrap() - odd).abs() < 1e-9);
+    }
 }

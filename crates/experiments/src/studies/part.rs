@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 use sha2::{Digest as _, Sha256};
 
 use super::StudyError;
-use super::file::{ScenarioTable, Seeds, StudyFile, StudyOptions, StudyQuestion, WorldsTable};
+use super::file::{Seeds, StudyFile, StudyOptions, StudyQuestion, WorldsTable};
 use super::grid::{Design, Points};
 use super::scores;
 
@@ -172,11 +172,27 @@ impl StudyKey {
             return two("the list of estimators", &names(self), &names(other));
         }
         let json = [
-            ("the question", as_json(&self.question), as_json(&other.question)),
+            (
+                "the question",
+                as_json(&self.question),
+                as_json(&other.question),
+            ),
             ("the seeds", as_json(&self.seeds), as_json(&other.seeds)),
-            ("the parameters", as_json(&self.parameters), as_json(&other.parameters)),
-            ("the varied parameters", as_json(&self.design), as_json(&other.design)),
-            ("the options", as_json(&self.options), as_json(&other.options)),
+            (
+                "the parameters",
+                as_json(&self.parameters),
+                as_json(&other.parameters),
+            ),
+            (
+                "the varied parameters",
+                as_json(&self.design),
+                as_json(&other.design),
+            ),
+            (
+                "the options",
+                as_json(&self.options),
+                as_json(&other.options),
+            ),
         ];
         let other = json.iter().find(|(_, a, b)| a != b);
         other.and_then(|(what, a, b)| two(what, a, b))
@@ -197,7 +213,13 @@ impl Sources {
                 return Some(format!("the data of {name} (SHA-256 {a} and {b})"));
             }
         }
-        (self != other).then(|| format!("the list of sources ({} and {})", as_json(self), as_json(other)))
+        (self != other).then(|| {
+            format!(
+                "the list of sources ({} and {})",
+                as_json(self),
+                as_json(other)
+            )
+        })
     }
 }
 
@@ -296,7 +318,9 @@ impl Plan {
             Sources::Recordings(all) => all
                 .get(source as usize)
                 .map_or_else(String::new, |one| one.name.clone()),
-            Sources::Worlds(worlds) => format!("world {}", super::source::world_number(worlds, source)),
+            Sources::Worlds(worlds) => {
+                format!("world {}", super::source::world_number(worlds, source))
+            }
             Sources::Scenario { file, variant } => match variant {
                 Some(variant) => format!("{} {variant}", file.name),
                 None => file.name.clone(),
@@ -377,13 +401,100 @@ pub fn missing(wanted: Range<u64>, held: &[Range<u64>], most: u64) -> Vec<Range<
 
 #[cfg(test)]
 mod tests {
-    use super::missing;
+    use super::*;
+    use crate::studies::grid::{Axis, Levels};
+
+    fn key() -> StudyKey {
+        let file = StudyFile::parse(
+            "s.toml",
+            "question = 'attitude'\nestimators = ['mekf', 'usque']\nseeds = [7, 9]\n[sources]\nrecordings = ['a', 'b']\n\
+             [grid]\naccelerometer_std = [1, 2, 3]\n",
+        );
+        let source = |name: &str| HashedSource {
+            name: name.to_owned(),
+            sha256: sha256(name),
+        };
+        let sources = Sources::Recordings(vec![source("a"), source("b")]);
+        StudyKey::of(&file.unwrap(), sources)
+    }
+
+    #[test]
+    fn sources_change_slowest_then_seeds_points_and_estimators() {
+        let plan = Plan::of(key()).unwrap();
+        assert_eq!(plan.runs(), 24);
+        let place = |run| {
+            let RunPlace {
+                source,
+                seed,
+                point,
+                estimator,
+            } = plan.place(run);
+            (source, seed, point, estimator)
+        };
+        assert_eq!(place(0), (0, 7, 0, 0));
+        assert_eq!(place(1), (0, 7, 0, 1));
+        assert_eq!(place(2), (0, 7, 1, 0));
+        assert_eq!(place(6), (0, 9, 0, 0));
+        assert_eq!(place(23), (1, 9, 2, 1));
+        assert_eq!(plan.source_name(1), "b");
+    }
+
+    #[test]
+    fn what_differs_is_said_with_both_and_any_difference_changes_the_hash() {
+        let mine = key();
+        assert_eq!(mine.difference(&key()), None);
+        let differs = |change: &dyn Fn(&mut StudyKey), parts: &[&str]| {
+            let mut other = key();
+            change(&mut other);
+            assert_ne!(other.sha256(), mine.sha256());
+            let what = mine.difference(&other).unwrap();
+            assert!(parts.iter().all(|part| what.contains(part)), "{what}");
+        };
+        differs(
+            &|key| key.program = "northing 9.9.9".to_owned(),
+            &["the version of the program", PROGRAM, "northing 9.9.9"],
+        );
+        differs(
+            &|key| {
+                if let Sources::Recordings(all) = &mut key.sources {
+                    all[1].sha256 = sha256("else");
+                }
+            },
+            &["the data of b", short(&sha256("b")), short(&sha256("else"))],
+        );
+        differs(
+            &|key| key.seeds = Seeds::List(vec![7]),
+            &["the seeds", "[7,9]", "[7]"],
+        );
+        differs(
+            &|key| {
+                key.design = Design::Grid(vec![Axis {
+                    parameter: "accelerometer_std".to_owned(),
+                    values: Levels::List(vec![Json::from(1)]),
+                }]);
+            },
+            &["the varied parameters"],
+        );
+        differs(&|key| drop(key.estimators.pop()), &["mekf,usque", "mekf)"]);
+    }
+
+    #[test]
+    fn a_key_comes_back_from_its_json() {
+        let text = as_json(&key());
+        assert_eq!(serde_json::from_str::<StudyKey>(&text).unwrap(), key());
+    }
 
     #[test]
     fn what_is_missing_comes_in_pieces_that_end_at_multiples() {
         assert_eq!(missing(0..25, &[], 10), [0..10, 10..20, 20..25]);
-        assert_eq!(missing(7..25, &[12..15, 0..9], 10), [9..10, 10..12, 15..20, 20..25]);
+        assert_eq!(
+            missing(7..25, &[12..15, 0..9], 10),
+            [9..10, 10..12, 15..20, 20..25]
+        );
         assert_eq!(missing(3..5, std::slice::from_ref(&(0..9)), 10), [0..0; 0]);
-        assert_eq!(missing(3..5, std::slice::from_ref(&(5..9)), 10), std::slice::from_ref(&(3..5)));
+        assert_eq!(
+            missing(3..5, std::slice::from_ref(&(5..9)), 10),
+            std::slice::from_ref(&(3..5))
+        );
     }
 }

@@ -6,9 +6,7 @@ use northing_evaluation::by_name;
 use northing_evaluation::navigation::{NavigationKind, NavigationOptions, run_navigation};
 use northing_evaluation::tracking::{self, OwnShipStd, TrackOptions};
 use northing_evaluation::used_parameters::UsedParameter;
-use northing_evaluation::{
-    EstimatorKind, EvaluationError, Origin, Profile, RunOptions, attitude,
-};
+use northing_evaluation::{EstimatorKind, EvaluationError, Origin, Profile, RunOptions, attitude};
 use northing_recording::tracking::TrackingRecording;
 use northing_recording::{
     Event, Metadata, OpenOptions, Recording, RecordingError, WorldFrame, open,
@@ -102,7 +100,9 @@ impl Setup {
 
 /// One of ours: what others bring along has no version that a row could state.
 fn attitude_kind(name: &str) -> Result<EstimatorKind, EvaluationError> {
-    let known = EstimatorKind::ALL.into_iter().find(|kind| kind.name() == name);
+    let known = EstimatorKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == name);
     known.ok_or_else(|| EvaluationError::UnknownEstimator {
         name: name.to_owned(),
         valid: EstimatorKind::ALL.map(EstimatorKind::name).join(", "),
@@ -124,7 +124,10 @@ fn attitude_options(
     kind: EstimatorKind,
     table: &AttitudeTable,
 ) -> Result<RunOptions, EvaluationError> {
-    let profile = table.profile.as_deref().map_or(Ok(Profile::HandHeld), str::parse)?;
+    let profile = table
+        .profile
+        .as_deref()
+        .map_or(Ok(Profile::HandHeld), str::parse)?;
     let mut options = RunOptions::new(kind, profile);
     if let Some(sensors) = &table.sensors {
         options.sensors = sensors.parse()?;
@@ -141,7 +144,9 @@ fn navigation_options(
     let options = NavigationOptions {
         estimator: kind,
         gnss_every: table.gnss_every.unwrap_or(usual.gnss_every),
-        outages: outages.collect::<Result<_, String>>().map_err(StudyError::Refused)?,
+        outages: outages
+            .collect::<Result<_, String>>()
+            .map_err(StudyError::Refused)?,
         score_from_s: table.score_from_s.unwrap_or(usual.score_from_s),
         ..usual
     };
@@ -160,14 +165,20 @@ fn tracking_options(table: &TrackingTable) -> Result<TrackOptions, StudyError> {
         let is_cutoff = name == "cutoff_m";
         let fits = |value: f64| value.is_finite() && (value > 0.0 || (value == 0.0 && !is_cutoff));
         if let Some(value) = value.filter(|value| !fits(*value)) {
-            let expected = if is_cutoff { "above zero" } else { "zero or above" };
+            let expected = if is_cutoff {
+                "above zero"
+            } else {
+                "zero or above"
+            };
             return Err(StudyError::Refused(format!(
                 "tracking.{name} is {value}, expected a number {expected}"
             )));
         }
     }
     // Trackers are told the error that is injected, unless something else is stated.
-    let heading = table.own_ship_heading_std_deg.or(table.injected_heading_std_deg);
+    let heading = table
+        .own_ship_heading_std_deg
+        .or(table.injected_heading_std_deg);
     let stated = table.own_ship_position_std_m.is_some() || heading.is_some();
     let own_ship_std = stated.then(|| OwnShipStd {
         position_m: table.own_ship_position_std_m.unwrap_or(0.0),

@@ -119,8 +119,11 @@ pub(super) fn navigation(summary: &NavigationSummary) -> Vec<f64> {
 /// Of a tracking run: each target counts by its instants.
 pub(super) fn tracking(summary: &TrackSummary) -> Vec<f64> {
     let targets = &summary.targets;
-    let weighted = |weight: fn(&TargetSummary) -> usize, of: &dyn Fn(&TargetSummary) -> Option<f64>| {
-        let each = targets.iter().filter_map(|t| Some((weight(t) as f64, of(t)?)));
+    let weighted = |weight: fn(&TargetSummary) -> usize,
+                    of: &dyn Fn(&TargetSummary) -> Option<f64>| {
+        let each = targets
+            .iter()
+            .filter_map(|t| Some((weight(t) as f64, of(t)?)));
         let (weights, sum) = each.fold((0.0, 0.0), |(n, sum), (w, x)| (n + w, sum + w * x));
         (weights > 0.0).then(|| sum / weights)
     };
@@ -160,7 +163,11 @@ mod tests {
             .flat_map(|estimator| estimator.parameters);
         for parameter in parameters {
             for names in [&ATTITUDE[..], &NAVIGATION, &TRACKING, &SCENARIO] {
-                assert!(!names.contains(&parameter.name.as_str()), "{}", parameter.name);
+                assert!(
+                    !names.contains(&parameter.name.as_str()),
+                    "{}",
+                    parameter.name
+                );
             }
         }
     }

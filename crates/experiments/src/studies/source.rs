@@ -34,7 +34,10 @@ pub struct FoundRecording {
 pub(super) fn hash_of_recording(path: &Path, data: Option<&Path>) -> Result<String, StudyError> {
     let mut hash = Sha256::new();
     let failed = |error: io::Error| {
-        StudyError::file(&path.display().to_string(), &format!("cannot read it: {error}"))
+        StudyError::file(
+            &path.display().to_string(),
+            &format!("cannot read it: {error}"),
+        )
     };
     add(&mut hash, path).map_err(failed)?;
     let folder = data.or(path.parent()).unwrap_or(Path::new(""));
@@ -162,7 +165,9 @@ impl Loaded {
 
     /// A world of navigation.
     pub(super) fn navigation_world(seed: u64, number: u64) -> Self {
-        Self::Events(navigation_worlds::events(&NavigationWorld::draw(seed, number)))
+        Self::Events(navigation_worlds::events(&NavigationWorld::draw(
+            seed, number,
+        )))
     }
 
     /// A recording of targets.
@@ -217,11 +222,20 @@ mod tests {
         let numbers = |motion| [0, 1, 2].map(|place| world_number(&worlds(motion), place));
         assert_eq!(numbers(None), [4, 5, 6]);
         let walking = numbers(Some("walking"));
-        assert!(walking.iter().all(|number| WorldMotion::of(*number) == WorldMotion::Walking));
+        assert!(
+            walking
+                .iter()
+                .all(|number| WorldMotion::of(*number) == WorldMotion::Walking)
+        );
         assert_eq!(walking[0] + 9, walking[1]);
         assert!((4..13).contains(&walking[0]));
         let wrong = check_worlds(&worlds(Some("flying")), StudyQuestion::Attitude);
-        assert!(wrong.unwrap_err().to_string().contains("expected one of: desk"));
+        assert!(
+            wrong
+                .unwrap_err()
+                .to_string()
+                .contains("expected one of: desk")
+        );
         assert!(check_worlds(&worlds(Some("walking")), StudyQuestion::Navigation).is_err());
     }
 

@@ -54,7 +54,11 @@ struct Header {
 
 /// The columns of a study's table with their types.
 fn columns(key: &StudyKey) -> Vec<(String, Physical)> {
-    let varied = key.design.parameters().into_iter().zip(key.design.are_numbers());
+    let varied = key
+        .design
+        .parameters()
+        .into_iter()
+        .zip(key.design.are_numbers());
     let varied = varied.map(|(name, is_number)| match is_number {
         true => (name, Physical::DOUBLE),
         false => (name, Physical::BYTE_ARRAY),
@@ -75,7 +79,9 @@ fn schema(key: &StudyKey) -> parquet::errors::Result<Type> {
         Ok(Arc::new(field))
     };
     let fields: parquet::errors::Result<Vec<_>> = columns(key).into_iter().map(field).collect();
-    Type::group_type_builder("study").with_fields(fields?).build()
+    Type::group_type_builder("study")
+        .with_fields(fields?)
+        .build()
 }
 
 /// A part being written.
@@ -123,15 +129,21 @@ impl<'a> Writer<'a> {
             match columns(self.plan.key()).get(place).map(|(_, kind)| *kind) {
                 Some(Physical::INT64) => {
                     let values: Vec<i64> = cells.map(Cell::integer).collect();
-                    column.typed::<Int64Type>().write_batch(&values, None, None)?;
+                    column
+                        .typed::<Int64Type>()
+                        .write_batch(&values, None, None)?;
                 }
                 Some(Physical::DOUBLE) => {
                     let values: Vec<f64> = cells.map(Cell::double).collect();
-                    column.typed::<DoubleType>().write_batch(&values, None, None)?;
+                    column
+                        .typed::<DoubleType>()
+                        .write_batch(&values, None, None)?;
                 }
                 _ => {
                     let values: Vec<ByteArray> = cells.map(Cell::text).collect();
-                    column.typed::<ByteArrayType>().write_batch(&values, None, None)?;
+                    column
+                        .typed::<ByteArrayType>()
+                        .write_batch(&values, None, None)?;
                 }
             }
             column.close()?;
@@ -190,7 +202,11 @@ fn cells(plan: &Plan, row: &Row) -> Vec<Cell> {
         text(key.sources.sha256(place.source)),
         Cell::Integer(place.seed.cast_signed()),
         Cell::Integer(place.point.cast_signed()),
-        text(key.estimators.get(place.estimator).map_or("", String::as_str)),
+        text(
+            key.estimators
+                .get(place.estimator)
+                .map_or("", String::as_str),
+        ),
     ];
     let values = plan.points().values(place.point).into_iter();
     let value = |(value, is_number): (Json, bool)| match (is_number, value.as_f64()) {
@@ -211,7 +227,13 @@ fn cells(plan: &Plan, row: &Row) -> Vec<Cell> {
 ///
 /// # Errors
 /// The file exists and `force` is not given, or cannot be written.
-pub fn write(path: &Path, plan: &Plan, runs: Range<u64>, rows: Vec<Row>, force: bool) -> Result<()> {
+pub fn write(
+    path: &Path,
+    plan: &Plan,
+    runs: Range<u64>,
+    rows: Vec<Row>,
+    force: bool,
+) -> Result<()> {
     let place = || format!("{}: cannot write it", path.display());
     let mut writer = Writer::create(path, plan, vec![runs], force)?;
     for row in rows {
@@ -264,7 +286,11 @@ impl StudyPart {
             }
             next = range.end;
         }
-        let held: u64 = header.ranges.iter().map(|range| range.end - range.start).sum();
+        let held: u64 = header
+            .ranges
+            .iter()
+            .map(|range| range.end - range.start)
+            .sum();
         if held == 0 || held > MOST_RUNS || u64::try_from(metadata.num_rows()) != Ok(held) {
             bail!("it has {} rows, expected {held}", metadata.num_rows());
         }
@@ -343,7 +369,10 @@ impl StudyPart {
             scores.push(values);
         }
         let (used, errors) = (texts(PARAMETERS)?, texts(ERROR)?);
-        let lengths = scores.iter().map(Vec::len).chain([used.len(), errors.len(), runs.len()]);
+        let lengths = scores
+            .iter()
+            .map(Vec::len)
+            .chain([used.len(), errors.len(), runs.len()]);
         if lengths.into_iter().any(|length| length != rows) {
             bail!("columns are cut off");
         }
@@ -389,7 +418,9 @@ pub fn merge(parts: &[PathBuf], out: Option<(&Path, bool)>) -> Result<Merged> {
     let (key, mut pieces) = pieces(parts)?;
     pieces.sort_by_key(|(range, _)| range.start);
     for pair in pieces.windows(2) {
-        let [(one, first), (other, second)] = pair else { continue };
+        let [(one, first), (other, second)] = pair else {
+            continue;
+        };
         if other.start < one.end {
             let name = |part: &usize| parts[*part].display().to_string();
             let (file, other, run) = (name(first), name(second), other.start);
@@ -412,7 +443,11 @@ pub fn merge(parts: &[PathBuf], out: Option<(&Path, bool)>) -> Result<Merged> {
         for run in range.clone() {
             let row = rows.next()?;
             if row.run != run {
-                bail!("{}: row {} stands where run {run} is expected", rows.path.display(), row.run);
+                bail!(
+                    "{}: row {} stands where run {run} is expected",
+                    rows.path.display(),
+                    row.run
+                );
             }
             sums.add(&plan, &row);
             hash.add(&row);
