@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, bail};
 use clap::{Args, Subcommand};
 use northing_experiments::shard::Shard;
-use northing_experiments::studies::part::{missing, short};
+use northing_experiments::studies::key::short;
+use northing_experiments::studies::part::missing;
 use northing_experiments::studies::{
     FoundRecording, FoundSources, RowsHash, SourceEntries, Study, StudyFile, StudyOutcome,
     StudyQuestion, StudySums,

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | the file `study.toml` | [`file`](mod@file) |
 //! | a grid, a Latin hypercube | [`grid`] |
-//! | which study a part is of, runs by number, the hash | [`part`] |
+//! | which study a part is of, runs by number | [`key`] |
+//! | rows, what is missing, the hash | [`part`] |
 //! | recordings and their hashes, worlds | [`source`] |
 //! | one run | `run`, `scenario`, `scores` |
 //! | what all rows say together | [`outcome`] |
@@ -16,6 +17,7 @@
 
 pub mod file;
 pub mod grid;
+pub mod key;
 pub mod outcome;
 pub mod part;
 mod run;
@@ -32,11 +34,12 @@ use northing_simulation::scenario::{Scenario, ScenarioFile};
 use rayon::prelude::*;
 
 pub use file::{SourceEntries, StudyFile, StudyQuestion};
+pub use key::{Plan, StudyKey};
 pub use outcome::{StudyOutcome, StudySums};
-pub use part::{Plan, Row, RowsHash, StudyKey};
+pub use part::{Row, RowsHash};
 pub use source::FoundRecording;
 
-use self::part::{HashedSource, Sources, as_json, sha256};
+use self::key::{HashedSource, RunPlace, Sources, as_json, sha256};
 use self::run::{Over, Setting, Setup};
 use self::source::{Loaded, Shelf};
 use crate::shard::ShardError;
@@ -208,11 +211,7 @@ impl Study {
     }
 
     /// Scores and parameters of a run, or why there are none, without the folders of this machine.
-    fn scored(
-        &self,
-        place: &part::RunPlace,
-        settings: &[Setting],
-    ) -> Result<(Vec<f64>, String), String> {
+    fn scored(&self, place: &RunPlace, settings: &[Setting]) -> Result<(Vec<f64>, String), String> {
         let found = self.recordings.get(place.source as usize);
         let scored = match self.setups.get(place.estimator) {
             Some(Setup::Attitude(options)) => self.over(place, |over| {
@@ -239,7 +238,7 @@ impl Study {
     /// Gives a run what it is over.
     fn over(
         &self,
-        place: &part::RunPlace,
+        place: &RunPlace,
         run: impl Fn(Over<'_>) -> Result<run::Scored, String>,
     ) -> Result<run::Scored, String> {
         let Sources::Worlds(worlds) = &self.plan.key().sources else {
@@ -261,7 +260,7 @@ impl Study {
 
     fn tracking(
         &self,
-        place: &part::RunPlace,
+        place: &RunPlace,
         options: &northing_evaluation::tracking::TrackOptions,
         settings: &[Setting],
     ) -> Result<run::Scored, String> {

@@ -4,7 +4,8 @@ use serde::{Serialize, Serializer};
 use serde_json::Value as Json;
 
 use super::grid::Design;
-use super::part::{Plan, Row};
+use super::key::Plan;
+use super::part::Row;
 use crate::exact_sum::ExactSum;
 
 /// Sums of one score over runs, the same in whatever order they are added.
@@ -297,7 +298,7 @@ fn levels(
 #[cfg(test)]
 mod tests {
     use super::super::file::StudyFile;
-    use super::super::part::{Sources, StudyKey};
+    use super::super::key::{Sources, StudyKey};
     use super::*;
 
     #[test]

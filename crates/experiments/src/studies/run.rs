@@ -324,6 +324,6 @@ pub(super) fn scenario(
     seed: u64,
 ) -> Result<(Vec<f64>, String), StudyError> {
     let scenario = scenario::with(base, settings)?;
-    let used = super::part::as_json(&scenario);
+    let used = super::key::as_json(&scenario);
     Ok((scenario::scores(&scenario, kind, seed), used))
 }

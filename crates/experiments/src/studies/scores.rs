@@ -7,7 +7,7 @@ use northing_evaluation::tracking::TrackSummary;
 use northing_evaluation::tracking::outcome::TargetSummary;
 
 use super::file::StudyQuestion;
-use super::part::Sources;
+use super::key::Sources;
 use crate::attitude_worlds::EstimatorScore;
 
 /// Root mean squares of errors (`northing run`), NEES and NIS per degree of freedom, share of the instants inside the stated 95 %.

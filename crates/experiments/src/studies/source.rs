@@ -14,7 +14,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::StudyError;
 use super::file::{StudyQuestion, WorldsTable};
-use super::part::hex;
+use super::key::hex;
 use crate::navigation_worlds;
 
 /// A recording that was found.

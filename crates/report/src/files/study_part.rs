@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow, bail};
-use northing_experiments::studies::part::MOST_RUNS;
+use northing_experiments::studies::key::MOST_RUNS;
 use northing_experiments::studies::{Plan, Row, RowsHash, StudyError, StudyKey, StudySums};
 use northing_recording::AtomicFile;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
