@@ -19,17 +19,14 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 
-import imufusion
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
-from ahrs.filters import EKF, Madgwick, Mahony
-from vqf import VQF, offlineVQF
+
+from attitude_filters import FILTERS, Recording, conjugate, interpolated, product
 
 SKIP_S = 5.0  # from the first sample on, not scored: the program's default
-START_S = 0.5  # averaged for the attitude to start from, for filters that do not start themselves
-STANDARD_GRAVITY = 9.80665
 # Column names of the two formats: time, gyroscope, accelerometer, magnetometer, reference, score flag.
 PARQUET = ("t", "g{}", "a{}", "m{}", "q{}", "moving")
 CSV = ("t_s", "gyro_{}_rad_s", "acc_{}_m_s2", "mag_{}_ut", "ref_q{}", "scored")
@@ -39,80 +36,16 @@ class Unusable(Exception):
     """A recording that these filters cannot be scored on."""
 
 
-# ---------------------------------------------------------------- quaternions, w x y z, rows of arrays
-
-
-def product(p, q):
-    pw, px, py, pz = np.moveaxis(p, -1, 0)
-    qw, qx, qy, qz = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
-    )
-
-
-def conjugate(q):
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
-
-
-def interpolated(times, t, q):
-    """Attitudes at `times` between attitudes `q` at `t`, on the shortest arc; not a number outside."""
-    k = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
-    share = (times - t[k]) / (t[k + 1] - t[k])
-    step = product(conjugate(q[k]), q[k + 1])
-    step = np.where(step[:, :1] < 0, -step, step)
-    sine = np.linalg.norm(step[:, 1:], axis=1)
-    half = np.arctan2(sine, step[:, 0])
-    scale = np.where(sine > 0, np.sin(share * half) / np.where(sine > 0, sine, 1.0), 0.0)
-    part = np.column_stack([np.cos(share * half), step[:, 1:] * scale[:, None]])
-    inside = (times >= t[0]) & (times <= t[-1])
-    return np.where(inside[:, None], product(q[k], part), np.nan)
-
-
-def from_vectors(up, field):
-    """`enu_from_body` from specific force at rest and magnetic field, in body axes."""
-    up = up / np.linalg.norm(up)
-    east = np.cross(field, up)
-    east = east / np.linalg.norm(east)
-    matrix = np.stack([east, np.cross(up, east), up])
-    # The eigenvector of the largest eigenvalue of this matrix is the quaternion (Bar-Itzhack 2000).
-    d = matrix
-    k = np.array(
-        [
-            [d[0, 0] + d[1, 1] + d[2, 2], d[2, 1] - d[1, 2], d[0, 2] - d[2, 0], d[1, 0] - d[0, 1]],
-            [d[2, 1] - d[1, 2], d[0, 0] - d[1, 1] - d[2, 2], d[0, 1] + d[1, 0], d[0, 2] + d[2, 0]],
-            [d[0, 2] - d[2, 0], d[0, 1] + d[1, 0], d[1, 1] - d[0, 0] - d[2, 2], d[1, 2] + d[2, 1]],
-            [d[1, 0] - d[0, 1], d[0, 2] + d[2, 0], d[1, 2] + d[2, 1], d[2, 2] - d[0, 0] - d[1, 1]],
-        ]
-    )
-    return np.linalg.eigh(k)[1][:, -1]
-
-
 # ---------------------------------------------------------------- recordings
 
 
 @dataclass
-class Recording:
+class Scored:
     """One stream of samples for the filters, and the references that count."""
 
-    t: np.ndarray
-    rate_hz: float
-    gyro: np.ndarray  # rad/s
-    acc: np.ndarray  # m/s^2
-    mag: np.ndarray  # uT
+    stream: Recording
     reference_t: np.ndarray
     reference: np.ndarray  # enu_from_body
-
-    @property
-    def start(self):
-        """Mean specific force and field of the first moments."""
-        n = max(1, int(START_S * self.rate_hz))
-        return self.acc[:n].mean(0), self.mag[:n].mean(0)
 
 
 def table(path):
@@ -159,84 +92,8 @@ def load(path):
         resample = lambda one, s: np.stack([np.interp(grid, t[one], s[one, i]) for i in range(3)], axis=1)
         streams = [resample(one, stream) for one, stream in zip(present, streams)]
     unit = q[counts] / np.linalg.norm(q[counts], axis=1, keepdims=True)
-    return Recording(grid, rate_hz, *map(np.ascontiguousarray, streams), t[counts], unit)
-
-
-# ---------------------------------------------------------------- filters: Recording -> enu_from_body
-
-
-def vqf(recording):
-    return VQF(1 / recording.rate_hz).updateBatch(recording.gyro, recording.acc, recording.mag)["quat9D"]
-
-
-def vqf_offline(recording):
-    """Looks at the whole recording, forwards and backwards: compare with smoothers."""
-    return offlineVQF(recording.gyro, recording.acc, recording.mag, 1 / recording.rate_hz)["quat9D"]
-
-
-def fusion(recording, **more):
-    settings = imufusion.AhrsSettings(sample_rate=recording.rate_hz, gain=0.5, **more)
-    settings.convention = imufusion.CONVENTION_ENU  # 1.3.3 ignores it in the constructor
-    ahrs = imufusion.Ahrs()
-    ahrs.set_settings(settings)
-    bias = None
-    if more:
-        bias = imufusion.Bias()
-        bias.set_settings(imufusion.BiasSettings(sample_rate=recording.rate_hz))
-    estimates = np.empty((len(recording.t), 4))
-    gyro_deg_s, acc_g = np.degrees(recording.gyro), recording.acc / STANDARD_GRAVITY
-    for k, (g, a, m) in enumerate(zip(gyro_deg_s, acc_g, recording.mag)):
-        ahrs.update(bias.update(g) if bias else g, a, m)
-        estimates[k] = ahrs.get_quaternion()
-    return estimates
-
-
-def fusion_advanced(recording):
-    """The settings of the project's own advanced example."""
-    limits = {"acceleration_rejection": 10, "magnetic_rejection": 10, "rejection_timeout": 5}
-    return fusion(recording, gyroscope_range=2000, **limits)
-
-
-def stepped(step, start, recording):
-    estimates = np.empty((len(recording.t), 4))
-    estimates[0] = q = start
-    for k in range(1, len(estimates)):
-        estimates[k] = q = step(q, recording.gyro[k], recording.acc[k], recording.mag[k])
-    return estimates
-
-
-def madgwick(recording):
-    """Its world is north, west, up: a quarter turn from ours."""
-    quarter = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
-    own = Madgwick(frequency=recording.rate_hz, gain=0.041)  # its default with a magnetometer
-    start = product(conjugate(quarter), from_vectors(*recording.start))
-    return product(quarter, stepped(own.updateMARG, start, recording))
-
-
-def mahony(recording):
-    own = Mahony(frequency=recording.rate_hz)
-    return stepped(own.updateMARG, from_vectors(*recording.start), recording)
-
-
-def ekf(recording):
-    """With the dip of the field at the start, and -1 g on the up axis as its ENU world wants it."""
-    up, field = recording.start
-    down = -field @ (up / np.linalg.norm(up))
-    dip = np.degrees(np.arctan2(down, np.sqrt(field @ field - down**2)))
-    own = EKF(frequency=recording.rate_hz, frame="ENU", magnetic_ref=float(dip), mag=np.ones((1, 3)))
-    step = lambda q, g, a, m: own.update(q, g, -a, m)
-    return stepped(step, from_vectors(up, field), recording)
-
-
-FILTERS = {
-    "vqf": vqf,
-    "vqf-offline": vqf_offline,
-    "fusion": fusion,
-    "fusion-advanced": fusion_advanced,
-    "ahrs-madgwick": madgwick,
-    "ahrs-mahony": mahony,
-    "ahrs-ekf": ekf,
-}
+    stream = Recording(grid, rate_hz, *map(np.ascontiguousarray, streams))
+    return Scored(stream, t[counts], unit)
 
 
 # ---------------------------------------------------------------- metric of the BROAD benchmark
@@ -252,19 +109,18 @@ def errors_deg(estimates, references):
 def score(path, names):
     """Rows (estimator, three errors) of one recording, or the reason why there are none."""
     try:
-        recording = load(path)
+        scored = load(path)
     except (Unusable, pa.ArrowException, OSError) as error:
         return str(error)
-    rows = []
+    rows, t = [], scored.stream.t
+    # The streams may begin later and end earlier than the reference.
+    inside = (scored.reference_t >= t[0]) & (scored.reference_t <= t[-1])
     for name in names:
-        q = FILTERS[name](recording)
-        at = interpolated(recording.reference_t, recording.t, q)
-        # The streams may begin later and end earlier than the reference.
-        inside = (recording.reference_t >= recording.t[0]) & (recording.reference_t <= recording.t[-1])
+        at = interpolated(scored.reference_t, t, FILTERS[name](scored.stream))
         if not np.isfinite(at[inside]).all():
             print(f"{path}: {name} gave estimates that are not finite; no row", file=sys.stderr)
             continue
-        rows.append((name, *errors_deg(at[inside], recording.reference[inside])))
+        rows.append((name, *errors_deg(at[inside], scored.reference[inside])))
     return rows
 
 
