@@ -147,7 +147,7 @@ impl StudyKey {
     /// SHA-256 of everything in it.
     #[must_use]
     pub fn sha256(&self) -> String {
-        sha256(&as_json(self))
+        sha256(as_json(self))
     }
 
     /// What differs first, with both.

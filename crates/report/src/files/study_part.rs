@@ -466,8 +466,11 @@ pub fn merge(parts: &[PathBuf], out: Option<(&Path, bool)>) -> Result<Merged> {
     Ok(Merged { plan, sums, hash })
 }
 
+/// Runs, and the place of the part that holds them.
+type Piece = (Range<u64>, usize);
+
 /// The runs of each part, and the study that all of them are of.
-fn pieces(parts: &[PathBuf]) -> Result<(StudyKey, Vec<(Range<u64>, usize)>)> {
+fn pieces(parts: &[PathBuf]) -> Result<(StudyKey, Vec<Piece>)> {
     let mut first: Option<(StudyKey, String)> = None;
     let mut pieces = Vec::new();
     for (place, path) in parts.iter().enumerate() {
@@ -483,7 +486,7 @@ fn pieces(parts: &[PathBuf]) -> Result<(StudyKey, Vec<(Range<u64>, usize)>)> {
 }
 
 /// Ranges that follow one another as one.
-fn joined(pieces: &[(Range<u64>, usize)]) -> Vec<Range<u64>> {
+fn joined(pieces: &[Piece]) -> Vec<Range<u64>> {
     let mut ranges: Vec<Range<u64>> = Vec::new();
     for (range, _) in pieces {
         match ranges.last_mut() {
