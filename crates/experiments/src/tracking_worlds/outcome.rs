@@ -187,7 +187,7 @@ impl TrackerRow {
 
 /// Whether the tracker is told what it needs to state its errors.
 fn can_be_consistent(scene: &SceneDescription) -> bool {
-    scene.told.noise_ratio == 1.0 && scene.own_ship_error.is_none_or(|error| error.is_told)
+    scene.told.is_noise_true() && scene.own_ship_error.is_none_or(|error| error.is_told)
 }
 
 impl Interval {

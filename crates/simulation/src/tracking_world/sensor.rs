@@ -186,6 +186,10 @@ fn poisson(mean: f64, draws: &mut Draws) -> usize {
     count
 }
 
+fn is_one(ratio: f64) -> bool {
+    (ratio - 1.0).abs() < f64::EPSILON
+}
+
 impl SensorTold {
     pub(super) fn draw(sensor: &SceneSensor, draws: &mut Draws) -> Self {
         if !draws.chance(1.0 / 3.0) {
@@ -209,7 +213,14 @@ impl SensorTold {
     /// Whether all of it is true.
     #[must_use]
     pub fn is_true(&self) -> bool {
-        [self.noise_ratio, self.miss_ratio, self.clutter_ratio] == [1.0; 3]
+        let ratios = [self.noise_ratio, self.miss_ratio, self.clutter_ratio];
+        ratios.into_iter().all(is_one)
+    }
+
+    /// Whether the noise is.
+    #[must_use]
+    pub fn is_noise_true(&self) -> bool {
+        is_one(self.noise_ratio)
     }
 
     /// As a manifest says it.
