@@ -67,7 +67,12 @@ pub(crate) struct StudyArgs {
     #[arg(long, value_name = "I", requires = "shards", requires = "out")]
     shard_index: Option<u64>,
     /// Of so many shards
-    #[arg(long, value_name = "N", requires = "shard_index")]
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "shard_index",
+        conflicts_with = "shard"
+    )]
     shards: Option<u64>,
     /// Folder of the part files; made if it is not there
     #[arg(long, value_name = "DIR")]

@@ -58,10 +58,7 @@ impl Span {
         match self.scale {
             Scale::Linear => self.from + (self.to - self.from) * share,
             // Of a library that is the same on every machine.
-            Scale::Log => {
-                let (from, to) = (libm::log(self.from), libm::log(self.to));
-                libm::exp(from + (to - from) * share)
-            }
+            Scale::Log => self.from * libm::pow(self.to / self.from, share),
         }
     }
 }

