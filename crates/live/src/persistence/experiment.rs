@@ -55,7 +55,7 @@ pub struct SavedExperiment {
     pub world_frame: WorldFrame,
     /// The parameters in force, by name.
     pub settings: Value,
-    /// What it is run with, [`SavedOptions`]; read when it is run again.
+    /// What it is run with; read when it is run again.
     pub options: Value,
     /// The estimators that ran, by name.
     pub estimators: Vec<String>,
