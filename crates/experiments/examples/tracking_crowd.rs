@@ -1,13 +1,14 @@
 //! How long a scan takes with many targets: targets spread over the range of a radar, each detected nine times of ten, in clutter.
 //!
 //! `cargo run --release -p northing-experiments --example tracking_crowd -- TARGETS DETECTIONS SCANS`, by default 1000 targets, 5000
-//! detections a scan, 24 scans of 2.5 s.
+//! detections a scan, 24 scans of 2.5 s. What has a `=` is a parameter of the tracker: `birth_speed_tail=1`.
 
 #![allow(clippy::print_stdout)] // a table is its output
 
 use std::error::Error;
 use std::time::Instant;
 
+use northing_evaluation::Origin;
 use northing_evaluation::tracking::{TrackEpoch, TrackOptions, run};
 use northing_recording::tracking::{
     Detection, OwnShipPose, Scan, SensorSettings, TrackingEvent, TrackingIssues, TrackingRecording,
@@ -27,14 +28,20 @@ type Target = ([f64; 2], [f64; 2]);
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut counts = [1000, 5000, 24];
-    for (count, text) in counts.iter_mut().zip(std::env::args().skip(1)) {
+    let arguments = std::env::args().skip(1);
+    let (settings, numbers): (Vec<_>, Vec<_>) = arguments.partition(|text| text.contains('='));
+    for (count, text) in counts.iter_mut().zip(numbers) {
         *count = text.parse()?;
+    }
+    let mut options = TrackOptions::default();
+    for setting in settings {
+        options.set_from(&setting, Origin::Set)?;
     }
     let [targets, detections, scans] = counts;
     let (recording, ends) = crowd(targets, detections, scans);
     let mut last: Option<TrackEpoch> = None;
     let (mut slowest, mut before) = (0.0_f64, Instant::now());
-    let summary = run(&recording, &TrackOptions::default(), |epoch| {
+    let summary = run(&recording, &options, |epoch| {
         slowest = slowest.max(before.elapsed().as_secs_f64());
         before = Instant::now();
         last = Some(epoch);

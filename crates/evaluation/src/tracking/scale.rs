@@ -40,6 +40,7 @@ pub(super) fn sensor_scale(
         scan_interval_s,
         position_std_m: settings.range_std_m.hypot(settings.extent_std_m),
         range_m: range_m(recording, sensor)?,
+        clutter_density: settings.clutter_density(),
     })
 }
 

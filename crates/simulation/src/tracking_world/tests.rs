@@ -51,7 +51,7 @@ fn numbers_are_finite_and_targets_in_range() {
 }
 
 #[test]
-fn targets_are_no_faster_and_turn_no_harder_than_their_class() {
+fn targets_are_no_faster_than_their_class() {
     for world in worlds() {
         let class = world.description.class;
         // Companions that cross move against their leader.

@@ -24,6 +24,8 @@ pub struct SensorScale<T> {
     pub position_std_m: T,
     /// Range to which targets are seen, m.
     pub range_m: T,
+    /// False detections of a scan in a square metre.
+    pub clutter_density: T,
 }
 
 impl<T: Scalar> SensorScale<T> {
@@ -55,7 +57,11 @@ impl<T: Scalar> SensorScale<T> {
         let usual = MultiTargetSettings::<T>::default();
         let by_noise = lit::<T>(2.0) * self.position_std_m;
         let by_range = self.range_m / lit(200.0);
-        let speed = (by_noise * by_noise + by_range * by_range).sqrt() / interval;
+        let by_sensor = (by_noise * by_noise + by_range * by_range).sqrt() / interval;
+        // A start whose gate holds more false detections than that is lost among them, whatever it follows.
+        let gate = usual.gate_sigmas * usual.birth_speed_tail * interval;
+        let alone = T::one() / (T::pi() * self.clutter_density).sqrt() / gate;
+        let speed = if alone < by_sensor { alone } else { by_sensor };
         let settings = MultiTargetSettings {
             existence: ExistenceModel {
                 lifetime_s: usual.existence.lifetime_s * scans,
@@ -94,6 +100,7 @@ mod tests {
             scan_interval_s,
             position_std_m,
             range_m,
+            clutter_density: 0.0,
         }
     }
 
@@ -135,6 +142,23 @@ mod tests {
         same(b.existence.hidden_s, root, d.existence.hidden_s);
         same(b.pose_limits.speed_m_s, root, d.pose_limits.speed_m_s);
         same(b.pose_limits.correction_m, s, d.pose_limits.correction_m);
+    }
+
+    #[test]
+    fn where_false_detections_crowd_the_gate_of_a_new_track_holds_one() {
+        let crowded = SensorScale {
+            clutter_density: 3.3e-6,
+            ..scale([2.5, 25.0, 2e4, 0.0])
+        };
+        let settings = crowded.settings().unwrap();
+        let radius = 3.5 * 3.0 * settings.birth_speed_std_m_s * 2.5;
+        assert_relative_eq!(
+            std::f64::consts::PI * radius * radius * 3.3e-6,
+            1.0,
+            epsilon = 1e-9
+        );
+        let alone = scale([2.5, 25.0, 2e4, 0.0]).settings().unwrap();
+        assert!(alone.birth_speed_std_m_s > 3.0 * settings.birth_speed_std_m_s);
     }
 
     #[test]

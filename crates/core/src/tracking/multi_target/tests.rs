@@ -416,3 +416,41 @@ fn a_configuration_outside_its_range_is_refused_by_name() {
         Some("pose_error_correlation.position_s")
     );
 }
+
+/// Confirmed tracks near a target after 20 scans at which it is seen nine times of ten.
+fn after_twenty_scans(
+    own: &OwnShip<f64>,
+    tail: f64,
+    target: impl Fn(f64) -> Vector2<f64>,
+) -> usize {
+    let mut rng = Pcg64Mcg::seed_from_u64(6);
+    let mut config = MultiTargetConfig::default();
+    config.settings.birth_speed_tail = tail;
+    let mut tracker = Tracker::new(config).unwrap();
+    for k in 0..20 {
+        let time_s = 2.0 * f64::from(k);
+        let detections = observe(&[target(time_s)], 0, &mut rng);
+        tracker.scan(&scan(time_s, own, &detections)).unwrap();
+    }
+    let near = |track: &Track<f64, 3>| {
+        let (x, at) = (track.estimate().state, target(38.0));
+        (x[0] - at.x).hypot(x[2] - at.y) < 60.0
+    };
+    confirmed(&tracker).into_iter().filter(near).count()
+}
+
+#[test]
+fn a_pose_that_makes_every_target_uncertain_ends_no_track() {
+    // 0.1 rad at 1500 m are 150 m, beyond `largest_position_std_m`.
+    let own = OwnShip::exact(0.0, 0.0, 0.0).with_std(0.0, 0.0, 0.1);
+    let followed = after_twenty_scans(&own, 3.0, |t| Vector2::new(1500.0 - 4.0 * t, 20.0));
+    assert_eq!(followed, 1);
+}
+
+#[test]
+fn a_target_of_five_usual_speeds_is_found_by_the_long_tail() {
+    let own = OwnShip::exact(0.0, 0.0, 0.0);
+    let fast = |t: f64| Vector2::new(2500.0 - 40.0 * t, 100.0);
+    assert_eq!(after_twenty_scans(&own, 3.0, fast), 1);
+    assert_eq!(after_twenty_scans(&own, 1.0, fast), 0);
+}

@@ -12,13 +12,14 @@ fn cluttered(false_ones: usize) -> ScanSensor<f64> {
     }
 }
 
-/// Scans after which a confirmed track is near a target that crosses the scene behind `false_ones`.
-fn followed<const N: usize, const D: usize>(false_ones: usize, seed: u64) -> usize {
+/// Scans after which a confirmed track is near a target that crosses the scene behind `false_ones`; `tail` is `birth_speed_tail`.
+fn followed<const N: usize, const D: usize>(false_ones: usize, seed: u64, tail: f64) -> usize {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let own = OwnShip::exact(0.0, 0.0, 0.0);
     let sensor = cluttered(false_ones);
-    let mut tracker =
-        MultiTargetTracker::<f64, 3, N, D>::new(MultiTargetConfig::default()).unwrap();
+    let mut config = MultiTargetConfig::default();
+    config.settings.birth_speed_tail = tail;
+    let mut tracker = MultiTargetTracker::<f64, 3, N, D>::new(config).unwrap();
     let mut followed = 0;
     for k in 0..80 {
         let time_s = 2.0 * f64::from(k);
@@ -42,7 +43,14 @@ fn followed<const N: usize, const D: usize>(false_ones: usize, seed: u64) -> usi
 
 #[test]
 fn false_detections_in_front_of_the_true_one_do_not_hide_it() {
-    let scans: Vec<_> = (0..12).map(|seed| followed::<64, 16>(150, seed)).collect();
+    for seed in 0..4 {
+        let scans = followed::<64, 16>(150, seed, 1.0);
+        assert!(scans > 50, "150 false ones, seed {seed}: {scans} of 80");
+    }
+    // New tracks that may be faster gather more of them: not every seed, but the mean.
+    let scans: Vec<_> = (0..12)
+        .map(|seed| followed::<64, 16>(150, seed, 3.0))
+        .collect();
     let mean = scans.iter().sum::<usize>() / scans.len();
     assert!(mean > 50, "150 false ones: {scans:?} of 80");
 }
@@ -50,7 +58,9 @@ fn false_detections_in_front_of_the_true_one_do_not_hide_it() {
 #[test]
 fn a_place_is_drawn_by_lot_where_false_detections_outnumber_them() {
     // Six false ones for every place: each scan gives the target one chance in six to begin.
-    let scans: Vec<_> = (0..6).map(|seed| followed::<24, 16>(150, seed)).collect();
+    let scans: Vec<_> = (0..6)
+        .map(|seed| followed::<24, 16>(150, seed, 3.0))
+        .collect();
     let found = scans.iter().filter(|scans| **scans > 20).count();
     assert!(found >= 5, "{scans:?} of 80");
 }
