@@ -6,9 +6,9 @@
 
 #![allow(clippy::print_stdout)] // a table is its output
 
-#[path = "../tests/tracking_expected/mod.rs"]
+#[path = "../tests/integration/tracking_expected/mod.rs"]
 mod tracking_expected;
-#[path = "../tests/tracking_ranges/mod.rs"]
+#[path = "../tests/integration/tracking_ranges/mod.rs"]
 mod tracking_ranges;
 
 use std::error::Error;

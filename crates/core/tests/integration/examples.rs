@@ -8,13 +8,13 @@
     reason = "they are programs of their own"
 )]
 
-#[path = "../examples/attitude.rs"]
+#[path = "../../examples/attitude.rs"]
 mod attitude;
-#[path = "../examples/attitude_f32.rs"]
+#[path = "../../examples/attitude_f32.rs"]
 mod attitude_f32;
-#[path = "../examples/gnss_ins.rs"]
+#[path = "../../examples/gnss_ins.rs"]
 mod gnss_ins;
-#[path = "../examples/schmidt_tracking.rs"]
+#[path = "../../examples/schmidt_tracking.rs"]
 mod schmidt_tracking;
 
 #[test]
@@ -40,12 +40,15 @@ fn a_chip_finds_its_roll_in_single_precision() {
 #[test]
 fn examples_are_short() {
     for (name, text) in [
-        ("attitude", include_str!("../examples/attitude.rs")),
-        ("attitude_f32", include_str!("../examples/attitude_f32.rs")),
-        ("gnss_ins", include_str!("../examples/gnss_ins.rs")),
+        ("attitude", include_str!("../../examples/attitude.rs")),
+        (
+            "attitude_f32",
+            include_str!("../../examples/attitude_f32.rs"),
+        ),
+        ("gnss_ins", include_str!("../../examples/gnss_ins.rs")),
         (
             "schmidt_tracking",
-            include_str!("../examples/schmidt_tracking.rs"),
+            include_str!("../../examples/schmidt_tracking.rs"),
         ),
     ] {
         let lines = text.lines().count();

@@ -25,7 +25,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-mod polar;
+use crate::polar;
 
 type M15 = SMatrix<f64, STATES, STATES>;
 type M25 = SMatrix<f64, ERRORS, ERRORS>;

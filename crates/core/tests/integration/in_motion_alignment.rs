@@ -3,7 +3,6 @@
 
 #![allow(clippy::unwrap_used)]
 
-#[path = "in_motion_alignment/world.rs"]
 mod world;
 
 use northing_core::Scalar;

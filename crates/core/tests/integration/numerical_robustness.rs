@@ -9,11 +9,9 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, unreachable_pub)]
 
-mod numerical_robustness {
-    pub mod attitude;
-    pub mod garbage;
-    pub mod gnss_ins;
-    pub mod harness;
-    pub mod navigation;
-    pub mod tracking;
-}
+mod attitude;
+mod garbage;
+mod gnss_ins;
+mod harness;
+mod navigation;
+mod tracking;

@@ -20,7 +20,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-mod polar;
+use crate::polar;
 use polar::{map_of_errors, on_the_arc};
 
 type M15 = SMatrix<f64, 15, 15>;

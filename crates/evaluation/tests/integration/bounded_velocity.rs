@@ -1,7 +1,7 @@
 //! The bounded-velocity filter against its prototype, trial by trial, on the uniformly sampled input
 //! that the prototype took.
 
-mod uniform;
+use crate::uniform;
 
 use std::path::{Path, PathBuf};
 

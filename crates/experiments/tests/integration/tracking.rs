@@ -3,8 +3,8 @@
 
 #![allow(clippy::unwrap_used)]
 
-mod tracking_expected;
-mod tracking_ranges;
+use crate::tracking_expected;
+use crate::tracking_ranges;
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ use northing_simulation::scenario::{Scenario, ScenarioFile};
 
 use tracking_expected::{agreement, comparison, metric, tracker};
 
-const SCENARIO: &str = include_str!("../../../scenarios/tracking/wilthil_brekke.toml");
+const SCENARIO: &str = include_str!("../../../../scenarios/tracking/wilthil_brekke.toml");
 
 fn scenario(variant: &str) -> Scenario {
     let file = ScenarioFile::parse("wilthil_brekke.toml", SCENARIO).unwrap();

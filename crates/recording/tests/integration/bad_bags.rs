@@ -10,8 +10,7 @@ use std::path::Path;
 
 use northing_recording::{OpenOptions, Recording, RecordingError, open, read_bytes};
 
-#[path = "support/ros.rs"]
-mod ros;
+use crate::ros;
 
 use ros::{IMU, bag, bag_of_ros_1, bag_of_ros_1_with, bag_with, database, drive, record};
 use rusqlite::Connection;

@@ -2,8 +2,7 @@
 #![cfg(feature = "sqlite")]
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-#[path = "support/ros.rs"]
-mod ros;
+use crate::ros;
 
 use std::fs;
 use std::io::Write;

@@ -9,8 +9,7 @@ use northing_recording::{
     Event, OpenOptions, Recording, RecordingError, Sample, SensorKind, open, read_bytes,
 };
 
-#[path = "support/ros.rs"]
-mod ros;
+use crate::ros;
 
 use ros::{Cdr, IMU, Sent, at, bag, drive, field, imu};
 

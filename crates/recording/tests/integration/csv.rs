@@ -1,6 +1,6 @@
 //! Our CSV: what is read, and every way in which a file can be wrong.
 
-mod support;
+use crate::support;
 
 use northing_recording::{
     Format, OpenOptions, Reference, Sample, SensorKind, WorldFrame, open, read_from,

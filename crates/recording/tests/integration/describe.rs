@@ -7,8 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::describe::{Confidence, Draft, draft};
 use northing_recording::{OpenOptions, RateUnit, Sample, WorldFrame, manifest, open, read_from};
 
-#[path = "support/tables.rs"]
-mod tables;
+use crate::tables;
 
 use tables::{Random, Row, plain, recording, table};
 

@@ -1,6 +1,6 @@
 //! The seeds of the fuzz targets: small files of every format, made by our own writers.
 //!
-//! `NORTHING_BLESS=1 cargo test -p northing-recording --all-features --test fuzz_seeds` makes them anew.
+//! `NORTHING_BLESS=1 cargo test -p northing-recording --all-features --test integration fuzz_seeds::` makes them anew.
 #![cfg(all(
     feature = "mcap",
     feature = "parquet",
@@ -10,8 +10,7 @@
 ))]
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-#[path = "support/ros.rs"]
-mod ros;
+use crate::ros;
 
 use std::collections::BTreeMap;
 use std::fs;

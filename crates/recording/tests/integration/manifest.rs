@@ -1,7 +1,7 @@
 //! Delimited text of all kinds through a manifest.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use northing_recording::{

@@ -1,7 +1,7 @@
 //! Manifests of several files, satellite receivers, and references to score against.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::fs;
 

@@ -9,8 +9,7 @@ use northing_recording::{
     Event, OpenOptions, Recording, Sample, SensorKind, create, open, read_bytes,
 };
 
-#[path = "support/ros.rs"]
-mod ros;
+use crate::ros;
 
 use ros::{
     Cdr, FIELD, FIX, IMU, KNOWN, Sent, at, bag, drive, field, fix, imu, twist_with_covariance,

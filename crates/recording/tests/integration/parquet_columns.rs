@@ -2,7 +2,7 @@
 #![cfg(feature = "parquet")]
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! The Parquet reader and the plausibility checks on the real attitude data sets.
 #![cfg(feature = "parquet")]
 
-mod support;
+use crate::support;
 
 use std::time::Instant;
 

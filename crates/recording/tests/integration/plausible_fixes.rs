@@ -1,7 +1,7 @@
 //! Fixes that cannot be are refused with one line that says what to do; odd ones are counted.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use northing_recording::{OpenOptions, Recording, manifest};
 use support::error_of;

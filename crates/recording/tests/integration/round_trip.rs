@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
 #[cfg(feature = "parquet")]
-mod support;
+use crate::support;
 
 use std::path::Path;
 

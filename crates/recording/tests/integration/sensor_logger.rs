@@ -1,7 +1,7 @@
 //! Sensor Logger exports in all their forms, made here from a known motion.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

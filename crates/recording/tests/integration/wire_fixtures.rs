@@ -1,6 +1,6 @@
 //! Every wire decoder against one known motion, rendered in each device's format.
 
-mod wire_truth;
+use crate::wire_truth;
 
 use std::fs;
 use std::path::Path;

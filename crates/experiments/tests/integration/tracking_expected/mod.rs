@@ -6,7 +6,8 @@
 use northing_experiments::radar::outcome::{Errors, TrackerOutcome};
 use northing_experiments::radar::{CampaignOutcome, TrackerKind};
 
-const EXPECTED: &str = include_str!("../../../../scenarios/tracking/wilthil_brekke_expected.csv");
+const EXPECTED: &str =
+    include_str!("../../../../../scenarios/tracking/wilthil_brekke_expected.csv");
 
 /// The name a tracker has in the table of expected values.
 pub(crate) fn kind_of(name: &str) -> Option<TrackerKind> {

@@ -5,7 +5,7 @@ use std::error::Error;
 use northing_experiments::radar::{Campaign, CampaignOutcome, Shard, TrackerKind};
 use northing_simulation::scenario::ScenarioFile;
 
-const SCENARIO: &str = include_str!("../../../../scenarios/tracking/wilthil_brekke.toml");
+const SCENARIO: &str = include_str!("../../../../../scenarios/tracking/wilthil_brekke.toml");
 
 /// Standard deviation of the start velocity that the trackers assume, m/s on each axis.
 const VELOCITY_STD_M_S: f64 = 8.0;
