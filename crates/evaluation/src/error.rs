@@ -249,6 +249,12 @@ pub enum EvaluationError {
         /// What it says.
         problem: String,
     },
+    /// A saved state that cannot be continued from.
+    #[error("state: {problem}")]
+    BrokenState {
+        /// What is wrong with it.
+        problem: String,
+    },
     /// Somebody asked for an end before it was reached.
     #[error("interrupted")]
     Interrupted,

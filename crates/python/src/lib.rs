@@ -11,6 +11,7 @@
 //! | `navigation_run.rs` | what a navigation run gives |
 //! | `streams.rs`, `configs.rs` | attitude estimators sample by sample, and their parameters |
 //! | `navigation_stream.rs`, `tracking_stream.rs` | the GNSS/INS and trackers sample by sample |
+//! | `multi_target.rs`, `scan_sensor.rs`, `target_tracks.rs` | the multi-target tracker scan by scan, its sensors, what a scan told |
 //! | `arrow_stream.rs` | columns for whoever reads Arrow |
 //! | `comparison.rs` | several estimators over several recordings |
 //! | `own.rs` | estimators that somebody brings along, in this process or one of their own |
@@ -30,13 +31,16 @@ mod campaigns;
 mod comparison;
 mod configs;
 mod errors;
+mod multi_target;
 mod navigation_run;
 mod navigation_stream;
 mod own;
 mod recordings;
 mod samples;
+mod scan_sensor;
 mod simulated;
 mod streams;
+mod target_tracks;
 mod tracking_stream;
 
 use pyo3::prelude::*;
@@ -75,6 +79,11 @@ fn _northing(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<navigation_stream::GnssIns>()?;
     module.add_class::<tracking_stream::OwnShip>()?;
     module.add_class::<tracking_stream::SchmidtKalman>()?;
+    module.add_class::<scan_sensor::ScanSensor>()?;
+    module.add_class::<multi_target::MultiTarget>()?;
+    module.add_class::<target_tracks::TargetTrack>()?;
+    module.add_class::<target_tracks::EndedTrack>()?;
+    module.add_class::<target_tracks::ScanRecord>()?;
     // What people may call is in the list of the package.
     module.delattr("__all__")
 }

@@ -6,8 +6,8 @@ use anyhow::{Result, bail};
 use clap::Args;
 use northing_evaluation::tracking::outcome::COVERED;
 use northing_evaluation::tracking::{
-    InjectionOptions, InjectionSummary, OwnShipStd, TrackEnd, TrackEpoch, TrackOptions,
-    TrackSummary, TrackedTarget, TrackerKind, inject_heading, run,
+    InjectionOptions, InjectionSummary, OwnShipStd, TrackEpoch, TrackOptions, TrackSummary,
+    TrackedTarget, TrackerKind, end_reason, inject_heading, run,
 };
 use northing_recording::atomic_file::write_whole;
 use northing_recording::tracking::{
@@ -234,14 +234,9 @@ fn instant(recording: &TrackingRecording, epoch: &TrackEpoch) -> TargetInstant {
 
 /// The tracks that ended, with the reason in words.
 fn ended(epoch: &TrackEpoch) -> Vec<(u32, String)> {
-    let reason = |end: TrackEnd| match end {
-        TrackEnd::Existence => "existence".to_owned(),
-        TrackEnd::Uncertain => "position-std".to_owned(),
-        TrackEnd::Numerical => "numerical".to_owned(),
-        TrackEnd::Merged { into } => format!("merged-into-{into}"),
-    };
     let each = epoch.ended.iter();
-    each.map(|track| (track.id, reason(track.end))).collect()
+    each.map(|track| (track.id, end_reason(track.end)))
+        .collect()
 }
 
 /// The JSON document of several recordings.

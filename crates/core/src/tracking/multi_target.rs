@@ -131,6 +131,27 @@ struct LastScan<T> {
     covariance: Matrix3<T>,
 }
 
+impl<T: Scalar, const M: usize, const N: usize> MultiTargetState<T, M, N> {
+    /// The same for a tracker with room for `K` targets; `None` where a track would have no place in it.
+    #[must_use]
+    pub fn resized<const K: usize>(&self) -> Option<MultiTargetState<T, M, K>> {
+        if self.tracks.iter().skip(K).any(Option::is_some) {
+            return None;
+        }
+        let mut tracks = [None; K];
+        for (place, track) in tracks.iter_mut().zip(&self.tracks) {
+            *place = *track;
+        }
+        Some(MultiTargetState {
+            tracks,
+            last: self.last,
+            pose: self.pose,
+            next_id: self.next_id,
+            counts: self.counts,
+        })
+    }
+}
+
 impl<T: Scalar, const M: usize, const N: usize, const D: usize> Restorable
     for MultiTargetTracker<T, M, N, D>
 {

@@ -3,9 +3,11 @@
 use std::collections::BTreeSet;
 
 use nalgebra::{Matrix2, Vector2};
+use northing_core::kalman::Innovation;
 use northing_core::tracking::association::candidates::Association;
 use northing_core::tracking::coordinated_turn::TargetCovariance;
-use northing_core::tracking::multi_target::{EndedTrack, Track};
+use northing_core::tracking::multi_target::{EndedTrack, Track, TrackEnd, TrackStatus};
+use serde::{Deserialize, Serialize};
 
 use super::matching::Place;
 
@@ -36,7 +38,7 @@ pub struct TrackedTarget {
 }
 
 /// Which detections of a scan a target may have caused.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct TargetAssociation {
     /// Detections in its gate.
     pub in_gate: usize,
@@ -46,17 +48,51 @@ pub struct TargetAssociation {
     pub missed: f64,
 }
 
-impl TrackedTarget {
-    pub(super) fn new<const D: usize>(
-        track: &Track<f64, MODELS>,
-        association: &Association<f64, D>,
-    ) -> Self {
-        let mode = track.estimate();
-        let x = mode.state;
+impl TargetAssociation {
+    pub(super) fn of<const D: usize>(association: &Association<f64, D>) -> Self {
         let candidates = association.candidates();
         let likeliest = candidates
             .iter()
             .max_by(|a, b| a.weight.total_cmp(&b.weight));
+        Self {
+            in_gate: candidates.len(),
+            likeliest: likeliest.map(|c| (c.detection, c.weight)),
+            missed: association.missed,
+        }
+    }
+}
+
+/// A track, tentative or confirmed, after a scan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FollowedTrack {
+    /// Identity, estimate, existence, and what the scan was to it.
+    pub target: TrackedTarget,
+    /// Whether it is confirmed.
+    pub status: TrackStatus,
+    /// Seconds since it began.
+    pub age_s: f64,
+    /// Seconds since a detection probably came from it.
+    pub silent_s: f64,
+    /// Of the likeliest detection under the likeliest model.
+    pub innovation: Innovation<f64>,
+}
+
+impl FollowedTrack {
+    pub(super) fn new(track: &Track<f64, MODELS>, association: TargetAssociation) -> Self {
+        Self {
+            target: TrackedTarget::new(track, association),
+            status: track.status,
+            age_s: track.age_s,
+            silent_s: track.silent_s,
+            innovation: track.innovation,
+        }
+    }
+}
+
+impl TrackedTarget {
+    pub(super) fn new(track: &Track<f64, MODELS>, association: TargetAssociation) -> Self {
+        let mode = track.estimate();
+        let x = mode.state;
         Self {
             id: track.id,
             place: [x[0], x[2]],
@@ -66,11 +102,7 @@ impl TrackedTarget {
             existence: track.existence.existence,
             visibility: track.existence.visibility,
             models: track.imm.modes.map(|mode| mode.probability),
-            association: TargetAssociation {
-                in_gate: candidates.len(),
-                likeliest: likeliest.map(|c| (c.detection, c.weight)),
-                missed: association.missed,
-            },
+            association,
         }
     }
 
@@ -90,6 +122,17 @@ impl TrackedTarget {
     pub fn place_covariance(&self) -> [f64; 3] {
         let p = &self.covariance;
         [p[(0, 0)], p[(0, 2)], p[(2, 2)]]
+    }
+}
+
+/// Why a track ended, as tables say it.
+#[must_use]
+pub fn end_reason(end: TrackEnd) -> String {
+    match end {
+        TrackEnd::Existence => "existence".to_owned(),
+        TrackEnd::Uncertain => "position-std".to_owned(),
+        TrackEnd::Numerical => "numerical".to_owned(),
+        TrackEnd::Merged { into } => format!("merged-into-{into}"),
     }
 }
 

@@ -5,6 +5,7 @@
 //! | [`kinds`] | the trackers by name |
 //! | [`options`] | what a run can be asked for |
 //! | [`runner`] | the tracker over a recording, with own-ship uncertainty stated or injected |
+//! | `scan_tracker.rs` | the tracker scan by scan, with as much room as the scans need |
 //! | [`matching`] | which track is which target: optimal assignment; GOSPA |
 //! | [`outcome`] | coverage, loss, switches, false tracks, error, share inside the 95 % ellipse |
 //! | `scale.rs` | the settings and the cut-off that follow from sensor and scene |
@@ -18,11 +19,16 @@ pub mod options;
 pub mod outcome;
 pub mod runner;
 mod scale;
+mod scan_tracker;
 
-pub use epoch::{EpochScan, TargetAssociation, TrackEpoch, TrackedTarget};
+pub use epoch::{
+    EpochScan, FollowedTrack, TargetAssociation, TrackEpoch, TrackedTarget, end_reason,
+};
 pub use injection::{InjectedTracker, InjectionOptions, InjectionSummary, inject_heading};
 pub use kinds::TrackerKind;
-pub use northing_core::tracking::multi_target::{EndedTrack, TrackEnd};
+pub use northing_core::tracking::multi_target::{EndedTrack, TrackEnd, TrackStatus};
 pub use options::{OwnShipStd, TrackOptions};
 pub use outcome::{TargetSummary, TrackSummary};
-pub use runner::run;
+pub use runner::{detection, run};
+pub use scale::SensorLooks;
+pub use scan_tracker::ScanTracker;

@@ -74,7 +74,7 @@ impl TrackOptions {
 
     /// The same with what follows from a sensor in place of what nobody asked for.
     #[must_use]
-    pub(super) fn derived(&self, scale: Option<SensorScale<f64>>) -> Self {
+    pub fn derived(&self, scale: Option<SensorScale<f64>>) -> Self {
         let mut options = self.clone();
         let derived = scale.and_then(|scale| Some((scale.motion()?, scale.settings()?)));
         let Some((motion, settings)) = derived else {

@@ -4,33 +4,21 @@ use std::collections::BTreeSet;
 use std::time::Instant;
 
 use northing_core::tracking::detection::{Detection, DetectionNoise};
-use northing_core::tracking::multi_target::{MultiTargetTracker, Scan, ScanSensor, TrackStatus};
+use northing_core::tracking::multi_target::{Scan, ScanSensor, TrackStatus};
 use northing_core::tracking::own_ship::OwnShip;
 use northing_recording::tracking::{
     Detection as Seen, OwnShipPose, SensorSettings, TargetTruth, TrackingRecording, TrackingSample,
 };
 
-use super::epoch::{EpochScan, MODELS, TrackEpoch, TrackedTarget};
+use super::epoch::{EpochScan, TrackEpoch};
 use super::kinds::TrackerKind;
 use super::matching::Place;
 use super::options::TrackOptions;
 use super::outcome::{Counts, Score, TrackSummary};
-use super::scale;
+use super::scale::{self, SensorLooks};
+use super::scan_tracker::ScanTracker;
 use crate::error::EvaluationError;
 use crate::used_parameters::{UsedParameter, VERSION};
-
-/// Tracks at a time: all ships of a strait, everybody on a square.
-const TRACKS: usize = 1024;
-/// The same where scans hold so many detections that most of them are false: each begins a tentative track that lasts for some scans.
-const CROWDED: usize = 12 * 1024;
-/// From so many detections in a scan on.
-const CROWDED_FROM: usize = TRACKS / 3;
-/// Detections in the gate of one target.
-const DETECTIONS: usize = 32;
-/// Stack on which a tracker is made: several times its own size, which is some kilobytes a track.
-const STACK_PER_TRACK: usize = 64 << 10;
-
-type Tracker<const N: usize> = MultiTargetTracker<f64, MODELS, N, DETECTIONS>;
 
 /// Runs the tracker over a recording; `watch` gets every instant with a scan.
 ///
@@ -39,26 +27,10 @@ type Tracker<const N: usize> = MultiTargetTracker<f64, MODELS, N, DETECTIONS>;
 pub fn run(
     recording: &TrackingRecording,
     options: &TrackOptions,
-    watch: impl FnMut(TrackEpoch),
-) -> Result<TrackSummary, EvaluationError> {
-    let is_crowded = recording.events.iter().any(|event| {
-        matches!(&event.sample, TrackingSample::Scan(scan) if scan.detections.len() > CROWDED_FROM)
-    });
-    if is_crowded {
-        run_with::<CROWDED>(recording, options, watch)
-    } else {
-        run_with::<TRACKS>(recording, options, watch)
-    }
-}
-
-/// The same with room for `N` tracks.
-fn run_with<const N: usize>(
-    recording: &TrackingRecording,
-    options: &TrackOptions,
     mut watch: impl FnMut(TrackEpoch),
 ) -> Result<TrackSummary, EvaluationError> {
     let started = Instant::now();
-    let mut runner = Runner::<N>::new(recording, options)?;
+    let mut runner = Runner::new(recording, options)?;
     for event in &recording.events {
         runner.finish_epoch_before(event.time_ns, &mut watch);
         runner.take(event.time_ns, &event.sample);
@@ -68,14 +40,14 @@ fn run_with<const N: usize>(
 }
 
 /// What a run carries from event to event.
-struct Runner<const N: usize> {
+struct Runner {
     options: TrackOptions,
     /// What the tracker was configured with.
     parameters: Vec<UsedParameter>,
     sensors: Vec<Option<ScanSensor<f64>>>,
     names: Vec<String>,
     ais: Option<usize>,
-    tracker: Box<Tracker<N>>,
+    tracker: ScanTracker,
     own: OwnShip<f64>,
     score: Score,
     first_ns: i64,
@@ -101,7 +73,7 @@ impl Gathered {
     }
 }
 
-impl<const N: usize> Runner<N> {
+impl Runner {
     fn new(recording: &TrackingRecording, options: &TrackOptions) -> Result<Self, EvaluationError> {
         let used = |name: &String, settings: &SensorSettings| match &options.sensors {
             Some(chosen) => chosen.contains(name),
@@ -114,7 +86,7 @@ impl<const N: usize> Runner<N> {
             .collect();
         let names = each.zip(&sensors).filter(|(_, sensor)| sensor.is_some());
         let used: Vec<bool> = sensors.iter().map(Option::is_some).collect();
-        let options = options.derived(scale::sensor_scale(recording, &used));
+        let options = options.derived(SensorLooks::scale(&scale::looks(recording, &sensors)));
         let cutoff_m = options
             .cutoff_m
             .or_else(|| scale::cutoff_m(recording, &used));
@@ -123,7 +95,7 @@ impl<const N: usize> Runner<N> {
             names: names.map(|((name, _), _)| name.clone()).collect(),
             sensors,
             ais: recording.sensors.iter().position(|(name, _)| name == "ais"),
-            tracker: tracker(&options)?,
+            tracker: ScanTracker::new(options.config(), most_detections(recording))?,
             own: OwnShip::exact(0.0, 0.0, 0.0),
             score: Score::new(cutoff_m, recording.truth_std_m),
             first_ns: recording.events.first().map_or(0, |event| event.time_ns),
@@ -179,30 +151,13 @@ impl<const N: usize> Runner<N> {
         OwnShip::exact(pose.north_m, pose.east_m, heading).with_std(std[0], std[1], std[2])
     }
 
-    /// A detection as the tracker takes it: relative to the bow as the recording's heading has it. An
-    /// injected error is in the pose and not in here.
+    /// A detection as the tracker takes it. An injected error is in the pose and not in here.
     fn detection(&self, seen: &Seen) -> Detection<f64> {
-        let heading = self.own.heading_rad - self.options.heading_error_rad;
-        let offset = |north: f64, east: f64| Detection::RangeBearing {
-            range_m: north.hypot(east),
-            bearing_rad: east.atan2(north) - heading,
+        let own = OwnShip {
+            heading_rad: self.own.heading_rad - self.options.heading_error_rad,
+            ..self.own
         };
-        match *seen {
-            Seen::RangeBearing {
-                range_m,
-                bearing_rad,
-            } => Detection::RangeBearing {
-                range_m,
-                bearing_rad,
-            },
-            Seen::Bearing { bearing_rad } => Detection::Bearing { bearing_rad },
-            Seen::Relative { north_m, east_m } => offset(north_m, east_m),
-            Seen::Placed { north_m, east_m } => {
-                offset(north_m - self.own.north_m, east_m - self.own.east_m)
-            }
-            // A kind that came later: not finite, so it is refused and counted.
-            _ => offset(f64::NAN, f64::NAN),
-        }
+        detection(seen, &own)
     }
 
     /// Hands a scan to the tracker; false when its sensor is not used or the scan was refused.
@@ -239,11 +194,7 @@ impl<const N: usize> Runner<N> {
         epoch
             .detections
             .extend(detections.iter().filter_map(|d| placed(d, &self.own)));
-        let tracks = self.tracker.associations();
-        let confirmed = tracks.filter(|(track, _)| track.status == TrackStatus::Confirmed);
-        epoch.tracks = confirmed
-            .map(|(track, association)| TrackedTarget::new(track, association))
-            .collect();
+        epoch.tracks = self.tracker.confirmed();
         if sensor.covers_all {
             epoch.updated = None;
         }
@@ -252,7 +203,7 @@ impl<const N: usize> Runner<N> {
             updated.extend(seen.map(|track| track.id));
         }
         epoch.scan = which;
-        let ended = self.tracker.ended();
+        let ended = self.tracker.ended().into_iter();
         let ended = ended.filter(|track| track.status == TrackStatus::Confirmed);
         epoch.ended.extend(ended);
         true
@@ -295,21 +246,36 @@ impl<const N: usize> Runner<N> {
     }
 }
 
-/// A tracker on the heap. Its arrays pass over the stack when it is made, and that of a thread need not have room for them.
-fn tracker<const N: usize>(options: &TrackOptions) -> Result<Box<Tracker<N>>, EvaluationError> {
-    let config = options.config();
-    let made = std::thread::scope(|scope| {
-        let builder = std::thread::Builder::new().stack_size(N * STACK_PER_TRACK);
-        let made = builder.spawn_scoped(scope, || Tracker::<N>::new(config).map(Box::new));
-        made.map(std::thread::ScopedJoinHandle::join)
-    });
-    match made {
-        Ok(Ok(made)) => Ok(made?),
-        Ok(Err(panic)) => std::panic::resume_unwind(panic),
-        Err(error) => Err(EvaluationError::NoThread {
-            problem: error.to_string(),
-        }),
+/// A detection as the tracker takes it: relative to the bow of the own ship, from which it was seen.
+#[must_use]
+pub fn detection(seen: &Seen, own: &OwnShip<f64>) -> Detection<f64> {
+    let offset = |north: f64, east: f64| Detection::RangeBearing {
+        range_m: north.hypot(east),
+        bearing_rad: east.atan2(north) - own.heading_rad,
+    };
+    match *seen {
+        Seen::RangeBearing {
+            range_m,
+            bearing_rad,
+        } => Detection::RangeBearing {
+            range_m,
+            bearing_rad,
+        },
+        Seen::Bearing { bearing_rad } => Detection::Bearing { bearing_rad },
+        Seen::Relative { north_m, east_m } => offset(north_m, east_m),
+        Seen::Placed { north_m, east_m } => offset(north_m - own.north_m, east_m - own.east_m),
+        // A kind that came later: not finite, so it is refused and counted.
+        _ => offset(f64::NAN, f64::NAN),
     }
+}
+
+/// Detections in the longest scan.
+fn most_detections(recording: &TrackingRecording) -> usize {
+    let each = recording.events.iter().map(|event| match &event.sample {
+        TrackingSample::Scan(scan) => scan.detections.len(),
+        _ => 1,
+    });
+    each.max().unwrap_or(0)
 }
 
 fn sensor(settings: &SensorSettings) -> ScanSensor<f64> {

@@ -4,7 +4,7 @@
 
 use std::collections::HashMap;
 
-use northing_core::tracking::SensorScale;
+use northing_core::tracking::{ScanSensor, SensorScale};
 use northing_recording::tracking::{
     Detection, OwnShipPose, SensorSettings, TrackingRecording, TrackingSample,
 };
@@ -14,39 +14,67 @@ use super::matching::{Place, distance};
 /// The cut-off, in standard deviations of a detection's position.
 const CUTOFF_SIGMAS: f64 = 4.0;
 
-/// How the sensor that starts tracks sees the scene: the one that looks most rarely, because a target has to be followed from one of
-/// its looks to the next. `None` where no used sensor starts tracks, or none looks twice.
-pub(super) fn sensor_scale(
-    recording: &TrackingRecording,
-    used: &[bool],
-) -> Option<SensorScale<f64>> {
-    let starts = |sensor: &usize| {
-        let settings = &recording.sensors[*sensor].1;
-        used[*sensor] && settings.initiates && has_positions(settings)
-    };
-    let covering = |sensor: &usize| recording.sensors[*sensor].1.covers_all;
-    let candidates: Vec<usize> = (0..recording.sensors.len()).filter(starts).collect();
-    // A sensor that sees only now and then says less of how targets move between two looks.
-    let some: Vec<usize> = match candidates.iter().copied().filter(covering).collect() {
-        none if Vec::is_empty(&none) => candidates,
-        covering => covering,
-    };
-    let intervals = some
-        .into_iter()
-        .filter_map(|sensor| Some((sensor, interval_s(recording, sensor)?)));
-    let (sensor, scan_interval_s) = intervals.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let settings = &recording.sensors[sensor].1;
-    Some(SensorScale {
-        scan_interval_s,
-        position_std_m: settings.range_std_m.hypot(settings.extent_std_m),
-        range_m: range_m(recording, sensor)?,
-        clutter_density: settings.clutter_density(),
-    })
+/// How one sensor looks at a scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorLooks {
+    /// What it is like.
+    pub sensor: ScanSensor<f64>,
+    /// Time from one look to the next, or between two reports of one ship, s, where it looks more than once.
+    pub scan_interval_s: Option<f64>,
+    /// Range to which it sees, m, where that is known.
+    pub range_m: Option<f64>,
 }
 
-/// Whether its detections have a position.
-fn has_positions(settings: &SensorSettings) -> bool {
-    settings.range_std_m.hypot(settings.extent_std_m) > 0.0
+impl SensorLooks {
+    /// Whether tracks begin with its detections: they have a position.
+    #[must_use]
+    pub fn starts_tracks(&self) -> bool {
+        self.sensor.initiates && self.position_std_m() > 0.0
+    }
+
+    fn position_std_m(&self) -> f64 {
+        let noise = &self.sensor.noise;
+        noise.range_std_m.hypot(noise.extent_std_m)
+    }
+
+    /// How the sensor that starts tracks sees the scene: the one that looks most rarely, because a target has to be followed from one of
+    /// its looks to the next. `None` where no sensor starts tracks, none looks twice, or its range is unknown.
+    #[must_use]
+    pub fn scale(used: &[Self]) -> Option<SensorScale<f64>> {
+        let candidates: Vec<&Self> = used.iter().filter(|one| one.starts_tracks()).collect();
+        let covering = |one: &&Self| one.sensor.covers_all;
+        // A sensor that sees only now and then says less of how targets move between two looks.
+        let some: Vec<&Self> = match candidates.iter().copied().filter(covering).collect() {
+            none if Vec::is_empty(&none) => candidates,
+            covering => covering,
+        };
+        let intervals = some
+            .into_iter()
+            .filter_map(|one| Some((one, one.scan_interval_s?)));
+        let (one, scan_interval_s) = intervals.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(SensorScale {
+            scan_interval_s,
+            position_std_m: one.position_std_m(),
+            range_m: one.range_m?,
+            clutter_density: one.sensor.clutter_density,
+        })
+    }
+}
+
+/// How the sensors of a recording look, those that are used.
+pub(super) fn looks(
+    recording: &TrackingRecording,
+    used: &[Option<ScanSensor<f64>>],
+) -> Vec<SensorLooks> {
+    let each = used.iter().enumerate();
+    each.filter_map(|(place, sensor)| {
+        Some(SensorLooks {
+            sensor: (*sensor)?,
+            scan_interval_s: interval_s(recording, place),
+            range_m: range_m(recording, place),
+        })
+    })
+    .collect()
 }
 
 /// Median time between two scans of a sensor, or between two reports of one ship, s.

@@ -326,3 +326,152 @@ class SchmidtKalman:
         """Covariance of the own ship's errors (rows) with the track (columns)."""
     def ellipse(self, probability: float = 0.95) -> tuple[float, float, float]:
         """Semi-axes (m) of the ellipse that holds the target with this probability, and the direction of the longer, rad from north."""
+
+@final
+class ScanSensor:
+    """What a sensor of :class:`MultiTarget` is like, as the manifest of a tracking recording states it, in m, rad and s.
+
+    ``detections`` is what a row of its detections is: ``range-bearing`` (m, rad clockwise from the bow), ``bearing``, ``relative``
+    (north and east of the own ship, m), ``placed`` (north and east, m, placed with the own ship's pose) or ``reported`` (north and
+    east that a target says of itself, as AIS). ``extent_std`` is the echo's place on a target, or the error of a reported position;
+    ``clutter_per_km2`` (``clutter_per_rad`` of bearings alone) are the false detections of a scan. ``covers_all=False``: what it
+    does not report was not missed. Of a sensor that starts tracks (``initiates``) the tracker wants to know ``scan_interval``, from
+    one look at a target to the next, and ``largest_range``, beyond which it detects nothing, or ``typical_range``, within which
+    nearly all of its detections lie.
+    """
+
+    def __new__(
+        cls,
+        *,
+        detection_probability: float,
+        clutter_per_km2: float | None = None,
+        clutter_per_rad: float | None = None,
+        range_std: float = 0.0,
+        bearing_std: float = 0.0,
+        extent_std: float = 0.0,
+        largest_range: float | None = None,
+        typical_range: float | None = None,
+        scan_interval: float | None = None,
+        covers_all: bool = True,
+        initiates: bool = True,
+        detections: str = "range-bearing",
+    ) -> Self: ...
+
+@final
+class TargetTrack:
+    """A track after a scan: estimate, existence, and what the last scan of those that were used was to it."""
+
+    @property
+    def id(self) -> int:
+        """Its number, never used twice by one tracker."""
+    @property
+    def status(self) -> str:
+        """``tentative`` or ``confirmed``."""
+    @property
+    def state(self) -> Floats:
+        """North (m), its rate (m/s), east (m), its rate (m/s), turn rate (rad/s, clockwise)."""
+    @property
+    def covariance(self) -> Floats:
+        """Its covariance: (5, 5)."""
+    @property
+    def std(self) -> Floats: ...
+    @property
+    def existence(self) -> float:
+        """Probability that there is a target."""
+    @property
+    def visibility(self) -> float:
+        """Probability that the sensor can see it, if there is one."""
+    @property
+    def models(self) -> Floats:
+        """Probabilities of the motion models: straight, turning, manoeuvring."""
+    @property
+    def age_s(self) -> float: ...
+    @property
+    def silent_s(self) -> float:
+        """Seconds since a detection probably came from it."""
+    @property
+    def detections_in_gate(self) -> int: ...
+    @property
+    def detection(self) -> int | None:
+        """Row of the detection that it most likely caused, of those in its gate."""
+    @property
+    def detection_probability(self) -> float | None:
+        """Probability that it caused that one."""
+    @property
+    def missed_probability(self) -> float:
+        """Probability that it caused none."""
+    @property
+    def innovation(self) -> Innovation:
+        """Of the likeliest detection under the likeliest motion model."""
+
+@final
+class EndedTrack:
+    """A track that ended in a scan."""
+
+    @property
+    def id(self) -> int: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def reason(self) -> str:
+        """``existence``, ``position-std``, ``numerical`` or ``merged-into-`` and the number of the track that stays."""
+
+@final
+class ScanRecord:
+    """What one scan told the tracker."""
+
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def sensor(self) -> str: ...
+    @property
+    def reason(self) -> str | None:
+        """Why the scan was refused, and the tracks are as before; None: it was used."""
+    @property
+    def tracks(self) -> list[TargetTrack]:
+        """Every track after it, tentative ones too."""
+    @property
+    def confirmed(self) -> list[TargetTrack]: ...
+    @property
+    def ended(self) -> list[EndedTrack]:
+        """The tracks that ended in it, tentative ones too."""
+
+@final
+class MultiTarget:
+    """Many targets in clutter (JIPDA, IMM), seen from a ship whose own pose is uncertain: the tracker of ``northing track``, scan by scan.
+
+    ``sensors`` is a :class:`ScanSensor`, or several by name. Settings follow from them as there; every further argument is a
+    parameter by its name (``northing estimators schmidt`` lists them; ``existence_lifetime_s`` is ``existence.lifetime_s``).
+    ``tracker`` is ``schmidt`` (the own pose's correlation with each target is carried along), ``converted`` or ``uncompensated``.
+    Seconds count from ``start_ns``, or from the first scan.
+    """
+
+    def __new__(
+        cls,
+        sensors: ScanSensor | Mapping[str, ScanSensor],
+        *,
+        tracker: str = "schmidt",
+        start_ns: int | None = None,
+        **parameters: float,
+    ) -> Self: ...
+    def update(
+        self, time_ns: int, detections: npt.ArrayLike | None, own: OwnShip, *, sensor: str | None = None
+    ) -> ScanRecord:
+        """Takes everything that one sensor reports at one instant, a row a detection, as seen from this pose; None or no rows: nothing."""
+    @property
+    def tracks(self) -> list[TargetTrack]:
+        """Every track after the last scan that was used, tentative ones too."""
+    @property
+    def time_ns(self) -> int | None:
+        """Stamp of that scan."""
+    @property
+    def sensors(self) -> dict[str, ScanSensor]: ...
+    @property
+    def tracker(self) -> str: ...
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter with its value, those that followed from the sensors too."""
+    @property
+    def counts(self) -> dict[str, int]:
+        """What was used and what was refused so far."""
+    state: str

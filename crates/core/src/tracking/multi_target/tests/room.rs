@@ -189,3 +189,33 @@ fn what_a_scan_did_to_a_track_is_told() {
     assert!(matches!(end, TrackEnd::Existence | TrackEnd::Uncertain));
     assert_eq!(tracker.counts().deleted_confirmed, 1);
 }
+
+#[test]
+fn a_tracker_that_grows_goes_on_to_the_bit() {
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let own = OwnShip::exact(0.0, 0.0, 0.0);
+    let config = MultiTargetConfig::default();
+    let mut large = MultiTargetTracker::<f64, 3, 64, 16>::new(config).unwrap();
+    let mut small = MultiTargetTracker::<f64, 3, 32, 16>::new(config).unwrap();
+    let mut grown = MultiTargetTracker::<f64, 3, 64, 16>::new(config).unwrap();
+    for k in 0..12 {
+        let target = Vector2::new(400.0 + 6.0 * f64::from(k), 100.0);
+        let seen = observe(&[target], 3, &mut rng);
+        let scan = scan(2.0 * f64::from(k), &own, &seen);
+        large.scan(&scan).unwrap();
+        if k == 6 {
+            grown.restore(small.save().resized().unwrap()).unwrap();
+        }
+        if k < 6 {
+            small.scan(&scan).unwrap();
+        } else {
+            grown.scan(&scan).unwrap();
+        }
+    }
+    assert!(large.tracks().count() > 2);
+    assert_eq!(grown.save(), large.save());
+    assert!(
+        large.save().resized::<1>().is_none(),
+        "tracks would be lost"
+    );
+}
