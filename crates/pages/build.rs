@@ -11,14 +11,20 @@ use std::process::Command;
 use std::time::SystemTime;
 
 /// The folders of `web/dist`; every file in them is embedded.
-const FOLDERS: [&str; 3] = ["lab", "phone", "report"];
+const FOLDERS: [&str; 4] = ["lab", "phone", "join", "report"];
 /// The file of each folder that is written last.
-const LAST: [&str; 3] = ["lab/lab.js.gz", "phone/phone.js.gz", "report/report.js.gz"];
+const LAST: [&str; 4] = [
+    "lab/lab.js.gz",
+    "phone/phone.js.gz",
+    "join/join.js.gz",
+    "report/report.js.gz",
+];
 
 /// What the pages are made of.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 9] = [
     "lab",
     "phone",
+    "join",
     "report",
     "instrument",
     "words",

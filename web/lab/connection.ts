@@ -7,6 +7,13 @@ const LONGEST_PAUSE_MS = 3000;
 /** The program says something every second; after so long without a word it is gone, or stands still. */
 const SILENCE_MS = 4000;
 
+/** Elsewhere than on the lab's own computer a page needs a cookie; without one it has to join. */
+async function joinAgain(): Promise<void> {
+  if (location.protocol !== "https:") return;
+  const answer = await fetch("/api/role", { cache: "no-store" }).catch(() => null);
+  if (answer?.status === 401) location.replace("/join");
+}
+
 export function connect(): void {
   let pause = 250;
   let heardMs = performance.now();
@@ -19,7 +26,7 @@ export function connect(): void {
     if (state.connection === "lost") update(() => undefined);
   }, 1000);
   const open = (): void => {
-    const socket = new WebSocket(`ws://${location.host}/api/ws`);
+    const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/ws`);
     setSender((message: ToProgram) => {
       if (socket.readyState === WebSocket.OPEN && state.connection === "open") socket.send(JSON.stringify(message));
       else update((s) => (s.error = "The lab program does not answer: nothing was changed."));
@@ -39,6 +46,7 @@ export function connect(): void {
     socket.onclose = () => {
       lost();
       window.setTimeout(open, pause);
+      void joinAgain();
       pause = Math.min(LONGEST_PAUSE_MS, pause * 2);
     };
   };

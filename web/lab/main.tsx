@@ -17,7 +17,8 @@ import { RecordingLight, Recordings } from "./panels/recordings";
 import { Tune } from "./panels/tune";
 import { WhatIf, WhatIfPlots } from "./panels/what_if";
 import type { Device } from "./protocol";
-import { goTo, isOld, type Lower, offers, onChange, selectedDevice, send, state, STEPS, type Step, update } from "./store";
+import { goTo, isOld, isStudent, type Lower, offers, onChange, selectedDevice, send, state, type Step, steps, update } from "./store";
+import { t } from "./t";
 
 const TITLES: Record<Step, string> = {
   connect: "Connect", place: "Place", calibrate: "Calibrate", tune: "Q and R", experiment: "Experiment", return: "Return", result: "Result", "what-if": "What if?",
@@ -34,7 +35,7 @@ function App() {
   useEffect(() => {
     const keys = (e: KeyboardEvent): void => {
       const typing = e.target instanceof HTMLElement && e.target.closest("input, select, textarea");
-      const step = STEPS[Number(e.key) - 1];
+      const step = steps()[Number(e.key) - 1];
       if (!typing && step && !e.ctrlKey && !e.metaKey && !e.altKey) goTo(step);
     };
     window.addEventListener("keydown", keys);
@@ -57,7 +58,7 @@ function Header() {
       <h1>Northing <span>lab</span></h1>
       <nav aria-label="Steps">
         <ol>
-          {STEPS.map((step, i) => (
+          {steps().map((step, i) => (
             <li key={step}>
               <button type="button" aria-current={state.view === "lab" && state.step === step ? "step" : undefined} title={`Key ${i + 1}`} onClick={() => goTo(step)}>
                 <span>{i + 1}</span>{TITLES[step]}
@@ -72,7 +73,7 @@ function Header() {
         </select>
       </label>
       <RecordingLight />
-      <button type="button" aria-pressed={state.view === "wall"} onClick={() => update((s) => (s.view = s.view === "wall" ? "lab" : "wall"))}>Wall</button>
+      {!isStudent() && <button type="button" aria-pressed={state.view === "wall"} onClick={() => update((s) => (s.view = s.view === "wall" ? "lab" : "wall"))}>Wall</button>}
     </header>
   );
 }
@@ -113,8 +114,8 @@ function Panel() {
   const device = selectedDevice();
   return (
     <section class="panel" aria-label={HEADINGS[state.step]}>
-      <h2><span>{STEPS.indexOf(state.step) + 1}</span>{state.step === "calibrate" ? CALIBRATIONS[state.calibrating] : HEADINGS[state.step]}</h2>
-      {state.step === "connect" ? <Connect /> : device ? <StepOf device={device} key={`${state.step} ${device.id}`} /> : (
+      <h2><span>{steps().indexOf(state.step) + 1}</span>{state.step === "calibrate" ? CALIBRATIONS[state.calibrating] : HEADINGS[state.step]}</h2>
+      {state.step === "connect" ? <Connect /> : device ? <StepOf device={device} key={`${state.step} ${device.id}`} /> : isStudent() ? <p>{t("student.noPhone")}</p> : (
         <p>First <button type="button" class="link" onClick={() => goTo("connect")}>connect a phone</button>, or add a virtual one.</p>
       )}
     </section>

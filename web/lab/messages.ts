@@ -270,6 +270,7 @@ export type Hello = {
   fingerprint: string,
   features: Array<string>,
   name: string,
+  role: RoleName,
   input_kinds: Array<InputKindLine>,
   inputs: Array<InputStatus>, };
 
@@ -499,6 +500,8 @@ export type ResultCell = {
   nis_mag: number | null,
   nis_compass: number | null,
   error_deg: number | null, };
+
+export type RoleName = "teacher" | "student";
 
 export type RunSummary = {
   estimator: EstimatorKind,

@@ -184,6 +184,12 @@ export function useOf(device: Device): Use {
 /** Whether the program offers something. */
 export const offers = (feature: string): boolean => state.hello?.features?.includes(feature) ?? false;
 
+/** Whether this page is a student's: it has one phone, and what concerns all is the teacher's. */
+export const isStudent = (): boolean => state.hello?.role === "student";
+
+/** The steps of this page's path: a student's phone is connected by its own page. */
+export const steps = (): readonly Step[] => (isStudent() ? STEPS.slice(1) : STEPS);
+
 /** The experiments of a device, the oldest first. */
 export const rowsOf = (device: string): ExperimentRow[] => state.rows.filter((row) => row.device_id === device);
 
@@ -221,6 +227,7 @@ function take(s: State, message: Exclude<FromProgram, Frame>): void {
   switch (message.type) {
     case "hello":
       s.hello = message;
+      if (message.role === "student" && s.step === "connect") s.step = "place";
       s.inputs = message.inputs ?? [];
       // A program that was started anew knows of nothing that was under way.
       s.running = {};

@@ -2,11 +2,13 @@
 
 import "./main.css";
 import { askPermission, type Channel, meters, type Row, startSensors } from "./sensors";
-import { Uplink } from "./uplink";
+import { language, setLanguage } from "../words/language";
+import { Mine, sentence, type UnderWay } from "./mine";
+import { byId, element, say, t, writeFixed } from "./t";
+import { type Command, Uplink } from "./uplink";
 
 const BATCH_MS = 100;
 const MOST_ROWS = 400;
-const byId = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
 const token = new URLSearchParams(location.hash.slice(1)).get("t") ?? "";
 const platform = /iPhone|iPad|iPod/.test(navigator.userAgent) || (navigator.platform === "MacIntel" && navigator.maxTouchPoints > 1) ? "ios" : /Android/.test(navigator.userAgent) ? "android" : "other";
 
@@ -29,6 +31,8 @@ function kept(key: string, make: () => string): string {
 // The same phone in a new tab is the same device; where two tabs are open, the lab tells them apart.
 const device = kept("northing-device", randomId);
 const session = randomId();
+// Known to this page and the lab alone: who has it steers this phone's part of the lab.
+const secret = kept("northing-secret", () => randomId() + randomId());
 const nameField = byId<HTMLInputElement>("name");
 nameField.value = kept("northing-name", () => (platform === "ios" ? "iPhone" : platform === "android" ? "Android phone" : "Phone"));
 nameField.addEventListener("change", () => {
@@ -52,17 +56,25 @@ const SAY_AT_LEAST_MS = 3000;
 let saidMs = -SAY_AT_LEAST_MS;
 
 /** Shows what the lab wants of this phone's person; an empty answer ends it after a moment. */
-function showSaid(texts: string[], otherwise = "The lab asks for nothing now."): void {
-  const say = byId("say");
+function showSaid(texts: string[], otherwise = t("nothing")): void {
   const now = performance.now();
   if (!texts.length && now - saidMs < SAY_AT_LEAST_MS) return;
   if (texts.length) saidMs = now;
-  const text = texts.join(" ") || otherwise;
-  if (say.textContent !== text) say.textContent = text;
-  say.className = texts.length ? "say asks" : "say";
+  say(byId("say"), texts.join(" ") || otherwise);
+  byId("say").className = texts.length ? "say asks" : "say";
 }
 
-const uplink = new Uplink(token, showSaid);
+/** What the lab says, in this page's language where it has the words. */
+function inWords(command: Command): string {
+  if (command.under_way) return sentence(command.under_way as UnderWay);
+  return command.shared ? t("shared") : (command.say ?? "");
+}
+
+const mine = new Mine(token, { device, session, secret });
+const uplink = new Uplink(token, (reply) => {
+  showSaid((reply.commands ?? []).map(inWords).filter((text) => text));
+  mine.is(reply.device);
+});
 
 /** Puts what has gathered into a batch; an empty one each second keeps the connection known. */
 function flush(): void {
@@ -91,7 +103,7 @@ async function start(): Promise<void> {
   const refused = await askPermission();
   note("permission", refused.length ? refused.join("; ") : "granted");
   if (refused.length) {
-    show("bad", "Sensors refused", `The browser says: ${refused.join("; ")}. Allow motion and orientation access for this page in the browser's settings, then reload it.`);
+    show("bad", t("refused"), t("refused.detail", { why: refused.join("; ") }));
     button.disabled = false;
     return;
   }
@@ -107,8 +119,8 @@ async function start(): Promise<void> {
 function show(tone: string, text: string, detail: string): void {
   const state = byId("state");
   state.dataset["tone"] = tone;
-  if (state.textContent !== text) state.textContent = text;
-  byId("detail").textContent = detail;
+  say(state, text);
+  say(byId("detail"), detail);
 }
 
 function showState(): void {
@@ -116,49 +128,38 @@ function showState(): void {
   const link = uplink.state;
   const slow = meters.g.count > 0 && meters.g.rateHz > 0 && meters.g.rateHz < 20;
   byId("say").hidden = link.tone === "bad";
-  if (link.tone === "bad") show("bad", "Not connected", link.text + ".");
-  else if (document.visibilityState === "hidden") show("warn", "Paused", "Browsers give no sensors to a hidden page.");
+  if (link.tone === "bad") show("bad", t("notConnected"), link.text + ".");
+  else if (document.visibilityState === "hidden") show("warn", t("paused"), t("paused.detail"));
   else if (link.tone === "warn") {
-    show("warn", link.waiting > 20 ? "Lab not reached" : "Connecting", `${link.text}.`);
-    if (link.waiting > 20) showSaid([], "Readings of the last minute are kept, and sent when the lab is back.");
+    show("warn", t(link.waiting > 20 ? "notReached" : "connecting"), `${link.text}.`);
+    if (link.waiting > 20) showSaid([], t("kept"));
   }
-  else if (!meters.a.count && !meters.g.count) show("warn", "No readings yet", "Waiting for the sensors.");
-  else show(slow ? "warn" : "good", slow ? "Sending, slowly" : "Sending", slow ? "The sensors come slowly: is low-power mode on?" : "Keep this page in front. Lay the phone down to calibrate.");
-}
-
-function element(tag: string, text: string, className = ""): HTMLElement {
-  const made = document.createElement(tag);
-  made.textContent = text;
-  made.className = className;
-  return made;
+  else if (!meters.a.count && !meters.g.count) show("warn", t("noReadings"), t("noReadings.detail"));
+  else show(slow ? "warn" : "good", t(slow ? "slowly" : "sending"), t(slow ? "slowly.detail" : "sending.detail"));
 }
 
 /** Browsers round to 0.1: whoever looks at the numbers should know. */
 function showMode(): void {
   const coarse = (m: { step: number; count: number }): boolean => m.count > 20 && m.step > 0.05;
-  const text = coarse(meters.a) || coarse(meters.g)
-    ? "Coarse mode: this browser rounds its sensors to a tenth. The lab knows and allows for it; an app such as Sensor Logger gives finer values."
-    : "Values are sent exactly as this browser gives them.";
-  const foot = byId("foot");
-  if (foot.textContent !== text) foot.textContent = text;
+  say(byId("foot"), t(coarse(meters.a) || coarse(meters.g) ? "coarse" : "exact"));
 }
 
 /** Steps of a converter or of the browser's rounding, in words. */
 function stepText(step: number, unit: string): string {
-  return step > 0 && step < 100 ? ` · steps of ${step < 0.001 ? step.toExponential(0) : step.toPrecision(1)} ${unit}` : "";
+  return step > 0 && step < 100 ? ` · ${t("steps", { step: `${step < 0.001 ? step.toExponential(0) : step.toPrecision(1)} ${unit}` })}` : "";
 }
 
 function showSensors(): void {
   byId("sensors").replaceChildren(
-    ...Object.values(meters).map((m) => {
+    ...Object.entries(meters).map(([key, m]) => {
       const line = element("li", "", m.tone);
-      line.append(element("b", m.name), element("i", m.count && m.rateHz >= 0 ? `${m.rateHz.toFixed(0)} Hz` : "–"), element("span", m.text + stepText(m.step, m.unit)));
+      line.append(element("b", t(key as keyof typeof meters)), element("i", m.count && m.rateHz >= 0 ? `${m.rateHz.toFixed(0)} Hz` : "–"), element("span", m.text() + stepText(m.step, m.unit)));
       return line;
     }),
   );
   const link = uplink.state;
-  const facts: [string, string][] = [["Batches", String(link.acknowledged)], ["Waiting", String(link.waiting)], [link.by, link.roundTripMs ? `${link.roundTripMs.toFixed(0)} ms` : "–"]];
-  if (link.dropped) facts.push(["Given up", String(link.dropped)]);
+  const facts: [string, string][] = [[t("batches"), String(link.acknowledged)], [t("waiting"), String(link.waiting)], [link.by, link.roundTripMs ? `${link.roundTripMs.toFixed(0)} ms` : "–"]];
+  if (link.dropped) facts.push([t("givenUp"), String(link.dropped)]);
   byId("link").replaceChildren(
     ...facts.map(([term, value]) => {
       const group = element("div", "");
@@ -175,12 +176,23 @@ document.addEventListener("visibilitychange", () => {
   if (document.visibilityState === "visible") void stayAwake();
 });
 
+/** Everything that does not come again by itself. */
+function write(): void {
+  writeFixed();
+  if (!started) show(token ? "idle" : "bad", t(token ? "ready" : "noCode"), t(token ? "ready.detail" : "noCode.detail"));
+  showSaid([]);
+  showMode();
+  showSensors();
+  mine.show();
+}
+
+byId("language").addEventListener("click", () => {
+  setLanguage(language() === "en" ? "es" : "en");
+  write();
+});
+write();
 if (token) {
   byId("go").addEventListener("click", () => void start());
   window.setInterval(flush, BATCH_MS);
   window.setInterval(() => (showState(), showSensors(), showMode()), 500);
-} else {
-  show("bad", "No code in the address", "Scan the QR code on the lab's screen: it carries the code of this lab.");
-  byId<HTMLButtonElement>("go").disabled = true;
-}
-showSensors();
+} else byId<HTMLButtonElement>("go").disabled = true;

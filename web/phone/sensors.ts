@@ -1,15 +1,17 @@
 // The phone's sensors, as the browser gives them: Generic Sensor API where it works, else motion events.
 // Numbers are passed on untouched; rates and steps are only looked at for display.
 
+import { type Key as Words, t } from "./t";
+
 export type Row = (number | null)[];
 export type Channel = "a" | "g" | "m" | "q" | "dm" | "do";
 
 /** What is known about one line of the display. */
 export interface Meter {
-  name: string;
   unit: string;
   tone: "good" | "warn" | "bad" | "idle";
-  text: string;
+  /** In the language of now. */
+  text: () => string;
   count: number;
   /** Readings a second; negative while it is not known yet. */
   rateHz: number;
@@ -28,14 +30,14 @@ interface GenericSensor extends EventTarget {
 type SensorClass = new (options: { frequency: number; referenceFrame?: string }) => GenericSensor;
 type Permission = { requestPermission?: () => Promise<string> };
 
-const meter = (name: string, unit: string): Meter => ({ name, unit, tone: "idle", text: "not started", count: 0, rateHz: -1, step: 0 });
+const meter = (unit: string): Meter => ({ unit, tone: "idle", text: () => t("notStarted"), count: 0, rateHz: -1, step: 0 });
 
 /** One line for each kind of sensor. */
 export const meters = {
-  a: meter("Accelerometer", "m/s²"),
-  g: meter("Gyroscope", "deg/s"),
-  m: meter("Magnetometer", "µT"),
-  q: meter("Phone's own orientation", "°"),
+  a: meter("m/s²"),
+  g: meter("deg/s"),
+  m: meter("µT"),
+  q: meter("°"),
 };
 type Key = keyof typeof meters;
 
@@ -47,11 +49,11 @@ const running: Partial<Record<Key, GenericSensor>> = {};
 const win = window as unknown as Record<string, unknown>;
 
 /** Counts a reading and remembers the smallest change seen, which is the step of the values. */
-function count(key: Key, values: (number | null | undefined)[], text: string): void {
+function count(key: Key, values: (number | null | undefined)[], words: Words, compass?: number): void {
   const m = meters[key];
   m.count++;
   m.tone = "good";
-  m.text = text;
+  m.text = () => t(words) + (compass === undefined ? "" : `, ${t("compass", { heading: compass.toFixed(0) })}`);
   const now = values.map((v) => v ?? 0);
   const before = lastValue[key];
   if (before) {
@@ -63,9 +65,9 @@ function count(key: Key, values: (number | null | undefined)[], text: string): v
   lastValue[key] = now;
 }
 
-function say(key: Key, tone: Meter["tone"], text: string): void {
+function say(key: Key, tone: Meter["tone"], words: Words | (() => string)): void {
   meters[key].tone = tone;
-  meters[key].text = text;
+  meters[key].text = typeof words === "string" ? () => t(words) : words;
 }
 
 /** Asks for the sensors. Must be called directly in a tap; resolves to what was refused, in words. */
@@ -91,7 +93,7 @@ export function startSensors(push: (channel: Channel, row: Row) => void, note: (
     if (orientation && !meters.q.count) useOrientationEvents(push, note);
     if (!meters.m.count) {
       stop("m");
-      say("m", "warn", win["Magnetometer"] ? "this browser has none to give" : "this browser offers none; the lab uses the compass heading where there is one");
+      say("m", "warn", win["Magnetometer"] ? "noneToGive" : "noneOffered");
     }
   }, FIRST_READING_MS);
   // Frozen sensors show as a rate of zero.
@@ -108,7 +110,7 @@ export function startSensors(push: (channel: Channel, row: Row) => void, note: (
 
 function startGeneric(key: Key, name: string, frequency: number, push: (channel: Channel, row: Row) => void, note: (text: string) => void): void {
   const make = win[name] as SensorClass | undefined;
-  if (!make) return say(key, "idle", "not offered as a sensor");
+  if (!make) return say(key, "idle", "noSensor");
   try {
     const sensor = new make({ frequency, referenceFrame: "device" });
     sensor.addEventListener("reading", () => {
@@ -117,22 +119,23 @@ function startGeneric(key: Key, name: string, frequency: number, push: (channel:
       if (key === "q") {
         const q = sensor.quaternion ?? [];
         push("q", [t, q[0] ?? null, q[1] ?? null, q[2] ?? null, q[3] ?? null]);
-        count("q", [], "granted, from the sensor interface");
+        count("q", [], "grantedSensor");
         return;
       }
       push(key, [t, sensor.x ?? null, sensor.y ?? null, sensor.z ?? null]);
       const scale = key === "g" ? 180 / Math.PI : 1;
-      count(key, [sensor.x, sensor.y, sensor.z].map((v) => (v ?? 0) * scale), "granted, from the sensor interface");
+      count(key, [sensor.x, sensor.y, sensor.z].map((v) => (v ?? 0) * scale), "grantedSensor");
     });
     sensor.addEventListener("error", (e) => {
       const error = (e as Event & { error?: DOMException }).error;
       note(`${name}: ${error?.name ?? "error"} ${error?.message ?? ""}`);
-      say(key, "bad", error?.name === "NotAllowedError" ? "refused: allow motion sensors in the site settings" : "not available on this phone");
+      say(key, "bad", error?.name === "NotAllowedError" ? "denied" : "unavailable");
     });
     running[key] = sensor;
     sensor.start();
   } catch (e) {
-    say(key, "bad", (e as Error).message);
+    const { message } = e as Error;
+    say(key, "bad", () => message);
   }
 }
 
@@ -145,30 +148,29 @@ function useMotionEvents(push: (channel: Channel, row: Row) => void, note: (text
   stop("a");
   stop("g");
   if (!win["DeviceMotionEvent"]) {
-    for (const key of ["a", "g"] as const) say(key, "bad", window.isSecureContext ? "this browser has no motion sensors" : "blocked: the page is not secure (https)");
+    for (const key of ["a", "g"] as const) say(key, "bad", window.isSecureContext ? "noMotion" : "insecure");
     return;
   }
   note("motion events are used");
-  say("a", "warn", "waiting for the first reading");
-  say("g", "warn", "waiting for the first reading");
+  say("a", "warn", "first");
+  say("g", "warn", "first");
   window.addEventListener("devicemotion", (e) => {
     const a = e.acceleration, f = e.accelerationIncludingGravity, r = e.rotationRate;
     push("dm", [e.timeStamp, a?.x ?? null, a?.y ?? null, a?.z ?? null, f?.x ?? null, f?.y ?? null, f?.z ?? null, r?.alpha ?? null, r?.beta ?? null, r?.gamma ?? null]);
-    if (f && f.x !== null) count("a", [f.x, f.y, f.z], "granted, from motion events");
-    if (r && r.alpha !== null) count("g", [r.alpha, r.beta, r.gamma], "granted, from motion events");
+    if (f && f.x !== null) count("a", [f.x, f.y, f.z], "grantedMotion");
+    if (r && r.alpha !== null) count("g", [r.alpha, r.beta, r.gamma], "grantedMotion");
   });
 }
 
 function useOrientationEvents(push: (channel: Channel, row: Row) => void, note: (text: string) => void): void {
   stop("q");
-  if (!win["DeviceOrientationEvent"]) return say("q", "bad", "not available");
+  if (!win["DeviceOrientationEvent"]) return say("q", "bad", "unavailable");
   const name = "ondeviceorientationabsolute" in window ? "deviceorientationabsolute" : "deviceorientation";
   note(`${name} events are used`);
-  say("q", "warn", "waiting for the first reading");
+  say("q", "warn", "first");
   window.addEventListener(name, (event) => {
     const e = event as DeviceOrientationEvent & { webkitCompassHeading?: number; webkitCompassAccuracy?: number };
     push("do", [e.timeStamp, e.alpha, e.beta, e.gamma, e.absolute ? 1 : 0, e.webkitCompassHeading ?? null, e.webkitCompassAccuracy ?? null]);
-    const compass = e.webkitCompassHeading === undefined ? "" : `, compass ${e.webkitCompassHeading.toFixed(0)}°`;
-    if (e.alpha !== null) count("q", [e.beta, e.gamma], `granted, from orientation events${compass}`);
+    if (e.alpha !== null) count("q", [e.beta, e.gamma], "grantedOrientation", e.webkitCompassHeading);
   });
 }

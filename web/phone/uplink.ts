@@ -1,6 +1,8 @@
 // Brings batches to the lab: numbered, kept until acknowledged, sent again with growing pauses.
 // Plain POST always works; a WebSocket is tried and silently given up (Safari refuses it on a self-made certificate).
 
+import { t } from "./t";
+
 const KEEP_MS = 60_000;
 const IN_FLIGHT = 2;
 const ANSWER_MS = 5_000;
@@ -14,10 +16,18 @@ interface Batch {
   sentMs: number;
   flying: boolean;
 }
+/** What the lab wants of this phone's person: a sentence, or what it is about. */
+export interface Command {
+  say?: string;
+  under_way?: object;
+  shared?: boolean;
+}
 interface Reply {
   ack?: number;
   error?: string;
-  commands?: { say?: string }[];
+  commands?: Command[];
+  /** What the lab calls this page's device. */
+  device?: string;
 }
 
 /** How the link does, for display. */
@@ -32,7 +42,7 @@ export interface LinkState {
 }
 
 export class Uplink {
-  readonly state: LinkState = { tone: "warn", text: "Looking for the lab", acknowledged: 0, waiting: 0, dropped: 0, roundTripMs: 0, by: "POST" };
+  readonly state: LinkState = { tone: "warn", text: t("link.looking"), acknowledged: 0, waiting: 0, dropped: 0, roundTripMs: 0, by: "POST" };
   private queue: Batch[] = [];
   private seq = 0;
   private pauseMs = 0;
@@ -40,7 +50,7 @@ export class Uplink {
   private refused = false;
   private socket: WebSocket | null = null;
 
-  constructor(private readonly token: string, private readonly said: (texts: string[]) => void) {}
+  constructor(private readonly token: string, private readonly took: (reply: Reply) => void) {}
 
   /** Queues a batch; `fill` gets its number. */
   add(fill: (seq: number) => object): void {
@@ -89,7 +99,7 @@ export class Uplink {
       const reply = (await response.json().catch(() => ({}))) as Reply;
       this.answered(batch, response.status, reply);
     } catch {
-      this.failed(batch, "The lab does not answer. Same Wi-Fi? Still trying");
+      this.failed(batch, t("link.silent"));
     } finally {
       window.clearTimeout(timer);
     }
@@ -100,7 +110,7 @@ export class Uplink {
     if (status === 401 || status === 403) {
       this.refused = true;
       this.state.tone = "bad";
-      this.state.text = "The lab does not know this code. Scan the QR code on the lab's screen again";
+      this.state.text = t("link.unknown");
       return;
     }
     if (status === 400 || status === 413) {
@@ -108,11 +118,11 @@ export class Uplink {
       this.queue = this.queue.filter((b) => b !== batch);
       this.state.dropped++;
       this.state.tone = "warn";
-      this.state.text = `The lab refused a batch: ${reply.error ?? "too large"}`;
+      this.state.text = t("link.refused", { why: reply.error ?? t("link.tooLarge") });
       return;
     }
-    if (status === 503 && reply.error) return this.failed(batch, `Not taken: ${reply.error}. Still trying`);
-    this.failed(batch, status === 429 ? "The lab asks for a pause" : `The lab answered ${status}. Still trying`);
+    if (status === 503 && reply.error) return this.failed(batch, t("link.notTaken", { why: reply.error }));
+    this.failed(batch, status === 429 ? t("link.pause") : t("link.status", { status }));
   }
 
   private acknowledged(seq: number, reply: Reply): void {
@@ -126,8 +136,8 @@ export class Uplink {
     this.pauseMs = 0;
     this.notBefore = 0;
     this.state.tone = "good";
-    this.state.text = "The lab receives this phone";
-    this.said((reply.commands ?? []).flatMap((command) => (command.say ? [command.say] : [])));
+    this.state.text = t("link.receives");
+    this.took(reply);
     this.pump();
   }
 

@@ -1,4 +1,4 @@
-// Bundles the pages: dist/lab, dist/phone and the script of reports in dist/report (with --dev: dist-dev/lab, fed by a synthetic device).
+// Bundles the pages: dist/lab, dist/phone, dist/join and the script of reports in dist/report (with --dev: dist-dev/lab, fed by a synthetic device).
 import { build } from "esbuild";
 import { copyFile, mkdir, readdir, readFile, rm, stat, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
@@ -42,5 +42,6 @@ async function page(name, entry, settings, files = ["index.html", "icon.svg"]) {
 await rm(out, { recursive: true, force: true });
 // The lab page runs in browsers of today, and loads its 3-D view after itself; phones may be years old; reports are one file.
 await page("lab", dev ? "dev/lab.ts" : "lab/main.tsx", { format: "esm", splitting: true, chunkNames: "[name]-[hash]", target: "es2020" });
+await page("join", "join/main.ts", { format: "iife", target: "es2019" });
 await page("phone", "phone/main.ts", { format: "iife", target: "es2019" });
 if (!dev) await page("report", "report/main.ts", { format: "iife", target: "es2020" }, []);

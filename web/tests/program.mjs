@@ -6,11 +6,14 @@ import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
 import { atTheEnd, web } from "./browser.mjs";
 
-/** Starts the program and waits for its first line. Pages come from `web/dist`, which may be newer than the program. */
-export async function startLab({ port: wanted = 0 } = {}) {
-  const folder = mkdtempSync(join(tmpdir(), "northing-lab-"));
+/**
+ * Starts the program and waits for its first line. Pages come from `web/dist`, which may be newer than the program.
+ * `data`: the folder of a lab before, `more`: further options.
+ */
+export async function startLab({ port: wanted = 0, data, more = [] } = {}) {
+  const folder = data ?? mkdtempSync(join(tmpdir(), "northing-lab-"));
   const [command, ...before] = process.env.NORTHING ? [process.env.NORTHING] : ["cargo", "run", "-q", "-p", "northing", "--"];
-  const child = spawn(command, [...before, "live", "--port", String(wanted), "--no-open", "--json", "--data-dir", folder, "--web-dir", join(web, "dist")], { cwd: dirname(web), stdio: ["ignore", "pipe", "inherit"] });
+  const child = spawn(command, [...before, "live", "--port", String(wanted), "--no-open", "--json", "--data-dir", folder, "--web-dir", join(web, "dist"), ...more], { cwd: dirname(web), stdio: ["ignore", "pipe", "inherit"] });
   const gone = new Promise((done) => child.once("exit", done));
   // However this process ends.
   process.once("exit", () => child.kill("SIGKILL"));

@@ -91,8 +91,8 @@ function countReadings() {
  * A page at `url` in a phone's window, whose sensors follow `hand`. Overrides come before the page: a page that
  * already listens gets nothing. `init` runs in the page before anything else.
  */
-export async function phone(browser, url, hand = new Hand(), { init } = {}) {
-  const context = await browser.newContext({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, ignoreHTTPSErrors: true });
+export async function phone(browser, url, hand = new Hand(), { init, everyMs = 15, locale } = {}) {
+  const context = await browser.newContext({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, ignoreHTTPSErrors: true, ...(locale ? { locale } : {}) });
   const page = await context.newPage();
   await page.addInitScript(countReadings);
   if (init) await page.addInitScript(init);
@@ -108,7 +108,7 @@ export async function phone(browser, url, hand = new Hand(), { init } = {}) {
       const quaternion = { quaternion: { x: attitude[0], y: attitude[1], z: attitude[2], w: attitude[3] } };
       const readings = { accelerometer: xyz(force), "linear-acceleration": xyz([0, 0, 0]), gravity: xyz(force), gyroscope: xyz(rate), magnetometer: xyz(field), "absolute-orientation": quaternion, "relative-orientation": quaternion };
       await Promise.all(Object.entries(readings).map(([type, reading]) => cdp.send("Emulation.setSensorOverrideReadings", { type, reading }).catch(() => undefined)));
-      await new Promise((done) => setTimeout(done, 15));
+      await new Promise((done) => setTimeout(done, everyMs));
     }
   };
   feeding = feed();

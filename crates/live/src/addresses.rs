@@ -187,14 +187,25 @@ impl Reach {
         self.urls("http", self.ports[1], "/in/")
     }
 
+    /// Address of the lab page for a teacher elsewhere, with that one's token behind `#`, which browsers do not send.
+    #[must_use]
+    pub fn teacher_url(&self, token: &Token) -> String {
+        let urls = self.urls_with("https", self.ports[0], "/join#t=", token);
+        urls.into_iter().next().unwrap_or_default()
+    }
+
     fn urls(&self, scheme: &str, port: u16, path: &str) -> Vec<String> {
+        self.urls_with(scheme, port, path, &self.token)
+    }
+
+    fn urls_with(&self, scheme: &str, port: u16, path: &str, token: &Token) -> Vec<String> {
         let mut shown = self.addresses().shown;
         if shown.is_empty() {
             shown.push(IpAddr::V4(Ipv4Addr::LOCALHOST));
         }
         let url = |address: IpAddr| {
             let host = SocketAddr::new(address, port);
-            format!("{scheme}://{host}{path}{}", self.token.as_str())
+            format!("{scheme}://{host}{path}{}", token.as_str())
         };
         shown.into_iter().map(url).collect()
     }

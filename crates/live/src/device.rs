@@ -20,12 +20,15 @@ use crate::session::experiment::Experiment;
 use crate::session::magnetometer::MagnetometerAction;
 use crate::silence::Heard;
 use crate::to_page::{self, ExperimentState, Magnetometer, MagnetometerState, ToPage};
-use northing_evaluation::statistics::lamp::{Lamp, Remark};
+use northing_evaluation::statistics::lamp::{Lamp, Remark, Tone};
 
 /// No more frames a second than this are made.
 const FRAME_INTERVAL: Duration = Duration::from_micros(16_000);
 /// How often progress is told.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
+
+/// How often the lamps are judged for the device's own phone.
+const LAMPS_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Something for a device to do. Times of arrival are those of [`Lab::now_ns`], or of a recording.
 #[derive(Debug)]
@@ -72,6 +75,7 @@ struct Task {
     /// When samples came that no frame has shown yet.
     newest_ns: Option<i64>,
     last_progress: Instant,
+    next_lamps: Instant,
     experiment_id: String,
     calibrated: CalibrationTimes,
 }
@@ -96,6 +100,7 @@ pub(crate) fn spawn(
         last_frame: None,
         newest_ns: None,
         last_progress: now,
+        next_lamps: now,
         experiment_id: String::new(),
         calibrated: saved.map(|saved| saved.calibrated).unwrap_or_default(),
     };
@@ -232,11 +237,17 @@ impl Task {
                 Happening::Note(_) => {}
                 Happening::GaveUp(reason) => {
                     let name = lock(&self.device.status).name.clone();
-                    self.lab.tell(&ToPage::error(format!("{name}: {reason}")));
+                    let text = format!("{name}: {reason}");
+                    self.lab.tell_about(&self.device.id, &ToPage::error(text));
+                    lock(&self.device.for_owner).gave_up = Some(reason);
                 }
                 Happening::Calibrated(run, made) => {
                     let message = run.message(&self.device.id, Some(&made));
                     self.lab.tell(&message);
+                    lock(&self.device.for_owner).calibration = Some(match &made {
+                        Ok(rest) => run.accepted(rest),
+                        Err(reason) => Remark::new(Tone::Bad, reason.as_str()),
+                    });
                     if made.is_ok() {
                         self.calibrated.rest = Some(experiments::utc(arrival_ns));
                         self.save();
@@ -262,7 +273,8 @@ impl Task {
         let lab = self.lab.clone();
         let name = lock(&self.device.status).name.clone();
         let Some(subject) = self.engine.session().subject() else {
-            return lab.tell(&ToPage::error("no estimator ran: choose one and repeat"));
+            let text = "no estimator ran: choose one and repeat";
+            return lab.tell_about(&self.device.id, &ToPage::error(text));
         };
         let finished = Finished {
             id: std::mem::take(&mut self.experiment_id),
@@ -277,6 +289,7 @@ impl Task {
             originals: Default::default(),
             experiment,
         };
+        let of = finished.device.clone();
         tokio::task::spawn_blocking(move || match finished.evaluated() {
             Ok(finished) => {
                 let finished = lab.experiments.add(finished);
@@ -284,7 +297,7 @@ impl Task {
                 lab.tell(&lab.experiments_message());
                 lab.experiments.save(&finished);
             }
-            Err(text) => lab.tell(&ToPage::error(text)),
+            Err(text) => lab.tell_about(&of, &ToPage::error(text)),
         });
     }
 
@@ -296,6 +309,9 @@ impl Task {
             recorder.control(key, arrival_ns, &recorded);
         }
         let happenings = self.engine.command(command, arrival_ns)?;
+        if matches!(command, Command::Calibrate(_) | Command::Experiment(..)) {
+            lock(&self.device.for_owner).gave_up = None;
+        }
         match command {
             Command::Experiment(..) => self.experiment_id = self.lab.experiments.next_id(),
             Command::Rename(name) => {
@@ -398,9 +414,22 @@ impl Task {
         })));
     }
 
+    /// Writes down what the device's own phone shows.
+    fn publish_for_owner(&mut self, now: Instant) {
+        if self.next_lamps > now {
+            return;
+        }
+        self.next_lamps = now + LAMPS_INTERVAL;
+        let session = self.engine.session();
+        let mut own = lock(&self.device.for_owner);
+        own.lamps = session.lamps();
+        own.profile = session.options().profile.name();
+    }
+
     /// Writes down how the device is.
     fn publish(&mut self) {
         let now = Instant::now();
+        self.publish_for_owner(now);
         let (lost, again) = (self.engine.lost(), self.engine.duplicated());
         let session = self.engine.session();
         let mut told = session.status(lost);

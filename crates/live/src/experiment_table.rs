@@ -30,6 +30,14 @@ struct Entry {
     is_earlier: bool,
 }
 
+impl Entry {
+    /// The device that it is of.
+    fn device(&self) -> Option<&str> {
+        let held = self.held.as_ref().map(|held| held.device.as_str());
+        held.or_else(|| self.saved.as_ref().map(|saved| saved.device_id.as_str()))
+    }
+}
+
 /// The experiments of a lab.
 #[derive(Debug)]
 pub(crate) struct ExperimentTable {
@@ -152,6 +160,38 @@ impl ExperimentTable {
     pub(crate) fn rows(&self) -> Vec<ExperimentRow> {
         let entries = lock(&self.entries);
         entries.iter().filter_map(|entry| self.row(entry)).collect()
+    }
+
+    /// The device of an experiment.
+    pub(crate) fn device_of(&self, id: &str) -> Option<String> {
+        let entries = lock(&self.entries);
+        let entry = entries.iter().find(|entry| entry.id == id)?;
+        entry.device().map(str::to_owned)
+    }
+
+    /// The rows of one device, the oldest first.
+    pub(crate) fn rows_of(&self, device: &str) -> Vec<ExperimentRow> {
+        let entries = lock(&self.entries);
+        let own = entries
+            .iter()
+            .filter(|entry| entry.device() == Some(device));
+        own.filter_map(|entry| self.row(entry)).collect()
+    }
+
+    /// How many there are of one device.
+    pub(crate) fn count_of(&self, device: &str) -> usize {
+        let entries = lock(&self.entries);
+        let own = entries
+            .iter()
+            .filter(|entry| entry.device() == Some(device));
+        own.count()
+    }
+
+    /// The newest row of one device.
+    pub(crate) fn newest_of(&self, device: &str) -> Option<ExperimentRow> {
+        let entries = lock(&self.entries);
+        let mut newest = entries.iter().rev();
+        self.row(newest.find(|entry| entry.device() == Some(device))?)
     }
 
     fn row(&self, entry: &Entry) -> Option<ExperimentRow> {

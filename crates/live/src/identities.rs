@@ -67,6 +67,13 @@ impl Identities {
         identifier.to_owned()
     }
 
+    /// The device that the batches of this page went to; `None` when there were none.
+    pub fn known(&self, identifier: &str, session: &str) -> Option<String> {
+        let mut pages = self.pages.get(identifier)?.iter();
+        let page = pages.find(|page| page.session == session)?;
+        Some(page.own.as_deref().unwrap_or(identifier).to_owned())
+    }
+
     fn forget_the_oldest(&mut self) {
         let newest = |pages: &Vec<Page>| pages.iter().map(|page| page.last).max();
         let oldest = self.pages.iter().min_by_key(|(_, pages)| newest(pages));
@@ -109,6 +116,11 @@ mod tests {
         assert_eq!(at(600, "second"), "anna+second");
         assert_eq!(at(700, "first"), "anna");
         assert_eq!(at(60_000, "second"), "anna+second");
+        let known = |session| identities.known("anna", session);
+        assert_eq!(known("first").as_deref(), Some("anna"));
+        assert_eq!(known("second").as_deref(), Some("anna+second"));
+        assert_eq!(known("third"), None);
+        assert_eq!(identities.known("ben", "first"), None);
     }
 
     #[test]

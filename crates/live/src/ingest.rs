@@ -1,7 +1,6 @@
 //! What phones talk to: the phone page over TLS, and plain uploads of native apps.
 //!
-//! Nothing else of the lab can be reached here. The phone page sends its token in a header, apps
-//! that can only be given an address have it in the path.
+//! The phone page sends its token in a header, apps that can only be given an address have it in the path.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,7 +28,7 @@ use crate::pulse::Pulse;
 use crate::token::Token;
 
 /// The header with the token.
-const TOKEN_HEADER: &str = "x-northing-token";
+pub(crate) const TOKEN_HEADER: &str = "x-northing-token";
 /// A body must have arrived after so long.
 const BODY_TIMEOUT: Duration = Duration::from_secs(10);
 /// A WebSocket must say its token within so long.
@@ -53,10 +52,10 @@ pub struct Ingest {
 }
 
 /// A refusal: status and one line.
-struct Refusal(StatusCode, String);
+pub(crate) struct Refusal(StatusCode, String);
 
 impl Refusal {
-    fn new(status: StatusCode, text: impl Into<String>) -> Self {
+    pub(crate) fn new(status: StatusCode, text: impl Into<String>) -> Self {
         Self(status, text.into())
     }
 }
@@ -116,7 +115,7 @@ fn announced(headers: &HeaderMap) -> usize {
 
 /// The body, if it may come, comes in time and is not too large. A sender of too much is refused
 /// before anything is read.
-async fn body(
+pub(crate) async fn body(
     ingest: &Ingest,
     peer: &Peer,
     headers: &HeaderMap,
@@ -172,7 +171,9 @@ async fn take_page(lab: &Arc<Lab>, bytes: Bytes) -> Result<Value, Refusal> {
     let device = device(lab, &own, &batch.name, "page")?;
     give(lab, &device, WireFormat::PhonePage, bytes).await?;
     let commands = phone_hints::commands(&lock(&device.status), own != batch.device);
-    Ok(json!({"ack": batch.seq, "recv_ns": lab.now_ns(), "commands": commands}))
+    Ok(json!({
+        "ack": batch.seq, "recv_ns": lab.now_ns(), "commands": commands, "device": own,
+    }))
 }
 
 fn malformed(error: &WireError) -> Refusal {

@@ -11,6 +11,7 @@ use northing_core::calibration::magnetometer::MagnetometerCalibration;
 use northing_evaluation::RunOptions;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
+use crate::audience::Told;
 use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
 use crate::experiment_table::ExperimentTable;
@@ -21,6 +22,7 @@ use crate::inputs::InputKind;
 use crate::latency::Latency;
 use crate::limits::{DEVICE, Queued, RateLimit, Room};
 use crate::messages::{Command, DeviceStatus};
+use crate::mine::ForOwner;
 use crate::persistence::{self, Opened, Persistence, SavedDevice};
 use crate::recorder::{Control, Recorder, RecordingStatus};
 use crate::session::frame::Frame;
@@ -51,6 +53,7 @@ pub struct Device {
     all_queued: Queued,
     last_heard: Mutex<Instant>,
     pub(crate) status: Mutex<DeviceStatus>,
+    pub(crate) for_owner: Mutex<ForOwner>,
     pub(crate) limit: Mutex<RateLimit>,
     /// It lives in the time of a recording.
     pub(crate) replayed: bool,
@@ -88,7 +91,7 @@ pub struct Lab {
     pub(crate) frames: broadcast::Sender<Arc<FrameText>>,
     /// The same for whoever is no page.
     pub(crate) watched: broadcast::Sender<Arc<Frame>>,
-    pub(crate) messages: broadcast::Sender<Arc<str>>,
+    pub(crate) messages: broadcast::Sender<Told>,
     pub(crate) devices_changed: watch::Sender<()>,
     pub(crate) recorder: Recorder,
     refused: Mutex<RateLimit>,
@@ -191,15 +194,20 @@ impl Lab {
         }
     }
 
-    /// Tells all pages.
+    /// Tells all pages, each what is for its role.
     pub fn tell(&self, message: &ToPage) {
         // Without a page nobody listens, and that is fine.
-        let _ = self.messages.send(message.json().into());
+        let _ = self.messages.send(Told::new(message));
+    }
+
+    /// Tells the student of a device, too, what is otherwise for teachers.
+    pub(crate) fn tell_about(&self, device: &str, message: &ToPage) {
+        let _ = self.messages.send(Told::about(device, message));
     }
 
     /// Follows what pages are told.
     #[must_use]
-    pub fn listen(&self) -> broadcast::Receiver<Arc<str>> {
+    pub fn listen(&self) -> broadcast::Receiver<Told> {
         self.messages.subscribe()
     }
 
@@ -213,6 +221,11 @@ impl Lab {
     /// The device of a page's batch: pages that share an identifier are told apart.
     pub(crate) fn identity(&self, identifier: &str, session: &str) -> String {
         lock(&self.identities).device(identifier, session, Instant::now())
+    }
+
+    /// The device that a page's batches went to, if it is a page that has sent some.
+    pub(crate) fn identified(&self, identifier: &str, session: &str) -> Option<String> {
+        lock(&self.identities).known(identifier, session)
     }
 
     /// The device of this id, made if it is new.
@@ -281,6 +294,7 @@ impl Lab {
             source,
             queue,
             status: Mutex::new(status),
+            for_owner: Mutex::default(),
             queued: Queued::default(),
             all_queued: self.queued.clone(),
             last_heard: Mutex::new(Instant::now()),

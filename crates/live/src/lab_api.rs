@@ -1,11 +1,14 @@
-//! What the lab page talks to, on this computer alone: the page, its WebSocket, status, files.
+//! What the lab page talks to: the page, its WebSocket, status, files. On this computer for everybody, elsewhere over TLS for
+//! whoever has joined.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use axum::extract::ws::WebSocketUpgrade;
-use axum::extract::{Path, Query, State};
+use axum::extract::{Extension, Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
 use axum::{Json, Router};
 use northing_evaluation::attitude::own;
@@ -19,12 +22,17 @@ use serde_json::{Value, json};
 
 use crate::addresses::Reach;
 use crate::assets::{Assets, attachment};
+use crate::credentials::Credentials;
 use crate::export;
 use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
+use crate::mine;
 use crate::page;
+use crate::permissions;
 use crate::qr;
+use crate::recordings_api;
 use crate::report;
+use crate::roles::{self, Role};
 use crate::session::aids::{AIDS, Aid};
 use crate::session_export;
 use crate::to_page::{AidLine, EstimatorLine, Hello, InputKindLine, Parameter, ToPage};
@@ -58,21 +66,54 @@ pub struct LabApi {
     pub assets: Arc<Assets>,
 }
 
-/// The listener of the lab page.
-pub fn router(api: LabApi) -> Router {
+/// The listener of the lab page on this computer: whoever sits at it is the teacher.
+pub fn router(api: LabApi, recordings: Option<PathBuf>) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/assets/{name}", get(asset))
-        .route("/api/status", get(status))
-        .route("/api/qr.svg", get(qr_svg))
-        .route("/api/session.zip", get(session_export::download))
+        .with_state(api.clone())
+        .merge(answers(api, recordings))
+        .layer(Extension(Role::Teacher))
+}
+
+/// The same over TLS, for whoever has a cookie.
+pub fn shared_router(
+    api: LabApi,
+    recordings: Option<PathBuf>,
+    credentials: Arc<Credentials>,
+) -> Router {
+    Router::new()
+        .route("/lab", get(|| async { Redirect::to("/lab/") }))
+        .route("/lab/", get(page))
+        .route("/lab/assets/{name}", get(asset))
+        .with_state(api.clone())
+        .merge(answers(api, recordings))
+        .route_layer(from_fn_with_state(credentials, roles::authenticate))
+}
+
+/// What a page asks for. What is not given to students by name is the teacher's alone.
+fn answers(api: LabApi, recordings: Option<PathBuf>) -> Router {
+    let of_students = Router::new()
         .route("/api/experiments/{id}/{file}", get(experiment_file))
         .route(
             "/api/devices/{id}/magnetometer.toml",
             get(magnetometer_file),
         )
         .route("/api/ws", get(socket))
+        .with_state(api.clone())
+        .merge(mine::router(api.clone()));
+    for_teachers(api, recordings)
+        .route_layer(from_fn(roles::for_teachers))
+        .merge(of_students)
+}
+
+fn for_teachers(api: LabApi, recordings: Option<PathBuf>) -> Router {
+    Router::new()
+        .route("/api/status", get(status))
+        .route("/api/qr.svg", get(qr_svg))
+        .route("/api/session.zip", get(session_export::download))
         .with_state(api)
+        .merge(recordings_api::router(recordings))
 }
 
 async fn page(State(api): State<LabApi>, asked: HeaderMap) -> Response {
@@ -132,10 +173,16 @@ fn failed(error: &impl ToString) -> (StatusCode, String) {
     (StatusCode::INTERNAL_SERVER_ERROR, error.to_string())
 }
 
+fn not_permitted(text: &str) -> (StatusCode, String) {
+    (StatusCode::FORBIDDEN, text.to_owned())
+}
+
 async fn experiment_file(
     State(api): State<LabApi>,
+    Extension(role): Extension<Role>,
     Path((id, name)): Path<(String, String)>,
 ) -> Answer {
+    permissions::of_experiment(&role, &api.lab, &id).map_err(not_permitted)?;
     let (lab, of, file) = (api.lab.clone(), id.clone(), name.clone());
     let finished = tokio::task::spawn_blocking(move || lab.experiment(&of)).await;
     let finished = finished.map_err(|_| failed(&""))?.map_err(not_found)?;
@@ -162,7 +209,12 @@ async fn experiment_file(
 }
 
 /// The magnetometer calibration in force, to be used elsewhere.
-async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) -> Answer {
+async fn magnetometer_file(
+    State(api): State<LabApi>,
+    Extension(role): Extension<Role>,
+    Path(id): Path<String>,
+) -> Answer {
+    permissions::of_device(&role, &id).map_err(not_permitted)?;
     let calibration = api.lab.find(&id).map_err(not_found)?.magnetometer();
     let none = || not_found("this device has no magnetometer calibration in force");
     // As `northing run --magnetometer-calibration` reads it; the lab uses the device's own stream.
@@ -174,22 +226,29 @@ async fn magnetometer_file(State(api): State<LabApi>, Path(id): Path<String>) ->
     Ok((attachment("application/toml", "magnetometer.toml"), text).into_response())
 }
 
-async fn socket(State(api): State<LabApi>, upgrade: WebSocketUpgrade) -> Response {
+async fn socket(
+    State(api): State<LabApi>,
+    Extension(role): Extension<Role>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     upgrade
         .max_message_size(LONGEST_MESSAGE)
-        .on_upgrade(move |socket| async move { page::serve(api, socket).await })
+        .on_upgrade(move |socket| async move { page::serve(api, role, socket).await })
 }
 
-/// What every page is told first, and again when the addresses have changed.
-pub(crate) fn hello(facts: &Facts) -> ToPage {
-    let phone_urls = facts.reach.phone_urls();
+/// What every page is told first, and again when the addresses have changed. A student is told no address that lets a phone
+/// in, and no input.
+pub(crate) fn hello(facts: &Facts, role: &Role) -> ToPage {
+    let is_teacher = *role == Role::Teacher;
+    let or_none = |urls: Vec<String>| if is_teacher { urls } else { Vec::new() };
+    let phone_urls = or_none(facts.reach.phone_urls());
     let host = phone_urls.first().and_then(|url| url.split('/').nth(2));
     ToPage::Hello(Box::new(Hello {
         version: env!("CARGO_PKG_VERSION"),
         // Another address is another picture.
         qr_svg: format!("/api/qr.svg?url=0&for={}", host.unwrap_or_default()),
         phone_urls,
-        ingest_urls: facts.reach.ingest_urls(),
+        ingest_urls: or_none(facts.reach.ingest_urls()),
         estimators: EstimatorKind::ALL
             .into_iter()
             .chain(own::registered())
@@ -204,6 +263,7 @@ pub(crate) fn hello(facts: &Facts) -> ToPage {
         fingerprint: facts.fingerprint.clone(),
         features: &FEATURES,
         name: facts.name.clone(),
+        role: role.name(),
         input_kinds: InputKind::ALL
             .map(|kind| InputKindLine {
                 kind,
@@ -211,8 +271,13 @@ pub(crate) fn hello(facts: &Facts) -> ToPage {
                 hint: kind.hint(),
                 example: kind.example(),
             })
-            .into(),
-        inputs: facts.inputs.statuses(),
+            .into_iter()
+            .filter(|_| is_teacher)
+            .collect(),
+        inputs: match is_teacher {
+            true => facts.inputs.statuses(),
+            false => Vec::new(),
+        },
     }))
 }
 

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | starting it: ports, addresses, certificate | [`server`], [`addresses`], [`tls`], [`token`] |
 //! | who may ask, how much, and for how long | [`security`], [`limits`], [`connections`] |
+//! | teacher and students: who they are, what they may do and hear | [`roles`], [`credentials`], [`permissions`], [`audience`], [`join`] |
 //! | what phones and apps talk to, and hear | [`ingest`], [`identities`], [`phone_hints`] |
 //! | what the lab page talks to, and the messages | [`lab_api`], [`messages`] |
 //! | the devices and what they share | [`lab`], [`device`] |
@@ -24,7 +25,9 @@
 pub mod addresses;
 pub mod allan;
 pub mod assets;
+pub mod audience;
 pub mod connections;
+pub mod credentials;
 pub mod device;
 pub mod engine;
 mod experiment_table;
@@ -32,15 +35,19 @@ pub mod experiments;
 pub mod export;
 mod file_limit;
 pub mod frames;
+mod guesses;
 pub mod identities;
 pub mod ingest;
 pub mod inputs;
+pub mod join;
 pub mod lab;
 pub mod lab_api;
 pub mod latency;
 pub mod limits;
 pub mod messages;
+mod mine;
 mod page;
+pub mod permissions;
 pub mod persistence;
 pub mod phone_hints;
 mod private;
@@ -52,6 +59,7 @@ pub mod recorder;
 mod recordings_api;
 pub mod replay;
 pub mod report;
+pub mod roles;
 pub mod security;
 pub mod server;
 pub mod session;

@@ -171,6 +171,21 @@ pub enum Request {
     },
 }
 
+impl Request {
+    /// Whether only a page with a WebSocket can ask for it: it is about this page, or its answer takes a while.
+    #[must_use]
+    pub const fn needs_socket(&self) -> bool {
+        matches!(
+            self,
+            Self::DisplayRate { .. }
+                | Self::Watch { .. }
+                | Self::WhatIf { .. }
+                | Self::Allan { .. }
+                | Self::Input { .. }
+        )
+    }
+}
+
 /// What a what-if changes; what is not said is as it was.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS), ts(optional_fields))]

@@ -16,12 +16,15 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 
 use crate::allan;
+use crate::audience;
 use crate::frames::{PageFrames, Watched};
 use crate::inputs::Inputs;
 use crate::lab::Lab;
-use crate::lab_api::{LabApi, hello};
+use crate::lab_api::LabApi;
 use crate::messages::{Action, Change, Command, Request};
+use crate::permissions;
 use crate::pulse::Pulse;
+use crate::roles::Role;
 use crate::to_page::{self, ToPage};
 use crate::virtual_phones;
 
@@ -40,6 +43,7 @@ const MOST_WAITING: usize = 256;
 type Order = (Request, Value);
 
 struct Page {
+    role: Role,
     lab: Arc<Lab>,
     inputs: Arc<Inputs>,
     frames: PageFrames,
@@ -50,7 +54,7 @@ struct Page {
 }
 
 /// Serves a page until it closes.
-pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
+pub(crate) async fn serve(api: LabApi, role: Role, mut socket: WebSocket) {
     let lab = api.lab.clone();
     let (mut frames, mut messages) = (lab.frames.subscribe(), lab.listen());
     let mut changed = lab.devices_changed.subscribe();
@@ -58,6 +62,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
     let (orders, waiting) = mpsc::channel(MOST_WAITING);
     tokio::spawn(carry_out_in_order(lab.clone(), waiting, answer.clone()));
     let mut page = Page {
+        role: role.clone(),
         lab: lab.clone(),
         inputs: api.facts.inputs.clone(),
         frames: PageFrames::new(DISPLAY_HZ),
@@ -68,15 +73,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
     let mut devices = tokio::time::interval(DEVICES_INTERVAL);
     let mut is_due = false;
     let mut pulse = Pulse::new();
-    for message in [
-        hello(&api.facts),
-        lab.devices_message(),
-        lab.experiments_message(),
-        lab.recording_status().message(),
-    ]
-    .into_iter()
-    .chain(lab.persistence_problem().map(ToPage::error))
-    {
+    for message in audience::first(&role, &lab, &api.facts) {
         if send(&mut socket, message.json()).await.is_err() {
             return;
         }
@@ -84,12 +81,16 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
     loop {
         let sent = tokio::select! {
             message = messages.recv() => match message {
-                Ok(text) => send(&mut socket, text.to_string()).await,
+                Ok(told) => match audience::heard(&role, &told, &lab, &api.facts) {
+                    Some(text) => send(&mut socket, text).await,
+                    None => Ok(()),
+                },
                 // The page was too slow: it gets the tables afresh.
-                Err(RecvError::Lagged(_)) => send(&mut socket, lab.experiments_message().json()).await,
+                Err(RecvError::Lagged(_)) => send(&mut socket, audience::experiments(&role, &lab).json()).await,
                 Err(RecvError::Closed) => return,
             },
             frame = frames.recv() => match frame {
+                Ok(frame) if !role.owns(&frame.device) => Ok(()),
                 Ok(frame) => match page.frames.take(&frame, Instant::now()) {
                     Some(text) => {
                         let sent = send(&mut socket, text).await;
@@ -112,7 +113,7 @@ pub(crate) async fn serve(api: LabApi, mut socket: WebSocket) {
             }
             _ = devices.tick() => {
                 is_due = false;
-                send(&mut socket, lab.devices_message().json()).await
+                send(&mut socket, audience::devices(&role, &lab).json()).await
             }
             Some(message) = answers.recv() => send(&mut socket, message.json()).await,
             alive = pulse.beat() => match alive {
@@ -150,12 +151,23 @@ impl Page {
     fn asked(&mut self, text: &str) {
         let message: Value = serde_json::from_str(text).unwrap_or_default();
         let request_id = message.get("request").cloned().unwrap_or_default();
-        match serde_json::from_value(message) {
+        let request: Request = match serde_json::from_value(message) {
+            Ok(request) => request,
             Err(error) => {
                 let text = format!("the page sent what the program does not know: {error}");
-                self.refuse(text, request_id);
+                return self.refuse(text, request_id);
             }
-            Ok(Request::DisplayRate { hz }) => {
+        };
+        match permissions::check(&self.role, &self.lab, &request) {
+            Ok(()) => self.permitted(request, request_id),
+            Err(text) => self.refuse(text, request_id),
+        }
+    }
+
+    /// Does what this page may ask for.
+    fn permitted(&mut self, request: Request, request_id: Value) {
+        match request {
+            Request::DisplayRate { hz } => {
                 let [least, most] = DISPLAY_HZ_LIMITS;
                 let hz = if hz.is_finite() {
                     hz.clamp(least, most)
@@ -164,26 +176,26 @@ impl Page {
                 };
                 self.frames.set_rate(hz);
             }
-            Ok(Request::Watch { device }) => {
+            Request::Watch { device } => {
                 self.frames
                     .watch(device.map_or(Watched::None, Watched::One));
             }
-            Ok(Request::WhatIf { id, change, curve }) => {
+            Request::WhatIf { id, change, curve } => {
                 self.what_if(id, *change, curve, request_id);
             }
-            Ok(Request::Input {
+            Request::Input {
                 action,
                 kind,
                 address,
                 id,
-            }) => {
+            } => {
                 let changed = self.inputs.change(action, kind, &address, id.as_deref());
                 if let Err(text) = changed {
                     self.refuse(text, request_id);
                 }
             }
-            Ok(Request::Allan { id, sensor }) => self.allan(id, sensor, request_id),
-            Ok(request) => {
+            Request::Allan { id, sensor } => self.allan(id, sensor, request_id),
+            request => {
                 if self.orders.try_send((request, request_id.clone())).is_err() {
                     self.refuse("the lab is busy; try again", request_id);
                 }
@@ -256,7 +268,7 @@ async fn carry_out_in_order(
 }
 
 /// Does what a page asked for.
-async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
+pub(crate) async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), String> {
     let (device, command) = match request {
         Request::VirtualPhone {
             action: Action::Add,

@@ -17,16 +17,17 @@ pub const SHARED_IDENTIFIER: &str = "Another page has this phone's identity, per
 /// The `commands` of an answer.
 #[must_use]
 pub fn commands(status: &DeviceStatus, shared: bool) -> Vec<Value> {
-    let mut said = Vec::new();
+    let mut commands = Vec::new();
+    // A page has words of its own for these, in its own language.
     if let Some(under_way) = &status.under_way {
-        said.push(under_way.sentence());
+        commands.push(json!({"say": under_way.sentence(), "under_way": under_way}));
     }
     if shared {
-        said.push(SHARED_IDENTIFIER.to_owned());
+        commands.push(json!({"say": SHARED_IDENTIFIER, "shared": true}));
     }
     let broken = status.session.health.iter().filter(|r| r.tone == Tone::Bad);
-    said.extend(broken.map(|remark| remark.text.clone()));
-    said.into_iter().map(|say| json!({"say": say})).collect()
+    commands.extend(broken.map(|remark| json!({"say": remark.text})));
+    commands
 }
 
 impl UnderWay {

@@ -17,14 +17,16 @@ use tokio::time::MissedTickBehavior;
 use crate::addresses::{Addresses, Reach, local_name};
 use crate::assets::Assets;
 use crate::connections::{Gate, Patience, Places};
+use crate::credentials::Credentials;
 use crate::file_limit::Shares;
 use crate::ingest::{self, Ingest};
 use crate::inputs::Inputs;
+use crate::join::{self, Joining};
 use crate::lab::Lab;
 use crate::lab_api::{self, Facts, LabApi};
 use crate::limits::Peer;
 use crate::recorder;
-use crate::recordings_api;
+use crate::roles::Role;
 use crate::security::{Names, guard};
 use crate::tls::{Certificate, CertificateFiles, TlsError};
 use crate::token::Token;
@@ -57,6 +59,8 @@ pub struct LiveConfig {
     pub options: RunOptions,
     /// What people call this lab: pages show it. May be empty.
     pub name: String,
+    /// Whether a teacher may come from elsewhere, by a link.
+    pub teacher_link: bool,
     /// Further names under which the listeners answer, such as `lab.example.org`, without port.
     pub allowed_hosts: Vec<String>,
 }
@@ -99,6 +103,8 @@ pub struct Running {
     pub ingest_urls: Vec<String>,
     /// The token.
     pub token: Arc<Token>,
+    /// Address of the lab page for a teacher elsewhere, where one may be.
+    pub teacher_url: Option<String>,
     /// What the lab goes out for or listens for.
     pub inputs: Arc<Inputs>,
     /// SHA-256 of the certificate.
@@ -106,6 +112,7 @@ pub struct Running {
     /// A sentence about each recording that was found unfinished, and about what else in the folder for data could not be
     /// taken.
     pub recovered: Vec<String>,
+    credentials: Arc<Credentials>,
     handles: Vec<Handle<SocketAddr>>,
 }
 
@@ -125,15 +132,18 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         None => Certificate::load_or_make(&config.data_dir, &addresses.shown, &names)?,
     };
     let tls = RustlsConfig::from_config(certificate.server_config()?);
-    let token = Token::random().map_err(|error| StartError::Random(error.to_string()))?;
-    let token = Arc::new(token);
     let (listeners, port) = listen(config.port, config.network)?;
     let [for_lab, for_phones, for_apps] = listeners;
-    let reach = Reach::new(addresses, name, [port[1], port[2]], token.clone());
-    let reach = Arc::new(reach);
     let mut recovered = recovered(config.recordings.clone()).await;
     let lab = lab(&config).await?;
     recovered.extend(lab.notes.iter().cloned());
+    let opened = Credentials::open(lab.persistence.clone(), config.teacher_link);
+    let (credentials, note) = opened.map_err(|error| StartError::Random(error.to_string()))?;
+    recovered.extend(note);
+    let credentials = Arc::new(credentials);
+    let token = credentials.lab().clone();
+    let reach = Reach::new(addresses, name, [port[1], port[2]], token.clone());
+    let reach = Arc::new(reach);
     let assets = Arc::new(Assets::new(config.web_dir));
     let inputs = Inputs::new(lab.clone(), config.network.then(|| reach.clone()));
     let facts = Arc::new(Facts {
@@ -163,11 +173,18 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let places = Places::new(shares.phones, shares.phones / 2);
     let gate = |tls, places: &Arc<Places>| Gate::new(tls, places.clone(), config.patience);
     let handles: Vec<Handle<SocketAddr>> = (0..3).map(|_| Handle::new()).collect();
-    let router = lab_api::router(api).merge(recordings_api::router(config.recordings));
+    let router = lab_api::router(api.clone(), config.recordings.clone());
     let router = guarded(router, "http", port[0], None, true);
     let lab_gate = gate(None, &Places::new(shares.pages, shares.pages));
     serve(for_lab, port[0], router, lab_gate, handles[0].clone())?;
-    let router = ingest::phone_router(ingest.clone());
+    let joining = Joining {
+        credentials: credentials.clone(),
+        ingest: ingest.clone(),
+    };
+    let shared = lab_api::shared_router(api, config.recordings.clone(), credentials.clone());
+    let router = ingest::phone_router(ingest.clone())
+        .merge(join::router(joining))
+        .merge(shared);
     let router = guarded(router, "https", port[1], Some(reach.clone()), true);
     let phone_gate = gate(Some(RustlsAcceptor::new(tls)), &places);
     serve(for_phones, port[1], router, phone_gate, handles[1].clone())?;
@@ -188,7 +205,9 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         lab_url: format!("http://127.0.0.1:{}/", port[0]),
         phone_urls: reach.phone_urls(),
         ingest_urls: reach.ingest_urls(),
+        teacher_url: credentials.teacher().map(|token| reach.teacher_url(token)),
         token,
+        credentials,
         inputs,
         fingerprint: facts.fingerprint.clone(),
         recovered,
@@ -209,7 +228,7 @@ async fn follow_addresses(lab: Weak<Lab>, facts: Arc<Facts>) {
         };
         let Some(lab) = lab.upgrade() else { return };
         if facts.reach.update(addresses) {
-            lab.tell(&lab_api::hello(&facts));
+            lab.tell(&lab_api::hello(&facts, &Role::Teacher));
         }
     }
 }
@@ -221,9 +240,13 @@ impl Running {
             handle.graceful_shutdown(Some(GRACE));
         }
         tokio::time::sleep(GRACE / 5).await;
-        let lab = self.lab.clone();
+        let (lab, credentials) = (self.lab.clone(), self.credentials.clone());
+        let end = move || {
+            credentials.forget();
+            lab.close_recording();
+        };
         // A thread that cannot be had leaves the file to the next start.
-        let _ = tokio::task::spawn_blocking(move || lab.close_recording()).await;
+        let _ = tokio::task::spawn_blocking(end).await;
     }
 }
 

@@ -16,6 +16,7 @@ use serde_json::{Map, Value};
 use crate::inputs::{InputKind, InputStatus};
 use crate::messages::{DeviceStatus, SensorUse};
 use crate::recorder::RecordingStatus;
+use crate::roles::RoleName;
 use crate::session::frame::Frame;
 use northing_evaluation::statistics::lamp::Remark;
 
@@ -108,6 +109,8 @@ pub struct Hello {
     pub features: &'static [&'static str],
     /// What people call this lab; may be empty.
     pub name: String,
+    /// Who the page is open for.
+    pub role: RoleName,
     /// The kinds of inputs.
     pub input_kinds: Vec<InputKindLine>,
     /// Every input as it is now.

@@ -1,12 +1,19 @@
-//! The token that lets a phone deliver: random, and compared in constant time.
+//! Tokens, such as the one that lets phones deliver: random, and compared in constant time.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use subtle::ConstantTimeEq as _;
 
 /// 128 random bits as text that fits into an address.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Token(String);
+
+/// Whoever prints what holds a token prints no secret.
+impl std::fmt::Debug for Token {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Token(..)")
+    }
+}
 
 impl Token {
     /// A new token from the system's random numbers.
@@ -17,6 +24,13 @@ impl Token {
         let mut bytes = [0; 16];
         getrandom::fill(&mut bytes)?;
         Ok(Self(URL_SAFE_NO_PAD.encode(bytes)))
+    }
+
+    /// A token that was kept as text; `None` when this is none.
+    #[must_use]
+    pub fn of(text: &str) -> Option<Self> {
+        let bytes = URL_SAFE_NO_PAD.decode(text).ok()?;
+        (bytes.len() == 16).then(|| Self(text.to_owned()))
     }
 
     /// The token as text.
@@ -41,6 +55,10 @@ mod tests {
         let (a, b) = (Token::random().unwrap(), Token::random().unwrap());
         assert_eq!(a.as_str().len(), 22);
         assert!(a.matches(a.as_str()) && !a.matches(b.as_str()));
+        assert!(Token::of(a.as_str()).is_some_and(|kept| kept.matches(a.as_str())));
+        for bad in ["", "AAAA", "!", &a.as_str()[1..]] {
+            assert!(Token::of(bad).is_none(), "{bad}");
+        }
         assert!(!a.matches("") && !a.matches(&a.as_str()[..21]));
     }
 }

@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn every_page_is_whole() {
-        for page in ["lab", "phone"] {
+        for page in ["lab", "phone", "join"] {
             let Some(index) = file(&format!("{page}/index.html")) else {
                 return assert!(paths().next().is_none(), "{page} is missing");
             };

@@ -7,7 +7,7 @@ import { mainEstimate } from "../history";
 import type { Device } from "../protocol";
 import type { View as ViewOf, World } from "../scene";
 import { Draft } from "../draft";
-import { goTo, historyOf, offers, onFrame, send, state, update } from "../store";
+import { goTo, historyOf, isStudent, offers, onFrame, send, state, update } from "../store";
 
 /** The sensors in short: the compass where it stands in for the magnetometer. */
 function shortOf(device: Device): [string, string][] {
@@ -19,11 +19,11 @@ export function Devices() {
   return (
     <aside class="devices" aria-label="Devices">
       <h2>Devices</h2>
-      {!state.devices.length && <p class="small">None yet. Scan the QR code with a phone, or add a virtual phone.</p>}
+      {!state.devices.length && !isStudent() && <p class="small">None yet. Scan the QR code with a phone, or add a virtual phone.</p>}
       <ul>
         {state.devices.map((device) => <DeviceCard key={device.id} device={device} />)}
       </ul>
-      <button type="button" onClick={() => goTo("connect")}>Add a device</button>
+      {!isStudent() && <button type="button" onClick={() => goTo("connect")}>Add a device</button>}
     </aside>
   );
 }
@@ -31,7 +31,7 @@ export function Devices() {
 function DeviceCard({ device }: { device: Device }) {
   const selected = device.id === state.selected;
   const worst = ["bad", "warn", "good"].map((tone) => device.health.find((h) => h.tone === tone)).find((h) => h) ?? device.health[0];
-  const removable = device.source === "virtual" || (offers("remove") && !device.connected);
+  const removable = !isStudent() && (device.source === "virtual" || (offers("remove") && !device.connected));
   return (
     <li class={`device ${device.delivers ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>
       <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => (s.selected = device.id))}>

@@ -5,7 +5,7 @@ import { angleBetween } from "../attitude";
 import { mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
-import { aids, goTo, historyOf, receives, rowsOf, send, state, titleOf, update } from "../store";
+import { aids, goTo, historyOf, isStudent, receives, rowsOf, send, state, titleOf, update } from "../store";
 import { t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, pretty, unnamed, VERDICTS } from "../words";
@@ -237,7 +237,7 @@ export function ExperimentTable() {
     names.find((name) => state.hello?.estimators.find((e) => e.name === row.subject)?.reads.includes(name));
   return (
     <div class="scroll">
-      <p class="buttons"><a href="/api/session.zip" download="">{t("experiments.session")}</a></p>
+      {!isStudent() && <p class="buttons"><a href="/api/session.zip" download="">{t("experiments.session")}</a></p>}
       <table class="experiments">
         <thead>
           <tr>
@@ -263,7 +263,7 @@ export function ExperimentTable() {
                 {sensors.map((aid) => <td key={aid.sensor} class="num">{row.sensors.some((s) => s === aid.sensor) ? setting(row.settings[reads(row, aid.noise) ?? ""]) : "–"}</td>)}
                 <td class="num">{number(row.duration_s, 0)}</td>
                 <td>{state.devices.find((d) => d.id === row.device_id)?.name ?? row.device}</td>
-                <td><Delete id={row.id} name={row.name} /></td>
+                <td>{!isStudent() && <Delete id={row.id} name={row.name} />}</td>
               </tr>
             );
           })}

@@ -12,6 +12,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, ValueEnum};
 use northing_evaluation::attitude::own;
 use northing_evaluation::{EstimatorKind, Profile, RunOptions, RunSummary};
+use northing_live::audience::Told;
 use northing_live::inputs::{InputKind, InputSpec};
 use northing_live::replay::{self, Speed};
 use northing_live::server::{self, LiveConfig, Running, StartError};
@@ -35,8 +36,9 @@ const PORT: u16 = 7770;
 #[command(
     long_about = "Starts the lab: a page on this computer, and an address for phones. Scan the QR code with a \
                   phone in the same network and accept the certificate once; or add a virtual phone on the \
-                  page. Phones reach only the page that reads their sensors; the lab's page answers to this \
-                  computer alone. Nothing is fetched from elsewhere.",
+                  page. Who sits at this computer is the teacher and sees and steers every device. A student sees and steers \
+                  its own phone: on the phone, or on a laptop with a code that the phone shows. Nothing is fetched \
+                  from elsewhere.",
     after_help = "\
 Examples:
   northing live
@@ -47,7 +49,8 @@ Examples:
   northing live --no-open --json
   northing live --replay walk.csv --speed max --exit --json | tail -n 1
 
-Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), uploads of apps on N+2.
+Ports: the lab page on N (this computer only), the phone page on N+1 (TLS), and there the lab page for students and for
+whoever has the address of --teacher-link; uploads of apps on N+2.
 Inputs: apps with a server of their own, and apps that connect to this computer (these have no token: anybody in
 the network can send; with --local only this computer). They can be added on the page, too."
 )]
@@ -100,6 +103,9 @@ pub(crate) struct LiveArgs {
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, require_equals = true,
           default_missing_value = "127.0.0.1:8765", value_parser = crate::arguments::address::host_and_port)]
     foxglove: Option<std::net::SocketAddr>,
+    /// Print an address with which a teacher uses the lab's page from another computer; whoever has it may do everything
+    #[arg(long, conflicts_with = "local")]
+    teacher_link: bool,
     /// What people call this lab; the pages show it
     #[arg(
         long,
@@ -203,6 +209,7 @@ async fn run(args: &LiveArgs) -> Result<()> {
         patience: Default::default(),
         options: options.clone(),
         name: args.name.clone(),
+        teacher_link: args.teacher_link,
         allowed_hosts: args.allowed_hosts.clone(),
     };
     let running = start(config, args.port.is_none()).await?;
@@ -309,6 +316,9 @@ fn ready(args: &LiveArgs, running: &Running, foxglove: Option<String>) -> Result
             "phones": running.phone_urls, "ingests": running.ingest_urls,
             "token": running.token.as_str(), "fingerprint": running.fingerprint,
         });
+        if let Some(url) = &running.teacher_url {
+            line["teacher"] = json!(url);
+        }
         if let Some(url) = foxglove {
             line["foxglove"] = json!(url);
         }
@@ -329,6 +339,11 @@ fn ready(args: &LiveArgs, running: &Running, foxglove: Option<String>) -> Result
              The phone warns once, because the certificate is made by this computer: go on.\n\
              Apps that push (Sensor Logger): {app}\n",
             running.phone_urls.join("\n  ")
+        ));
+    }
+    if let Some(url) = &running.teacher_url {
+        text.push_str(&format!(
+            "A teacher elsewhere (whoever has this address may do everything):\n  {url}\n"
         ));
     }
     if let Some(url) = foxglove {
@@ -366,7 +381,7 @@ fn open_browser(url: &str) {
 /// Prints one line for each event until `ended`, or, for people, what they must know at once. Whoever reads slowly, or not at all, holds up a
 /// thread of its own and not the lab.
 async fn tell(
-    mut events: tokio::sync::broadcast::Receiver<std::sync::Arc<str>>,
+    mut events: tokio::sync::broadcast::Receiver<Told>,
     mut ended: tokio::sync::oneshot::Receiver<()>,
     json: bool,
 ) {

@@ -1,6 +1,7 @@
 //! What outlives the lab: names, settings and calibrations of devices, and finished experiments, in the folder for data.
 //!
-//! `devices/NAME.json` holds a device, `experiments/ID/` an experiment with its samples. Files are written aside and renamed,
+//! `devices/NAME.json` holds a device, `experiments/ID/` an experiment with its samples, `tokens.json` the secrets of a lab that
+//! runs. Files are written aside and renamed,
 //! so that a killed program leaves whole ones; devices are written by a thread of their own, a moment after the last change.
 //! What cannot be read is told once and kept under another name. One lab at a time writes a folder.
 
@@ -9,6 +10,7 @@ mod experiment;
 mod files;
 mod options;
 mod restore;
+mod tokens;
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
@@ -21,6 +23,7 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::broadcast;
 
+use crate::audience::Told;
 use crate::experiments::Finished;
 use crate::lab::lock;
 use crate::private;
@@ -30,6 +33,7 @@ use files::Refused;
 pub use device::{CalibrationTimes, SavedDevice};
 pub(crate) use experiment::FACTS;
 pub use experiment::SavedExperiment;
+pub use tokens::{SavedKey, SavedOwner, SavedTokens};
 
 /// Changes of a device are gathered for so long: a slider changes it sixty times a second.
 const GATHER: Duration = Duration::from_millis(200);
@@ -47,6 +51,8 @@ pub struct Persistence {
     changed: Mutex<Option<Sender<SavedDevice>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
     teller: Arc<Teller>,
+    /// Held while the secrets are written.
+    tokens: Mutex<()>,
     /// Held while this lab writes.
     lock: Arc<File>,
 }
@@ -67,7 +73,7 @@ pub struct Opened {
 /// Says once that nothing can be written, and again only after something could.
 #[derive(Debug)]
 struct Teller {
-    pages: broadcast::Sender<Arc<str>>,
+    pages: broadcast::Sender<Told>,
     problem: Mutex<Option<String>>,
 }
 
@@ -84,7 +90,7 @@ impl Teller {
                 what.display()
             );
             // Without a page nobody listens, and one that comes later is told, too.
-            let _ = self.pages.send(ToPage::error(text.as_str()).json().into());
+            let _ = self.pages.send(Told::new(&ToPage::error(text.as_str())));
             *problem = Some(text);
         }
         false
@@ -93,7 +99,7 @@ impl Teller {
 
 /// Opens a folder, or makes it, and reads what is in it.
 #[must_use]
-pub fn open(folder: &Path, pages: broadcast::Sender<Arc<str>>) -> Opened {
+pub fn open(folder: &Path, pages: broadcast::Sender<Told>) -> Opened {
     let mut opened = Opened::default();
     let lock = match locked(folder) {
         Ok(Some(lock)) => Arc::new(lock),
@@ -129,6 +135,7 @@ pub fn open(folder: &Path, pages: broadcast::Sender<Arc<str>>) -> Opened {
         changed: Mutex::new(Some(changed)),
         thread: Mutex::new(Some(thread)),
         teller,
+        tokens: Mutex::default(),
         lock,
     });
     opened

@@ -9,7 +9,7 @@ use super::*;
 use crate::session::DeviceSession;
 use crate::session::experiment::ExperimentRun;
 
-fn opened(folder: &Path) -> (Opened, Receiver<Arc<str>>) {
+fn opened(folder: &Path) -> (Opened, Receiver<Told>) {
     let (pages, told) = broadcast::channel(16);
     (open(folder, pages), told)
 }

@@ -20,6 +20,7 @@ use northing_recording::wire::WireFormat;
 use serde::Serialize;
 use tokio::sync::broadcast;
 
+use crate::audience::Told;
 use crate::lab::lock;
 use crate::messages::Command;
 use crate::persistence::SavedDevice;
@@ -111,7 +112,7 @@ impl Recorder {
 
     /// One that writes into `folder` and tells `pages` about it.
     #[must_use]
-    pub fn new(folder: PathBuf, pages: broadcast::Sender<Arc<str>>) -> Self {
+    pub fn new(folder: PathBuf, pages: broadcast::Sender<Told>) -> Self {
         let shared = Arc::new(Shared::default());
         *lock(&shared.status) = RecordingStatus {
             state: RecordingState::Idle,

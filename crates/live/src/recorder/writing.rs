@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -13,6 +12,7 @@ use northing_recording::mcap::LabWriter;
 use tokio::sync::broadcast;
 
 use super::{Item, RECORD_BYTES, RecordingState, Shared};
+use crate::audience::Told;
 use crate::lab::lock;
 use crate::private;
 
@@ -40,7 +40,7 @@ pub(super) fn write(
     folder: &Path,
     items: &Receiver<Item>,
     shared: &Shared,
-    pages: &broadcast::Sender<Arc<str>>,
+    pages: &broadcast::Sender<Told>,
 ) {
     let teller = Teller {
         shared,
@@ -178,7 +178,7 @@ fn create(folder: &Path, arrival_ns: i64) -> io::Result<(File, String)> {
 /// Tells people how the recording is.
 struct Teller<'a> {
     shared: &'a Shared,
-    pages: &'a broadcast::Sender<Arc<str>>,
+    pages: &'a broadcast::Sender<Told>,
     folder: &'a Path,
 }
 
@@ -190,7 +190,7 @@ impl Teller<'_> {
             status.message()
         };
         // Without a page nobody listens, and that is fine.
-        let _ = self.pages.send(message.json().into());
+        let _ = self.pages.send(Told::new(&message));
     }
 
     fn on(&self, writing: &Writing) {

@@ -247,7 +247,7 @@ impl DeviceSession {
     }
 
     /// The lamp of each sensor that there is to judge.
-    pub(super) fn lamps(&self) -> Vec<Lamp> {
+    pub(crate) fn lamps(&self) -> Vec<Lamp> {
         let has = |sensor| self.delivery(sensor) != Delivery::Missing;
         let (magnetometer, compass) = (SensorKind::Magnetometer, SensorKind::CompassHeading);
         // Of the two that give the heading one is enough, unless both are used.

@@ -46,6 +46,11 @@ impl TestLab {
         Self::start_in(data, Patience::default(), true)
     }
 
+    /// A lab with a link for a teacher elsewhere, on a folder for data.
+    pub fn start_with_teacher(data: tempfile::TempDir) -> Self {
+        Self::start_as(data, Patience::default(), true, true)
+    }
+
     /// A lab that records nothing.
     pub fn start_without_recording(data: tempfile::TempDir) -> Self {
         Self::start_in(data, Patience::default(), false)
@@ -57,6 +62,15 @@ impl TestLab {
     }
 
     fn start_in(data: tempfile::TempDir, patience: Patience, records: bool) -> Self {
+        Self::start_as(data, patience, records, false)
+    }
+
+    fn start_as(
+        data: tempfile::TempDir,
+        patience: Patience,
+        records: bool,
+        teacher_link: bool,
+    ) -> Self {
         let runtime = tokio::runtime::Runtime::new().unwrap();
         let config = LiveConfig {
             port: 0,
@@ -67,6 +81,7 @@ impl TestLab {
             patience,
             recordings: records.then(|| data.path().join("recordings")),
             options: RunOptions::new(EstimatorKind::Mekf, Profile::Lab),
+            teacher_link,
             ..LiveConfig::default()
         };
         let running = runtime.block_on(start(config)).unwrap();
@@ -135,10 +150,22 @@ pub fn request(
     headers: &[(&str, &str)],
     body: &[u8],
 ) -> Answer {
-    let mut stream = TcpStream::connect(host).unwrap();
+    let stream = TcpStream::connect(host).unwrap();
     stream
         .set_read_timeout(Some(Duration::from_secs(30)))
         .unwrap();
+    exchange(stream, host, method, path, headers, body)
+}
+
+/// One request on a connection that ends with the answer.
+pub fn exchange(
+    mut stream: impl Read + Write,
+    host: &str,
+    method: &str,
+    path: &str,
+    headers: &[(&str, &str)],
+    body: &[u8],
+) -> Answer {
     let mut head = format!(
         "{method} {path} HTTP/1.1\r\nconnection: close\r\ncontent-length: {}\r\n",
         body.len()

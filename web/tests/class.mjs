@@ -1,0 +1,191 @@
+// A class in real browsers: every student does the steps (1) to (11) of the laboratory on the own phone's page over TLS.
+//
+// | of the issue | test |
+// |---|---|
+// | students at 390 px, on their own pages over real TLS, finish (1)-(11) without the teacher's mouse | every student ... |
+// | the first result within 3 minutes of scanning | the same |
+// | an iPhone: no WebSocket | the first of them |
+// | phone page shows attitude, countdown, own result | the same |
+// | a laptop by a code | a laptop shows one phone |
+// | a teacher by a token | a teacher elsewhere |
+// | killed and restarted in the middle: nothing recorded before is missing | the lab is killed |
+//
+// NORTHING_STUDENTS=30 makes the class larger.
+import assert from "node:assert/strict";
+import { launch, picture, screenshots, suite, test, until } from "./browser.mjs";
+import { join } from "node:path";
+import { numberIn } from "./lab_page.mjs";
+import { startLab } from "./program.mjs";
+import { asInSafari, Hand, phone } from "./scripted_phone.mjs";
+
+const STUDENTS = Number(process.env.NORTHING_STUDENTS ?? 3);
+/** Sensors of a large class come less often: the browsers of all share one computer. */
+const EVERY_MS = Math.max(15, 4 * STUDENTS);
+const PATIENCE_S = 60 + 10 * STUDENTS;
+const FIRST_RESULT_S = 180;
+const BIAS = (0.5 * Math.PI) / 180;
+const deg = (text) => numberIn(text);
+
+/** The phone page as its student sees it. */
+function eyes({ page }) {
+  const texts = (selector) => page.locator(selector).allTextContents();
+  return {
+    angles: async () => (await texts("#angles dd:not(.sigma)")).map(deg),
+    sigmas: async () => (await texts("#angles .sigma")).map(deg),
+    lamps: () => texts("#lamps b"),
+    rest: () => page.locator("#rest-said").textContent(),
+    row: async (name) => (await page.locator("#rest tr", { hasText: name }).locator("td").allTextContents()).map(deg),
+    result: async (name) => deg(await page.locator("#result dt", { hasText: name }).locator("xpath=following-sibling::dd[1]").textContent()),
+    title: () => page.locator("#result h3").textContent(),
+  };
+}
+
+/** Steps (1) to (3): opens the page, gives a name, starts. */
+async function comesIn(browser, lab, k) {
+  const begun = performance.now();
+  const hand = new Hand([0, 0, k % 2 ? BIAS : 0]);
+  const device = await phone(browser, lab.phoneUrl(), hand, { everyMs: EVERY_MS, ...(k === 0 ? { init: asInSafari } : {}) });
+  device.page.setDefaultTimeout(PATIENCE_S * 1000);
+  const complaints = [];
+  device.page.on("pageerror", (error) => complaints.push(error.message));
+  await device.start(`Student ${k + 1}`);
+  await until(`what student ${k + 1} sees`, async () => (await device.page.locator("#mine").isVisible()) && (await device.page.locator("#calibrate").isEnabled()), PATIENCE_S);
+  return { ...device, ...eyes(device), name: `Student ${k + 1}`, hand, begun, complaints, bias: k % 2 ? 0.5 : 0 };
+}
+
+/** Steps (4) to (6): at rest, calibrates, looks at the numbers, chooses Q and R. */
+async function calibrates(student) {
+  await student.page.click("#calibrate");
+  await until(`${student.name} is asked to hold still`, async () => /do not touch the phone/.test(await student.said()), PATIENCE_S);
+  await until(`${student.name}'s calibration`, async () => (await student.rest()) === "In force" && (await student.page.locator("#calibrate").isEnabled()), PATIENCE_S);
+  const bias = await student.row("Gyroscope bias");
+  [0, 0, student.bias].forEach((truth, i) => assert.ok(Math.abs(bias[i] - truth) < 0.08, `${student.name}: bias ${bias}`));
+  for (const profile of ["hand-held", "lab"]) {
+    const button = student.page.locator(`[data-profile="${profile}"]`);
+    await button.click();
+    await until(`${profile} in force`, async () => (await button.getAttribute("aria-pressed")) === "true", PATIENCE_S);
+  }
+}
+
+/** Steps (7) to (11): starts, turns the phone, watches it, brings it back, reads the errors. */
+async function experiments(student, seconds, degrees) {
+  const before = (await student.page.locator("#result h3").count()) ? await student.title() : "";
+  await student.page.selectOption("#seconds", String(seconds));
+  await until(`${student.name} may start`, () => student.page.locator("#run").isEnabled(), PATIENCE_S);
+  await student.page.click("#run");
+  await until(`${student.name}'s countdown`, async () => /\d+ s left/.test(await student.page.locator("#left").textContent()), PATIENCE_S);
+  student.hand.turn(degrees, 2);
+  await until(`${student.name}'s turn`, () => student.hand.rests, PATIENCE_S);
+  await until(`${student.name} sees it`, async () => Math.abs((await student.angles())[1] - degrees) < 3, PATIENCE_S);
+  assert.ok((await student.sigmas()).every((v) => v > 0 && v < 60), `${await student.sigmas()}`);
+  student.hand.turn(0, 2);
+  await until(`${student.name}'s result`, async () => (await student.page.locator("#result h3").count()) && (await student.title()) !== before, PATIENCE_S + seconds);
+  student.took_s ??= (performance.now() - student.begun) / 1000;
+  assert.ok((await student.result("Calculated error")) < 1.5, `${student.name}: ${await student.result("Calculated error")}`);
+  assert.ok((await student.result("Estimated error")) > 0);
+  assert.ok((await student.result("Integration alone")) >= 0);
+}
+
+await suite(async () => {
+  const more = ["--teacher-link"];
+  let lab = await startLab({ more });
+  const browser = await launch();
+  let students = [];
+  const all = (work) => Promise.all(students.map(work));
+
+  await test(`every one of ${STUDENTS} students comes in, calibrates, and has a result of its own`, async () => {
+    students = await Promise.all(Array.from({ length: STUDENTS }, (_, k) => comesIn(browser, lab, k)));
+    await until("lamps", async () => (await students[0].lamps()).length >= 2, PATIENCE_S);
+    await picture(students[0].page, "class-phone-joined");
+    await all(calibrates);
+    await all((student) => experiments(student, 20, 45));
+    const slowest = Math.max(...students.map((s) => s.took_s));
+    console.log(`        the first result of the slowest student after ${slowest.toFixed(0)} s`);
+    assert.ok(slowest < FIRST_RESULT_S, `${slowest} s`);
+    await students[1].page.screenshot({ path: join(screenshots, "class-phone-whole.png"), fullPage: true });
+    // Nobody has another's numbers.
+    const { experiments: rows, devices } = await lab.status();
+    assert.equal(rows.length, STUDENTS);
+    assert.deepEqual(new Set(rows.map((row) => row.device_id)).size, STUDENTS);
+    assert.equal(devices.length, STUDENTS);
+    for (const student of students) {
+      const row = rows.find((r) => r.device === student.name);
+      assert.equal(await student.result("Calculated error"), Number(row.results[row.subject].calculated_error_deg.toFixed(2)));
+    }
+    // The report opens on the phone itself.
+    const [report] = await Promise.all([students[1].page.context().waitForEvent("page"), students[1].page.locator("#result a").first().click()]);
+    await report.locator("h1").first().waitFor();
+    await report.close();
+    assert.equal(await students[1].page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), true);
+  }, 60 + 8 * PATIENCE_S);
+
+  await test("the lab is killed and started again: phones go on by themselves, and nothing is missing", async () => {
+    const before = await lab.status();
+    const { port, folder } = lab;
+    await lab.kill();
+    await until("a phone to notice", async () => !(await students[0].state()).startsWith("Sending"), PATIENCE_S);
+    lab = await startLab({ port, data: folder, more });
+    await all((student) => until(`${student.name} sends again`, async () => (await student.state()).startsWith("Sending") && (await student.page.locator("#run").isEnabled()), PATIENCE_S));
+    const after = await lab.status();
+    assert.deepEqual(after.experiments.map((row) => [row.id, row.name, row.device, row.results]), before.experiments.map((row) => [row.id, row.name, row.device, row.results]));
+    for (const student of students) assert.equal(await student.rest(), "In force");
+    await all((student) => experiments(student, 10, 30));
+    assert.equal((await lab.status()).experiments.length, 2 * STUDENTS);
+  }, 60 + 6 * PATIENCE_S);
+
+  await test("a laptop shows one phone with its code, and a code works once", async () => {
+    const student = students[1];
+    await student.page.click("#get-code");
+    const code = await until("the code", async () => { const text = await student.page.locator("#code").textContent(); return /^\w{4} \w{4}$/.test(text) && text; });
+    assert.match(await student.page.locator("#code-where").textContent(), /\/join/);
+    const join = async () => {
+      const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
+      const page = await context.newPage();
+      page.setDefaultTimeout(PATIENCE_S * 1000);
+      await page.goto(`https://127.0.0.1:${lab.port + 1}/lab/`);
+      await page.locator("#code").waitFor();
+      assert.match(page.url(), /\/join$/);
+      await page.fill("#code", code.toLowerCase());
+      await page.locator("form button").click();
+      return page;
+    };
+    const page = await join();
+    await page.locator("aside .pick").waitFor();
+    assert.match(page.url(), /\/lab\/$/);
+    assert.equal(await page.locator("aside .pick").count(), 1);
+    assert.match(await page.locator("aside .pick").textContent(), new RegExp(student.name));
+    await page.locator("label.rate select").selectOption("5");
+    // What is the teacher's is not offered.
+    for (const name of [/^Wall$/, /Add a device/, /Recordings/, /virtual/i]) assert.equal(await page.getByText(name).count(), 0, String(name));
+    assert.equal(await page.locator("nav li", { hasText: "Connect" }).count(), 0);
+    await page.locator("nav li button", { hasText: "What if?" }).click();
+    await page.locator(".panel tr[data-estimator=mekf] [data-value=calculated]").waitFor();
+    await picture(page, "class-laptop");
+    await page.locator("nav li button", { hasText: "Q and R" }).click();
+    await page.getByRole("button", { name: /hand/i }).first().click();
+    await until("the phone to show it", async () => (await student.page.locator("[data-profile=hand-held]").getAttribute("aria-pressed")) === "true", PATIENCE_S);
+    const second = await join();
+    await second.locator("#said").waitFor();
+    assert.match(await second.locator("#said").textContent(), /no such code/);
+    await picture(second, "class-join");
+    await page.context().close();
+    await second.context().close();
+  }, 2 * PATIENCE_S);
+
+  await test("a teacher elsewhere sees every phone and every result", async () => {
+    const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ignoreHTTPSErrors: true });
+    const page = await context.newPage();
+    page.setDefaultTimeout(PATIENCE_S * 1000);
+    const link = new URL(lab.ready.teacher);
+    await page.goto(`https://127.0.0.1:${lab.port + 1}${link.pathname}${link.hash}`);
+    await until("every phone", async () => (await page.locator("aside .pick").count()) === STUDENTS, PATIENCE_S);
+    assert.ok(!page.url().includes("#"), "the token is out of the address");
+    await page.locator("label.rate select").selectOption("5");
+    await page.getByRole("tab", { name: "Experiments" }).click();
+    await until("every result", async () => (await page.locator(".experiments tbody tr").count()) === 2 * STUDENTS, PATIENCE_S);
+    await picture(page, "class-teacher");
+    await context.close();
+  }, 2 * PATIENCE_S);
+
+  await test("no phone page met an error", () => assert.deepEqual(students.flatMap((s) => s.complaints), []));
+}, 240 + 40 * PATIENCE_S);
