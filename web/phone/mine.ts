@@ -248,6 +248,7 @@ export class Mine {
       const lines: [Key, number | null][] = [["result.calculated", r.calculated_error_deg], ["result.estimated", r.estimated_error_deg], ["result.integration", r.integration_deg], ["result.device", r.device_deg]];
       for (const [key, v] of lines) list.append(element("dt", t(key)), element("dd", degrees(v)));
       const shown = [element("h3", r.name), list];
+      if (r.calculated_error_deg === null) shown.splice(1, 0, element("p", t("result.moved"), "verdict warn"));
       if (has(verdict)) shown.splice(1, 0, element("p", t(verdict), `verdict ${{ consistent: "good", conservative: "warn" }[r.verdict!] ?? "bad"}`));
       if (r.has_samples) shown.push(files(r.id));
       return shown;

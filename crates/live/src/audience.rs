@@ -1,5 +1,6 @@
 //! Who hears what: a teacher everything, a student what is of its own device.
 
+use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -53,6 +54,12 @@ impl Deref for Told {
 
     fn deref(&self) -> &str {
         &self.text
+    }
+}
+
+impl fmt::Display for Told {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
     }
 }
 

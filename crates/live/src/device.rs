@@ -416,14 +416,13 @@ impl Task {
 
     /// Writes down what the device's own phone shows.
     fn publish_for_owner(&mut self, now: Instant) {
-        if self.next_lamps > now {
-            return;
-        }
-        self.next_lamps = now + LAMPS_INTERVAL;
         let session = self.engine.session();
         let mut own = lock(&self.device.for_owner);
-        own.lamps = session.lamps();
         own.profile = session.options().profile.name();
+        if self.next_lamps <= now {
+            self.next_lamps = now + LAMPS_INTERVAL;
+            own.lamps = session.lamps();
+        }
     }
 
     /// Writes down how the device is.

@@ -9,16 +9,17 @@ use std::path::{Path, PathBuf};
 
 use browser::{Browser, Phone};
 use northing_recording::{Event, Sample};
+use northing_simulation::virtual_phone::Motion;
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};
 use serde_json::{Value, json};
 use support::{TestLab, exchange, wait_for};
 
-/// What a phone page sends of a virtual phone that rests first.
+/// What a phone page sends of a virtual phone at rest.
 fn sensor_events(seed: u64) -> Vec<Event> {
     let phone = VirtualPhone::new(VirtualPhoneConfig {
         seed,
         duration_s: Some(12.0),
-        rest_before_s: 4.0,
+        motion: Motion::Rest,
         ..VirtualPhoneConfig::default()
     });
     let sent = |event: &Event| {
@@ -465,6 +466,10 @@ fn a_lab_that_was_killed_knows_its_phones_and_one_that_ended_does_not() {
     anna.send(&again, 2);
     assert_eq!(anna.mine()["device"], anna.device);
     assert_eq!(teacher.at(&again).get("/api/status").status, 200);
+    // The batches before these went to the lab that was killed: they are waited for, in vain.
+    wait_for("samples", || {
+        (again.device(&anna.device)["received"].as_u64()? > 0).then_some(())
+    });
     let mut thief = Phone::new(&again, "thief", Vec::new());
     (thief.device, thief.session) = (anna.device.clone(), anna.session.clone());
     assert_eq!(thief.join(&again).status, 409);
