@@ -1,4 +1,4 @@
-//! Who knows what: the lab's token, phones' own secrets, codes for laptops, the teacher's token, and the keys in cookies.
+//! The secrets of a lab: its own token, phones' own secrets, codes for laptops, the teacher's token, and the keys in cookies.
 //!
 //! Only the two tokens are kept as they are, because addresses are made of them; of everything else the lab keeps a SHA-256.
 

@@ -92,6 +92,9 @@ pub(crate) struct TooMany;
 
 impl Counts {
     fn take(&mut self, peer: IpAddr, now: Instant) -> Result<(), TooMany> {
+        if self.all.at(now) < 1.0 {
+            return Err(TooMany);
+        }
         if self.addresses.len() >= MOST_ADDRESSES && !self.addresses.contains_key(&peer) {
             self.addresses
                 .retain(|_, left| left.at(now) < left.of.burst);
@@ -101,7 +104,7 @@ impl Counts {
         }
         let own = self.addresses.entry(peer);
         let own = own.or_insert_with(|| Left::new(ADDRESS, now));
-        if own.at(now) < 1.0 || self.all.at(now) < 1.0 {
+        if own.at(now) < 1.0 {
             return Err(TooMany);
         }
         own.count -= 1.0;
@@ -158,9 +161,11 @@ mod tests {
         let peer = |k: u32| IpAddr::from(k.to_be_bytes());
         let looked = (0..10_000).filter(|k| wrong(&guesses, peer(*k), start));
         assert_eq!(looked.count(), 200);
+        assert_eq!(lock(&guesses.0).addresses.len(), 200);
+        // An hour of new addresses: those that have not guessed for long are forgotten.
+        let hour = (0..36_000_u32).map(|k| (k, start + Duration::from_millis(u64::from(k) * 100)));
+        let looked = hour.filter(|(k, now)| wrong(&guesses, peer(20_000 + k), *now));
+        assert!((17_900..18_100).contains(&looked.count()));
         assert!(lock(&guesses.0).addresses.len() <= MOST_ADDRESSES);
-        let later = start + Duration::from_secs(60);
-        assert!(wrong(&guesses, peer(20_000), later));
-        assert!(lock(&guesses.0).addresses.len() < 200);
     }
 }
