@@ -1,7 +1,7 @@
 //! Every input against a phone or board that plays its part: connect, break off, stall, flood, nonsense.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};

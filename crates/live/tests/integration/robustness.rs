@@ -1,7 +1,7 @@
 //! Clients that say nothing, pretend to be others, or are too many: they cost others nothing.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

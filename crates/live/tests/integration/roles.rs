@@ -1,9 +1,9 @@
 //! Teacher and students over real TLS: who gets in, what each may do, see and hear, and where secrets are.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-#[path = "support/browser.rs"]
+#[path = "../support/browser.rs"]
 mod browser;
-mod support;
+use crate::support;
 
 use std::path::{Path, PathBuf};
 

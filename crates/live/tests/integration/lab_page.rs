@@ -1,7 +1,7 @@
 //! The lab page's path over its WebSocket, on a virtual phone whose truth is known.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::net::TcpStream;
 use std::time::Duration;

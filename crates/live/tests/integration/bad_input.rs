@@ -2,7 +2,7 @@
 //! other phones undisturbed.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;

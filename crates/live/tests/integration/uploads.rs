@@ -1,7 +1,7 @@
 //! Uploads over real sockets: nothing valid is lost, nothing counts twice, nothing bad does harm.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use northing_recording::{Event, Sample};
 use northing_simulation::{VirtualPhone, VirtualPhoneConfig};

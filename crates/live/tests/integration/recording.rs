@@ -1,7 +1,7 @@
 //! The recording: it replays a session to the bit, it is listed and handed out, and it can fail.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use northing_evaluation::{EstimatorKind, Profile, RunOptions};
 use northing_live::lab::Lab;

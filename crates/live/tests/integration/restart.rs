@@ -1,7 +1,7 @@
 //! What outlives the lab: killed and started again, it has names, settings, calibrations and experiments; a session as one file.
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
-mod support;
+use crate::support;
 
 use std::path::Path;
 
