@@ -71,7 +71,12 @@ function inWords(command: Command): string {
 }
 
 const mine = new Mine(token, { device, session, secret });
+let wasUnderWay = false;
 const uplink = new Uplink(token, (reply) => {
+  const isUnderWay = (reply.commands ?? []).some((command) => command.under_way);
+  // What has ended is not asked for a moment longer.
+  if (wasUnderWay && !isUnderWay) saidMs = -SAY_AT_LEAST_MS;
+  wasUnderWay = isUnderWay;
   showSaid((reply.commands ?? []).map(inWords).filter((text) => text));
   mine.is(reply.device);
 });
