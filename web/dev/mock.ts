@@ -89,6 +89,8 @@ class Mock extends EventTarget {
       this.devices.push({ id: `v${n}`, name: `Virtual phone ${n}`, source: "virtual", connected: true, delivers: true, silence: "", subject: "mekf", estimators: ["integration", "mekf"], sensors: (["gyroscope", "accelerometer", "magnetometer"] as const).map((sensor) => ({ sensor, delivery: "delivers" as const, is_used: true, text: "" })), health: [{ tone: n % 3 === 2 ? "warn" : "good", text: n % 3 === 2 ? "The accelerometer is rounded to 0.1 m/s²." : "All sensors deliver." }], rates_hz: { gyroscope: 100, accelerometer: 100, magnetometer: 50 }, resolution: {}, received: 0, lost: 0, duplicated: 0, duration_s: 0 });
     }
     if (m.type === "calibrate") this.calibrate(m.device, m.seconds);
+    if (m.type === "calibrate_all") this.devices.forEach((d) => this.calibrate(d.id, m.seconds));
+    if (m.type === "experiment_all") this.devices.forEach((d) => this.experiment(d.id, m.seconds, m.name ?? ""));
     if (m.type === "experiment") this.experiment(m.device, m.seconds, m.name);
     if (m.type === "what_if") this.whatIf(m);
     if (m.type === "calibrate_magnetometer") this.turn(m.device, m.action);
@@ -149,7 +151,8 @@ class Mock extends EventTarget {
       if (p < 1) return this.say({ type: "experiment", device, id, state: "running", progress: p, remaining_s: (1 - p) * seconds, result: null });
       const results = { mekf: summary("mekf", 0.41, 0.54), integration: summary("integration", 12.3, null), device: summary("device", 1.1, null) };
       this.rows.push({ id, device: this.devices.find((d) => d.id === device)!.name, device_id: device, name, at: "", duration_s: seconds, subject: "mekf", sensors: ["gyroscope", "accelerometer", "magnetometer"], settings: Object.fromEntries(parameters.map(([n, , v]) => [n, v])), results: Object.fromEntries(Object.entries(results).map(([n, s]) => [n, { calculated_error_deg: s.final!.calculated_error_deg, estimated_error_deg: s.final!.estimated_error_deg, verdict: s.final!.verdict }])) });
-      this.say({ type: "experiments", rows: this.rows });
+      const board = [...new Map(this.rows.map((row) => [row.device_id, row])).values()].map((row, i) => ({ place: i + 1, experiment: row.id!, device_id: row.device_id!, verdict: "consistent" as const, nis_factor: 1 + 0.3 * i, is_nis_large: i % 2 > 0 }));
+      this.say({ type: "experiments", rows: this.rows, board });
       this.say({ type: "experiment", device, id, state: "done", progress: 1, remaining_s: 0, result: { subject: "mekf", summary: results, settings: {}, hash: "9f2c4e8d1a7b6053f4e1", origin: "The recording was run again from the state the estimate had when it began: the same numbers as live." } });
     });
   }

@@ -10,11 +10,13 @@ import { Angles, Device3d } from "./stage";
 import { AllanPlot } from "./panels/allan";
 import { Calibrate, Place } from "./panels/calibrate";
 import { Connect } from "./panels/connect";
-import { Devices, Wall } from "./panels/devices";
+import { Devices } from "./panels/devices";
 import { CoverageSphere } from "./panels/magnetometer";
 import { Experiment, ExperimentTable, Result, Return } from "./panels/experiment";
+import { DropZone } from "./panels/opened";
 import { RecordingLight, Recordings } from "./panels/recordings";
 import { Tune } from "./panels/tune";
+import { Wall } from "./panels/wall";
 import { WhatIf, WhatIfPlots } from "./panels/what_if";
 import type { Device } from "./protocol";
 import { goTo, isOld, isStudent, type Lower, offers, onChange, selectedDevice, send, state, type Step, steps, update } from "./store";
@@ -48,6 +50,7 @@ function App() {
         {state.view === "wall" ? <Wall /> : <><Devices /><Centre /><Panel /></>}
       </main>
       <Notice />
+      <DropZone />
     </>
   );
 }
@@ -115,7 +118,7 @@ function Panel() {
   return (
     <section class="panel" aria-label={HEADINGS[state.step]}>
       <h2><span>{steps().indexOf(state.step) + 1}</span>{state.step === "calibrate" ? CALIBRATIONS[state.calibrating] : HEADINGS[state.step]}</h2>
-      {state.step === "connect" ? <Connect /> : device ? <StepOf device={device} key={`${state.step} ${device.id}`} /> : isStudent() ? <p>{t("student.noPhone")}</p> : (
+      {state.step === "connect" ? <Connect /> : state.step === "result" && (device || state.shownAlone) ? <Result /> : state.step === "what-if" && state.rows.length ? <WhatIf key={`${state.selected} ${state.shownAlone}`} /> : device ? <StepOf device={device} key={`${state.step} ${device.id}`} /> : isStudent() ? <p>{t("student.noPhone")}</p> : (
         <p>First <button type="button" class="link" onClick={() => goTo("connect")}>connect a phone</button>, or add a virtual one.</p>
       )}
     </section>
@@ -129,9 +132,7 @@ function StepOf({ device }: { device: Device }) {
     case "tune": return <Tune device={device} />;
     case "experiment": return <Experiment device={device} />;
     case "return": return <Return device={device} />;
-    case "result": return <Result device={device} />;
-    case "what-if": return <WhatIf />;
-    case "connect": return null;
+    case "result": case "what-if": case "connect": return null;
   }
 }
 

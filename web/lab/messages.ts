@@ -112,6 +112,7 @@ export type DeviceStatus = {
   connected: boolean,
   delivers: boolean,
   silence: string,
+  silent_s: number | null,
   under_way: UnderWay | null,
   lost: number,
   duplicated_batches: number,
@@ -196,7 +197,8 @@ export type ExperimentRow = {
   use: SensorUse,
   results: { [key in string]: ResultCell },
   is_earlier: boolean,
-  has_samples: boolean, };
+  has_samples: boolean,
+  is_archived: boolean, };
 
 export type ExperimentState = "running" | "done";
 
@@ -470,7 +472,7 @@ export type Request = { "type": "virtual_phone",
   device: string,
   action: MagnetometerAction, } | { "type": "allan",
   id: string,
-  sensor: string, } | { "type": "delete_experiment",
+  sensor: string, } | { "type": "calibrate_all", seconds: number } | { "type": "experiment_all", seconds: number, name?: string } | { "type": "stop_all" } | { "type": "archive_experiment", id: string, archived: boolean } | { "type": "delete_experiment",
   id: string, } | { "type": "remove",
   device: string, } | { "type": "input",
   action: Action,
@@ -570,7 +572,8 @@ export type Surroundings = {
 
 export type ToPage = { "type": "hello" } & Hello | { "type": "devices",
   devices: Array<DeviceStatus>, } | { "type": "frame" } & Frame | { "type": "calibration" } & Calibration | { "type": "experiment" } & Experiment | { "type": "experiments",
-  rows: Array<ExperimentRow>, } | { "type": "what_if" } & WhatIf | { "type": "curve" } & Curve | { "type": "magnetometer" } & Magnetometer | { "type": "allan" } & Allan | { "type": "recording" } & RecordingStatus | { "type": "inputs",
+  rows: Array<ExperimentRow>,
+  board: Array<Standing>, } | { "type": "everyone" } & Everyone | { "type": "what_if" } & WhatIf | { "type": "curve" } & Curve | { "type": "magnetometer" } & Magnetometer | { "type": "allan" } & Allan | { "type": "recording" } & RecordingStatus | { "type": "inputs",
   inputs: Array<InputStatus>, } | { "type": "error",
   text: string,
   request: unknown, };
@@ -621,3 +624,11 @@ export type WhatIf = {
   results: { [key in string]: RunSummary },
   trace: TraceColumns,
   original: TraceColumns, };
+
+export type Asked = "calibrate" | "experiment" | "stop";
+export type Everyone = { asked: Asked, done: number, refused: Array<Refusal>, request: unknown };
+export type Refusal = { device: string, name: string, text: string };
+export type Standing = { place: number, experiment: string, device_id: string, verdict: FinalVerdict | null, nis_factor: number | null, is_nis_large: boolean };
+export type OpenedFile = { name: string, bytes: number, at: string | null };
+export type Contents = { name: string, format: string, duration_s: number | null, sensors: Array<SensorKind>, recordings: number };
+export type Made = { experiments: Array<string>, refused: Array<string> };

@@ -2,7 +2,7 @@
 
 import type { Notation } from "./attitude";
 import { History } from "./history";
-import type { AidLine, Allan, Calibration, Curve, Device, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, SensorStatus, Settings, ToProgram, Use, WhatIf } from "./protocol";
+import type { AidLine, Allan, Calibration, Curve, Device, Everyone, Experiment, ExperimentRow, Frame, FromProgram, Hello, Input, Magnetometer, Recording, SensorStatus, Settings, Standing, ToProgram, Use, WhatIf } from "./protocol";
 
 import { type Key, t } from "./t";
 
@@ -37,7 +37,15 @@ export interface State {
   finished: Record<string, Experiment>;
   /** The experiment whose result is shown, of each device. */
   shownResults: Record<string, string>;
+  /** The experiment that is shown although its device is not there: an earlier one, or a file. */
+  shownAlone: string | null;
   rows: ExperimentRow[];
+  /** The newest experiment of each device, the most consistent first. */
+  board: Standing[];
+  /** What became of the last order to every device. */
+  everyone: Everyone | null;
+  /** Experiments that were started with every device, for their names. */
+  rounds: number;
   whatIf: WhatIf | null;
   curve: Curve | null;
   allan: Allan | null;
@@ -71,7 +79,11 @@ export const state: State = {
   running: {},
   finished: {},
   shownResults: {},
+  shownAlone: null,
   rows: [],
+  board: [],
+  everyone: null,
+  rounds: 0,
   whatIf: null,
   curve: null,
   allan: null,
@@ -146,6 +158,32 @@ export function historyOf(device: string): History {
 
 export function selectedDevice(): Device | undefined {
   return state.devices.find((d) => d.id === state.selected);
+}
+
+/** Selects a device: what is shown is about it. */
+export function select(s: State, id: string | null): void {
+  s.selected = id;
+  s.shownAlone = null;
+}
+
+const collator = new Intl.Collator(undefined, { numeric: true, sensitivity: "base" });
+/** The order of people's names, in which 2 comes before 10. */
+export const byName = (a: string, b: string): number => collator.compare(a, b);
+
+/** The experiment that is shown: of the selected device, or the one that was chosen without its device. */
+export function shownExperiment(): string | undefined {
+  if (state.shownAlone) return state.shownAlone;
+  return state.selected ? state.shownResults[state.selected] ?? rowsOf(state.selected).filter((row) => !row.is_archived).at(-1)?.id : undefined;
+}
+
+/** Shows the result of an experiment. */
+export function showExperiment(row: { id: string; device_id: string }): void {
+  goTo("result");
+  update((s) => {
+    s.shownResults[row.device_id] = row.id;
+    if (s.devices.some((d) => d.id === row.device_id)) select(s, row.device_id);
+    else s.shownAlone = row.id;
+  });
 }
 
 /** The settings in force for a device as far as the page knows: what the program said, what was set, or the profile. */
@@ -245,6 +283,11 @@ function take(s: State, message: Exclude<FromProgram, Frame>): void {
       break;
     case "experiments":
       s.rows = message.rows;
+      s.board = message.board;
+      if (!s.rows.some((row) => row.id === s.shownAlone)) s.shownAlone = null;
+      break;
+    case "everyone":
+      s.everyone = message;
       break;
     case "what_if":
       s.whatIf = message;
@@ -290,12 +333,12 @@ function takeDevices(s: State, devices: Device[]): void {
   }
   for (const device of devices) forgetEnded(s, device);
   const before = new Set(s.devices.map((d) => d.id));
-  s.devices = devices;
+  s.devices = [...devices].sort((a, b) => byName(a.name, b.name) || byName(a.id, b.id));
   for (const id of histories.keys()) if (!devices.some((d) => d.id === id)) histories.delete(id);
   const fresh = devices.find((d) => !before.has(d.id));
   const gone = !devices.some((d) => d.id === s.selected);
-  if (gone) s.selected = devices[0]?.id ?? null;
-  else if (fresh && s.step === "connect") s.selected = fresh.id;
+  if (gone) s.selected = s.devices[0]?.id ?? null;
+  else if (fresh && s.step === "connect") select(s, fresh.id);
 }
 
 /** What the program no longer does is not shown as running, whatever became of the message that ended it. */

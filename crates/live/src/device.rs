@@ -448,6 +448,7 @@ impl Task {
         status.connected = self.heard.is_connected(now);
         status.delivers = self.heard.delivers(now);
         status.silence = self.heard.in_words(self.device.source, now);
+        status.silent_s = self.heard.silent_s(now);
         status.settings = serde_json::to_value(session.config()).unwrap_or_default();
         status.used = Some(SensorUse::of(&session.options().sensors));
         let rest = &session.options().calibration;

@@ -28,6 +28,8 @@ struct Entry {
     is_on_disk: bool,
     /// It is of an earlier start of the lab.
     is_earlier: bool,
+    /// It is not to be seen in the table.
+    is_archived: bool,
 }
 
 impl Entry {
@@ -55,15 +57,21 @@ impl ExperimentTable {
     ) -> (Self, Option<String>) {
         let too_many = earlier.len().saturating_sub(MOST_EXPERIMENTS);
         earlier.drain(..too_many);
+        let is_archived = |id: &str| {
+            let kept = persistence.as_ref();
+            kept.is_some_and(|kept| kept.is_archived(id))
+        };
         let entries = earlier.into_iter().map(|saved| Entry {
+            is_archived: is_archived(&saved.id),
             id: saved.id.clone(),
             held: None,
             saved: Some(Arc::new(saved)),
             is_on_disk: true,
             is_earlier: true,
         });
+        let entries = entries.collect();
         let table = Self {
-            entries: Mutex::new(entries.collect()),
+            entries: Mutex::new(entries),
             next: AtomicU64::new(last_number.saturating_add(1)),
             persistence,
         };
@@ -89,6 +97,7 @@ impl ExperimentTable {
             saved: None,
             is_on_disk: false,
             is_earlier: false,
+            is_archived: false,
         });
         make_room(&mut entries, &finished.id);
         finished
@@ -104,7 +113,13 @@ impl ExperimentTable {
         }
         let mut entries = lock(&self.entries);
         match entries.iter_mut().find(|entry| entry.id == finished.id) {
-            Some(entry) => entry.is_on_disk = true,
+            Some(entry) => {
+                entry.is_on_disk = true;
+                // Archived while it was written.
+                if entry.is_archived {
+                    drop(persistence.archive(&finished.id, true));
+                }
+            }
             // It was deleted meanwhile; where that fails it is seen at the next start.
             None => drop(persistence.delete_experiment(&finished.id)),
         }
@@ -156,6 +171,22 @@ impl ExperimentTable {
         Ok(())
     }
 
+    /// Hides an experiment from the table or brings it back; its files stay as they are.
+    ///
+    /// # Errors
+    /// There is none of this id, or it cannot be written down, in a sentence.
+    pub(crate) fn archive(&self, id: &str, archived: bool) -> Result<(), String> {
+        let mut entries = lock(&self.entries);
+        let entry = entries.iter_mut().find(|entry| entry.id == id);
+        let entry = entry.ok_or_else(|| format!("there is no experiment `{id}`"))?;
+        if let Some(persistence) = self.persistence.as_ref().filter(|_| entry.is_on_disk) {
+            let noted = persistence.archive(id, archived);
+            noted.map_err(|error| format!("the experiment `{id}` stays as it is: {error}"))?;
+        }
+        entry.is_archived = archived;
+        Ok(())
+    }
+
     /// The rows, the oldest first.
     pub(crate) fn rows(&self) -> Vec<ExperimentRow> {
         let entries = lock(&self.entries);
@@ -195,6 +226,12 @@ impl ExperimentTable {
     }
 
     fn row(&self, entry: &Entry) -> Option<ExperimentRow> {
+        let is_archived = entry.is_archived;
+        self.row_of(entry)
+            .map(|row| ExperimentRow { is_archived, ..row })
+    }
+
+    fn row_of(&self, entry: &Entry) -> Option<ExperimentRow> {
         // One that was read again keeps the results of then.
         if let Some(saved) = &entry.saved {
             let is_there = |folder: PathBuf| folder.join(SAMPLES).is_file();

@@ -218,6 +218,7 @@ impl Finished {
             results,
             is_earlier: false,
             has_samples: true,
+            is_archived: false,
         }
     }
 }

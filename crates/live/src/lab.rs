@@ -12,6 +12,7 @@ use northing_evaluation::RunOptions;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use crate::audience::Told;
+use crate::board;
 use crate::device::{self, Work};
 use crate::engine::DeviceEngine;
 use crate::experiment_table::ExperimentTable;
@@ -97,7 +98,7 @@ pub struct Lab {
     refused: Mutex<RateLimit>,
     /// How long samples take to the pages.
     pub latency: Latency,
-    options: RunOptions,
+    pub(crate) options: RunOptions,
     started: Instant,
     started_unix_ns: i64,
 }
@@ -375,10 +376,15 @@ impl Lab {
         Ok(())
     }
 
+    /// Every device.
+    pub(crate) fn devices(&self) -> Vec<Arc<Device>> {
+        lock(&self.devices).values().cloned().collect()
+    }
+
     /// Every device as it is now.
     #[must_use]
     pub fn statuses(&self) -> Vec<DeviceStatus> {
-        let devices: Vec<_> = lock(&self.devices).values().cloned().collect();
+        let devices = self.devices();
         devices.iter().map(|d| lock(&d.status).clone()).collect()
     }
 
@@ -425,6 +431,14 @@ impl Lab {
         self.experiments.delete(id)
     }
 
+    /// Hides an experiment from the table or brings it back; its files stay.
+    ///
+    /// # Errors
+    /// There is none of this id, or it cannot be written down, in a sentence.
+    pub fn archive_experiment(&self, id: &str, archived: bool) -> Result<(), String> {
+        self.experiments.archive(id, archived)
+    }
+
     /// The table of experiments, the oldest first.
     #[must_use]
     pub fn experiment_rows(&self) -> Vec<ExperimentRow> {
@@ -434,8 +448,10 @@ impl Lab {
     /// The table of experiments as a message.
     #[must_use]
     pub fn experiments_message(&self) -> ToPage {
+        let rows = self.experiment_rows();
         ToPage::Experiments {
-            rows: self.experiment_rows(),
+            board: board::standings(&rows),
+            rows,
         }
     }
 }
@@ -508,7 +524,7 @@ impl Device {
 pub fn is_own_name(id: &str) -> bool {
     let kind = id.split_once('-').map_or("", |(kind, _)| kind);
     let mut inputs = InputKind::ALL.iter().map(|kind| kind.name());
-    matches!(kind, "virtual" | "replay") || inputs.any(|input| input == kind)
+    matches!(kind, "virtual" | "replay" | "file") || inputs.any(|input| input == kind)
 }
 
 /// Takes away the device that has been silent for longest.

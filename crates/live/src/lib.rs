@@ -11,6 +11,8 @@
 //! | the devices and what they share | [`lab`], [`device`] |
 //! | one device: events in, estimates, calibration, experiment out | [`engine`], [`session`] |
 //! | frames for the pages | [`frames`] |
+//! | a whole class at once, and who is consistent | [`everyone`], [`board`] |
+//! | recordings of elsewhere | [`opened`] |
 //! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`what_if`], [`allan`], [`export`], [`report`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | recording everything as it arrives | [`recorder`] |
@@ -26,10 +28,12 @@ pub mod addresses;
 pub mod allan;
 pub mod assets;
 pub mod audience;
+pub mod board;
 pub mod connections;
 pub mod credentials;
 pub mod device;
 pub mod engine;
+pub mod everyone;
 mod experiment_table;
 pub mod experiments;
 pub mod export;
@@ -46,6 +50,8 @@ pub mod latency;
 pub mod limits;
 pub mod messages;
 mod mine;
+pub mod opened;
+mod opened_api;
 mod page;
 pub mod permissions;
 pub mod persistence;

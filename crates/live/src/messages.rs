@@ -65,6 +65,21 @@ pub enum Request {
         /// The device.
         device: String,
     },
+    /// Calibrate every device at rest.
+    CalibrateAll {
+        /// For how long, s.
+        seconds: f64,
+    },
+    /// Begin an experiment with every device.
+    ExperimentAll {
+        /// For how long, s.
+        seconds: f64,
+        /// What people call it.
+        #[serde(default)]
+        name: String,
+    },
+    /// End what is under way on every device.
+    StopAll,
     /// Change parameters.
     Settings {
         /// The device.
@@ -141,6 +156,13 @@ pub enum Request {
     DeleteExperiment {
         /// It.
         id: String,
+    },
+    /// Hide an experiment from the table, or bring it back; on the disk it stays.
+    ArchiveExperiment {
+        /// It.
+        id: String,
+        /// Whether it is to be hidden.
+        archived: bool,
     },
     /// Take a device away that has gone.
     Remove {
@@ -355,6 +377,8 @@ pub struct DeviceStatus {
     pub delivers: bool,
     /// Why there are none, and what to do, in sentences; empty while it delivers.
     pub silence: String,
+    /// For how long no samples have come, s; null while it delivers.
+    pub silent_s: Option<f64>,
     /// How it is.
     #[serde(flatten)]
     pub session: SessionStatus,

@@ -17,6 +17,7 @@ use tokio::sync::mpsc;
 
 use crate::allan;
 use crate::audience;
+use crate::everyone::{self, WholeClass};
 use crate::frames::{PageFrames, Watched};
 use crate::inputs::Inputs;
 use crate::lab::Lab;
@@ -260,7 +261,10 @@ async fn carry_out_in_order(
     answer: mpsc::Sender<ToPage>,
 ) {
     while let Some((request, request_id)) = waiting.recv().await {
-        if let Err(text) = carry_out(&lab, request).await {
+        if let Some(what) = WholeClass::of(&request) {
+            let told = everyone::ask(&lab, what, request_id).await;
+            let _ = answer.send(ToPage::Everyone(told)).await;
+        } else if let Err(text) = carry_out(&lab, request).await {
             // The page may have gone; what it had asked for is still done.
             let _ = answer.send(refusal(text, request_id)).await;
         }
@@ -299,12 +303,23 @@ pub(crate) async fn carry_out(lab: &Arc<Lab>, request: Request) -> Result<(), St
             lab.tell(&lab.experiments_message());
             return Ok(());
         }
+        Request::ArchiveExperiment { id, archived } => {
+            let of = lab.clone();
+            let done = move || of.archive_experiment(&id, archived);
+            let done = tokio::task::spawn_blocking(done).await;
+            done.map_err(|error| error.to_string())??;
+            lab.tell(&lab.experiments_message());
+            return Ok(());
+        }
         Request::Remove { device } => {
             lab.remove_gone(&device)?;
             return Ok(());
         }
-        // Questions, which are answered aside.
-        Request::DisplayRate { .. }
+        // Of every device, and questions: both are answered elsewhere.
+        Request::CalibrateAll { .. }
+        | Request::ExperimentAll { .. }
+        | Request::StopAll
+        | Request::DisplayRate { .. }
         | Request::Watch { .. }
         | Request::WhatIf { .. }
         | Request::Allan { .. }

@@ -10,6 +10,7 @@ use serde_json::json;
 use ts_rs::{Config, TS, TypeVisitor};
 
 use crate::messages::{Change, Request};
+use crate::opened::{Contents, Made, OpenedFile};
 use crate::recorder::Listed;
 use crate::to_page::{MagnetometerFit, ToPage};
 
@@ -58,6 +59,9 @@ fn the_pages_types_are_those_of_the_program() {
     declarations.visit::<Request>();
     declarations.visit::<Change>();
     declarations.visit::<Listed>();
+    declarations.visit::<OpenedFile>();
+    declarations.visit::<Contents>();
+    declarations.visit::<Made>();
     let mut text = HEAD.to_owned();
     for declaration in declarations.texts.values() {
         text.push('\n');

@@ -18,7 +18,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 
 use crate::device::Work;
-use crate::lab::{Device, Lab, Recorded};
+use crate::lab::{Device, Lab, Recorded, lock};
 use crate::messages::Command;
 use crate::recorder::Control;
 use crate::virtual_phones;
@@ -44,11 +44,53 @@ pub enum Speed {
 /// It cannot be read, or the lab is full.
 pub async fn play(lab: &Arc<Lab>, path: &Path, speed: Speed) -> Result<(), String> {
     if is_of_the_lab(path) {
-        return play_inputs(lab, path.to_owned(), speed).await;
+        return play_inputs(Player::new(lab), path.to_owned(), speed).await;
+    }
+    play_events(lab, path, speed).await
+}
+
+/// Plays a recording to its end beside devices that may be those of the recording: its own have other identifiers. One that
+/// has ended begins anew.
+///
+/// # Errors
+/// As [`play`]; or it is being played.
+pub async fn play_beside(lab: &Arc<Lab>, path: &Path, speed: Speed) -> Result<(), String> {
+    if is_of_the_lab(path) {
+        let contents = describe(path).map_err(|e| e.to_string())?;
+        for device in contents.devices {
+            make_way(lab, &beside(&device))?;
+        }
+        return play_inputs(Player::new(lab).beside(), path.to_owned(), speed).await;
     }
     let recording = open(path, &OpenOptions::default()).map_err(|e| e.to_string())?;
+    make_way(lab, &beside(&recording.metadata().name))?;
+    drop(recording);
+    play_events(lab, path, speed).await
+}
+
+/// The identifier of a device of a recording that is played beside others.
+fn beside(id: &str) -> String {
+    format!("replay-{id}")
+}
+
+/// Takes the device of an earlier replay away, if that has ended.
+fn make_way(lab: &Lab, id: &str) -> Result<(), String> {
+    match lab.find(id) {
+        Err(_) => Ok(()),
+        Ok(device) if lock(&device.status).delivers => {
+            Err("it is being played; remove its device to begin anew".to_owned())
+        }
+        Ok(_) => {
+            lab.remove(id);
+            Ok(())
+        }
+    }
+}
+
+async fn play_events(lab: &Arc<Lab>, path: &Path, speed: Speed) -> Result<(), String> {
+    let recording = open(path, &OpenOptions::default()).map_err(|e| e.to_string())?;
     let name = recording.metadata().name.clone();
-    let id = format!("replay-{name}");
+    let id = beside(&name);
     let device = lab.device(&id, &name, "replay")?;
     if device.source != "replay" {
         return Err(format!("the name `{id}` is taken by another device"));
@@ -92,7 +134,7 @@ fn is_of_the_lab(path: &Path) -> bool {
 }
 
 /// Plays what the lab recorded.
-async fn play_inputs(lab: &Arc<Lab>, path: PathBuf, speed: Speed) -> Result<(), String> {
+async fn play_inputs(mut player: Player<'_>, path: PathBuf, speed: Speed) -> Result<(), String> {
     let (sender, mut records) = mpsc::channel(READ_AHEAD);
     let reading = tokio::task::spawn_blocking(move || {
         for record in lab_records(&path)? {
@@ -102,7 +144,6 @@ async fn play_inputs(lab: &Arc<Lab>, path: PathBuf, speed: Speed) -> Result<(), 
         }
         Ok::<(), RecordingError>(())
     });
-    let mut player = Player::new(lab);
     let started = Instant::now();
     let mut first_ns = None;
     while let Some(record) = records.recv().await {
@@ -124,6 +165,8 @@ struct Player<'a> {
     lab: &'a Arc<Lab>,
     /// The devices and when their last record arrived.
     devices: BTreeMap<String, (Arc<Device>, i64)>,
+    /// Whether they stand beside devices of the same identifiers.
+    is_beside: bool,
 }
 
 impl<'a> Player<'a> {
@@ -131,6 +174,14 @@ impl<'a> Player<'a> {
         Self {
             lab,
             devices: BTreeMap::new(),
+            is_beside: false,
+        }
+    }
+
+    fn beside(self) -> Self {
+        Self {
+            is_beside: true,
+            ..self
         }
     }
 
@@ -141,6 +192,7 @@ impl<'a> Player<'a> {
             arrival_ns,
             bytes,
         } = record;
+        let id = if self.is_beside { beside(&id) } else { id };
         match kind {
             // Of no known device: it was not taken then either.
             RecordKind::Refused => Ok(()),

@@ -22,11 +22,12 @@ use crate::experiments::utc;
 use crate::lab::Lab;
 use crate::lab_api::LabApi;
 use crate::persistence::{FACTS, SavedExperiment};
+use crate::to_page::ExperimentRow;
 
 /// The version that this program writes.
 const VERSION: u32 = 1;
 
-/// Writes the session of a lab. Experiments whose samples cannot be had are named with the reason.
+/// Writes the session of a lab, what is archived left out. Experiments whose samples cannot be had are named with the reason.
 ///
 /// # Errors
 /// The session cannot be written.
@@ -36,7 +37,8 @@ pub fn write(lab: &Lab, name: &str, output: impl Write + io::Seek) -> io::Result
         .compression_method(CompressionMethod::Deflated)
         .large_file(true);
     let (mut written, mut without_samples) = (Vec::new(), Vec::new());
-    for row in lab.experiment_rows() {
+    let shown = |row: &ExperimentRow| !row.is_archived;
+    for row in lab.experiment_rows().into_iter().filter(shown) {
         let finished = match lab.experiment(&row.id) {
             Ok(finished) => finished,
             Err(reason) => {

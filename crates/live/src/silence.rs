@@ -10,6 +10,8 @@ const SILENCE: Duration = Duration::from_secs(3);
 /// When a device was heard last, by the computer's clock.
 #[derive(Debug)]
 pub(crate) struct Heard {
+    /// When the device came.
+    came: Instant,
     last: Instant,
     /// When samples came last, if ever.
     samples: Option<Instant>,
@@ -21,6 +23,7 @@ impl Heard {
     /// A device that has just come.
     pub(crate) fn new(now: Instant) -> Self {
         Self {
+            came: now,
             last: now,
             samples: None,
             received: 0,
@@ -45,6 +48,13 @@ impl Heard {
     pub(crate) fn delivers(&self, now: Instant) -> bool {
         self.samples
             .is_some_and(|last| now.saturating_duration_since(last) < SILENCE)
+    }
+
+    /// For how long no samples have come, s; `None` while they do.
+    pub(crate) fn silent_s(&self, now: Instant) -> Option<f64> {
+        let since = self.samples.unwrap_or(self.came);
+        let silent = now.saturating_duration_since(since);
+        (!self.delivers(now)).then_some(silent.as_secs_f64())
     }
 
     /// Why no samples come, and what to do, in sentences; empty while they do.
@@ -90,11 +100,14 @@ mod tests {
             text.contains("give no readings") && text.contains("Unlock"),
             "{text}"
         );
+        assert_eq!(heard.silent_s(at(11)), Some(11.0), "since it came");
         heard.note(5, at(20));
         assert_eq!(heard.in_words("page", at(21)), "");
+        assert_eq!(heard.silent_s(at(21)), None);
         heard.note(5, at(29));
         let text = heard.in_words("page", at(30));
         assert!(text.contains("have stopped. Nothing for 10 s."), "{text}");
+        assert_eq!(heard.silent_s(at(30)), Some(10.0));
         assert!(
             heard
                 .in_words("page", at(60))

@@ -13,6 +13,8 @@ use northing_recording::SensorKind;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::board::Standing;
+use crate::everyone::Everyone;
 use crate::inputs::{InputKind, InputStatus};
 use crate::messages::{DeviceStatus, SensorUse};
 use crate::recorder::RecordingStatus;
@@ -42,7 +44,11 @@ pub enum ToPage {
     Experiments {
         /// One row each, the oldest first.
         rows: Vec<ExperimentRow>,
+        /// The newest experiment of each device, the most consistent first.
+        board: Vec<Standing>,
     },
+    /// What became of a request to every device.
+    Everyone(Everyone),
     /// The answer to a what-if.
     WhatIf(WhatIf),
     /// The curve of a what-if; it comes after the answer.
@@ -442,6 +448,8 @@ pub struct ExperimentRow {
     pub is_earlier: bool,
     /// Whether its samples can be run again.
     pub has_samples: bool,
+    /// Whether it is hidden from the table.
+    pub is_archived: bool,
 }
 
 /// What an estimator made of an experiment, in a few numbers.

@@ -89,6 +89,23 @@ impl EventSource for Samples {
     }
 }
 
+/// The identifiers of the experiments of a session; none when the file is no session.
+///
+/// # Errors
+/// It is a session, and its table cannot be read.
+pub fn experiments(path: &Path) -> Result<Vec<String>> {
+    let file = path.display().to_string();
+    let input = File::open(path).map_err(|error| RecordingError::io(&file, "open it", error))?;
+    let Ok(mut zip) = ZipArchive::new(input) else {
+        return Ok(Vec::new());
+    };
+    if zip.by_name(SESSION).is_err() {
+        return Ok(Vec::new());
+    }
+    let session: Session = json(&mut zip, SESSION, &file)?;
+    Ok(session.experiments.into_iter().map(|row| row.id).collect())
+}
+
 /// Opens a session or a hand-in; `None` when the file is neither. Of a session's experiments the `wanted` one: by its
 /// identifier, its name or its device, where these are told apart by it.
 pub(crate) fn open_file(
@@ -296,6 +313,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("session.zip");
         std::fs::write(&path, zip(&session())).unwrap();
+        assert_eq!(experiments(&path).unwrap(), ["e1", "e2"]);
         let options = OpenOptions {
             device: Some("e1".to_owned()),
             ..OpenOptions::default()

@@ -1,13 +1,8 @@
-// The devices, with rates and health; and the wall that shows them all.
+// The devices, with rates and health.
 
-import { useEffect, useRef } from "preact/hooks";
-import { LiveText } from "../live";
-import { attitudes } from "../stage";
-import { mainEstimate } from "../history";
 import type { Device } from "../protocol";
-import type { View as ViewOf, World } from "../scene";
 import { Draft } from "../draft";
-import { goTo, historyOf, isStudent, offers, onFrame, send, state, update } from "../store";
+import { goTo, isStudent, offers, select, send, state, update } from "../store";
 
 /** The sensors in short: the compass where it stands in for the magnetometer. */
 function shortOf(device: Device): [string, string][] {
@@ -34,7 +29,7 @@ function DeviceCard({ device }: { device: Device }) {
   const removable = !isStudent() && (device.source === "virtual" || (offers("remove") && !device.connected));
   return (
     <li class={`device ${device.delivers ? worst?.tone ?? "good" : "lost"}`} aria-current={selected} data-device={device.id}>
-      <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => (s.selected = device.id))}>
+      <button type="button" class="pick" aria-pressed={selected} onClick={() => update((s) => select(s, device.id))}>
         <b>{device.name}</b>
         {!device.delivers && <span class="badge">{device.connected ? "no samples" : "lost"}</span>}
       </button>
@@ -59,70 +54,4 @@ function DeviceCard({ device }: { device: Device }) {
 function lost(device: Device): string {
   const twice = device.duplicated ? `, ${device.duplicated} stamps twice` : "";
   return (device.lost ? `${device.lost} batches lost` : "none lost") + twice;
-}
-
-/** All devices as boxes, for a class. */
-export function Wall() {
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const grid = useRef<HTMLDivElement>(null);
-  useEffect(() => {
-    const worlds = new Map<string, World>();
-    let stop = (): void => undefined, gone = false;
-    void import("../scene").then(({ View, World }) => {
-      if (gone) return;
-      const worldOf = (id: string): World => {
-        let world = worlds.get(id);
-        if (!world) worlds.set(id, (world = new World()));
-        return world;
-      };
-      const cells = (): { world: World; box: DOMRect }[] => {
-        const elements = [...grid.current!.querySelectorAll<HTMLElement>("[data-cell]")];
-        for (const [id, world] of worlds) {
-          if (elements.some((element) => element.dataset["cell"] === id)) continue;
-          world.dispose();
-          worlds.delete(id);
-        }
-        return elements.map((element) => ({ world: worldOf(element.dataset["cell"]!), box: element.getBoundingClientRect() }));
-      };
-      const view: ViewOf<World> = new View<World>(canvas.current!, null, cells);
-      const follow = onFrame((frame) => {
-        if (document.visibilityState === "hidden" || !worlds.has(frame.device)) return view.ask();
-        worldOf(frame.device).set(attitudes(frame).filter((b) => b.solid));
-        view.ask();
-      });
-      for (const device of state.devices) {
-        const latest = historyOf(device.id).latest;
-        if (latest) worldOf(device.id).set(attitudes(latest).filter((b) => b.solid));
-      }
-      const scrolled = (): void => view.ask();
-      grid.current!.parentElement!.addEventListener("scroll", scrolled);
-      view.ask();
-      stop = () => {
-        follow();
-        view.close();
-      };
-    }).catch(() => undefined);
-    return () => {
-      gone = true;
-      stop();
-      for (const world of worlds.values()) world.dispose();
-    };
-  }, []);
-  // About as many columns as make cells that are a little wider than high.
-  const columns = Math.max(2, Math.ceil(Math.sqrt(state.devices.length * 1.35)));
-  return (
-    <section class="wall" aria-label="All devices">
-      <canvas ref={canvas} aria-hidden="true" />
-      <div class="grid" ref={grid} style={{ "--columns": String(columns) }}>
-        {state.devices.map((device) => (
-          <button key={device.id} type="button" class={`cell ${device.delivers ? "" : "bad"}`} onClick={() => update((s) => { s.selected = device.id; s.view = "lab"; })}>
-            <b>{device.name}</b>
-            <span data-cell={device.id} class="box" />
-            <LiveText device={device.id} text={(f) => { const a = mainEstimate(f)?.angles_deg; return a ? a.map((v) => `${v.toFixed(0)}°`.replace("-", "−")).join("   ") : "–"; }} />
-          </button>
-        ))}
-      </div>
-      {!state.devices.length && <p class="empty">No device yet.</p>}
-    </section>
-  );
 }

@@ -5,7 +5,7 @@ import { angleBetween } from "../attitude";
 import { mainEstimate, mainName } from "../history";
 import { LiveText } from "../live";
 import type { Device, Experiment as Message, FinalSummary, Frame, RunSummary, SettingValue } from "../protocol";
-import { aids, goTo, historyOf, isStudent, receives, rowsOf, send, state, titleOf, update } from "../store";
+import { aids, goTo, historyOf, isStudent, receives, send, showExperiment, shownExperiment, state, titleOf } from "../store";
 import { t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, pretty, unnamed, VERDICTS } from "../words";
@@ -79,9 +79,9 @@ export function Return({ device }: { device: Device }) {
   );
 }
 
-export function Result({ device }: { device: Device }) {
+export function Result() {
   const heading = useRef<HTMLDivElement>(null);
-  const id = state.shownResults[device.id] ?? rowsOf(device.id).at(-1)?.id;
+  const id = shownExperiment();
   const finished = id ? state.finished[id] : undefined;
   useEffect(() => heading.current?.focus({ preventScroll: true }), [id]);
   if (!id) return <p>No experiment has ended yet. <button type="button" class="link" onClick={() => goTo("experiment")}>Start one</button></p>;
@@ -221,23 +221,29 @@ function Delete({ id, name }: { id: string; name: string }) {
   return <button type="button" class="link" aria-label={sure ? t("experiments.delete.sure") : t("experiments.delete.of", { name })} onBlur={() => setSure(false)} onClick={press}>{t(sure ? "experiments.delete.sure" : "experiments.delete")}</button>;
 }
 
+/** Hides an experiment, or brings it back; its files stay. */
+function Archive({ row }: { row: (typeof state.rows)[number] }) {
+  const hide = !row.is_archived;
+  const name = { name: row.name };
+  return <button type="button" class="link" title={t("experiments.archive.hint")} aria-label={t(hide ? "experiments.archive.of" : "experiments.restore.of", name)} onClick={() => send({ type: "archive_experiment", id: row.id, archived: hide })}>{t(hide ? "experiments.archive" : "experiments.restore")}</button>;
+}
+
 /** All experiments so far, in the lower half. */
 export function ExperimentTable() {
+  const [all, setAll] = useState(false);
   if (!state.rows.length) return <p class="empty">No experiment yet: each one adds a row here.</p>;
-  const show = (row: (typeof state.rows)[number]): void => {
-    goTo("result");
-    update((s) => {
-      s.shownResults[row.device_id] = row.id;
-      if (s.devices.some((d) => d.id === row.device_id)) s.selected = row.device_id;
-    });
-  };
-  const shown = state.selected ? state.shownResults[state.selected] : null;
-  const sensors = aids().filter((aid) => state.rows.some((row) => row.sensors.some((s) => s === aid.sensor)));
+  const archived = state.rows.filter((row) => row.is_archived).length;
+  const rows = state.rows.filter((row) => all || !row.is_archived);
+  const shown = shownExperiment();
+  const sensors = aids().filter((aid) => rows.some((row) => row.sensors.some((s) => s === aid.sensor)));
   const reads = (row: (typeof state.rows)[number], names: readonly string[]): string | undefined =>
     names.find((name) => state.hello?.estimators.find((e) => e.name === row.subject)?.reads.includes(name));
   return (
-    <div class="scroll">
-      {!isStudent() && <p class="buttons"><a href="/api/session.zip" download="">{t("experiments.session")}</a></p>}
+    <div class="scroll" tabIndex={0} role="region" aria-label={t("experiments")}>
+      <p class="row-of-links">
+        {!isStudent() && <a href="/api/session.zip" download="">{t("experiments.session")}</a>}
+        {archived > 0 && <label class="tick"><input type="checkbox" checked={all} onChange={() => setAll(!all)} /> {t("experiments.archived.show", { count: archived })}</label>}
+      </p>
       <table class="experiments">
         <thead>
           <tr>
@@ -246,12 +252,13 @@ export function ExperimentTable() {
           </tr>
         </thead>
         <tbody>
-          {[...state.rows].reverse().map((row) => {
+          {[...rows].reverse().map((row) => {
             const main = row.results[row.subject];
             const verdict = main?.verdict ? VERDICTS[main.verdict] : undefined;
             return (
               <tr key={row.id} aria-current={row.id === shown}>
-                <th scope="row"><button type="button" class="link" onClick={() => show(row)}>{row.name}</button>
+                <th scope="row"><button type="button" class="link" onClick={() => showExperiment(row)}>{row.name}</button>
+                  {row.is_archived && <small class="mark"> {t("experiments.archived")}</small>}
                   {row.is_earlier && <small class="mark" title={t("experiments.earlier.hint")}> {t("experiments.earlier")}</small>}
                   {!row.has_samples && <small class="mark" title={t("experiments.noSamples.hint")}> {t("experiments.noSamples")}</small>}
                 </th>
@@ -263,7 +270,7 @@ export function ExperimentTable() {
                 {sensors.map((aid) => <td key={aid.sensor} class="num">{row.sensors.some((s) => s === aid.sensor) ? setting(row.settings[reads(row, aid.noise) ?? ""]) : "–"}</td>)}
                 <td class="num">{number(row.duration_s, 0)}</td>
                 <td>{state.devices.find((d) => d.id === row.device_id)?.name ?? row.device}</td>
-                <td>{!isStudent() && <Delete id={row.id} name={row.name} />}</td>
+                <td class="acts">{!isStudent() && <><Archive row={row} /> <Delete id={row.id} name={row.name} /></>}</td>
               </tr>
             );
           })}

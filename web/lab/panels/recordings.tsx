@@ -3,6 +3,7 @@
 import { useEffect, useState } from "preact/hooks";
 import type { Listed } from "../protocol";
 import { isOld, state, update } from "../store";
+import { Acts, OpenedFiles } from "./opened";
 import { type Key, t } from "../t";
 import { said } from "../words";
 
@@ -46,11 +47,12 @@ export function Recordings() {
   }, [recording?.state, recording?.file]);
   if (!listed) return <p class="empty">{t("recordings.looking")}</p>;
   return (
-    <div class="scroll">
+    <div class="scroll" tabIndex={0} role="region" aria-label={t("recordings")}>
+      <OpenedFiles />
       {recording && <div class={`verdict ${recording.state === "failed" ? "bad" : recording.state === "on" ? "good" : "idle"}`}><b>{t((LIGHTS[recording.state] ?? LIGHTS["off"]!).text)}</b><span>{said(recording.text)}</span></div>}
       {listed.length === 0 ? <p class="empty">{t("recordings.none")}</p> : (
         <table class="experiments">
-          <thead><tr><th scope="col">{t("recordings.name")}</th><th scope="col">{t("recordings.begun")}</th><th scope="col">{t("devices")}</th><th scope="col" class="num">{t("recordings.size")}</th><th scope="col">{t("recordings.state")}</th></tr></thead>
+          <thead><tr><th scope="col">{t("recordings.name")}</th><th scope="col">{t("recordings.begun")}</th><th scope="col">{t("devices")}</th><th scope="col" class="num">{t("recordings.size")}</th><th scope="col">{t("recordings.state")}</th><td /></tr></thead>
           <tbody>
             {listed.map((one) => (
               <tr key={one.name} data-recording={one.name}>
@@ -59,6 +61,7 @@ export function Recordings() {
                 <td class="wide">{one.devices.join(", ") || "–"}</td>
                 <td class="num">{size(one.name === recording?.file ? recording.bytes : one.bytes)}</td>
                 <td>{one.finished ? t("recordings.complete") : one.name === recording?.file ? t("recordings.written") : t("recordings.broken")}</td>
+                <td class="acts">{one.name !== recording?.file && <Acts whose="recordings" name={one.name} />}</td>
               </tr>
             ))}
           </tbody>

@@ -6,7 +6,8 @@ import { receives, silenceOf } from "../store";
 import { t } from "../t";
 import { said } from "../words";
 
-const STILL_DEG_S = 3;
+/** Slower than this a device rests. */
+export const STILL_DEG_S = 3;
 
 /** Without samples there is no rest: then why there are none, and what to do. */
 export function Stillness({ device }: { device: Device }) {

@@ -6,7 +6,7 @@ import { type Rule, type Spec, Still, columns } from "../chart";
 import { AllParameters, curveChoices, degreesOf, Sliders, type Tuned } from "../parameters";
 import type { ExperimentRow, Settings, TraceColumns, WhatIf as Message } from "../protocol";
 import { language } from "../../words/language";
-import { aids, goTo, rowsOf, send, state, titleOf, update } from "../store";
+import { aids, goTo, send, shownExperiment, state, titleOf, update } from "../store";
 import { type Key, t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, number } from "../words";
@@ -49,9 +49,9 @@ function ask(row: ExperimentRow, settings: Settings, trial: Trial, curve: string
 }
 
 export function WhatIf() {
-  const rows = state.rows.filter((r) => r.has_samples);
-  const own = state.selected ?? "";
-  const [id, setId] = useState(state.shownResults[own] ?? rowsOf(own).at(-1)?.id ?? rows.at(-1)?.id ?? "");
+  const own = shownExperiment();
+  const rows = state.rows.filter((r) => r.has_samples && (!r.is_archived || r.id === own));
+  const [id, setId] = useState(own ?? rows.at(-1)?.id ?? "");
   const row = rows.find((r) => r.id === id) ?? rows.at(-1);
   const [settings, setSettings] = useState<Settings>(tried && tried.id === row?.id ? tried.settings : { ...row?.settings });
   const [trial, setTrial] = useState<Trial>(tried && tried.id === row?.id ? tried.trial : {});

@@ -133,6 +133,7 @@ impl SavedExperiment {
             results: self.results.clone(),
             is_earlier,
             has_samples,
+            is_archived: false,
         }
     }
 

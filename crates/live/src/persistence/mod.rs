@@ -39,6 +39,8 @@ pub use tokens::{SavedKey, SavedOwner, SavedTokens};
 const GATHER: Duration = Duration::from_millis(200);
 /// A lab that has just ended may still write for so long.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// The file in the folder of an experiment that is not to be seen in the table.
+const ARCHIVED: &str = "archived";
 /// What is lost if nothing can be written.
 const LOST: &str =
     "names, settings, calibrations and experiments of this lab will be lost when it ends";
@@ -306,6 +308,31 @@ impl Persistence {
             Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
             _ => Ok(()),
         }
+    }
+
+    /// Notes that an experiment is not to be seen, or is again: an empty file beside its own, which stay as they are.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn archive(&self, id: &str, archived: bool) -> io::Result<()> {
+        let mark = self.experiment_folder(id).join(ARCHIVED);
+        let (done, is_done) = match archived {
+            true => (
+                private::create_new(&mark).map(drop),
+                io::ErrorKind::AlreadyExists,
+            ),
+            false => (std::fs::remove_file(&mark), io::ErrorKind::NotFound),
+        };
+        match done {
+            Err(error) if error.kind() == is_done => Ok(()),
+            done => done,
+        }
+    }
+
+    /// Whether an experiment is not to be seen.
+    #[must_use]
+    pub fn is_archived(&self, id: &str) -> bool {
+        self.experiment_folder(id).join(ARCHIVED).is_file()
     }
 
     /// The folder of an experiment.

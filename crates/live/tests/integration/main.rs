@@ -3,6 +3,7 @@
 mod bad_input;
 mod inputs;
 mod lab_page;
+mod opened;
 mod recording;
 mod restart;
 mod robustness;
