@@ -8,6 +8,7 @@
 // | phone page shows attitude, countdown, own result | the same |
 // | a laptop by a code | a laptop shows one phone |
 // | a teacher by a token | a teacher elsewhere |
+// | tokens are never in a log | no secret |
 // | killed and restarted in the middle: nothing recorded before is missing | the lab is killed |
 //
 // NORTHING_STUDENTS=30 makes the class larger.
@@ -101,10 +102,13 @@ await suite(async () => {
   let lab = await startLab({ more });
   const browser = await launch();
   let students = [];
+  /** Every address that a phone asked for, as it is sent. */
+  const addresses = [];
   const all = (work) => Promise.all(students.map(work));
 
   await test(`every one of ${STUDENTS} students comes in, calibrates, and has a result of its own`, async () => {
     students = await Promise.all(Array.from({ length: STUDENTS }, (_, k) => comesIn(browser, lab, k)));
+    for (const { page } of students) page.on("request", (request) => addresses.push(request.url()));
     await until("lamps", async () => (await students[0].lamps()).length >= 2, PATIENCE_S);
     await picture(students[0].page, "class-phone-joined");
     await all(calibrates);
@@ -197,6 +201,19 @@ await suite(async () => {
     await picture(page, "class-teacher");
     await context.close();
   }, 2 * PATIENCE_S);
+
+  await test("no secret is in what the program printed, or in an address", async () => {
+    const printed = JSON.stringify(lab.events);
+    assert.ok(printed.length > 100);
+    for (const { page } of students) {
+      const [key] = await page.context().cookies();
+      assert.ok(key.name === "__Host-northing" && key.secure && key.httpOnly && key.sameSite === "Strict", JSON.stringify({ ...key, value: "" }));
+      const secret = await page.evaluate(() => localStorage.getItem("northing-secret"));
+      assert.ok(key.value.length === 22 && secret.length >= 20 && key.value !== secret);
+      for (const text of [key.value, secret]) assert.ok(!printed.includes(text) && !addresses.join().includes(text));
+    }
+    assert.ok(addresses.length > 100 && !addresses.some((url) => url.includes(lab.token)));
+  });
 
   await test("no phone page met an error", () => assert.deepEqual(students.flatMap((s) => s.complaints), []));
 }, 240 + 40 * PATIENCE_S);

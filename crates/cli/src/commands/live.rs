@@ -333,10 +333,12 @@ fn ready(args: &LiveArgs, running: &Running, foxglove: Option<String>) -> Result
     }
     let mut text = format!("The lab is at {}\n\n", running.lab_url);
     if !args.local {
+        let join = phone.split_once("/p#").map_or(phone, |(base, _)| base);
         text.push_str(&qr::terminal(phone).unwrap_or_default());
         text.push_str(&format!(
             "\nPhones in the same network: scan the code, or open\n  {}\n\
              The phone warns once, because the certificate is made by this computer: go on.\n\
+             Laptops of students: {join}/join, with the code that their phone shows\n\
              Apps that push (Sensor Logger): {app}\n",
             running.phone_urls.join("\n  ")
         ));

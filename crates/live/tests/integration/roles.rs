@@ -329,11 +329,11 @@ fn the_first_secret_of_a_page_that_delivers_keeps_the_device() {
     assert_eq!(thief.browser.cookie, None);
     // Her page is loaded again: the same secret, another session.
     anna.session = "anna-second-session".to_owned();
-    let old = anna.browser.clone();
+    let mut old = anna.browser.clone();
     anna.send(&lab, 1);
     assert_eq!(anna.join(&lab).status, 200);
     assert_eq!(anna.mine()["device"], anna.device);
-    assert_eq!(old.clone().get("/api/mine").status, 401);
+    assert_eq!(old.get("/api/mine").status, 401);
     // Not every text is a secret.
     let mut short = Phone::new(&lab, "carl", sensor_events(5));
     short.send(&lab, 1);
