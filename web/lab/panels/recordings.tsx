@@ -25,13 +25,14 @@ export function RecordingLight() {
   if (!recording) return null;
   const light = LIGHTS[recording.state] ?? LIGHTS["off"]!;
   const old = isOld();
+  const shown = old ? "–" : recording.state === "on" ? clock(recording.seconds) : t(light.text);
   return (
     <button
-      type="button" class={old ? "recording idle" : `recording ${light.tone} ${recording.state}`} title={old ? t("connectionLost") : said(recording.text)} aria-label={`${t("light.on")}: ${old ? t("connectionLost") : said(recording.text)}`}
+      type="button" class={old ? "recording idle" : `recording ${light.tone} ${recording.state}`} title={old ? t("connectionLost") : said(recording.text)} aria-label={`${shown}. ${t("light.on")}: ${old ? t("connectionLost") : said(recording.text)}`}
       onClick={() => update((s) => { s.view = "lab"; s.lower = "recordings"; })}
     >
       <span aria-hidden="true" />
-      {old ? "–" : recording.state === "on" ? clock(recording.seconds) : t(light.text)}
+      {shown}
     </button>
   );
 }

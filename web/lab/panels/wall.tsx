@@ -117,10 +117,13 @@ function silent(device: Device, seconds: number): Said {
   return device.connected ? { what: "silent", tone: "bad", text: t("wall.silent", { since }), hint: said(device.silence) } : { what: "lost", tone: "bad", text: t("wall.lost", { since }), hint: said(device.silence) };
 }
 
+/** What to do about these is the same for each: it stands in their titles. */
+const QUIET: Said["what"][] = ["lost", "silent"];
+
 function State({ device }: { device: Device }) {
   const rate = useFrame<number | null>(device.id, (f) => (f.rate_rad_s ? (Math.hypot(...f.rate_rad_s) * 180) / Math.PI : null), 2, null);
   const told = stateOf(device, rate);
-  return <p class={`cell-state ${told.tone}`} data-state={told.what} title={told.hint}><b>{told.text}</b> {told.hint && <small>{told.hint}</small>}</p>;
+  return <p class={`cell-state ${told.tone}`} data-state={told.what} title={told.hint}><b>{told.text}</b> {told.hint && !QUIET.includes(told.what) && <small>{told.hint}</small>}</p>;
 }
 
 /** The attitudes in 3-D: one canvas behind all boxes. */
