@@ -58,6 +58,8 @@ export type Alterations = {
   bump?: Pulse,
   magnet?: Pulse, };
 
+export type Asked = "calibrate" | "experiment" | "stop";
+
 export type Calibration = {
   device: string,
   state: CalibrationState,
@@ -85,6 +87,13 @@ export type Change = {
 export type Coefficient = {
   value: number,
   std: number, };
+
+export type Contents = {
+  name: string,
+  format: string,
+  duration_s: number | null,
+  sensors: Array<SensorKind>,
+  recordings: number, };
 
 export type Coverage = {
   cells: Array<boolean>,
@@ -167,6 +176,12 @@ export type EstimatorLine = {
   name: EstimatorKind,
   summary: string,
   reads: Array<string>, };
+
+export type Everyone = {
+  asked: Asked,
+  done: number,
+  refused: Array<Refusal>,
+  request: unknown, };
 
 export type Experiment = {
   device: string,
@@ -317,6 +332,10 @@ export type Listed = {
   devices: Array<string>,
   finished: boolean, };
 
+export type Made = {
+  experiments: Array<string>,
+  refused: Array<string>, };
+
 export type Magnetometer = {
   device: string,
   state: MagnetometerState,
@@ -378,6 +397,11 @@ export type NoiseKind = "quantisation" | "white" | "bias-instability" | "random-
 
 export type NoiseVerdict = "consistent" | "too-small" | "too-large" | "outliers" | "undetermined" | "too-few";
 
+export type OpenedFile = {
+  name: string,
+  bytes: number,
+  at: string | null, };
+
 export type Origin = "default" | "profile" | "file" | "set" | "setup" | "setup-default" | "recording" | "calibration" | "learnt";
 
 export type Parameter = {
@@ -434,6 +458,11 @@ export type ReferenceSummary = {
   alignment: ReferenceAlignment | null,
   found: ReferenceAlignment | null, };
 
+export type Refusal = {
+  device: string,
+  name: string,
+  text: string, };
+
 export type Remark = {
   tone: Tone,
   text: string, };
@@ -450,7 +479,10 @@ export type Request = { "type": "virtual_phone",
   device: string,
   seconds: number,
   name: string, } | { "type": "stop",
-  device: string, } | { "type": "settings",
+  device: string, } | { "type": "calibrate_all",
+  seconds: number, } | { "type": "experiment_all",
+  seconds: number,
+  name: string, } | { "type": "stop_all" } | { "type": "settings",
   device: string,
   settings: Settings,
   profile?: string | null, } | { "type": "sensors",
@@ -472,8 +504,10 @@ export type Request = { "type": "virtual_phone",
   device: string,
   action: MagnetometerAction, } | { "type": "allan",
   id: string,
-  sensor: string, } | { "type": "calibrate_all", seconds: number } | { "type": "experiment_all", seconds: number, name?: string } | { "type": "stop_all" } | { "type": "archive_experiment", id: string, archived: boolean } | { "type": "delete_experiment",
-  id: string, } | { "type": "remove",
+  sensor: string, } | { "type": "delete_experiment",
+  id: string, } | { "type": "archive_experiment",
+  id: string,
+  archived: boolean, } | { "type": "remove",
   device: string, } | { "type": "input",
   action: Action,
   kind?: InputKind | null,
@@ -564,6 +598,14 @@ export type SensorVerdict = {
 export type Series = {
   t_s: Array<number>, x: Array<number>, y: Array<number>, z: Array<number>, };
 
+export type Standing = {
+  place: number,
+  experiment: string,
+  device_id: string,
+  verdict: FinalVerdict | null,
+  nis_factor: number | null,
+  is_nis_large: boolean, };
+
 export type Surroundings = {
   hard_iron_ut: [number, number, number] | null,
   hard_iron_std_ut: [number, number, number] | null,
@@ -624,11 +666,3 @@ export type WhatIf = {
   results: { [key in string]: RunSummary },
   trace: TraceColumns,
   original: TraceColumns, };
-
-export type Asked = "calibrate" | "experiment" | "stop";
-export type Everyone = { asked: Asked, done: number, refused: Array<Refusal>, request: unknown };
-export type Refusal = { device: string, name: string, text: string };
-export type Standing = { place: number, experiment: string, device_id: string, verdict: FinalVerdict | null, nis_factor: number | null, is_nis_large: boolean };
-export type OpenedFile = { name: string, bytes: number, at: string | null };
-export type Contents = { name: string, format: string, duration_s: number | null, sensors: Array<SensorKind>, recordings: number };
-export type Made = { experiments: Array<string>, refused: Array<string> };
