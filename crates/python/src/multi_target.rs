@@ -23,6 +23,9 @@ const SENSOR: &str = "sensor";
 
 type Sensors = BTreeMap<String, ScanSensor>;
 
+/// Sensors, tracker, parameters and state of a tracker.
+type Pickled = (Sensors, &'static str, Vec<String>, String);
+
 /// One sensor, or several by name.
 #[derive(FromPyObject)]
 enum Given {
@@ -295,12 +298,7 @@ impl MultiTarget {
         )
     }
 
-    fn __reduce__<'py>(
-        slf: &Bound<'py, Self>,
-    ) -> PyResult<(
-        Bound<'py, PyAny>,
-        (Sensors, &'static str, Vec<String>, String),
-    )> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled)> {
         let own = slf.borrow();
         let parameters = own.options.parameters();
         let setting = |used: &northing_evaluation::UsedParameter| {
