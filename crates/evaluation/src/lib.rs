@@ -54,7 +54,7 @@ pub mod tracking;
 pub mod tune;
 pub mod used_parameters;
 
-pub use attitude::runner::{estimate, run, run_live, run_recording};
+pub use attitude::runner::{estimate, estimate_instants, run, run_live, run_recording};
 pub use attitude::{
     EstimateRecord, EstimatorKind, InnovationRecord, Profile, RunObserver, RunOptions, RunSummary,
     SensorSelection, TraceObserver,

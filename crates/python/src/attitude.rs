@@ -8,7 +8,6 @@ use northing_evaluation::attitude::{EstimatorKind, Profile, RunOptions, SensorSe
 use northing_evaluation::calibration::magnetometer::{
     MagnetometerSource, MagnetometerStreamCalibration,
 };
-use northing_evaluation::estimate;
 use northing_evaluation::navigation::NavigationKind;
 use northing_evaluation::registry::listed;
 use northing_recording::{OpenOptions, Recording, WorldFrame};
@@ -216,7 +215,7 @@ pub(crate) fn run(
     name: &str,
     options: &RunOptions,
 ) -> PyResult<AttitudeRun> {
-    let told = py.detach(|| Told::of(&mut recording, name, options, Collector::new(None)));
+    let told = py.detach(|| Told::of(&mut recording, name, options, Collector::of_recording()));
     let (told, collected) = told.map_err(|error| of_run(&error, name))?;
     AttitudeRun::new(
         py,
@@ -252,14 +251,15 @@ pub(crate) fn attitude(
     let sensors = [accelerometer, magnetometer].map(|samples| samples.map(stream));
     let [accelerometer, magnetometer] = sensors;
     let arrays = Arrays::new(stream(gyroscope), accelerometer, magnetometer, frame, open);
-    let mut collected = Collector::new(Some(arrays.stamps().to_vec()));
-    let mut recording = arrays.recording();
     let of_arrays = RunOptions {
         recording: samples::NAME.to_owned(),
-        world_frame: recording.metadata().world_frame,
+        world_frame: frame,
         ..options
     };
-    let estimates = py.detach(|| estimate(&mut recording, &of_arrays, &mut collected));
+    // An estimator that somebody brought along is not run once more: it need not repeat itself.
+    let is_own = matches!(of_arrays.estimator, EstimatorKind::Own(_));
+    let mut collected = Collector::of_arrays(arrays.stamps(), is_own);
+    let estimates = py.detach(|| arrays.estimate(&of_arrays, &mut collected));
     let estimates = estimates.map_err(|error| of_run(&error, samples::NAME))?;
     let estimator = of_arrays.estimator;
     let telling = Telling::of_arrays(arrays, of_arrays);

@@ -1,6 +1,7 @@
 //! What an attitude run gives: arrays of estimates and innovations, the summary, a report and files.
 
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use northing_core::geometry::rotation;
@@ -24,20 +25,27 @@ struct Estimates {
     covariance: Vec<f64>,
     bias: Vec<f64>,
     bias_covariance: Vec<f64>,
-    position: Vec<f64>,
-    velocity: Vec<f64>,
 }
 
 impl Estimates {
+    /// With room for so many rows.
+    fn with_capacity(rows: usize) -> Self {
+        Self {
+            time_ns: Vec::with_capacity(rows),
+            quat: Vec::with_capacity(4 * rows),
+            covariance: Vec::with_capacity(9 * rows),
+            bias: Vec::with_capacity(3 * rows),
+            bias_covariance: Vec::with_capacity(9 * rows),
+        }
+    }
+
     fn push(&mut self, record: &EstimateRecord) {
         self.time_ns.push(record.time_ns);
         self.quat.extend(rotation::to_wxyz(&record.attitude));
         push_matrix(&mut self.covariance, record.attitude_covariance.as_ref());
-        let (bias, bias_covariance) = record.gyroscope_bias.unzip();
-        push_vector(&mut self.bias, bias.as_ref());
-        push_matrix(&mut self.bias_covariance, bias_covariance.as_ref());
-        push_vector(&mut self.position, record.position.as_ref());
-        push_vector(&mut self.velocity, record.velocity.as_ref());
+        let bias = record.gyroscope_bias.as_ref();
+        push_vector(&mut self.bias, bias.map(|(bias, _)| bias));
+        push_matrix(&mut self.bias_covariance, bias.map(|(_, p)| p));
     }
 
     fn push_nothing(&mut self, time_ns: i64) {
@@ -46,8 +54,39 @@ impl Estimates {
         push_matrix(&mut self.covariance, None);
         push_vector(&mut self.bias, None);
         push_matrix(&mut self.bias_covariance, None);
+    }
+}
+
+/// What most callers do not ask for: places, and the innovations by sensor.
+#[derive(Default)]
+struct Details {
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+    innovations: Vec<(SensorKind, Innovations)>,
+}
+
+impl Details {
+    fn push(&mut self, record: &EstimateRecord) {
+        push_vector(&mut self.position, record.position.as_ref());
+        push_vector(&mut self.velocity, record.velocity.as_ref());
+    }
+
+    fn push_nothing(&mut self) {
         push_vector(&mut self.position, None);
         push_vector(&mut self.velocity, None);
+    }
+
+    fn innovation(&mut self, record: &InnovationRecord) {
+        let mut known = self.innovations.iter();
+        let known = known.position(|(sensor, _)| *sensor == record.sensor);
+        let at = known.unwrap_or_else(|| {
+            self.innovations
+                .push((record.sensor, Innovations::default()));
+            self.innovations.len() - 1
+        });
+        self.innovations[at]
+            .1
+            .push(record.time_ns, &record.innovation);
     }
 }
 
@@ -61,7 +100,8 @@ pub(crate) fn push_vector(column: &mut Vec<f64>, vector: Option<&Vector3<f64>>) 
 /// Row by row.
 pub(crate) fn push_matrix(column: &mut Vec<f64>, matrix: Option<&Matrix3<f64>>) {
     match matrix {
-        Some(m) => column.extend(m.transpose().iter()),
+        // Nine at once: an iterator asks for room for each.
+        Some(m) => column.extend_from_slice(m.transpose().as_slice()),
         None => column.extend([f64::NAN; 9]),
     }
 }
@@ -129,21 +169,34 @@ impl Innovations {
     }
 }
 
-/// Watches a run and keeps everything.
+/// Watches a run and keeps what is asked for.
 pub(crate) struct Collector {
     estimates: Estimates,
-    innovations: Vec<(SensorKind, Innovations)>,
+    details: Option<Details>,
+    /// Whether there is a position or velocity.
+    has_places: bool,
     /// Stamps of the rows that are wanted.
     wanted: Option<Vec<i64>>,
 }
 
 impl Collector {
-    /// With a row for each estimate, or for each of these stamps.
-    pub(crate) fn new(wanted: Option<Vec<i64>>) -> Self {
+    /// Of a recording: everything, with a row for each estimate.
+    pub(crate) fn of_recording() -> Self {
         Self {
             estimates: Estimates::default(),
-            innovations: Vec::new(),
-            wanted,
+            details: Some(Details::default()),
+            has_places: false,
+            wanted: None,
+        }
+    }
+
+    /// Of arrays: with a row for each of these stamps; with details, where they are asked for.
+    pub(crate) fn of_arrays(wanted: &[i64], has_details: bool) -> Self {
+        Self {
+            estimates: Estimates::with_capacity(wanted.len()),
+            details: has_details.then(Details::default),
+            has_places: false,
+            wanted: Some(wanted.to_vec()),
         }
     }
 
@@ -154,7 +207,25 @@ impl Collector {
         let missing = wanted[filled.min(wanted.len())..].iter();
         for row_ns in missing.take_while(|row_ns| **row_ns < time_ns) {
             self.estimates.push_nothing(*row_ns);
+            if let Some(details) = &mut self.details {
+                details.push_nothing();
+            }
         }
+    }
+
+    /// The details, which were asked for.
+    fn into_details(mut self, py: Python<'_>) -> PyResult<DetailArrays> {
+        self.fill_before(i64::MAX);
+        let details = self.details.unwrap_or_default();
+        let innovations = PyDict::new(py);
+        for (sensor, columns) in details.innovations {
+            innovations.set_item(sensor.name(), columns.into_dict(py)?)?;
+        }
+        Ok(DetailArrays {
+            position: rows(py, details.position, 3)?.unbind(),
+            velocity: rows(py, details.velocity, 3)?.unbind(),
+            innovations: innovations.unbind(),
+        })
     }
 }
 
@@ -162,21 +233,16 @@ impl RunObserver for Collector {
     fn estimate(&mut self, record: &EstimateRecord) {
         self.fill_before(record.time_ns);
         self.estimates.push(record);
+        self.has_places |= record.position.is_some() || record.velocity.is_some();
+        if let Some(details) = &mut self.details {
+            details.push(record);
+        }
     }
 
     fn innovation(&mut self, record: &InnovationRecord) {
-        let known = self
-            .innovations
-            .iter()
-            .position(|(sensor, _)| *sensor == record.sensor);
-        let at = known.unwrap_or_else(|| {
-            self.innovations
-                .push((record.sensor, Innovations::default()));
-            self.innovations.len() - 1
-        });
-        self.innovations[at]
-            .1
-            .push(record.time_ns, &record.innovation);
+        if let Some(details) = &mut self.details {
+            details.innovation(record);
+        }
     }
 }
 
@@ -214,17 +280,20 @@ pub(crate) struct AttitudeRun {
     /// Its covariance, (rad/s)^2.
     #[pyo3(get)]
     gyro_bias_covariance: Py<PyArray3<f64>>,
-    /// World frame, m.
-    #[pyo3(get)]
-    position: Py<PyArray2<f64>>,
-    /// World frame, m/s.
-    #[pyo3(get)]
-    velocity: Py<PyArray2<f64>>,
-    /// By sensor.
-    #[pyo3(get)]
-    innovations: Py<PyDict>,
+    has_places: bool,
+    details: OnceLock<DetailArrays>,
     estimator: EstimatorKind,
     telling: Telling,
+}
+
+/// What most callers do not ask for.
+struct DetailArrays {
+    /// World frame, m.
+    position: Py<PyArray2<f64>>,
+    /// World frame, m/s.
+    velocity: Py<PyArray2<f64>>,
+    /// By sensor.
+    innovations: Py<PyDict>,
 }
 
 impl AttitudeRun {
@@ -236,28 +305,57 @@ impl AttitudeRun {
         telling: Telling,
     ) -> PyResult<Self> {
         collected.fill_before(i64::MAX);
-        let innovations = PyDict::new(py);
-        for (sensor, columns) in collected.innovations {
-            innovations.set_item(sensor.name(), columns.into_dict(py)?)?;
+        let has_places = collected.has_places;
+        let estimates = std::mem::take(&mut collected.estimates);
+        let details = OnceLock::new();
+        if collected.details.is_some() {
+            // Nobody else has it yet.
+            let _ = details.set(collected.into_details(py)?);
         }
-        let estimates = collected.estimates;
         Ok(Self {
             time_ns: PyArray1::from_vec(py, estimates.time_ns).unbind(),
             quat: rows(py, estimates.quat, 4)?.unbind(),
             covariance: matrices(py, estimates.covariance)?.unbind(),
             gyro_bias: rows(py, estimates.bias, 3)?.unbind(),
             gyro_bias_covariance: matrices(py, estimates.bias_covariance)?.unbind(),
-            position: rows(py, estimates.position, 3)?.unbind(),
-            velocity: rows(py, estimates.velocity, 3)?.unbind(),
-            innovations: innovations.unbind(),
+            has_places,
+            details,
             estimator,
             telling,
         })
+    }
+
+    /// Made when they are first asked for, where the run has not kept them.
+    fn details(&self, py: Python<'_>) -> PyResult<&DetailArrays> {
+        if let Some(details) = self.details.get() {
+            return Ok(details);
+        }
+        let details = self.telling.again(py)?.into_details(py)?;
+        // Of two threads that ask at once the first counts; both have the same.
+        Ok(self.details.get_or_init(|| details))
     }
 }
 
 #[pymethods]
 impl AttitudeRun {
+    /// World frame, m.
+    #[getter]
+    fn position(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        Ok(self.details(py)?.position.clone_ref(py))
+    }
+
+    /// World frame, m/s.
+    #[getter]
+    fn velocity(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        Ok(self.details(py)?.velocity.clone_ref(py))
+    }
+
+    /// By sensor.
+    #[getter]
+    fn innovations(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
+        Ok(self.details(py)?.innovations.clone_ref(py))
+    }
+
     /// What the program prints with `run --json`.
     fn summary_json(&self, py: Python<'_>) -> PyResult<String> {
         serde_json::to_string(&self.telling.told(py)?.summary)
@@ -282,9 +380,10 @@ impl AttitudeRun {
         let mut file = file.map_err(of_file)?;
         file.set_world(self.telling.world());
         let time_ns = self.time_ns.bind(py).readonly();
-        let [quat, bias, position, velocity] =
-            [&self.quat, &self.gyro_bias, &self.position, &self.velocity]
-                .map(|array| array.bind(py).readonly());
+        let [quat, bias] = [&self.quat, &self.gyro_bias].map(|array| array.bind(py).readonly());
+        let places = self.has_places.then(|| self.details(py)).transpose()?;
+        let places = places.map(|places| [&places.position, &places.velocity]);
+        let places = places.map(|places| places.map(|array| array.bind(py).readonly()));
         let [covariance, bias_covariance] =
             [&self.covariance, &self.gyro_bias_covariance].map(|array| array.bind(py).readonly());
         for (row, time_ns) in time_ns.as_slice()?.iter().enumerate() {
@@ -292,6 +391,12 @@ impl AttitudeRun {
             if w.is_nan() {
                 continue;
             }
+            let place = |which: usize| -> PyResult<Option<Vector3<f64>>> {
+                let Some(places) = &places else {
+                    return Ok(None);
+                };
+                Ok(vector(cells(places[which].as_slice()?, row)))
+            };
             file.estimate(&EstimateRecord {
                 time_ns: *time_ns,
                 time_s: 0.0,
@@ -299,8 +404,8 @@ impl AttitudeRun {
                 attitude_covariance: matrix(cells(covariance.as_slice()?, row)),
                 gyroscope_bias: vector(cells(bias.as_slice()?, row))
                     .zip(matrix(cells(bias_covariance.as_slice()?, row))),
-                position: vector(cells(position.as_slice()?, row)),
-                velocity: vector(cells(velocity.as_slice()?, row)),
+                position: place(0)?,
+                velocity: place(1)?,
                 reference: None,
                 device: None,
             });

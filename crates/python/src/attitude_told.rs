@@ -9,6 +9,7 @@ use northing_recording::{Metadata, Recording, WorldFrame};
 use northing_report::TRACE_CAPACITY;
 use pyo3::prelude::*;
 
+use crate::attitude_run::Collector;
 use crate::errors::of_run;
 use crate::samples::{Arrays, NAME};
 
@@ -78,6 +79,20 @@ impl Telling {
             Self::Told(told) => told.metadata.world_frame,
             Self::Asked(asked) => asked.arrays.world_frame(),
         }
+    }
+
+    /// The same run once more, for everything that it gives.
+    ///
+    /// # Errors
+    /// Those of a run over arrays, as `ValueError`.
+    pub(crate) fn again(&self, py: Python<'_>) -> PyResult<Collector> {
+        let Self::Asked(asked) = self else {
+            return Ok(Collector::of_recording());
+        };
+        let mut collected = Collector::of_arrays(asked.arrays.stamps(), true);
+        let run = py.detach(|| asked.arrays.estimate(&asked.options, &mut collected));
+        run.map_err(|error| of_run(&error, NAME))?;
+        Ok(collected)
     }
 
     /// What the run tells.

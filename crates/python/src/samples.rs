@@ -3,6 +3,9 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use northing_evaluation::attitude::{Instant, RunObserver, RunOptions};
+use northing_evaluation::{EvaluationError, estimate, estimate_instants};
+use northing_recording::plausibility::Plausibility;
 use northing_recording::{
     Event, Metadata, OpenOptions, Recording, RecordingError, Sample, SensorKind, WorldFrame,
 };
@@ -24,26 +27,33 @@ impl Stream {
         vectors: &PyReadonlyArray2<'_, f64>,
     ) -> Self {
         let rows = vectors.as_array();
+        let vectors = match rows.as_slice() {
+            Some(numbers) => numbers.as_chunks().0.to_vec(),
+            None => {
+                let rows = rows.outer_iter();
+                rows.map(|row| [row[0], row[1], row[2]]).collect()
+            }
+        };
         Self {
             time_ns: time_ns.as_array().to_vec(),
-            vectors: rows
-                .outer_iter()
-                .map(|row| [row[0], row[1], row[2]])
-                .collect(),
+            vectors,
         }
     }
 }
 
+/// What vectors of a sensor are.
+type MakeSample = fn(Vector3<f64>) -> Sample;
+
 /// A sensor on its way into a recording.
 struct Source {
-    sample: fn(Vector3<f64>) -> Sample,
+    sample: MakeSample,
     stream: Arc<Stream>,
     /// The row that comes next.
     next: usize,
 }
 
 impl Source {
-    fn new(sample: fn(Vector3<f64>) -> Sample, stream: &Arc<Stream>) -> Self {
+    fn new(sample: MakeSample, stream: &Arc<Stream>) -> Self {
         Self {
             sample,
             stream: Arc::clone(stream),
@@ -73,6 +83,55 @@ impl Iterator for Merged {
             time_ns,
             sample: (source.sample)(vector.into()),
         }))
+    }
+}
+
+/// The instants of arrays as a recording of them would give them: each sensor's stamps increase and its samples are finite, so that of
+/// a recording's checks those of the units are left.
+struct Gathered<'a> {
+    /// Each with its next row, and what its samples are.
+    sources: Vec<(&'a Stream, usize, MakeSample)>,
+    plausibility: Plausibility,
+    over: bool,
+}
+
+impl Gathered<'_> {
+    fn gather(&mut self) -> Result<Option<Instant>, RecordingError> {
+        let stamps = self.sources.iter();
+        let stamps = stamps.filter_map(|(stream, next, _)| stream.time_ns.get(*next));
+        let Some(time_ns) = stamps.min().copied() else {
+            return self.plausibility.finish(NAME).map(|()| None);
+        };
+        let mut instant = Instant {
+            time_ns,
+            ..Instant::default()
+        };
+        for (stream, next, sample) in &mut self.sources {
+            if stream.time_ns.get(*next) == Some(&time_ns) {
+                let event = Event {
+                    time_ns,
+                    sample: sample(stream.vectors[*next].into()),
+                };
+                self.plausibility.check(&event, NAME)?;
+                instant.take(&event);
+                *next += 1;
+            }
+        }
+        Ok(Some(instant))
+    }
+}
+
+impl Iterator for Gathered<'_> {
+    type Item = Result<Instant, EvaluationError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.over {
+            return None;
+        }
+        let gathered = self.gather();
+        self.over = !matches!(gathered, Ok(Some(_)));
+        let gathered = gathered.map_err(|error| EvaluationError::Recording(Box::new(error)));
+        gathered.transpose()
     }
 }
 
@@ -106,6 +165,43 @@ impl Arrays {
             world_frame,
             options,
         }
+    }
+
+    /// Runs an estimator over them and tells the observer what [`estimate`] does; how many estimates there were.
+    ///
+    /// # Errors
+    /// Those of the run.
+    pub(crate) fn estimate(
+        &self,
+        options: &RunOptions,
+        observer: &mut dyn RunObserver,
+    ) -> Result<u64, EvaluationError> {
+        let asked = &self.options;
+        let is_as_it_is = asked.gyroscope_unit.is_none()
+            && asked.accelerometer_unit.is_none()
+            && asked.magnetometer_unit.is_none()
+            && options.magnetometer_calibration.is_none();
+        if !is_as_it_is {
+            return estimate(&mut self.recording(), options, observer);
+        }
+        let streams = [
+            Some(&self.gyroscope),
+            self.accelerometer.as_ref(),
+            self.magnetometer.as_ref(),
+        ];
+        let kinds: [MakeSample; 3] = [
+            Sample::AngularRate,
+            Sample::SpecificForce,
+            Sample::MagneticField,
+        ];
+        let present = streams.into_iter().zip(kinds);
+        let sources = present.filter_map(|(stream, kind)| Some((&**stream?, 0, kind)));
+        let gathered = Gathered {
+            sources: sources.collect(),
+            plausibility: Plausibility::new(asked),
+            over: false,
+        };
+        estimate_instants(gathered, options, observer)
     }
 
     /// The stamps of the gyroscope.

@@ -41,7 +41,8 @@ impl Instant {
         instant
     }
 
-    fn take(&mut self, event: &Event) {
+    /// Takes an event of this stamp.
+    pub fn take(&mut self, event: &Event) {
         self.present |= 1 << event.sample.kind().order();
         match event.sample {
             Sample::AngularRate(v) => {

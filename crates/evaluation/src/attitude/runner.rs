@@ -79,6 +79,18 @@ where
     Ok(run_with(events, options, observer, Tally::idle)?.estimates)
 }
 
+/// As [`estimate`], over instants that somebody has gathered and checked already.
+///
+/// # Errors
+/// As [`estimate`].
+pub fn estimate_instants(
+    instants: impl Iterator<Item = Result<Instant, EvaluationError>>,
+    options: &RunOptions,
+    observer: &mut dyn RunObserver,
+) -> Result<u64, EvaluationError> {
+    Ok(over_instants(instants, options, observer, Tally::idle)?.estimates)
+}
+
 /// The options with what the recording says about itself.
 pub(crate) fn options_for(recording: &Recording, options: &RunOptions) -> RunOptions {
     RunOptions {
