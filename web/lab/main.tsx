@@ -50,7 +50,7 @@ function App() {
         {state.view === "wall" ? <Wall /> : <><Devices /><Centre /><Panel /></>}
       </main>
       <Notice />
-      <DropZone />
+      {!isStudent() && <DropZone />}
     </>
   );
 }

@@ -1,7 +1,6 @@
 //! What the lab page talks to: the page, its WebSocket, status, files. On this computer for everybody, elsewhere over TLS for
 //! whoever has joined.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use axum::extract::ws::WebSocketUpgrade;
@@ -30,7 +29,6 @@ use crate::mine;
 use crate::page;
 use crate::permissions;
 use crate::qr;
-use crate::recordings_api;
 use crate::report;
 use crate::roles::{self, Role};
 use crate::session::aids::{AIDS, Aid};
@@ -66,33 +64,30 @@ pub struct LabApi {
     pub assets: Arc<Assets>,
 }
 
-/// The listener of the lab page on this computer: whoever sits at it is the teacher.
-pub fn router(api: LabApi, recordings: Option<PathBuf>) -> Router {
+/// The listener of the lab page on this computer: whoever sits at it is the teacher. `files`: recordings and what was opened,
+/// for teachers.
+pub fn router(api: LabApi, files: Router) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/assets/{name}", get(asset))
         .with_state(api.clone())
-        .merge(answers(api, recordings))
+        .merge(answers(api, files))
         .layer(Extension(Role::Teacher))
 }
 
 /// The same over TLS, for whoever has a cookie.
-pub fn shared_router(
-    api: LabApi,
-    recordings: Option<PathBuf>,
-    credentials: Arc<Credentials>,
-) -> Router {
+pub fn shared_router(api: LabApi, files: Router, credentials: Arc<Credentials>) -> Router {
     Router::new()
         .route("/lab", get(|| async { Redirect::to("/lab/") }))
         .route("/lab/", get(page))
         .route("/lab/assets/{name}", get(asset))
         .with_state(api.clone())
-        .merge(answers(api, recordings))
+        .merge(answers(api, files))
         .route_layer(from_fn_with_state(credentials, roles::authenticate))
 }
 
 /// What a page asks for. What is not given to students by name is the teacher's alone.
-fn answers(api: LabApi, recordings: Option<PathBuf>) -> Router {
+fn answers(api: LabApi, files: Router) -> Router {
     let of_students = Router::new()
         .route("/api/experiments/{id}/{file}", get(experiment_file))
         .route(
@@ -102,18 +97,18 @@ fn answers(api: LabApi, recordings: Option<PathBuf>) -> Router {
         .route("/api/ws", get(socket))
         .with_state(api.clone())
         .merge(mine::router(api.clone()));
-    for_teachers(api, recordings)
+    for_teachers(api, files)
         .route_layer(from_fn(roles::for_teachers))
         .merge(of_students)
 }
 
-fn for_teachers(api: LabApi, recordings: Option<PathBuf>) -> Router {
+fn for_teachers(api: LabApi, files: Router) -> Router {
     Router::new()
         .route("/api/status", get(status))
         .route("/api/qr.svg", get(qr_svg))
         .route("/api/session.zip", get(session_export::download))
         .with_state(api)
-        .merge(recordings_api::router(recordings))
+        .merge(files)
 }
 
 async fn page(State(api): State<LabApi>, asked: HeaderMap) -> Response {

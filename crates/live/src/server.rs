@@ -27,6 +27,7 @@ use crate::lab_api::{self, Facts, LabApi};
 use crate::limits::Peer;
 use crate::opened_api;
 use crate::recorder;
+use crate::recordings_api;
 use crate::roles::Role;
 use crate::security::{Names, guard};
 use crate::tls::{Certificate, CertificateFiles, TlsError};
@@ -177,7 +178,8 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let opened = config.recordings.is_some();
     let opened = opened.then(|| config.data_dir.join("opened"));
     let opened = opened_api::router(lab.clone(), opened, config.recordings.clone());
-    let router = lab_api::router(api.clone(), config.recordings.clone()).merge(opened);
+    let files = recordings_api::router(config.recordings.clone()).merge(opened);
+    let router = lab_api::router(api.clone(), files.clone());
     let router = guarded(router, "http", port[0], None, true);
     let lab_gate = gate(None, &Places::new(shares.pages, shares.pages));
     serve(for_lab, port[0], router, lab_gate, handles[0].clone())?;
@@ -185,7 +187,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         credentials: credentials.clone(),
         ingest: ingest.clone(),
     };
-    let shared = lab_api::shared_router(api, config.recordings.clone(), credentials.clone());
+    let shared = lab_api::shared_router(api, files, credentials.clone());
     let router = ingest::phone_router(ingest.clone())
         .merge(join::router(joining))
         .merge(shared);

@@ -93,6 +93,7 @@ fn paths(device: &str, experiment: &str, recording: &str) -> Vec<String> {
         "/api/qr.svg",
         "/api/session.zip",
         "/api/recordings",
+        "/api/opened",
     ]
     .map(str::to_owned)
     .into();
@@ -127,6 +128,10 @@ fn requests(device: &str, id: &str) -> Vec<Value> {
         json!({"type": "what_if", "id": id}),
         json!({"type": "allan", "id": id}),
         json!({"type": "delete_experiment", "id": id}),
+        json!({"type": "archive_experiment", "id": id, "archived": true}),
+        json!({"type": "calibrate_all", "seconds": 5.0}),
+        json!({"type": "experiment_all", "seconds": 5.0}),
+        json!({"type": "stop_all"}),
         json!({"type": "virtual_phone", "action": "add"}),
         json!({"type": "virtual_phone", "action": "remove", "device": device}),
         json!({"type": "input", "action": "add", "kind": "linkoping"}),
