@@ -56,9 +56,13 @@ async function comesIn(browser, lab, k) {
 
 /** Steps (4) to (6): at rest, calibrates, looks at the numbers, chooses Q and R. */
 async function calibrates(student) {
-  await student.page.click("#calibrate");
-  await until(`${student.name} is asked to hold still`, async () => /do not touch the phone/.test(await student.said()), PATIENCE_S);
-  await until(`${student.name}'s calibration`, async () => (await student.rest()) === "In force" && (await student.page.locator("#calibrate").isEnabled()), PATIENCE_S);
+  // A busy computer gives few samples: a calibration that is too short is refused, and repeated.
+  for (let tries = 1; tries <= 3 && (await student.rest()) !== "In force"; tries++) {
+    await student.page.click("#calibrate");
+    await until(`${student.name} is asked to hold still`, async () => /do not touch the phone/.test(await student.said()), PATIENCE_S);
+    await until(`${student.name}'s calibration`, async () => /^(In force|Not taken)/.test(await student.rest()) && (await student.page.locator("#calibrate").isEnabled()), PATIENCE_S);
+  }
+  assert.equal(await student.rest(), "In force", student.name);
   const bias = await student.row("Gyroscope bias");
   [0, 0, student.bias].forEach((truth, i) => assert.ok(Math.abs(bias[i] - truth) < 0.08, `${student.name}: bias ${bias}`));
   for (const profile of ["hand-held", "lab"]) {

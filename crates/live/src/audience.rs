@@ -115,9 +115,12 @@ pub(crate) fn devices(role: &Role, lab: &Lab) -> ToPage {
 
 /// The experiments that a page of this role sees.
 pub(crate) fn experiments(role: &Role, lab: &Lab) -> ToPage {
-    let rows = match role.device() {
-        None => lab.experiment_rows(),
-        Some(device) => lab.experiments.rows_of(device),
-    };
-    ToPage::Experiments { rows }
+    match role.device() {
+        None => lab.experiments_message(),
+        // Who is better than whom is not for students to see.
+        Some(device) => ToPage::Experiments {
+            rows: lab.experiments.rows_of(device),
+            board: Vec::new(),
+        },
+    }
 }
