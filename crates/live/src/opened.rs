@@ -132,6 +132,10 @@ pub fn begin(folder: &Path, name: &str) -> io::Result<(tempfile::TempDir, std::f
 ///
 /// # Errors
 /// It is no recording of motion sensors, in the words of the reader; it is gone then.
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "the folder aside ends with it"
+)]
 pub fn keep(folder: &Path, aside: tempfile::TempDir, name: &str) -> Result<Contents, String> {
     let path = aside.path().join(name);
     let mut contents = contents(&path, name)?;

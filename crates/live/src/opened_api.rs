@@ -31,7 +31,7 @@ struct Files {
 type Answer<T> = Result<T, (StatusCode, String)>;
 
 /// `/api/opened`, and what can be done with each file there and with each recording of the lab.
-pub(crate) fn router(lab: Arc<Lab>, opened: Option<PathBuf>, recorded: Option<PathBuf>) -> Router {
+pub(crate) fn router(lab: &Arc<Lab>, opened: Option<PathBuf>, recorded: Option<PathBuf>) -> Router {
     let files = |folder: Option<PathBuf>, is_recorded| Files {
         lab: lab.clone(),
         folder: folder.map(Arc::new),

@@ -177,7 +177,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let handles: Vec<Handle<SocketAddr>> = (0..3).map(|_| Handle::new()).collect();
     let opened = config.recordings.is_some();
     let opened = opened.then(|| config.data_dir.join("opened"));
-    let opened = opened_api::router(lab.clone(), opened, config.recordings.clone());
+    let opened = opened_api::router(&lab, opened, config.recordings.clone());
     let files = recordings_api::router(config.recordings.clone()).merge(opened);
     let router = lab_api::router(api.clone(), files.clone());
     let router = guarded(router, "http", port[0], None, true);
