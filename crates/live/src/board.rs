@@ -158,7 +158,7 @@ mod tests {
             // The smallest error of all, and a covariance that promises far too little of it.
             row("boaster", Some(Overconfident), 0.01, [3.0, 3.0]),
             row("shy", Some(Conservative), 0.02, [3.0, 3.0]),
-            row("honest", Some(Consistent), 2.5, [3.1, 2.9]),
+            row("consistent", Some(Consistent), 2.5, [3.1, 2.9]),
             // Its error fits, its R does not: by a factor of 2, in either direction alike.
             row("large", Some(Consistent), 0.1, [6.0, 3.0]),
             row("small", Some(Consistent), 0.1, [3.0, 1.5]),
@@ -166,7 +166,7 @@ mod tests {
         ];
         let board = standings(&rows);
         let expected = [
-            (1, "honest"),
+            (1, "consistent"),
             (2, "large"),
             (2, "small"),
             (4, "shy"),
