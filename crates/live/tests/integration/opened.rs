@@ -20,10 +20,14 @@ fn csv(seconds: f64) -> Vec<u8> {
     let events: Vec<Event> = phone.unwrap().events().collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("walk.csv");
+    let metadata = Metadata {
+        name: "walk".to_owned(),
+        ..Metadata::default()
+    };
     let mut kinds: Vec<SensorKind> = events.iter().map(|e| e.sample.kind()).collect();
     kinds.sort();
     kinds.dedup();
-    let mut writer = CsvWriter::create(&path, &Metadata::default(), &kinds, false).unwrap();
+    let mut writer = CsvWriter::create(&path, &metadata, &kinds, false).unwrap();
     for event in &events {
         writer.write(event).unwrap();
     }
@@ -143,12 +147,12 @@ fn what_is_no_recording_is_refused_in_the_readers_words_and_not_kept() {
         ("..", b"hello", "no name"),
         (
             "bad.csv",
-            b"time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s\n0,0,zero,0\n",
+            b"t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s\n0,0,zero,0\n",
             "line 2",
         ),
         (
             "still.csv",
-            b"time_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2\n0,0,0,9.8\n0.01,0,0,9.8\n",
+            b"t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2\n0,0,0,9.8\n0.01,0,0,9.8\n",
             "gyroscope",
         ),
     ] {

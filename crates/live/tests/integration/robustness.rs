@@ -149,7 +149,7 @@ fn a_head_that_drips_is_given_up() {
 #[test]
 fn nobody_is_a_device_of_the_labs_own() {
     let lab = TestLab::start();
-    for id in ["virtual-1", "replay-walk"] {
+    for id in ["virtual-1", "replay-walk", "file-walk"] {
         let answer = lab.upload(&batch(id, "s", 0, &[]));
         assert_eq!(answer.status, 400, "{id}");
         assert!(answer.text().contains("kept for the lab's own devices"));
