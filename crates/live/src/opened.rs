@@ -378,7 +378,8 @@ mod tests {
     #[test]
     fn a_file_of_the_same_name_is_kept_beside_the_first() {
         let folder = tempfile::tempdir().unwrap();
-        let text = "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s\n0,0.1,0,0\n0.01,0.1,0,0\n0.02,0.1,0,0\n";
+        let text =
+            "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s\n0,0.1,0,0\n0.01,0.1,0,0\n0.02,0.1,0,0\n";
         let mut names = Vec::new();
         for _ in 0..3 {
             let (aside, mut file) = begin(folder.path(), "walk.csv").unwrap();
