@@ -121,7 +121,7 @@ await suite(async () => {
     await until("three", async () => (await lab.status()).devices.filter((d) => d.is_experimenting).length === 3);
     await page.getByRole("button", { name: "Stop all" }).click();
     await until("none", async () => (await lab.status()).devices.every((d) => !d.is_experimenting));
-    assert.match(await page.locator(".told p").textContent(), /^4 stopped\./);
+    await until("told", async () => /^4 stopped\./.test(await page.locator(".told p").textContent()));
   });
 
   await test("the page had nothing to complain about", () => assert.deepEqual(view.complaints, []));
