@@ -147,7 +147,7 @@ mod tests {
         for _ in 0..3 {
             virtual_phones::add(&lab, VirtualPhoneConfig::default(), None).unwrap();
         }
-        lab.device("locked", "Ada's phone", "page").unwrap();
+        lab.device("locked", "Ada's phone", "phyphox").unwrap();
         until(&lab, |lab| {
             lab.statuses().iter().filter(|d| d.delivers).count() == 3
         })
