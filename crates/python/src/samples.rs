@@ -182,7 +182,7 @@ impl Arrays {
             && asked.magnetometer_unit.is_none()
             && options.magnetometer_calibration.is_none();
         if !is_as_it_is {
-            return estimate(&mut self.recording(), options, observer);
+            return estimate(self.recording(), options, observer);
         }
         let streams = [
             Some(&self.gyroscope),

@@ -1,5 +1,7 @@
 //! Tests of runs, calibrations and verdicts, in one program. `cargo test -p northing-evaluation --test integration MODULE::`.
 
+#![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
+
 mod allan;
 mod bounded_velocity;
 mod bounded_velocity_inputs;

@@ -1,5 +1,7 @@
 //! Tests of experiments and random worlds, in one program. `cargo test -p northing-experiments --test integration MODULE::`.
 
+#![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
+
 mod attitude_worlds;
 mod faults;
 mod ground;

@@ -1,5 +1,7 @@
 //! Tests of the lab over real sockets, in one program: `cargo test -p northing-live --all-features --test integration MODULE::`.
 
+#![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
+
 mod bad_input;
 mod inputs;
 mod lab_page;
