@@ -13,7 +13,7 @@ use crate::images::{Chip, image};
 use crate::{Board, Tick};
 
 /// Longest wait for an answer: a machine under load is slow, a board that hangs never answers.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(180);
 
 /// A board under QEMU; it ends with the value.
 #[derive(Debug)]
