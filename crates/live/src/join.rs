@@ -74,7 +74,7 @@ fn denied(denied: Denied, wrong: &str) -> Refusal {
         Denied::Wrong => refusal(StatusCode::FORBIDDEN, wrong),
         Denied::TooMany => refusal(
             StatusCode::TOO_MANY_REQUESTS,
-            "too many wrong ones were tried from here: wait a minute",
+            "too many wrong ones were tried of late: wait a minute",
         ),
         Denied::Taken => refusal(
             StatusCode::CONFLICT,
@@ -209,7 +209,7 @@ async fn teacher(
     let key = aside(&joining, move |known| {
         known.use_link(&link.token, address, Instant::now())
     });
-    let wrong = "this link is not of this lab: take the one that the program printed";
+    let wrong = "this link is not of this lab: take the one that `northing live --teacher-link` prints";
     let key = key.await?.map_err(|no| denied(no, wrong))?;
     Ok(welcome(&key, json!({})))
 }
