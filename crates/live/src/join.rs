@@ -209,7 +209,8 @@ async fn teacher(
     let key = aside(&joining, move |known| {
         known.use_link(&link.token, address, Instant::now())
     });
-    let wrong = "this link is not of this lab: take the one that `northing live --teacher-link` prints";
+    let wrong =
+        "this link is not of this lab: take the one that `northing live --teacher-link` prints";
     let key = key.await?.map_err(|no| denied(no, wrong))?;
     Ok(welcome(&key, json!({})))
 }
