@@ -1,6 +1,6 @@
 // A chart on the lab page: the instrument that reports use, too, in the page's colours and language.
 
-import { useEffect, useMemo, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useMemo, useRef } from "preact/hooks";
 import { Bar } from "../instrument/bar";
 import { Instrument } from "../instrument/instrument";
 import { Span } from "../instrument/span";
@@ -18,9 +18,12 @@ export function Chart({ spec, source, span, live }: { spec: Spec; source: Source
   const box = useRef<HTMLDivElement>(null);
   const made = useRef<Instrument | null>(null);
   const current = useRef(source);
-  current.current = source;
   const spoken = language();
-  useEffect(() => {
+  // Source and instrument change together, before any timer of the old instrument can ask the new source for curves it has not.
+  useLayoutEffect(() => {
+    current.current = source;
+  });
+  useLayoutEffect(() => {
     made.current = new Instrument({ spec, span, theme, words: instrumentWords(), source: (a, b) => current.current(a, b), ...(live ? { live } : {}) });
     box.current!.append(made.current.figure);
     made.current.refresh();

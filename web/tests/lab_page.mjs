@@ -9,7 +9,7 @@ export const numberIn = (text) => Number(text.replace("−", "-").replace(/[^\d.
 export async function openLab(browser, lab) {
   const page = await browser.newPage({ viewport: { width: 1280, height: 720 } });
   const complaints = [];
-  page.on("pageerror", (error) => complaints.push(error.message));
+  page.on("pageerror", (error) => complaints.push(error.stack ?? error.message));
   page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
   // A click may wait long on a busy computer.
   page.setDefaultTimeout(90_000);
