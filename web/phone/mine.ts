@@ -44,6 +44,8 @@ interface Result {
 }
 
 const POLL_MS = 250;
+/** A lab, or a phone, that has much to do is asked less often: at most for a third of the time. */
+const PAUSES = 2;
 const HIDDEN_POLL_MS = 2000;
 const AGAIN_MS = 1000;
 const REFUSED_MS = 10_000;
@@ -153,6 +155,7 @@ export class Mine {
 
   private async poll(): Promise<void> {
     while (this.joined) {
+      const askedMs = performance.now();
       try {
         const answer = await fetch("/api/mine", { cache: "no-store" });
         // The lab does not know the cookie, or another phone's page has it: the next batch joins again.
@@ -161,7 +164,8 @@ export class Mine {
       } catch {
         byId("mine").classList.add("old");
       }
-      await new Promise((done) => window.setTimeout(done, document.visibilityState === "hidden" ? HIDDEN_POLL_MS : POLL_MS));
+      const pauseMs = Math.max(document.visibilityState === "hidden" ? HIDDEN_POLL_MS : POLL_MS, PAUSES * (performance.now() - askedMs));
+      await new Promise((done) => window.setTimeout(done, pauseMs));
     }
   }
 
