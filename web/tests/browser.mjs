@@ -63,6 +63,10 @@ export async function test(name, body, seconds = 150) {
   }
 }
 
+let pollMs = 50;
+/** How often `until` looks: seldom where many wait at once, for looking costs, too. */
+export const lookEvery = (ms) => { pollMs = ms; };
+
 /** Waits until `check` gives something true, and returns it. */
 export async function until(what, check, seconds = 60) {
   const last = performance.now() + seconds * 1000;
@@ -75,7 +79,7 @@ export async function until(what, check, seconds = 60) {
       wrong = error;
     }
     if (value) return value;
-    await new Promise((done) => setTimeout(done, 50));
+    await new Promise((done) => setTimeout(done, pollMs));
   }
   throw new Error(`waited ${seconds} s for ${what}${wrong ? `: ${wrong.message}` : ""}`);
 }

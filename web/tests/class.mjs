@@ -11,18 +11,23 @@
 // | tokens are never in a log | no secret |
 // | killed and restarted in the middle: nothing recorded before is missing | the lab is killed |
 //
-// NORTHING_STUDENTS=30 makes the class larger.
+// NORTHING_STUDENTS=30 makes the class larger. Some work at a time, because one computer draws all their pages; what thirty phones
+// that send at once cost the lab is tested without browsers (crates/live/tests/load.rs).
 import assert from "node:assert/strict";
-import { launch, picture, screenshots, suite, test, until } from "./browser.mjs";
+import { cpus } from "node:os";
+import { atTheEnd, launch, lookEvery, picture, screenshots, suite, test, until } from "./browser.mjs";
 import { join } from "node:path";
-import { numberIn } from "./lab_page.mjs";
+import { mainThread, numberIn } from "./lab_page.mjs";
 import { startLab } from "./program.mjs";
-import { asInSafari, Hand, phone } from "./scripted_phone.mjs";
+import { asInSafari, GENERIC_SENSORS, Hand, phone } from "./scripted_phone.mjs";
 
 const STUDENTS = Number(process.env.NORTHING_STUDENTS ?? 3);
-/** Sensors of a large class come less often: the browsers of all share one computer. */
-const EVERY_MS = Math.max(15, 4 * STUDENTS);
-const PATIENCE_S = 60 + 10 * STUDENTS;
+/** So many work at the same time, in a browser of their own: one computer draws all pages. The others' browsers stand still. */
+const AT_ONCE = Math.min(STUDENTS, 2 * cpus().length);
+/** Sensors of many come less often. */
+const EVERY_MS = STUDENTS > AT_ONCE ? 40 : 15;
+const PATIENCE_S = 60 + 10 * AT_ONCE;
+const WAVES = Math.ceil(STUDENTS / AT_ONCE);
 const FIRST_RESULT_S = 180;
 const BIAS = (0.5 * Math.PI) / 180;
 const deg = (text) => numberIn(text);
@@ -37,6 +42,7 @@ function eyes({ page }) {
     rest: () => page.locator("#rest-said").textContent(),
     row: async (name) => (await page.locator("#rest tr", { hasText: name }).locator("td").allTextContents()).map(deg),
     result: async (name) => deg(await page.locator("#result dt", { hasText: name }).locator("xpath=following-sibling::dd[1]").textContent()),
+    moved: async () => /No error could be calculated/.test(await page.locator("#result").textContent()),
     title: () => page.locator("#result h3").textContent(),
   };
 }
@@ -45,13 +51,13 @@ function eyes({ page }) {
 async function comesIn(browser, lab, k) {
   const begun = performance.now();
   const hand = new Hand([0, 0, k % 2 ? BIAS : 0]);
-  const device = await phone(browser, lab.phoneUrl(), hand, { everyMs: EVERY_MS, ...(k === 0 ? { init: asInSafari } : {}) });
+  const device = await phone(browser, lab.phoneUrl(), hand, { everyMs: EVERY_MS, reducedMotion: "reduce", ...(k === 0 ? { init: asInSafari } : { sensors: GENERIC_SENSORS }) });
   device.page.setDefaultTimeout(PATIENCE_S * 1000);
   const complaints = [];
   device.page.on("pageerror", (error) => complaints.push(error.message));
   await device.start(`Student ${k + 1}`);
   await until(`what student ${k + 1} sees`, async () => (await device.page.locator("#mine").isVisible()) && (await device.page.locator("#calibrate").isEnabled()), PATIENCE_S);
-  return { ...device, ...eyes(device), name: `Student ${k + 1}`, hand, begun, complaints, bias: k % 2 ? 0.5 : 0 };
+  return { ...device, ...eyes(device), name: `Student ${k + 1}`, hand, begun, complaints, experiments: 0, bias: k % 2 ? 0.5 : 0 };
 }
 
 /** Steps (4) to (6): at rest, calibrates, looks at the numbers, chooses Q and R. */
@@ -72,8 +78,7 @@ async function calibrates(student) {
   }
 }
 
-/** Steps (7) to (11): starts, turns the phone, watches it, brings it back, reads the errors. A busy computer takes long: it ends by hand. */
-async function experiments(student, degrees) {
+async function oneExperiment(student, degrees) {
   const left = async () => Number(/\d+/.exec(await student.page.locator("#left").textContent())?.[0] ?? 120);
   const rests = async (s) => {
     const from = await left();
@@ -88,54 +93,107 @@ async function experiments(student, degrees) {
   student.hand.turn(degrees, 2);
   await until(`${student.name}'s turn`, () => student.hand.rests, PATIENCE_S);
   await until(`${student.name} sees it`, async () => Math.abs((await student.angles())[1] - degrees) < 3, PATIENCE_S);
-  assert.ok((await student.sigmas()).every((v) => v > 0 && v < 60), `${await student.sigmas()}`);
+  // Where many share a computer samples are missing, and the estimate says so.
+  assert.ok((await student.sigmas()).every((v) => v > 0 && (v < 60 || WAVES > 1)), `${await student.sigmas()}`);
   student.hand.turn(0, 2);
   await until(`${student.name}'s return`, () => student.hand.rests, PATIENCE_S);
   await rests(5);
   await student.page.click("#stop");
   await until(`${student.name}'s result`, async () => (await student.page.locator("#result h3").count()) && (await student.title()) !== before, PATIENCE_S);
+}
+
+/** Steps (7) to (11): starts, turns the phone, watches it, brings it back, reads the errors. A busy computer takes long: it ends by hand. */
+async function experiments(student, degrees) {
+  // Too few samples of a busy computer are no rest: the page says so, and it is done again.
+  let tries = 0;
+  do await oneExperiment(student, degrees); while (++tries < 4 && (await student.moved()));
   student.took_s ??= (performance.now() - student.begun) / 1000;
+  student.experiments += tries;
   // Back where it lay: as near as the filter itself expects. Without a magnetometer the heading is known to degrees.
   const [calculated, estimated] = [await student.result("Calculated error"), await student.result("Estimated error")];
+  student.shown = calculated;
   assert.ok(estimated > 0 && calculated < Math.max(1.5, 3 * estimated), `${student.name}: ${calculated}, expected ${estimated}`);
   assert.ok((await student.result("Integration alone")) >= 0);
 }
 
+/** Students with one browser, which stands still while others work: a phone in a pocket. */
+class Group {
+  students = [];
+
+  static async start() {
+    const group = new Group();
+    group.browser = await launch();
+    group.session = await group.browser.newBrowserCDPSession();
+    return group;
+  }
+
+  async atWork(work) {
+    await this.goOn();
+    // What stands still cannot be closed; the newest ending comes first.
+    atTheEnd(() => this.goOn());
+    await work();
+    if (STUDENTS > AT_ONCE) await this.standStill();
+  }
+
+  async standStill() {
+    this.processes = (await this.session.send("SystemInfo.getProcessInfo")).processInfo.map(({ id }) => id);
+    for (const id of this.processes) process.kill(id, "SIGSTOP");
+  }
+
+  async goOn() {
+    for (const id of this.processes ?? []) process.kill(id, "SIGCONT");
+    this.processes = [];
+  }
+}
+
 await suite(async () => {
   const more = ["--teacher-link"];
+  lookEvery(20 * STUDENTS);
   let lab = await startLab({ more });
   const browser = await launch();
-  let students = [];
+  const students = [], groups = [];
   /** Every address that a phone asked for, as it is sent. */
   const addresses = [];
-  const all = (work) => Promise.all(students.map(work));
+  const made = () => students.reduce((sum, student) => sum + student.experiments, 0);
+  /** Every student does it, group by group. */
+  const inTurn = async (work) => {
+    for (const group of groups) await group.atWork(() => Promise.all(group.students.map(work)));
+  };
 
   await test(`every one of ${STUDENTS} students comes in, calibrates, and has a result of its own`, async () => {
-    students = await Promise.all(Array.from({ length: STUDENTS }, (_, k) => comesIn(browser, lab, k)));
-    for (const { page } of students) page.on("request", (request) => addresses.push(request.url()));
-    await until("lamps", async () => (await students[0].lamps()).length >= 2, PATIENCE_S);
-    await picture(students[0].page, "class-phone-joined");
-    await all(calibrates);
-    await all((student) => experiments(student, 45));
+    for (let k = 0; k < STUDENTS; k += AT_ONCE) {
+      const group = await Group.start();
+      groups.push(group);
+      await group.atWork(async () => {
+        group.students = await Promise.all(Array.from({ length: Math.min(AT_ONCE, STUDENTS - k) }, (_, i) => comesIn(group.browser, lab, k + i)));
+        students.push(...group.students);
+        for (const { page } of group.students) page.on("request", (request) => addresses.push(request.url()));
+        await until("lamps", async () => (await group.students[0].lamps()).length >= 2, PATIENCE_S);
+        if (k === 0) await picture(students[0].page, "class-phone-joined");
+        await Promise.all(group.students.map(calibrates));
+        await Promise.all(group.students.map((student) => experiments(student, 45)));
+      });
+    }
+    await groups[0].goOn();
     const slowest = Math.max(...students.map((s) => s.took_s));
     console.log(`        the first result of the slowest student after ${slowest.toFixed(0)} s`);
     assert.ok(slowest < FIRST_RESULT_S, `${slowest} s`);
     await students[1].page.screenshot({ path: join(screenshots, "class-phone-whole.png"), fullPage: true });
     // Nobody has another's numbers.
     const { experiments: rows, devices } = await lab.status();
-    assert.equal(rows.length, STUDENTS);
+    assert.equal(rows.length, made());
     assert.deepEqual(new Set(rows.map((row) => row.device_id)).size, STUDENTS);
     assert.equal(devices.length, STUDENTS);
     for (const student of students) {
-      const row = rows.find((r) => r.device === student.name);
-      assert.equal(await student.result("Calculated error"), Number(row.results[row.subject].calculated_error_deg.toFixed(2)));
+      const row = rows.findLast((r) => r.device === student.name);
+      assert.equal(student.shown, Number(row.results[row.subject].calculated_error_deg.toFixed(2)));
     }
     // The report opens on the phone itself.
     const [report] = await Promise.all([students[1].page.context().waitForEvent("page"), students[1].page.locator("#result a").first().click()]);
     await report.locator("h1").first().waitFor();
     await report.close();
     assert.equal(await students[1].page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), true);
-  }, 60 + 8 * PATIENCE_S);
+  }, 60 + 8 * WAVES * PATIENCE_S);
 
   await test("the lab is killed and started again: phones go on by themselves, and nothing is missing", async () => {
     const before = await lab.status();
@@ -143,14 +201,17 @@ await suite(async () => {
     await lab.kill();
     await until("a phone to notice", async () => !(await students[0].state()).startsWith("Sending"), PATIENCE_S);
     lab = await startLab({ port, data: folder, more });
-    await all((student) => until(`${student.name} sends again`, async () => (await student.state()).startsWith("Sending") && (await student.page.locator("#run").isEnabled()), PATIENCE_S));
     const after = await lab.status();
     const facts = ({ experiments: rows }) => rows.map((row) => [row.id, row.name, row.device, row.results]).sort();
     assert.deepEqual(facts(after), facts(before));
-    for (const student of students) assert.equal(await student.rest(), "In force");
-    await all((student) => experiments(student, 30));
-    assert.equal((await lab.status()).experiments.length, 2 * STUDENTS);
-  }, 60 + 6 * PATIENCE_S);
+    await inTurn(async (student) => {
+      await until(`${student.name} sends again`, async () => (await student.state()).startsWith("Sending") && (await student.page.locator("#run").isEnabled()), PATIENCE_S);
+      assert.equal(await student.rest(), "In force");
+      await experiments(student, 30);
+    });
+    await groups[0].goOn();
+    assert.equal((await lab.status()).experiments.length, made());
+  }, 60 + 6 * WAVES * PATIENCE_S);
 
   await test("a laptop shows one phone with its code, and a code works once", async () => {
     const student = students[1];
@@ -201,23 +262,28 @@ await suite(async () => {
     assert.ok(!page.url().includes("#"), "the token is out of the address");
     await page.locator("label.rate select").selectOption("5");
     await page.getByRole("tab", { name: "Experiments" }).click();
-    await until("every result", async () => (await page.locator(".experiments tbody tr").count()) === 2 * STUDENTS, PATIENCE_S);
+    await until("every result", async () => (await page.locator(".experiments tbody tr").count()) === made(), PATIENCE_S);
     await picture(page, "class-teacher");
+    await page.getByRole("button", { name: "Wall", exact: true }).click();
+    await until("the wall's results", async () => (await page.locator(".board tbody tr").count()) === STUDENTS, PATIENCE_S);
+    const load = await mainThread(page, 10);
+    console.log(`        wall of ${STUDENTS} at 5 frames/s: scripts ${(100 * load.script).toFixed(0)} % of the main thread, all of its tasks ${(100 * load.tasks).toFixed(0)} %`);
+    await picture(page, "class-wall");
     await context.close();
   }, 2 * PATIENCE_S);
 
   await test("no secret is in what the program printed, or in an address", async () => {
     const printed = JSON.stringify(lab.events);
     assert.ok(printed.length > 100);
-    for (const { page } of students) {
+    await inTurn(async ({ page }) => {
       const [key] = await page.context().cookies();
       assert.ok(key.name === "__Host-northing" && key.secure && key.httpOnly && key.sameSite === "Strict", JSON.stringify({ ...key, value: "" }));
       const secret = await page.evaluate(() => localStorage.getItem("northing-secret"));
       assert.ok(key.value.length === 22 && secret.length >= 20 && key.value !== secret);
       for (const text of [key.value, secret]) assert.ok(!printed.includes(text) && !addresses.join().includes(text));
-    }
+    });
     assert.ok(addresses.length > 100 && !addresses.some((url) => url.includes(lab.token)));
   });
 
   await test("no phone page met an error", () => assert.deepEqual(students.flatMap((s) => s.complaints), []));
-}, 240 + 40 * PATIENCE_S);
+}, 240 + 40 * WAVES * PATIENCE_S);

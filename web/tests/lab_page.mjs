@@ -64,3 +64,14 @@ export async function openLab(browser, lab) {
   };
   return self;
 }
+
+/** What part of the time the page's main thread runs scripts, and is busy at all, over some seconds. */
+export async function mainThread(page, seconds) {
+  const cdp = await page.context().newCDPSession(page);
+  await cdp.send("Performance.enable");
+  const now = async () => Object.fromEntries((await cdp.send("Performance.getMetrics")).metrics.map(({ name, value }) => [name, value]));
+  const before = await now();
+  await page.waitForTimeout(1000 * seconds);
+  const after = await now(), share = (name) => (after[name] - before[name]) / (after.Timestamp - before.Timestamp);
+  return { script: share("ScriptDuration"), tasks: share("TaskDuration") };
+}

@@ -1,6 +1,8 @@
 // A phone whose sensors follow a script: a real page, fed through the DevTools protocol.
 import { atTheEnd } from "./browser.mjs";
 
+/** The sensors that a page needs which has the sensor interface. */
+export const GENERIC_SENSORS = ["accelerometer", "gyroscope", "absolute-orientation", "magnetometer"];
 const SENSORS = ["accelerometer", "linear-acceleration", "gravity", "gyroscope", "absolute-orientation", "relative-orientation", "magnetometer"];
 const G = 9.81, FIELD = [22, -42];
 const TURN_S = 0.1;
@@ -58,9 +60,12 @@ export class Hand {
   /** The readings at `t` seconds: specific force (m/s²), rate (rad/s), field (µT), attitude (x, y, z, w). */
   readings(t) {
     this.#now = t;
-    if (this.#at !== null) this.angle += this.#rate * (t - this.#at);
+    const passed = this.#at === null ? 0 : t - this.#at;
+    this.angle += this.#rate * passed;
     this.#at = t;
-    this.#rate = (this.#wanted(t + TURN_S) - this.angle) / TURN_S;
+    // As far ahead as the next step will be late: a hand that looks less far swings.
+    const ahead = Math.max(TURN_S, 1.5 * passed);
+    this.#rate = (this.#wanted(t + ahead) - this.angle) / ahead;
     // The last hundredth of a degree at once, so that rest is rest.
     if (t > this.#begun + this.#lasts && Math.abs(this.#to - this.angle) < 2e-4) {
       this.#rate = 0;
@@ -89,15 +94,16 @@ function countReadings() {
 
 /**
  * A page at `url` in a phone's window, whose sensors follow `hand`. Overrides come before the page: a page that
- * already listens gets nothing. `init` runs in the page before anything else.
+ * already listens gets nothing. `init` runs in the page before anything else. `sensors` are those that are fed.
  */
-export async function phone(browser, url, hand = new Hand(), { init, everyMs = 15, locale } = {}) {
-  const context = await browser.newContext({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, ignoreHTTPSErrors: true, ...(locale ? { locale } : {}) });
+export async function phone(browser, url, hand = new Hand(), { init, everyMs = 15, locale, sensors = SENSORS, reducedMotion = null } = {}) {
+  const context = await browser.newContext({ reducedMotion, viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, ignoreHTTPSErrors: true, ...(locale ? { locale } : {}) });
   const page = await context.newPage();
+  if (process.env.PHONE_DIST) await page.route(/phone\.(js|css)$/, (route) => route.fulfill({ path: process.env.PHONE_DIST + "/" + new URL(route.request().url()).pathname.split("/").pop() }));
   await page.addInitScript(countReadings);
   if (init) await page.addInitScript(init);
   const cdp = await context.newCDPSession(page);
-  for (const type of SENSORS) await cdp.send("Emulation.setSensorOverrideEnabled", { enabled: true, type, metadata: { available: true, minimumFrequency: 1, maximumFrequency: 60 } });
+  for (const type of sensors) await cdp.send("Emulation.setSensorOverrideEnabled", { enabled: true, type, metadata: { available: true, minimumFrequency: 1, maximumFrequency: Math.min(60, Math.ceil(1500 / everyMs)) } });
   await page.goto(url);
   const started = performance.now();
   let stopped = false, feeding = null;
@@ -107,7 +113,7 @@ export async function phone(browser, url, hand = new Hand(), { init, everyMs = 1
       const xyz = ([x, y, z]) => ({ xyz: { x, y, z } });
       const quaternion = { quaternion: { x: attitude[0], y: attitude[1], z: attitude[2], w: attitude[3] } };
       const readings = { accelerometer: xyz(force), "linear-acceleration": xyz([0, 0, 0]), gravity: xyz(force), gyroscope: xyz(rate), magnetometer: xyz(field), "absolute-orientation": quaternion, "relative-orientation": quaternion };
-      await Promise.all(Object.entries(readings).map(([type, reading]) => cdp.send("Emulation.setSensorOverrideReadings", { type, reading }).catch(() => undefined)));
+      await Promise.all(sensors.map((type) => cdp.send("Emulation.setSensorOverrideReadings", { type, reading: readings[type] }).catch(() => undefined)));
       await new Promise((done) => setTimeout(done, everyMs));
     }
   };
