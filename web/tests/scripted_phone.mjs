@@ -99,7 +99,6 @@ function countReadings() {
 export async function phone(browser, url, hand = new Hand(), { init, everyMs = 15, locale, sensors = SENSORS, reducedMotion = null } = {}) {
   const context = await browser.newContext({ reducedMotion, viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, ignoreHTTPSErrors: true, ...(locale ? { locale } : {}) });
   const page = await context.newPage();
-  if (process.env.PHONE_DIST) await page.route(/phone\.(js|css)$/, (route) => route.fulfill({ path: process.env.PHONE_DIST + "/" + new URL(route.request().url()).pathname.split("/").pop() }));
   await page.addInitScript(countReadings);
   if (init) await page.addInitScript(init);
   const cdp = await context.newCDPSession(page);
