@@ -14,7 +14,7 @@ use northing_recording::atomic_file::write_whole;
 use crate::arguments::exercise::{card, language};
 use crate::files::output::{check_free, print, print_json};
 use crate::interrupt;
-use hand_ins::{Class, find};
+use hand_ins::{Grading, find};
 
 /// Arguments of `grade`.
 #[derive(Debug, Args)]
@@ -58,26 +58,27 @@ pub(crate) fn execute(args: &GradeArgs) -> Result<()> {
         check_free(out, args.force)?;
     }
     let found = find(&args.paths)?;
-    let class = Class::judged(found, args.card);
+    let grading = Grading::judged(found, args.card);
     if interrupt::happened() {
         bail!("interrupted");
     }
+    let class = &grading.class;
     if class.hand_ins.is_empty() {
-        return Err(class.failure().unwrap_or_else(|| nothing_left(args.card)));
+        return Err(grading.failure().unwrap_or_else(|| nothing_left(args.card)));
     }
     if let Some(out) = &args.out {
-        write_whole(out, &table::csv(&class, args.language)?, args.force)?;
+        write_whole(out, &class.csv(args.language)?, args.force)?;
     }
     if args.json {
-        print_json(&table::document(&class, args.language))?;
+        print_json(&table::document(&grading, args.language))?;
     } else {
-        let mut text = table::text(&class, args.language);
+        let mut text = table::text(&grading, args.language);
         if let Some(out) = &args.out {
             text.push_str(&format!("\nTable: {}\n", out.display()));
         }
         print(&text)?;
     }
-    class.failure().map_or(Ok(()), Err)
+    grading.failure().map_or(Ok(()), Err)
 }
 
 /// Every hand-in is of another card.

@@ -10,10 +10,9 @@ use northing_evaluation::attitude::alterations::Alterations;
 use northing_evaluation::attitude::runner::run;
 use northing_evaluation::attitude::setup::RunSetup;
 use northing_evaluation::attitude::{Calibrations, RunOptions};
+use northing_evaluation::exercises::answers::{checked, student};
 use northing_evaluation::exercises::words::{Language, text};
-use northing_evaluation::exercises::{
-    Answers, Card, HandIn, Judgement, Question, QuestionKind, number,
-};
+use northing_evaluation::exercises::{Answers, Card, HandIn, Judged};
 use northing_recording::atomic_file::write_whole;
 use northing_recording::{Event, Metadata};
 
@@ -94,15 +93,10 @@ pub(crate) struct HandInArgs {
 
 /// Makes it.
 pub(crate) fn execute(args: &HandInArgs) -> Result<()> {
-    let student = args.student.trim();
-    if student.is_empty() {
-        bail!("--student: expected a name");
-    }
+    let student = student(&args.student).map_err(|problem| anyhow!("--student: {problem}"))?;
     let answers = answers(args.card, &args.answers)?;
-    let out = args
-        .out
-        .clone()
-        .unwrap_or_else(|| name_of(args.card, student));
+    let default = || format!("{}.zip", HandIn::name_of(args.card, &student)).into();
+    let out: PathBuf = args.out.clone().unwrap_or_else(default);
     check_not_input(&out, &args.recording)?;
     check_free(&out, args.force)?;
     let asked = asked(args)?;
@@ -113,7 +107,7 @@ pub(crate) fn execute(args: &HandInArgs) -> Result<()> {
     let name = shown(&args.recording);
     let options = options(asked, &metadata, &events).with_context(|| name.clone())?;
     let hand_in = HandIn {
-        student: student.to_owned(),
+        student,
         card: args.card,
         at: now(),
         answers,
@@ -123,28 +117,24 @@ pub(crate) fn execute(args: &HandInArgs) -> Result<()> {
         world_frame: metadata.world_frame,
         events,
     };
-    let judgement = hand_in.judge().with_context(|| name.clone())?;
-    let bytes = hand_in.to_bytes().with_context(|| name)?;
+    let (bytes, judged) = hand_in.sealed().with_context(|| name)?;
     write_whole(&out, &bytes, args.force)?;
     if args.json {
-        return print_json(&judgement);
+        return print_json(&judged.judgement);
     }
-    print(&describe(args, student, &judgement, &out.display()))
+    print(&describe(args, &judged, &out.display()))
 }
 
-fn describe(
-    args: &HandInArgs,
-    student: &str,
-    judgement: &Judgement,
-    out: &dyn std::fmt::Display,
-) -> String {
+fn describe(args: &HandInArgs, judged: &Judged, out: &dyn std::fmt::Display) -> String {
+    let judgement = &judged.judgement;
     let title = text(&format!("card.{}.title", args.card.name()), args.language);
     let outcome = match judgement.passed {
         true => "It passes.",
         false => "It does not pass.",
     };
     format!(
-        "{title}: {student}\n\n{}\n{outcome} Hand in this file: {out}\n",
+        "{title}: {}\n\n{}\n{outcome} Hand in this file: {out}\n",
+        judged.student,
         reasons(judgement, args.language)
     )
 }
@@ -170,12 +160,7 @@ fn asked(args: &HandInArgs) -> Result<Asked> {
             "--align-reference has no effect on a hand-in: no card is judged by a reference; leave it out"
         );
     }
-    if matches!(asked.run.estimator, EstimatorKind::Own(_)) {
-        let own = asked.run.estimator;
-        bail!(
-            "`{own}` cannot be handed in: whoever judges it does not have it; choose one of `northing estimators`"
-        );
-    }
+    HandIn::check_estimator(asked.run.estimator)?;
     Ok(asked)
 }
 
@@ -197,69 +182,18 @@ fn options(asked: Asked, metadata: &Metadata, events: &[Event]) -> Result<RunOpt
 
 /// The answers by their questions, each of which has one.
 fn answers(card: Card, given: &[String]) -> Result<Answers> {
-    let questions = card.questions();
-    let mut answers = Answers::new();
-    for text in given {
-        let (name, value) = text
+    let split = |text: &'_ String| {
+        let pair = text
             .split_once('=')
-            .ok_or_else(|| anyhow!("--answer {text}: expected QUESTION=ANSWER"))?;
-        let (name, value) = (name.trim(), value.trim());
-        let question = questions.iter().find(|question| question.name == name);
-        let Some(question) = question else {
-            bail!("--answer {text}: {}", expected(card));
-        };
-        check(question, value).with_context(|| format!("--answer {text}"))?;
-        if answers.insert(name.to_owned(), value.to_owned()).is_some() {
-            bail!("--answer {name}: it is answered twice; keep one");
-        }
-    }
-    let missing = questions
+            .map(|(a, b)| (a.to_owned(), b.to_owned()));
+        pair.ok_or_else(|| anyhow!("--answer {text}: expected QUESTION=ANSWER"))
+    };
+    let pairs: Vec<(String, String)> = given.iter().map(split).collect::<Result<_>>()?;
+    let pairs = pairs
         .iter()
-        .find(|question| !answers.contains_key(question.name));
-    match missing {
-        Some(question) => bail!(
-            "--answer {}=... is missing: {}",
-            question.name,
-            expected(card)
-        ),
-        None => Ok(answers),
-    }
-}
-
-/// What a card asks for, in a sentence.
-fn expected(card: Card) -> String {
-    let names: Vec<&str> = card
-        .questions()
-        .iter()
-        .map(|question| question.name)
-        .collect();
-    let name = card.name();
-    match names.is_empty() {
-        true => format!("`{name}` has no questions; leave it out"),
-        false => format!(
-            "`{name}` asks for {} (northing exercises {name})",
-            names.join(", ")
-        ),
-    }
-}
-
-fn check(question: &Question, value: &str) -> Result<()> {
-    match question.kind {
-        QuestionKind::Number if number(value).is_none() => {
-            bail!("expected a number in {}", question.unit)
-        }
-        QuestionKind::Choice if !question.choices.contains(&value) => {
-            bail!("expected one of: {}", question.choices.join(", "))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// The file of a student who names none: no letter in it that a file system or a shell minds.
-fn name_of(card: Card, student: &str) -> PathBuf {
-    let plain = |c: char| if c.is_alphanumeric() { c } else { '-' };
-    let student: String = student.chars().take(40).map(plain).collect();
-    format!("{}-{}.zip", card.name(), student.to_lowercase()).into()
+        .map(|(name, value)| (name.as_str(), value.as_str()));
+    checked(card, pairs)
+        .map_err(|error| anyhow!("--answer {error} (northing exercises {})", card.name()))
 }
 
 /// The time of day, UTC.

@@ -14,16 +14,3 @@ pub(crate) fn reasons(judgement: &Judgement, language: Language) -> String {
     };
     judgement.reasons.iter().map(one).collect()
 }
-
-/// What decided: the reason that does not hold, or the last of those that do.
-pub(crate) fn decisive(judgement: &Judgement, language: Language) -> String {
-    let reason = judgement.failure().or(judgement.reasons.last());
-    reason.map_or_else(String::new, |reason| words::reason(reason, language))
-}
-
-/// Every reason in one sentence after the other.
-pub(crate) fn sentences(judgement: &Judgement, language: Language) -> String {
-    let sentences = judgement.reasons.iter();
-    let sentences: Vec<String> = sentences.map(|r| words::reason(r, language)).collect();
-    sentences.join(" ")
-}

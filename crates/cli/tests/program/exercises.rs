@@ -255,7 +255,7 @@ fn a_card_asks_and_what_does_not_answer_it_is_refused() {
     };
     contains(
         &refuses(&["axis=yaw"]),
-        &["--answer why=... is missing", "axis, why"],
+        &["--answer why: it is not answered", "axis, why"],
     );
     contains(
         &refuses(&["axis=north"]),

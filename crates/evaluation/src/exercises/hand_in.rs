@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use super::answers::{LONGEST, line};
 use super::cards::Card;
 use super::judgement::Judgement;
 use super::work::{Answers, Start, Work};
@@ -28,8 +29,6 @@ const FORMAT: &str = "northing-hand-in";
 const VERSION: u32 = 1;
 /// No part of a hand-in is larger, bytes: an hour of a fast phone.
 const LARGEST: u64 = 256 << 20;
-/// Names and answers are no longer, characters.
-const LONGEST_NAME: usize = 80;
 /// Nor its facts.
 const LARGEST_FACTS: u64 = 4 << 20;
 
@@ -132,13 +131,49 @@ impl HandIn {
         }))
     }
 
+    /// What its file is called, without the ending: no letter in it that a file system or a shell minds.
+    #[must_use]
+    pub fn name_of(card: Card, student: &str) -> String {
+        let plain = |c: char| if c.is_alphanumeric() { c } else { '-' };
+        let student: String = student.chars().take(40).map(plain).collect();
+        format!("{}-{}", card.name(), student.to_lowercase())
+    }
+
+    /// Whether whoever judges it has its estimator.
+    ///
+    /// # Errors
+    /// It is one that somebody brought along, in a sentence.
+    pub fn check_estimator(kind: EstimatorKind) -> Result<(), HandInError> {
+        match kind {
+            EstimatorKind::Own(_) => Err(HandInError(format!(
+                "`{kind}` cannot be handed in: whoever judges it does not have it; take an estimator of the program"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     /// The file.
     ///
     /// # Errors
     /// It cannot be judged or written.
     pub fn to_bytes(&self) -> Result<Vec<u8>, HandInError> {
-        let failed = |error: &dyn std::fmt::Display| HandInError::new(error.to_string());
+        self.sealed().map(|(bytes, _)| bytes)
+    }
+
+    /// Judges it: the file, and what whoever reads it finds.
+    ///
+    /// # Errors
+    /// It cannot be judged or written.
+    pub fn sealed(&self) -> Result<(Vec<u8>, Judged), HandInError> {
         let samples = events::encode(&self.events);
+        let judged = Judged {
+            student: line(&self.student, LONGEST),
+            card: self.card,
+            at: line(&self.at, LONGEST),
+            judgement: self.judge()?,
+            as_claimed: true,
+            samples: fingerprint(&samples),
+        };
         let facts = Facts {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -151,15 +186,20 @@ impl HandIn {
             starts: self.starts.clone(),
             alterations: self.alterations,
             world_frame: self.world_frame,
-            samples: fingerprint(&samples),
-            judgement: self.judge()?,
+            samples: judged.samples.clone(),
+            judgement: judged.judgement.clone(),
         };
+        Ok((self.zipped(&facts, samples)?, judged))
+    }
+
+    fn zipped(&self, facts: &Facts, samples: Vec<u8>) -> Result<Vec<u8>, HandInError> {
+        let failed = |error: &dyn std::fmt::Display| HandInError::new(error.to_string());
         let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
         let parts = [
             (
                 FACTS,
-                serde_json::to_vec_pretty(&facts).map_err(|e| failed(&e))?,
+                serde_json::to_vec_pretty(facts).map_err(|e| failed(&e))?,
             ),
             (SAMPLES, samples),
             (TABLE, self.table()?),
@@ -223,13 +263,13 @@ impl HandIn {
         let events = events::decode(&samples)
             .map_err(|error| HandInError::new(format!("{SAMPLES}: {error}")))?;
         let read = Self {
-            student: line(&facts.student, LONGEST_NAME),
+            student: line(&facts.student, LONGEST),
             card: facts.card,
-            at: line(&facts.at, LONGEST_NAME),
+            at: line(&facts.at, LONGEST),
             answers: facts
                 .answers
                 .iter()
-                .map(|(name, text)| (line(name, LONGEST_NAME), line(text, LONGEST_NAME)))
+                .map(|(name, text)| (line(name, LONGEST), line(text, LONGEST)))
                 .collect(),
             setup: facts.setup,
             starts: facts.starts,
@@ -270,14 +310,6 @@ fn part(
     Ok(bytes)
 }
 
-/// Text of a stranger on one line that a terminal can show, of at most so many characters.
-fn line(text: &str, most: usize) -> String {
-    let words: Vec<&str> = text.split_whitespace().collect();
-    let shown = words.join(" ");
-    let shown = shown.chars().filter(|c| !c.is_control());
-    shown.take(most).collect()
-}
-
 /// What tells these samples from all others: a hash of their bytes.
 fn fingerprint(bytes: &[u8]) -> String {
     use sha2::Digest as _;
@@ -286,8 +318,7 @@ fn fingerprint(bytes: &[u8]) -> String {
 }
 
 /// The same samples from two people, by what tells samples apart.
-#[must_use]
-pub fn shared(judged: &[Judged]) -> BTreeMap<&str, Vec<&str>> {
+pub(super) fn shared(judged: &[Judged]) -> BTreeMap<&str, Vec<&str>> {
     let mut by_samples: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for one in judged {
         let students = by_samples.entry(&one.samples).or_default();

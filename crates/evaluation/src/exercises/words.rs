@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use super::judgement::Reason;
+use super::judgement::{Judgement, Reason};
 
 const CATALOGUE: &str = include_str!("../../../../web/words/course.json");
 
@@ -52,4 +52,19 @@ pub fn reason(reason: &Reason, language: Language) -> String {
         sentence = sentence.replace(&format!("{{{name}}}"), shown);
     }
     sentence
+}
+
+/// What decided: the reason that does not hold, or the last of those that do.
+#[must_use]
+pub fn decisive(judgement: &Judgement, language: Language) -> String {
+    let decided = judgement.failure().or(judgement.reasons.last());
+    decided.map_or_else(String::new, |one| reason(one, language))
+}
+
+/// Every reason in one sentence after the other.
+#[must_use]
+pub fn sentences(judgement: &Judgement, language: Language) -> String {
+    let sentences = judgement.reasons.iter();
+    let sentences: Vec<String> = sentences.map(|one| reason(one, language)).collect();
+    sentences.join(" ")
 }

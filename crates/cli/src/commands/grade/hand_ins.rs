@@ -1,30 +1,20 @@
 //! Hand-ins in folders, found and judged in parallel, in an order that depends on nothing else.
 
-use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
-use northing_evaluation::exercises::{Card, HandIn, Judged, shared};
+use northing_evaluation::exercises::{Card, Class, HandIn, Judged};
 use rayon::prelude::*;
 
 use crate::files::{has_extension, shown};
 use crate::interrupt;
 use crate::progress::SharedProgress;
 
-/// A hand-in and its file.
-pub(super) struct Graded {
-    pub(super) file: String,
-    pub(super) judged: Judged,
-}
-
 /// What was found and judged.
 #[derive(Default)]
-pub(super) struct Class {
-    /// By student, card, time and file.
-    pub(super) hand_ins: Vec<Graded>,
-    /// Files that cannot be judged, with the reason.
-    pub(super) not_judged: Vec<(String, String)>,
+pub(super) struct Grading {
+    pub(super) class: Class,
     /// Files that do not end in .zip.
     pub(super) left_out: Vec<String>,
     /// Hand-ins of other cards than the one that was asked for.
@@ -86,62 +76,35 @@ impl Found {
     }
 }
 
-impl Class {
+impl Grading {
     /// Judges every file; with a `card` the hand-ins of others are counted only.
     pub(super) fn judged(found: Found, card: Option<Card>) -> Self {
         let progress = SharedProgress::of_steps(found.files.len() as u64, "judging");
         let judge = |path: &PathBuf| {
             let outcome = (!interrupt::happened()).then(|| read(path));
             progress.step();
-            outcome.map(|outcome| (shown(path), outcome))
+            outcome.map(|outcome| (shown(path), outcome.map_err(|error| format!("{error:#}"))))
         };
-        let outcomes: Vec<_> = found.files.par_iter().filter_map(judge).collect();
-        let mut class = Self {
-            left_out: found.left_out,
-            ..Self::default()
-        };
-        for (file, outcome) in outcomes {
-            match outcome {
-                Ok(judged) if card.is_some_and(|card| card != judged.card) => {
-                    class.of_other_cards += 1;
-                }
-                Ok(judged) => class.hand_ins.push(Graded { file, judged }),
-                Err(error) => class.not_judged.push((file, format!("{error:#}"))),
-            }
-        }
-        class.hand_ins.sort_by_cached_key(|one| {
-            let judged = &one.judged;
-            let name = judged.student.to_lowercase();
-            (
-                name,
-                judged.student.clone(),
-                judged.card,
-                judged.at.clone(),
-                one.file.clone(),
-            )
+        let mut outcomes: Vec<_> = found.files.par_iter().filter_map(judge).collect();
+        let all = outcomes.len();
+        outcomes.retain(|(_, outcome)| {
+            let of_card = |judged: &Judged| card.is_none_or(|card| card == judged.card);
+            outcome.as_ref().map_or(true, of_card)
         });
-        class
+        Self {
+            of_other_cards: all - outcomes.len(),
+            class: Class::of(outcomes),
+            left_out: found.left_out,
+        }
     }
 
     /// Why the program ends with an error although it has judged what it could.
     pub(super) fn failure(&self) -> Option<anyhow::Error> {
-        let (file, reason) = self.not_judged.first()?;
-        Some(match self.not_judged.len() {
+        let (file, reason) = self.class.not_judged.first()?;
+        Some(match self.class.not_judged.len() {
             1 => anyhow!("{file}: {reason}"),
             n => anyhow!("{n} files cannot be judged; the first: {file}: {reason}"),
         })
-    }
-
-    /// Names under which one and the same recording was handed in.
-    pub(super) fn shared(&self) -> Vec<Vec<String>> {
-        let judged: Vec<Judged> = self.hand_ins.iter().map(|one| one.judged.clone()).collect();
-        let by_samples: BTreeMap<_, _> = shared(&judged);
-        let mut names: Vec<Vec<String>> = by_samples
-            .into_values()
-            .map(|names| names.into_iter().map(str::to_owned).collect())
-            .collect();
-        names.sort();
-        names
     }
 }
 

@@ -1,29 +1,16 @@
-//! The table of a class: for people, for a spreadsheet, and as JSON.
+//! The table of a class for people, and as JSON.
 
-use std::collections::BTreeMap;
-
-use anyhow::{Context, Result};
-use northing_evaluation::exercises::Card;
-use northing_evaluation::exercises::words::{self, Language};
+use northing_evaluation::exercises::words::{Language, decisive};
+use northing_evaluation::exercises::{Card, Class};
 use serde_json::{Value, json};
 
-use super::hand_ins::{Class, Graded};
-use crate::text::exercise::{decisive, sentences};
+use super::hand_ins::Grading;
 use crate::text::sheet::paragraph;
 use crate::text::table::Table;
 
-/// Who handed in nothing under a name.
-const NO_NAME: &str = "(no name)";
-
-fn student(one: &Graded) -> &str {
-    match one.judged.student.as_str() {
-        "" => NO_NAME,
-        name => name,
-    }
-}
-
 /// For people: who passed what, each hand-in with what decided, and what to look at.
-pub(super) fn text(class: &Class, language: Language) -> String {
+pub(super) fn text(grading: &Grading, language: Language) -> String {
+    let class = &grading.class;
     let passed = class
         .hand_ins
         .iter()
@@ -39,13 +26,13 @@ pub(super) fn text(class: &Class, language: Language) -> String {
         let (judged, word) = (&one.judged, outcome(one.judged.judgement.passed));
         text.push_str(&format!(
             "  {}, {}: {word}\n",
-            student(one),
+            one.student(),
             judged.card.name()
         ));
         text.push_str(&paragraph(&decisive(&judged.judgement, language), "    "));
         text.push_str(&format!("    {}, {}\n", one.file, judged.at));
     }
-    text.push_str(&remarks(class));
+    text.push_str(&remarks(grading));
     text
 }
 
@@ -55,22 +42,14 @@ const fn outcome(passed: bool) -> &'static str {
 
 /// A row a student, a column a card that somebody handed in.
 fn students(class: &Class) -> String {
-    let handed_in = |card: &Card| class.hand_ins.iter().any(|one| one.judged.card == *card);
-    let cards: Vec<Card> = Card::ALL.into_iter().filter(handed_in).collect();
+    let cards = class.cards();
     let mut names = vec!["<student".to_owned()];
     names.extend(cards.iter().map(|card| format!("<{}", card.name())));
     names.push("passed".to_owned());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let mut rows = Table::new(&names);
-    // In the order of the hand-ins, which are sorted.
-    let mut order: Vec<&str> = class.hand_ins.iter().map(student).collect();
-    order.dedup();
-    let mut best: BTreeMap<(&str, Card), bool> = BTreeMap::new();
-    for one in &class.hand_ins {
-        *best.entry((student(one), one.judged.card)).or_default() |= one.judged.judgement.passed;
-    }
-    for name in order {
-        let of = |card: &Card| best.get(&(name, *card)).copied();
+    for (name, best) in class.students() {
+        let of = |card: &Card| best.get(card).copied();
         let cell = |card: &Card| of(card).map_or("-", |passed| if passed { "yes" } else { "no" });
         let passed = cards.iter().filter(|card| of(card) == Some(true)).count();
         let mut row = vec![name.to_owned()];
@@ -82,7 +61,8 @@ fn students(class: &Class) -> String {
 }
 
 /// What a teacher should look at, and what was not judged.
-fn remarks(class: &Class) -> String {
+fn remarks(grading: &Grading) -> String {
+    let class = &grading.class;
     let mut lines = Vec::new();
     for names in class.shared() {
         lines.push(format!(
@@ -100,16 +80,16 @@ fn remarks(class: &Class) -> String {
     for (file, reason) in &class.not_judged {
         lines.push(format!("Not judged: {file}: {reason}."));
     }
-    if class.of_other_cards > 0 {
+    if grading.of_other_cards > 0 {
         lines.push(format!(
             "Hand-ins of other cards: {}, not shown.",
-            class.of_other_cards
+            grading.of_other_cards
         ));
     }
-    if !class.left_out.is_empty() {
+    if !grading.left_out.is_empty() {
         lines.push(format!(
             "Left out, for they do not end in .zip: {}.",
-            class.left_out.join(", ")
+            grading.left_out.join(", ")
         ));
     }
     let paragraphs = lines.iter().map(|line| paragraph(line, "  "));
@@ -119,84 +99,10 @@ fn remarks(class: &Class) -> String {
     }
 }
 
-/// For a spreadsheet: a row a hand-in, with every reason.
-pub(super) fn csv(class: &Class, language: Language) -> Result<Vec<u8>> {
-    let mut rows = csv::Writer::from_writer(Vec::new());
-    let heads = [
-        "student",
-        "card",
-        "passes",
-        "decided_by",
-        "reasons",
-        "handed_in_utc",
-        "file",
-        "same_recording_as",
-    ];
-    rows.write_record(heads)?;
-    for one in &class.hand_ins {
-        let judged = &one.judged;
-        rows.write_record([
-            cell(student(one)).as_str(),
-            judged.card.name(),
-            if judged.judgement.passed { "yes" } else { "no" },
-            cell(&decisive(&judged.judgement, language)).as_str(),
-            cell(&sentences(&judged.judgement, language)).as_str(),
-            cell(&judged.at).as_str(),
-            cell(&one.file).as_str(),
-            cell(&others(class, one).join(", ")).as_str(),
-        ])?;
-    }
-    rows.into_inner().context("the table")
-}
-
-/// Other names under which the recording of this hand-in stands.
-fn others<'a>(class: &'a Class, one: &Graded) -> Vec<&'a str> {
-    let same = |other: &&Graded| {
-        other.judged.samples == one.judged.samples && student(other) != student(one)
-    };
-    let mut names: Vec<&str> = class.hand_ins.iter().filter(same).map(student).collect();
-    names.dedup();
-    names
-}
-
-/// Text of a stranger that no spreadsheet takes for a formula.
-fn cell(text: &str) -> String {
-    match text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
-        true => format!("'{text}"),
-        false => text.to_owned(),
-    }
-}
-
 /// For programs.
-pub(super) fn document(class: &Class, language: Language) -> Value {
-    let reason = |reason: &northing_evaluation::exercises::Reason| {
-        json!({
-            "key": reason.key,
-            "holds": reason.holds,
-            "values": reason.values,
-            "text": words::reason(reason, language),
-        })
-    };
-    let hand_ins = class.hand_ins.iter().map(|one| {
-        let judged = &one.judged;
-        json!({
-            "file": one.file,
-            "student": judged.student,
-            "card": judged.card,
-            "handed_in_utc": judged.at,
-            "passes": judged.judgement.passed,
-            "reasons": judged.judgement.reasons.iter().map(reason).collect::<Vec<_>>(),
-            "judgement_in_file_is_the_same": judged.as_claimed,
-            "samples_sha256": judged.samples,
-            "same_recording_as": others(class, one),
-        })
-    });
-    let not_judged = class.not_judged.iter();
-    let not_judged = not_judged.map(|(file, reason)| json!({"file": file, "reason": reason}));
-    json!({
-        "hand_ins": hand_ins.collect::<Vec<_>>(),
-        "not_judged": not_judged.collect::<Vec<_>>(),
-        "left_out": class.left_out,
-        "of_other_cards": class.of_other_cards,
-    })
+pub(super) fn document(grading: &Grading, language: Language) -> Value {
+    let mut document = grading.class.document(language);
+    document["left_out"] = json!(grading.left_out);
+    document["of_other_cards"] = json!(grading.of_other_cards);
+    document
 }

@@ -166,7 +166,9 @@ impl RunObserver for Last {
 
 pub(in crate::exercises) fn no_magnetometer(work: &Work<'_>, judgement: &mut Judgement) -> Found {
     let sensors = &work.options.sensors;
-    let is_off = !sensors.magnetometer && sensors.compass == CompassUse::Never;
+    let mut kinds = work.events.iter().map(|event| event.sample.kind());
+    let has_compass = kinds.any(|kind| kind == SensorKind::CompassHeading);
+    let is_off = !sensors.magnetometer && (sensors.compass == CompassUse::Never || !has_compass);
     demand(judgement, is_off, "reason.magnetometerOff", [])?;
     demand(
         judgement,

@@ -223,6 +223,10 @@ fn without_magnetometer() {
         .answer("why", "gravity");
     right.options.sensors.magnetometer = false;
     right.options.sensors.compass = CompassUse::Never;
+    // Nobody need switch off a compass that is not there.
+    let mut unsaid = right.clone();
+    unsaid.options.sensors.compass = CompassUse::WithoutMagnetometer;
+    assert!(unsaid.judge().passed);
     let mut with = right.clone();
     with.options.sensors.magnetometer = true;
     check(
