@@ -75,6 +75,13 @@ export type CalibrationTimes = {
   rest: string | null,
   magnetometer: string | null, };
 
+export type Card = "experiment" | "bias" | "consistent" | "no-magnetometer" | "rate" | "scale" | "magnet";
+
+export type CardLine = {
+  card: Card,
+  minutes: number,
+  questions: Array<Question>, };
+
 export type Cause = "stuck" | "hole" | "saturation" | "bursts" | "jitter" | "bias-change" | "misalignment" | "scale" | "hard-iron" | "magnetic-disturbance" | "rounding" | "noise" | "acceleration" | "lasting-errors";
 
 export type Change = {
@@ -83,6 +90,13 @@ export type Change = {
   estimators?: Array<EstimatorKind>,
   subject?: EstimatorKind,
   alterations?: Alterations, };
+
+export type ClassTable = {
+  cards: Array<Card>,
+  students: Array<StudentLine>,
+  hand_ins: Array<HandInLine>,
+  shared: Array<Array<string>>,
+  not_judged: Array<[string, string]>, };
 
 export type Coefficient = {
   value: number,
@@ -274,6 +288,25 @@ export type Gaps = {
   longest_s: number,
   longest_start_s: number, };
 
+export type HandInLine = {
+  file: string,
+  student: string,
+  card: Card,
+  at: string,
+  judgement: Judgement, };
+
+export type HandInRequest = {
+  card: Card,
+  student: string,
+  answers: { [key in string]: string }, } & Change;
+
+export type HandedIn = {
+  url: string,
+  file: string,
+  judgement: Judgement,
+  kept: boolean,
+  problem: string | null, };
+
 export type HeadingReference = "measured" | "initial" | "arbitrary" | "device";
 
 export type Hello = {
@@ -317,6 +350,10 @@ export type InputStatus = {
   address: string,
   state: InputState,
   text: string, };
+
+export type Judgement = {
+  passed: boolean,
+  reasons: Array<Reason>, };
 
 export type Lamp = {
   sensor: SensorKind,
@@ -432,6 +469,19 @@ export type Pulse = {
   at_s: number,
   duration_s: number,
   size: number, };
+
+export type Question = {
+  name: string,
+  kind: QuestionKind,
+  unit: string,
+  choices: Array<string>, };
+
+export type QuestionKind = "number" | "choice";
+
+export type Reason = {
+  key: string,
+  values: { [key in string]: string },
+  holds: boolean, };
 
 export type RecordingState = "off" | "idle" | "on" | "failed";
 
@@ -605,6 +655,10 @@ export type Standing = {
   verdict: FinalVerdict | null,
   nis_factor: number | null,
   is_nis_large: boolean, };
+
+export type StudentLine = {
+  student: string,
+  passed: { [key in Card]?: boolean }, };
 
 export type Surroundings = {
   hard_iron_ut: [number, number, number] | null,

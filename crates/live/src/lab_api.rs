@@ -23,6 +23,7 @@ use crate::addresses::Reach;
 use crate::assets::{Assets, attachment};
 use crate::credentials::Credentials;
 use crate::export;
+use crate::hand_in_api::HandInApi;
 use crate::inputs::{InputKind, Inputs};
 use crate::lab::Lab;
 use crate::mine;
@@ -62,6 +63,8 @@ pub struct LabApi {
     pub facts: Arc<Facts>,
     /// The pages.
     pub assets: Arc<Assets>,
+    /// Exercises and what was handed in.
+    pub(crate) hand_ins: HandInApi,
 }
 
 /// The listener of the lab page on this computer: whoever sits at it is the teacher. `files`: recordings and what was opened,
@@ -96,6 +99,7 @@ fn answers(api: LabApi, files: Router) -> Router {
         )
         .route("/api/ws", get(socket))
         .with_state(api.clone())
+        .merge(api.hand_ins.clone().for_students())
         .merge(mine::router(api.clone()));
     for_teachers(api, files)
         .route_layer(from_fn(roles::for_teachers))
@@ -107,7 +111,8 @@ fn for_teachers(api: LabApi, files: Router) -> Router {
         .route("/api/status", get(status))
         .route("/api/qr.svg", get(qr_svg))
         .route("/api/session.zip", get(session_export::download))
-        .with_state(api)
+        .with_state(api.clone())
+        .merge(api.hand_ins.for_teachers())
         .merge(files)
 }
 

@@ -14,6 +14,7 @@
 //! | a whole class at once, and who is consistent | [`everyone`], [`board`] |
 //! | recordings of elsewhere | [`opened`] |
 //! | finished experiments, what-if, Allan deviation, files, report | [`experiments`], [`what_if`], [`allan`], [`export`], [`report`] |
+//! | exercises of the course: handing in, and the table of the class | [`hand_ins`] |
 //! | devices without a phone | [`virtual_phones`], [`replay`] |
 //! | recording everything as it arrives | [`recorder`] |
 //! | what outlives the lab, and a session as one file | [`persistence`], [`session_export`] |
@@ -40,6 +41,8 @@ pub mod export;
 mod file_limit;
 pub mod frames;
 mod guesses;
+mod hand_in_api;
+pub mod hand_ins;
 pub mod identities;
 pub mod ingest;
 pub mod inputs;

@@ -9,6 +9,8 @@ use northing_recording::test_data::assert_as_committed;
 use serde_json::json;
 use ts_rs::{Config, TS, TypeVisitor};
 
+use crate::hand_in_api::{CardLine, ClassTable, HandedIn};
+use crate::hand_ins::HandInRequest;
 use crate::messages::{Change, Request};
 use crate::opened::{Contents, Made, OpenedFile};
 use crate::recorder::Listed;
@@ -62,6 +64,10 @@ fn the_pages_types_are_those_of_the_program() {
     declarations.visit::<OpenedFile>();
     declarations.visit::<Contents>();
     declarations.visit::<Made>();
+    declarations.visit::<CardLine>();
+    declarations.visit::<HandInRequest>();
+    declarations.visit::<HandedIn>();
+    declarations.visit::<ClassTable>();
     let mut text = HEAD.to_owned();
     for declaration in declarations.texts.values() {
         text.push('\n');

@@ -19,6 +19,8 @@ use crate::assets::Assets;
 use crate::connections::{Gate, Patience, Places};
 use crate::credentials::Credentials;
 use crate::file_limit::Shares;
+use crate::hand_in_api::HandInApi;
+use crate::hand_ins::HandIns;
 use crate::ingest::{self, Ingest};
 use crate::inputs::Inputs;
 use crate::join::{self, Joining};
@@ -161,7 +163,12 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
         addresses: Arc::default(),
         name: facts.name.as_str().into(),
     };
+    let of_data = |name: &str| {
+        let keeps = config.recordings.is_some();
+        keeps.then(|| config.data_dir.join(name))
+    };
     let api = LabApi {
+        hand_ins: HandInApi::new(lab.clone(), HandIns::new(of_data("hand-ins"))),
         lab: lab.clone(),
         facts: facts.clone(),
         assets,
@@ -175,9 +182,7 @@ pub async fn start(config: LiveConfig) -> Result<Running, StartError> {
     let places = Places::new(shares.phones, shares.phones / 2);
     let gate = |tls, places: &Arc<Places>| Gate::new(tls, places.clone(), config.patience);
     let handles: Vec<Handle<SocketAddr>> = (0..3).map(|_| Handle::new()).collect();
-    let opened = config.recordings.is_some();
-    let opened = opened.then(|| config.data_dir.join("opened"));
-    let opened = opened_api::router(&lab, opened, config.recordings.clone());
+    let opened = opened_api::router(&lab, of_data("opened"), config.recordings.clone());
     let files = recordings_api::router(config.recordings.clone()).merge(opened);
     let router = lab_api::router(api.clone(), files.clone());
     let router = guarded(router, "http", port[0], None, true);

@@ -15,7 +15,7 @@ use northing_recording::SensorKind;
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::experiments::{Finished, TRACE_POINTS, error_deg, run_over};
+use crate::experiments::{Finished, TRACE_POINTS, error_deg, run_options, run_over};
 use crate::lab::lock;
 use crate::messages::Change;
 use crate::session::aids::AIDS;
@@ -153,6 +153,11 @@ impl Finished {
 }
 
 impl Altered<'_> {
+    /// What its subject is run with.
+    pub(crate) fn subjects_options(&self) -> RunOptions {
+        run_options(&self.experiment, &self.options, self.subject)
+    }
+
     /// Runs the estimators at once on all processors; the trace is the subject's.
     fn run(&self) -> Result<(BTreeMap<&'static str, RunSummary>, TraceColumns), EvaluationError> {
         let runs: Result<Vec<_>, EvaluationError> = self

@@ -5,6 +5,7 @@ import { byName, showExperiment, state } from "../store";
 import { t } from "../t";
 import { nameOf } from "../theme";
 import { degrees, number, VERDICTS } from "../words";
+import { ClassTable } from "./class_table";
 
 /** How far the mean NIS is from what is expected, in words. */
 export function departure(one: Standing): string {
@@ -30,6 +31,7 @@ export function Board() {
           </table>
         </div>
       )}
+      <ClassTable />
     </section>
   );
 }

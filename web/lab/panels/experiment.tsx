@@ -9,6 +9,7 @@ import { aids, goTo, historyOf, isStudent, receives, send, showExperiment, shown
 import { t } from "../t";
 import { nameOf, roleOf } from "../theme";
 import { degrees, figures, number, pretty, unnamed, VERDICTS } from "../words";
+import { HandIn } from "./hand_in";
 import { Silence, Stillness } from "./stillness";
 
 /** Where each device was when its experiment began: by the page's own clock, for the live angle only. */
@@ -95,6 +96,7 @@ export function Result() {
         <>
           <Downloads id={id} hash={finished?.result?.hash} />
           <button type="button" class="primary" onClick={() => goTo("what-if")}>Next: what if?</button>
+          <HandIn id={id} />
         </>
       )}
     </div>

@@ -12,6 +12,7 @@ import { nameOf, roleOf } from "../theme";
 import { degrees, number } from "../words";
 import { isAsMeasured, type Trial, Trials } from "./alterations";
 import { rms } from "./experiment";
+import { HandIn } from "./hand_in";
 
 let request = 0;
 /** What was asked last and is not answered: only one is under way, so that a drag cannot pile up work. */
@@ -97,6 +98,7 @@ export function WhatIf() {
       </label>
       <button type="button" onClick={() => run({ ...row.settings }, { as: {} })}>Back to the numbers of the experiment</button>
       <Answer message={state.whatIf} row={row} />
+      <HandIn id={row.id} change={{ settings, ...trial }} />
       <AllParameters settings={settings} tuned={tuned} change={set} />
     </>
   );

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests unwrap like tests
 
 mod bad_input;
+mod hand_in;
 mod inputs;
 mod lab_page;
 mod opened;

@@ -94,6 +94,8 @@ fn paths(device: &str, experiment: &str, recording: &str) -> Vec<String> {
         "/api/session.zip",
         "/api/recordings",
         "/api/opened",
+        "/api/class",
+        "/api/class.csv",
     ]
     .map(str::to_owned)
     .into();
@@ -278,13 +280,77 @@ fn a_students_page_hears_of_its_own_phone_alone() {
 }
 
 #[test]
+fn a_student_hands_in_experiments_of_its_own_phone_and_the_teacher_sees_all() {
+    let (lab, [mut anna, mut ben], [own, other]) = class();
+    let hand_in = |id: &str| format!("/api/experiments/{id}/hand-in");
+    let bias = anna.mine()["rest"]["gyroscope_bias_rad_s"].clone();
+    let body = |student: &str, sign: f64| {
+        let answer = |i: usize| {
+            let rad_s = bias[i].as_f64().unwrap();
+            format!("{:.3}", sign * rad_s.to_degrees()).replace('.', ",")
+        };
+        let answers = json!({"x": answer(0), "y": answer(1), "z": answer(2)});
+        json!({"card": "bias", "student": student, "answers": answers})
+    };
+    assert_eq!(anna.browser.get("/api/exercises").status, 200);
+    let answer = anna.browser.post(&hand_in(&own), &body("Anna", 1.0));
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    let right = answer.json();
+    assert_eq!(right["judgement"]["passed"], true, "{right}");
+    assert_eq!(right["kept"], true);
+    let wrong = anna.browser.post(&hand_in(&own), &body("Anna", -1.0));
+    let wrong = wrong.json();
+    assert_eq!(wrong["judgement"]["passed"], false);
+    let reasons = wrong["judgement"]["reasons"].as_array().unwrap();
+    assert_eq!(reasons.last().unwrap()["key"], "reason.biasSign");
+    // What is of another, and what there is not, is refused alike.
+    let url = right["url"].as_str().unwrap().to_owned();
+    let refusals = [
+        anna.browser.post(&hand_in(&other), &body("Anna", 1.0)),
+        anna.browser.post(&hand_in("e99"), &body("Anna", 1.0)),
+        ben.browser.get(&url),
+        ben.browser.get("/api/experiments/e99/hand-ins/a.zip"),
+    ];
+    for refusal in refusals {
+        assert_eq!(refusal.status, 403);
+        let said = json!({"error": "there is no such experiment of your phone"});
+        assert_eq!(refusal.json(), said);
+    }
+    // Nor is it had under an experiment of one's own.
+    let file = right["file"].as_str().unwrap();
+    let path = format!("/api/experiments/{other}/hand-ins/{file}");
+    assert_eq!(ben.browser.get(&path).status, 404);
+    let mut teacher = teacher(&lab);
+    for browser in [&mut anna.browser, &mut teacher] {
+        let zip = browser.get(&url);
+        assert_eq!(zip.status, 200, "{}", zip.text());
+        let kept = std::fs::read(lab.data.path().join("hand-ins").join(file)).unwrap();
+        assert_eq!(zip.body, kept);
+    }
+    let table = teacher.get("/api/class").json();
+    let students = json!([{"student": "Anna", "passed": {"bias": true}}]);
+    assert_eq!(table["students"], students);
+    assert_eq!(table["hand_ins"].as_array().unwrap().len(), 2);
+    assert_eq!(lab.get("/api/class").json(), table);
+    let csv = teacher.get("/api/class.csv?language=es").text();
+    assert_eq!(csv.lines().count(), 3, "{csv}");
+    assert!(
+        csv.contains("Anna,bias,no,") && csv.contains("signo"),
+        "{csv}"
+    );
+    // The teacher hands in what is of anybody.
+    let answer = teacher.post(&hand_in(&other), &body("Ben", 1.0));
+    assert_eq!(answer.status, 200, "{}", answer.text());
+}
+
+#[test]
 fn who_has_not_joined_gets_nothing() {
     let (lab, [anna, _], [own, _]) = class();
     let recording = recording_of(&lab);
     let mut strangers = [Browser::new(&lab), Browser::new(&lab)];
     strangers[1].cookie = Some(format!("__Host-northing={}", "A".repeat(22)));
     for stranger in &mut strangers {
-        let more = ["/api/role", "/api/mine", "/api/ws"].map(str::to_owned);
+        let more = ["/api/role", "/api/mine", "/api/ws", "/api/exercises"].map(str::to_owned);
         for path in paths(&anna.device, &own, &recording)
             .into_iter()
             .chain(more)
@@ -293,7 +359,8 @@ fn who_has_not_joined_gets_nothing() {
             assert_eq!(answer.status, 401, "{path}: {}", answer.text());
             assert!(answer.text().contains("has not joined"), "{path}");
         }
-        for path in ["/api/ask", "/join/code"] {
+        let hand_in = format!("/api/experiments/{own}/hand-in");
+        for path in ["/api/ask", "/join/code", &hand_in] {
             assert_eq!(
                 stranger.post(path, &json!({"type": "stop"})).status,
                 401,

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 const SECONDS: f64 = 30.0;
 
 /// Half a minute of a virtual phone, moved gently.
-fn finished() -> Finished {
+pub(crate) fn finished() -> Finished {
     let phone = VirtualPhone::new(VirtualPhoneConfig {
         motion: Motion::Gentle,
         duration_s: Some(SECONDS),
