@@ -166,7 +166,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         let Some((last_ns, rate)) = self.memory.last_rate else {
             let unseen = self.memory.checks.motion;
             let variance = unseen.since(&Vector3::zeros(), seconds(now, time_ns));
-            let still = self.estimator.rate_at_rest();
+            let still = self.rate_at_rest();
             self.propagate_in_steps(&still, seconds(now, time_ns));
             self.widen(variance.variance);
             return;
@@ -186,7 +186,7 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
     /// Goes on from one age of the last rate to another, s: it relaxes to rest, and its error grows (F4).
     fn coast(&mut self, rate: &Vector3<T>, from: T, to: T) {
         let motion = self.memory.checks.motion;
-        let still = self.estimator.rate_at_rest();
+        let still = self.rate_at_rest();
         let moving = rate - still;
         let [before, after] = [from, to].map(|age| motion.since(&moving, age));
         let time = to - from;
@@ -277,12 +277,12 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         whole: T,
     ) -> Vector3<T> {
         self.memory.checks.bias.interrupt();
-        let still = self.estimator.rate_at_rest();
+        let still = self.rate_at_rest();
         let [before, after] = [last, rate].map(|rate| rate - still);
         let unseen = self.memory.checks.motion.between(&before, &after, whole);
         self.widen_to(unseen.variance);
         if self.memory.checks.hole_variance > lit(LOST_RAD * LOST_RAD) {
-            self.realign(time_ns);
+            self.realign(time_ns, whole);
         }
         let checks = &mut self.memory.checks;
         let was_told = checks.log.now(FaultySensor::Gyroscope).is_some();
@@ -300,9 +300,22 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
         still * whole + (before + after) * unseen.held_s
     }
 
-    /// Begins to align again behind a hole.
-    fn realign(&mut self, time_ns: i64) {
-        if !self.memory.started || !self.memory.has_force {
+    /// What the gyroscope shows at rest, as far as it is known (rad/s).
+    fn rate_at_rest(&self) -> Vector3<T> {
+        if self.memory.started {
+            self.estimator.rate_at_rest()
+        } else {
+            self.config.prior.gyroscope_bias
+        }
+    }
+
+    /// Begins to align again behind a hole of some length (s).
+    fn realign(&mut self, time_ns: i64, whole: T) {
+        if !self.memory.started {
+            self.begin_anew(whole);
+            return;
+        }
+        if !self.memory.has_force {
             return;
         }
         self.memory.aligning = Some(Aligning {
@@ -310,6 +323,17 @@ impl<T: Scalar, E: AttitudeEstimator<T>> AttitudeDriver<T, E> {
             since_ns: time_ns,
         });
         self.memory.is_realigning = true;
+    }
+
+    /// What was gathered for the start before a hole says nothing of the attitude behind it. Where every interval is as long,
+    /// there is nothing better to start from.
+    fn begin_anew(&mut self, whole: T) {
+        let usual = self.memory.checks.gyroscope.interval_s();
+        if usual.is_none_or(|usual| whole > usual * lit(HOLE_INTERVALS)) {
+            self.memory.aligning = None;
+            self.memory.has_force = false;
+            self.memory.has_field = false;
+        }
     }
 
     fn realignment_prior(&self) -> Prior<T> {

@@ -47,6 +47,46 @@ fn starts_after_the_alignment_and_not_before() {
     assert!(driver.attitude().unwrap().angle() < 1e-9);
 }
 
+/// GIVEN one sample of each sensor, then a pause of minutes in which the device is turned, and a gyroscope with a known bias WHEN
+/// samples go on THEN the start is that of the samples behind the pause.
+#[test]
+fn a_pause_in_the_alignment_begins_it_anew() {
+    let bias = Vector3::new(0.0, 0.0, 0.5_f64.to_radians());
+    for turned in [0.0, 70.0_f64] {
+        let mut config = DriverConfig::default();
+        config.prior.gyroscope_bias = bias;
+        let mut driver = AttitudeDriver::new(Mekf::new(AttitudeConfig::lab()).unwrap(), config);
+        let feed = |driver: &mut MekfDriver, t: i64, heading: f64| {
+            let body = UnitQuaternion::from_euler_angles(0.0, 0.0, heading.to_radians()).inverse();
+            driver.gyroscope(t * MS, &bias);
+            driver.accelerometer(t * MS, &up());
+            driver.magnetometer(t * MS, &(body * north()));
+        };
+        feed(&mut driver, 0, 0.0);
+        for t in (240_000..242_000).step_by(10) {
+            feed(&mut driver, t, turned);
+            if let Some(now) = driver.attitude() {
+                let heading = now.euler_angles().2.to_degrees();
+                assert!((heading - turned).abs() < 0.1, "{heading} of {turned}");
+            }
+        }
+        assert!(driver.is_started());
+    }
+}
+
+/// GIVEN a gyroscope of half a hertz beside an accelerometer of fifty WHEN it is aligned THEN it starts: such intervals are no pauses.
+#[test]
+fn a_slow_gyroscope_starts() {
+    let mut driver = mekf();
+    for t in (0..60_000).step_by(20) {
+        if t % 2000 == 0 {
+            driver.gyroscope(t * MS, &Vector3::zeros());
+        }
+        driver.accelerometer(t * MS, &up());
+    }
+    assert!(driver.is_started());
+}
+
 #[test]
 fn without_an_accelerometer_it_starts_blind_after_four_times_as_long() {
     let mut driver = mekf();
