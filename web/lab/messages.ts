@@ -298,7 +298,12 @@ export type HandInLine = {
 export type HandInRequest = {
   card: Card,
   student: string,
-  answers: { [key in string]: string }, } & Change;
+  answers: { [key in string]: string },
+  settings: Settings,
+  use?: SensorUse,
+  estimators?: Array<EstimatorKind>,
+  subject?: EstimatorKind,
+  alterations?: Alterations, };
 
 export type HandedIn = {
   url: string,
